@@ -1,0 +1,36 @@
+"""The closed fault list of the safety monitor, one row each. Thresholds are parameters of ``config/safety_monitor.yaml``."""
+
+from robot_stack.contract.model import Clears, Fault, SafetyAction, SafetyState
+
+_GONE, _RESET = Clears.WHEN_GONE, Clears.ON_RESET
+_WARN, _LIMIT, _STOP, _ESTOP = SafetyAction.WARN, SafetyAction.LIMIT, SafetyAction.STOP, SafetyAction.EMERGENCY_STOP
+_DEGRADED, _AVOIDANCE, _EMERGENCY = SafetyState.DEGRADED, SafetyState.COLLISION_AVOIDANCE, SafetyState.EMERGENCY_STOP
+
+FAULTS: tuple[Fault, ...] = (
+    Fault("ESTOP_PRESSED", "any /emergency_stop true", _ESTOP, _EMERGENCY, _RESET),
+    Fault("DRIVE_FAULT", "amplifier alarm, servo off unasked, following error, or engine not communicating > 0.1 s", _ESTOP, _EMERGENCY, _RESET),
+    Fault("JOINT_STATES_TIMEOUT", "/joint_states older than 0.1 s", _ESTOP, _EMERGENCY, _RESET),
+    Fault("TILT", "tilt > 15 deg", _ESTOP, _EMERGENCY, _RESET),
+    Fault("COLLISION_IMMINENT", "time to collision < 1.0 s or clearance < 0.15 m ahead of the motion", _STOP, _AVOIDANCE, _GONE, 0.5),
+    Fault("OBSTACLE_NEAR", "time to collision < 3.0 s or clearance < 1.0 m", _LIMIT, _AVOIDANCE, _GONE),
+    Fault("LIDAR_TIMEOUT", "/sensors/lidar/points older than 0.5 s", _STOP, _DEGRADED, _GONE, 1.0),
+    Fault("OBSTACLES_TIMEOUT", "/perception/obstacles older than 0.3 s", _STOP, _DEGRADED, _GONE, 1.0),
+    Fault("LOCALIZATION_LOST", "quality < 0.3, pose older than 0.5 s, or a jump > 1 m", _STOP, _DEGRADED, _GONE, 2.0),
+    Fault("IMU_TIMEOUT", "/sensors/imu older than 0.1 s, or frozen", _LIMIT, _DEGRADED, _GONE, 1.0),
+    Fault("CAMERA_TIMEOUT", "a camera image older than 0.5 s while docking", _WARN, _DEGRADED, _GONE),
+    Fault("NODE_DEAD", "no heartbeat of a process for 1 s: critical stops, others limit", _STOP, _DEGRADED, _GONE),
+    Fault("SLOPE", "slope > 5 deg limits, > 10 deg stops", _STOP, _DEGRADED, _GONE),
+    Fault("BATTERY_LOW", "charge < 30 %", _WARN, _DEGRADED, _GONE),
+    Fault("BATTERY_CRITICAL", "charge < 15 %", _LIMIT, _DEGRADED, _GONE),
+    Fault("OVERHEAT", "> 85 C", _WARN, _DEGRADED, _GONE),
+    Fault("CPU_HIGH", "> 95 % for 10 s", _WARN, _DEGRADED, _GONE),
+    Fault("MEMORY_HIGH", "> 95 %", _WARN, _DEGRADED, _GONE),
+    Fault("DISK_FULL", "> 95 %", _WARN, _DEGRADED, _GONE),
+    Fault("EHMI_LINK_LOST", "no acknowledge for 5 s", _WARN, _DEGRADED, _GONE),
+    Fault("UI_LINK_LOST", "no heartbeat of the UI for 5 s", _WARN, _DEGRADED, _GONE),
+)
+
+BY_CODE: dict[str, Fault] = {fault.code: fault for fault in FAULTS}
+
+# Reasons of a speed limit that are no faults.
+PASSENGER_ONBOARD = "PASSENGER_ONBOARD"

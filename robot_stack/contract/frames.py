@@ -1,0 +1,15 @@
+"""Coordinate frames (REP 105) and joint names of the robot."""
+
+MAP = "map"
+ODOM = "odom"
+BASE_LINK = "base_link"  # robot centre on the ground, x forward, y left
+IMU = "imu"
+LIDAR = "lidar"
+FRONT_CAMERA = "front_camera"
+REAR_CAMERA = "rear_camera"
+
+MODULES = ("fl", "fr", "rl", "rr")  # module ids 0-3
+# Joint i sits on engine axis i.
+JOINTS = tuple(f"{module}_{part}" for module in MODULES for part in ("drive", "steer"))
+DRIVE_AXES = (0, 2, 4, 6)
+STEER_AXES = (1, 3, 5, 7)

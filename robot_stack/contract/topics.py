@@ -1,0 +1,543 @@
+"""Every topic of the stack, one row each.
+
+Node names that stand for people and tools outside the process table are listed in ``OUTSIDE``.
+"""
+
+from robot_stack.contract import qos
+from robot_stack.contract.model import System, Topic
+
+EVERY_NODE = "*"
+OPERATOR_TOOL = "robot_stack_cli"
+TEST_TOOL = "scenario_runner"
+OUTSIDE = (OPERATOR_TOOL, TEST_TOOL, "rviz")
+
+_WMX = System.WMX
+_SIM = System.SIMULATION
+
+# --- system ---------------------------------------------------------------------------------------------------------
+EMERGENCY_STOP = Topic(
+    "/emergency_stop",
+    "std_msgs/msg/Bool",
+    qos.LATCHED,
+    ("emergency_stop_button", "touch_ui", "mission_manager", OPERATOR_TOOL),
+    (EVERY_NODE,),
+    "true: stop at once; false: a request to release, which the safety monitor alone grants",
+)
+ROBOT_STATUS = Topic(
+    "/robot_status",
+    "custom_msgs/msg/RobotStatus",
+    qos.STATUS,
+    ("system_monitor",),
+    ("touch_ui", "mission_manager"),
+    "battery, pose, safety, mission and computer health in one message",
+    rate_hz=10.0,
+    stale_s=1.0,
+)
+PASSENGER_ATTACHED = Topic(
+    "/passenger_attached",
+    "std_msgs/msg/Bool",
+    qos.LATCHED,
+    ("docking_controller", TEST_TOOL),
+    ("swerve_controller", "safety_monitor", "ehmi_bridge", "mission_manager", "navigation_controller"),
+    "a wheelchair with its passenger is latched to the robot",
+)
+HEARTBEAT = Topic(
+    "/system/heartbeat",
+    "custom_msgs/msg/Heartbeat",
+    qos.HEARTBEAT,
+    (EVERY_NODE,),
+    ("safety_monitor", "supervisor"),
+    "sent from the node's own loop, so that a hung node falls silent",
+    rate_hz=5.0,
+    stale_s=1.0,
+)
+DIAGNOSTICS = Topic(
+    "/diagnostics",
+    "diagnostic_msgs/msg/DiagnosticArray",
+    qos.DIAGNOSTICS,
+    (EVERY_NODE,),
+    ("system_monitor", "touch_ui", OPERATOR_TOOL),
+    "each node's inputs (age, rate), faults and loop statistics",
+    rate_hz=1.0,
+    stale_s=3.0,
+)
+BATTERY_STATE = Topic(
+    "/battery_state",
+    "sensor_msgs/msg/BatteryState",
+    qos.STATUS,
+    ("battery_driver",),
+    ("system_monitor", "safety_monitor", "mission_manager"),
+    "48 V pack",
+    rate_hz=1.0,
+    stale_s=5.0,
+)
+TF = Topic(
+    "/tf",
+    "tf2_msgs/msg/TFMessage",
+    qos.TF,
+    ("localization", "swerve_controller"),
+    ("perception_pipeline", "costmap_server", "rviz"),
+    "map->odom from localization (10 Hz), odom->base_link from the swerve controller (50 Hz)",
+)
+TF_STATIC = Topic(
+    "/tf_static",
+    "tf2_msgs/msg/TFMessage",
+    qos.TF_STATIC,
+    ("imu_driver", "lidar_driver", "camera_driver"),
+    ("perception_pipeline", "costmap_server", "rviz"),
+    "base_link->sensor, each from the sensor's driver",
+)
+
+# --- swerve drive ---------------------------------------------------------------------------------------------------
+WHEEL_COMMANDS = Topic(
+    "/swerve/wheel_commands",
+    "custom_msgs/msg/SwerveModuleCommandArray",
+    qos.COMMAND,
+    ("swerve_controller",),
+    ("swerve_hardware_interface",),
+    "m/s and rad per module, order FL FR RL RR",
+    rate_hz=20.0,
+    stale_s=0.15,
+)
+JOINT_STATES = Topic(
+    "/joint_states",
+    "sensor_msgs/msg/JointState",
+    qos.SENSOR,
+    ("swerve_hardware_interface",),
+    ("swerve_controller", "safety_monitor"),
+    "8 joints fl_drive, fl_steer, ... rr_steer; rad, rad/s, Nm; drive position is the accumulated wheel angle",
+    rate_hz=50.0,
+    stale_s=0.1,
+)
+ODOM = Topic(
+    "/odom",
+    "nav_msgs/msg/Odometry",
+    qos.SENSOR,
+    ("swerve_controller",),
+    ("localization", "navigation_controller", "docking_controller", "perception_pipeline", "mission_manager"),
+    "wheel odometry, odom -> base_link, with covariance",
+    rate_hz=50.0,
+    stale_s=0.2,
+)
+CMD_VEL_LIMITED = Topic(
+    "/swerve/cmd_vel_limited",
+    "geometry_msgs/msg/TwistStamped",
+    qos.SENSOR,
+    ("swerve_controller",),
+    ("touch_ui", "safety_monitor"),
+    "the twist the swerve controller really tries to reach, base_link",
+    rate_hz=20.0,
+    stale_s=0.2,
+)
+
+# --- motion commands ------------------------------------------------------------------------------------------------
+CMD_VEL = Topic(
+    "/cmd_vel",
+    "geometry_msgs/msg/Twist",
+    qos.COMMAND,
+    ("navigation_controller",),
+    ("swerve_controller", "safety_monitor"),
+    "velocity in base_link from navigation; lowest of the three command sources",
+    rate_hz=20.0,
+    stale_s=0.2,
+)
+DOCKING_CMD_VEL = Topic(
+    "/docking/cmd_vel",
+    "geometry_msgs/msg/TwistStamped",
+    qos.COMMAND,
+    ("docking_controller",),
+    ("swerve_controller", "safety_monitor"),
+    "velocity in base_link while docking owns the motion",
+    rate_hz=20.0,
+    stale_s=0.2,
+)
+TELEOP_CMD_VEL = Topic(
+    "/teleop/cmd_vel",
+    "geometry_msgs/msg/TwistStamped",
+    qos.COMMAND,
+    ("touch_ui", OPERATOR_TOOL),
+    ("swerve_controller", "safety_monitor"),
+    "velocity in base_link from a person's hand; highest of the three command sources",
+    rate_hz=20.0,
+    stale_s=0.2,
+)
+
+# --- pose and navigation --------------------------------------------------------------------------------------------
+CURRENT_POSE = Topic(
+    "/current_pose",
+    "geometry_msgs/msg/PoseStamped",
+    qos.SENSOR,
+    ("localization",),
+    ("navigation_controller", "mission_manager", "docking_controller", "safety_monitor", "system_monitor", "touch_ui"),
+    "base_link in map",
+    rate_hz=10.0,
+    stale_s=0.5,
+)
+LOCALIZATION_QUALITY = Topic(
+    "/localization/quality",
+    "std_msgs/msg/Float32",
+    qos.SENSOR,
+    ("localization",),
+    ("safety_monitor", "system_monitor"),
+    "[0, 1]",
+    rate_hz=10.0,
+    stale_s=0.5,
+)
+INITIAL_POSE = Topic(
+    "/initialpose",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    qos.COMMAND,
+    ("touch_ui", OPERATOR_TOOL, "rviz"),
+    ("localization",),
+    "start or correction of the pose in map",
+)
+GOAL_POSE = Topic(
+    "/goal_pose",
+    "geometry_msgs/msg/PoseStamped",
+    qos.COMMAND,
+    ("mission_manager", "touch_ui", OPERATOR_TOOL),
+    ("navigation_controller",),
+    "goal in map; an empty frame_id cancels the current goal",
+)
+PLAN = Topic(
+    "/plan",
+    "nav_msgs/msg/Path",
+    qos.LATCHED,
+    ("navigation_controller",),
+    ("touch_ui", "mission_manager"),
+    "path to the current goal in map; empty without a goal",
+)
+
+# --- sensors and perception -----------------------------------------------------------------------------------------
+IMU = Topic(
+    "/sensors/imu",
+    "sensor_msgs/msg/Imu",
+    qos.SENSOR,
+    ("imu_driver",),
+    ("localization", "safety_monitor", "perception_pipeline"),
+    "at base_link",
+    rate_hz=100.0,
+    stale_s=0.1,
+)
+LIDAR_POINTS = Topic(
+    "/sensors/lidar/points",
+    "sensor_msgs/msg/PointCloud2",
+    qos.SENSOR,
+    ("lidar_driver",),
+    ("perception_pipeline", "localization", "safety_monitor"),
+    "full sweep, about 150k points: x y z intensity ring time",
+    rate_hz=10.0,
+    stale_s=0.5,
+)
+LIDAR_HALF_SWEEP = Topic(
+    "/sensors/lidar/half_sweep",
+    "sensor_msgs/msg/PointCloud2",
+    qos.SENSOR,
+    ("lidar_driver",),
+    ("perception_pipeline",),
+    "internal: each half sweep as it arrives",
+    rate_hz=20.0,
+    stale_s=0.3,
+)
+FRONT_IMAGE = Topic(
+    "/sensors/camera/front/image_raw",
+    "sensor_msgs/msg/Image",
+    qos.SENSOR,
+    ("camera_driver",),
+    ("aruco_detector", "safety_monitor"),
+    "1280x720 mono8",
+    rate_hz=10.0,
+    stale_s=0.5,
+)
+REAR_IMAGE = Topic(
+    "/sensors/camera/rear/image_raw",
+    "sensor_msgs/msg/Image",
+    qos.SENSOR,
+    ("camera_driver",),
+    ("aruco_detector", "safety_monitor"),
+    "1280x720 mono8",
+    rate_hz=10.0,
+    stale_s=0.5,
+)
+FRONT_CAMERA_INFO = Topic(
+    "/sensors/camera/front/camera_info",
+    "sensor_msgs/msg/CameraInfo",
+    qos.SENSOR,
+    ("camera_driver",),
+    ("aruco_detector",),
+    "intrinsics of the front camera",
+    rate_hz=10.0,
+    stale_s=1.0,
+)
+REAR_CAMERA_INFO = Topic(
+    "/sensors/camera/rear/camera_info",
+    "sensor_msgs/msg/CameraInfo",
+    qos.SENSOR,
+    ("camera_driver",),
+    ("aruco_detector",),
+    "intrinsics of the rear camera",
+    rate_hz=10.0,
+    stale_s=1.0,
+)
+OBSTACLES = Topic(
+    "/perception/obstacles",
+    "sensor_msgs/msg/PointCloud2",
+    qos.SENSOR,
+    ("perception_pipeline",),
+    ("costmap_server", "safety_monitor"),
+    "obstacle points without ground, 0.1-2.0 m above it",
+    rate_hz=20.0,
+    stale_s=0.3,
+)
+LOCAL_COSTMAP = Topic(
+    "/local_costmap/costmap",
+    "nav_msgs/msg/OccupancyGrid",
+    qos.SENSOR,
+    ("costmap_server",),
+    ("navigation_controller", "touch_ui"),
+    "rolling grid in odom",
+    rate_hz=5.0,
+    stale_s=1.0,
+)
+
+# --- docking --------------------------------------------------------------------------------------------------------
+ARUCO_DETECTIONS = Topic(
+    "/docking/aruco_detections",
+    "custom_msgs/msg/ArucoDetectionArray",
+    qos.SENSOR,
+    ("aruco_detector",),
+    ("docking_controller", "touch_ui"),
+    "markers in the camera frame",
+    rate_hz=10.0,
+    stale_s=0.5,
+)
+DOCKING_STATUS = Topic(
+    "/docking/status",
+    "custom_msgs/msg/DockingStatus",
+    qos.STATUS,
+    ("docking_controller",),
+    ("mission_manager", "touch_ui", "ehmi_bridge"),
+    "state and errors of the docking",
+    rate_hz=10.0,
+    stale_s=0.5,
+)
+
+# --- safety ---------------------------------------------------------------------------------------------------------
+SAFETY_STATUS = Topic(
+    "/safety/status",
+    "custom_msgs/msg/SafetyStatus",
+    qos.STATUS,
+    ("safety_monitor",),
+    (EVERY_NODE,),
+    "state, active faults, nearest obstacle, e-stop",
+    rate_hz=10.0,
+    stale_s=0.5,
+)
+VELOCITY_LIMIT = Topic(
+    "/safety/velocity_limit",
+    "custom_msgs/msg/VelocityLimit",
+    qos.LATCHED,
+    ("safety_monitor",),
+    ("swerve_controller", "navigation_controller"),
+    "the smallest limit in force and its reason; 0 is a stop",
+)
+
+# --- mission, eHMI, UI ----------------------------------------------------------------------------------------------
+UI_COMMAND = Topic(
+    "/ui/command",
+    "custom_msgs/msg/UICommand",
+    qos.REQUEST_QUEUE,
+    ("touch_ui", OPERATOR_TOOL),
+    ("mission_manager",),
+    "START_MISSION, PAUSE, RESUME, ABORT, EMERGENCY_STOP",
+)
+MISSION_STATUS = Topic(
+    "/mission/status",
+    "custom_msgs/msg/MissionStatus",
+    qos.LATCHED,
+    ("mission_manager",),
+    ("touch_ui", "system_monitor", "ehmi_bridge", OPERATOR_TOOL),
+    "state, waypoint, progress, ETA, reason of a refusal",
+)
+EHMI_STATE_COMMAND = Topic(
+    "/ehmi/state_command",
+    "custom_msgs/msg/EHMIState",
+    qos.COMMAND,
+    ("mission_manager", "docking_controller"),
+    ("ehmi_bridge",),
+    "state 0-28, language, volume of the external display",
+)
+EHMI_STATUS = Topic(
+    "/ehmi/status",
+    "custom_msgs/msg/EHMIStatus",
+    qos.STATUS,
+    ("ehmi_bridge",),
+    ("safety_monitor", "system_monitor"),
+    "link, acknowledged state, firmware fault",
+    rate_hz=1.0,
+    stale_s=5.0,
+)
+
+# --- WMX layer (vendor default QoS: KeepLast(1), reliable, volatile) ---------------------------------------------------
+WMX_JOINT_STATES = Topic(
+    "/joint_states",
+    "sensor_msgs/msg/JointState",
+    qos.COMMAND,
+    ("manipulator_state",),
+    (),
+    "6 joints and 2 gripper fingers, rad, rad/s",
+    rate_hz=500.0,
+    stale_s=0.1,
+    system=_WMX,
+)
+ISAAC_JOINT_COMMAND = Topic(
+    "/isaacsim/joint_command",
+    "sensor_msgs/msg/JointState",
+    qos.COMMAND,
+    ("manipulator_state",),
+    (),
+    "the joint states for Isaac Sim, stamp zero",
+    rate_hz=500.0,
+    stale_s=0.1,
+    system=_WMX,
+)
+GAZEBO_COMMANDS = Topic(
+    "/gazebo_position_controller/commands",
+    "std_msgs/msg/Float64MultiArray",
+    qos.COMMAND,
+    ("manipulator_state",),
+    (),
+    "8 positions for the Gazebo position controller",
+    rate_hz=500.0,
+    stale_s=0.1,
+    system=_WMX,
+)
+WMX_AXIS_STATE = Topic(
+    "/wmx/axis/state",
+    "wmx_ros2_message/msg/AxisState",
+    qos.COMMAND,
+    ("wmx_ros2_general_node",),
+    (),
+    "status of the configured axes",
+    rate_hz=100.0,
+    stale_s=0.1,
+    system=_WMX,
+)
+WMX_AXIS_VELOCITY = Topic(
+    "/wmx/axis/velocity",
+    "wmx_ros2_message/msg/AxisVelocity",
+    qos.COMMAND,
+    (OPERATOR_TOOL,),
+    ("wmx_ros2_general_node",),
+    "velocity motion per axis, rad/s",
+    system=_WMX,
+)
+WMX_AXIS_POSITION = Topic(
+    "/wmx/axis/position",
+    "wmx_ros2_message/msg/AxisPose",
+    qos.COMMAND,
+    (OPERATOR_TOOL,),
+    ("wmx_ros2_general_node",),
+    "absolute position motion per axis, rad",
+    system=_WMX,
+)
+WMX_AXIS_POSITION_RELATIVE = Topic(
+    "/wmx/axis/position/relative",
+    "wmx_ros2_message/msg/AxisPose",
+    qos.COMMAND,
+    (OPERATOR_TOOL,),
+    ("wmx_ros2_general_node",),
+    "relative position motion per axis, rad",
+    system=_WMX,
+)
+WMX_CMD_VEL = Topic(
+    "/cmd_vel",
+    "geometry_msgs/msg/Twist",
+    qos.COMMAND,
+    (OPERATOR_TOOL,),
+    ("diff_drive_controller",),
+    "twist of the differential base",
+    system=_WMX,
+)
+WMX_CMD_VEL_CHECK = Topic(
+    "/cmd_vel_check",
+    "geometry_msgs/msg/Twist",
+    qos.COMMAND,
+    ("diff_drive_controller",),
+    (),
+    "echo of the received twist",
+    system=_WMX,
+)
+WMX_WHEEL_VELOCITIES = Topic(
+    "/velocity_controller/commands",
+    "std_msgs/msg/Float64MultiArray",
+    qos.COMMAND,
+    ("diff_drive_controller",),
+    (),
+    "measured [left, right] wheel speed, rad/s",
+    rate_hz=100.0,
+    stale_s=0.1,
+    system=_WMX,
+)
+WMX_ODOM_ENC = Topic(
+    "/odom_enc",
+    "nav_msgs/msg/Odometry",
+    qos.COMMAND,
+    ("diff_drive_controller",),
+    (),
+    "encoder twist of the differential base",
+    rate_hz=100.0,
+    stale_s=0.1,
+    system=_WMX,
+)
+
+# --- simulation (ground truth; no node of the stack may read it) ------------------------------------------------------
+CLOCK = Topic(
+    "/clock",
+    "rosgraph_msgs/msg/Clock",
+    qos.CLOCK,
+    ("sim_world",),
+    (EVERY_NODE,),
+    "simulation time; published only when the world does not run at real time",
+    system=_SIM,
+)
+SIM_GROUND_TRUTH = Topic(
+    "/sim/ground_truth",
+    "nav_msgs/msg/Odometry",
+    qos.SENSOR,
+    ("sim_world",),
+    (TEST_TOOL, OPERATOR_TOOL),
+    "true pose and twist of base_link in the world",
+    rate_hz=50.0,
+    stale_s=0.2,
+    system=_SIM,
+)
+SIM_JOINT_STATES = Topic(
+    "/sim/joint_states",
+    "sensor_msgs/msg/JointState",
+    qos.SENSOR,
+    ("sim_world",),
+    (TEST_TOOL, OPERATOR_TOOL),
+    "true joint positions, speeds and torques of the eight drives",
+    rate_hz=50.0,
+    stale_s=0.2,
+    system=_SIM,
+)
+
+ROWS: dict[str, Topic] = {
+    key: value for key, value in list(globals().items()) if isinstance(value, Topic)
+}
+TOPICS: tuple[Topic, ...] = tuple(ROWS.values())
+
+
+def of_system(*systems: System) -> tuple[Topic, ...]:
+    """The topics of the given systems, in the order of this file."""
+    return tuple(topic for topic in TOPICS if topic.system in systems)
+
+
+def published_by(node: str) -> tuple[Topic, ...]:
+    return tuple(topic for topic in TOPICS if node in topic.publishers)
+
+
+def subscribed_by(node: str) -> tuple[Topic, ...]:
+    return tuple(topic for topic in TOPICS if node in topic.subscribers)

@@ -1,0 +1,1 @@
+"""What subsystems share without ROS: geometry, configuration, input health, the runtime folder."""

@@ -1,0 +1,92 @@
+"""Configuration: YAML files read into validated models, with one clear line when something is wrong.
+
+Models derive from :class:`Config`: unknown keys, missing keys, wrong types, non-finite and out-of-range numbers are all
+refused. The folder is ``config/`` beside the package (a checkout), ``share/robot_stack/config`` (an installation), or
+whatever the environment variable ``ROBOT_STACK_CONFIG`` names.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+
+class ConfigError(Exception):
+    """A configuration file is missing, malformed or out of range. The message is one line that names file and field."""
+
+
+class Config(BaseModel):
+    """Base of all parameter models: strict about names, frozen, no NaN and no infinity."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+ConfigT = TypeVar("ConfigT", bound=BaseModel)
+
+
+def config_dir() -> Path:
+    """The configuration folder in force. Raises ConfigError if there is none."""
+    named = os.environ.get("ROBOT_STACK_CONFIG")
+    candidates = [Path(named)] if named else [
+        Path(__file__).resolve().parents[2] / "config",
+        *(Path(prefix) / "share" / "robot_stack" / "config" for prefix in _prefixes()),
+    ]
+    for folder in candidates:
+        if (folder / "robot.yaml").is_file():
+            return folder
+    raise ConfigError(f"no configuration folder with a robot.yaml; looked in {', '.join(map(str, candidates))}")
+
+
+def _prefixes() -> list[str]:
+    return [*filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)), sys.prefix]
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """The mapping in a YAML file; an empty file is an empty mapping. Raises ConfigError."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not UTF-8 text: {error.reason}") from error
+    try:
+        data = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path}: not valid YAML: {_one_line(error)}") from error
+    if data is None:
+        return {}
+    if not isinstance(data, dict):
+        raise ConfigError(f"{path}: must be a mapping of names to values, is a {type(data).__name__}")
+    return data
+
+
+def validate(model: type[ConfigT], data: Mapping[str, Any], source: str) -> ConfigT:
+    """``data`` as a ``model``. Raises ConfigError that names ``source`` and every offending field."""
+    try:
+        return model.model_validate(dict(data))
+    except ValidationError as error:
+        problems = "; ".join(_describe(item) for item in error.errors())
+        raise ConfigError(f"{source}: {problems}") from error
+
+
+def load(model: type[ConfigT], name: str, overrides: Mapping[str, Any] | None = None) -> ConfigT:
+    """``config/<name>.yaml`` with ``overrides`` on top, validated. Raises ConfigError."""
+    path = config_dir() / f"{name}.yaml"
+    return validate(model, {**read_yaml(path), **(overrides or {})}, str(path))
+
+
+def _describe(item: Any) -> str:
+    field = ".".join(str(part) for part in item["loc"]) or "(whole file)"
+    if item["type"] in ("missing", "extra_forbidden"):
+        return f"{field}: {'is missing' if item['type'] == 'missing' else 'is not a known parameter'}"
+    return f"{field}: {item['msg']} (is {item['input']!r})"
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,99 @@
+"""The physical truth about the robot, ``config/robot.yaml``: geometry, masses, limits, sensor mounting."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from robot_stack.core.config import Config, load
+
+Positive = Annotated[float, Field(gt=0.0)]
+Xyz = Annotated[tuple[float, float, float], Field(description="m, base_link")]
+
+
+class Motion(Config):
+    """Limits of a ride. Speeds m/s and rad/s, accelerations m/s2 and rad/s2, jerk m/s3 and rad/s3."""
+
+    max_speed_mps: Positive
+    max_yaw_rate_radps: Positive
+    max_acceleration_mps2: Positive
+    max_yaw_acceleration_radps2: Positive
+    max_jerk_mps3: Positive
+    max_yaw_jerk_radps3: Positive
+
+
+class Footprint(Config):
+    """Rectangle in base_link, m: x from rear_m to front_m, y +-half of width_m."""
+
+    front_m: Positive
+    rear_m: Annotated[float, Field(lt=0.0)]
+    width_m: Positive
+
+
+class Drive(Config):
+    """One drive motor with its gear, at the wheel."""
+
+    encoder_counts_per_rev: Annotated[int, Field(gt=0)]
+    max_torque_nm: Positive
+    max_speed_radps: Positive
+    torque_lag_s: Positive
+    brake_torque_nm: Positive
+
+
+class Steer(Config):
+    """One steering motor with its gear, at the steering axis; the axis turns without end."""
+
+    encoder_counts_per_rev: Annotated[int, Field(gt=0)]
+    max_torque_nm: Positive
+    max_rate_radps: Positive
+    max_acceleration_radps2: Positive
+    torque_lag_s: Positive
+
+
+class Robot(Config):
+    """Everything that is true of the machine, whoever drives it."""
+
+    wheelbase_m: Positive
+    track_m: Positive
+    wheel_radius_m: Positive
+    wheel_width_m: Positive
+    mass_kg: Positive
+    chair_mass_kg: Positive
+    passenger_max_mass_kg: Positive
+    wheel_mass_kg: Positive
+    steer_mass_kg: Positive
+    centre_of_gravity_height_m: Positive
+    footprint: Footprint
+    footprint_with_chair: Footprint
+    empty: Motion
+    with_passenger: Motion
+    emergency_deceleration_mps2: Positive
+    drive: Drive
+    steer: Steer
+    imu_xyz_m: Xyz
+    lidar_xyz_m: Xyz
+    front_camera_xyz_m: Xyz
+    rear_camera_xyz_m: Xyz
+    estop_input_byte: Annotated[int, Field(ge=0, lt=8000)]
+    estop_input_bit: Annotated[int, Field(ge=0, lt=8)]
+
+    @model_validator(mode="after")
+    def _passenger_is_slower(self) -> Robot:
+        for name in Motion.model_fields:
+            if getattr(self.with_passenger, name) > getattr(self.empty, name):
+                raise ValueError(f"with_passenger.{name} must not exceed empty.{name}")
+        return self
+
+    def module_positions_m(self) -> tuple[tuple[float, float], ...]:
+        """(x, y) of the steering axes in base_link, m, in module order FL FR RL RR."""
+        x, y = 0.5 * self.wheelbase_m, 0.5 * self.track_m
+        return (x, y), (x, -y), (-x, y), (-x, -y)
+
+    def motion(self, passenger_attached: bool) -> Motion:
+        return self.with_passenger if passenger_attached else self.empty
+
+
+def load_robot() -> Robot:
+    """``config/robot.yaml``. Raises ConfigError."""
+    return load(Robot, "robot")

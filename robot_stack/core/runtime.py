@@ -1,0 +1,59 @@
+"""The runtime folder: locks, sockets, shared memory and logs of one running stack.
+
+One folder for each user and ROS domain, so that stacks in different domains never meet. It lies in memory
+(``/dev/shm``): what is in it is worth nothing after a reboot, and the shared status page must never wait for a disk.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from pathlib import Path
+from typing import IO
+
+
+class AlreadyRunning(Exception):
+    """Another process holds the lock of this name."""
+
+
+def ros_domain_id() -> int:
+    """The ROS domain in force. Raises ValueError if ROS_DOMAIN_ID is no number in 0..232."""
+    text = os.environ.get("ROS_DOMAIN_ID", "0") or "0"
+    if not text.isdigit() or int(text) > 232:
+        raise ValueError(f"ROS_DOMAIN_ID must be a number in 0..232, is {text!r}")
+    return int(text)
+
+
+def runtime_dir() -> Path:
+    """The folder of this user and domain, made if it is missing. ``ROBOT_STACK_RUNTIME_DIR`` overrides it."""
+    named = os.environ.get("ROBOT_STACK_RUNTIME_DIR")
+    folder = Path(named) if named else _shared_memory() / f"robot_stack-{os.getuid()}" / f"domain-{ros_domain_id()}"
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    return folder
+
+
+def _shared_memory() -> Path:
+    memory = Path("/dev/shm")
+    return memory if os.access(memory, os.W_OK) else Path("/tmp")
+
+
+def hold_lock(name: str) -> IO[str]:
+    """Takes the lock ``<name>.lock`` of the runtime folder until the process ends, however it ends.
+
+    Returns the open file: the lock lives as long as it. Raises AlreadyRunning with the holder's process id.
+    """
+    folder = runtime_dir() / "locks"
+    folder.mkdir(exist_ok=True)
+    file = open(folder / f"{name}.lock", "a+", encoding="ascii")  # noqa: SIM115 - the lock must outlive this function
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        file.seek(0)
+        holder = file.read().strip() or "unknown"
+        file.close()
+        raise AlreadyRunning(f"{name} is already running in this ROS domain (process {holder})") from error
+    file.seek(0)
+    file.truncate()
+    file.write(str(os.getpid()))
+    file.flush()
+    return file

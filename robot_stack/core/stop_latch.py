@@ -1,0 +1,32 @@
+"""May this node act? The two-key rule of the emergency stop, as every node applies it.
+
+``/emergency_stop`` true stops at once. A false alone releases nothing, because another source may still be pressed: the
+safety monitor must have said in ``/safety/status`` that the emergency is over.
+"""
+
+from __future__ import annotations
+
+
+class StopLatch:
+    """Active from the first ``true`` (or emergency in the status) until the last message is false and the status clean."""
+
+    def __init__(self) -> None:
+        self._pressed = False
+        self._emergency = False
+        self._waiting_for_status = False
+
+    @property
+    def active(self) -> bool:
+        return self._pressed or self._emergency or self._waiting_for_status
+
+    def on_emergency_stop(self, pressed: bool) -> None:
+        if pressed:
+            # The status that is on its way may have been sent before the monitor knew: wait for one that shows the
+            # emergency, and only then believe one that shows none.
+            self._waiting_for_status = not self._emergency
+        self._pressed = pressed
+
+    def on_safety_status(self, emergency: bool) -> None:
+        if emergency:
+            self._waiting_for_status = False
+        self._emergency = emergency

@@ -1,0 +1,1 @@
+"""The corridor: what every node shares of ROS. Besides the nodes themselves, only this package imports rclpy."""

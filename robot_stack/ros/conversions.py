@@ -1,0 +1,67 @@
+"""Between ROS messages and the values that kernels take."""
+
+from __future__ import annotations
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose, PoseStamped, Quaternion, TransformStamped, Twist, TwistStamped
+
+from robot_stack.core.geometry import Pose2, Twist2, quaternion_from_yaw, yaw_from_quaternion
+
+NANOSECONDS = 1_000_000_000
+
+
+def time_to_s(stamp: Time) -> float:
+    return stamp.sec + stamp.nanosec / NANOSECONDS
+
+
+def time_from_s(seconds: float) -> Time:
+    nanoseconds = round(seconds * NANOSECONDS)
+    return Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
+
+
+def twist_to_msg(twist: Twist2) -> Twist:
+    message = Twist()
+    message.linear.x, message.linear.y, message.angular.z = float(twist.vx), float(twist.vy), float(twist.omega)
+    return message
+
+
+def twist_from_msg(message: Twist) -> Twist2:
+    return Twist2(message.linear.x, message.linear.y, message.angular.z)
+
+
+def twist_stamped(twist: Twist2, frame_id: str, stamp: Time) -> TwistStamped:
+    message = TwistStamped(twist=twist_to_msg(twist))
+    message.header.frame_id, message.header.stamp = frame_id, stamp
+    return message
+
+
+def quaternion_to_msg(yaw_rad: float) -> Quaternion:
+    x, y, z, w = quaternion_from_yaw(yaw_rad)
+    return Quaternion(x=x, y=y, z=z, w=w)
+
+
+def pose_to_msg(pose: Pose2) -> Pose:
+    message = Pose(orientation=quaternion_to_msg(pose.yaw))
+    message.position.x, message.position.y = float(pose.x), float(pose.y)
+    return message
+
+
+def pose_from_msg(message: Pose) -> Pose2:
+    q = message.orientation
+    return Pose2(message.position.x, message.position.y, yaw_from_quaternion(q.x, q.y, q.z, q.w))
+
+
+def pose_stamped(pose: Pose2, frame_id: str, stamp: Time) -> PoseStamped:
+    message = PoseStamped(pose=pose_to_msg(pose))
+    message.header.frame_id, message.header.stamp = frame_id, stamp
+    return message
+
+
+def transform_stamped(pose: Pose2, parent: str, child: str, stamp: Time, z_m: float = 0.0) -> TransformStamped:
+    """The transform that maps coordinates in ``child`` to coordinates in ``parent``."""
+    message = TransformStamped(child_frame_id=child)
+    message.header.frame_id, message.header.stamp = parent, stamp
+    translation = message.transform.translation
+    translation.x, translation.y, translation.z = float(pose.x), float(pose.y), float(z_m)
+    message.transform.rotation = quaternion_to_msg(pose.yaw)
+    return message

@@ -1,0 +1,164 @@
+"""The base of every node: endpoints by contract row, validated parameters, input health, heartbeat, a safe way out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import cached_property
+from typing import IO, Any
+
+from builtin_interfaces.msg import Time
+from pydantic import BaseModel
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from std_msgs.msg import Bool
+
+from custom_msgs.msg import SafetyStatus
+from robot_stack.contract import topics
+from robot_stack.contract.model import Action, ContractViolation, SafetyState, Service, Topic
+from robot_stack.core.health import InputHealth, InputState
+from robot_stack.core.robot import Robot, load_robot
+from robot_stack.core.runtime import hold_lock
+from robot_stack.core.stop_latch import StopLatch
+from robot_stack.ros.inputs import Input
+from robot_stack.ros.interfaces import interface_class, qos_profile
+from robot_stack.ros.parameters import load_parameters, refuse_overrides
+from robot_stack.ros.report import Loop, Report
+
+
+class StackNode(Node):
+    """A node of the stack.
+
+    name: a node name of the contract.
+    parameters: the model of ``config/<name>.yaml``; None for a node without parameters.
+
+    Raises AlreadyRunning if this domain has a node of this name, ConfigError if the parameters are wrong,
+    ContractViolation if an endpoint is asked for that the contract does not give this node.
+    """
+
+    def __init__(self, name: str, parameters: type[BaseModel] | None = None) -> None:
+        # Taken before the node exists: two nodes of one name in the graph would answer for each other.
+        self._lock: IO[str] = hold_lock(name)
+        super().__init__(name)
+        if parameters is None:
+            refuse_overrides(self)
+        self.params: Any = load_parameters(self, parameters) if parameters else None
+        self._health = InputHealth()
+        self._stop_latch = StopLatch()
+        self.report = Report(self)
+        self._subscribe_safety()
+
+    # --- endpoints ---------------------------------------------------------------------------------------------------
+
+    def advertise(self, row: Topic) -> Publisher:
+        """The publisher of a contract row. Raises ContractViolation if the row does not name this node."""
+        self._check(row.name, "publish", row.publishers)
+        return self.create_publisher(
+            interface_class(row.type),
+            row.name,
+            qos_profile(row.qos),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        )
+
+    def subscribe(self, row: Topic, callback: Callable[[Any], None] | None = None) -> Input:
+        """Subscribes to a contract row. Raises ContractViolation if the row does not name this node."""
+        self._check(row.name, "subscribe to", row.subscribers)
+        entry = Input(row, callback, self._health, self.steady_s)
+        self.create_subscription(interface_class(row.type), row.name, entry.on_message, qos_profile(row.qos))
+        return entry
+
+    def serve(self, row: Service, callback: Callable[[Any, Any], Any]) -> None:
+        """Offers a contract row's service. Raises ContractViolation if the row does not name this node."""
+        self._check(row.name, "serve", (row.server,))
+        self.create_service(interface_class(row.type), row.name, callback)
+
+    def check_action(self, row: Action) -> Any:
+        """The action class of a contract row that this node may serve. Raises ContractViolation."""
+        self._check(row.name, "serve", (row.server,))
+        return interface_class(row.type)
+
+    def every(self, rate_hz: float, callback: Callable[[], None]) -> None:
+        """Calls ``callback`` at ``rate_hz`` on the ROS clock; its duration and overruns go to /diagnostics."""
+        loop = Loop(callback.__name__.lstrip("_"), 1.0 / rate_hz)
+        self.report.loops.append(loop)
+        self.create_timer(1.0 / rate_hz, loop.timed(callback))
+
+    def _check(self, name: str, verb: str, allowed: tuple[str, ...]) -> None:
+        if self.get_name() not in allowed and topics.EVERY_NODE not in allowed:
+            raise ContractViolation(f"{self.get_name()} may not {verb} {name}: the contract names {', '.join(allowed)}")
+
+    # --- time --------------------------------------------------------------------------------------------------------
+
+    def now_s(self) -> float:
+        """The ROS clock in seconds: system time, or /clock with use_sim_time."""
+        return float(self.get_clock().now().nanoseconds) * 1e-9
+
+    def stamp(self) -> Time:
+        return self.get_clock().now().to_msg()
+
+    def steady_s(self) -> float:
+        """Seconds for ages and watchdogs: never stepped. Where /clock drives, it drives here too."""
+        return self.now_s() if self.get_clock().ros_time_is_active else time.monotonic()
+
+    # --- health ------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The physical truth, ``config/robot.yaml``."""
+        return load_robot()
+
+    def set_health(self, ok: bool, text: str) -> None:
+        """What /diagnostics shows, and the heartbeat as ready / waiting for."""
+        if (ok, text) != (self.report.ok, self.report.text):
+            self.get_logger().info(text) if ok else self.get_logger().warning(text)
+        self.report.ok, self.report.text = ok, text
+
+    def input_states(self) -> dict[str, InputState]:
+        return self._health.check(self.steady_s())
+
+    # --- stop --------------------------------------------------------------------------------------------------------
+
+    @property
+    def emergency_stop(self) -> bool:
+        """True from the first /emergency_stop true until the last is false and /safety/status shows no emergency."""
+        return self._stop_latch.active
+
+    def on_emergency_stop(self) -> None:
+        """Called at once, in the subscription's callback, when the emergency stop becomes active."""
+
+    def safe_output(self) -> None:
+        """Called on the way out (signal, exception) while publishers still work: leave the outputs safe."""
+
+    def _subscribe_safety(self) -> None:
+        self.emergency_stop_input = self.subscribe(topics.EMERGENCY_STOP, self._on_emergency_stop)
+        if self.get_name() not in topics.SAFETY_STATUS.publishers:
+            self.safety_status_input = self.subscribe(topics.SAFETY_STATUS, self._on_safety_status)
+
+    def _on_emergency_stop(self, message: Bool) -> None:
+        was_active = self._stop_latch.active
+        self._stop_latch.on_emergency_stop(message.data)
+        self._notice_stop(was_active)
+
+    def _on_safety_status(self, message: SafetyStatus) -> None:
+        was_active = self._stop_latch.active
+        self._stop_latch.on_safety_status(message.safety_state == SafetyState.EMERGENCY_STOP.name)
+        self._notice_stop(was_active)
+
+    def _notice_stop(self, was_active: bool) -> None:
+        if self._stop_latch.active and not was_active:
+            self.on_emergency_stop()
+
+    def destroy_node(self) -> None:
+        super().destroy_node()
+        self._lock.close()
+
+
+def run(*node_classes: Callable[[], StackNode]) -> None:
+    """The body of every node's ``main``: runs the nodes until a signal, then exits with its code."""
+    from robot_stack.ros.process import run_nodes
+
+    raise SystemExit(run_nodes(*node_classes))
+
+
+__all__ = ["StackNode", "run"]

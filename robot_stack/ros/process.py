@@ -1,0 +1,87 @@
+"""One process with its nodes: start, spin, and an orderly end on every path."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.signals import SignalHandlerOptions
+
+from robot_stack.contract.model import ContractViolation
+from robot_stack.core.config import ConfigError
+from robot_stack.core.runtime import AlreadyRunning
+from robot_stack.ros import transport
+from robot_stack.ros.executor import LeanExecutor
+from robot_stack.ros.node import StackNode
+
+EXIT_CRASHED = 1
+EXIT_REFUSED = 2  # a mistake in configuration or use: starting again will not help
+
+
+class StopSignal:
+    """True once SIGINT or SIGTERM has arrived.
+
+    rclpy's own handlers shut the context down inside the signal, after which no node could publish its safe output.
+    """
+
+    def __init__(self) -> None:
+        self.received: signal.Signals | None = None
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, number: int, _: FrameType | None) -> None:
+        self.received = signal.Signals(number)
+
+    def __call__(self) -> bool:
+        return self.received is not None
+
+
+@contextmanager
+def ros_process(*node_classes: Callable[[], StackNode]) -> Iterator[tuple[LeanExecutor, list[StackNode]]]:
+    """An executor with the nodes in it. On the way out the nodes leave their outputs safe and everything is closed."""
+    transport.apply()
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    executor = LeanExecutor()
+    nodes: list[StackNode] = []
+    try:
+        for node_class in node_classes:
+            nodes.append(node_class())
+            executor.add_node(nodes[-1])
+        yield executor, nodes
+    finally:
+        for node in nodes:
+            _leave_safe(node)
+        for node in nodes:
+            node.destroy_node()
+        executor.shutdown()
+        rclpy.try_shutdown()
+
+
+def run_nodes(*node_classes: Callable[[], StackNode]) -> int:
+    """Runs the nodes until SIGINT or SIGTERM. Returns the exit code; errors of use are one line on stderr."""
+    should_stop = StopSignal()
+    try:
+        with ros_process(*node_classes) as (executor, _):
+            executor.spin(should_stop)
+    except (ConfigError, AlreadyRunning, ContractViolation) as error:
+        print(f"error: {error}", file=sys.stderr, flush=True)
+        return EXIT_REFUSED
+    except ExternalShutdownException:
+        return 0
+    except Exception:
+        traceback.print_exc()
+        return EXIT_CRASHED
+    return 0
+
+
+def _leave_safe(node: StackNode) -> None:
+    try:
+        node.safe_output()
+    except Exception:  # the other nodes still have to leave theirs
+        traceback.print_exc()
