@@ -1,0 +1,62 @@
+"""Builds the interface packages (messages, services, actions) into the environment's prefix, as colcon would."""
+
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+
+from steps import run_logged
+
+PACKAGES = ("custom_msgs", "wmx_ros2_message", "control_msgs", "tf2_msgs")
+PROVIDED_UPSTREAM = ("control_msgs", "tf2_msgs")
+INCLUDE_FIX = Path(__file__).with_name("wheels_include_dirs.cmake")
+
+
+def sources(package: Path) -> list[Path]:
+    return sorted(path for path in package.rglob("*") if path.is_file())
+
+
+def needed(root: Path, prefix: Path) -> list[Path]:
+    """The packages to build: all but those a sourced ROS 2 installation already has for this version of Python."""
+    entries = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
+    underlays = [entry for entry in entries if entry.resolve() != prefix.resolve()]
+    python = f"python{sys.version_info.major}.{sys.version_info.minor}"
+
+    def installed(name: str) -> bool:
+        return any(any(underlay.glob(f"**/{python}/*-packages/{name}/__init__.py")) for underlay in underlays)
+
+    return [root / name for name in PACKAGES if not (name in PROVIDED_UPSTREAM and installed(name))]
+
+
+def build_all(packages: Iterable[Path], prefix: Path, environment: dict[str, str]) -> Iterator[Path]:
+    """Builds the packages side by side, each as its own CMake project, and yields each once it is installed."""
+    with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
+        for build in as_completed([pool.submit(_build, package, prefix, environment) for package in packages]):
+            yield build.result()
+
+
+def _build(package: Path, prefix: Path, environment: dict[str, str]) -> Path:
+    build = prefix / "build" / package.name
+    build.mkdir(parents=True, exist_ok=True)
+    log = build / "build.log"
+    log.unlink(missing_ok=True)
+    cmake = str(prefix / "bin/cmake")
+    run_logged([cmake, *_configuration(package, prefix, build)], environment, log)
+    run_logged([cmake, "--build", str(build), "--target", "install"], environment, log)
+    return package
+
+
+def _configuration(package: Path, prefix: Path, build: Path) -> list[str]:
+    variables = {
+        "CMAKE_INSTALL_PREFIX": prefix,
+        "CMAKE_PREFIX_PATH": prefix,
+        "CMAKE_MAKE_PROGRAM": prefix / "bin/ninja",
+        "CMAKE_PROJECT_INCLUDE": INCLUDE_FIX,
+        "CMAKE_BUILD_TYPE": "Release",
+        "Python3_EXECUTABLE": prefix / "bin/python",
+        "Python3_FIND_VIRTUALENV": "ONLY",
+        "BUILD_TESTING": "OFF",
+    }
+    definitions = [f"-D{name}={value}" for name, value in variables.items()]
+    return ["-S", str(package), "-B", str(build), "-G", "Ninja", *definitions]

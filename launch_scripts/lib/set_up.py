@@ -1,0 +1,150 @@
+"""Makes or refreshes the project's environment in .venv. Started by launch_scripts/setup; needs only the standard library."""
+
+import fcntl
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import venv
+from pathlib import Path
+from types import ModuleType
+
+import interfaces
+import registration
+from steps import Fault, Steps, digest, run
+
+ROOT = Path(__file__).resolve().parents[2]
+PREFIX = ROOT / ".venv"
+LOCK = ROOT / "requirements.lock"
+PYTHON = PREFIX / "bin/python"
+
+
+def main() -> int:
+    started = time.monotonic()
+    with_lock = os.open(ROOT, os.O_RDONLY)  # one set-up at a time, also when tests and a demo call it at once
+    fcntl.flock(with_lock, fcntl.LOCK_EX)
+    try:
+        count = set_up()
+    except Fault as fault:
+        print(f"setup: {fault}", file=sys.stderr)
+        return 1
+    took = time.monotonic() - started
+    print(f"setup: {'ready' if count else 'nothing to do'} ({took:.1f} s), Python {sys.version.split()[0]} in {PREFIX}")
+    return 0
+
+
+def set_up() -> int:
+    """Runs the steps that are due; returns how many."""
+    check_compiler()
+    keep_or_make_environment()
+    steps = Steps(PREFIX / ".setup")
+    packages = digest(LOCK)
+    steps.run("packages", "1/4 Python packages from requirements.lock", packages, install_packages)
+
+    project = digest(packages, str(ROOT), ROOT / "pyproject.toml")
+    steps.run("project", "2/4 the project itself, editable", project, install_project)
+
+    toolchain = digest(packages, (ROOT / "launch_scripts/lib").glob("*interfaces.py"), interfaces.INCLUDE_FIX)
+    due = {package: digest(toolchain, str(package), interfaces.sources(package)) for package in interfaces.needed(ROOT, PREFIX)}
+    build_interfaces(steps, due)
+
+    nodes = digest(packages, str(ROOT), registration.sources(ROOT))
+    steps.run("nodes", "4/4 nodes for `ros2 run robot_stack`", nodes, register_nodes)
+    return steps.done
+
+
+def check_compiler() -> None:
+    choices = [os.environ["CXX"]] if os.environ.get("CXX") else ["c++", "g++", "clang++"]
+    if not any(shutil.which(choice) for choice in choices):
+        raise Fault(f"no C++ compiler ({', '.join(choices)}); Debian, Ubuntu: apt install g++")
+
+
+def keep_or_make_environment() -> None:
+    """Keeps .venv where it was made by the interpreter in use and still runs, else makes it anew."""
+    if Path(sys.prefix).resolve() == PREFIX.resolve():
+        return
+    if made_by_this_python() and subprocess.run([PYTHON, "-c", ""], capture_output=True, check=False).returncode == 0:
+        return
+    print(f"  environment with Python {sys.version.split()[0]} in {PREFIX}", flush=True)
+    if PREFIX.exists():
+        shutil.rmtree(PREFIX)
+    venv.EnvBuilder(symlinks=True, with_pip=True).create(PREFIX)
+
+
+def made_by_this_python() -> bool:
+    settings = PREFIX / "pyvenv.cfg"
+    if not settings.exists():
+        return False
+    entries = dict(line.split(" = ", 1) for line in settings.read_text().splitlines() if " = " in line)
+    same_version = entries.get("version") == ".".join(map(str, sys.version_info[:3]))
+    return same_version and Path(entries.get("home", "")).resolve() == Path(sys.executable).resolve().parent
+
+
+def install_packages() -> None:
+    try:
+        with tempfile.NamedTemporaryFile("w", suffix=".txt") as only_uv:
+            only_uv.write(locked("uv"))
+            only_uv.flush()
+            run([*pip("install"), "--require-hashes", "-r", only_uv.name])
+        run([str(PREFIX / "bin/uv"), "pip", "install", "--python", str(PYTHON), "--require-hashes", "-r", str(LOCK)])
+    except Fault as fault:
+        print(f"setup: {fault}\nsetup: going on with pip, which takes longer", file=sys.stderr)
+        run([*pip("install"), "--require-hashes", "-r", str(LOCK)])
+
+
+def pip(verb: str) -> list[str]:
+    return [str(PYTHON), "-m", "pip", verb, "--disable-pip-version-check", "--no-input", "--quiet"]
+
+
+def locked(name: str) -> str:
+    """The lines of one package in the lock: its pin and its hashes."""
+    lines = LOCK.read_text().splitlines(keepends=True)
+    start = next((i for i, line in enumerate(lines) if line.startswith(f"{name}==")), None)
+    if start is None:
+        raise Fault(f"{LOCK.name} has no {name}; run launch_scripts/lock")
+    end = next((i for i in range(start + 1, len(lines)) if not lines[i].startswith(" ")), len(lines))
+    return "".join(lines[start:end])
+
+
+def install_project() -> None:
+    run([*pip("install"), "--no-deps", "--no-build-isolation", "--editable", str(ROOT)], build_environment())
+
+
+def build_interfaces(steps: Steps, due: dict[Path, str]) -> None:
+    stale = [package for package, key in due.items() if not steps.is_done(package.name, key)]
+    if not stale:
+        return
+    print(f"  3/4 interface packages: {', '.join(package.name for package in stale)}", flush=True)
+    started = time.monotonic()
+    for package in interfaces.build_all(stale, PREFIX, build_environment()):
+        steps.finish(package.name, due[package])
+        print(f"    {package.name} built after {time.monotonic() - started:.1f} s", flush=True)
+
+
+def build_environment() -> dict[str, str]:
+    """The wheels' environment alone: a sourced ROS installation must not mix into a build against the wheels."""
+    clean = {key: value for key, value in os.environ.items() if key not in _FOREIGN}
+    return {**clean, **wheels_env().ros_environment(PREFIX, clean), "PATH": f"{PREFIX / 'bin'}{os.pathsep}{clean.get('PATH', '')}"}
+
+
+_FOREIGN = {"AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH", "LD_LIBRARY_PATH", "PYTHONPATH", "PYTHONHOME"}
+
+
+def wheels_env() -> ModuleType:
+    """robot_stack.core.wheels_env by its path: the package itself may need what is only being installed."""
+    spec = importlib.util.spec_from_file_location("wheels_env", ROOT / "robot_stack/core/wheels_env.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def register_nodes() -> None:
+    registration.register(ROOT, PREFIX, wheels_env().ros_environment(PREFIX, base={}))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

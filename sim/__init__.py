@@ -1,0 +1,1 @@
+"""Physics simulation of the robot: world, servo drives, sensors, faults, scenarios."""
