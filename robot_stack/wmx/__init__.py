@@ -1,0 +1,1 @@
+"""The motion engine: port, simulated engine, vendor adapter."""

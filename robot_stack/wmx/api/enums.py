@@ -1,0 +1,161 @@
+"""Enumerations of the engine, by the vendor's names and numbers."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class DeviceType(IntEnum):
+    DeviceTypeNormal = 0
+    DeviceTypeLowPriority = 1
+    DeviceTypeExitWOCnt = 2
+    DeviceTypeLowpriorityExitWOCnt = 3
+
+
+class EngineState(IntEnum):
+    """Idle: process up, nothing initialised. Running: ready, no bus. Communicating: cyclic bus."""
+
+    Idle = 0
+    Running = 1
+    Communicating = 2
+    Shutdown = 3
+    Unknown = 4
+
+
+class OperationState(IntEnum):
+    """What an axis is doing; it concerns the command, the feedback may still settle in Idle."""
+
+    Idle = 0
+    Pos = 1
+    Jog = 2
+    Home = 3
+    Sync = 4
+    GantryHome = 5
+    Stop = 6
+    Intpl = 7
+    Velocity = 8
+    ConstLinearVelocity = 9
+    Trq = 10
+    DirectControl = 11
+    PVT = 12
+    ECAM = 13
+
+
+class DetailOperationState(IntEnum):
+    Idle = 0
+    Pos = 200
+    Jog = 300
+    Home = 400
+    Stop = 700
+    Stop_QStop = 701
+    Stop_EStop = 702
+    Intpl = 800
+    Velocity = 900
+
+
+class AxisCommandMode(IntEnum):
+    Position = 0
+    Velocity = 1
+    Torque = 2
+
+
+class ProfileType(IntEnum):
+    """Only Trapezoidal and TimeAccTrapezoidal are executed by the simulated engine."""
+
+    Trapezoidal = 0
+    SCurve = 1
+    JerkRatio = 2
+    Parabolic = 3
+    Sin = 4
+    AdvancedS = 5
+    TrapezoidalMAT = 6
+    JerkLimited = 7
+    JerkLimitedSCurve = 8
+    JerkLimitedAdvancedS = 9
+    TwoVelocityTrapezoidal = 10
+    TwoVelocitySCurve = 11
+    TwoVelocityJerkRatio = 12
+    TimeAccTrapezoidal = 13
+
+
+class EStopLevel(IntEnum):
+    """Final is the higher level: servos off at once. Level1 decelerates first."""
+
+    Final = 0
+    Level1 = 1
+
+
+class HomeState(IntEnum):
+    Idle = 0
+
+
+class Config_HomeType(IntEnum):
+    CurrentPos = 0
+    ZPulse = 1
+    HS = 2
+    HSHS = 3
+    HSZPulse = 4
+    HSReverseZPulse = 5
+    HSOff = 6
+    HSOffZPulse = 7
+    HSOffReverseZPulse = 8
+    LSReverseZPulse = 9
+    NearLSReverseZPulse = 10
+    ExternalLSReverseZPulse = 11
+    TouchProbe = 12
+    HSTouchProbe = 13
+    LS = 14
+    NearLS = 15
+    ExternalLS = 16
+    MechanicalEndDetection = 17
+
+
+class Config_LimitSwitchType(IntEnum):
+    """What a limit does to the axis that runs into it."""
+
+    PyNone = 0
+    ServoOff = 1
+    DecServoOff = 2
+    Dec = 3
+    SlowDecServoOff = 4
+    SlowDec = 5
+    SeparatePositiveLSNegativeLS = 6
+
+
+class Config_ProhibitOvertravelType(IntEnum):
+    """What a new target too near to stop for does: overshoot and return, brake harder, or step the velocity down."""
+
+    Disabled = 0
+    ChangeDeceleration = 1
+    ChangeInitialVelocity = 2
+
+
+class Config_FollowingErrorAlarmType(IntEnum):
+    NoAction = 0
+    QuickStop = 1
+
+
+class Config_VelocityFollowingErrorAlarmType(IntEnum):
+    NoAction = 0
+    QuickStop = 1
+    Warning = 2
+
+
+class Config_EStopLevel1Type(IntEnum):
+    Dec = 0
+    DecServoOff = 1
+
+
+class Config_EStopSignalSource(IntEnum):
+    Input = 0
+    Output = 1
+    UserMemory = 2
+
+
+class EcStateMachine(IntEnum):
+    PyNone = 0
+    Init = 1
+    Preop = 2
+    Boot = 3
+    Safeop = 4
+    Op = 8

@@ -1,0 +1,141 @@
+"""Parameter blocks of an axis and of the system, by the vendor's names.
+
+They hold the fields that the simulated engine honours; the vendor's blocks have more, and the vendor adapter passes those
+through untouched. Defaults are the vendor's, some of them absurd for an axis in radians: a robot's configuration sets them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from robot_stack.wmx.api.enums import (
+    Config_EStopLevel1Type,
+    Config_EStopSignalSource,
+    Config_FollowingErrorAlarmType,
+    Config_HomeType,
+    Config_LimitSwitchType,
+    Config_ProhibitOvertravelType,
+    Config_VelocityFollowingErrorAlarmType,
+    EStopLevel,
+)
+
+
+@dataclass(slots=True)
+class Config_FeedbackParam:
+    """Widths (user units) within which feedback counts as arrived."""
+
+    inPosWidth: float = 1000.0
+    posSetWidth: float = 1000.0
+    delayedPosSetWidth: float = 1000.0
+    delayedPosSetMilliseconds: float = 0.0
+
+
+@dataclass(slots=True)
+class Config_HomeParam:
+    """Only CurrentPos is executed by the simulated engine: its drives have neither switches nor a z pulse."""
+
+    homeType: int = Config_HomeType.CurrentPos
+    homePosition: float = 0.0
+    clearHomeDoneOnServoOff: bool = False
+    clearHomeDoneOnCommStop: bool = True
+
+
+@dataclass(slots=True)
+class Config_LimitParam:
+    """Software limits; they act only on a homed axis and only if the position is not zero."""
+
+    softLimitType: int = Config_LimitSwitchType.PyNone
+    softLimitPositivePos: float = 0.0
+    softLimitNegativePos: float = 0.0
+    lsDec: float = 10000.0
+    lsSlowDec: float = 10000.0
+
+
+@dataclass(slots=True)
+class Config_MotionParam:
+    quickStopDec: float = 100000.0
+    prohibitOvertravel: int = Config_ProhibitOvertravelType.ChangeDeceleration
+
+
+@dataclass(slots=True)
+class Config_AlarmParam:
+    """Following errors: 0 switches a check off. Widths in user units (per second for the velocity)."""
+
+    followingErrorStopped: float = 0.0
+    followingErrorMoving: float = 0.0
+    followingErrorType: int = Config_FollowingErrorAlarmType.NoAction
+    velocityFollowingErrorStopped: float = 0.0
+    velocityFollowingErrorStoppedMilliseconds: float = 0.0
+    velocityFollowingErrorMoving: float = 0.0
+    velocityFollowingErrorMovingMilliseconds: float = 0.0
+    velocityFollowingErrorType: int = Config_VelocityFollowingErrorAlarmType.NoAction
+    servoOffDuringAmpAlarm: bool = True
+
+
+@dataclass(slots=True)
+class Config_EmergencyStopParam:
+    """``eStopDec`` has one entry per axis."""
+
+    eStopDec: list[float] = field(default_factory=list)
+    enableEStopSignal: bool = False
+    eStopSignalSource: int = Config_EStopSignalSource.Input
+    eStopSignalLevel: int = EStopLevel.Level1
+    invertEStopSignalPolarity: bool = False
+    eStopSignalByteAddress: int = 0
+    eStopSignalBitAddress: int = 0
+    eStopLevel1Type: int = Config_EStopLevel1Type.Dec
+
+
+@dataclass(slots=True)
+class Config_SystemParam:
+    """All parameter blocks, one entry per axis; indexed access as in the vendor's Python module."""
+
+    feedbackParam: list[Config_FeedbackParam] = field(default_factory=list)
+    homeParam: list[Config_HomeParam] = field(default_factory=list)
+    limitParam: list[Config_LimitParam] = field(default_factory=list)
+    motionParam: list[Config_MotionParam] = field(default_factory=list)
+    alarmParam: list[Config_AlarmParam] = field(default_factory=list)
+    emergencyStopParam: Config_EmergencyStopParam = field(default_factory=Config_EmergencyStopParam)
+
+    def GetFeedbackParam(self, index: int) -> Config_FeedbackParam:
+        return self.feedbackParam[index]
+
+    def GetHomeParam(self, index: int) -> Config_HomeParam:
+        return self.homeParam[index]
+
+    def GetLimitParam(self, index: int) -> Config_LimitParam:
+        return self.limitParam[index]
+
+    def GetMotionParam(self, index: int) -> Config_MotionParam:
+        return self.motionParam[index]
+
+    def GetAlarmParam(self, index: int) -> Config_AlarmParam:
+        return self.alarmParam[index]
+
+
+@dataclass(slots=True)
+class Config_AxisParam:
+    """Axis parameters, one entry per axis."""
+
+    axisCommandMode: list[int] = field(default_factory=list)
+    gearRatioNumerator: list[float] = field(default_factory=list)
+    gearRatioDenominator: list[float] = field(default_factory=list)
+    axisPolarity: list[int] = field(default_factory=list)
+    absoluteEncoderMode: list[bool] = field(default_factory=list)
+    absoluteEncoderHomeOffset: list[float] = field(default_factory=list)
+
+    def GetAxisCommandMode(self, index: int) -> int:
+        return self.axisCommandMode[index]
+
+    def GetGearRatioNumerator(self, index: int) -> float:
+        return self.gearRatioNumerator[index]
+
+    def GetGearRatioDenominator(self, index: int) -> float:
+        return self.gearRatioDenominator[index]
+
+    def GetAxisPolarity(self, index: int) -> int:
+        return self.axisPolarity[index]
+
+    def GetAbsoluteEncoderMode(self, index: int) -> bool:
+        return self.absoluteEncoderMode[index]
+
