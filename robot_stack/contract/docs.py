@@ -23,12 +23,12 @@ _SYSTEMS = {
 _HEAD = """\
 # Interfaces
 
-Generated from the rows of `robot_stack/contract/` by `python -m robot_stack.contract.docs`: change a row, run it, commit
-both. `robot-stack topics` compares the same rows with a running system.
+Generated from the rows of `robot_stack/contract/` by `python -m robot_stack.contract.docs`: change a row, run it,
+commit both. `robot-stack topics` compares the same rows with a running system.
 
 - Names, types and QoS hold for publisher and subscribers alike; history is always KEEP_LAST of the given depth.
-- *Rate* is that of each publisher; *event* topics are sent on change. *Stale* is the age after which a subscriber treats
-  its newest message as missing.
+- *Rate* is that of each publisher; *event* topics are sent on change. *Stale* is the age after which a subscriber
+  treats its newest message as missing.
 - *every node* is every process of the table at the end. *{outside}* are tools and people outside that table.
 - Fields, units, frames and ranges are described in the message definitions: `custom_msgs/`, `wmx_ros2_message/`.
 - The robot and the WMX layer share the names `/joint_states` and `/cmd_vel`; a profile runs one machine, never both.
@@ -52,11 +52,11 @@ def render() -> str:
 
 
 _FAULTS_HEAD = """\
-The closed list of the safety monitor. The most severe action of all active faults wins; of several limits, the smallest.
+The closed list of the safety monitor. The most severe action of all active faults wins; of several limits the least.
 Thresholds are parameters in `config/safety_monitor.yaml`; the numbers here are their defaults."""
 _PROCESSES_HEAD = """\
 One operating-system process per row; `config/profiles/` says which run together. *critical*: the robot stops when it
-dies; *limiting*: it goes on slowly; *optional*: its loss is shown. A process without a module is specified, not built."""
+dies; *limiting*: it goes on slowly; *optional*: its loss is shown. One without a module is specified, not built."""
 
 
 def _topics(rows: Sequence[Topic]) -> str:
