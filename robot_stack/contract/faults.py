@@ -1,4 +1,7 @@
-"""The closed fault list of the safety monitor, one row each. Thresholds are parameters of ``config/safety_monitor.yaml``."""
+"""The closed fault list of the safety monitor, one row each.
+
+Thresholds are parameters of ``config/safety_monitor.yaml``.
+"""
 
 from robot_stack.contract.model import Clears, Fault, SafetyAction, SafetyState
 
@@ -8,10 +11,23 @@ _DEGRADED, _AVOIDANCE, _EMERGENCY = SafetyState.DEGRADED, SafetyState.COLLISION_
 
 FAULTS: tuple[Fault, ...] = (
     Fault("ESTOP_PRESSED", "any /emergency_stop true", _ESTOP, _EMERGENCY, _RESET),
-    Fault("DRIVE_FAULT", "amplifier alarm, servo off unasked, following error, or engine not communicating > 0.1 s", _ESTOP, _EMERGENCY, _RESET),
+    Fault(
+        "DRIVE_FAULT",
+        "amplifier alarm, servo off unasked, following error, or engine not communicating > 0.1 s",
+        _ESTOP,
+        _EMERGENCY,
+        _RESET,
+    ),
     Fault("JOINT_STATES_TIMEOUT", "/joint_states older than 0.1 s", _ESTOP, _EMERGENCY, _RESET),
     Fault("TILT", "tilt > 15 deg", _ESTOP, _EMERGENCY, _RESET),
-    Fault("COLLISION_IMMINENT", "time to collision < 1.0 s or clearance < 0.15 m ahead of the motion", _STOP, _AVOIDANCE, _GONE, 0.5),
+    Fault(
+        "COLLISION_IMMINENT",
+        "time to collision < 1.0 s or clearance < 0.15 m ahead of the motion",
+        _STOP,
+        _AVOIDANCE,
+        _GONE,
+        0.5,
+    ),
     Fault("OBSTACLE_NEAR", "time to collision < 3.0 s or clearance < 1.0 m", _LIMIT, _AVOIDANCE, _GONE),
     Fault("LIDAR_TIMEOUT", "/sensors/lidar/points older than 0.5 s", _STOP, _DEGRADED, _GONE, 1.0),
     Fault("OBSTACLES_TIMEOUT", "/perception/obstacles older than 0.3 s", _STOP, _DEGRADED, _GONE, 1.0),

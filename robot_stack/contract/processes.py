@@ -1,7 +1,7 @@
 """The process table: every operating-system process of the stack, one row each.
 
-A profile (``config/profiles/``) says which of them run together. ``module`` is None where a process is specified but not
-built; tools then name it as missing instead of leaving it out.
+A profile (``config/profiles/``) says which of them run together. ``module`` is None where a process is specified but
+not built; tools then name it as missing instead of leaving it out.
 """
 
 from robot_stack.contract.model import Criticality, Process, System
@@ -30,10 +30,27 @@ PROCESSES: tuple[Process, ...] = (
         also=("imu_driver", "battery_driver"),
         system=System.SIMULATION,
     ),
-    _process("swerve_hardware_interface", "robot_stack.drive.nodes.swerve_hardware_interface", _CRITICAL, "wheel commands to the motion engine and encoders back"),
-    _process("swerve_controller", "robot_stack.drive.nodes.swerve_controller", _CRITICAL, "arbitration, limits, kinematics, odometry"),
-    _process("emergency_stop_button", "robot_stack.safety.nodes.emergency_stop_button", _CRITICAL, "the physical button"),
-    _process("safety_monitor", "robot_stack.safety.nodes.safety_monitor", _CRITICAL, "faults, speed limits, release from an emergency stop"),
+    _process(
+        "swerve_hardware_interface",
+        "robot_stack.drive.nodes.swerve_hardware_interface",
+        _CRITICAL,
+        "wheel commands to the motion engine and encoders back",
+    ),
+    _process(
+        "swerve_controller",
+        "robot_stack.drive.nodes.swerve_controller",
+        _CRITICAL,
+        "arbitration, limits, kinematics, odometry",
+    ),
+    _process(
+        "emergency_stop_button", "robot_stack.safety.nodes.emergency_stop_button", _CRITICAL, "the physical button"
+    ),
+    _process(
+        "safety_monitor",
+        "robot_stack.safety.nodes.safety_monitor",
+        _CRITICAL,
+        "faults, speed limits, release from an emergency stop",
+    ),
     _process("localization", "robot_stack.localization.node", _CRITICAL, "pose in map"),
     _process("navigation_controller", "robot_stack.navigation.node", _LIMITING, "drives to goal poses"),
     _process("mission_manager", "robot_stack.mission.node", _LIMITING, "missions from UI commands"),
@@ -51,7 +68,9 @@ PROCESSES: tuple[Process, ...] = (
     _process("system_monitor", None, _OPTIONAL, "robot status and computer health"),
     _process("manipulator_state", None, _CRITICAL, "joint states of the manipulator", system=System.WMX),
     _process("follow_joint_trajectory_server", None, _CRITICAL, "trajectories of the manipulator", system=System.WMX),
-    _process("wmx_ros2_general_node", None, _LIMITING, "axis services and topics of the motion engine", system=System.WMX),
+    _process(
+        "wmx_ros2_general_node", None, _LIMITING, "axis services and topics of the motion engine", system=System.WMX
+    ),
     _process("diff_drive_controller", None, _CRITICAL, "differential base on the motion engine", system=System.WMX),
 )
 

@@ -8,21 +8,68 @@ SAFETY_RESET = Service(
     "/safety/reset", "std_srvs/srv/Trigger", "safety_monitor", "second key of the release from an emergency stop"
 )
 RESET_ODOMETRY = Service(
-    "/swerve/reset_odometry", "std_srvs/srv/Trigger", "swerve_controller", "odom starts again at the identity; refused while moving"
+    "/swerve/reset_odometry",
+    "std_srvs/srv/Trigger",
+    "swerve_controller",
+    "odom starts again at the identity; refused while moving",
 )
 INJECT_FAULT = Service(
-    "/sim/inject_fault", "custom_msgs/srv/InjectFault", "sim_world", "raises or clears a simulated fault", System.SIMULATION
+    "/sim/inject_fault",
+    "custom_msgs/srv/InjectFault",
+    "sim_world",
+    "raises or clears a simulated fault",
+    System.SIMULATION,
 )
 
-ENGINE_SET_DEVICE = Service("/wmx/engine/set_device", "wmx_ros2_message/srv/SetEngine", "wmx_ros2_general_node", "creates or closes the device", _WMX)
-ENGINE_SET_COMM = Service("/wmx/engine/set_comm", "std_srvs/srv/SetBool", "wmx_ros2_general_node", "starts or stops communication", _WMX)
-ENGINE_GET_STATUS = Service("/wmx/engine/get_status", "std_srvs/srv/Trigger", "wmx_ros2_general_node", "engine state by name", _WMX)
-AXIS_SET_ON = Service("/wmx/axis/set_on", "wmx_ros2_message/srv/SetAxis", "wmx_ros2_general_node", "servo on (1) or off (0)", _WMX)
-AXIS_CLEAR_ALARM = Service("/wmx/axis/clear_alarm", "wmx_ros2_message/srv/SetAxis", "wmx_ros2_general_node", "clears amplifier alarms", _WMX)
-AXIS_SET_MODE = Service("/wmx/axis/set_mode", "wmx_ros2_message/srv/SetAxis", "wmx_ros2_general_node", "position (0) or velocity (1) mode", _WMX)
-AXIS_SET_POLARITY = Service("/wmx/axis/set_polarity", "wmx_ros2_message/srv/SetAxis", "wmx_ros2_general_node", "1 or -1", _WMX)
-AXIS_SET_GEAR_RATIO = Service("/wmx/axis/set_gear_ratio", "wmx_ros2_message/srv/SetAxisGearRatio", "wmx_ros2_general_node", "pulses per user unit", _WMX)
-AXIS_HOMING = Service("/wmx/axis/homing", "wmx_ros2_message/srv/SetAxis", "wmx_ros2_general_node", "the current position becomes home", _WMX)
-SET_GRIPPER = Service("/wmx/set_gripper", "std_srvs/srv/SetBool", "follow_joint_trajectory_server", "closes (true) or opens (false) the gripper", _WMX)
+ENGINE_SET_DEVICE = Service(
+    "/wmx/engine/set_device",
+    "wmx_ros2_message/srv/SetEngine",
+    "wmx_ros2_general_node",
+    "creates or closes the device",
+    _WMX,
+)
+ENGINE_SET_COMM = Service(
+    "/wmx/engine/set_comm", "std_srvs/srv/SetBool", "wmx_ros2_general_node", "starts or stops communication", _WMX
+)
+ENGINE_GET_STATUS = Service(
+    "/wmx/engine/get_status", "std_srvs/srv/Trigger", "wmx_ros2_general_node", "engine state by name", _WMX
+)
+AXIS_SET_ON = Service(
+    "/wmx/axis/set_on", "wmx_ros2_message/srv/SetAxis", "wmx_ros2_general_node", "servo on (1) or off (0)", _WMX
+)
+AXIS_CLEAR_ALARM = Service(
+    "/wmx/axis/clear_alarm", "wmx_ros2_message/srv/SetAxis", "wmx_ros2_general_node", "clears amplifier alarms", _WMX
+)
+AXIS_SET_MODE = Service(
+    "/wmx/axis/set_mode",
+    "wmx_ros2_message/srv/SetAxis",
+    "wmx_ros2_general_node",
+    "position (0) or velocity (1) mode",
+    _WMX,
+)
+AXIS_SET_POLARITY = Service(
+    "/wmx/axis/set_polarity", "wmx_ros2_message/srv/SetAxis", "wmx_ros2_general_node", "1 or -1", _WMX
+)
+AXIS_SET_GEAR_RATIO = Service(
+    "/wmx/axis/set_gear_ratio",
+    "wmx_ros2_message/srv/SetAxisGearRatio",
+    "wmx_ros2_general_node",
+    "pulses per user unit",
+    _WMX,
+)
+AXIS_HOMING = Service(
+    "/wmx/axis/homing",
+    "wmx_ros2_message/srv/SetAxis",
+    "wmx_ros2_general_node",
+    "the current position becomes home",
+    _WMX,
+)
+SET_GRIPPER = Service(
+    "/wmx/set_gripper",
+    "std_srvs/srv/SetBool",
+    "follow_joint_trajectory_server",
+    "closes (true) or opens (false) the gripper",
+    _WMX,
+)
 
 SERVICES: tuple[Service, ...] = tuple(value for value in list(globals().values()) if isinstance(value, Service))

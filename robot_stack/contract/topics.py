@@ -14,7 +14,7 @@ OUTSIDE = (OPERATOR_TOOL, TEST_TOOL, "rviz")
 _WMX = System.WMX
 _SIM = System.SIMULATION
 
-# --- system ---------------------------------------------------------------------------------------------------------
+# --- system -------------------------------------------------------------------------------------------------------
 EMERGENCY_STOP = Topic(
     "/emergency_stop",
     "std_msgs/msg/Bool",
@@ -88,7 +88,7 @@ TF_STATIC = Topic(
     "base_link->sensor, each from the sensor's driver",
 )
 
-# --- swerve drive ---------------------------------------------------------------------------------------------------
+# --- swerve drive -------------------------------------------------------------------------------------------------
 WHEEL_COMMANDS = Topic(
     "/swerve/wheel_commands",
     "custom_msgs/msg/SwerveModuleCommandArray",
@@ -130,7 +130,7 @@ CMD_VEL_LIMITED = Topic(
     stale_s=0.2,
 )
 
-# --- motion commands ------------------------------------------------------------------------------------------------
+# --- motion commands ----------------------------------------------------------------------------------------------
 CMD_VEL = Topic(
     "/cmd_vel",
     "geometry_msgs/msg/Twist",
@@ -162,7 +162,7 @@ TELEOP_CMD_VEL = Topic(
     stale_s=0.2,
 )
 
-# --- pose and navigation --------------------------------------------------------------------------------------------
+# --- pose and navigation ------------------------------------------------------------------------------------------
 CURRENT_POSE = Topic(
     "/current_pose",
     "geometry_msgs/msg/PoseStamped",
@@ -208,7 +208,7 @@ PLAN = Topic(
     "path to the current goal in map; empty without a goal",
 )
 
-# --- sensors and perception -----------------------------------------------------------------------------------------
+# --- sensors and perception ---------------------------------------------------------------------------------------
 IMU = Topic(
     "/sensors/imu",
     "sensor_msgs/msg/Imu",
@@ -300,7 +300,7 @@ LOCAL_COSTMAP = Topic(
     stale_s=1.0,
 )
 
-# --- docking --------------------------------------------------------------------------------------------------------
+# --- docking ------------------------------------------------------------------------------------------------------
 ARUCO_DETECTIONS = Topic(
     "/docking/aruco_detections",
     "custom_msgs/msg/ArucoDetectionArray",
@@ -322,7 +322,7 @@ DOCKING_STATUS = Topic(
     stale_s=0.5,
 )
 
-# --- safety ---------------------------------------------------------------------------------------------------------
+# --- safety -------------------------------------------------------------------------------------------------------
 SAFETY_STATUS = Topic(
     "/safety/status",
     "custom_msgs/msg/SafetyStatus",
@@ -342,7 +342,7 @@ VELOCITY_LIMIT = Topic(
     "the smallest limit in force and its reason; 0 is a stop",
 )
 
-# --- mission, eHMI, UI ----------------------------------------------------------------------------------------------
+# --- mission, eHMI, UI --------------------------------------------------------------------------------------------
 UI_COMMAND = Topic(
     "/ui/command",
     "custom_msgs/msg/UICommand",
@@ -378,7 +378,7 @@ EHMI_STATUS = Topic(
     stale_s=5.0,
 )
 
-# --- WMX layer (vendor default QoS: KeepLast(1), reliable, volatile) ---------------------------------------------------
+# --- WMX layer (vendor default QoS: KeepLast(1), reliable, volatile) ----------------------------------------------
 WMX_JOINT_STATES = Topic(
     "/joint_states",
     "sensor_msgs/msg/JointState",
@@ -491,7 +491,7 @@ WMX_ODOM_ENC = Topic(
     system=_WMX,
 )
 
-# --- simulation (ground truth; no node of the stack may read it) ------------------------------------------------------
+# --- simulation (ground truth; no node of the stack may read it) --------------------------------------------------
 CLOCK = Topic(
     "/clock",
     "rosgraph_msgs/msg/Clock",
@@ -524,9 +524,7 @@ SIM_JOINT_STATES = Topic(
     system=_SIM,
 )
 
-ROWS: dict[str, Topic] = {
-    key: value for key, value in list(globals().items()) if isinstance(value, Topic)
-}
+ROWS: dict[str, Topic] = {key: value for key, value in list(globals().items()) if isinstance(value, Topic)}
 TOPICS: tuple[Topic, ...] = tuple(ROWS.values())
 
 

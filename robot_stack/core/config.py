@@ -33,10 +33,14 @@ ConfigT = TypeVar("ConfigT", bound=BaseModel)
 def config_dir() -> Path:
     """The configuration folder in force. Raises ConfigError if there is none."""
     named = os.environ.get("ROBOT_STACK_CONFIG")
-    candidates = [Path(named)] if named else [
-        Path(__file__).resolve().parents[2] / "config",
-        *(Path(prefix) / "share" / "robot_stack" / "config" for prefix in _prefixes()),
-    ]
+    candidates = (
+        [Path(named)]
+        if named
+        else [
+            Path(__file__).resolve().parents[2] / "config",
+            *(Path(prefix) / "share" / "robot_stack" / "config" for prefix in _prefixes()),
+        ]
+    )
     for folder in candidates:
         if (folder / "robot.yaml").is_file():
             return folder

@@ -50,7 +50,9 @@ class Pose2:
     def compose(self, other: Pose2) -> Pose2:
         """self * other: ``other`` given in this pose's frame, expressed in the parent frame."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return Pose2(self.x + c * other.x - s * other.y, self.y + s * other.x + c * other.y, wrap_angle(self.yaw + other.yaw))
+        return Pose2(
+            self.x + c * other.x - s * other.y, self.y + s * other.x + c * other.y, wrap_angle(self.yaw + other.yaw)
+        )
 
     def inverse(self) -> Pose2:
         c, s = math.cos(self.yaw), math.sin(self.yaw)

@@ -1,7 +1,7 @@
 """Input health: is each input there, fresh, and coming at its rate?
 
-Time is an argument (steady seconds), so the same code is tested tick by tick. A stepped wall clock cannot hide or invent
-a fault, because ages are taken from the time of reception on the steady clock.
+Time is an argument (steady seconds), so the same code is tested tick by tick. A stepped wall clock cannot hide or
+invent a fault, because ages are taken from the time of reception on the steady clock.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class _Input:
     def fresh(self, now_s: float) -> bool:
         # Time that ran backwards (a restarted simulation) makes the age negative: such an input is not fresh either.
         age_s = self.age_s(now_s)
-        return 0.0 <= age_s and (age_s < math.inf if self._stale_s is None else age_s <= self._stale_s)
+        return age_s >= 0.0 and (age_s < math.inf if self._stale_s is None else age_s <= self._stale_s)
 
     def rate_hz(self, now_s: float) -> float:
         silent = self._stale_s is not None and self.age_s(now_s) > self._stale_s

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 
 class StopLatch:
-    """Active from the first ``true`` (or emergency in the status) until the last message is false and the status clean."""
+    """Active from the first ``true``, or emergency in the status, until the last is false and the status clean."""
 
     def __init__(self) -> None:
         self._pressed = False

@@ -1,7 +1,8 @@
 """Parameters: the YAML file of the node, ROS overrides on top, all of it through the node's validated model.
 
-Every field of the model is declared as a read-only ROS parameter (nested fields with dots), so that ``ros2 param`` shows
-what is in force, ``-p name:=value`` and ``--params-file`` change it at start, and nothing changes it later unvalidated.
+Every field of the model is declared as a read-only ROS parameter (nested fields with dots), so that ``ros2 param``
+shows what is in force, ``-p name:=value`` and ``--params-file`` change it at start, and nothing changes it later
+unvalidated.
 """
 
 from __future__ import annotations

@@ -9,10 +9,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from custom_msgs.msg import Heartbeat
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from custom_msgs.msg import Heartbeat
 from robot_stack.contract import topics
+from robot_stack.contract.model import Topic
 from robot_stack.core.health import InputState
 
 if TYPE_CHECKING:
@@ -103,6 +104,6 @@ def _describe_input(item: InputState) -> str:
     return f"{item.received} received{rate}, age {item.age_s:.2f} s{'' if item.fresh else ', STALE'}"
 
 
-def _rate_hz(topic: topics.Topic) -> float:
+def _rate_hz(topic: Topic) -> float:
     assert topic.rate_hz is not None
     return topic.rate_hz

@@ -1,0 +1,54 @@
+"""Fixtures of all tests. A test that starts nodes takes ``ros_domain``, or what builds on it: its own domain."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.domains import held_domain
+from tests.support.processes import NodeProcess, node_command
+
+
+@pytest.fixture
+def ros_domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[int]:
+    """A ROS domain and a runtime folder of this test alone, in the environment of everything it starts."""
+    from robot_stack.ros import transport
+
+    with held_domain() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros_log"))
+        monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+        runtime = Path(f"/dev/shm/robot_stack_test-{domain}")
+        shutil.rmtree(runtime, ignore_errors=True)
+        monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(runtime))
+        transport.apply()
+        yield domain
+        shutil.rmtree(runtime, ignore_errors=True)
+
+
+@pytest.fixture
+def start(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
+    """``start(name, *ros_args)`` starts a contract process, ``start(command=[...])`` any; all end with the test."""
+    started: list[NodeProcess] = []
+
+    def start_process(name: str = "process", *ros_args: str, command: list[str] | None = None) -> NodeProcess:
+        log = tmp_path / f"{len(started)}-{name}.log"
+        started.append(NodeProcess(command or node_command(name, *ros_args), log))
+        return started[-1]
+
+    yield start_process
+    for process in reversed(started):
+        process.stop()
+
+
+@pytest.fixture
+def peer(ros_domain: int) -> Iterator["Peer"]:  # noqa: F821, UP037 - imported late: rclpy reads the environment
+    from tests.support.peer import Peer
+
+    peer = Peer()
+    yield peer
+    peer.close()

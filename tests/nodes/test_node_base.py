@@ -1,0 +1,158 @@
+"""The node base, seen from outside: real processes, real DDS."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from geometry_msgs.msg import Twist
+from std_msgs.msg import Bool
+
+from custom_msgs.msg import SafetyStatus
+from robot_stack.contract import topics
+from tests.support.processes import NodeProcess
+from tests.support.waiting import wait_for
+
+if TYPE_CHECKING:
+    from tests.support.peer import Peer
+
+Start = Callable[..., NodeProcess]
+SCRIPTS = Path(__file__).parent / "scripts"
+
+
+def example(start: Start, *arguments: str) -> NodeProcess:
+    """The smallest node of the stack, in a process of its own."""
+    return start("example", command=[sys.executable, str(SCRIPTS / "example_node.py"), *arguments])
+
+
+def test_heartbeat_carries_name_pid_and_readiness(start: Start, peer: Peer) -> None:
+    heard = peer.listen(topics.HEARTBEAT)
+    process = example(start)
+    beat = heard.wait(lambda message: message.ready, "a ready heartbeat")
+    assert (beat.node, beat.pid) == ("navigation_controller", process.pid)
+    assert beat.sequence >= 1
+
+
+def test_diagnostics_name_inputs_and_loops(start: Start, peer: Peer) -> None:
+    heard = peer.listen(topics.DIAGNOSTICS)
+    example(start)
+    status = heard.wait(lambda message: message.status[0].level == b"\x00", "an OK diagnosis").status[0]
+    values = {item.key: item.value for item in status.values}
+    assert status.name == "navigation_controller"
+    assert "input /emergency_stop" in values
+    assert "calls" in values["loop tick"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_lets_the_safe_output_out(start: Start, peer: Peer, number: signal.Signals) -> None:
+    heard = peer.listen(topics.CMD_VEL)
+    process = example(start)
+    heard.wait(lambda message: message.linear.x == 1.0, "driving commands")
+    process.signal(number)
+    assert process.wait() == 0
+    assert heard.wait(lambda message: message.linear.x == 0.0, "the safe output")
+
+
+def test_an_exception_lets_the_safe_output_out_and_says_what_happened(start: Start, peer: Peer) -> None:
+    heard = peer.listen(topics.CMD_VEL)
+    process = example(start, "--crash-after", "20")
+    assert process.wait() == 1
+    assert "ZeroDivisionError" in process.output()
+    assert heard.last.linear.x == 0.0
+
+
+def test_a_second_node_of_the_same_name_refuses_to_start(start: Start) -> None:
+    first = example(start)
+    first.wait_output("driving")
+    second = example(start)
+    assert second.wait() == 2
+    assert f"already running in this ROS domain (process {first.pid})" in second.output()
+    assert first.running()
+
+
+def test_the_name_is_free_again_after_sigkill(start: Start) -> None:
+    first = example(start)
+    first.wait_output("driving")
+    first.signal(signal.SIGKILL)
+    first.wait()
+    example(start).wait_output("driving")
+
+
+def test_an_unknown_parameter_is_refused_by_name(start: Start) -> None:
+    process = example(start, "--ros-args", "-p", "speeed:=1.0")
+    assert process.wait() == 2
+    assert "speeed" in process.output()
+
+
+def test_an_endpoint_outside_the_contract_stops_the_start(start: Start) -> None:
+    process = example(start, "--advertise", "WHEEL_COMMANDS")
+    assert process.wait() == 2
+    assert "navigation_controller may not publish /swerve/wheel_commands" in process.output()
+
+
+def test_publishers_accept_qos_overrides(start: Start, peer: Peer) -> None:
+    example(start, "--ros-args", "-p", "qos_overrides./cmd_vel.publisher.reliability:=best_effort")
+
+    def reliability() -> str | None:
+        infos = peer.node.get_publishers_info_by_topic("/cmd_vel")
+        return infos[0].qos_profile.reliability.name if infos else None
+
+    assert wait_for(reliability, "the publisher in the graph") == "BEST_EFFORT"
+
+
+def test_endpoints_carry_the_qos_of_their_rows(start: Start, peer: Peer) -> None:
+    example(start)
+    info = wait_for(lambda: peer.node.get_publishers_info_by_topic("/cmd_vel"), "the publisher in the graph")[0]
+    assert info.topic_type == topics.CMD_VEL.type
+    assert info.qos_profile.reliability.name == "RELIABLE"
+    infos = wait_for(lambda: peer.node.get_subscriptions_info_by_topic("/emergency_stop"), "the subscription")
+    assert infos[0].qos_profile.durability.name == "TRANSIENT_LOCAL"
+
+
+def test_emergency_stop_holds_until_both_keys(start: Start, peer: Peer) -> None:
+    heard = peer.listen(topics.CMD_VEL)
+    example(start)
+    heard.wait(lambda message: message.linear.x == 1.0, "driving commands")
+    peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
+    heard.wait(lambda message: message.linear.x == 0.0, "the stop")
+    peer.publish(topics.SAFETY_STATUS, SafetyStatus(safety_state="EMERGENCY_STOP"))
+    peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
+    count = len(heard.items)
+    wait_for(lambda: len(heard.items) > count + 10, "ten more commands")
+    assert all(message.linear.x == 0.0 for message in heard.messages[count + 2 :])
+    peer.wait_matched(topics.SAFETY_STATUS)
+    peer.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(safety_state="NORMAL"), 10.0)
+    heard.wait(lambda message: message.linear.x == 1.0, "driving again")
+
+
+def test_use_sim_time_drives_timers_by_clock(start: Start, peer: Peer) -> None:
+    from rosgraph_msgs.msg import Clock
+
+    heard = peer.listen(topics.CMD_VEL)
+    example(start, "--ros-args", "-p", "use_sim_time:=true")
+    peer.wait_matched(topics.CLOCK)
+    assert heard.last is None or isinstance(heard.last, Twist)
+    now_s = [100.0]
+
+    def clock() -> Clock:
+        now_s[0] += 0.1
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = int(now_s[0]), int((now_s[0] % 1.0) * 1e9)
+        return message
+
+    before = len(heard.items)
+    assert before <= 1  # without a clock no tick
+    peer.repeat(topics.CLOCK, clock, 50.0)
+    wait_for(lambda: len(heard.items) > before + 5, "ticks driven by /clock")
+
+
+def test_ros_run_executable_is_registered() -> None:
+    prefix = Path(sys.prefix)
+    assert (prefix / "share/ament_index/resource_index/packages/robot_stack").is_file()
+    launcher = prefix / "lib/robot_stack/swerve_controller"
+    assert os.access(launcher, os.X_OK)

@@ -1,0 +1,1 @@
+"""What the tests share: conditions with deadlines, ROS domains of their own, real node processes."""

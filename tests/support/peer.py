@@ -1,0 +1,111 @@
+"""A plain rclpy node beside the node under test: it publishes, listens and calls services in a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+
+from robot_stack.contract.model import Service, Topic
+from robot_stack.ros.executor import LeanExecutor
+from robot_stack.ros.interfaces import interface_class, qos_profile
+from tests.support.waiting import DEADLINE_S, wait_for
+
+
+class Heard:
+    """What a peer has received on a topic: (steady time of reception, message) pairs."""
+
+    def __init__(self) -> None:
+        self.items: list[tuple[float, Any]] = []
+
+    def on_message(self, message: Any) -> None:
+        self.items.append((time.monotonic(), message))
+
+    @property
+    def messages(self) -> list[Any]:
+        return [message for _, message in self.items]
+
+    @property
+    def last(self) -> Any:
+        return self.items[-1][1] if self.items else None
+
+    def wait(self, condition: Callable[[Any], bool], what: str, deadline_s: float = DEADLINE_S) -> Any:
+        """The newest message, once ``condition`` holds for it."""
+        wait_for(lambda: self.items and condition(self.last), what, deadline_s, poll_s=0.002)
+        return self.last
+
+
+class Peer:
+    """Not bound by the contract: tests publish what they like."""
+
+    def __init__(self, name: str = "peer") -> None:
+        self.context = Context()
+        rclpy.init(context=self.context)
+        self.node = Node(name, context=self.context)
+        self._executor = LeanExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._publishers: dict[str, Any] = {}
+        self._repeating: dict[str, Any] = {}
+        self._thread = threading.Thread(target=self._executor.spin, daemon=True)
+        self._thread.start()
+
+    def listen(self, row: Topic, callback: Callable[[Any], None] | None = None) -> Heard:
+        heard = Heard()
+
+        def on_message(message: Any) -> None:
+            heard.on_message(message)
+            if callback is not None:
+                callback(message)
+
+        self.node.create_subscription(interface_class(row.type), row.name, on_message, qos_profile(row.qos))
+        return heard
+
+    def publisher(self, row: Topic) -> Any:
+        if row.name not in self._publishers:
+            self._publishers[row.name] = self.node.create_publisher(
+                interface_class(row.type), row.name, qos_profile(row.qos)
+            )
+        return self._publishers[row.name]
+
+    def publish(self, row: Topic, message: Any) -> None:
+        self.publisher(row).publish(message)
+
+    def wait_matched(self, row: Topic, count: int = 1) -> None:
+        """Waits until ``count`` subscribers of the topic are connected to this peer's publisher."""
+        publisher = self.publisher(row)
+        wait_for(lambda: publisher.get_subscription_count() >= count, f"{count} subscribers of {row.name}")
+
+    def repeat(self, row: Topic, make: Callable[[], Any], rate_hz: float) -> None:
+        """Publishes ``make()`` at ``rate_hz`` until ``silence`` or the end; a second call replaces the first."""
+        self.silence(row)
+        publisher = self.publisher(row)
+        self._repeating[row.name] = self.node.create_timer(1.0 / rate_hz, lambda: publisher.publish(make()))
+
+    def silence(self, row: Topic) -> None:
+        timer = self._repeating.pop(row.name, None)
+        if timer is not None:
+            self.node.destroy_timer(timer)
+
+    def call(self, row: Service, request: Any = None, deadline_s: float = DEADLINE_S) -> Any:
+        """The response of a service. Raises AssertionError if there is none in time."""
+        service = interface_class(row.type)
+        client = self.node.create_client(service, row.name)
+        try:
+            wait_for(client.service_is_ready, f"service {row.name}", deadline_s)
+            future = client.call_async(request if request is not None else service.Request())
+            wait_for(future.done, f"an answer of {row.name}", deadline_s)
+            return future.result()
+        finally:
+            self.node.destroy_client(client)
+
+    def close(self) -> None:
+        self._executor.stop()
+        self._thread.join(5.0)
+        self.node.destroy_node()
+        self._executor.shutdown()
+        rclpy.try_shutdown(context=self.context)

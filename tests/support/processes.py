@@ -1,0 +1,66 @@
+"""Real node processes for tests; each is ended by its own pid, whatever happens."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from tests.support.waiting import wait_for
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+class NodeProcess:
+    """A started process with its output in a file."""
+
+    def __init__(self, command: list[str], log: Path) -> None:
+        self.log = log
+        self._file = open(log, "ab")  # noqa: SIM115 - closed in stop()
+        self.process = subprocess.Popen(
+            command, cwd=ROOT, stdout=self._file, stderr=subprocess.STDOUT, env=dict(os.environ)
+        )
+
+    @property
+    def pid(self) -> int:
+        return self.process.pid
+
+    def output(self) -> str:
+        return self.log.read_text(errors="replace")
+
+    def running(self) -> bool:
+        return self.process.poll() is None
+
+    def wait(self, deadline_s: float = 20.0) -> int:
+        """The exit code. Raises AssertionError with the output if the process does not end in time."""
+        try:
+            return self.process.wait(deadline_s)
+        except subprocess.TimeoutExpired:
+            raise AssertionError(f"process {self.pid} did not end within {deadline_s} s:\n{self.output()}") from None
+
+    def signal(self, number: signal.Signals) -> None:
+        self.process.send_signal(number)
+
+    def wait_output(self, text: str, deadline_s: float = 20.0) -> None:
+        wait_for(lambda: text in self.output() or not self.running(), f"{text!r} in the output", deadline_s)
+        assert text in self.output(), f"process ended with {self.process.returncode}:\n{self.output()}"
+
+    def stop(self) -> None:
+        """SIGINT, then SIGKILL after 5 s. Safe to call on a process that has ended."""
+        if self.running():
+            self.process.send_signal(signal.SIGINT)
+            end_s = time.monotonic() + 5.0
+            while self.running() and time.monotonic() < end_s:
+                time.sleep(0.02)
+            if self.running():
+                self.process.kill()
+        self.process.wait()
+        self._file.close()
+
+
+def node_command(name: str, *ros_args: str) -> list[str]:
+    """The command of a contract process: ``ros_args`` go behind --ros-args."""
+    return [sys.executable, "-m", "robot_stack.ros.main", name, *(("--ros-args", *ros_args) if ros_args else ())]

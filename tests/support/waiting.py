@@ -1,0 +1,24 @@
+"""Waiting on conditions, never on time alone."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+ValueT = TypeVar("ValueT")
+# Generous, because the machine may be slow: a condition that holds ends the wait at once.
+DEADLINE_S = 20.0
+
+
+def wait_for(
+    condition: Callable[[], ValueT], what: str, deadline_s: float = DEADLINE_S, poll_s: float = 0.01
+) -> ValueT:
+    """The first true value of ``condition``. Raises AssertionError naming ``what`` when the deadline passes."""
+    end_s = time.monotonic() + deadline_s
+    while True:
+        value = condition()
+        if value:
+            return value
+        assert time.monotonic() < end_s, f"waited {deadline_s} s in vain for: {what}"
+        time.sleep(poll_s)

@@ -1,0 +1,50 @@
+"""The runtime folder and its locks."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robot_stack.core.runtime import AlreadyRunning, hold_lock, ros_domain_id, runtime_dir
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(tmp_path / "runtime"))
+
+
+def test_lock_is_exclusive_and_names_its_holder() -> None:
+    with hold_lock("node"):
+        with pytest.raises(AlreadyRunning, match=f"node is already running in this ROS domain .process {os.getpid()}."):
+            hold_lock("node")
+        hold_lock("other").close()
+    hold_lock("node").close()
+
+
+def test_lock_dies_with_its_process() -> None:
+    script = (
+        "import os, signal; from robot_stack.core.runtime import hold_lock\n"
+        "lock = hold_lock('node'); os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    assert subprocess.run([sys.executable, "-c", script], check=False).returncode == -9
+    hold_lock("node").close()
+
+
+def test_folder_by_user_and_domain(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ROBOT_STACK_RUNTIME_DIR")
+    monkeypatch.setenv("ROS_DOMAIN_ID", "232")
+    folder = runtime_dir()
+    assert folder.name == "domain-232"
+    assert str(os.getuid()) in folder.parent.name
+    folder.rmdir()
+
+
+@pytest.mark.parametrize("text", ["-1", "233", "one", "1.5"])
+def test_bad_domain(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", text)
+    with pytest.raises(ValueError, match="ROS_DOMAIN_ID must be a number"):
+        ros_domain_id()
