@@ -49,7 +49,11 @@ def run_dependencies(manifest: Path) -> list[str]:
 def node_names(prefix: Path) -> list[str]:
     """Names of the node processes that are built, from the contract's process table."""
     listing = subprocess.run(
-        [prefix / "bin/python", "-c", _LIST_NODES], stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+        [prefix / "bin/python", "-c", _LIST_NODES],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     if listing.returncode:
         raise Fault(f"cannot read the process table robot_stack.contract.processes:\n{listing.stderr}")

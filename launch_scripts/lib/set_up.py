@@ -1,4 +1,4 @@
-"""Makes or refreshes the project's environment in .venv. Started by launch_scripts/setup; needs only the standard library."""
+"""Makes or refreshes the environment in .venv. Started by launch_scripts/setup; needs only the standard library."""
 
 import fcntl
 import importlib.util
@@ -48,7 +48,10 @@ def set_up() -> int:
     steps.run("project", "2/4 the project itself, editable", project, install_project)
 
     toolchain = digest(packages, (ROOT / "launch_scripts/lib").glob("*interfaces.py"), interfaces.INCLUDE_FIX)
-    due = {package: digest(toolchain, str(package), interfaces.sources(package)) for package in interfaces.needed(ROOT, PREFIX)}
+    due = {
+        package: digest(toolchain, str(package), interfaces.sources(package))
+        for package in interfaces.needed(ROOT, PREFIX)
+    }
     build_interfaces(steps, due)
 
     nodes = digest(packages, str(ROOT), registration.sources(ROOT))
@@ -127,16 +130,28 @@ def build_interfaces(steps: Steps, due: dict[Path, str]) -> None:
 def build_environment() -> dict[str, str]:
     """The wheels' environment alone: a sourced ROS installation must not mix into a build against the wheels."""
     clean = {key: value for key, value in os.environ.items() if key not in _FOREIGN}
-    return {**clean, **wheels_env().ros_environment(PREFIX, clean), "PATH": f"{PREFIX / 'bin'}{os.pathsep}{clean.get('PATH', '')}"}
+    return {
+        **clean,
+        **wheels_env().ros_environment(PREFIX, clean),
+        "PATH": f"{PREFIX / 'bin'}{os.pathsep}{clean.get('PATH', '')}",
+    }
 
 
-_FOREIGN = {"AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH", "LD_LIBRARY_PATH", "PYTHONPATH", "PYTHONHOME"}
+_FOREIGN = {
+    "AMENT_PREFIX_PATH",
+    "CMAKE_PREFIX_PATH",
+    "COLCON_PREFIX_PATH",
+    "LD_LIBRARY_PATH",
+    "PYTHONPATH",
+    "PYTHONHOME",
+}
 
 
 def wheels_env() -> ModuleType:
     """robot_stack.core.wheels_env by its path: the package itself may need what is only being installed."""
     spec = importlib.util.spec_from_file_location("wheels_env", ROOT / "robot_stack/core/wheels_env.py")
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

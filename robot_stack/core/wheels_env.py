@@ -18,11 +18,11 @@ def ros_environment(prefix: str | Path | None = None, base: Mapping[str, str] | 
 
     Args:
         prefix: root of the virtual environment; None means the running interpreter's.
-        base: environment the process will inherit, of which search paths are kept behind ours; None means ``os.environ``.
+        base: environment the process inherits; its search paths stay, behind ours. None means ``os.environ``.
 
     Returns:
-        Only the variables to set, e.g. for ``subprocess.run(..., env={**os.environ, **ros_environment()})``. Empty where
-        ``prefix`` holds no ROS wheels: then ROS comes from a sourced installation, whose environment is left alone.
+        Only the variables to set: ``subprocess.run(..., env={**os.environ, **ros_environment()})``. Empty where ``prefix``
+        holds no ROS wheels: then ROS comes from a sourced installation, whose environment is left alone.
     """
     root = Path(sys.prefix if prefix is None else prefix)
     inherited = os.environ if base is None else base
