@@ -1,0 +1,59 @@
+"""Draws ``docs/mission_states.md`` from the table of transitions: ``python -m robot_stack.mission.diagram``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from robot_stack.mission.states import TRANSITIONS, State, Trigger
+
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "mission_states.md"
+
+_MEANING = {
+    State.IDLE: "no mission",
+    State.RUNNING: "driving to a waypoint; the only state in which goals are sent",
+    State.WAITING: "standing at a waypoint for its waiting time",
+    State.PAUSED: "standing until a person says RESUME",
+    State.STOPPED: "standing after an emergency stop, until it is released and reset and a person says RESUME; "
+    "shown as PAUSED in `/mission/status`, with the reason",
+    State.COMPLETED: "the last waypoint was reached",
+    State.ABORTED: "a person ended the mission; a passenger stays attached",
+    State.FAILED: "the mission ended itself, the reason says why",
+}
+
+
+def document() -> str:
+    """The page: a diagram and the same as tables."""
+    return "\n".join(
+        [
+            "# States of the mission manager",
+            "",
+            "Generated from `robot_stack/mission/states.py` by `python -m robot_stack.mission.diagram`; do not edit.",
+            "",
+            "```mermaid",
+            "stateDiagram-v2",
+            "    [*] --> IDLE",
+            *(f"    {row.source.value} --> {row.target.value}: {row.trigger.value}" for row in TRANSITIONS),
+            "```",
+            "",
+            "| state | meaning |",
+            "|---|---|",
+            *(f"| {state.value} | {_MEANING[state]} |" for state in State),
+            "",
+            "| trigger | from | to |",
+            "|---|---|---|",
+            *(_trigger_row(trigger) for trigger in Trigger),
+            "",
+        ]
+    )
+
+
+def _trigger_row(trigger: Trigger) -> str:
+    rows = [row for row in TRANSITIONS if row.trigger is trigger]
+    targets = sorted({row.target.value for row in rows})
+    return f"| {trigger.value} | {', '.join(row.source.value for row in rows)} | {', '.join(targets)} |"
+
+
+if __name__ == "__main__":
+    DOCUMENT.parent.mkdir(exist_ok=True)
+    DOCUMENT.write_text(document(), encoding="utf-8")
+    print(DOCUMENT)

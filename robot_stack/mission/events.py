@@ -1,0 +1,127 @@
+"""What happens to the mission manager (events, inputs) and what it wants done (effects)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.mission.model import Mission
+from robot_stack.mission.record import Record
+
+START_MISSION = "START_MISSION"
+PAUSE = "PAUSE"
+RESUME = "RESUME"
+ABORT = "ABORT"
+EMERGENCY_STOP = "EMERGENCY_STOP"
+COMMANDS = (START_MISSION, PAUSE, RESUME, ABORT, EMERGENCY_STOP)
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What the robot looks like when an event happens.
+
+    pose: base_link in map; None while stale or never received.
+    twist: wheel odometry in base_link; None while stale.
+    emergency_stop: from the first ``true`` until both keys have released it.
+    safety_known: /safety/status is fresh.
+    faults: active fault codes of /safety/status.
+    battery: state of charge [0, 1]; NaN = unknown.
+    plan_end: last pose of the navigation controller's newest plan; None = it has no goal.
+    """
+
+    pose: Pose2 | None
+    twist: Twist2 | None
+    emergency_stop: bool
+    safety_known: bool
+    faults: tuple[str, ...]
+    battery: float
+    plan_end: Pose2 | None
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A person's wish. START_MISSION carries the mission of the asked id, or the problem with it."""
+
+    name: str
+    mission: Mission | None = None
+    problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class EmergencyStopBegan:
+    """The emergency stop has just become active."""
+
+
+@dataclass(frozen=True, slots=True)
+class PassengerChanged:
+    attached: bool
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationAppeared:
+    """A navigation controller that knows no goal of ours yet has begun to listen."""
+
+
+@dataclass(frozen=True, slots=True)
+class JournalFailed:
+    """The last SaveRecord could not be done; the effects behind it were not performed."""
+
+    problem: str
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """Time has passed."""
+
+
+Event = Command | EmergencyStopBegan | PassengerChanged | NavigationAppeared | JournalFailed | Tick
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """Content of /mission/status, and what the external display shows."""
+
+    state: str
+    mission: Mission | None
+    current_waypoint: str
+    waypoints_completed: int
+    total_waypoints: int
+    progress: float
+    eta_s: float
+    passenger_attached: bool
+    reason: str
+    last_command: str
+    last_command_accepted: bool
+    display: int
+
+
+@dataclass(frozen=True, slots=True)
+class SaveRecord:
+    """Write the record to the journal. If that fails: drop the effects behind this one and report JournalFailed."""
+
+    record: Record
+
+
+@dataclass(frozen=True, slots=True)
+class SendGoal:
+    """Give the navigation controller a goal, map frame."""
+
+    pose: Pose2
+
+
+@dataclass(frozen=True, slots=True)
+class CancelGoal:
+    """Take the navigation controller's goal away: the robot comes to rest and holds its position."""
+
+
+@dataclass(frozen=True, slots=True)
+class PublishEmergencyStop:
+    active: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ReportStatus:
+    status: Status
+
+
+Effect = SaveRecord | SendGoal | CancelGoal | PublishEmergencyStop | ReportStatus

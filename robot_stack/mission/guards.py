@@ -1,0 +1,49 @@
+"""What speaks against going: each function answers with a sentence for people, empty if nothing does."""
+
+from __future__ import annotations
+
+from robot_stack.contract.faults import BY_CODE
+from robot_stack.contract.model import SafetyAction
+from robot_stack.core.geometry import Pose2
+from robot_stack.mission.events import Inputs
+from robot_stack.mission.model import Kind, Mission
+
+# What the stack can do at a waypoint so far.
+_SERVED = frozenset({Kind.PASS, Kind.WAIT, Kind.PARK})
+_BATTERY_FAULTS = ("BATTERY_LOW", "BATTERY_CRITICAL")
+
+
+def finite(pose: Pose2 | None) -> Pose2 | None:
+    """The pose if it can be used."""
+    return pose if pose is not None and pose.is_finite() else None
+
+
+def unserved(mission: Mission) -> str:
+    """Names the first waypoint that asks for something the stack cannot do."""
+    for waypoint in mission.waypoints:
+        if waypoint.action.kind not in _SERVED:
+            kind = waypoint.action.kind.value
+            return f"waypoint {waypoint.name!r} of {mission.id!r} asks to {kind}: there is no docking controller yet"
+    return ""
+
+
+def battery_low(inputs: Inputs, minimum: float) -> str:
+    """An unknown charge is not held against the robot: the safety monitor judges a silent battery."""
+    fault = next((code for code in _BATTERY_FAULTS if code in inputs.faults), "")
+    if fault:
+        return f"{fault} is active: no new mission before the robot is charged"
+    if inputs.battery < minimum:  # false for NaN
+        return f"battery at {inputs.battery:.0%}, a new mission needs {minimum:.0%}"
+    return ""
+
+
+def held_by(inputs: Inputs) -> str:
+    """Why the robot cannot be expected to move although the mission is under way."""
+    if inputs.pose is None:
+        return "waiting for pose: no fresh /current_pose"
+    if not inputs.pose.is_finite():
+        return "waiting for pose: /current_pose is not finite"
+    if not inputs.safety_known:
+        return "held: no fresh /safety/status"
+    stops = [code for code in inputs.faults if code in BY_CODE and BY_CODE[code].action >= SafetyAction.STOP]
+    return f"held by safety: {', '.join(stops)}" if stops else ""

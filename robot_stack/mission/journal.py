@@ -1,0 +1,191 @@
+"""The journal in SQLite: one current record, and the history of records for whoever asks what happened.
+
+Write-ahead log with ``synchronous=FULL``: when ``save`` returns, the record has been flushed to the disk; a process
+killed or a machine switched off at any moment leaves the record before or the record after, never half of one.
+https://www.sqlite.org/pragma.html#pragma_synchronous
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+import time
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.runtime import ros_domain_id
+from robot_stack.mission.model import Mission
+from robot_stack.mission.perform import JournalDamaged, JournalError
+from robot_stack.mission.record import Record, problem_of
+from robot_stack.mission.states import State
+
+_VERSION = 1
+# A save waits no longer than this for another process (a person with an SQLite shell): the node's loop waits with it.
+_LOCK_TIMEOUT_S = 0.2
+# About a year of rides, 10 MB.
+_HISTORY_ROWS = 50_000
+
+_SCHEMA = f"""
+CREATE TABLE current (only INTEGER PRIMARY KEY CHECK (only = 1), saved_at REAL NOT NULL, record TEXT NOT NULL);
+CREATE TABLE history (number INTEGER PRIMARY KEY AUTOINCREMENT, saved_at REAL NOT NULL, state TEXT NOT NULL,
+                      mission TEXT NOT NULL, waypoint TEXT NOT NULL, passenger INTEGER NOT NULL, reason TEXT NOT NULL);
+PRAGMA user_version = {_VERSION};
+"""
+_SAVE = "INSERT OR REPLACE INTO current VALUES (1, ?, ?)"
+_LOG = "INSERT INTO history (saved_at, state, mission, waypoint, passenger, reason) VALUES (?, ?, ?, ?, ?, ?)"
+_PRUNE = f"DELETE FROM history WHERE number <= (SELECT max(number) FROM history) - {_HISTORY_ROWS}"
+
+
+def default_journal_path() -> Path:
+    """``$XDG_STATE_HOME/robot_stack/domain-<id>/mission.db``; the XDG default is ``~/.local/state``."""
+    state_home = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(state_home) / "robot_stack" / f"domain-{ros_domain_id()}" / "mission.db"
+
+
+class SqliteJournal:
+    """The journal at ``path``. Opened when needed and again after an error, so that a disk that recovers is used."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._connection: sqlite3.Connection | None = None
+
+    def load(self) -> Record:
+        """See Journal.load."""
+        try:
+            row = self._open().execute("SELECT record FROM current").fetchone()
+            return Record() if row is None else _from_json(row[0])
+        except _NOT_NOW as error:
+            self.close()
+            raise JournalError(self._text(error)) from error
+        except _NONSENSE as error:
+            raise self._move_aside(error) from error
+
+    def save(self, record: Record) -> None:
+        """See Journal.save."""
+        try:
+            connection = self._open()
+            with connection:  # one transaction
+                connection.execute("BEGIN IMMEDIATE")
+                now_s = time.time()
+                connection.execute(_SAVE, (now_s, _to_json(record)))
+                connection.execute(_LOG, (now_s, *_history_columns(record)))
+                connection.execute(_PRUNE)
+        except (sqlite3.Error, OSError) as error:
+            self.close()
+            raise JournalError(self._text(error)) from error
+
+    def close(self) -> None:
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def _open(self) -> sqlite3.Connection:
+        if self._connection is None:
+            self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            connection = sqlite3.connect(self.path, timeout=_LOCK_TIMEOUT_S, isolation_level=None)
+            try:
+                _prepare(connection)
+            except BaseException:
+                connection.close()
+                raise
+            self._connection = connection
+        return self._connection
+
+    def _move_aside(self, error: Exception) -> JournalDamaged | JournalError:
+        """Keeps the damaged files for whoever wants to look, and makes room for a new journal."""
+        self.close()
+        suffix = time.strftime(".damaged-%Y%m%d-%H%M%S", time.gmtime())
+        target = self.path.with_name(self.path.name + suffix)
+        try:
+            for part in ("-wal", "-shm", ""):  # the log first: a database without its log is less than one with it
+                source = Path(f"{self.path}{part}")
+                if source.exists():
+                    os.replace(source, f"{target}{part}")
+        except OSError as move_error:
+            return JournalError(f"{self.path} is damaged ({error}) and cannot be moved aside: {move_error}")
+        return JournalDamaged(f"the journal {self.path} was damaged ({error}) and is now {target.name}")
+
+    def _text(self, error: Exception) -> str:
+        return f"{self.path}: {error.strerror if isinstance(error, OSError) and error.strerror else error}"
+
+
+class _Nonsense(Exception):
+    """The database can be read, but what is in it is no journal of ours."""
+
+
+# OperationalError: locked, read-only, full, cannot be opened. Its base DatabaseError: not a database, malformed.
+_NOT_NOW = (sqlite3.OperationalError, OSError)
+_NONSENSE = (sqlite3.DatabaseError, _Nonsense)
+
+
+def _prepare(connection: sqlite3.Connection) -> None:
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute("PRAGMA synchronous = FULL")
+    version = connection.execute("PRAGMA user_version").fetchone()[0]
+    if version == 0 and not connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+        connection.executescript(f"BEGIN; {_SCHEMA} COMMIT;")
+        return
+    if version != _VERSION:
+        raise _Nonsense(f"its version is {version}, not {_VERSION}")
+    check = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
+    if check != "ok":
+        raise _Nonsense(str(check))
+
+
+def _to_json(record: Record) -> str:
+    start = record.start
+    return json.dumps(
+        {
+            "state": record.state.value,
+            "mission": record.mission.model_dump(mode="json") if record.mission else None,
+            "waypoint": record.waypoint,
+            "failed_tries": record.failed_tries,
+            "homeward": record.homeward,
+            "passenger_attached": record.passenger_attached,
+            "start": [start.x, start.y, start.yaw] if start else None,
+            "reason": record.reason,
+        },
+        ensure_ascii=False,
+    )
+
+
+def _from_json(text: str) -> Record:
+    try:
+        data: dict[str, Any] = json.loads(text)
+        start = data["start"]
+        record = Record(
+            state=State(data["state"]),
+            mission=Mission.model_validate(data["mission"]) if data["mission"] else None,
+            waypoint=int(data["waypoint"]),
+            failed_tries=int(data["failed_tries"]),
+            homeward=bool(data["homeward"]),
+            passenger_attached=bool(data["passenger_attached"]),
+            start=Pose2(*map(float, start)) if start else None,
+            reason=str(data["reason"]),
+        )
+    except ValidationError as error:
+        raise _Nonsense(f"its mission is invalid in {error.error_count()} places") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise _Nonsense(f"its record cannot be read: {error!r}") from error
+    problem = problem_of(record)
+    if problem:
+        raise _Nonsense(f"its record makes no sense: {problem}")
+    return record
+
+
+def _history_columns(record: Record) -> tuple[str, str, str, bool, str]:
+    mission = record.mission.id if record.mission else ""
+    waypoint = record.current.name if record.current else ""
+    return record.state.value, mission, waypoint, record.passenger_attached, record.reason
+
+
+def read_history(path: Path, rows: int) -> list[tuple[float, str, str, str, bool, str]]:
+    """The newest ``rows`` entries, oldest first: (unix time in s, state, mission, waypoint, passenger, reason)."""
+    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True, timeout=_LOCK_TIMEOUT_S)) as connection:
+        query = "SELECT saved_at, state, mission, waypoint, passenger, reason FROM history ORDER BY number DESC LIMIT ?"
+        return [(*row[:4], bool(row[4]), row[5]) for row in reversed(connection.execute(query, (rows,)).fetchall())]

@@ -1,0 +1,328 @@
+"""The mission manager's decisions: events and time in, effects out.
+
+The order of effects is the rule about power loss: what lets the robot go is journaled first (SaveRecord, SendGoal);
+what makes it stand never waits for a disk (CancelGoal, SaveRecord), because an unfinished mission comes back PAUSED.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.mission import events as ev
+from robot_stack.mission import guards, route, status
+from robot_stack.mission.events import CancelGoal, Effect, Event, Inputs, PublishEmergencyStop, SaveRecord, SendGoal
+from robot_stack.mission.guards import finite
+from robot_stack.mission.leg import Leg
+from robot_stack.mission.params import MissionParams
+from robot_stack.mission.record import Record, restored
+from robot_stack.mission.states import ACTIVE, UNDER_WAY, State, Trigger, target_of
+
+# A tick may be late by this much and count in full; more is a clock that jumped or a process that was stopped.
+_LONGEST_STEP_S = 1.0
+_EMERGENCY = "emergency stop is active: release it and reset the safety monitor first"
+
+
+class MissionKernel:
+    """State machine of one mission at a time.
+
+    params: tolerances and times.
+    record: what the journal kept; an active mission comes up PAUSED.
+    problem: what was wrong with the journal, shown as the reason in /mission/status.
+    """
+
+    def __init__(self, params: MissionParams, record: Record | None = None, problem: str = "") -> None:
+        self._params = params
+        self._record = restored(record or Record())
+        self._before = self._record
+        self._leg = Leg(params)
+        self._speed = route.MeanSpeed(params.eta_speed_time_constant_s)
+        self._reporting = status.Reporting(1.0 / params.status_rate_hz)
+        self._now_s = math.nan
+        self._held = ""
+        self._journal_problem = problem
+        self._unsaved = False
+        self._since_retry_s = 0.0
+        self._answer = status.Answer()
+        self._answering = False  # a command is being carried out that can still be taken back
+        self._asserted = False  # our own last /emergency_stop is true
+        self._saw_assertion = False
+
+    @property
+    def record(self) -> Record:
+        return self._record
+
+    def start_up(self, inputs: Inputs) -> tuple[Effect, ...]:
+        """The effects of coming up: stand, journal what the restart made of the mission, say so."""
+        report = self._report(inputs, 0.0, forced=True)
+        return (CancelGoal(), SaveRecord(self._record), *report) if self._record.state is State.PAUSED else report
+
+    def step(self, event: Event, inputs: Inputs, now_s: float) -> tuple[Effect, ...]:
+        """What to do about ``event``, in this order. ``now_s``: steady seconds; a jump either way harms nothing."""
+        dt_s = self._elapsed(now_s)
+        self._answering = isinstance(event, ev.Command) or (self._answering and isinstance(event, ev.JournalFailed))
+        effects = self._react(event, inputs, dt_s)
+        forced = isinstance(event, (ev.Command, ev.JournalFailed))
+        return (*effects, *self._report(inputs, dt_s, forced=forced))
+
+    def _react(self, event: Event, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
+        match event:
+            case ev.Command():
+                return self._obey(event, inputs)
+            case ev.EmergencyStopBegan():
+                return self._emergency_stop()
+            case ev.PassengerChanged(attached):
+                return self._passenger(attached)
+            case ev.NavigationAppeared():
+                return self._greet_navigation()
+            case ev.JournalFailed(problem):
+                return self._journal_failed(problem)
+            case ev.Tick():
+                return self._tick(inputs, dt_s)
+
+    # --- commands ----------------------------------------------------------------------------------------------------
+
+    def _obey(self, command: ev.Command, inputs: Inputs) -> tuple[Effect, ...]:
+        self._answer = status.Answer(command.name)
+        match command.name:
+            case ev.START_MISSION:
+                return self._start(command, inputs)
+            case ev.PAUSE:
+                return self._stand(Trigger.PAUSE, "paused by command; RESUME goes on")
+            case ev.RESUME:
+                return self._resume(inputs)
+            case ev.ABORT:
+                return self._abort()
+            case ev.EMERGENCY_STOP:
+                self._asserted, self._saw_assertion = True, False
+                return (PublishEmergencyStop(True), *self._emergency_stop())
+            case _:
+                return self._refuse(f"unknown command {command.name!r}; known: {', '.join(ev.COMMANDS)}")
+
+    def _start(self, command: ev.Command, inputs: Inputs) -> tuple[Effect, ...]:
+        if target_of(self._record.state, Trigger.START) is None:
+            running = self._record.mission.id if self._record.mission else ""
+            return self._refuse(f"mission {running!r} is {self._record.state.value}; ABORT it first")
+        if command.mission is None:
+            return self._refuse(command.problem)
+        problem = guards.unserved(command.mission) or self._may_not_go(inputs) or self._battery_low(inputs)
+        if problem:
+            return self._refuse(problem)
+        passenger = self._record.passenger_attached
+        fresh = Record(self._record.state, command.mission, passenger_attached=passenger, start=finite(inputs.pose))
+        self._speed = route.MeanSpeed(self._params.eta_speed_time_constant_s)
+        return self._go(Trigger.START, fresh)
+
+    def _resume(self, inputs: Inputs) -> tuple[Effect, ...]:
+        if target_of(self._record.state, Trigger.RESUME) is None:
+            return self._refuse(f"RESUME needs a paused mission, the state is {self._record.state.value}")
+        problem = self._may_not_go(inputs)
+        return self._refuse(problem) if problem else self._go(Trigger.RESUME, replace(self._record, failed_tries=0))
+
+    def _abort(self) -> tuple[Effect, ...]:
+        aboard = self._record.passenger_attached
+        note = "; the passenger stays attached until an operator decides" if aboard else ""
+        return self._stand(Trigger.ABORT, f"aborted by command{note}")
+
+    def _refuse(self, why: str) -> tuple[Effect, ...]:
+        self._answer = replace(self._answer, refusal=f"{self._answer.command} refused: {why}")
+        return ()
+
+    def _may_not_go(self, inputs: Inputs) -> str:
+        return _EMERGENCY if self._in_emergency(inputs) else ""
+
+    def _battery_low(self, inputs: Inputs) -> str:
+        return guards.battery_low(inputs, self._params.minimum_battery)
+
+    # --- changes of state --------------------------------------------------------------------------------------------
+
+    def _go(self, trigger: Trigger, record: Record) -> tuple[Effect, ...]:
+        """On to the record's waypoint: journaled first, then the robot may go."""
+        save = self._change(trigger, record, "")
+        current = self._record.current
+        assert current is not None
+        return (save, SendGoal(current.pose))
+
+    def _stand(self, trigger: Trigger, reason: str, record: Record | None = None) -> tuple[Effect, ...]:
+        """To a state in which the robot stands; a command that means nothing here is refused."""
+        if target_of(self._record.state, trigger) is None:
+            return self._refuse(f"no mission to {trigger.value.lower()}, the state is {self._record.state.value}")
+        return (CancelGoal(), self._change(trigger, record or self._record, reason))
+
+    def _change(self, trigger: Trigger, record: Record, reason: str, *, goal_due: bool = False) -> SaveRecord:
+        target = target_of(self._record.state, trigger)
+        assert target is not None, f"{trigger} in {self._record.state}"
+        self._before = self._record
+        self._record = replace(record, state=target, reason=reason)
+        self._leg = Leg(self._params, goal_due=goal_due)
+        self._held = ""
+        return self._save()
+
+    def _save(self) -> SaveRecord:
+        # Believed to work until JournalFailed says otherwise.
+        self._unsaved, self._journal_problem, self._since_retry_s = False, "", 0.0
+        return SaveRecord(self._record)
+
+    # --- events ------------------------------------------------------------------------------------------------------
+
+    def _emergency_stop(self) -> tuple[Effect, ...]:
+        if target_of(self._record.state, Trigger.EMERGENCY_STOP) is None:
+            return ()
+        reason = "emergency stop; once it is released and reset, RESUME goes on"
+        return self._stand(Trigger.EMERGENCY_STOP, reason)
+
+    def _passenger(self, attached: bool) -> tuple[Effect, ...]:
+        if attached == self._record.passenger_attached:
+            return ()
+        self._record = replace(self._record, passenger_attached=attached)
+        return (self._save(),)
+
+    def _greet_navigation(self) -> tuple[Effect, ...]:
+        current = self._record.current
+        if self._record.state is State.RUNNING and current is not None:
+            self._leg.unconfirmed_s = 0.0
+            return (SendGoal(current.pose),)
+        # It may still be driving for a mission manager that died.
+        return (CancelGoal(),) if self._record.state in ACTIVE - UNDER_WAY else ()
+
+    def _journal_failed(self, problem: str) -> tuple[Effect, ...]:
+        why = f"the journal cannot be written: {problem}"
+        if self._answering and self._record.state in UNDER_WAY:
+            # Nothing has moved yet, because saving came first: the command is taken back.
+            self._record = replace(self._before, passenger_attached=self._record.passenger_attached)
+            return self._refuse(why)
+        effects: tuple[Effect, ...] = ()
+        if self._record.state in UNDER_WAY:
+            self._change(Trigger.JOURNAL_LOST, self._record, "paused, because " + why)
+            effects = (CancelGoal(),)
+        self._unsaved, self._journal_problem = True, why
+        return effects
+
+    # --- time --------------------------------------------------------------------------------------------------------
+
+    def _tick(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
+        released = self._release_own_stop(inputs)
+        if self._in_emergency(inputs) and target_of(self._record.state, Trigger.EMERGENCY_STOP):
+            return (*released, *self._emergency_stop())
+        if self._record.state is State.RUNNING:
+            return (*released, *self._drive(inputs, dt_s))
+        if self._record.state is State.WAITING:
+            return (*released, *self._wait(inputs, dt_s))
+        return (*released, *self._rest(inputs, dt_s), *self._retry_journal(dt_s))
+
+    def _drive(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
+        pose, current = finite(inputs.pose), self._record.current
+        assert current is not None
+        self._held = guards.held_by(inputs)
+        if self._leg.goal_due:
+            self._leg.goal_due = False
+            return (SendGoal(current.pose),)
+        if pose is not None:
+            self._note_motion(pose, inputs, dt_s)
+            if self._leg.arrived(inputs, self._record.stops, self._record.waypoint, dt_s):
+                return self._serve(inputs)
+            if not self._held and self._leg.stalls(pose, current.pose, dt_s):
+                return self._try_failed(pose)
+        return (SendGoal(current.pose),) if self._leg.unconfirmed(self._is_planned(current.pose, inputs), dt_s) else ()
+
+    def _is_planned(self, goal: Pose2, inputs: Inputs) -> bool:
+        end = inputs.plan_end
+        return end is not None and end.distance_to(goal) <= self._params.position_tolerance_m
+
+    def _note_motion(self, pose: Pose2, inputs: Inputs, dt_s: float) -> None:
+        if self._record.start is None:
+            self._record = replace(self._record, start=pose)
+        twist = inputs.twist
+        if twist is not None and twist.is_finite() and twist.speed() > self._params.standstill_speed_mps:
+            self._speed.update(twist.speed(), dt_s)
+
+    def _serve(self, inputs: Inputs) -> tuple[Effect, ...]:
+        """The waypoint is reached."""
+        current = self._record.current
+        assert current is not None
+        if current.action.wait_s > 0.0:
+            return (self._change(Trigger.WAIT_HERE, self._record, ""),)
+        return self._next(inputs)
+
+    def _wait(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
+        current = self._record.current
+        assert current is not None
+        self._leg.waited_s += dt_s
+        return self._next(inputs) if self._leg.waited_s >= current.action.wait_s else ()
+
+    def _next(self, inputs: Inputs) -> tuple[Effect, ...]:
+        record = replace(self._record, waypoint=self._record.waypoint + 1, failed_tries=0)
+        if record.current is None and self._should_go_home(inputs):
+            record = replace(record, homeward=True)
+        if record.current is not None:
+            return self._go(Trigger.NEXT, record)
+        return self._stand(Trigger.DONE, "", record)
+
+    def _should_go_home(self, inputs: Inputs) -> bool:
+        record = self._record
+        if record.mission is None or record.homeward or record.passenger_attached or not self._battery_low(inputs):
+            return False
+        last = record.mission.waypoints[-1].pose
+        return last.distance_to(record.mission.home.pose) > self._params.home_radius_m
+
+    def _try_failed(self, pose: Pose2) -> tuple[Effect, ...]:
+        current = self._record.current
+        assert current is not None
+        failed = self._record.failed_tries + 1
+        record = replace(self._record, failed_tries=failed)
+        left = f"{pose.distance_to(current.pose):.2f} m before waypoint {current.name!r}"
+        timeout_s, tries = self._params.progress_timeout_s, self._params.tries
+        reason = f"no progress for {timeout_s:.0f} s, {left}, try {failed} of {tries}"
+        if failed >= self._params.tries:
+            return self._stand(Trigger.GAVE_UP, reason, record)
+        # The goal is taken away first and given again a tick later, so that navigation plans afresh.
+        return (CancelGoal(), self._change(Trigger.TRY_FAILED, record, reason, goal_due=True))
+
+    def _rest(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
+        """In PAUSED and STOPPED nobody drives: a plan that is still there is taken away again."""
+        if self._record.state not in ACTIVE:
+            return ()
+        return (CancelGoal(),) if self._leg.unconfirmed(inputs.plan_end is None, dt_s) else ()
+
+    def _retry_journal(self, dt_s: float) -> tuple[Effect, ...]:
+        self._since_retry_s += dt_s
+        if not self._unsaved or self._since_retry_s < 1.0 / self._params.status_rate_hz:
+            return ()
+        return (self._save(),)
+
+    def _release_own_stop(self, inputs: Inputs) -> tuple[Effect, ...]:
+        """Once both keys have released the stop, our own latched ``true`` must not reach a node that starts later."""
+        if not self._asserted:
+            return ()
+        self._saw_assertion = self._saw_assertion or inputs.emergency_stop
+        if inputs.emergency_stop or not self._saw_assertion:
+            return ()
+        self._asserted = False
+        return (PublishEmergencyStop(False),)
+
+    def _elapsed(self, now_s: float) -> float:
+        dt_s = now_s - self._now_s
+        self._now_s = now_s
+        return min(dt_s, _LONGEST_STEP_S) if dt_s > 0.0 else 0.0  # NaN and backwards: no time
+
+    def _in_emergency(self, inputs: Inputs) -> bool:
+        return inputs.emergency_stop or self._asserted
+
+    # --- status ------------------------------------------------------------------------------------------------------
+
+    def _report(self, inputs: Inputs, dt_s: float, *, forced: bool) -> tuple[Effect, ...]:
+        record = self._record
+        eta = math.nan if self._held else status.eta_s(record, inputs, self._speed.mps, self._leg.waited_s)
+        # Said once: a pause for the journal's sake has it in its reason already.
+        journal = "" if self._journal_problem in record.reason else self._journal_problem
+        built = status.build(
+            record,
+            self._answer,
+            inputs,
+            reasons=(record.reason, self._held, journal),
+            eta=eta,
+            emergency=self._in_emergency(inputs),
+            low=bool(self._battery_low(inputs)),
+        )
+        return (ev.ReportStatus(built),) if self._reporting.due(built, record, dt_s, forced=forced) else ()

@@ -1,0 +1,61 @@
+"""One try to reach one waypoint: has it arrived, does it make progress, does the navigation controller know?
+
+All times are sums of the ticks' steps, so that a clock that jumps neither ends a wait nor fails a try.
+"""
+
+from __future__ import annotations
+
+import math
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.mission import route
+from robot_stack.mission.events import Inputs
+from robot_stack.mission.model import Waypoint
+from robot_stack.mission.params import MissionParams
+
+
+class Leg:
+    """Volatile state of the current try; a new one is made whenever the mission manager changes its state."""
+
+    __slots__ = ("_best_m", "_params", "goal_due", "settled_s", "stalled_s", "unconfirmed_s", "waited_s")
+
+    def __init__(self, params: MissionParams, *, goal_due: bool = False) -> None:
+        self._params = params
+        self._best_m = math.inf
+        self.settled_s = -1.0
+        self.stalled_s = 0.0
+        self.waited_s = 0.0
+        self.unconfirmed_s = 0.0
+        self.goal_due = goal_due
+
+    def arrived(self, inputs: Inputs, stops: tuple[Waypoint, ...], index: int, dt_s: float) -> bool:
+        """True once the waypoint is reached: passed, or stood at for settle_s. Call once a tick with a known pose."""
+        assert inputs.pose is not None
+        if not route.at_waypoint(inputs.pose, stops, index, self._params):
+            self.settled_s = -1.0
+            return False
+        if not route.must_stand(stops, index):
+            return True
+        if not route.standing(inputs.twist, self._params):
+            self.settled_s = -1.0
+            return False
+        # The first tick that sees it stand starts the time: what was before that tick is not known.
+        self.settled_s = 0.0 if self.settled_s < 0.0 else self.settled_s + dt_s
+        return self.settled_s >= self._params.settle_s
+
+    def stalls(self, pose: Pose2, goal: Pose2, dt_s: float) -> bool:
+        """True once the robot has not come nearer for progress_timeout_s. Call only while it is free to move."""
+        effort_m = route.effort_m(pose, goal, self._params)
+        if effort_m < self._best_m - self._params.progress_min_m:
+            self._best_m, self.stalled_s = effort_m, 0.0
+            return False
+        self.stalled_s += dt_s
+        return self.stalled_s >= self._params.progress_timeout_s
+
+    def unconfirmed(self, as_wished: bool, dt_s: float) -> bool:
+        """True every goal_confirm_s for as long as the navigation controller's plan is not as wished."""
+        self.unconfirmed_s = 0.0 if as_wished else self.unconfirmed_s + dt_s
+        if self.unconfirmed_s < self._params.goal_confirm_s:
+            return False
+        self.unconfirmed_s = 0.0
+        return True

@@ -1,0 +1,93 @@
+"""Carries out what the kernel decides, through ports: the one place where the order of effects becomes real."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.mission.events import (
+    CancelGoal,
+    Effect,
+    Event,
+    Inputs,
+    JournalFailed,
+    PublishEmergencyStop,
+    ReportStatus,
+    SaveRecord,
+    SendGoal,
+    Status,
+)
+from robot_stack.mission.kernel import MissionKernel
+from robot_stack.mission.record import Record
+
+
+class JournalError(Exception):
+    """The journal cannot be read or written now. The message is one line for people."""
+
+
+class JournalDamaged(Exception):
+    """The journal's content makes no sense. It has been moved aside; the message says where to."""
+
+
+class Journal(Protocol):
+    """Keeps one record across a power cut."""
+
+    def load(self) -> Record:
+        """The record saved last, an empty one if none was. Raises JournalError or JournalDamaged."""
+        ...
+
+    def save(self, record: Record) -> None:
+        """Returns once the record is safe on the disk. Raises JournalError; then the record before is still there."""
+        ...
+
+
+class Outputs(Protocol):
+    """What the mission manager does to the world. None of these fails."""
+
+    def send_goal(self, pose: Pose2) -> None: ...
+    def cancel_goal(self) -> None: ...
+    def publish_emergency_stop(self, active: bool) -> None: ...
+    def report(self, status: Status) -> None: ...
+
+
+class Performer:
+    """Feeds events to a kernel and performs the effects in their order."""
+
+    def __init__(self, kernel: MissionKernel, journal: Journal, outputs: Outputs) -> None:
+        self._kernel = kernel
+        self._journal = journal
+        self._outputs = outputs
+
+    def start_up(self, inputs: Inputs, now_s: float) -> None:
+        self._perform(self._kernel.start_up(inputs), inputs, now_s)
+
+    def handle(self, event: Event, inputs: Inputs, now_s: float) -> None:
+        self._perform(self._kernel.step(event, inputs, now_s), inputs, now_s)
+
+    def _perform(self, effects: tuple[Effect, ...], inputs: Inputs, now_s: float) -> None:
+        for effect in effects:
+            match effect:
+                case SaveRecord(record):
+                    try:
+                        self._journal.save(record)
+                    except JournalError as error:
+                        self.handle(JournalFailed(str(error)), inputs, now_s)
+                        return
+                case SendGoal(pose):
+                    self._outputs.send_goal(pose)
+                case CancelGoal():
+                    self._outputs.cancel_goal()
+                case PublishEmergencyStop(active):
+                    self._outputs.publish_emergency_stop(active)
+                case ReportStatus(status):
+                    self._outputs.report(status)
+
+
+def load_record(journal: Journal) -> tuple[Record, str]:
+    """The journal's record, or an empty one with the problem for people."""
+    try:
+        return journal.load(), ""
+    except JournalDamaged as error:
+        return Record(), f"{error}; a mission may have been under way"
+    except JournalError as error:
+        return Record(), f"the journal cannot be read: {error}"

@@ -1,0 +1,71 @@
+"""What the mission manager must not forget: the content of its journal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.mission.model import Action, Kind, Mission, Waypoint
+from robot_stack.mission.states import ACTIVE, State, Trigger, target_of
+
+HOME_NAME = "home"
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """The mission manager's state as journaled.
+
+    mission: as it was when it started, whatever became of its file; None in IDLE.
+    waypoint: index of the waypoint being driven to or served; equal to the number of stops once COMPLETED.
+    failed_tries: tries of this waypoint that made no progress.
+    homeward: the way home follows the mission's own waypoints.
+    start: pose at which the mission was started, map frame; None until a pose was known.
+    reason: why the state is what it is, for people.
+    """
+
+    state: State = State.IDLE
+    mission: Mission | None = None
+    waypoint: int = 0
+    failed_tries: int = 0
+    homeward: bool = False
+    passenger_attached: bool = False
+    start: Pose2 | None = None
+    reason: str = ""
+
+    @property
+    def stops(self) -> tuple[Waypoint, ...]:
+        """The mission's waypoints, and home as the last if the robot is sent there."""
+        if self.mission is None:
+            return ()
+        if not self.homeward:
+            return self.mission.waypoints
+        home = self.mission.home
+        action = Action.model_validate(Kind.PARK.value)
+        return (*self.mission.waypoints, Waypoint(x=home.x, y=home.y, yaw=home.yaw, name=HOME_NAME, action=action))
+
+    @property
+    def current(self) -> Waypoint | None:
+        """The waypoint being driven to or served."""
+        return self.stops[self.waypoint] if self.waypoint < len(self.stops) else None
+
+
+def problem_of(record: Record) -> str:
+    """Why a record cannot be, empty if it can: a journal is only believed when it makes sense."""
+    if record.state in ACTIVE and record.mission is None:
+        return f"state {record.state.value} without a mission"
+    if record.state in ACTIVE and not 0 <= record.waypoint < len(record.stops):
+        return f"waypoint {record.waypoint} of {len(record.stops)}"
+    if record.start is not None and not record.start.is_finite():
+        return "start pose is not finite"
+    return ""
+
+
+def restored(record: Record) -> Record:
+    """What a restart makes of the journal: an active mission comes back PAUSED, one that ended does not come back."""
+    if record.state not in ACTIVE:
+        return Record(passenger_attached=record.passenger_attached)
+    target = target_of(State.IDLE, Trigger.RESTORED)
+    assert target is not None
+    where = record.current.name if record.current else ""
+    reason = f"restarted while {record.state.value} on the way to {where!r}; RESUME goes on, ABORT ends the mission"
+    return replace(record, state=target, reason=reason)

@@ -1,0 +1,85 @@
+"""What the mission manager tells: the content of /mission/status, and when it has to be sent."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from robot_stack.mission import route
+from robot_stack.mission.display import display_of
+from robot_stack.mission.events import Inputs, Status
+from robot_stack.mission.guards import finite
+from robot_stack.mission.record import Record
+from robot_stack.mission.states import ACTIVE, UNDER_WAY, State
+
+# Below this mean speed an ETA would be a guess about an obstacle.
+_SLOWEST_ETA_MPS = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """To the last command: its name, and why it was refused (empty if it was not)."""
+
+    command: str = ""
+    refusal: str = ""
+
+
+def progress(record: Record, inputs: Inputs) -> float:
+    """Share of the route done, [0, 1]."""
+    if record.mission is None:
+        return 0.0
+    return route.progress(record.start, finite(inputs.pose), record.stops, record.waypoint)
+
+
+def eta_s(record: Record, inputs: Inputs, mean_speed_mps: float, waited_s: float) -> float:
+    """Time to the end of the mission from the length left, the mean speed and the waits; NaN while unknown."""
+    pose = finite(inputs.pose)
+    if record.state not in UNDER_WAY or pose is None or not mean_speed_mps >= _SLOWEST_ETA_MPS:
+        return math.nan
+    waits_s = max(0.0, route.waiting_s(record.stops, record.waypoint) - waited_s)
+    return route.remaining_m(pose, record.stops, record.waypoint) / mean_speed_mps + waits_s
+
+
+def build(
+    record: Record, answer: Answer, inputs: Inputs, *, reasons: tuple[str, ...], eta: float, emergency: bool, low: bool
+) -> Status:
+    """The status: ``reasons`` are joined for people, ``low`` means a low battery."""
+    # STOPPED has no constant of its own in MissionStatus: the mission is paused, and the reason says why.
+    state = State.PAUSED if record.state is State.STOPPED else record.state
+    return Status(
+        state=state.value,
+        mission=record.mission,
+        current_waypoint=record.current.name if record.current else "",
+        waypoints_completed=min(record.waypoint, len(record.stops)),
+        total_waypoints=len(record.stops),
+        progress=progress(record, inputs),
+        eta_s=eta,
+        passenger_attached=record.passenger_attached,
+        reason="; ".join(filter(None, (answer.refusal, *reasons))),
+        last_command=answer.command,
+        last_command_accepted=bool(answer.command) and not answer.refusal,
+        display=int(display_of(record, inputs, emergency=emergency, battery_low=low)),
+    )
+
+
+class Reporting:
+    """Decides when a status is sent: at once when more than its numbers changed, periodically while active."""
+
+    def __init__(self, period_s: float) -> None:
+        # A hair less than the period: ticks are not exact, and a late one would cost a whole tick more.
+        self._period_s = period_s - 1e-3
+        self._since_s = 0.0
+        self._sent: Status | None = None
+
+    def due(self, status: Status, record: Record, dt_s: float, *, forced: bool) -> bool:
+        """True if ``status`` is to be sent now; then it counts as sent."""
+        self._since_s += dt_s
+        periodic = record.state in ACTIVE and self._since_s >= self._period_s
+        if not (forced or periodic or self._sent is None or _without_numbers(self._sent) != _without_numbers(status)):
+            return False
+        self._since_s, self._sent = 0.0, status
+        return True
+
+
+def _without_numbers(status: Status) -> Status:
+    return replace(status, progress=0.0, eta_s=0.0)
