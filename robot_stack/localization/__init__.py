@@ -1,0 +1,1 @@
+"""Where the robot is: wheel odometry and gyro fused into the pose in map."""

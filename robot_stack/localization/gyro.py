@@ -1,0 +1,150 @@
+"""From samples of the yaw gyro to the angle turned between two moments.
+
+The angle is integrated once, without gaps, and increments are differences of it: an odometry message that comes before
+the gyro samples of its own last milliseconds is served from a held rate, and the next increment makes that good.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from robot_stack.localization.params import GyroParams
+
+# Weight of a new sample in the running estimate of the scatter: about 50 samples of memory.
+_SCATTER_WEIGHT = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class ImuSample:
+    """One reading of the IMU: yaw rate about base_link's z, rad/s, and every number of the message as its signature."""
+
+    stamp_s: float
+    yaw_rate_radps: float
+    signature: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class GyroIncrement:
+    """Angle turned in an interval, bias included, rad, and the variance of its noise, rad2."""
+
+    angle_rad: float
+    variance_rad2: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Knot:
+    stamp_s: float
+    rate_radps: float
+    angle_rad: float
+    piece: int  # counts up at every gap: angles of two pieces have no difference
+
+
+class GyroIntegrator:
+    """Integrates samples (trapezoids) and hands out increments between the times asked for, one after the other."""
+
+    def __init__(self, params: GyroParams) -> None:
+        self._params = params
+        self._knots: deque[_Knot] = deque()
+        self._taken: _Knot | None = None
+        self._piece = 0
+        self._signature: tuple[float, ...] = ()
+        self._repeats = 0
+        self._backward = 0
+        self._rates: deque[float] = deque(maxlen=3)
+        self._scatter_radps2 = params.noise_radps**2
+        self._period_s = params.hold_s
+
+    @property
+    def frozen(self) -> bool:
+        """True while the sensor repeats itself to the last bit, which no living sensor does."""
+        return self._repeats >= self._params.frozen_samples
+
+    @property
+    def noise_radps(self) -> float:
+        """Noise of one sample: the configured one, or what the samples show if that is more."""
+        return max(self._params.noise_radps, math.sqrt(self._scatter_radps2))
+
+    def clear(self) -> None:
+        """Forgets all samples, e.g. after a restart of the clock. The next increment needs two new ends."""
+        self._knots.clear()
+        self._rates.clear()
+        self._taken = None
+        self._piece += 1
+        self._backward = 0
+
+    def add(self, sample: ImuSample) -> str:
+        """Takes a sample; returns why it was refused, else an empty text."""
+        if not math.isfinite(sample.stamp_s) or not math.isfinite(sample.yaw_rate_radps):
+            return f"/sensors/imu angular_velocity.z is not finite: {sample.yaw_rate_radps}"
+        if abs(sample.yaw_rate_radps) > self._params.max_rate_radps:
+            limit = self._params.max_rate_radps
+            return f"/sensors/imu angular_velocity.z is {sample.yaw_rate_radps}, limit {limit} rad/s"
+        self._count_repeats(sample.signature)
+        if self.frozen:
+            self.clear()
+            return f"/sensors/imu frozen: {self._repeats} equal samples"
+        if self._knots and sample.stamp_s <= self._knots[-1].stamp_s:
+            self._backward += 1
+            if self._backward >= self._params.frozen_samples:  # not one late message: the clock was set back
+                self.clear()
+            return "/sensors/imu stamp does not advance"
+        self._backward = 0
+        self._observe_scatter(sample.yaw_rate_radps)
+        self._append(sample)
+        return ""
+
+    def take(self, until_s: float) -> GyroIncrement | None:
+        """The angle from the last time asked for to ``until_s``; None where the samples do not cover that."""
+        end = self._at(until_s)
+        start, self._taken = self._taken, end
+        if start is None or end is None or start.piece != end.piece:
+            return None
+        variance_rad2 = self.noise_radps**2 * self._period_s * (end.stamp_s - start.stamp_s)
+        return GyroIncrement(end.angle_rad - start.angle_rad, variance_rad2)
+
+    def _count_repeats(self, signature: tuple[float, ...]) -> None:
+        self._repeats = self._repeats + 1 if signature == self._signature else 0
+        self._signature = signature
+
+    def _observe_scatter(self, rate_radps: float) -> None:
+        # The second difference of white noise has six times its variance; a turning robot's own rate, smooth over
+        # 20 ms, all but cancels in it.
+        self._rates.append(rate_radps)
+        if len(self._rates) == 3:
+            first, second, third = self._rates
+            self._scatter_radps2 += _SCATTER_WEIGHT * ((first - 2.0 * second + third) ** 2 / 6.0 - self._scatter_radps2)
+
+    def _append(self, sample: ImuSample) -> None:
+        angle_rad = 0.0
+        if self._knots:
+            last = self._knots[-1]
+            dt_s = sample.stamp_s - last.stamp_s
+            if dt_s > self._params.hold_s:
+                self._piece += 1
+            else:
+                self._period_s = dt_s
+                angle_rad = last.angle_rad + 0.5 * (last.rate_radps + sample.yaw_rate_radps) * dt_s
+        self._knots.append(_Knot(sample.stamp_s, sample.yaw_rate_radps, angle_rad, self._piece))
+        self._forget(sample.stamp_s)
+
+    def _forget(self, now_s: float) -> None:
+        # Odometry comes at 50 Hz: a second of knots is plenty, and bounds the memory if it falls silent.
+        while now_s - self._knots[0].stamp_s > 1.0:
+            self._knots.popleft()
+
+    def _at(self, time_s: float) -> _Knot | None:
+        if not self._knots or time_s < self._knots[0].stamp_s or time_s > self._knots[-1].stamp_s + self._params.hold_s:
+            return None
+        before = next(knot for knot in reversed(self._knots) if knot.stamp_s <= time_s)
+        after = next((knot for knot in self._knots if knot.stamp_s > time_s), None)
+        if after is None:
+            held_rad = before.rate_radps * (time_s - before.stamp_s)
+            return _Knot(time_s, before.rate_radps, before.angle_rad + held_rad, before.piece)
+        if after.piece != before.piece:
+            return None
+        share = (time_s - before.stamp_s) / (after.stamp_s - before.stamp_s)
+        rate_radps = before.rate_radps + share * (after.rate_radps - before.rate_radps)
+        angle_rad = before.angle_rad + 0.5 * (before.rate_radps + rate_radps) * (time_s - before.stamp_s)
+        return _Knot(time_s, rate_radps, angle_rad, before.piece)

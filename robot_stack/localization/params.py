@@ -1,0 +1,79 @@
+"""Parameters of the localization node, ``config/localization.yaml``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from robot_stack.core.config import Config
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Share = Annotated[float, Field(gt=0.0, le=1.0)]
+
+
+class OdometryParams(Config):
+    """How far the increments of ``/odom`` are believed, beside the covariance that comes with them."""
+
+    position_growth_m_per_sqrt_m: NotNegative
+    yaw_growth_rad_per_sqrt_m: NotNegative
+    yaw_growth_rad_per_sqrt_rad: NotNegative
+    max_gap_s: Positive
+    max_speed_factor: Annotated[float, Field(ge=1.0)]
+    jump_tolerance_m: Positive
+    jump_tolerance_rad: Positive
+    clock_restart_s: Positive
+
+
+class GyroParams(Config):
+    """The yaw gyro."""
+
+    noise_radps: Positive
+    bias_sigma_radps: Positive
+    bias_walk_radps_per_sqrt_s: NotNegative
+    max_rate_radps: Positive
+    hold_s: Positive
+    frozen_samples: Annotated[int, Field(ge=2)]
+    disagreement_sigmas: Positive
+
+
+class StandstillParams(Config):
+    """When the robot counts as standing, so that the gyro may only show its bias."""
+
+    after_s: Positive
+    max_speed_mps: Positive
+    max_yaw_rate_radps: Positive
+    max_gyro_radps: Positive
+
+
+class QualityParams(Config):
+    """The scale of ``/localization/quality``, see :func:`robot_stack.localization.quality.quality`."""
+
+    position_half_sigma_m: Positive
+    yaw_half_sigma_rad: Positive
+    without_gyro_factor: Share
+    odometry_fresh_s: Positive
+    odometry_silent_s: Positive
+
+    @model_validator(mode="after")
+    def _fresh_before_silent(self) -> QualityParams:
+        if self.odometry_fresh_s >= self.odometry_silent_s:
+            raise ValueError("odometry_fresh_s must be smaller than odometry_silent_s")
+        return self
+
+
+class LocalizationParams(Config):
+    """Everything the node can be told."""
+
+    start_x_m: float
+    start_y_m: float
+    start_yaw_rad: float
+    start_position_sigma_m: Positive
+    start_yaw_sigma_rad: Positive
+    correction_gate_sigmas: Positive
+    history_s: Positive
+    odometry: OdometryParams
+    gyro: GyroParams
+    standstill: StandstillParams
+    quality: QualityParams

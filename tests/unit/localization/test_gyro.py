@@ -1,0 +1,135 @@
+"""Angles from gyro samples."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_stack.localization.gyro import GyroIntegrator, ImuSample
+from tests.unit.localization.stories import params
+
+
+def sample(stamp_s: float, rate: float) -> ImuSample:
+    return ImuSample(stamp_s, rate, (stamp_s, rate))
+
+
+def integrator() -> GyroIntegrator:
+    return GyroIntegrator(params().gyro)
+
+
+def test_constant_rate() -> None:
+    gyro = integrator()
+    for i in range(11):
+        gyro.add(sample(i * 0.01, 0.5))
+    assert gyro.take(0.0) is None  # the first call only sets the beginning
+    increment = gyro.take(0.1)
+    assert increment is not None
+    assert increment.angle_rad == pytest.approx(0.05)
+    # Noise of 0.003 rad/s per sample of 10 ms over 0.1 s: 0.003^2 * 0.01 * 0.1.
+    assert increment.variance_rad2 == pytest.approx(9e-9)
+
+
+def test_linear_rate_is_integrated_exactly_between_samples() -> None:
+    gyro = integrator()
+    for i in range(11):
+        gyro.add(sample(i * 0.01, i * 0.01))  # rate = t
+    gyro.take(0.005)
+    increment = gyro.take(0.095)
+    assert increment is not None
+    assert increment.angle_rad == pytest.approx(0.5 * (0.095**2 - 0.005**2))
+
+
+def test_a_held_rate_is_made_good_by_the_next_increment() -> None:
+    gyro = integrator()
+    gyro.add(sample(0.0, 0.0))
+    gyro.add(sample(0.01, 1.0))
+    gyro.take(0.0)
+    first = gyro.take(0.02)  # held at 1.0 from 0.01 on
+    gyro.add(sample(0.02, 3.0))
+    gyro.add(sample(0.03, 3.0))
+    second = gyro.take(0.03)
+    assert first is not None and second is not None
+    assert first.angle_rad == pytest.approx(0.005 + 0.01)
+    # The whole: 0.005 + (1 + 3) / 2 * 0.01 + 3 * 0.01.
+    assert first.angle_rad + second.angle_rad == pytest.approx(0.005 + 0.02 + 0.03)
+
+
+def test_gap_gives_nothing_and_then_goes_on() -> None:
+    gyro = integrator()
+    gyro.add(sample(0.0, 1.0))
+    gyro.add(sample(0.01, 1.0))
+    gyro.take(0.01)
+    assert gyro.take(0.2) is None
+    gyro.add(sample(0.3, 1.0))
+    gyro.add(sample(0.31, 1.0))
+    assert gyro.take(0.3) is None
+    increment = gyro.take(0.31)
+    assert increment is not None
+    assert increment.angle_rad == pytest.approx(0.01)
+
+
+def test_no_increment_across_a_gap() -> None:
+    gyro = integrator()
+    gyro.add(sample(0.0, 1.0))
+    gyro.take(0.0)
+    gyro.add(sample(0.5, 1.0))
+    assert gyro.take(0.5) is None
+
+
+def test_equal_samples_are_a_frozen_sensor() -> None:
+    gyro = integrator()
+    for i in range(11):
+        assert gyro.add(ImuSample(i * 0.01, 0.1, (0.1, 9.81))) == "" or i == 10
+    assert gyro.frozen
+    assert gyro.take(0.1) is None
+    assert gyro.add(ImuSample(0.11, 0.1, (0.1, 9.82))) == ""
+    assert not gyro.frozen
+
+
+@pytest.mark.parametrize(("rate", "word"), [(math.nan, "not finite"), (math.inf, "not finite"), (11.0, "limit 10")])
+def test_bad_rates_are_refused_by_name(rate: float, word: str) -> None:
+    assert word in integrator().add(sample(0.0, rate))
+
+
+def test_one_late_sample_is_dropped_but_a_clock_set_back_is_followed() -> None:
+    gyro = integrator()
+    gyro.add(sample(50.0, 0.0))
+    assert "stamp" in gyro.add(sample(49.99, 0.0))
+    for i in range(20):
+        gyro.add(sample(1.0 + 0.01 * i, 0.2))
+    gyro.take(1.15)
+    increment = gyro.take(1.19)
+    assert increment is not None
+    assert increment.angle_rad == pytest.approx(0.2 * 0.04)
+
+
+def test_a_noisy_gyro_is_believed_less() -> None:
+    gyro = integrator()
+    for i in range(300):
+        gyro.add(sample(0.01 * i, 0.2 if i % 2 else -0.2))
+    # Second differences of +-0.8 rad/s: sqrt(0.64 / 6) = 0.327 rad/s.
+    assert gyro.noise_radps == pytest.approx(0.327, rel=0.02)
+
+
+def test_a_swift_turn_is_no_noise() -> None:
+    gyro = integrator()
+    for i in range(300):
+        gyro.add(sample(0.01 * i, math.sin(0.01 * i * 4.0)))
+    assert gyro.noise_radps == pytest.approx(0.003)
+
+
+@given(st.lists(st.floats(-5.0, 5.0), min_size=20, max_size=60), st.data())
+def test_increments_add_up_however_time_is_cut(rates: list[float], data: st.DataObject) -> None:
+    gyro = integrator()
+    for i, rate in enumerate(rates):
+        gyro.add(ImuSample(0.01 * i, rate, (i, rate)))
+    end_s = 0.01 * (len(rates) - 1)
+    cuts = sorted(data.draw(st.lists(st.floats(0.0, end_s), max_size=8)))
+    whole = sum(0.005 * (a + b) for a, b in zip(rates, rates[1:], strict=False))
+    gyro.take(0.0)
+    parts = [gyro.take(cut) for cut in [*cuts, end_s]]
+    assert all(part is not None for part in parts)
+    assert sum(part.angle_rad for part in parts if part) == pytest.approx(whole, abs=1e-9)
