@@ -79,12 +79,11 @@ class GyroIntegrator:
         if not math.isfinite(sample.stamp_s) or not math.isfinite(sample.yaw_rate_radps):
             return f"/sensors/imu angular_velocity.z is not finite: {sample.yaw_rate_radps}"
         if abs(sample.yaw_rate_radps) > self._params.max_rate_radps:
-            limit = self._params.max_rate_radps
-            return f"/sensors/imu angular_velocity.z is {sample.yaw_rate_radps}, limit {limit} rad/s"
+            return f"/sensors/imu angular_velocity.z is beyond its limit of {self._params.max_rate_radps} rad/s"
         self._count_repeats(sample.signature)
         if self.frozen:
             self.clear()
-            return f"/sensors/imu frozen: {self._repeats} equal samples"
+            return f"/sensors/imu frozen: {self._params.frozen_samples} or more equal samples"
         if self._knots and sample.stamp_s <= self._knots[-1].stamp_s:
             self._backward += 1
             if self._backward >= self._params.frozen_samples:  # not one late message: the clock was set back

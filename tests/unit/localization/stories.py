@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robot_stack.core.config import load
-from robot_stack.core.geometry import IDENTITY, Pose2, Twist2, exp_se2
+from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
 from robot_stack.localization.gyro import ImuSample
 from robot_stack.localization.localizer import Localizer
 from robot_stack.localization.odometry import OdometryReading
@@ -22,7 +22,9 @@ def params(**overrides: object) -> LocalizationParams:
     return load(LocalizationParams, "localization", overrides)
 
 
-def reading(stamp_s: float, pose: Pose2 = IDENTITY, twist: Twist2 = Twist2(0.0, 0.0, 0.0), **changes: object) -> OdometryReading:
+def reading(
+    stamp_s: float, pose: Pose2 = IDENTITY, twist: Twist2 = ZERO_TWIST, **changes: object
+) -> OdometryReading:
     values = {"pose_variance": PERFECT, "twist_variance": PERFECT, **changes}
     return OdometryReading(stamp_s, pose, twist, **values)  # type: ignore[arg-type]
 
@@ -49,7 +51,7 @@ class Story:
 
     def drive(self, twist: Twist2, seconds: float) -> Story:
         if not self.begun:  # the first reading is taken at rest, where the start pose is
-            self.localizer.on_odometry(self.odometry(Twist2(0.0, 0.0, 0.0)), self.t_s)
+            self.localizer.on_odometry(self.odometry(ZERO_TWIST), self.t_s)
             self.begun = True
         for _ in range(round(seconds / IMU_S)):
             self._half_step(twist)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
@@ -51,7 +52,8 @@ def test_a_held_rate_is_made_good_by_the_next_increment() -> None:
     gyro.add(sample(0.02, 3.0))
     gyro.add(sample(0.03, 3.0))
     second = gyro.take(0.03)
-    assert first is not None and second is not None
+    assert first is not None
+    assert second is not None
     assert first.angle_rad == pytest.approx(0.005 + 0.01)
     # The whole: 0.005 + (1 + 3) / 2 * 0.01 + 3 * 0.01.
     assert first.angle_rad + second.angle_rad == pytest.approx(0.005 + 0.02 + 0.03)
@@ -89,7 +91,7 @@ def test_equal_samples_are_a_frozen_sensor() -> None:
     assert not gyro.frozen
 
 
-@pytest.mark.parametrize(("rate", "word"), [(math.nan, "not finite"), (math.inf, "not finite"), (11.0, "limit 10")])
+@pytest.mark.parametrize(("rate", "word"), [(math.nan, "not finite"), (math.inf, "not finite"), (11.0, "limit of 10")])
 def test_bad_rates_are_refused_by_name(rate: float, word: str) -> None:
     assert word in integrator().add(sample(0.0, rate))
 
@@ -128,7 +130,7 @@ def test_increments_add_up_however_time_is_cut(rates: list[float], data: st.Data
         gyro.add(ImuSample(0.01 * i, rate, (i, rate)))
     end_s = 0.01 * (len(rates) - 1)
     cuts = sorted(data.draw(st.lists(st.floats(0.0, end_s), max_size=8)))
-    whole = sum(0.005 * (a + b) for a, b in zip(rates, rates[1:], strict=False))
+    whole = sum(0.005 * (a + b) for a, b in itertools.pairwise(rates))
     gyro.take(0.0)
     parts = [gyro.take(cut) for cut in [*cuts, end_s]]
     assert all(part is not None for part in parts)

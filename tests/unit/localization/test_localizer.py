@@ -46,7 +46,8 @@ def test_start_pose_comes_from_the_parameters() -> None:
 def test_map_to_odom_joins_pose_and_odometry() -> None:
     ride = story(wheel_scale=0.9, params={"start_x_m": 3.0}).drive(STAND, 1.0).drive(CURVE, 4.0)
     estimate = ride.localizer.estimate(ride.t_s)
-    assert estimate.map_to_odom is not None and estimate.pose is not None
+    assert estimate.map_to_odom is not None
+    assert estimate.pose is not None
     joined = estimate.map_to_odom.compose(ride.wheels)
     assert joined.distance_to(estimate.pose) < 1e-9
 
@@ -74,10 +75,12 @@ def test_wheels_that_scrub_in_turns_are_outweighed_by_the_gyro() -> None:
 
 
 def test_slip_told_by_the_covariance_raises_the_uncertainty() -> None:
-    sure = story().drive(AHEAD, 5.0)
-    slipping = story(twist_variance=(0.5, 0.5, 0.5)).drive(AHEAD, 5.0)
-    assert slipping.localizer.estimate(slipping.t_s).position_sigma_m > 2.0 * sure.localizer.estimate(sure.t_s).position_sigma_m
-    assert slipping.localizer.estimate(slipping.t_s).quality < sure.localizer.estimate(sure.t_s).quality
+    ride = story().drive(AHEAD, 5.0)
+    sure = ride.localizer.estimate(ride.t_s)
+    ride = story(twist_variance=(0.5, 0.5, 0.5)).drive(AHEAD, 5.0)
+    slipping = ride.localizer.estimate(ride.t_s)
+    assert slipping.position_sigma_m > 2.0 * sure.position_sigma_m
+    assert slipping.quality < sure.quality
 
 
 def test_silent_imu_lowers_quality_and_wheels_go_on() -> None:
@@ -86,7 +89,8 @@ def test_silent_imu_lowers_quality_and_wheels_go_on() -> None:
     ride.imu_on = False
     ride.drive(AHEAD, 2.0)
     after = ride.localizer.estimate(ride.t_s)
-    assert before.gyro_used and not after.gyro_used
+    assert before.gyro_used
+    assert not after.gyro_used
     assert 0.5 < after.quality < before.quality
     assert "/sensors/imu missing: yaw from the wheels alone" in after.faults
     assert ride.error_m() < 0.02
@@ -117,7 +121,8 @@ def test_nan_of_the_imu_never_reaches_the_pose() -> None:
         ride.localizer.on_imu(ImuSample(ride.t_s + 0.01, math.nan, (math.nan,)))
         ride.drive(AHEAD, 0.01)
     estimate = ride.localizer.estimate(ride.t_s)
-    assert estimate.pose is not None and estimate.pose.is_finite()
+    assert estimate.pose is not None
+    assert estimate.pose.is_finite()
     assert math.isfinite(estimate.quality)
     assert any("not finite" in fault for fault in estimate.faults)
 
@@ -130,7 +135,8 @@ def test_silent_odometry_fades_the_quality_then_silences_the_pose() -> None:
         qualities.append(ride.localizer.estimate(ride.t_s).quality)
         ride.drive(AHEAD, 0.1)
     assert qualities == sorted(qualities, reverse=True)
-    assert qualities[0] > 0.9 and qualities[3] < 0.6
+    assert qualities[0] > 0.9
+    assert qualities[3] < 0.6
     estimate = ride.localizer.estimate(ride.t_s)
     assert estimate.pose is None
     assert estimate.quality == 0.0
@@ -253,7 +259,9 @@ def test_quality_scale() -> None:
 
 
 speeds = st.builds(Twist2, st.floats(-1.5, 1.5), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
-actions = st.sampled_from(["drive", "imu off", "imu on", "imu nan", "odom off", "odom on", "odom reset", "odom nan", "back"])
+actions = st.sampled_from(
+    ["drive", "imu off", "imu on", "imu nan", "odom off", "odom on", "odom reset", "odom nan", "back"]
+)
 
 
 @given(st.lists(st.tuples(actions, speeds), max_size=12))
@@ -279,4 +287,5 @@ def test_whatever_happens_the_answer_is_finite_or_absent(steps: list[tuple[str, 
         if estimate.pose is not None:
             assert estimate.pose.is_finite()
             assert math.isfinite(estimate.stamp_s)
-            assert math.isfinite(estimate.position_sigma_m) and math.isfinite(estimate.yaw_sigma_rad)
+            assert math.isfinite(estimate.position_sigma_m)
+            assert math.isfinite(estimate.yaw_sigma_rad)
