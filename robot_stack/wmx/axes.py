@@ -104,82 +104,93 @@ class StatusSnapshot:
     def communicating(self) -> bool:
         return self.engine_state is EngineState.Communicating
 
+    def _real(self, row: Real) -> FloatRow:
+        values: FloatRow = self.reals[row]
+        return values
+
+    def _code(self, row: Flag) -> IntRow:
+        values: IntRow = self.flags[row]
+        return values
+
+    def _flag(self, row: Flag) -> BoolRow:
+        return np.asarray(self.flags[row] != 0)
+
     @property
     def pos_cmd(self) -> FloatRow:
         """Commanded position, user units."""
-        return self.reals[Real.POS_CMD]
+        return self._real(Real.POS_CMD)
 
     @property
     def actual_pos(self) -> FloatRow:
         """Measured position, user units."""
-        return self.reals[Real.ACTUAL_POS]
+        return self._real(Real.ACTUAL_POS)
 
     @property
     def velocity_cmd(self) -> FloatRow:
         """Commanded velocity, user units per second."""
-        return self.reals[Real.VELOCITY_CMD]
+        return self._real(Real.VELOCITY_CMD)
 
     @property
     def actual_velocity(self) -> FloatRow:
         """Measured velocity, user units per second."""
-        return self.reals[Real.ACTUAL_VELOCITY]
+        return self._real(Real.ACTUAL_VELOCITY)
 
     @property
     def actual_torque(self) -> FloatRow:
         """Measured torque, percent of rated torque."""
-        return self.reals[Real.ACTUAL_TORQUE]
+        return self._real(Real.ACTUAL_TORQUE)
 
     @property
     def servo_on(self) -> BoolRow:
         """The drive reports on."""
-        return self.flags[Flag.SERVO_ON] != 0
+        return self._flag(Flag.SERVO_ON)
 
     @property
     def servo_requested(self) -> BoolRow:
         """A client asked for on; with ``servo_on`` false that is a drive still switching or one that dropped out."""
-        return self.flags[Flag.SERVO_REQUESTED] != 0
+        return self._flag(Flag.SERVO_REQUESTED)
 
     @property
     def amp_alarm(self) -> BoolRow:
         """The drive reports a fault."""
-        return self.flags[Flag.AMP_ALARM] != 0
+        return self._flag(Flag.AMP_ALARM)
 
     @property
     def amp_alarm_code(self) -> IntRow:
         """The drive's own fault number, 0 for none."""
-        return self.flags[Flag.AMP_ALARM_CODE]
+        return self._code(Flag.AMP_ALARM_CODE)
 
     @property
     def following_error_alarm(self) -> BoolRow:
         """Feedback left the command by more than the configured width."""
-        return self.flags[Flag.FOLLOWING_ERROR_ALARM] != 0
+        return self._flag(Flag.FOLLOWING_ERROR_ALARM)
 
     @property
     def op_state(self) -> IntRow:
         """OperationState numbers."""
-        return self.flags[Flag.OP_STATE]
+        return self._code(Flag.OP_STATE)
 
     @property
     def command_mode(self) -> IntRow:
         """AxisCommandMode numbers."""
-        return self.flags[Flag.COMMAND_MODE]
+        return self._code(Flag.COMMAND_MODE)
 
     @property
     def motion_complete(self) -> BoolRow:
         """The last position motion ended normally."""
-        return self.flags[Flag.MOTION_COMPLETE] != 0
+        return self._flag(Flag.MOTION_COMPLETE)
 
     @property
     def in_pos(self) -> BoolRow:
         """Feedback is within the in-position width of the current target."""
-        return self.flags[Flag.IN_POS] != 0
+        return self._flag(Flag.IN_POS)
 
     @property
     def home_done(self) -> BoolRow:
-        return self.flags[Flag.HOME_DONE] != 0
+        return self._flag(Flag.HOME_DONE)
 
     def input_bit(self, byte: int, bit: int) -> bool:
-        """Digital input; False beyond the image, because a lost input must look like a released normally-closed contact."""
+        """Digital input; False beyond the image: a missing input must look like an open contact."""
         return 0 <= byte < self.inputs.size and bool(self.inputs[byte] >> bit & 1)
 
     def output_bit(self, byte: int, bit: int) -> bool:

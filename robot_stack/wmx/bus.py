@@ -22,9 +22,9 @@ MODE_TORQUE: Final = 2
 class DriveCommands:
     """Engine to drives; arrays of length ``n_axes``, except ``outputs``.
 
-    ``position_counts`` and ``velocity_counts_per_s`` are both always valid. In position mode the velocity is feed-forward;
-    in velocity mode the position follows the feedback. With the servo off the position follows the feedback and the
-    velocity is zero. ``clear_alarm`` is held for several cycles by one request.
+    ``position_counts`` and ``velocity_counts_per_s`` are both always valid. In position mode the velocity is
+    feed-forward; in velocity mode the position follows the feedback. With the servo off the position follows the
+    feedback and the velocity is zero. ``clear_alarm`` is held for several cycles by one request.
     """
 
     servo_on: NDArray[np.bool_]

@@ -1,8 +1,8 @@
 """Error codes of the engine's modules, by the vendor's names.
 
-The numbers are those of engine version 3.5; newer versions insert entries, so code compares by name, never by number.
-``PyNone`` is zero: the vendor's Python module cannot call an attribute ``None``. Each module explains only its own codes
-and those of the base; a foreign code is "not defined", as with the vendor.
+The numbers are those of engine version 3.5; newer versions insert entries, so code compares by name, never by
+number. ``PyNone`` is zero: the vendor's Python module cannot call an attribute ``None``. Each module explains only its
+own codes and those of the base; a foreign code is "not defined", as with the vendor.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class CoreMotionErrorCode(IntEnum):
 
 
 class AdvancedMotionErrorCode(IntEnum):
-    """Codes of AdvancedMotion. Their numbers are computed from the order of the vendor's list and seen nowhere in use."""
+    """Codes of AdvancedMotion. Their numbers follow from the order of the vendor's list only."""
 
     SplineStartingPositionNotCurrentPosition = 94210
     TimeBetweenPointsTooClose = 94222

@@ -1,7 +1,8 @@
 """Parameter blocks of an axis and of the system, by the vendor's names.
 
-They hold the fields that the simulated engine honours; the vendor's blocks have more, and the vendor adapter passes those
-through untouched. Defaults are the vendor's, some of them absurd for an axis in radians: a robot's configuration sets them.
+They hold the fields that the simulated engine honours; the vendor's blocks have more, and the vendor adapter passes
+those through untouched. Defaults are the vendor's, some of them absurd for an axis in radians: a robot's configuration
+sets them.
 """
 
 from __future__ import annotations

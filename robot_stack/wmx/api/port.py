@@ -1,10 +1,10 @@
 """The engine port: the vendor library's surface as protocols.
 
-Commands return a code; getters return ``(code, value[, value])``, with zero values on failure; setters of parameter blocks
-return ``(code, block)`` where the block is the one given back. A code of 0 (``ErrorCode.PyNone``) is success. Nothing raises for what the
-engine refuses. Overloads of the C++ library carry suffixes, as in the vendor's Python module: ``_AxisSel`` takes an
-AxisSelection, ``_TimeMilli`` a time in milliseconds. Calls that start motion take one command, or a count and a list of
-commands, which is all-or-nothing.
+Commands return a code; getters return ``(code, value[, value])``, with zero values on failure; setters of parameter
+blocks return ``(code, block)`` where the block is the one given. A code of 0 (``ErrorCode.PyNone``) is success. Nothing
+raises for what the engine refuses. Overloads of the C++ library carry suffixes, as in the vendor's Python module:
+``_AxisSel`` takes an AxisSelection, ``_TimeMilli`` a time in milliseconds. Calls that start motion take one command, or
+a count and a list of commands, which is all-or-nothing.
 
 An object belongs to one thread at a time. The ``Wait`` calls block; call them from no executor thread.
 """
@@ -64,7 +64,7 @@ class WMX3Api(Protocol):
     def GetDeviceID(self) -> tuple[int, int]: ...
     def GetAllDevices(self) -> tuple[int, DevicesInfo]: ...
     def SetWatchdog(self, milliseconds: int) -> int:
-        """After so long without any call of this device its axes are stopped; 0 switches it off. GetStatus is no call."""
+        """So long without any call of this device stops its axes; 0 switches it off. GetStatus is no call."""
         ...
 
     def GetWatchdog(self) -> tuple[int, int, int]: ...
@@ -215,7 +215,7 @@ class CoreMotion(Protocol):
     @property
     def config(self) -> Config: ...
     def GetStatus(self) -> tuple[int, CoreMotionStatus]:
-        """The latest status, read without a round trip. A code other than 0 means: stale or unreadable, do not use it."""
+        """The latest status, read without a round trip. A code other than 0: stale or unreadable, do not use it."""
         ...
 
     def ExecEStop(self, level: int) -> int:

@@ -1,0 +1,157 @@
+"""The engine's configuration, ``config/wmx_engine.yaml``: cycle, axes, stops, alarms, I/O.
+
+Axes share a handful of kinds (the robot has two: drive and steer), so the file describes kinds and lists the axes by
+kind. User unit is rad throughout.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from robot_stack.core.config import Config, load
+from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Bit = Annotated[int, Field(ge=0, lt=8)]
+
+
+class FollowingError(Config):
+    """When command and feedback part. A width of 0 switches that check off; ``quick_stop`` false only reports."""
+
+    moving_rad: NotNegative
+    stopped_rad: NotNegative
+    velocity_moving_radps: NotNegative
+    velocity_stopped_radps: NotNegative
+    velocity_time_s: NotNegative
+    quick_stop: bool
+
+
+class SoftLimits(Config):
+    """Travel of a homed axis. ``dec_radps2`` decelerates an axis that runs into one."""
+
+    negative_rad: float
+    positive_rad: float
+    dec_radps2: Positive
+
+    @model_validator(mode="after")
+    def _in_order(self) -> SoftLimits:
+        if self.negative_rad >= self.positive_rad:
+            raise ValueError("negative_rad must be below positive_rad")
+        return self
+
+
+class AxisKind(Config):
+    """One kind of axis. Encoder counts = rad * gear_numerator / gear_denominator * polarity."""
+
+    mode: Literal["position", "velocity"]
+    gear_numerator: Annotated[float, Field(ge=1e-6, le=2147483647.0)]
+    gear_denominator: Annotated[float, Field(ge=1e-6, le=2147483647.0)]
+    polarity: Literal[1, -1]
+    absolute_encoder: bool
+    home_offset_rad: float
+    in_pos_width_rad: Positive
+    pos_set_width_rad: Positive
+    quick_stop_dec_radps2: Positive
+    estop_dec_radps2: Positive
+    servo_off_during_alarm: bool
+    following_error: FollowingError
+    soft_limits: SoftLimits | None
+
+    @property
+    def counts_per_rad(self) -> float:
+        """Signed by the polarity."""
+        return self.polarity * self.gear_numerator / self.gear_denominator
+
+
+class Axis(Config):
+    name: Annotated[str, Field(min_length=1)]
+    kind: str
+
+
+class EStopSignal(Config):
+    """An input bit that stops the engine by itself. ``active`` is the bit's value when pressed."""
+
+    enabled: bool
+    byte: Annotated[int, Field(ge=0, lt=MAX_IO_BYTES)]
+    bit: Bit
+    active: Literal[0, 1]
+    level: Literal["level1", "final"]
+
+
+class Timing(Config):
+    """How long the engine takes over things, in cycles."""
+
+    servo_on_delay_cycles: Annotated[int, Field(ge=0)]
+    clear_alarm_cycles: Annotated[int, Field(ge=1)]
+    communication_start_cycles: Annotated[int, Field(ge=1)]
+    bus_lost_cycles: Annotated[int, Field(ge=1)]
+    shutdown_cycles: Annotated[int, Field(ge=1)]
+
+
+class Server(Config):
+    """The engine process towards its clients."""
+
+    create_device_s: NotNegative
+    pause_publish_s: Positive
+    max_clients: Annotated[int, Field(ge=1, le=256)]
+    shutdown_stop_s: NotNegative
+
+
+class EngineConfig(Config):
+    """The whole file. ``n_axes`` is the number of axes listed."""
+
+    cycle_time_s: Annotated[float, Field(gt=0.0, le=0.1)]
+    n_input_bytes: Annotated[int, Field(ge=1, le=MAX_IO_BYTES)]
+    n_output_bytes: Annotated[int, Field(ge=1, le=MAX_IO_BYTES)]
+    quit_without_devices: bool
+    estop_servo_off: bool
+    estop_signal: EStopSignal
+    timing: Timing
+    server: Server
+    kinds: dict[str, AxisKind]
+    axes: Annotated[tuple[Axis, ...], Field(min_length=1, max_length=MAX_AXES)]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> EngineConfig:
+        for index, axis in enumerate(self.axes):
+            if axis.kind not in self.kinds:
+                raise ValueError(f"axes.{index}.kind: {axis.kind!r} is none of {sorted(self.kinds)}")
+        names = [axis.name for axis in self.axes]
+        if len(set(names)) != len(names):
+            raise ValueError("axes: names must differ")
+        if self.estop_signal.byte >= self.n_input_bytes:
+            raise ValueError("estop_signal.byte must be below n_input_bytes")
+        return self
+
+    @property
+    def n_axes(self) -> int:
+        return len(self.axes)
+
+    def axis_kind(self, axis: int) -> AxisKind:
+        """The kind of axis number ``axis``."""
+        return self.kinds[self.axes[axis].kind]
+
+
+class ClientConfig(Config):
+    """A client towards the engine, ``config/wmx_client.yaml``: which engine, where, and how patient."""
+
+    engine: Literal["simulated", "vendor"]
+    path: str
+    library_path: str
+    call_timeout_s: Positive
+    status_stale_s: Positive
+    connect_timeout_s: Positive
+    lock_retry_s: Positive
+
+
+def load_engine_config() -> EngineConfig:
+    """``config/wmx_engine.yaml``. Raises ConfigError."""
+    return load(EngineConfig, "wmx_engine")
+
+
+def load_client_config() -> ClientConfig:
+    """``config/wmx_client.yaml``. Raises ConfigError."""
+    return load(ClientConfig, "wmx_client")

@@ -1,0 +1,477 @@
+"""The simulated motion engine: state machine, cycle and commands, without a clock, a socket or a file.
+
+One engine serves many devices (clients). ``cycle`` is one interrupt of the real engine: plans advance, the bus is
+exchanged, feedback is taken over. Whoever calls it sets the pace, in real time or in lockstep with physics.
+
+Where the vendor's documentation is silent, the conservative reading is built: stopping communication with axes in
+motion ends the motion and switches the servos off; the Final emergency stop switches the servos off at once; every
+command that starts motion, homes or switches a servo on is refused during an emergency stop; a servo that drops out by
+itself has to be switched on again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from robot_stack.wmx.api.enums import (
+    AxisCommandMode,
+    Config_EStopLevel1Type,
+    Config_HomeType,
+    EngineState,
+    EStopLevel,
+    OperationState,
+)
+from robot_stack.wmx.api.errors import CoreMotionErrorCode, ErrorCode
+from robot_stack.wmx.axes import Flag, Real
+from robot_stack.wmx.bus import DriveCommands, DriveFeedback, ServoBus
+from robot_stack.wmx.config import EngineConfig
+from robot_stack.wmx.simulated import checks, rows
+from robot_stack.wmx.simulated.devices import Device, DeviceTable
+from robot_stack.wmx.simulated.kernel import absorb, advance, cancel
+from robot_stack.wmx.simulated.motion import MotionControl
+from robot_stack.wmx.simulated.parameters import Parameters
+from robot_stack.wmx.simulated.state import Condition, EngineArrays
+
+_NO_ERROR = int(ErrorCode.PyNone)
+_HOME_UNSUPPORTED = {
+    Config_HomeType.TouchProbe: CoreMotionErrorCode.TouchProbeDetectionUnsupported,
+    Config_HomeType.HSTouchProbe: CoreMotionErrorCode.TouchProbeDetectionUnsupported,
+    Config_HomeType.HS: CoreMotionErrorCode.HomeSwitchDetectionUnsupported,
+    Config_HomeType.HSHS: CoreMotionErrorCode.HomeSwitchDetectionUnsupported,
+    Config_HomeType.HSOff: CoreMotionErrorCode.HomeSwitchDetectionUnsupported,
+    Config_HomeType.LS: CoreMotionErrorCode.LimitSwitchDetectionUnsupported,
+    Config_HomeType.NearLS: CoreMotionErrorCode.LimitSwitchDetectionUnsupported,
+    Config_HomeType.ExternalLS: CoreMotionErrorCode.LimitSwitchDetectionUnsupported,
+    Config_HomeType.MechanicalEndDetection: CoreMotionErrorCode.LimitSwitchDetectionUnsupported,
+}
+
+
+class Engine:
+    """See the module. All methods return codes; ``device`` is the id of the caller."""
+
+    def __init__(self, config: EngineConfig, bus: ServoBus) -> None:
+        if bus.n_axes != config.n_axes:
+            raise ValueError(f"bus.n_axes must be {config.n_axes} as configured, is {bus.n_axes}")
+        self.config = config
+        self.condition = Condition(config.cycle_time_s)
+        self.arrays = EngineArrays.of(config.n_axes)
+        self.devices = DeviceTable()
+        self.parameters = Parameters(config, self.arrays)
+        self.motion = MotionControl(self.arrays, self.condition)
+        self.commands = DriveCommands.zeros(config.n_axes, config.n_output_bytes)
+        self.feedback = DriveFeedback.zeros(config.n_axes, config.n_input_bytes)
+        self._bus = bus
+        self._starting_cycles = 0
+        self._shutdown_cycles = 0
+        self._lost_in_a_row = 0
+        self._may_quit = False
+        self.auto_quit = config.quit_without_devices
+        self._warm_up()
+
+    # -- cycle ---------------------------------------------------------------------------------------------------------
+
+    def cycle(self) -> None:
+        """One cycle of the engine."""
+        condition = self.condition
+        condition.cycles += 1
+        for device in self.devices.hung(condition.cycles, condition.cycle_time_s):
+            self._orphan(device.id)
+        if condition.communicating or self._starting_cycles:
+            self._exchange()
+        elif condition.state is EngineState.Shutdown:
+            self._shutdown_cycles -= 1
+            if self._shutdown_cycles <= 0:
+                condition.state = EngineState.Idle
+        if self._may_quit:
+            self._quit_if_at_rest()
+
+    def _exchange(self) -> None:
+        self._advance()
+        if not self._bus.exchange(self.commands, self.feedback):
+            self._bus_silent()
+            return
+        self._lost_in_a_row = 0
+        self._absorb()
+        if self._starting_cycles:
+            self._starting_cycles -= 1
+            if not self._starting_cycles:
+                self._communicate()
+        elif self.parameters.emergency_stop.enableEStopSignal:
+            self._check_estop_signal()
+
+    def _advance(self) -> None:
+        a, out = self.arrays, self.commands
+        advance(
+            a.reals,
+            a.flags,
+            a.params,
+            a.work,
+            a.plan,
+            self.condition.cycle_time_s,
+            out.servo_on,
+            out.mode,
+            out.position_counts,
+            out.velocity_counts_per_s,
+            out.clear_alarm,
+        )
+
+    def _absorb(self) -> None:
+        a, inp = self.arrays, self.feedback
+        absorb(
+            a.reals,
+            a.flags,
+            a.params,
+            a.work,
+            a.plan,
+            self.condition.emergency_stop,
+            inp.position_counts,
+            inp.velocity_counts_per_s,
+            inp.torque_percent,
+            inp.servo_on,
+            inp.alarm_code,
+        )
+
+    def _warm_up(self) -> None:
+        """Compiles or loads the cycle before the first one counts, and leaves no trace."""
+        self._advance()
+        self._absorb()
+        self._reset()
+
+    def _bus_silent(self) -> None:
+        self.condition.lost_cycles += 1
+        if self._starting_cycles:
+            self._starting_cycles = self.config.timing.communication_start_cycles
+            return
+        self._lost_in_a_row += 1
+        if self._lost_in_a_row > self.config.timing.bus_lost_cycles:
+            self.condition.error = ErrorCode.ServoOffline
+            self._leave_communication()
+
+    def _communicate(self) -> None:
+        self.condition.state = EngineState.Communicating
+        self.condition.error = _NO_ERROR
+        self.condition.lost_cycles = 0
+        for axis in range(self.arrays.n_axes):
+            if self.parameters.absolute(axis):
+                self.arrays.flags[Flag.HOME_DONE, axis] = 1
+
+    def _leave_communication(self) -> None:
+        """Bus gone: motion over, servos off, inputs unknown. Positions stay as last seen."""
+        a = self.arrays
+        self.condition.state = EngineState.Running
+        self._starting_cycles = 0
+        self._lost_in_a_row = 0
+        for axis in range(a.n_axes):
+            cancel(a.reals, a.flags, a.work, axis, int(ErrorCode.ServoOffline))
+            if self.parameters.home(axis).clearHomeDoneOnCommStop:
+                a.flags[Flag.HOME_DONE, axis] = 0
+        a.flags[Flag.SERVO_ON] = 0
+        a.flags[Flag.SERVO_REQUESTED] = 0
+        a.flags[Flag.SERVO_OFFLINE] = 1
+        a.flags[Flag.COMMAND_READY] = 0
+        a.flags[Flag.OWNER] = 0
+        a.work[rows.CLEAR_CYCLES] = 0
+        a.reals[Real.ACTUAL_VELOCITY] = 0.0
+        a.reals[Real.ACTUAL_TORQUE] = 0.0
+        self.feedback.inputs.fill(0)
+        self.commands.servo_on.fill(False)
+        self.commands.velocity_counts_per_s.fill(0.0)
+
+    def _check_estop_signal(self) -> None:
+        if self._estop_signal_on():
+            level = EStopLevel(self.parameters.emergency_stop.eStopSignalLevel)
+            if not self.condition.emergency_stop or level < self.condition.emergency_stop_level:
+                self._emergency_stop(level)
+
+    def _estop_signal_on(self) -> bool:
+        block = self.parameters.emergency_stop
+        bit = bool(self.feedback.inputs[block.eStopSignalByteAddress] >> block.eStopSignalBitAddress & 1)
+        return bit != block.invertEStopSignalPolarity
+
+    def _quit_if_at_rest(self) -> None:
+        if len(self.devices) or not self.auto_quit:
+            self._may_quit = False
+        elif not self.arrays.flags[Flag.OP_STATE].any():
+            self.stop_engine()
+
+    # -- engine and devices --------------------------------------------------------------------------------------------
+
+    @property
+    def at_rest(self) -> bool:
+        """No axis is moving by a command."""
+        return not self.arrays.flags[Flag.OP_STATE].any()
+
+    def start_engine(self) -> int:
+        """Idle becomes Running with the configuration's parameters; no effect on a running engine."""
+        if self.condition.state is EngineState.Shutdown:
+            return ErrorCode.EngineNotStartedInSpecifiedTime
+        if self.condition.state is EngineState.Idle:
+            self._reset()
+            self.condition.state = EngineState.Running
+        return _NO_ERROR
+
+    def stop_engine(self) -> int:
+        """Ends communication, forgets devices, parameters and outputs. The process stays, in Idle."""
+        if self.condition.state in (EngineState.Idle, EngineState.Shutdown):
+            return _NO_ERROR
+        self.stop_communication()
+        self.devices.clear()
+        self._reset()
+        self._shutdown_cycles = self.config.timing.shutdown_cycles
+        self.condition.state = EngineState.Shutdown
+        return _NO_ERROR
+
+    def create_device(self, device_type: int) -> tuple[int, Device | None]:
+        """A new device; the first one starts the engine."""
+        code = self.start_engine()
+        if code:
+            return code, None
+        device = self.devices.create(device_type, self.condition.cycles)
+        if device is None:
+            return ErrorCode.ReachMaxChannelNumber, None
+        self._may_quit = False
+        return _NO_ERROR, device
+
+    def remove_device(self, device_id: int) -> None:
+        """A device closed or died: what it set in motion stops; the engine may end with its last device."""
+        if self.devices.remove(device_id):
+            self._orphan(device_id)
+            self._may_quit = not len(self.devices)
+
+    def start_communication(self) -> int:
+        """Begins to start the bus; it is up some cycles later, or never if the bus does not answer."""
+        if self.condition.communicating:
+            return _NO_ERROR
+        if self.condition.state is not EngineState.Running:
+            return ErrorCode.StartCommunicationError
+        if not self._starting_cycles:
+            self._starting_cycles = self.config.timing.communication_start_cycles
+        return _NO_ERROR
+
+    def stop_communication(self) -> int:
+        """Ends the bus with one last exchange that switches every servo off."""
+        if self.condition.communicating or self._starting_cycles:
+            self._leave_communication()
+            self._bus.exchange(self.commands, self.feedback)
+            self.feedback.inputs.fill(0)
+        return _NO_ERROR
+
+    def _orphan(self, device_id: int) -> None:
+        """Stops the axes of a device that does not speak any more, at their quick-stop deceleration."""
+        owner = self.arrays.flags[Flag.OWNER]
+        for axis in range(self.arrays.n_axes):
+            if owner[axis] == device_id:
+                self.motion.quick_stop_axis(axis)
+                owner[axis] = 0
+
+    def _reset(self) -> None:
+        self.arrays.clear()
+        self.parameters.reset()
+        fresh = Condition(self.config.cycle_time_s)
+        self.condition.error = fresh.error
+        self.condition.emergency_stop = fresh.emergency_stop
+        self.condition.emergency_stop_level = fresh.emergency_stop_level
+        self.condition.lost_cycles = fresh.lost_cycles
+        self.auto_quit = self.config.quit_without_devices
+        self._may_quit = False
+        self.commands.outputs.fill(0)
+        self.commands.servo_on.fill(False)
+        self.feedback.inputs.fill(0)
+
+    # -- emergency stop ------------------------------------------------------------------------------------------------
+
+    def exec_estop(self, level: int) -> int:
+        """Accepted in every state of engine and axes; latched. A lower level does not replace a higher one."""
+        if level not in (EStopLevel.Final, EStopLevel.Level1):
+            return ErrorCode.ArgumentOutOfRange
+        if self.condition.emergency_stop and level > self.condition.emergency_stop_level:
+            return CoreMotionErrorCode.CurrentEmergencyStopLevelIsHigher
+        self._emergency_stop(EStopLevel(level))
+        return _NO_ERROR
+
+    def release_estop(self) -> int:
+        """Allows commands again; refused while the input signal is on. Nothing moves by it."""
+        signal = self.parameters.emergency_stop.enableEStopSignal and self.condition.communicating
+        if self.condition.emergency_stop and signal and self._estop_signal_on():
+            return CoreMotionErrorCode.EmergencyStopSignalOn
+        self.condition.emergency_stop = False
+        self.condition.emergency_stop_level = EStopLevel.Level1
+        return _NO_ERROR
+
+    def _emergency_stop(self, level: EStopLevel) -> None:
+        self.condition.emergency_stop = True
+        self.condition.emergency_stop_level = level
+        final = level is EStopLevel.Final
+        off = self.parameters.emergency_stop.eStopLevel1Type == Config_EStopLevel1Type.DecServoOff
+        self.motion.emergency_stop(servo_off=off or final)
+        self.arrays.flags[Flag.COMMAND_READY] = 0
+        if final:
+            self.arrays.flags[Flag.SERVO_REQUESTED] = 0
+
+    # -- axes ----------------------------------------------------------------------------------------------------------
+
+    def set_servo_on(self, axes: Sequence[int], on: int) -> int:
+        """A request to the drives."""
+        code = self._reachable(axes)
+        if code:
+            return code
+        if on not in (0, 1):
+            return ErrorCode.ArgumentOutOfRange
+        flags = self.arrays.flags
+        if on:
+            if self.condition.emergency_stop:
+                return CoreMotionErrorCode.EmergencyStopSignalOn
+            if any(flags[Flag.AMP_ALARM, axis] for axis in axes):
+                return ErrorCode.AxisAmpAlarm
+            if any(flags[Flag.FOLLOWING_ERROR_ALARM, axis] for axis in axes):
+                return CoreMotionErrorCode.ServoOnError
+        for axis in axes:
+            if on and not flags[Flag.SERVO_REQUESTED, axis]:
+                self.arrays.work[rows.SERVO_DELAY, axis] = self.config.timing.servo_on_delay_cycles
+            flags[Flag.SERVO_REQUESTED, axis] = on
+        return _NO_ERROR
+
+    def clear_amp_alarm(self, axes: Sequence[int]) -> int:
+        """A request to the drives, held for some cycles."""
+        code = self._reachable(axes)
+        if not code:
+            for axis in axes:
+                self.arrays.work[rows.CLEAR_CYCLES, axis] = self.config.timing.clear_alarm_cycles
+        return code
+
+    def clear_axis_alarm(self, axes: Sequence[int]) -> int:
+        """Forgets following errors; they come back if their cause is still there."""
+        code = self._reachable(axes)
+        if not code:
+            for axis in axes:
+                self.arrays.flags[Flag.FOLLOWING_ERROR_ALARM, axis] = 0
+                self.arrays.work[rows.VELOCITY_ERROR_COUNT, axis] = 0
+        return code
+
+    def set_mode(self, axis: int, mode: int) -> int:
+        """Position or velocity mode; the axis must be idle."""
+        code = checks.axes_in_range([axis], self.arrays.n_axes)
+        if code:
+            return code
+        if mode == AxisCommandMode.Torque:
+            return CoreMotionErrorCode.CurrentAxisCommandModeNotSupported
+        if mode not in (AxisCommandMode.Position, AxisCommandMode.Velocity):
+            return CoreMotionErrorCode.AxisCommandModeOutOfRange
+        if not self._idle(axis):
+            return ErrorCode.NotIdleState
+        reals = self.arrays.reals
+        self.arrays.flags[Flag.COMMAND_MODE, axis] = mode
+        reals[Real.POS_CMD, axis] = reals[Real.PROFILE_TARGET_POS, axis] = reals[Real.ACTUAL_POS, axis]
+        return _NO_ERROR
+
+    def start_home(self, axes: Sequence[int]) -> int:
+        """Makes the present position the home position. All axes or none."""
+        code = self._reachable(axes)
+        if code:
+            return code
+        if self.condition.emergency_stop:
+            return CoreMotionErrorCode.EmergencyStopSignalOn
+        for axis in axes:
+            kind = Config_HomeType(self.parameters.home(axis).homeType)
+            if kind is not Config_HomeType.CurrentPos:
+                return _HOME_UNSUPPORTED.get(kind, CoreMotionErrorCode.ZPulseDetectionUnsupported)
+            if not self.arrays.flags[Flag.SERVO_ON, axis]:
+                return CoreMotionErrorCode.NotServoOn
+            if not self._idle(axis):
+                return ErrorCode.NotIdleState
+        for axis in axes:
+            self._rename(axis, Real.POS_CMD, self.parameters.home(axis).homePosition)
+            self.arrays.flags[Flag.HOME_DONE, axis] = 1
+        return _NO_ERROR
+
+    def set_position(self, axis: int, row: Real, position: float) -> int:
+        """SetCommandPos (row POS_CMD) or SetFeedbackPos (row ACTUAL_POS)."""
+        code = self._reachable([axis])
+        if code:
+            return code
+        code = checks.target(position, self.arrays.params[rows.COUNTS_PER_UNIT, axis], 0.0)
+        if code:
+            return code
+        if not self._idle(axis):
+            return ErrorCode.NotIdleState
+        self._rename(axis, row, position)
+        return _NO_ERROR
+
+    def set_home_done(self, axis: int, value: int) -> int:
+        code = checks.axes_in_range([axis], self.arrays.n_axes)
+        if code or value not in (0, 1):
+            return code or ErrorCode.ArgumentOutOfRange
+        self.arrays.flags[Flag.HOME_DONE, axis] = value
+        return _NO_ERROR
+
+    def set_gear(self, axis: int, numerator: float, denominator: float) -> int:
+        """Counts per user unit. The zero moves with it, nothing else does."""
+        code = checks.axes_in_range([axis], self.arrays.n_axes)
+        if code:
+            return code
+        if not self._idle(axis):
+            return ErrorCode.NotIdleState
+        code = self.parameters.set_gear(axis, numerator, denominator)
+        if not code:
+            self._rescale(axis)
+        return code
+
+    def set_polarity(self, axis: int, polarity: int) -> int:
+        code = checks.axes_in_range([axis], self.arrays.n_axes)
+        if code:
+            return code
+        if not self._idle(axis):
+            return ErrorCode.NotIdleState
+        code = self.parameters.set_polarity(axis, polarity)
+        if not code:
+            self._rescale(axis)
+        return code
+
+    def set_outputs(self, byte: int, values: Sequence[int]) -> int:
+        """Digital outputs from byte ``byte`` on."""
+        if not self.condition.communicating:
+            return ErrorCode.CommNotStarted
+        outputs = self.commands.outputs
+        if not 0 <= byte < outputs.size:
+            return ErrorCode.IOAddressOutOfRange
+        if not 0 < len(values) <= outputs.size - byte:
+            return ErrorCode.IOSizeOutOfRange
+        if any(not 0 <= value <= 255 for value in values):
+            return ErrorCode.ArgumentOutOfRange
+        outputs[byte : byte + len(values)] = values
+        return _NO_ERROR
+
+    def set_output_bit(self, byte: int, bit: int, value: int) -> int:
+        """One digital output."""
+        if not 0 <= byte < self.commands.outputs.size or not 0 <= bit < 8:
+            return ErrorCode.IOAddressOutOfRange if self.condition.communicating else ErrorCode.CommNotStarted
+        if value not in (0, 1):
+            return ErrorCode.ArgumentOutOfRange
+        present = int(self.commands.outputs[byte])
+        return self.set_outputs(byte, [present | 1 << bit if value else present & ~(1 << bit)])
+
+    def _reachable(self, axes: Sequence[int]) -> int:
+        if not self.condition.communicating:
+            return ErrorCode.CommNotStarted
+        return checks.axes_in_range(axes, self.arrays.n_axes)
+
+    def _idle(self, axis: int) -> bool:
+        return bool(self.arrays.flags[Flag.OP_STATE, axis] == OperationState.Idle)
+
+    def _rename(self, axis: int, row: Real, position: float) -> None:
+        """Shifts the user positions of an axis so that ``row`` reads ``position``; encoder counts stay."""
+        reals = self.arrays.reals
+        shift = position - reals[row, axis]
+        reals[Real.HOME_OFFSET, axis] -= shift
+        for shifted in (Real.POS_CMD, Real.ACTUAL_POS, Real.PROFILE_TARGET_POS):
+            reals[shifted, axis] += shift
+        reals[row, axis] = position
+
+    def _rescale(self, axis: int) -> None:
+        """User positions from the encoder counts by the new ratio; the axis has to be homed again."""
+        a = self.arrays
+        scale, offset = a.params[rows.COUNTS_PER_UNIT, axis], a.reals[Real.HOME_OFFSET, axis]
+        a.reals[Real.ACTUAL_POS, axis] = a.flags[Flag.ENCODER_FEEDBACK, axis] / scale - offset
+        command = a.flags[Flag.ENCODER_COMMAND, axis] / scale - offset
+        a.reals[Real.POS_CMD, axis] = a.reals[Real.PROFILE_TARGET_POS, axis] = command
+        a.flags[Flag.HOME_DONE, axis] = 0

@@ -1,0 +1,62 @@
+"""Compilation of the engine's inner loop, cached on disk.
+
+numba's own cache looks only at the file of a function, not at what it calls or which constants it folded in from other
+modules: change a row number elsewhere and yesterday's machine code runs on. So the cache lives in a folder named after
+all sources of this package, and any change makes a new one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+from numba.core import config
+
+FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_PREFIX = "numba-"
+_numba_config: Any = config
+
+
+@cache
+def _cache_folder() -> str:
+    digest = hashlib.sha256()
+    for source in sorted(_PACKAGE.rglob("*.py")):
+        digest.update(source.read_bytes())
+    root = _writable(Path(__file__).parent / "__pycache__") or _writable(
+        Path(tempfile.gettempdir()) / f"robot_stack-numba-{os.getuid()}"
+    )
+    if root is None:
+        return ""
+    folder = root / f"{_PREFIX}{digest.hexdigest()[:16]}"
+    if not folder.is_dir():
+        for old in root.glob(f"{_PREFIX}*"):
+            shutil.rmtree(old, ignore_errors=True)
+        folder.mkdir(exist_ok=True, mode=0o700)
+    return str(folder)
+
+
+def _writable(folder: Path) -> Path | None:
+    try:
+        folder.mkdir(exist_ok=True, mode=0o700)
+    except OSError:
+        return None
+    return folder if os.access(folder, os.W_OK) and folder.stat().st_uid == os.getuid() else None
+
+
+def compiled(function: FunctionT) -> FunctionT:
+    """Compiles ``function`` at its first call, or loads what an earlier process compiled from the same sources."""
+    before = _numba_config.CACHE_DIR
+    _numba_config.CACHE_DIR = _cache_folder()
+    try:
+        return cast(FunctionT, numba.njit(cache=True)(function))
+    finally:
+        _numba_config.CACHE_DIR = before

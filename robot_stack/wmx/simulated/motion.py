@@ -1,0 +1,286 @@
+"""Motion commands of the simulated engine: checks first, all axes, then all axes start. Nothing moves on an error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from robot_stack.wmx.api.enums import AxisCommandMode, DetailOperationState, OperationState, ProfileType
+from robot_stack.wmx.api.errors import CoreMotionErrorCode, ErrorCode
+from robot_stack.wmx.api.values import (
+    Motion_JogCommand,
+    Motion_PosCommand,
+    Motion_TimedJogCommand,
+    Profile,
+    Velocity_TimedVelCommand,
+    Velocity_VelCommand,
+)
+from robot_stack.wmx.axes import Flag, Real
+from robot_stack.wmx.simulated import checks, rows
+from robot_stack.wmx.simulated.kernel import begin_stop, estop_axes, stop_rate
+from robot_stack.wmx.simulated.profile import plan_position, plan_velocity
+from robot_stack.wmx.simulated.state import Condition, EngineArrays
+
+_NO_ERROR = int(ErrorCode.PyNone)
+_POSITION_STATES = (OperationState.Idle, OperationState.Pos, OperationState.Jog)
+_VELOCITY_STATES = (OperationState.Idle, OperationState.Velocity)
+_WRONG_MODE = {
+    AxisCommandMode.Position: int(CoreMotionErrorCode.NotPosMode),
+    AxisCommandMode.Velocity: int(CoreMotionErrorCode.NotVelocityMode),
+}
+
+
+class MotionControl:
+    """Starts and ends motions. ``device`` is the caller, who owns what it set in motion last."""
+
+    def __init__(self, arrays: EngineArrays, condition: Condition) -> None:
+        self._a = arrays
+        self._condition = condition
+
+    def start_position(self, device: int, commands: Sequence[Motion_PosCommand], *, relative: bool) -> int:
+        """StartPos, or StartMov with ``relative``."""
+        axes = [command.axis for command in commands]
+        code = self._reachable(axes)
+        if code:
+            return code
+        targets = [self._target(command, relative) for command in commands]
+        for command, target in zip(commands, targets, strict=True):
+            code = checks.position_profile(command.profile, signed=False) or self._target_code(command.axis, target)
+            if code:
+                return code
+        code = self._startable(
+            axes, AxisCommandMode.Position, _POSITION_STATES, CoreMotionErrorCode.NotIdleOrPosState
+        ) or self._towards_limit([(a, t - self._a.reals[Real.POS_CMD, a]) for a, t in zip(axes, targets, strict=True)])
+        if code:
+            return code
+        for command, target in zip(commands, targets, strict=True):
+            self._begin_position(command.axis, target, command.profile, device)
+        return _NO_ERROR
+
+    def start_jog(self, device: int, commands: Sequence[Motion_JogCommand | Motion_TimedJogCommand]) -> int:
+        """StartJog, plain or timed."""
+        axes = [command.axis for command in commands]
+        code = self._reachable(axes)
+        for command in commands:
+            code = code or checks.position_profile(command.profile, signed=True) or self._run_time_code(command)
+        code = (
+            code
+            or self._startable(
+                axes, AxisCommandMode.Position, _POSITION_STATES, CoreMotionErrorCode.NotIdleOrJogState
+            )
+            or self._towards_limit([(command.axis, command.profile.velocity) for command in commands])
+        )
+        if code:
+            return code
+        for command in commands:
+            self._begin_velocity(command.axis, command.profile, device, OperationState.Jog, self._run_cycles(command))
+        return _NO_ERROR
+
+    def start_velocity(self, device: int, commands: Sequence[Velocity_VelCommand | Velocity_TimedVelCommand]) -> int:
+        """StartVel, plain or timed."""
+        axes = [command.axis for command in commands]
+        code = self._reachable(axes)
+        for command in commands:
+            code = code or checks.velocity_profile(command.profile) or self._run_time_code(command)
+        code = (
+            code
+            or self._startable(
+                axes, AxisCommandMode.Velocity, _VELOCITY_STATES, CoreMotionErrorCode.NotIdleOrVelocityState
+            )
+            or self._towards_limit([(command.axis, command.profile.velocity) for command in commands])
+        )
+        if code:
+            return code
+        for command in commands:
+            self._begin_velocity(
+                command.axis, command.profile, device, OperationState.Velocity, self._run_cycles(command)
+            )
+        return _NO_ERROR
+
+    def stop(self, axes: Sequence[int], mode: AxisCommandMode) -> int:
+        """Stop: by the running command's own profile."""
+        code = self._stoppable(axes, mode)
+        if code:
+            return code
+        for axis in axes:
+            if self._state(axis) != OperationState.Stop:
+                speed = abs(self._a.reals[Real.VELOCITY_CMD, axis])
+                self._begin_stop(axis, stop_rate(self._a.params, axis, speed), DetailOperationState.Stop)
+        return _NO_ERROR
+
+    def stop_dec(self, axis: int, dec: float) -> int:
+        """Stop_Dec: at a given deceleration."""
+        code = self._stoppable([axis], AxisCommandMode.Position) or checks.deceleration(dec)
+        if not code:
+            self._begin_stop(axis, dec, DetailOperationState.Stop)
+        return code
+
+    def quick_stop(self, axes: Sequence[int], mode: AxisCommandMode) -> int:
+        """ExecQuickStop."""
+        code = self._stoppable(axes, mode)
+        if code:
+            return code
+        for axis in axes:
+            self.quick_stop_axis(axis)
+        return _NO_ERROR
+
+    def quick_stop_axis(self, axis: int) -> None:
+        """Ends the motion of one axis at its quick-stop deceleration, whatever its mode; no effect on an idle one."""
+        if self._a.flags[Flag.DETAIL_OP_STATE, axis] != DetailOperationState.Stop_QStop:
+            dec = float(self._a.params[rows.QUICK_STOP_DEC, axis])
+            self._begin_stop(axis, dec, DetailOperationState.Stop_QStop)
+
+    def timed_stop(self, axes: Sequence[int], milliseconds: float, mode: AxisCommandMode) -> int:
+        """ExecTimedStop: at rest after the given time."""
+        code = self._stoppable(axes, mode) or checks.stop_time(milliseconds)
+        if code:
+            return code
+        for axis in axes:
+            speed = abs(self._a.reals[Real.VELOCITY_CMD, axis])
+            self._begin_stop(axis, speed / (1e-3 * milliseconds), DetailOperationState.Stop)
+        return _NO_ERROR
+
+    def emergency_stop(self, servo_off: bool) -> None:
+        """All axes, whatever they do; with ``servo_off`` the servos go off once at rest."""
+        a = self._a
+        estop_axes(a.reals, a.flags, a.params, a.work, a.plan, servo_off)
+
+    def _state(self, axis: int) -> int:
+        return int(self._a.flags[Flag.OP_STATE, axis])
+
+    def _target(self, command: Motion_PosCommand, relative: bool) -> float:
+        if not relative:
+            return command.target
+        row = Real.PROFILE_TARGET_POS if self._state(command.axis) == OperationState.Pos else Real.POS_CMD
+        return float(self._a.reals[row, command.axis]) + command.target
+
+    def _target_code(self, axis: int, target: float) -> int:
+        return checks.target(
+            target, self._a.params[rows.COUNTS_PER_UNIT, axis], self._a.reals[Real.HOME_OFFSET, axis]
+        )
+
+    def _reachable(self, axes: Sequence[int]) -> int:
+        if not self._condition.communicating:
+            return ErrorCode.CommNotStarted
+        return checks.axes_in_range(axes, self._a.n_axes)
+
+    def _startable(
+        self, axes: Sequence[int], mode: AxisCommandMode, states: Sequence[int], wrong_state: int
+    ) -> int:
+        if self._condition.emergency_stop:
+            return CoreMotionErrorCode.EmergencyStopSignalOn
+        flags = self._a.flags
+        for axis in axes:
+            if flags[Flag.AMP_ALARM, axis] or flags[Flag.FOLLOWING_ERROR_ALARM, axis]:
+                return ErrorCode.AxisAmpAlarm
+            if not flags[Flag.SERVO_ON, axis]:
+                return CoreMotionErrorCode.NotServoOn
+            if flags[Flag.COMMAND_MODE, axis] != mode:
+                return _WRONG_MODE[mode]
+            if flags[Flag.OP_STATE, axis] not in states:
+                return wrong_state
+        return _NO_ERROR
+
+    def _towards_limit(self, moves: Sequence[tuple[int, float]]) -> int:
+        flags = self._a.flags
+        for axis, direction in moves:
+            if (direction > 0.0 and flags[Flag.POSITIVE_SOFT_LIMIT, axis]) or (
+                direction < 0.0 and flags[Flag.NEGATIVE_SOFT_LIMIT, axis]
+            ):
+                return ErrorCode.AxisSoftLimit
+        return _NO_ERROR
+
+    def _stoppable(self, axes: Sequence[int], mode: AxisCommandMode) -> int:
+        code = self._reachable(axes)
+        if not code and any(self._a.flags[Flag.COMMAND_MODE, axis] != mode for axis in axes):
+            return _WRONG_MODE[mode]
+        return code
+
+    def _run_time_code(self, command: object) -> int:
+        if isinstance(command, Motion_TimedJogCommand | Velocity_TimedVelCommand):
+            return checks.run_time(command.runTimeMilliseconds)
+        return _NO_ERROR
+
+    def _run_cycles(self, command: object) -> int:
+        if isinstance(command, Motion_TimedJogCommand | Velocity_TimedVelCommand):
+            return max(1, math.ceil(1e-3 * command.runTimeMilliseconds / self._condition.cycle_time_s))
+        return 0
+
+    def _begin_stop(self, axis: int, dec: float, detail: DetailOperationState) -> None:
+        """A stop never replaces a more urgent one: stop, quick stop, emergency stop."""
+        a = self._a
+        state = self._state(axis)
+        more_urgent = state == OperationState.Stop and a.flags[Flag.DETAIL_OP_STATE, axis] > detail
+        if state == OperationState.Idle or more_urgent:
+            return
+        begin_stop(a.reals, a.flags, a.work, a.plan, axis, dec, int(detail), _NO_ERROR)
+
+    def _begin_position(self, axis: int, target: float, profile: Profile, device: int) -> None:
+        a = self._a
+        acc, dec = profile.acc, profile.dec
+        if profile.type == ProfileType.TimeAccTrapezoidal:
+            acc = profile.velocity / (1e-3 * profile.accTimeMilliseconds)
+            dec = profile.velocity / (1e-3 * profile.decTimeMilliseconds)
+        a.work[rows.SEGMENTS, axis] = plan_position(
+            a.plan[axis],
+            float(a.reals[Real.POS_CMD, axis]),
+            float(a.reals[Real.VELOCITY_CMD, axis]),
+            target,
+            profile.velocity,
+            acc,
+            dec,
+            int(a.work[rows.OVERTRAVEL, axis]),
+        )
+        a.reals[Real.PROFILE_TARGET_POS, axis] = target
+        self._begun(axis, profile, device, OperationState.Pos, DetailOperationState.Pos, 0)
+
+    def _begin_velocity(
+        self, axis: int, profile: Profile, device: int, state: OperationState, run_cycles: int
+    ) -> None:
+        a = self._a
+        velocity = float(a.reals[Real.VELOCITY_CMD, axis])
+        acc, dec = profile.acc, profile.dec
+        if profile.type == ProfileType.TimeAccTrapezoidal:
+            acc, dec = _timed_rates(velocity, profile)
+        position = float(a.reals[Real.POS_CMD, axis])
+        a.work[rows.SEGMENTS, axis] = plan_velocity(a.plan[axis], position, velocity, profile.velocity, acc, dec)
+        detail = DetailOperationState.Jog if state is OperationState.Jog else DetailOperationState.Velocity
+        self._begun(axis, profile, device, state, detail, run_cycles)
+
+    def _begun(
+        self,
+        axis: int,
+        profile: Profile,
+        device: int,
+        state: OperationState,
+        detail: DetailOperationState,
+        run_cycles: int,
+    ) -> None:
+        a = self._a
+        a.params[rows.PROFILE_DEC, axis] = profile.dec
+        timed = profile.type == ProfileType.TimeAccTrapezoidal
+        a.params[rows.PROFILE_DEC_TIME, axis] = 1e-3 * profile.decTimeMilliseconds if timed else 0.0
+        a.work[rows.TICK, axis] = 0
+        a.work[rows.RUN_CYCLES, axis] = run_cycles
+        a.work[rows.SERVO_OFF_AT_REST, axis] = 0
+        a.flags[Flag.OP_STATE, axis] = state
+        a.flags[Flag.DETAIL_OP_STATE, axis] = detail
+        a.flags[Flag.MOTION_COMPLETE, axis] = 0
+        a.flags[Flag.CMD_DISTRIBUTION_END, axis] = 0
+        a.flags[Flag.IN_POS, axis] = 0
+        a.flags[Flag.POS_SET, axis] = 0
+        a.flags[Flag.END_REASON, axis] = 0
+        a.flags[Flag.OWNER, axis] = device
+
+
+def _timed_rates(velocity: float, profile: Profile) -> tuple[float, float]:
+    """Acceleration and deceleration that make the change of velocity last the profile's times; 0 is a step.
+
+    Through zero, each side of it takes its own whole time.
+    """
+    acc_s, dec_s = 1e-3 * profile.accTimeMilliseconds, 1e-3 * profile.decTimeMilliseconds
+    if velocity * profile.velocity < 0.0:
+        grows, falls = abs(profile.velocity), abs(velocity)
+    else:
+        grows = falls = abs(profile.velocity - velocity)
+    return (grows / acc_s if acc_s > 0.0 else 0.0), (falls / dec_s if dec_s > 0.0 else 0.0)

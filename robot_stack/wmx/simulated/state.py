@@ -1,0 +1,65 @@
+"""The engine's state: the arrays of the kernel and the few facts about the engine as a whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_stack.wmx.api.enums import EngineState, EStopLevel
+from robot_stack.wmx.axes import N_FLAGS, N_REALS, Flag
+from robot_stack.wmx.simulated.kernel import Ints, Reals
+from robot_stack.wmx.simulated.profile import MAX_SEGMENTS
+from robot_stack.wmx.simulated.rows import N_PARAMS, N_WORK
+
+
+@dataclass(slots=True)
+class EngineArrays:
+    """See the kernel for the layout. The arrays are made once and only ever written in place."""
+
+    reals: Reals
+    flags: Ints
+    params: Reals
+    work: Ints
+    plan: Reals
+
+    @classmethod
+    def of(cls, n_axes: int) -> EngineArrays:
+        arrays = cls(
+            reals=np.zeros((N_REALS, n_axes)),
+            flags=np.zeros((N_FLAGS, n_axes), np.int64),
+            params=np.zeros((N_PARAMS, n_axes)),
+            work=np.zeros((N_WORK, n_axes), np.int64),
+            plan=np.zeros((n_axes, MAX_SEGMENTS, 4)),
+        )
+        arrays.clear()
+        return arrays
+
+    @property
+    def n_axes(self) -> int:
+        return int(self.flags.shape[1])
+
+    def clear(self) -> None:
+        """All axes idle, off and offline; parameters undefined."""
+        for array in (self.reals, self.flags, self.params, self.work, self.plan):
+            array.fill(0)
+        self.flags[Flag.SERVO_OFFLINE] = 1
+        self.flags[Flag.CMD_DISTRIBUTION_END] = 1
+
+
+@dataclass(slots=True)
+class Condition:
+    """The engine as a whole. ``error`` is the code of what last ended communication by itself."""
+
+    cycle_time_s: float
+    state: EngineState = EngineState.Idle
+    error: int = 0
+    emergency_stop: bool = False
+    emergency_stop_level: EStopLevel = EStopLevel.Level1
+    cycles: int = 0
+    lost_cycles: int = 0
+    overruns: int = 0
+
+    @property
+    def communicating(self) -> bool:
+        return self.state is EngineState.Communicating
