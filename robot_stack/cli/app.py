@@ -1,0 +1,21 @@
+"""The verbs of ``robot-stack``."""
+
+from __future__ import annotations
+
+import typer
+
+from robot_stack.cli import stack
+
+app = typer.Typer(
+    name="robot-stack",
+    help="Operates the robot's stack: start and stop it, watch it, send missions, stop the robot.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command()(stack.up)
+app.command()(stack.down)
+app.command()(stack.status)
+app.command()(stack.restart)
+app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(stack.run)

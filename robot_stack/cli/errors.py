@@ -1,0 +1,23 @@
+"""How a verb fails: one clear line and an exit code."""
+
+from __future__ import annotations
+
+NOT_DONE = 1
+WRONG_USE = 2
+
+
+class CommandError(Exception):
+    """Ends the command with ``code`` and the message."""
+
+    def __init__(self, message: str, code: int = NOT_DONE) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def exit_code(error: Exception) -> int | None:
+    """The exit code of an error that its message explains; None for any other."""
+    if isinstance(error, CommandError):
+        return error.code
+    from robot_stack.core.config import ConfigError
+
+    return WRONG_USE if isinstance(error, ConfigError) else None

@@ -1,0 +1,140 @@
+"""up, down, status, restart, run: the processes of the stack."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from robot_stack.cli.errors import WRONG_USE, CommandError
+from robot_stack.supervisor.control import NotRunning, ask
+
+Profile = Annotated[
+    str, typer.Option("--profile", "-p", help="sim, robot, manipulator, or the path of a profile file.")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", "-s", metavar="NODE.PARAMETER=VALUE", help="Override a parameter; may be repeated."),
+]
+
+
+def up(
+    profile: Profile = "sim",
+    settings: Settings = None,
+    only: Annotated[list[str] | None, typer.Option("--only", help="Run just this process; may be repeated.")] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="Speed of the simulated world; other than 1, nodes live on /clock.")
+    ] = None,
+    foreground: Annotated[
+        bool, typer.Option("--foreground", "-f", help="Stay; Ctrl-C or SIGTERM stops the stack. For systemd.")
+    ] = False,
+    log_dir: Annotated[
+        Path | None, typer.Option(help="Folder of the logs, by default ~/.local/state/robot_stack/logs.")
+    ] = None,
+    deadline_s: Annotated[
+        float | None, typer.Option("--deadline", help="Seconds to wait for every process; default from the profile.")
+    ] = None,
+) -> None:
+    """Start the stack and return when every process is ready."""
+    from robot_stack.supervisor import client
+    from robot_stack.supervisor.profile import load_plan
+
+    launch = client.Launch(profile, settings or (), only or (), speed, log_dir)
+    # Read here too: a mistake shall be told at once.
+    plan = load_plan(profile, settings=launch.settings, only=launch.only, speed=speed)
+    try:
+        if foreground:
+            client.refuse_second()
+            command = launch.command("--foreground")
+            os.execve(command[0], command, client.environment())
+        with _progress() as show:
+            status = client.start(launch, deadline_s or plan.ready_deadline_s, show)
+    except client.StartError as error:
+        raise CommandError(str(error)) from None
+    print(f"{len(status['processes'])} processes are ready after {status['ready_after_s']:.1f} s; profile {plan.name}")
+    if status["missing"]:
+        print(f"missing, not built yet: {', '.join(status['missing'])}")
+    print(f"logs: {status['log_dir']}")
+
+
+def down() -> None:
+    """Stop the stack of this ROS domain, whatever state it is in, and leave nothing behind."""
+    from robot_stack.supervisor import client
+
+    try:
+        answer = client.stop()
+    except NotRunning as error:
+        print(error)
+        return
+    killed = f"; had to be killed: {', '.join(answer['killed'])}" if answer["killed"] else ""
+    print(f"stopped {len(answer['stopped']) or len(answer['killed'])} processes{killed}")
+
+
+def restart(process: Annotated[str, typer.Argument(help="Name of the process.")]) -> None:
+    """Stop one process and start it again; also one that was given up."""
+    answer = _ask("restart", process=process)
+    if not answer["ok"]:
+        raise CommandError(answer["error"], WRONG_USE)
+    print(f"{process} restarts")
+
+
+def status(
+    once: Annotated[bool, typer.Option("--once", help="Print once instead of following.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print once, as JSON.")] = False,
+) -> None:
+    """Show every process: state, restarts, heartbeat, CPU and memory. Exit code 1 if one is not ready."""
+    from robot_stack.cli.status import StatusView
+
+    view = StatusView()
+    if as_json or once or not sys.stdout.isatty():
+        view.measure(_ask("status"))
+        time.sleep(0.5)  # CPU time is measured over this
+        now = view.measure(_ask("status"))
+        print(json.dumps(now, indent=2)) if as_json else view.print(now)
+        raise typer.Exit(0 if now["ready"] else 1)
+    view.follow(lambda: _ask("status"))
+
+
+def run(
+    context: typer.Context,
+    node: Annotated[str, typer.Argument(help="Name of the process, as in docs/interfaces.md.")],
+) -> None:
+    """Run one process of the stack in this terminal. What follows its name goes to it, e.g. --ros-args -p a:=1."""
+    from robot_stack.core.wheels_env import ros_environment
+
+    command = [sys.executable, "-m", "robot_stack.ros.main", node, *context.args]
+    os.execve(command[0], command, {**os.environ, **ros_environment()})
+
+
+def _ask(verb: str, **arguments: Any) -> dict[str, Any]:
+    try:
+        return ask(verb, **arguments)
+    except NotRunning:
+        raise CommandError(f"no stack is running in ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}") from None
+    except TimeoutError:
+        raise CommandError("the supervisor does not answer; `robot-stack down` ends it") from None
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[dict[str, Any]], None]]:
+    """A line that tells what is still missing; nothing where nobody watches."""
+    if not sys.stderr.isatty():
+        yield lambda status: None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("starting") as line:
+
+        def show(status: dict[str, Any]) -> None:
+            ready = sum(item["state"] == "ready" for item in status["processes"])
+            waiting = ", ".join(item["name"] for item in status["processes"] if item["state"] != "ready")
+            line.update(f"{ready} of {len(status['processes'])} ready; waiting for {waiting}")
+
+        yield show

@@ -1,0 +1,86 @@
+"""What happens in a forked process before its node's ``main`` runs."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import importlib
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from multiprocessing import connection, parent_process
+from pathlib import Path
+
+_PR_SET_PDEATHSIG = 1
+_PR_SET_NAME = 15
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """How to start one process. stop_grace_s: time between SIGINT and SIGKILL when the supervisor has died."""
+
+    name: str
+    module: str
+    arguments: tuple[str, ...]  # of its command line, after the program's name
+    environment: Mapping[str, str]
+    log: Path
+    stop_grace_s: float
+
+
+def run(start: Start) -> None:
+    """Body of the forked process. Leaves by SystemExit with the node's exit code."""
+    os.setsid()  # its own process group: Ctrl-C reaches the supervisor alone, and nothing of the process escapes `down`
+    _die_with_the_forkserver()
+    _write_to(start.log)
+    _show_as(start.name)
+    os.environ.update(start.environment)
+    sys.argv = [start.name, *start.arguments]
+    threading.Thread(target=_follow_the_supervisor, args=(start.stop_grace_s,), daemon=True).start()
+    try:
+        importlib.import_module(start.module).main()
+    except KeyboardInterrupt:  # interrupted before the node had its own handler
+        raise SystemExit(128 + signal.SIGINT) from None
+
+
+def _die_with_the_forkserver() -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _follow_the_supervisor(grace_s: float) -> None:
+    """A supervisor that was killed leaves nobody to restart or stop this process, so it ends too, in its safe way."""
+    supervisor = parent_process()
+    if supervisor is None:
+        return
+    connection.wait([supervisor.sentinel])
+    print("the supervisor has died: this process stops", file=sys.stderr, flush=True)
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(grace_s)
+    os.killpg(0, signal.SIGKILL)
+
+
+def _write_to(log: Path) -> None:
+    file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    for stream in (1, 2):
+        os.dup2(file, stream)
+    os.close(file)
+    for text in (sys.stdout, sys.stderr):
+        # Line by line, so that a killed process has logged its last words.
+        text.reconfigure(line_buffering=True)  # type: ignore[union-attr]
+
+
+def _show_as(name: str) -> None:
+    """The name in ``ps`` and ``top``: instead of the forkserver's, which all processes would share."""
+    with contextlib.suppress(OSError, ValueError, IndexError, AttributeError):
+        libc = ctypes.CDLL(None)
+        libc.prctl(_PR_SET_NAME, name.encode()[:15], 0, 0, 0)
+        # proc(5): fields 48 and 49 of stat bound the memory that holds the command line; field 2 may contain spaces.
+        fields = Path("/proc/self/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+        begin, end = int(fields[45]), int(fields[46])
+        title = f"robot-stack: {name}".encode()[: end - begin - 1]
+        if begin and title:
+            ctypes.memset(begin, 0, end - begin)
+            ctypes.memmove(begin, title, len(title))

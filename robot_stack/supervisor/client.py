@@ -1,0 +1,166 @@
+"""Starting, asking and stopping a supervisor from another process."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from robot_stack.core.runtime import ros_domain_id, runtime_dir
+from robot_stack.core.wheels_env import ros_environment
+from robot_stack.supervisor import orphans
+from robot_stack.supervisor.control import NotRunning, ask
+from robot_stack.supervisor.logs import default_log_dir
+from robot_stack.supervisor.params import load_params
+
+LOCK_NAME = "supervisor_process"
+_POLL_S = 0.05
+
+
+class StartError(Exception):
+    """The stack did not come up. The message says what is missing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Launch:
+    """What ``up`` was asked for; see supervisor.profile.load_plan."""
+
+    profile: str
+    settings: Sequence[str] = ()
+    only: Sequence[str] = ()
+    speed: float | None = None
+    log_dir: Path | None = None
+
+    def command(self, *options: str) -> list[str]:
+        settings = [part for item in self.settings for part in ("--set", item)]
+        only = [part for item in self.only for part in ("--only", item)]
+        speed = [] if self.speed is None else ["--speed", str(self.speed)]
+        folder = ["--log-dir", str(self.log_dir or default_log_dir())]
+        supervisor = [sys.executable, "-m", "robot_stack.supervisor", "--profile", self.profile]
+        return [*supervisor, *settings, *only, *speed, *folder, *options]
+
+
+def environment() -> dict[str, str]:
+    """The environment of a supervisor: with the ROS wheels on its paths, so that no process starts twice."""
+    return {**os.environ, **ros_environment()}
+
+
+def refuse_second() -> None:
+    """Raises StartError if this domain has a supervisor."""
+    holder = _supervisor()
+    if holder is None:
+        return
+    with contextlib.suppress(NotRunning, TimeoutError):
+        status = ask("status")
+        raise StartError(
+            f"a stack is already running in ROS domain {status['domain']} (profile {status['profile']}, "
+            f"process {status['pid']}); stop it with `robot-stack down` or choose another ROS_DOMAIN_ID"
+        )
+    raise StartError(
+        f"the supervisor process {holder.pid} holds this ROS domain but does not answer: `robot-stack down`"
+    )
+
+
+def start(
+    launch: Launch, deadline_s: float, progress: Callable[[dict[str, Any]], None] | None = None
+) -> dict[str, Any]:
+    """Starts a supervisor in the background and waits until every process is ready. Returns its status.
+
+    Raises StartError if the domain has one already, if it ends, or if the deadline passes; then it goes on trying.
+    """
+    refuse_second()
+    end_s = time.monotonic() + deadline_s
+    supervisor = subprocess.Popen(
+        launch.command(),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        start_new_session=True,  # no signal of this terminal reaches it
+        env=environment(),
+        text=True,
+    )
+    assert supervisor.stderr is not None
+    status: dict[str, Any] = {}
+    while time.monotonic() < end_s:
+        if supervisor.poll() is not None:
+            said = supervisor.stderr.read().strip().removeprefix("error: ")
+            raise StartError(said or f"the supervisor ended: {_last_words(status)}")
+        with contextlib.suppress(NotRunning, TimeoutError):
+            status = ask("status", timeout_s=max(0.1, end_s - time.monotonic()))
+            if progress is not None:
+                progress(status)
+            if status["ready"]:
+                return status
+            if all(item["state"] in ("ready", "failed") for item in status["processes"]):
+                break  # nothing is left to wait for
+        time.sleep(_POLL_S)
+    raise StartError(not_ready(status))
+
+
+def not_ready(status: dict[str, Any]) -> str:
+    """What keeps a stack from being ready, one line per process."""
+    if not status:
+        return "the supervisor does not answer"
+    lines = [
+        f"  {item['name']}: {item['state']}{': ' if item['reason'] else ''}{item['reason']}"
+        for item in status["processes"]
+        if item["state"] != "ready"
+    ]
+    deaf = [f"  {status['deaf']}"] if status.get("deaf") else []
+    return "\n".join(["not ready:", *lines, *deaf, f"logs: {status['log_dir']}"])
+
+
+def stop() -> dict[str, Any]:
+    """Stops the stack of this domain. Returns the names of its processes as ``stopped`` and ``killed``.
+
+    A supervisor that does not answer is killed and its processes are ended.
+    Raises NotRunning if there is nothing to stop.
+    """
+    params = load_params()
+    patience_s = params.terminate_s + 5.0
+    supervisor = _supervisor()
+    try:
+        answer = ask("down", timeout_s=patience_s)
+    except (NotRunning, TimeoutError):
+        return _stop_by_force(supervisor, params.terminate_s)
+    if supervisor is not None:
+        with contextlib.suppress(psutil.Error):
+            supervisor.wait(patience_s)
+    return answer
+
+
+def _stop_by_force(supervisor: psutil.Process | None, patience_s: float) -> dict[str, Any]:
+    left = orphans.find()
+    if supervisor is None and not left:
+        raise NotRunning(f"no stack is running in ROS domain {ros_domain_id()}")
+    if supervisor is not None:
+        with contextlib.suppress(psutil.Error):
+            supervisor.kill()
+            supervisor.wait(patience_s)
+    ids = orphans.end(left, patience_s)
+    orphans.forget()
+    orphans.remove_stale_sockets()
+    return {"ok": True, "stopped": [], "killed": [f"process {pid}" for pid in ids]}
+
+
+def _supervisor() -> psutil.Process | None:
+    """The process that holds the supervisor's lock, if it lives."""
+    path = runtime_dir() / "locks" / f"{LOCK_NAME}.lock"
+    with contextlib.suppress(OSError, ValueError, psutil.Error):
+        process = psutil.Process(int(path.read_text(encoding="ascii")))
+        # Ids are given again: after a crash the number in the file may be somebody else's.
+        if "robot_stack.supervisor" in process.cmdline() and process.status() != psutil.STATUS_ZOMBIE:
+            return process
+    return None
+
+
+def _last_words(status: dict[str, Any]) -> str:
+    return f"see {status['log_dir']}/supervisor.log" if status else "before it could answer"

@@ -1,0 +1,108 @@
+"""The operating-system processes of the stack, forked from a server that has imported everything already."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+from collections.abc import Iterable, Mapping
+from multiprocessing import forkserver
+from multiprocessing.context import ForkServerProcess
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from robot_stack.contract.model import Process
+from robot_stack.supervisor import child, orphans, preload
+from robot_stack.supervisor.profile import Plan
+
+# Nodes write to their own log; rcl's copy of it would go to another folder.
+_ROS_ARGUMENTS = ("--disable-external-lib-logs",)
+
+
+class Fleet:
+    """Starts and ends processes. Knows nothing about when; that is the lifecycle's."""
+
+    def __init__(self, plan: Plan, run_dir: Path, stop_grace_s: float) -> None:
+        self._run_dir = run_dir
+        self._stop_grace_s = stop_grace_s
+        self._environment = dict(plan.environment)
+        self._parameters = plan.parameters
+        self._context = multiprocessing.get_context("forkserver")
+        self._processes: dict[str, ForkServerProcess] = {}
+        os.environ[preload.MODULES_VARIABLE] = ",".join(p.module for p in plan.processes if p.module)
+        self._context.set_forkserver_preload([preload.__name__])
+        forkserver.ensure_running()
+
+    def start(self, process: Process) -> int:
+        """Forks the process. Returns its id."""
+        assert process.module is not None
+        start = child.Start(
+            name=process.name,
+            module=process.module,
+            arguments=self._arguments(process),
+            environment=self._environment,
+            log=self._run_dir / f"{process.name}.log",
+            stop_grace_s=self._stop_grace_s,
+        )
+        forked = self._context.Process(target=child.run, args=(start,), name=process.name)
+        forked.start()
+        self._processes[process.name] = forked
+        orphans.record(self.pids().values())
+        assert forked.pid is not None
+        return forked.pid
+
+    def pids(self) -> dict[str, int]:
+        """The processes that have been started and not been collected: name -> id."""
+        return {name: forked.pid for name, forked in self._processes.items() if forked.pid is not None}
+
+    def sentinels(self) -> dict[int, str]:
+        """File descriptor that becomes readable when the process ends -> name."""
+        return {int(forked.sentinel): name for name, forked in self._processes.items()}
+
+    def collect(self, name: str) -> int | None:
+        """The exit code of a process that has ended (negative: the signal), which is then forgotten. None: it runs."""
+        forked = self._processes[name]
+        code = forked.exitcode
+        if code is None:
+            return None
+        assert forked.pid is not None
+        # What it has started itself goes with it.
+        _signal_group(forked.pid, signal.SIGKILL)
+        forked.close()
+        del self._processes[name]
+        return code
+
+    def signal(self, names: Iterable[str], number: signal.Signals) -> None:
+        for name in names:
+            pid = self._processes[name].pid
+            assert pid is not None
+            # SIGINT to the node alone, which may have to end children of its own in an order.
+            if number is signal.SIGINT or not _signal_group(pid, number):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, number)
+
+    def _arguments(self, process: Process) -> tuple[str, ...]:
+        parameters = {node: self._parameters[node] for node in process.nodes if node in self._parameters}
+        files = [] if not parameters else ["--params-file", str(self._write(process.name, parameters))]
+        return ("--ros-args", *_ROS_ARGUMENTS, *files)
+
+    def _write(self, name: str, parameters: Mapping[str, Mapping[str, Any]]) -> Path:
+        """The overrides in force, as a ROS parameter file beside the logs."""
+        path = self._run_dir / f"{name}.parameters.yaml"
+        tree = {node: {"ros__parameters": dict(values)} for node, values in parameters.items()}
+        path.write_text(yaml.safe_dump(tree), encoding="utf-8")
+        return path
+
+
+def _signal_group(pid: int, number: signal.Signals) -> bool:
+    """False if there is no such group: all have ended, or the process is too young to have made it."""
+    try:
+        os.killpg(pid, number)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # only a zombie is left, which the forkserver has not collected yet
+        return True
+    return True

@@ -1,0 +1,109 @@
+"""What an earlier supervisor left behind: processes it had started, and sockets nobody listens on any more.
+
+Process ids are kept together with the start time of the process, so that a number that was given to somebody else since
+is never taken for ours.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+
+import psutil
+
+from robot_stack.core.runtime import runtime_dir
+
+_RECORD = "processes.json"
+# Start times come from clock ticks (10 ms); two processes with one id are further apart than this.
+_SAME_START_S = 0.5
+
+
+def record(pids: Iterable[int]) -> None:
+    """Notes the processes of this supervisor, replacing the earlier note."""
+    started = {}
+    for pid in pids:
+        with contextlib.suppress(psutil.Error):
+            started[pid] = psutil.Process(pid).create_time()
+    path = runtime_dir() / _RECORD
+    fresh = path.with_suffix(".new")
+    fresh.write_text(json.dumps(started), encoding="ascii")
+    fresh.replace(path)
+
+
+def forget() -> None:
+    with contextlib.suppress(FileNotFoundError):
+        (runtime_dir() / _RECORD).unlink()
+
+
+def find() -> list[psutil.Process]:
+    """The noted processes that still run."""
+    try:
+        noted = json.loads((runtime_dir() / _RECORD).read_text(encoding="ascii"))
+    except (OSError, ValueError):
+        return []
+    alive = []
+    for pid, started_s in noted.items():
+        with contextlib.suppress(psutil.Error, ValueError):
+            process = psutil.Process(int(pid))
+            same = abs(process.create_time() - started_s) < _SAME_START_S
+            if same and process.status() != psutil.STATUS_ZOMBIE:
+                alive.append(process)
+    return alive
+
+
+def end(processes: Iterable[psutil.Process], patience_s: float) -> list[int]:
+    """Interrupts the processes, kills what is left after ``patience_s``. Returns the ids of all of them."""
+    left = list(processes)
+    ids = [process.pid for process in left]
+    for process in left:
+        with contextlib.suppress(psutil.Error):
+            process.send_signal(signal.SIGINT)
+    _, left = psutil.wait_procs(left, timeout=patience_s)
+    for process in left:
+        with contextlib.suppress(psutil.Error):
+            process.kill()
+    psutil.wait_procs(left, timeout=patience_s)
+    return ids
+
+
+def remove_stale_sockets() -> list[Path]:
+    """Deletes the Unix sockets of the runtime folder on which nobody listens. Returns them."""
+    return [path for path in _sockets(runtime_dir()) if _is_stale(path) and _unlink(path)]
+
+
+def _sockets(folder: Path) -> list[Path]:
+    found = []
+    for root, _, names in os.walk(folder):
+        for name in names:
+            path = Path(root) / name
+            with contextlib.suppress(OSError):
+                if stat.S_ISSOCK(path.lstat().st_mode):
+                    found.append(path)
+    return found
+
+
+def _is_stale(path: Path) -> bool:
+    for kind in (socket.SOCK_STREAM, socket.SOCK_SEQPACKET, socket.SOCK_DGRAM):
+        with socket.socket(socket.AF_UNIX, kind) as probe:
+            probe.settimeout(0.2)
+            try:
+                probe.connect(str(path))
+            except ConnectionRefusedError:
+                return True
+            except OSError:  # of another kind, or busy
+                continue
+            return False
+    return False
+
+
+def _unlink(path: Path) -> bool:
+    with contextlib.suppress(OSError):
+        path.unlink()
+        return True
+    return False

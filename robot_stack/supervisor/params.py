@@ -1,0 +1,52 @@
+"""Tuning of the supervisor, ``config/supervisor.yaml``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from robot_stack.contract.model import Criticality
+from robot_stack.core.config import Config, load
+
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+class Backoff(Config):
+    """Waiting time before a restart: first_s, then factor times longer at each further crash, at most longest_s."""
+
+    first_s: Positive
+    factor: Annotated[float, Field(ge=1.0)]
+    longest_s: Positive
+
+
+class SupervisorParams(Config):
+    """hang_after_s: a live process silent for this long is hung. start_limit_s: the same before its first heartbeat.
+    stable_after_s: a process that ran this long starts its back-off anew.
+    interrupt_s, terminate_s: after SIGINT at 0, the times at which ``down`` sends SIGTERM and SIGKILL.
+    hung_kill_s: time a hung process has between SIGTERM and SIGKILL.
+    keep_runs: log folders kept; older ones are deleted at the next start.
+    """
+
+    hang_after_s: Positive
+    start_limit_s: Positive
+    stable_after_s: Positive
+    interrupt_s: Positive
+    terminate_s: Positive
+    hung_kill_s: Positive
+    keep_runs: Annotated[int, Field(ge=1)]
+    backoff: dict[Criticality, Backoff]
+
+    @model_validator(mode="after")
+    def _complete(self) -> SupervisorParams:
+        absent = [item.value for item in Criticality if item not in self.backoff]
+        if absent:
+            raise ValueError(f"backoff: {', '.join(absent)} missing")
+        if self.terminate_s <= self.interrupt_s:
+            raise ValueError("terminate_s must be greater than interrupt_s")
+        return self
+
+
+def load_params() -> SupervisorParams:
+    """Raises ConfigError."""
+    return load(SupervisorParams, "supervisor")

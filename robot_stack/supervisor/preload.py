@@ -1,0 +1,31 @@
+"""Imported by the forkserver, before the first fork: everything that all node processes share.
+
+What is imported here costs its time once and its memory once. Only imports without side effects may be here: no thread,
+no rclpy context. A module that cannot be imported is left to the process that needs it, whose log then tells why.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import importlib
+import os
+from collections.abc import Iterable
+
+MODULES_VARIABLE = "ROBOT_STACK_PRELOAD"  # node modules, joined by commas; set by the supervisor for its forkserver
+_LIBRARIES = ("robot_stack.supervisor.child", "numpy", "rclpy", "robot_stack.ros.node", "robot_stack.ros.process")
+
+
+def preload(modules: Iterable[str]) -> None:
+    for name in (*_LIBRARIES, *modules):
+        with contextlib.suppress(Exception):
+            importlib.import_module(name)
+    with contextlib.suppress(Exception):
+        importlib.import_module("robot_stack.supervisor.node").load_type_supports()
+    # The collector would write into every shared page; what is here lives as long as the processes anyway.
+    gc.collect()
+    gc.freeze()
+
+
+if MODULES_VARIABLE in os.environ:
+    preload(filter(None, os.environ[MODULES_VARIABLE].split(",")))

@@ -1,0 +1,216 @@
+"""Profiles: ``config/profiles/<name>.yaml`` says which processes of the contract run together, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from typing import Annotated, Any
+
+import yaml
+from pydantic import Field, model_validator
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import Criticality, Process, System
+from robot_stack.contract.processes import BY_NAME
+from robot_stack.core.config import Config, ConfigError, config_dir, read_yaml, validate
+
+
+class Machine(Enum):
+    """What a profile can run; the simulation belongs to either."""
+
+    ROBOT = System.ROBOT.value
+    WMX = System.WMX.value
+
+
+class ExtraProcess(Config):
+    """A process that a profile brings along itself, e.g. the driver of a sensor that this stack does not know."""
+
+    module: str
+    criticality: Criticality
+    note: str
+    max_restarts: Annotated[int, Field(gt=0)] = 5
+
+
+class ProfileFile(Config):
+    """One profile.
+
+    machine: the machine whose processes run; a profile never mixes two.
+    use_sim_time: nodes live on /clock instead of the system clock.
+    speed: speed of the simulated world; other than 1 only on /clock. Null where there is no simulated world.
+    ready_deadline_s: time from start within which every process must be ready.
+    processes: process names of the contract. Those that are not built yet are reported as missing.
+    parameters: node name -> parameter name -> value, on top of ``config/<node>.yaml``.
+    environment: variables for every process.
+    extra: processes beyond the contract's table.
+    """
+
+    description: str
+    machine: Machine
+    use_sim_time: bool
+    speed: Annotated[float, Field(gt=0.0)] | None
+    ready_deadline_s: Annotated[float, Field(gt=0.0)]
+    processes: list[str]
+    parameters: dict[str, dict[str, Any]] = {}
+    environment: dict[str, str] = {}
+    extra: dict[str, ExtraProcess] = {}
+
+    @model_validator(mode="after")
+    def _other_speeds_need_the_clock(self) -> ProfileFile:
+        if self.speed is not None and self.speed != 1.0 and not self.use_sim_time:
+            raise ValueError(f"speed: {self.speed:g} needs use_sim_time: true, at other speeds nodes live on /clock")
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a supervisor runs: the profile after all overrides.
+
+    processes: in no order of start. parameters: node name -> values, of the nodes in ``processes`` only.
+    missing: named by the profile, but not built.
+    """
+
+    name: str
+    description: str
+    use_sim_time: bool
+    ready_deadline_s: float
+    processes: tuple[Process, ...]
+    missing: tuple[str, ...]
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    environment: Mapping[str, str] = field(default_factory=dict)
+
+
+def profile_path(name: str) -> Path:
+    """A profile by name, or by path where ``name`` looks like one. Raises ConfigError that lists what there is."""
+    if name.endswith((".yaml", ".yml")):
+        return Path(name)
+    folder = config_dir() / "profiles"
+    path = folder / f"{name}.yaml"
+    if not path.is_file():
+        known = ", ".join(sorted(item.stem for item in folder.glob("*.yaml"))) or "none"
+        raise ConfigError(f"{path}: there is no profile {name!r}; known profiles: {known}")
+    return path
+
+
+def load_plan(
+    name: str,
+    *,
+    settings: Sequence[str] = (),
+    only: Sequence[str] = (),
+    speed: float | None = None,
+) -> Plan:
+    """A profile with the operator's overrides on top.
+
+    settings: ``node.parameter=value``, the value in YAML. only: the processes to run, all if empty.
+    speed: speed of the simulated world; other than 1 puts every node on /clock.
+
+    Raises ConfigError in one line that names file, field and what would be right.
+    """
+    path = profile_path(name)
+    file = validate(ProfileFile, _with_speed(read_yaml(path), speed, path), str(path))
+    processes = _processes(file, path)
+    built = [process for process in processes if process.available]
+    chosen = _only(built, only) if only else built
+    parameters = _parameters(file, settings, processes, path)
+    nodes = {node for process in chosen for node in process.nodes}
+    return Plan(
+        name=path.stem,
+        description=file.description,
+        use_sim_time=file.use_sim_time,
+        ready_deadline_s=file.ready_deadline_s,
+        processes=tuple(chosen),
+        missing=tuple(process.name for process in processes if not process.available),
+        parameters={node: values for node, values in parameters.items() if node in nodes},
+        environment=file.environment,
+    )
+
+
+def _with_speed(data: dict[str, Any], speed: float | None, path: Path) -> dict[str, Any]:
+    if speed is None:
+        return data
+    if data.get("speed") is None:
+        raise ConfigError(f"{path}: has no simulated world whose speed could be set")
+    return {**data, "speed": speed, "use_sim_time": speed != 1.0 or bool(data.get("use_sim_time"))}
+
+
+def _processes(file: ProfileFile, path: Path) -> list[Process]:
+    twice = sorted({name for name in file.processes if file.processes.count(name) > 1})
+    if twice:
+        raise ConfigError(f"{path}: processes: {', '.join(twice)}: named twice")
+    found = [*(_contract_process(name, file, path) for name in file.processes)]
+    for name, extra in file.extra.items():
+        if name in BY_NAME:
+            raise ConfigError(f"{path}: extra.{name}: the contract has a process of this name")
+        found.append(_extra_process(name, extra))
+    if not found:
+        raise ConfigError(f"{path}: processes: a profile needs at least one process")
+    _refuse_shared_nodes(found, path)
+    return found
+
+
+def _extra_process(name: str, extra: ExtraProcess) -> Process:
+    return Process(name, extra.module, extra.criticality, extra.note, (name,), max_restarts=extra.max_restarts)
+
+
+def _contract_process(name: str, file: ProfileFile, path: Path) -> Process:
+    process = BY_NAME.get(name)
+    if process is None:
+        raise ConfigError(f"{path}: processes: {name!r} is no process of the contract; known: {', '.join(BY_NAME)}")
+    if process.system not in (System(file.machine.value), System.SIMULATION):
+        machines = f"{process.system.value}, not {file.machine.value}"
+        raise ConfigError(f"{path}: processes: {name} belongs to the machine {machines}")
+    return process
+
+
+def _refuse_shared_nodes(processes: Sequence[Process], path: Path) -> None:
+    owner: dict[str, str] = {}
+    for process in processes:
+        for node in process.nodes:
+            if node in owner:
+                both = f"{owner[node]} and {process.name}"
+                raise ConfigError(f"{path}: processes: the node {node} would run in both {both}")
+            owner[node] = process.name
+
+
+def _only(built: Sequence[Process], only: Sequence[str]) -> list[Process]:
+    names = [process.name for process in built]
+    unknown = sorted(set(only) - set(names))
+    if unknown:
+        known = ", ".join(names)
+        raise ConfigError(f"--only: {', '.join(unknown)}: not a built process of this profile; there are {known}")
+    return [process for process in built if process.name in only]
+
+
+def _parameters(
+    file: ProfileFile, settings: Sequence[str], processes: Sequence[Process], path: Path
+) -> dict[str, dict[str, Any]]:
+    nodes = {node for process in processes for node in process.nodes}
+    unknown = sorted(set(file.parameters) - nodes)
+    if unknown:
+        raise ConfigError(f"{path}: parameters: {', '.join(unknown)}: no node of this profile")
+    merged = {node: dict(values) for node, values in file.parameters.items()}
+    if file.speed is not None:
+        for node in set(topics.CLOCK.publishers) & nodes:
+            merged.setdefault(node, {})["speed"] = file.speed
+    for setting in settings:
+        node, name, value = _setting(setting, nodes)
+        merged.setdefault(node, {})[name] = value
+    for process in processes:
+        if file.use_sim_time:
+            for node in process.nodes:
+                merged.setdefault(node, {})["use_sim_time"] = True
+    return merged
+
+
+def _setting(text: str, nodes: set[str]) -> tuple[str, str, Any]:
+    target, equals, value = text.partition("=")
+    node, dot, name = target.partition(".")
+    if not (equals and dot and node and name):
+        raise ConfigError(f"--set {text}: must read node.parameter=value")
+    if node not in nodes:
+        raise ConfigError(f"--set {text}: {node!r} is no node of this profile; there are {', '.join(sorted(nodes))}")
+    try:
+        return node, name, yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"--set {text}: the value is not valid YAML: {' '.join(str(error).split())}") from error

@@ -1,0 +1,254 @@
+"""The supervisor's loop: hears, judges, starts, ends, answers."""
+
+from __future__ import annotations
+
+import os
+import selectors
+import signal
+import sys
+import time
+from datetime import datetime
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import Process
+from robot_stack.core.runtime import ros_domain_id
+from robot_stack.supervisor import orphans
+from robot_stack.supervisor.control import ControlServer, Reply
+from robot_stack.supervisor.ears import Ears
+from robot_stack.supervisor.fleet import Fleet
+from robot_stack.supervisor.lifecycle import RUNNING, Hearing, Lifecycle, Limits, Order, State
+from robot_stack.supervisor.params import SupervisorParams
+from robot_stack.supervisor.profile import Plan
+
+_TICK_S = 0.05
+# A loop that comes this late was not running: the computer slept, or it was stopped itself.
+_ABSENT_S = 1.0
+
+
+class Supervisor:
+    """Runs the plan until told to stop."""
+
+    def __init__(self, plan: Plan, params: SupervisorParams, run_dir: Path) -> None:
+        self._plan = plan
+        self._params = params
+        self._run_dir = run_dir
+        # The forkserver first: it and the ears import at the same time, on two cores.
+        self._fleet = Fleet(plan, run_dir, stop_grace_s=params.terminate_s)
+        self._ears = Ears()
+        self._rows = {process.name: process for process in plan.processes}
+        self._lives = {name: Lifecycle(_limits(row, params)) for name, row in self._rows.items()}
+        clock_sources = [p.name for p in plan.processes if set(p.nodes) & set(topics.CLOCK.publishers)]
+        self._hearing = Hearing(frozenset(clock_sources if plan.use_sim_time else ()))
+        self._selector = selectors.DefaultSelector()
+        self._control = ControlServer(self._selector, self._on_request)
+        self._begun_s = time.monotonic()
+        self._ready_after_s: float | None = None
+        self._deaf_told = False
+        self._stopping = False
+        self._farewells: list[Reply] = []
+        self._install_signals()
+
+    # --- the loop ----------------------------------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """Returns when everything has stopped."""
+        now_s = time.monotonic()
+        for life in self._lives.values():
+            life.wanted(now_s)
+        last_s = now_s
+        while not self._stopping:
+            now_s = time.monotonic()
+            if now_s - last_s > _ABSENT_S:
+                _log(f"absent for {now_s - last_s:.1f} s: silence in that time is not judged")
+                for life in self._lives.values():
+                    life.forgive(now_s - last_s)
+            last_s = now_s
+            self._hear()
+            self._collect()
+            self._judge(now_s)
+            self._wait(_TICK_S)
+        self._stop_all()
+
+    def _wait(self, timeout_s: float) -> None:
+        """Sleeps until something happens: a request, the end of a process, a signal."""
+        sentinels = self._fleet.sentinels()
+        for descriptor in sentinels:
+            self._selector.register(descriptor, selectors.EVENT_READ, None)
+        try:
+            events = self._selector.select(timeout_s)
+        finally:
+            for descriptor in sentinels:
+                self._selector.unregister(descriptor)
+        for key, _ in events:
+            if key.data is not None:
+                key.data()
+
+    def _hear(self) -> None:
+        pids = self._fleet.pids()
+        for beat in self._ears.heard():
+            # A dying process may still speak after its successor has started.
+            if pids.get(beat.name) == beat.pid:
+                life = self._lives[beat.name]
+                before = life.state
+                life.heartbeat(beat.received_s, beat.ready, beat.waiting_for)
+                if life.state is State.READY and before in (State.STARTING, State.WAITING):
+                    _log(f"{beat.name}: ready")
+        if self._ready_after_s is None and all(life.state is State.READY for life in self._lives.values()):
+            self._ready_after_s = time.monotonic() - self._begun_s
+            _log(f"all {len(self._lives)} processes are ready after {self._ready_after_s:.1f} s")
+        reason = self._ears.error
+        if reason and not self._deaf_told:
+            self._deaf_told = True
+            _log(f"{reason}; hangs can not be detected any more")
+
+    def _collect(self) -> None:
+        for name in list(self._fleet.pids()):
+            code = self._fleet.collect(name)
+            if code is not None:
+                life = self._lives[name]
+                life.exited(time.monotonic(), code)
+                _log(f"{name}: {life.reason}")
+
+    def _judge(self, now_s: float) -> None:
+        running = {name: life.silent(now_s) for name, life in self._lives.items() if life.state in RUNNING}
+        judged = frozenset[str]() if self._ears.error else self._hearing.judged(running)
+        for name, life in self._lives.items():
+            match life.order(now_s, name in judged):
+                case Order.START:
+                    self._start(name)
+                case Order.TERMINATE:
+                    _log(f"{name}: {life.reason}; SIGTERM")
+                    self._fleet.signal([name], signal.SIGTERM)
+                case Order.KILL:
+                    _log(f"{name}: did not end on SIGTERM; SIGKILL")
+                    self._fleet.signal([name], signal.SIGKILL)
+
+    def _start(self, name: str) -> None:
+        pid = self._fleet.start(self._rows[name])
+        self._lives[name].started(time.monotonic())
+        _log(f"{name}: started, process {pid}")
+
+    # --- stop --------------------------------------------------------------------------------------------------------
+
+    def _install_signals(self) -> None:
+        # Signals wake the selector through this pair, whatever thread they arrive in.
+        receiver, sender = os.pipe()
+        os.set_blocking(receiver, False)
+        os.set_blocking(sender, False)
+        signal.set_wakeup_fd(sender, warn_on_full_buffer=False)
+        self._selector.register(receiver, selectors.EVENT_READ, lambda: os.read(receiver, 256))
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, number: int, _: FrameType | None) -> None:
+        _log(f"{signal.Signals(number).name}: stopping")
+        self._stopping = True
+
+    def _stop_all(self) -> None:
+        begun_s = time.monotonic()
+        stopped = sorted(self._fleet.pids())
+        steps = [
+            (0.0, signal.SIGINT),
+            (self._params.interrupt_s, signal.SIGTERM),
+            (self._params.terminate_s, signal.SIGKILL),
+        ]
+        killed: list[str] = []
+        while self._fleet.pids():
+            left = sorted(self._fleet.pids())
+            if steps and time.monotonic() - begun_s >= steps[0][0]:
+                _, number = steps.pop(0)
+                _log(f"{number.name} to {', '.join(left)}")
+                self._fleet.signal(left, number)
+                killed = left if number is signal.SIGKILL else killed
+            self._wait(_TICK_S)
+            for name in list(self._fleet.pids()):
+                if self._fleet.collect(name) is not None:
+                    self._lives[name].stopped()
+        self._ears.close()
+        orphans.forget()
+        self._control.close()
+        removed = orphans.remove_stale_sockets()
+        for path in removed:
+            _log(f"removed the stale socket {path}")
+        _log(f"stopped {len(stopped)} processes in {time.monotonic() - begun_s:.1f} s")
+        for reply in self._farewells:
+            reply({"ok": True, "stopped": stopped, "killed": killed})
+
+    # --- requests ----------------------------------------------------------------------------------------------------
+
+    def _on_request(self, request: dict[str, Any], reply: Reply) -> None:
+        match request.get("verb"):
+            case "status":
+                reply(self.status())
+            case "restart":
+                reply(self._restart(str(request.get("process"))))
+            case "down":
+                _log("asked to stop")
+                self._stopping = True
+                self._farewells.append(reply)
+            case verb:
+                reply({"ok": False, "error": f"unknown verb {verb!r}"})
+
+    def _restart(self, name: str) -> dict[str, Any]:
+        life = self._lives.get(name)
+        if life is None:
+            return {"ok": False, "error": f"{name!r} does not run here; processes: {', '.join(self._lives)}"}
+        if self._stopping:
+            return {"ok": False, "error": "the stack is stopping"}
+        _log(f"{name}: restart asked for")
+        life.wanted(time.monotonic())
+        if name in self._fleet.pids():
+            self._fleet.signal([name], signal.SIGINT)
+        return {"ok": True}
+
+    def status(self) -> dict[str, Any]:
+        """The answer to ``status``: everything an operator wants to know, ready for JSON."""
+        now_s = time.monotonic()
+        pids = self._fleet.pids()
+        return {
+            "ok": True,
+            "profile": self._plan.name,
+            "domain": ros_domain_id(),
+            "pid": os.getpid(),
+            "log_dir": str(self._run_dir),
+            "stopping": self._stopping,
+            "ready": all(life.state is State.READY for life in self._lives.values()),
+            "ready_after_s": self._ready_after_s,
+            "deaf": self._ears.error,
+            "missing": list(self._plan.missing),
+            "processes": [
+                {
+                    "name": name,
+                    "pid": pids.get(name),
+                    "state": life.state.value,
+                    "reason": life.reason,
+                    "criticality": self._rows[name].criticality.value,
+                    "restarts": life.restarts,
+                    "last_exit": life.last_exit,
+                    "heartbeat_age_s": life.heartbeat_age_s(now_s),
+                }
+                for name, life in self._lives.items()
+            ],
+        }
+
+
+def _limits(row: Process, params: SupervisorParams) -> Limits:
+    backoff = params.backoff[row.criticality]
+    return Limits(
+        hang_after_s=params.hang_after_s,
+        start_limit_s=params.start_limit_s,
+        stable_after_s=params.stable_after_s,
+        hung_kill_s=params.hung_kill_s,
+        backoff_first_s=backoff.first_s,
+        backoff_factor=backoff.factor,
+        backoff_longest_s=backoff.longest_s,
+        max_restarts=row.max_restarts,
+    )
+
+
+def _log(text: str) -> None:
+    now = datetime.now().isoformat(sep=" ", timespec="milliseconds")
+    print(f"{now} {text}", file=sys.stderr, flush=True)

@@ -1,0 +1,53 @@
+"""A node process for the supervisor's tests, in a profile's ``extra``. It misbehaves when a file tells it to.
+
+The folder ``SUPERVISED_ORDERS`` holds one file for each process, named like it, with one word in it:
+hang (the node's loop stands still), stubborn (the same, and it ignores SIGINT and SIGTERM), crash (exit code 1),
+refuse (exit code 2), waiting (not ready). A new process reads it again.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from robot_stack.ros.node import StackNode, run
+
+
+class Supervised(StackNode):
+    def __init__(self) -> None:
+        name = Path(sys.argv[0]).name
+        super().__init__(name)
+        self._orders = Path(os.environ["SUPERVISED_ORDERS"]) / name
+        self._helper: subprocess.Popen[bytes] | None = None
+        self.every(50.0, self._obey)
+        self._obey()
+
+    def _obey(self) -> None:
+        order = self._orders.read_text(encoding="ascii").strip() if self._orders.exists() else ""
+        self.set_health(order != "waiting", "working" if order != "waiting" else "/sensors/imu")
+        match order:
+            case "crash":
+                os._exit(1)
+            case "refuse":
+                os._exit(2)
+            case "child" if self._helper is None:
+                self._helper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+            case "hang":
+                _stand_still()
+            case "stubborn":
+                signal.signal(signal.SIGINT, signal.SIG_IGN)
+                signal.signal(signal.SIGTERM, signal.SIG_IGN)
+                _stand_still()
+
+
+def _stand_still() -> None:
+    while True:
+        time.sleep(1.0)
+
+
+def main() -> None:
+    run(Supervised)
