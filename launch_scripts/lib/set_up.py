@@ -92,7 +92,9 @@ def install_packages() -> None:
             only_uv.write(locked("uv"))
             only_uv.flush()
             run([*pip("install"), "--require-hashes", "-r", only_uv.name])
-        run([str(PREFIX / "bin/uv"), "pip", "install", "--python", str(PYTHON), "--require-hashes", "-r", str(LOCK)])
+        quiet = [] if sys.stderr.isatty() else ["--quiet"]
+        install = [str(PREFIX / "bin/uv"), "pip", "install", "--python", str(PYTHON), "--require-hashes"]
+        run([*install, "--requirement", str(LOCK), *quiet])
     except Fault as fault:
         print(f"setup: {fault}\nsetup: going on with pip, which takes longer", file=sys.stderr)
         run([*pip("install"), "--require-hashes", "-r", str(LOCK)])
@@ -113,7 +115,9 @@ def locked(name: str) -> str:
 
 
 def install_project() -> None:
-    run([*pip("install"), "--no-deps", "--no-build-isolation", "--editable", str(ROOT)], build_environment())
+    quiet = {"PYTHONWARNINGS": "ignore"}  # setuptools warns of every editable installation
+    command = [*pip("install"), "--no-deps", "--no-build-isolation", "--editable", str(ROOT)]
+    run(command, {**build_environment(), **quiet})
 
 
 def build_interfaces(steps: Steps, due: dict[Path, str]) -> None:

@@ -21,8 +21,8 @@ def ros_environment(prefix: str | Path | None = None, base: Mapping[str, str] | 
         base: environment the process inherits; its search paths stay, behind ours. None means ``os.environ``.
 
     Returns:
-        Only the variables to set: ``subprocess.run(..., env={**os.environ, **ros_environment()})``. Empty where ``prefix``
-        holds no ROS wheels: then ROS comes from a sourced installation, whose environment is left alone.
+        Only the variables to set: ``subprocess.run(..., env={**os.environ, **ros_environment()})``. Empty where
+        ``prefix`` holds no ROS wheels: then ROS comes from a sourced installation, whose environment is left alone.
     """
     root = Path(sys.prefix if prefix is None else prefix)
     inherited = os.environ if base is None else base

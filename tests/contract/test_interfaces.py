@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from tests.contract.type_hashes import installed
+
 ROOT = Path(__file__).resolve().parents[2]
 
 # From the robot's topic specification: exactly these fields, in this order.
@@ -152,3 +154,11 @@ def test_every_field_says_what_it_is(path: Path) -> None:
 
     assert path.read_text().startswith("# ")
     assert [line for line in fields if "# " not in line] == []
+
+
+@pytest.mark.parametrize("path", INTERFACE_FILES, ids=lambda path: path.name)
+def test_every_definition_is_built(path: Path) -> None:
+    """A file that the package's CMakeLists.txt forgets would be no interface."""
+    package, kind = path.parts[-3:-1]
+
+    assert f"{package}/{kind}/{path.stem}" in installed(package)

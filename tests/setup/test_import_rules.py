@@ -1,0 +1,57 @@
+"""The import rules of the architecture bite: each forbidden import, put into a copy of the code, breaks its rule."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+LINT = Path(sys.executable).with_name("lint-imports")
+FORBIDDEN = {
+    "a subsystem imports another": ("safety/intruder.py", "import robot_stack.mission.model", "Subsystems meet"),
+    "core imports the engine": ("core/intruder.py", "import robot_stack.wmx", "Subsystems meet"),
+    "the stack imports the simulation": ("core/intruder.py", "import sim", "never imports the simulation"),
+    "a kernel imports rclpy": ("safety/intruder.py", "from rclpy.node import Node", "Only nodes and robot_stack.ros"),
+    "a kernel imports messages": ("safety/intruder.py", "import std_msgs.msg", "Only nodes and robot_stack.ros"),
+    "a kernel imports the node base": ("safety/intruder.py", "import robot_stack.ros.node", "Only nodes, the command"),
+    "a kernel reads the clock": ("safety/intruder.py", "import time", "Kernels read no clock"),
+    "a kernel logs": ("drive/intruder.py", "import logging", "Kernels read no clock"),
+}
+
+
+@pytest.fixture
+def code(tmp_path: Path) -> Path:
+    for package in ("robot_stack", "sim"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    return tmp_path
+
+
+def lint(code: Path) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(code), "COLUMNS": "200"}
+    return subprocess.run(
+        [LINT, "--no-cache", "--no-logo"], cwd=code, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize("breach", FORBIDDEN)
+def test_forbidden_import_breaks_its_rule(code: Path, breach: str) -> None:
+    module, statement, rule = FORBIDDEN[breach]
+    (code / "robot_stack" / module).write_text(f"{statement}\n")
+
+    result = lint(code)
+
+    assert result.returncode == 1, result.stdout + result.stderr
+    assert rule in result.stdout.partition("Broken contracts")[2], result.stdout
+
+
+def test_package_without_a_place_in_the_layers_is_refused(code: Path) -> None:
+    (code / "robot_stack/helpers").mkdir()
+    (code / "robot_stack/helpers/__init__.py").touch()
+
+    assert "robot_stack.helpers" in lint(code).stdout
