@@ -1,12 +1,8 @@
-"""Draws ``docs/mission_states.md`` from the table of transitions: ``python -m robot_stack.mission.diagram``."""
+"""Draws the table of transitions: ``python -m robot_stack.mission.diagram > docs/mission_states.md``."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from robot_stack.mission.states import TRANSITIONS, State, Trigger
-
-DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "mission_states.md"
 
 _MEANING = {
     State.IDLE: "no mission",
@@ -27,7 +23,8 @@ def document() -> str:
         [
             "# States of the mission manager",
             "",
-            "Generated from `robot_stack/mission/states.py` by `python -m robot_stack.mission.diagram`; do not edit.",
+            "Generated from `robot_stack/mission/states.py`; do not edit. To draw it again:",
+            "`python -m robot_stack.mission.diagram > docs/mission_states.md`.",
             "",
             "```mermaid",
             "stateDiagram-v2",
@@ -54,6 +51,4 @@ def _trigger_row(trigger: Trigger) -> str:
 
 
 if __name__ == "__main__":
-    DOCUMENT.parent.mkdir(exist_ok=True)
-    DOCUMENT.write_text(document(), encoding="utf-8")
-    print(DOCUMENT)
+    print(document(), end="")

@@ -107,11 +107,11 @@ class SqliteJournal:
                 if source.exists():
                     os.replace(source, f"{target}{part}")
         except OSError as move_error:
-            return JournalError(f"{self.path} is damaged ({error}) and cannot be moved aside: {move_error}")
-        return JournalDamaged(f"the journal {self.path} was damaged ({error}) and is now {target.name}")
+            return JournalError(f"{self.path} is damaged ({_one_line(error)}) and cannot be moved aside: {move_error}")
+        return JournalDamaged(f"the journal {self.path} was damaged ({_one_line(error)}) and is now {target.name}")
 
     def _text(self, error: Exception) -> str:
-        return f"{self.path}: {error.strerror if isinstance(error, OSError) and error.strerror else error}"
+        return f"{self.path}: {error.strerror if isinstance(error, OSError) and error.strerror else _one_line(error)}"
 
 
 class _Nonsense(Exception):
@@ -135,6 +135,10 @@ def _prepare(connection: sqlite3.Connection) -> None:
     check = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
     if check != "ok":
         raise _Nonsense(str(check))
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
 
 
 def _to_json(record: Record) -> str:

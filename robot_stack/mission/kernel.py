@@ -21,6 +21,8 @@ from robot_stack.mission.states import ACTIVE, UNDER_WAY, State, Trigger, target
 
 # A tick may be late by this much and count in full; more is a clock that jumped or a process that was stopped.
 _LONGEST_STEP_S = 1.0
+# Whatever somebody sends as a command is shown to people, but not at any length.
+_LONGEST_NAME = 64
 _EMERGENCY = "emergency stop is active: release it and reset the safety monitor first"
 
 
@@ -84,7 +86,7 @@ class MissionKernel:
     # --- commands ----------------------------------------------------------------------------------------------------
 
     def _obey(self, command: ev.Command, inputs: Inputs) -> tuple[Effect, ...]:
-        self._answer = status.Answer(command.name)
+        self._answer = status.Answer(command.name[:_LONGEST_NAME])
         match command.name:
             case ev.START_MISSION:
                 return self._start(command, inputs)
@@ -98,7 +100,7 @@ class MissionKernel:
                 self._asserted, self._saw_assertion = True, False
                 return (PublishEmergencyStop(True), *self._emergency_stop())
             case _:
-                return self._refuse(f"unknown command {command.name!r}; known: {', '.join(ev.COMMANDS)}")
+                return self._refuse(f"unknown command; known: {', '.join(ev.COMMANDS)}")
 
     def _start(self, command: ev.Command, inputs: Inputs) -> tuple[Effect, ...]:
         if target_of(self._record.state, Trigger.START) is None:

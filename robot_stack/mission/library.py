@@ -29,7 +29,7 @@ class MissionLibrary:
         """The mission of this id. Raises MissionError: an unknown id lists the known ones."""
         known = self.ids()
         if mission_id not in known:
-            raise MissionError(f"there is no mission {mission_id!r}; known: {', '.join(known) or 'none'}")
+            raise MissionError(f"there is no mission {mission_id[:64]!r}; known: {', '.join(known) or 'none'}")
         return read_mission(self.folder / f"{mission_id}.yaml")
 
 

@@ -47,7 +47,7 @@ class Outputs(Protocol):
     def send_goal(self, pose: Pose2) -> None: ...
     def cancel_goal(self) -> None: ...
     def publish_emergency_stop(self, active: bool) -> None: ...
-    def report(self, status: Status) -> None: ...
+    def publish_status(self, status: Status) -> None: ...
 
 
 class Performer:
@@ -80,7 +80,7 @@ class Performer:
                 case PublishEmergencyStop(active):
                     self._outputs.publish_emergency_stop(active)
                 case ReportStatus(status):
-                    self._outputs.report(status)
+                    self._outputs.publish_status(status)
 
 
 def load_record(journal: Journal) -> tuple[Record, str]:

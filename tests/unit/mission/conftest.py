@@ -1,0 +1,140 @@
+"""Stories of the mission manager in fake time, with a journal in memory and outputs that are written down."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from robot_stack.core.config import load
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.mission import events as ev
+from robot_stack.mission.kernel import MissionKernel
+from robot_stack.mission.model import Mission
+from robot_stack.mission.params import MissionParams
+from robot_stack.mission.perform import JournalError, Performer
+from robot_stack.mission.record import Record
+from robot_stack.mission.states import State
+
+TICK_S = 0.1
+STILL = Twist2(0.0, 0.0, 0.0)
+
+
+def make_mission(*actions, mission_id="ride", home=(0.0, 0.0, 0.0)) -> Mission:
+    """Waypoints w0, w1, ... at x = 2, 4, ... m, y = 0, yaw = 0."""
+    waypoints = [
+        {"name": f"w{i}", "x": 2.0 * (i + 1), "y": 0.0, "yaw": 0.0, "action": action}
+        for i, action in enumerate(actions)
+    ]
+    names = {"en": "Ride", "ja": "走行", "zh": "行驶"}
+    x, y, yaw = home
+    return Mission.model_validate(
+        {"id": mission_id, "name": names, "home": {"x": x, "y": y, "yaw": yaw}, "waypoints": waypoints}
+    )
+
+
+class MemoryJournal:
+    """A journal that keeps its records, or fails when told to."""
+
+    def __init__(self, record: Record | None = None) -> None:
+        self.records = [record] if record else []
+        self.problem = ""
+
+    def load(self) -> Record:
+        return self.records[-1] if self.records else Record()
+
+    def save(self, record: Record) -> None:
+        if self.problem:
+            raise JournalError(self.problem)
+        self.records.append(record)
+
+
+class Story:
+    """One mission manager; every method lets something happen and returns the story."""
+
+    def __init__(self, params: MissionParams, record: Record | None = None, problem: str = "") -> None:
+        self.params = params
+        self.journal = MemoryJournal(record)
+        self.kernel = MissionKernel(params, record, problem)
+        self.performer = Performer(self.kernel, self.journal, self)
+        self.now_s = 1000.0
+        self.inputs = ev.Inputs(Pose2(0.0, 0.0, 0.0), STILL, False, True, (), 0.8, None)
+        self.log: list[object] = []
+        self.statuses: list[ev.Status] = []
+        self.goal: Pose2 | None = None
+        self.performer.start_up(self.inputs, self.now_s)
+
+    # outputs
+    def send_goal(self, pose: Pose2) -> None:
+        self.goal = pose
+        self.log.append(("goal", pose))
+
+    def cancel_goal(self) -> None:
+        self.goal = None
+        self.log.append("cancel")
+
+    def publish_emergency_stop(self, active: bool) -> None:
+        self.log.append(("emergency_stop", active))
+
+    def publish_status(self, status: ev.Status) -> None:
+        self.statuses.append(status)
+
+    # what happens
+    def happens(self, event: ev.Event) -> Story:
+        self.performer.handle(event, self.inputs, self.now_s)
+        return self
+
+    def command(self, name: str, mission: Mission | None = None, problem: str = "") -> Story:
+        return self.happens(ev.Command(name, mission, problem))
+
+    def start(self, *actions) -> Story:
+        return self.command(ev.START_MISSION, make_mission(*actions))
+
+    def tick(self, seconds: float = TICK_S) -> Story:
+        for _ in range(max(1, round(seconds / TICK_S))):
+            self.now_s += TICK_S
+            self.happens(ev.Tick())
+        return self
+
+    def given(self, **changes) -> Story:
+        self.inputs = replace(self.inputs, **changes)
+        return self
+
+    def at(self, x: float, y: float = 0.0, yaw: float = 0.0, speed: float = 0.0) -> Story:
+        return self.given(pose=Pose2(x, y, yaw), twist=Twist2(speed, 0.0, 0.0))
+
+    def reach(self, x: float) -> Story:
+        """Stands at x for long enough to have arrived."""
+        return self.at(x).tick(self.params.settle_s + 2 * TICK_S)
+
+    def emergency(self, active: bool) -> Story:
+        self.given(emergency_stop=active)
+        return self.happens(ev.EmergencyStopBegan()) if active else self.tick()
+
+    # what is seen
+    @property
+    def state(self) -> State:
+        return self.kernel.record.state
+
+    @property
+    def status(self) -> ev.Status:
+        return self.statuses[-1]
+
+    def goals(self) -> list[float]:
+        """x of every goal sent so far."""
+        return [entry[1].x for entry in self.log if isinstance(entry, tuple) and entry[0] == "goal"]
+
+    def clear(self) -> Story:
+        self.log.clear()
+        self.statuses.clear()
+        return self
+
+
+@pytest.fixture
+def params() -> MissionParams:
+    return load(MissionParams, "mission_manager")
+
+
+@pytest.fixture
+def story(params: MissionParams) -> Story:
+    return Story(params)

@@ -1,0 +1,243 @@
+"""Mission files: what is accepted, and the one clear line for what is not."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_stack.core.config import ConfigError, config_dir, load, read_yaml, validate
+from robot_stack.core.geometry import Pose2
+from robot_stack.mission import route
+from robot_stack.mission.library import MissionError, MissionLibrary, read_mission
+from robot_stack.mission.model import Action, Kind, Mission
+from robot_stack.mission.params import MissionParams
+
+GOOD = {
+    "id": "ride",
+    "name": {"en": "Ride", "ja": "走行", "zh": "行驶"},
+    "home": {"x": 0.0, "y": 0, "yaw": 0.0},
+    "waypoints": [
+        {"name": "gate", "x": 1.0, "y": 2.0, "yaw": 0.5, "action": "pass"},
+        {"name": "bench", "x": 3, "y": 2.0, "yaw": -0.5, "action": {"wait": 5}},
+        {"name": "bay", "x": 3.0, "y": 0.0, "yaw": 3.14, "action": "park"},
+    ],
+}
+DELETE = object()
+
+
+def changed(path, value):
+    """GOOD with the entry at ``path`` replaced, or removed."""
+    data = copy.deepcopy(GOOD)
+    target = data
+    for key in path[:-1]:
+        target = target[key]
+    if value is DELETE:
+        del target[path[-1]]
+    else:
+        target[path[-1]] = value
+    return data
+
+
+def write(folder, data, name="ride"):
+    path = folder / f"{name}.yaml"
+    path.write_text(data if isinstance(data, str) else yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
+    return path
+
+
+def test_a_good_file(tmp_path):
+    mission = read_mission(write(tmp_path, GOOD))
+    assert [waypoint.name for waypoint in mission.waypoints] == ["gate", "bench", "bay"]
+    assert [waypoint.action.kind for waypoint in mission.waypoints] == [Kind.PASS, Kind.WAIT, Kind.PARK]
+    assert mission.waypoints[1].action.wait_s == 5.0
+    assert mission.waypoints[2].pose == Pose2(3.0, 0.0, 3.14)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "says"),
+    [
+        (("waypoints", 1, "x"), math.nan, "waypoint 2 'bench': x: Input should be a finite number (is nan)"),
+        (("waypoints", 1, "y"), math.inf, "waypoint 2 'bench': y: "),
+        (("waypoints", 1, "x"), 2e4, "waypoint 2 'bench': x: Input should be less than or equal to 10000 (is 20000.0)"),
+        (("waypoints", 1, "x"), "3", "waypoint 2 'bench': x: Input should be a valid number (is '3')"),
+        (("waypoints", 1, "x"), True, "waypoint 2 'bench': x: "),
+        (("waypoints", 1, "x"), DELETE, "waypoint 2 'bench': x: is missing"),
+        (("waypoints", 1, "yaw"), 90.0, "waypoint 2 'bench': yaw: Input should be less than or equal to 6.2832 (is 9"),
+        (("waypoints", 1, "z"), 0.0, "waypoint 2 'bench': z: is not a known field"),
+        (("waypoints", 1, "action"), "stop", "waypoint 2 'bench': action: must be pass, park, undock, {wait: seconds}"),
+        (("waypoints", 1, "action"), "wait", "waypoint 2 'bench': action: must be "),
+        (("waypoints", 1, "action"), {"pass": 1}, "waypoint 2 'bench': action: must be "),
+        (("waypoints", 1, "action"), {"wait": 1.0, "dock": "a"}, "waypoint 2 'bench': action: must be "),
+        (("waypoints", 1, "action"), {"dock": ""}, "waypoint 2 'bench': action: must be "),
+        (("waypoints", 1, "action"), {"dock": None}, "waypoint 2 'bench': action: must be "),
+        (("waypoints", 1, "action"), {"kind": "wait"}, "waypoint 2 'bench': action: must be "),
+        (("waypoints", 1, "action"), None, "waypoint 2 'bench': action: must be "),
+        (("waypoints", 1, "action"), {"wait": -1.0}, "waypoint 2 'bench': action.wait_s: "),
+        (("waypoints", 1, "action"), {"wait": "long"}, "waypoint 2 'bench': action.wait_s: "),
+        (("waypoints", 1, "action"), {"wait": math.nan}, "waypoint 2 'bench': action.wait_s: "),
+        (("waypoints", 1, "name"), "gate", "waypoints: every waypoint needs a name of its own: gate is used more "),
+        (("waypoints", 1, "name"), "  ", "waypoint 2 '  ': name: "),
+        (("waypoints", 1, "name"), DELETE, "waypoint 2: name: is missing"),
+        (("waypoints", 1), "bench", "waypoint 2: "),
+        (("waypoints",), [], "waypoints: "),
+        (("waypoints",), DELETE, "waypoints: is missing"),
+        (("waypoints",), {"gate": 1}, "waypoints: "),
+        (("home",), DELETE, "home: is missing"),
+        (("home", "yaw"), -7.0, "home.yaw: "),
+        (("name", "zh"), DELETE, "name.zh: is missing"),
+        (("name",), "Ride", "name: "),
+        (("id",), "Ride", "id: "),
+        (("id",), "other", "id: must be the file's name 'ride', is 'other'"),
+        (("speed",), 1.0, "speed: is not a known field"),
+    ],
+)
+def test_a_mistake_is_one_line_with_file_waypoint_and_field(tmp_path, path, value, says):
+    file = write(tmp_path, changed(path, value))
+    with pytest.raises(MissionError) as caught:
+        read_mission(file)
+    text = str(caught.value)
+    assert text.startswith(f"{file}: {says}")
+    assert "\n" not in text
+
+
+def test_several_mistakes_are_all_named(tmp_path):
+    data = changed(("waypoints", 0, "x"), None)
+    data["waypoints"][2]["action"] = "fly"
+    with pytest.raises(MissionError) as caught:
+        read_mission(write(tmp_path, data))
+    assert "waypoint 1 'gate': x: " in str(caught.value)
+    assert "waypoint 3 'bay': action: " in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["waypoints: [", "- a\n- b\n", "\t", "", "id: !!python/object:os.system {}"])
+def test_text_that_is_no_mission(tmp_path, text):
+    with pytest.raises(MissionError) as caught:
+        read_mission(write(tmp_path, text))
+    assert "ride.yaml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_bytes_that_are_no_text(tmp_path):
+    path = tmp_path / "ride.yaml"
+    path.write_bytes(b"id: \xff\xfe")
+    with pytest.raises(MissionError, match="not UTF-8"):
+        read_mission(path)
+
+
+def test_more_waypoints_than_the_status_can_count(tmp_path):
+    data = changed(("waypoints",), [{**GOOD["waypoints"][0], "name": f"w{i}"} for i in range(255)])
+    with pytest.raises(MissionError, match="waypoints: "):
+        read_mission(write(tmp_path, data))
+
+
+def test_an_unknown_id_lists_the_known_ones(tmp_path):
+    write(tmp_path, GOOD)
+    write(tmp_path, GOOD, "another")
+    with pytest.raises(MissionError, match=r"^there is no mission 'nowhere'; known: another, ride$"):
+        MissionLibrary(tmp_path).find("nowhere")
+
+
+@pytest.mark.parametrize("mission_id", ["", "..", "../ride", "sub/ride", "ride.yaml", "ri\0de", "*"])
+def test_an_id_is_no_path(tmp_path, mission_id):
+    write(tmp_path, GOOD)
+    folder = tmp_path / "sub"
+    folder.mkdir()
+    with pytest.raises(MissionError, match="there is no mission"):
+        MissionLibrary(folder).find(mission_id)
+
+
+def test_an_empty_or_missing_folder_knows_nothing(tmp_path):
+    with pytest.raises(MissionError, match="known: none"):
+        MissionLibrary(tmp_path / "nowhere").find("ride")
+
+
+def test_files_are_read_afresh(tmp_path):
+    library = MissionLibrary(tmp_path)
+    write(tmp_path, GOOD)
+    assert len(library.find("ride").waypoints) == 3
+    write(tmp_path, changed(("waypoints", 1), DELETE))
+    assert len(library.find("ride").waypoints) == 2
+
+
+@given(
+    st.sampled_from(["pass", "park", "undock"])
+    | st.builds(lambda s: {"wait": s}, st.floats(0.0, 86_400.0))
+    | st.builds(lambda name: {"dock": name}, st.text(min_size=1, max_size=64))
+)
+def test_an_action_is_written_as_it_is_read(action):
+    assert Action.model_validate(action).model_dump(mode="json") == action
+
+
+# --- the missions that come with the stack ---------------------------------------------------------------------------
+
+
+def shipped() -> MissionLibrary:
+    return MissionLibrary(config_dir() / "missions")
+
+
+@pytest.mark.parametrize("mission_id", ["yard_tour", "short_hop", "wheelchair_transport"])
+def test_shipped_missions_are_valid(mission_id):
+    assert mission_id in shipped().ids()
+    assert shipped().find(mission_id).id == mission_id
+
+
+def route_length_m(mission: Mission) -> float:
+    return route.length_m([Pose2(0.0, 0.0, 0.0), *(waypoint.pose for waypoint in mission.waypoints)])
+
+
+def test_the_yard_tour_stays_in_its_yard():
+    tour = shipped().find("yard_tour")
+    assert 40.0 <= route_length_m(tour) <= 60.0
+    assert all(0.0 <= waypoint.x <= 20.0 and 0.0 <= waypoint.y <= 12.0 for waypoint in tour.waypoints)
+    assert {waypoint.action.kind for waypoint in tour.waypoints} == {Kind.PASS, Kind.WAIT, Kind.PARK}
+    assert len({waypoint.yaw for waypoint in tour.waypoints}) > 2
+
+
+def test_the_short_hop_is_short():
+    assert 4.0 <= route_length_m(shipped().find("short_hop")) <= 6.0
+
+
+def test_the_wheelchair_transport_docks_and_undocks():
+    kinds = [waypoint.action.kind for waypoint in shipped().find("wheelchair_transport").waypoints]
+    assert kinds.index(Kind.DOCK) < kinds.index(Kind.UNDOCK)
+
+
+def test_the_example_of_the_readme_is_valid(tmp_path):
+    text = (config_dir() / "missions" / "README.md").read_text(encoding="utf-8")
+    example = text.split("```yaml\n")[1].split("```")[0]
+    assert read_mission(write(tmp_path, example, "yard_tour")).waypoints[1].action.wait_s == 5.0
+
+
+# --- parameters ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("position_tolerance_m", 0.0),
+        ("position_tolerance_m", 0.6),  # above pass_position_tolerance_m
+        ("yaw_tolerance_rad", 0.7),
+        ("tries", 0),
+        ("progress_timeout_s", math.nan),
+        ("language", "de"),
+        ("ehmi_volume", 11),
+        ("minimum_battery", 30.0),
+        ("tick_rate_hz", 1000.0),
+    ],
+)
+def test_parameters_out_of_range_are_refused(name, value):
+    data = read_yaml(config_dir() / "mission_manager.yaml")
+    with pytest.raises(ConfigError):
+        validate(MissionParams, {**data, name: value}, "mission_manager.yaml")
+
+
+def test_the_tolerances_are_those_of_the_specification():
+    params = load(MissionParams, "mission_manager")
+    assert params.position_tolerance_m == 0.05
+    assert math.degrees(params.yaw_tolerance_rad) == pytest.approx(2.0, abs=0.01)
+    assert params.tries == 3
+    assert params.minimum_battery == 0.30

@@ -1,0 +1,772 @@
+"""Every transition of the mission manager, tick by tick in fake time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.mission import diagram
+from robot_stack.mission import events as ev
+from robot_stack.mission.display import Display
+from robot_stack.mission.model import Mission
+from robot_stack.mission.record import HOME_NAME, Record
+from robot_stack.mission.states import ACTIVE, TRANSITIONS, State, Trigger, target_of
+
+from .conftest import TICK_S, Story, make_mission
+
+WAIT_2S = {"wait": 2.0}
+
+
+# --- the ride --------------------------------------------------------------------------------------------------------
+
+
+def test_comes_up_idle_and_silent(story):
+    assert story.state is State.IDLE
+    assert story.log == []
+    assert story.status.state == "IDLE"
+    assert story.status.last_command == ""
+    assert not story.status.last_command_accepted
+
+
+def test_start_journals_before_the_goal_leaves(story):
+    order: list[str] = []
+    story.journal.save = lambda record: order.append(record.state.value)
+    story.send_goal = lambda pose: order.append(f"goal {pose.x}")
+    story.start("park")
+    assert order == ["RUNNING", "goal 2.0"]
+
+
+def test_start_is_answered(story):
+    story.start("pass", "park")
+    status = story.status
+    assert (status.state, status.current_waypoint) == ("RUNNING", "w0")
+    assert (status.waypoints_completed, status.total_waypoints) == (0, 2)
+    assert (status.last_command, status.last_command_accepted, status.reason) == ("START_MISSION", True, "")
+
+
+def test_a_whole_ride(story):
+    story.start("pass", WAIT_2S, "park")
+    story.at(1.6, speed=1.0).tick()  # within 0.5 m of w0 at x = 2: passed without standing
+    assert story.goals() == [2.0, 4.0]
+    story.reach(4.0)
+    assert story.state is State.WAITING
+    assert story.status.current_waypoint == "w1"
+    story.tick(1.7)
+    assert story.state is State.WAITING
+    story.tick(0.5)
+    assert story.goals() == [2.0, 4.0, 6.0]
+    assert story.state is State.RUNNING
+    story.reach(6.0)
+    assert story.state is State.COMPLETED
+    assert story.goal is None, "the navigation controller is left without a goal"
+    assert (story.status.progress, story.status.waypoints_completed, story.status.reason) == (1.0, 3, "")
+
+
+def test_a_wait_lasts_its_time(story):
+    story.start(WAIT_2S, "park").reach(2.0)
+    begun_s = story.now_s
+    while story.state is State.WAITING:
+        story.tick()
+    assert story.now_s - begun_s == pytest.approx(2.0, abs=2 * TICK_S)
+
+
+def test_every_change_of_the_ride_is_in_the_journal(story):
+    story.start("pass", WAIT_2S, "park").at(2.0, speed=1.0).tick().reach(4.0).tick(2.2).reach(6.0)
+    kept = [(record.state, record.waypoint) for record in story.journal.records]
+    assert kept == [
+        (State.RUNNING, 0), (State.RUNNING, 1), (State.WAITING, 1), (State.RUNNING, 2), (State.COMPLETED, 3),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("x", "yaw", "speed", "reached"),
+    [
+        (2.049, 0.0, 0.0, True),
+        (2.051, 0.0, 0.0, False),
+        (2.0, math.radians(1.9), 0.0, True),
+        (2.0, math.radians(-2.1), 0.0, False),
+        (2.0, 0.0, 0.03, False),  # still moving
+        (2.0, 2.0 * math.pi, 0.0, True),  # the same heading
+    ],
+)
+def test_the_end_is_reached_exactly_and_standing(story, x, yaw, speed, reached):
+    # The only waypoint is the last one: exact even though its action is pass.
+    story.start("pass").at(x, 0.0, yaw, speed).tick(1.0)
+    assert (story.state is State.COMPLETED) == reached
+
+
+def test_turning_on_the_spot_is_not_standing(story):
+    story.start("park").at(2.0).given(twist=Twist2(0.0, 0.0, 0.1)).tick(2.0)
+    assert story.state is State.RUNNING
+
+
+def test_unknown_odometry_is_not_standing(story):
+    story.start("park").at(2.0).given(twist=None).tick(2.0)
+    assert story.state is State.RUNNING
+    story.given(twist=Twist2(math.nan, 0.0, 0.0)).tick(2.0)
+    assert story.state is State.RUNNING
+
+
+def test_standing_for_a_moment_while_sliding_through_is_not_arrival(story):
+    story.start("park")
+    for _ in range(5):  # never settle_s in one piece
+        story.at(2.0).tick(0.2).at(2.0, speed=0.2).tick()
+    assert story.state is State.RUNNING
+
+
+def test_pass_wants_the_rough_heading(story):
+    story.start("pass", "park").at(2.0, yaw=1.0, speed=1.0).tick()
+    assert story.goals() == [2.0]
+    story.at(2.0, yaw=0.5, speed=1.0).tick()
+    assert story.goals() == [2.0, 4.0]
+
+
+def test_start_again_after_the_end(story):
+    story.start("park").reach(2.0).at(0.0).start("park")
+    assert story.state is State.RUNNING
+    assert story.goals() == [2.0, 2.0]
+
+
+# --- commands --------------------------------------------------------------------------------------------------------
+
+
+def test_pause_takes_the_goal_away_and_resume_goes_to_the_same_waypoint(story):
+    story.start("pass", "park").at(2.0, speed=1.0).tick().at(3.0).clear()
+    story.command(ev.PAUSE)
+    assert (story.state, story.goal, story.log) == (State.PAUSED, None, ["cancel"])
+    story.tick(60.0)
+    assert story.goals() == []
+    assert story.status.reason == "paused by command; RESUME goes on"
+    story.command(ev.RESUME)
+    assert story.goals() == [4.0]
+    assert story.status.current_waypoint == "w1"
+    assert story.status.reason == ""
+
+
+def test_the_stop_of_a_pause_does_not_wait_for_the_journal(story):
+    story.start("park")
+    order: list[str] = []
+    story.journal.save = lambda record: order.append(record.state.value)
+    story.cancel_goal = lambda: order.append("cancel")
+    story.command(ev.PAUSE)
+    assert order == ["cancel", "PAUSED"]
+
+
+def test_pause_while_waiting_begins_the_wait_again(story):
+    story.start(WAIT_2S, "park").reach(2.0).tick(1.0).command(ev.PAUSE)
+    assert story.state is State.PAUSED
+    story.command(ev.RESUME)
+    assert story.goals() == [2.0, 2.0]
+    story.reach(2.0)
+    assert story.state is State.WAITING
+    story.tick(1.5)
+    assert story.state is State.WAITING
+
+
+@pytest.mark.parametrize("prepare", [(), (ev.PAUSE,)])
+def test_abort_ends_the_mission_and_keeps_the_passenger(story, prepare):
+    story.happens(ev.PassengerChanged(True)).start("park")
+    for command in prepare:
+        story.command(command)
+    story.command(ev.ABORT)
+    assert (story.state, story.goal) == (State.ABORTED, None)
+    assert story.status.passenger_attached
+    assert story.status.reason == "aborted by command; the passenger stays attached until an operator decides"
+
+
+def test_abort_without_a_passenger_says_nothing_of_one(story):
+    story.start("park").command(ev.ABORT)
+    assert story.status.reason == "aborted by command"
+
+
+REFUSED_WITHOUT_A_MISSION = (ev.PAUSE, ev.RESUME, ev.ABORT)
+
+
+@pytest.mark.parametrize("command", REFUSED_WITHOUT_A_MISSION)
+def test_commands_without_a_mission_are_refused(story, command):
+    story.command(command)
+    assert story.state is State.IDLE
+    assert story.log == []
+    assert (story.status.last_command, story.status.last_command_accepted) == (command, False)
+    assert story.status.reason.startswith(f"{command} refused: ")
+    assert "IDLE" in story.status.reason
+
+
+def test_a_refusal_stays_visible_until_the_next_command(story):
+    story.start("park").command(ev.RESUME)
+    story.tick(3.0)
+    assert story.status.reason == "RESUME refused: RESUME needs a paused mission, the state is RUNNING"
+    story.command(ev.PAUSE)
+    assert "refused" not in story.status.reason
+
+
+def test_pause_twice_is_refused_and_changes_nothing(story):
+    story.start("park").command(ev.PAUSE).clear().command(ev.PAUSE)
+    assert story.state is State.PAUSED
+    assert story.log == []
+    assert not story.status.last_command_accepted
+
+
+def test_start_while_a_mission_is_active_is_refused(story):
+    story.start("park", "park").clear()
+    for prepare in (None, ev.PAUSE):
+        if prepare:
+            story.command(prepare).clear()
+        story.command(ev.START_MISSION, make_mission("park", mission_id="other"))
+        assert story.kernel.record.mission.id == "ride"
+        assert story.goals() == []
+        assert "mission 'ride' is" in story.status.reason
+        assert not story.status.last_command_accepted
+
+
+def test_start_of_an_unknown_mission_says_what_the_library_said(story):
+    story.command(ev.START_MISSION, None, "there is no mission 'x'; known: ride")
+    assert story.state is State.IDLE
+    assert story.log == []
+    assert story.status.reason == "START_MISSION refused: there is no mission 'x'; known: ride"
+
+
+@pytest.mark.parametrize(("action", "verb"), [({"dock": "chair_1"}, "dock"), ("undock", "undock")])
+def test_docking_missions_are_refused_naming_the_waypoint(story, action, verb):
+    story.start("pass", action, "park")
+    assert story.state is State.IDLE
+    assert story.log == []
+    assert f"waypoint 'w1' of 'ride' asks to {verb}: there is no docking controller yet" in story.status.reason
+
+
+def test_unknown_command_is_refused_with_the_known_ones(story):
+    story.command("FLY")
+    known = "START_MISSION, PAUSE, RESUME, ABORT, EMERGENCY_STOP"
+    assert story.status.reason == f"FLY refused: unknown command; known: {known}"
+    story.command("x" * 10_000)
+    assert len(story.status.last_command) == 64
+
+
+@pytest.mark.parametrize(
+    ("inputs", "why"),
+    [
+        ({"battery": 0.29}, "battery at 29%, a new mission needs 30%"),
+        ({"faults": ("BATTERY_LOW",)}, "BATTERY_LOW is active"),
+        ({"faults": ("BATTERY_CRITICAL",)}, "BATTERY_CRITICAL is active"),
+        ({"emergency_stop": True}, "emergency stop is active"),
+    ],
+)
+def test_what_speaks_against_a_start(story, inputs, why):
+    story.given(**inputs).start("park")
+    assert story.state is State.IDLE
+    assert story.log == []
+    assert why in story.status.reason
+
+
+def test_an_unknown_charge_does_not_forbid_a_start(story):
+    story.given(battery=math.nan).start("park")
+    assert story.state is State.RUNNING
+
+
+def test_a_low_battery_lets_a_paused_mission_go_on(story):
+    story.start("park").command(ev.PAUSE).given(battery=0.2).command(ev.RESUME)
+    assert story.state is State.RUNNING
+
+
+# --- emergency stop --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("prepare", ["running", "waiting", "paused"])
+def test_emergency_stop_until_release_and_resume(story, prepare):
+    story.start(WAIT_2S, "park")
+    if prepare == "waiting":
+        story.reach(2.0)
+    if prepare == "paused":
+        story.command(ev.PAUSE)
+    story.clear().emergency(True)
+    assert (story.state, story.goal, story.log) == (State.STOPPED, None, ["cancel"])
+    assert story.status.state == "PAUSED"
+    assert story.status.reason.startswith("emergency stop")
+    assert story.status.display == Display.EMERGENCY_STOP
+    story.tick(5.0).command(ev.RESUME)
+    assert story.state is State.STOPPED
+    assert "release it and reset the safety monitor first" in story.status.reason
+    story.emergency(False).tick(30.0)
+    assert (story.state, story.goals()) == (State.STOPPED, []), "release alone moves nothing"
+    assert story.status.display == Display.PAUSED
+    story.command(ev.RESUME)
+    assert story.state is State.RUNNING
+    assert story.goals() == [2.0]
+
+
+def test_emergency_stop_seen_only_by_the_tick(story):
+    story.start("park").given(emergency_stop=True).tick()
+    assert story.state is State.STOPPED
+    assert story.goal is None
+
+
+def test_abort_out_of_an_emergency_stop(story):
+    story.start("park").emergency(True).command(ev.ABORT)
+    assert story.state is State.ABORTED
+
+
+def test_emergency_stop_without_a_mission_changes_no_state(story):
+    story.emergency(True).tick(1.0)
+    assert story.state is State.IDLE
+    assert story.log == []
+    assert story.status.display == Display.EMERGENCY_STOP
+
+
+def test_the_emergency_stop_command_publishes_first_then_stands(story):
+    story.start("park").clear().command(ev.EMERGENCY_STOP)
+    assert story.log == [("emergency_stop", True), "cancel"]
+    assert story.state is State.STOPPED
+    assert story.status.last_command_accepted
+
+
+def test_the_emergency_stop_command_works_without_a_mission(story):
+    story.command(ev.EMERGENCY_STOP)
+    assert story.log == [("emergency_stop", True)]
+    assert story.status.last_command_accepted
+
+
+def test_the_emergency_stop_command_works_with_a_full_disk(story):
+    story.start("park").clear()
+    story.journal.problem = "full"
+    story.command(ev.EMERGENCY_STOP)
+    assert story.log == [("emergency_stop", True), "cancel"]
+    assert story.state is State.STOPPED
+    assert story.status.last_command_accepted
+    assert "the journal cannot be written: full" in story.status.reason
+
+
+def test_nothing_goes_between_our_stop_and_its_echo(story):
+    story.start("park").command(ev.EMERGENCY_STOP).clear()
+    story.command(ev.RESUME).tick(1.0).command(ev.RESUME)  # inputs.emergency_stop is still false
+    assert story.state is State.STOPPED
+    assert story.log == []
+
+
+def test_our_own_stop_is_taken_back_after_the_release_only(story):
+    story.command(ev.EMERGENCY_STOP).emergency(True).tick(3.0)
+    assert story.log == [("emergency_stop", True)]
+    story.emergency(False)
+    assert story.log == [("emergency_stop", True), ("emergency_stop", False)]
+    story.tick(3.0)
+    assert len(story.log) == 2
+
+
+def test_a_stop_of_somebody_else_is_not_ours_to_release(story):
+    story.emergency(True).tick(1.0).emergency(False).tick(1.0)
+    assert story.log == []
+
+
+# --- tries -----------------------------------------------------------------------------------------------------------
+
+
+def test_three_tries_then_failed(story):
+    story.start("pass", "park").at(0.3).clear()
+    timeout_s = story.params.progress_timeout_s
+    for attempt in (1, 2):
+        story.tick(timeout_s + 3 * TICK_S)
+        assert story.state is State.RUNNING
+        assert f"try {attempt} of 3" in story.status.reason
+        assert "'w0'" in story.status.reason
+    story.tick(timeout_s + 3 * TICK_S)
+    assert story.state is State.FAILED
+    assert story.goal is None
+    assert story.status.reason == "no progress for 15 s, 1.70 m before waypoint 'w0', try 3 of 3"
+    assert story.status.display == Display.ERROR
+
+
+def test_a_try_takes_the_goal_away_before_it_gives_it_again(story):
+    story.start("park").at(0.3).given(plan_end=Pose2(2.0, 0.0, 0.0)).clear()
+    story.tick(story.params.progress_timeout_s + 3 * TICK_S)
+    assert story.log == ["cancel", ("goal", Pose2(2.0, 0.0, 0.0))]
+
+
+def test_slow_progress_is_progress(story):
+    story.start("park")
+    for step in range(300):  # 10 mm/s for 30 s
+        story.at(0.001 * step, speed=0.01).tick()
+    assert story.kernel.record.failed_tries == 0
+
+
+def test_turning_is_progress(story):
+    story.start("park")
+    for step in range(300):
+        story.at(1.9, yaw=3.0 - 0.01 * step).tick()
+    assert story.kernel.record.failed_tries == 0
+
+
+@pytest.mark.parametrize(
+    "hindrance",
+    [
+        {"pose": None},
+        {"pose": Pose2(math.nan, 0.0, 0.0)},
+        {"safety_known": False},
+        {"faults": ("COLLISION_IMMINENT",)},
+        {"faults": ("LOCALIZATION_LOST", "IMU_TIMEOUT")},
+    ],
+)
+def test_a_robot_that_may_not_move_fails_no_try(story, hindrance):
+    story.start("park").at(0.3).given(**hindrance).tick(10 * story.params.progress_timeout_s)
+    assert story.state is State.RUNNING
+    assert story.kernel.record.failed_tries == 0
+    assert story.status.reason.startswith(("waiting for pose", "held"))
+    story.given(pose=Pose2(0.3, 0.0, 0.0), safety_known=True, faults=()).tick()
+    assert story.status.reason == ""
+
+
+def test_a_speed_limit_does_not_excuse_a_try(story):
+    story.start("park").at(0.3).given(faults=("IMU_TIMEOUT",)).tick(story.params.progress_timeout_s + 0.3)
+    assert story.kernel.record.failed_tries == 1
+
+
+def test_tries_begin_afresh_at_the_next_waypoint_and_after_resume(story):
+    story.start("pass", "park").at(0.3).tick(story.params.progress_timeout_s + 0.3)
+    assert story.kernel.record.failed_tries == 1
+    story.command(ev.PAUSE).command(ev.RESUME)
+    assert story.kernel.record.failed_tries == 0
+    story.tick(story.params.progress_timeout_s + 0.3).at(2.0, speed=1.0).tick()
+    assert (story.kernel.record.waypoint, story.kernel.record.failed_tries) == (1, 0)
+
+
+# --- navigation controller -------------------------------------------------------------------------------------------
+
+
+def test_a_goal_without_a_plan_is_sent_again(story):
+    story.start("park").clear().tick(4.5)
+    assert story.goals() == [2.0, 2.0]  # every 2 s
+
+
+def test_a_goal_with_its_plan_is_not_sent_again(story):
+    story.start("park").given(plan_end=Pose2(2.0, 0.0, 0.0)).clear().tick(10.0)
+    assert story.goals() == []
+
+
+def test_a_foreign_plan_is_replaced(story):
+    story.start("park").given(plan_end=Pose2(9.0, 9.0, 0.0)).clear().tick(2.5)
+    assert story.goals() == [2.0]
+
+
+def test_a_restarted_navigation_controller_gets_the_goal(story):
+    story.start("park").given(plan_end=Pose2(2.0, 0.0, 0.0)).tick(1.0).clear()
+    story.happens(ev.NavigationAppeared())
+    assert story.goals() == [2.0]
+
+
+@pytest.mark.parametrize("state", ["IDLE", "WAITING", "COMPLETED"])
+def test_a_navigation_controller_is_left_alone_otherwise(story, state):
+    if state != "IDLE":
+        story.start(WAIT_2S).reach(2.0)
+    if state == "COMPLETED":
+        story.tick(3.0)
+    assert story.state.value == state
+    story.clear().happens(ev.NavigationAppeared())
+    assert story.log == []
+
+
+def test_while_paused_a_plan_is_taken_away_until_it_is_gone(story):
+    story.start("park").command(ev.PAUSE).given(plan_end=Pose2(2.0, 0.0, 0.0)).clear().tick(4.5)
+    assert story.log == ["cancel", "cancel"]
+    story.given(plan_end=None).clear().tick(10.0)
+    assert story.log == []
+
+
+# --- status ----------------------------------------------------------------------------------------------------------
+
+
+def test_status_once_a_second_while_active_and_silence_otherwise(story):
+    story.clear().tick(10.0)
+    assert story.statuses == []
+    story.start("park").clear().tick(10.0)
+    assert 9 <= len(story.statuses) <= 11
+    story.command(ev.PAUSE).clear().tick(10.0)
+    assert 9 <= len(story.statuses) <= 11
+    story.command(ev.ABORT).clear().tick(10.0)
+    assert story.statuses == []
+
+
+def test_progress_is_by_length(story):
+    # Start 0, waypoints at 2, 4, 6 m: at 3 m half is done.
+    story.start("pass", "pass", "park").at(2.0, speed=1.0).tick().at(3.0, speed=1.0).tick(1.1)
+    assert story.status.progress == pytest.approx(0.5)
+    assert story.status.waypoints_completed == 1
+
+
+def test_progress_stays_within_its_range_when_the_robot_goes_astray(story):
+    story.start("park").at(-5.0).tick(1.1)
+    assert story.status.progress == 0.0
+
+
+def test_progress_without_a_pose_counts_waypoints(story):
+    story.given(pose=None).start("pass", "park")
+    assert story.status.progress == 0.0
+    story.at(2.0, speed=1.0).tick().given(pose=None).tick(1.1)
+    assert story.status.progress == 0.5
+
+
+def test_eta_is_length_over_speed_plus_the_waits(story):
+    story.start("pass", {"wait": 7.0}, "park")
+    for _ in range(300):
+        story.at(1.0, speed=0.5).tick()
+        if story.kernel.record.failed_tries:
+            break
+    # 5 m to go at 0.5 m/s and 7 s of waiting.
+    assert story.status.eta_s == pytest.approx(17.0, abs=0.01)
+
+
+def test_eta_is_unknown_at_rest_and_while_held(story):
+    story.start("park").tick(1.1)
+    assert math.isnan(story.status.eta_s)
+    story.at(1.0, speed=0.5).tick(2.0)
+    assert story.status.eta_s == pytest.approx(2.0)
+    story.given(faults=("COLLISION_IMMINENT",)).tick(1.1)
+    assert math.isnan(story.status.eta_s)
+    story.given(faults=()).command(ev.PAUSE)
+    assert math.isnan(story.status.eta_s)
+
+
+def test_eta_counts_a_wait_down(story):
+    story.start({"wait": 10.0}).at(1.0, speed=0.5).tick(1.0).reach(2.0).tick(4.0)
+    assert story.state is State.WAITING
+    assert story.status.eta_s == pytest.approx(6.0, abs=1.2)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "display"),
+    [
+        ({}, Display.NAVIGATING),
+        ({"pose": None}, Display.LOCALIZATION_LOST),
+        ({"faults": ("LOCALIZATION_LOST",)}, Display.LOCALIZATION_LOST),
+        ({"faults": ("OBSTACLE_NEAR",)}, Display.OBSTACLE),
+    ],
+)
+def test_display_under_way(story, inputs, display):
+    story.start("park").at(1.0).given(**inputs).tick()
+    assert story.status.display == display
+
+
+def test_display_with_a_passenger(story):
+    story.happens(ev.PassengerChanged(True))
+    assert story.status.display == Display.PASSENGER_ONBOARD
+    story.start("park").tick()
+    assert story.status.display == Display.TRANSPORT
+    story.reach(2.0)
+    assert story.status.display == Display.DESTINATION_REACHED
+
+
+def test_display_at_rest(story):
+    assert story.status.display == Display.IDLE
+    story.given(battery=0.1).tick()
+    assert story.status.display == Display.LOW_BATTERY
+
+
+# --- home on a low battery -------------------------------------------------------------------------------------------
+
+
+def test_a_battery_that_runs_low_sends_the_robot_home(story):
+    story.start("park").given(battery=0.25).reach(2.0)
+    assert (story.state, story.status.current_waypoint, story.status.total_waypoints) == (State.RUNNING, HOME_NAME, 2)
+    assert story.goals()[-1] == 0.0
+    story.reach(0.0)
+    assert story.state is State.COMPLETED
+    assert story.status.waypoints_completed == 2
+
+
+def test_not_with_a_passenger(story):
+    story.happens(ev.PassengerChanged(True)).start("park").given(battery=0.25).reach(2.0)
+    assert story.state is State.COMPLETED
+
+
+def test_not_if_the_route_ends_at_home(params):
+    story = Story(params)
+    story.command(ev.START_MISSION, make_mission("park", home=(2.2, 0.0, 0.0))).given(battery=0.25).reach(2.0)
+    assert story.state is State.COMPLETED
+
+
+# --- journal ---------------------------------------------------------------------------------------------------------
+
+
+def test_an_unwritable_journal_refuses_the_start(story):
+    story.journal.problem = "disk full"
+    story.start("park")
+    assert story.state is State.IDLE
+    assert story.log == []
+    assert story.status.reason == "START_MISSION refused: the journal cannot be written: disk full"
+
+
+def test_an_unwritable_journal_refuses_to_resume(story):
+    story.start("park").command(ev.PAUSE).clear()
+    story.journal.problem = "disk full"
+    story.command(ev.RESUME)
+    assert story.state is State.PAUSED
+    assert story.goals() == []
+    assert not story.status.last_command_accepted
+
+
+def test_an_unwritable_journal_pauses_a_ride(story):
+    story.start("pass", "park")
+    story.journal.problem = "disk full"
+    story.at(2.0, speed=1.0).tick()
+    assert story.state is State.PAUSED
+    assert story.goal is None
+    assert story.goals() == [2.0]
+    assert story.status.reason == "paused, because the journal cannot be written: disk full"
+    assert story.kernel.record.waypoint == 1
+
+
+def test_an_unwritable_journal_when_the_wait_begins(story):
+    story.start(WAIT_2S)
+    story.journal.problem = "disk full"
+    story.reach(2.0)
+    assert story.state is State.PAUSED
+
+
+def test_a_passenger_that_cannot_be_journaled_pauses_the_ride(story):
+    story.start("park")
+    story.journal.problem = "disk full"
+    story.happens(ev.PassengerChanged(True))
+    assert story.state is State.PAUSED
+    assert story.goal is None
+    assert story.status.passenger_attached
+
+
+def test_a_refused_start_forgets_no_passenger(story):
+    story.journal.problem = "disk full"
+    story.happens(ev.PassengerChanged(True)).start("park")
+    assert story.kernel.record.passenger_attached
+    assert story.state is State.IDLE
+
+
+def test_the_journal_is_written_again_when_the_disk_recovers(story):
+    story.start("park")
+    story.journal.problem = "disk full"
+    story.command(ev.PAUSE).tick(5.0)
+    assert story.state is State.PAUSED
+    assert story.status.last_command_accepted
+    assert "the journal cannot be written: disk full" in story.status.reason
+    assert story.journal.records[-1].state is State.RUNNING
+    story.journal.problem = ""
+    story.tick(2.0)
+    assert story.journal.records[-1].state is State.PAUSED
+    assert "journal" not in story.status.reason
+    story.command(ev.RESUME)
+    assert story.state is State.RUNNING
+
+
+def test_completing_with_a_full_disk_still_ends_the_ride(story):
+    story.start("park")
+    story.journal.problem = "disk full"
+    story.reach(2.0)
+    assert story.state is State.COMPLETED
+    assert story.goal is None
+    assert "disk full" in story.status.reason
+
+
+# --- restart ---------------------------------------------------------------------------------------------------------
+
+
+def journaled(state: State, mission: Mission | None = None, **fields) -> Record:
+    return Record(state, mission or make_mission("pass", "park"), **fields)
+
+
+@pytest.mark.parametrize("state", sorted(ACTIVE, key=lambda state: state.value))
+def test_a_restart_comes_up_paused_with_everything_as_it_was(params, state):
+    story = Story(params, journaled(state, waypoint=1, passenger_attached=True))
+    assert story.state is State.PAUSED
+    assert story.log == ["cancel"], "a navigation controller may still be driving for the one that died"
+    status = story.status
+    assert (status.state, status.mission.id) == ("PAUSED", "ride")
+    assert (status.current_waypoint, status.waypoints_completed) == ("w1", 1)
+    assert status.passenger_attached
+    assert f"restarted while {state.value}" in status.reason
+    assert story.journal.records[-1].state is State.PAUSED
+    story.tick(60.0)
+    assert story.goals() == []
+    story.command(ev.RESUME)
+    assert story.goals() == [4.0]
+
+
+@pytest.mark.parametrize("state", [State.COMPLETED, State.ABORTED, State.FAILED, State.IDLE])
+def test_a_mission_that_ended_does_not_come_back(params, state):
+    story = Story(params, journaled(state, waypoint=2, passenger_attached=True))
+    assert story.state is State.IDLE
+    assert story.log == []
+    assert story.status.mission is None
+    assert story.status.passenger_attached
+    story.command(ev.RESUME)
+    assert story.state is State.IDLE
+
+
+def test_a_restart_under_emergency_stop(params):
+    story = Story(params, journaled(State.RUNNING)).emergency(True).command(ev.RESUME)
+    assert story.state is State.STOPPED
+    assert story.goals() == []
+
+
+def test_a_restart_drives_the_mission_as_it_was(params):
+    """The file may have changed since; the journal has its own copy."""
+    story = Story(params, journaled(State.RUNNING, make_mission("park", "park"), waypoint=1)).command(ev.RESUME)
+    story.reach(4.0)
+    assert story.state is State.COMPLETED
+
+
+def test_a_damaged_journal_is_told(params):
+    story = Story(params, None, "the journal was damaged")
+    assert story.state is State.IDLE
+    assert story.status.reason == "the journal was damaged"
+    story.start("park")
+    assert story.state is State.RUNNING
+    assert story.status.reason == ""
+
+
+def test_a_navigation_controller_that_appears_after_the_restart_is_told_to_stand(params):
+    story = Story(params, journaled(State.RUNNING)).clear()
+    story.happens(ev.NavigationAppeared())
+    assert story.log == ["cancel"]
+
+
+# --- time ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("jump_s", [1e6, -1e6, math.nan])
+def test_a_clock_that_jumps_ends_no_wait_and_fails_no_try(story, jump_s):
+    story.start({"wait": 100.0}).at(0.3)
+    story.now_s += jump_s
+    story.tick()
+    assert story.kernel.record.failed_tries == 0
+    story.now_s = 5000.0
+    story.reach(2.0)
+    assert story.state is State.WAITING
+    story.now_s += jump_s
+    story.tick()
+    assert story.state is State.WAITING
+
+
+# --- the table -------------------------------------------------------------------------------------------------------
+
+
+def test_the_table_names_each_change_once():
+    assert len({(row.source, row.trigger) for row in TRANSITIONS}) == len(TRANSITIONS)
+
+
+def test_every_state_can_be_left_and_every_trigger_is_used():
+    assert {row.source for row in TRANSITIONS} == set(State)
+    assert {row.trigger for row in TRANSITIONS} == set(Trigger)
+    assert {row.target for row in TRANSITIONS} | {State.IDLE} == set(State)
+
+
+def test_every_active_state_can_be_aborted_and_no_other():
+    assert {state for state in State if target_of(state, Trigger.ABORT)} == set(ACTIVE)
+
+
+def test_the_document_is_fresh():
+    drawn = Path(__file__).parents[3] / "docs" / "mission_states.md"
+    assert drawn.read_text(encoding="utf-8") == diagram.document(), "draw it again: its second line says how"
+
+
+def test_a_mission_without_a_name_in_a_language_is_told_in_english():
+    mission = make_mission("park")
+    assert (mission.name_in("ja"), mission.name_in("de")) == ("走行", "Ride")
+    assert replace(Record(), mission=mission).stops == mission.waypoints

@@ -1,0 +1,108 @@
+"""Whatever happens in whatever order: nobody drives while paused, stopped or in an emergency."""
+
+from __future__ import annotations
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_stack.core.config import load
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.mission import events as ev
+from robot_stack.mission.params import MissionParams
+from robot_stack.mission.record import problem_of
+from robot_stack.mission.states import ACTIVE, UNDER_WAY, State, Trigger, target_of
+
+from .conftest import Story, make_mission
+
+PARAMS = load(MissionParams, "mission_manager")
+MISSIONS = [make_mission("pass", {"wait": 0.3}, "park"), make_mission("undock"), None]
+
+coordinates = st.sampled_from([0.0, 1.6, 2.0, 4.0, 6.0, float("nan"), float("inf"), -1e9])
+poses = st.none() | st.builds(Pose2, coordinates, st.just(0.0), st.sampled_from([0.0, 3.0, float("nan")]))
+twists = st.none() | st.builds(Twist2, st.sampled_from([0.0, 1.0, float("nan")]), st.just(0.0), st.just(0.0))
+faults = st.sampled_from([(), ("COLLISION_IMMINENT",), ("BATTERY_LOW",), ("NOT_A_FAULT",)])
+changes = st.one_of(
+    st.fixed_dictionaries({"pose": poses, "twist": twists}),
+    st.fixed_dictionaries({"emergency_stop": st.booleans()}),
+    st.fixed_dictionaries({"safety_known": st.booleans()}),
+    st.fixed_dictionaries({"faults": faults}),
+    st.fixed_dictionaries({"battery": st.sampled_from([0.8, 0.1, float("nan")])}),
+    st.fixed_dictionaries({"plan_end": poses}),
+)
+names = st.sampled_from([*ev.COMMANDS, "", "fly"])
+commands = st.builds(ev.Command, names, st.sampled_from(MISSIONS), st.just("unknown"))
+happenings = st.one_of(
+    commands,
+    st.builds(ev.EmergencyStopBegan),
+    st.builds(ev.NavigationAppeared),
+    st.builds(ev.PassengerChanged, st.booleans()),
+    st.builds(ev.Tick),
+)
+durations = st.sampled_from([0.0, 0.1, 0.1, 0.4, 20.0, -50.0])
+disks = st.sampled_from(["", "", "", "full"])
+steps = st.lists(st.tuples(durations, st.none() | changes, happenings, disks), max_size=60)
+
+
+class Watched(Story):
+    """Checks the promise at the moment a goal leaves."""
+
+    def send_goal(self, pose: Pose2) -> None:
+        super().send_goal(pose)
+        assert self.state is State.RUNNING
+        assert not self.inputs.emergency_stop
+        assert self.journal.records[-1].state is State.RUNNING, "the journal knew first"
+        assert pose.is_finite()
+
+
+@settings(max_examples=300, deadline=None)
+@given(steps)
+def test_no_goal_without_a_running_mission(script):
+    story = Watched(PARAMS)
+    for dt_s, change, event, problem in script:
+        story.now_s += dt_s
+        story.journal.problem = problem
+        story.given(**(change or {}))
+        before = story.state
+        story.happens(event)
+        if story.state not in UNDER_WAY:
+            assert story.goal is None, f"a goal is left behind in {story.state}"
+        if isinstance(event, ev.Tick) and story.inputs.emergency_stop:
+            assert story.state not in UNDER_WAY
+            assert story.state is not State.PAUSED
+        assert not problem_of(story.kernel.record)
+        # A full disk takes one step more within the same event: on to the next waypoint, and paused there.
+        ways = {target_of(before, trigger) for trigger in Trigger} | ({State.PAUSED} if before in UNDER_WAY else set())
+        assert story.state is before or story.state in ways
+
+
+@settings(max_examples=200, deadline=None)
+@given(steps, st.integers(0, 59))
+def test_power_loss_at_any_moment_comes_back_standing(script, cut):
+    story = Story(PARAMS)
+    for dt_s, change, event, problem in script[:cut]:
+        story.now_s += dt_s
+        story.journal.problem = problem
+        story.given(**(change or {})).happens(event)
+    kept = story.journal.load()
+    again = Story(PARAMS, kept)
+    assert again.goal is None
+    assert again.state is (State.PAUSED if kept.state in ACTIVE else State.IDLE)
+    assert again.kernel.record.passenger_attached == kept.passenger_attached
+    if again.state is State.PAUSED:
+        assert (again.kernel.record.mission, again.kernel.record.waypoint) == (kept.mission, kept.waypoint)
+
+
+@settings(max_examples=200, deadline=None)
+@given(steps)
+def test_what_is_told_is_in_range(script):
+    story = Story(PARAMS)
+    for dt_s, change, event, problem in script:
+        story.now_s += dt_s
+        story.journal.problem = problem
+        story.given(**(change or {})).happens(event)
+    for status in story.statuses:
+        assert 0.0 <= status.progress <= 1.0
+        assert not status.eta_s < 0.0
+        assert 0 <= status.waypoints_completed <= status.total_waypoints <= 255
+        assert status.state in {"IDLE", "RUNNING", "WAITING", "PAUSED", "COMPLETED", "ABORTED", "FAILED"}
+        assert status.last_command_accepted or not status.last_command or "refused" in status.reason
