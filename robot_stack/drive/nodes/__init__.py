@@ -1,0 +1,1 @@
+"""Node processes of the drive."""

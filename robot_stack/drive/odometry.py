@@ -1,0 +1,242 @@
+"""Wheel odometry: the pose of base_link in odom from accumulated encoder positions.
+
+Distances come from position differences, never from speeds, so that a lost message loses no distance. Each interval
+between two readings becomes displacements of the wheels (interval), whose least-squares fit is the body's motion
+(wheel_fit), applied by the exponential map of SE(2).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from robot_stack.contract.frames import MODULES
+from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
+from robot_stack.drive.interval import Interval, displacements, with_commutator
+from robot_stack.drive.kinematics import TURN, Four, Positions
+from robot_stack.drive.wheel_fit import WheelFit, robust_fit
+
+# A rotation needs two wheels.
+_FEWEST_MODULES = 2
+Matrix3 = tuple[float, float, float, float, float, float, float, float, float]
+_ZERO_MATRIX: Matrix3 = (0.0,) * 9
+_ALL = (0, 1, 2, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class OdometrySettings:
+    """wheel_radius_m: rolling radius.
+
+    max_wheel_speed_mps, max_steering_rate_radps: an encoder that claims more than twice as much has jumped.
+    shortest_interval_s: plausibility is judged over this time at least, because stamps jitter.
+    longest_gap_s: after a longer silence the distance is not believed, because the encoders may have been reset.
+    substep_s, substep_turn_rad: longer intervals and larger turns of a module are cut into even parts.
+    slip_speed_mps, slip_share: wheels contradict each other if they differ by more than this speed plus this share of
+        the fastest wheel's.
+    deviation_per_sqrt_m, yaw_deviation_per_sqrt_m, yaw_deviation_per_sqrt_rad: growth of the standard deviations, m and
+        rad; slip_factor: their growth while wheels contradict each other, times this.
+    twist_deviation_mps, twist_deviation_radps: standard deviations of a twist that all wheels agree on.
+    """
+
+    wheel_radius_m: float
+    max_wheel_speed_mps: float
+    max_steering_rate_radps: float
+    shortest_interval_s: float
+    longest_gap_s: float
+    substep_s: float
+    substep_turn_rad: float
+    slip_speed_mps: float
+    slip_share: float
+    deviation_per_sqrt_m: float
+    yaw_deviation_per_sqrt_m: float
+    yaw_deviation_per_sqrt_rad: float
+    slip_factor: float
+    twist_deviation_mps: float
+    twist_deviation_radps: float
+
+
+@dataclass(frozen=True, slots=True)
+class Encoders:
+    """stamp_s: time of the reading. drive_rad: accumulated wheel angles. steer_rad: headings, any number of turns."""
+
+    stamp_s: float
+    drive_rad: Four
+    steer_rad: Four
+
+    def is_finite(self) -> bool:
+        return math.isfinite(self.stamp_s) and all(map(math.isfinite, (*self.drive_rad, *self.steer_rad)))
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """pose: base_link in odom. twist: base_link, mean over the last interval. Covariances 3 x 3, row-major: of (x, y,
+    yaw) in odom, of (vx, vy, omega) in base_link. used: modules that were believed. slipping: wheels contradict each
+    other. faults: what was wrong with the last reading, one sentence each.
+    """
+
+    pose: Pose2 = IDENTITY
+    twist: Twist2 = ZERO_TWIST
+    pose_covariance: Matrix3 = _ZERO_MATRIX
+    twist_covariance: Matrix3 = _ZERO_MATRIX
+    used: tuple[int, ...] = _ALL
+    slipping: bool = False
+    faults: tuple[str, ...] = ()
+
+
+class SwerveOdometry:
+    """Accumulates readings of the encoders."""
+
+    def __init__(self, positions: Positions, settings: OdometrySettings) -> None:
+        self._positions = positions
+        self._settings = settings
+        self._last: Encoders | None = None
+        self._previous: Interval | None = None
+        self._odometry = Odometry()
+
+    def reset(self) -> None:
+        """Starts again at the identity; the next reading only sets the encoders' zero."""
+        self._last = self._previous = None
+        self._odometry = Odometry()
+
+    def update(self, reading: Encoders) -> Odometry:
+        """The odometry after ``reading``. What cannot be believed moves nothing and is named in ``faults``."""
+        if not reading.is_finite():
+            self._odometry = replace(self._odometry, twist=ZERO_TWIST, faults=("encoder reading is not finite",))
+            return self._odometry
+        last, self._last = self._last, reading
+        if last is None:
+            self._odometry = replace(self._odometry, twist=ZERO_TWIST, faults=())
+        elif reading.stamp_s - last.stamp_s > self._settings.longest_gap_s:
+            self._odometry = self._after_gap(reading.stamp_s - last.stamp_s)
+        elif reading == last:
+            self._odometry = replace(self._odometry, faults=())
+        else:
+            self._odometry = self._advanced(last, reading)
+        return self._odometry
+
+    def _after_gap(self, gap_s: float) -> Odometry:
+        self._previous = None
+        lost_m = self._settings.max_wheel_speed_mps * gap_s
+        fault = (
+            f"no encoder reading for {gap_s:.2f} s, at most {self._settings.longest_gap_s} s: motion in it is unknown"
+        )
+        unknown = (lost_m * lost_m, 0.0, 0.0, 0.0, lost_m * lost_m, 0.0, 0.0, 0.0, math.pi**2)
+        return replace(
+            self._odometry,
+            twist=ZERO_TWIST,
+            pose_covariance=_sum(self._odometry.pose_covariance, unknown),
+            faults=(fault,),
+        )
+
+    def _advanced(self, last: Encoders, reading: Encoders) -> Odometry:
+        interval = self._interval(last, reading)
+        believed, faults = self._plausible(interval)
+        if len(believed) < _FEWEST_MODULES:
+            faults.append(f"fewer than {_FEWEST_MODULES} modules can be believed: the pose stands still")
+            self._previous = None
+            return replace(self._odometry, twist=ZERO_TWIST, slipping=True, used=(), faults=tuple(faults))
+        pose, motion, fit = self._moved(interval, believed)
+        self._previous = None if faults else replace(interval, motion=motion)
+        return self._result(pose, motion, interval.elapsed_s, fit, tuple(faults))
+
+    def _interval(self, last: Encoders, reading: Encoders) -> Interval:
+        # The way is known even where the time is not (a clock that was set back): only speeds and plausibility need it.
+        return Interval(
+            max(reading.stamp_s - last.stamp_s, self._settings.shortest_interval_s),
+            last.steer_rad,
+            tuple(math.remainder(new - old, TURN) for new, old in zip(reading.steer_rad, last.steer_rad, strict=True)),
+            tuple(
+                self._settings.wheel_radius_m * (new - old)
+                for new, old in zip(reading.drive_rad, last.drive_rad, strict=True)
+            ),
+        )
+
+    def _plausible(self, interval: Interval) -> tuple[list[int], list[str]]:
+        """(modules that can be believed, what the others claim)."""
+        s, elapsed_s = self._settings, interval.elapsed_s
+        most_m, most_rad = 2.0 * s.max_wheel_speed_mps * elapsed_s, 2.0 * s.max_steering_rate_radps * elapsed_s
+        believed, faults = [], []
+        for i, name in enumerate(MODULES):
+            way_m, turn_rad = interval.distances_m[i], interval.turns_rad[i]
+            if abs(way_m) > most_m:
+                faults.append(_jump(f"{name}_drive", "m", way_m, most_m, elapsed_s))
+            elif abs(turn_rad) > most_rad:
+                faults.append(
+                    f"{name}_steer jumped by {turn_rad:.3f} rad in {elapsed_s:.3f} s, at most {most_rad:.3f} rad"
+                )
+            else:
+                believed.append(i)
+        return believed, faults
+
+    def _moved(self, interval: Interval, believed: list[int]) -> tuple[Pose2, Twist2, WheelFit]:
+        """(new pose, sum of the body's motions, the worst of the fits)."""
+        s = self._settings
+        parts = self._parts(interval)
+        previous = self._previous if parts == 1 else None
+        slack_m = s.slip_speed_mps * interval.elapsed_s + s.slip_share * max(map(abs, interval.distances_m))
+        pose, x, y, yaw, fits = self._odometry.pose, 0.0, 0.0, 0.0, []
+        for index in range(parts):
+            part = interval.part(index, parts) if parts > 1 else interval
+            fit = robust_fit(self._positions, displacements(part, previous), slack_m / parts, believed)
+            motion = with_commutator(fit.motion, part, previous)
+            pose = pose.compose(exp_se2(motion, 1.0))
+            x, y, yaw = x + motion.vx, y + motion.vy, yaw + motion.omega
+            fits.append(fit)
+        return pose, Twist2(x, y, yaw), min(fits, key=lambda fit: (fit.consistent, len(fit.used), -fit.rms_m))
+
+    def _parts(self, interval: Interval) -> int:
+        s = self._settings
+        parts = max(interval.elapsed_s / s.substep_s, max(map(abs, interval.turns_rad)) / s.substep_turn_rad)
+        return max(1, math.ceil(parts - 0.5))  # an interval that is only a little late stays whole
+
+    def _result(
+        self, pose: Pose2, motion: Twist2, elapsed_s: float, fit: WheelFit, faults: tuple[str, ...]
+    ) -> Odometry:
+        before = self._odometry
+        factor = 1.0 if fit.consistent else self._settings.slip_factor
+        return Odometry(
+            pose,
+            motion.scaled(1.0 / elapsed_s),
+            _propagated(before.pose_covariance, before.pose, pose, self._growth(motion, factor)),
+            self._twist_covariance(fit.rms_m / elapsed_s),
+            fit.used,
+            not fit.consistent or len(fit.used) < len(MODULES),
+            faults,
+        )
+
+    def _growth(self, motion: Twist2, factor: float) -> tuple[float, float]:
+        """Variances that this motion adds: (m2 in x and in y, rad2)."""
+        s, way, turn = self._settings, motion.speed(), abs(motion.omega)
+        position = s.deviation_per_sqrt_m**2 * way
+        yaw = s.yaw_deviation_per_sqrt_m**2 * way + s.yaw_deviation_per_sqrt_rad**2 * turn
+        return position * factor**2, yaw * factor**2
+
+    def _twist_covariance(self, rms_mps: float) -> Matrix3:
+        s = self._settings
+        # Least squares over eight rows: a translation is the mean of four wheels, a rotation that mean over their
+        # distance.
+        arm = math.hypot(*self._positions[0])
+        linear = s.twist_deviation_mps**2 + rms_mps**2 / 4.0
+        angular = s.twist_deviation_radps**2 + rms_mps**2 / (4.0 * arm * arm)
+        return linear, 0.0, 0.0, 0.0, linear, 0.0, 0.0, 0.0, angular
+
+
+def _jump(joint: str, unit: str, change: float, most: float, elapsed_s: float) -> str:
+    return f"{joint} jumped by {change:.3f} {unit} in {elapsed_s:.3f} s, at most {most:.3f} {unit}: not believed"
+
+
+def _propagated(p: Matrix3, old: Pose2, new: Pose2, growth: tuple[float, float]) -> Matrix3:
+    """F P F^T + Q for a step from ``old`` to ``new``: an error of the yaw swings the step just made."""
+    dx, dy = new.x - old.x, new.y - old.y
+    xx, xy, xt, yy, yt, tt = p[0], p[1], p[2], p[4], p[5], p[8]
+    position, yaw = growth
+    new_xx = xx - 2.0 * dy * xt + dy * dy * tt + position
+    new_xy = xy + dx * xt - dy * yt - dx * dy * tt
+    new_xt, new_yt = xt - dy * tt, yt + dx * tt
+    new_yy = yy + 2.0 * dx * yt + dx * dx * tt + position
+    return new_xx, new_xy, new_xt, new_xy, new_yy, new_yt, new_xt, new_yt, tt + yaw
+
+
+def _sum(a: Matrix3, b: Matrix3) -> Matrix3:
+    c = [x + y for x, y in zip(a, b, strict=True)]
+    return c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]

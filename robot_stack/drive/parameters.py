@@ -1,0 +1,128 @@
+"""Parameters of the drive's nodes (``config/swerve_controller.yaml``, ``config/swerve_hardware_interface.yaml``) and
+what the kernels make of them and of ``config/robot.yaml``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from robot_stack.core.config import Config
+from robot_stack.core.robot import Motion, Robot
+from robot_stack.drive.feasibility import ModuleLimits
+from robot_stack.drive.limits import MotionLimits
+from robot_stack.drive.odometry import OdometrySettings
+from robot_stack.drive.swerve_drive import DriveSettings
+
+Positive = Annotated[float, Field(gt=0.0)]
+Share = Annotated[float, Field(gt=0.0, le=1.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+
+
+class ModuleParams(Config):
+    """Use of the modules. steering_share: of the steering's rate and acceleration, the rest is for the drive to catch
+    up. wheel_speed_share: of the drive's largest speed."""
+
+    steering_share: Share
+    wheel_speed_share: Share
+    max_wheel_acceleration_mps2: Positive
+    slip_tolerance_mps: Positive
+    reversal_hysteresis_rad: Annotated[float, Field(ge=0.0, le=0.7)]
+
+
+class DriveParams(Config):
+    """Behaviour of the set point, see ``DriveSettings``."""
+
+    emergency_yaw_deceleration_radps2: Positive
+    align_tolerance_rad: Annotated[float, Field(gt=0.0, le=0.5)]
+    align_timeout_s: Positive
+    rest_speed_mps: NotNegative
+    rest_yaw_rate_radps: NotNegative
+    x_lock_after_s: Positive
+    longest_step_s: Positive
+
+
+class StandingParams(Config):
+    """The robot stands when its measured twist is below both."""
+
+    speed_mps: Positive
+    yaw_rate_radps: Positive
+
+
+class OdometryParams(Config):
+    """See ``OdometrySettings``."""
+
+    shortest_interval_s: Positive
+    longest_gap_s: Positive
+    substep_s: Positive
+    substep_turn_rad: Positive
+    slip_speed_mps: Positive
+    slip_share: Positive
+    deviation_per_sqrt_m: Positive
+    yaw_deviation_per_sqrt_m: Positive
+    yaw_deviation_per_sqrt_rad: Positive
+    slip_factor: Annotated[float, Field(ge=1.0)]
+    twist_deviation_mps: Positive
+    twist_deviation_radps: Positive
+
+
+class SwerveControllerParams(Config):
+    """``config/swerve_controller.yaml``. command_timeout_s: a source that is silent for longer gives up the drive.
+    assume_passenger: what holds until ``/passenger_attached`` has said it.
+    """
+
+    command_timeout_s: Annotated[float, Field(gt=0.0, le=1.0)]
+    assume_passenger: bool
+    module: ModuleParams
+    drive: DriveParams
+    standing: StandingParams
+    odometry: OdometryParams
+
+
+def motion_limits(motion: Motion) -> MotionLimits:
+    return MotionLimits(
+        motion.max_speed_mps,
+        motion.max_yaw_rate_radps,
+        motion.max_acceleration_mps2,
+        motion.max_yaw_acceleration_radps2,
+        motion.max_jerk_mps3,
+        motion.max_yaw_jerk_radps3,
+    )
+
+
+def max_wheel_speed_mps(robot: Robot) -> float:
+    """Speed of a wheel's rim at the drive's largest speed."""
+    return robot.drive.max_speed_radps * robot.wheel_radius_m
+
+
+def module_limits(params: ModuleParams, robot: Robot) -> ModuleLimits:
+    return ModuleLimits(
+        params.wheel_speed_share * max_wheel_speed_mps(robot),
+        params.max_wheel_acceleration_mps2,
+        params.steering_share * robot.steer.max_rate_radps,
+        params.steering_share * robot.steer.max_acceleration_radps2,
+        params.slip_tolerance_mps,
+        params.reversal_hysteresis_rad,
+    )
+
+
+def drive_settings(params: DriveParams, robot: Robot) -> DriveSettings:
+    return DriveSettings(
+        robot.emergency_deceleration_mps2,
+        params.emergency_yaw_deceleration_radps2,
+        params.align_tolerance_rad,
+        params.align_timeout_s,
+        params.rest_speed_mps,
+        params.rest_yaw_rate_radps,
+        params.x_lock_after_s,
+        params.longest_step_s,
+    )
+
+
+def odometry_settings(params: OdometryParams, robot: Robot) -> OdometrySettings:
+    return OdometrySettings(
+        wheel_radius_m=robot.wheel_radius_m,
+        max_wheel_speed_mps=max_wheel_speed_mps(robot),
+        max_steering_rate_radps=robot.steer.max_rate_radps,
+        **params.model_dump(),
+    )

@@ -1,0 +1,221 @@
+"""The drive's set point: what twist the robot tries to have now, and what each module does for it.
+
+Every step goes from the last set point towards the wish: speed limits, jerk and acceleration, feasibility,
+desaturation. The set point is the only memory; sensors only tell where the modules stand, never how fast to go.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+from robot_stack.core.geometry import ZERO_TWIST, Twist2
+from robot_stack.drive.arbitration import Wish
+from robot_stack.drive.feasibility import ModuleLimits, ModuleStates, feasible_step, follow_anyhow, turn_in_place
+from robot_stack.drive.kinematics import (
+    ZEROS,
+    Four,
+    ModuleSetPoints,
+    Positions,
+    cosine_scale,
+    desaturated,
+    wheel_velocities,
+    wrapped,
+    x_lock_angles,
+)
+from robot_stack.drive.limits import MotionLimits, approach, brake, followable_rate, limit_speed
+
+
+class DriveState(Enum):
+    """What the drive is doing."""
+
+    DRIVING = "driving"
+    ALIGNING = "aligning the modules"
+    HOLDING = "holding"
+    LOCKED = "wheels crossed"
+    BRAKING = "braking"
+    HALTED = "halted"
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSettings:
+    """Tuning of the drive that does not depend on the situation.
+
+    brake_mps2, brake_radps2: decelerations of ``step(braking=True)``.
+    align_tolerance_rad: a standing robot starts when every heading is this near.
+    align_timeout_s: after this long, modules that are still off are named as stuck.
+    rest_speed_mps, rest_yaw_rate_radps: smaller wishes are none.
+    x_lock_after_s: time at rest after which the wheels cross.
+    longest_step_s: longer steps are taken as this long, so that a late tick makes no leap.
+    """
+
+    brake_mps2: float
+    brake_radps2: float
+    align_tolerance_rad: float
+    align_timeout_s: float
+    rest_speed_mps: float
+    rest_yaw_rate_radps: float
+    x_lock_after_s: float
+    longest_step_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class DriveOutput:
+    """twist: the set point of the body, base_link. modules: what to command. stuck: modules whose heading keeps the
+    robot from starting.
+    """
+
+    twist: Twist2
+    modules: ModuleSetPoints
+    state: DriveState
+    stuck: tuple[int, ...] = ()
+
+
+class SwerveDrive:
+    """The set point and its steps."""
+
+    def __init__(self, positions: Positions, module_limits: ModuleLimits, settings: DriveSettings) -> None:
+        self._positions = positions
+        self._limits = module_limits
+        self._settings = settings
+        self._x_lock = x_lock_angles(positions)
+        self._states = ModuleStates(ZEROS)
+        self._twist = ZERO_TWIST
+        self._acceleration = ZERO_TWIST
+        self._rest_s = 0.0
+        self._aligning_s = 0.0
+        self._state = DriveState.HALTED
+
+    @property
+    def twist(self) -> Twist2:
+        """The present set point of the body."""
+        return self._twist
+
+    def halt(self, measured_rad: Four | None) -> DriveOutput:
+        """Zero at once. The headings stay where they are: at ``measured_rad`` (rad, any number of turns) if it is
+        known.
+        """
+        angles = self._states.angles_rad if measured_rad is None else _wrapped_all(measured_rad)
+        self._states = ModuleStates(angles, senses=self._states.senses)
+        self._twist = self._acceleration = ZERO_TWIST
+        self._rest_s = 0.0
+        self._state = DriveState.HALTED
+        return self._output(None)
+
+    def step(
+        self,
+        wish: Wish,
+        limits: MotionLimits,
+        dt_s: float,
+        measured_rad: Four | None,
+        *,
+        standing: bool,
+        braking: bool = False,
+    ) -> DriveOutput:
+        """One step of ``dt_s`` towards ``wish`` (one that is not finite counts as standstill).
+
+        measured_rad: measured headings, any number of turns; None if unknown. standing: no wheel turns, as measured.
+        braking: towards standstill at the emergency deceleration, whatever is wished.
+        A step without time (0, negative, NaN) changes nothing.
+        """
+        if not dt_s > 0.0:
+            return self._output(measured_rad)
+        dt_s = min(dt_s, self._settings.longest_step_s)
+        self._aligning_s = self._aligning_s + dt_s if self._state is DriveState.ALIGNING else 0.0
+        target, rate = self._target(wish, limits)
+        if braking:
+            self._brake(dt_s)
+        elif self._twist != ZERO_TWIST:
+            self._drive(target, rate, limits, dt_s)
+        elif target != ZERO_TWIST:
+            self._start(target, rate, limits, dt_s, measured_rad)
+        else:
+            self._rest(dt_s, standing)
+        return self._output(measured_rad)
+
+    def _target(self, wish: Wish, limits: MotionLimits) -> tuple[Twist2, Twist2]:
+        """(what to reach now, how that moves). A wish that grows is carried on to now, since commands are samples."""
+        if not wish.twist.is_finite():
+            return ZERO_TWIST, ZERO_TWIST
+        limited = limit_speed(wish.twist, limits.max_speed_mps, limits.max_yaw_rate_radps)
+        s = self._settings
+        if limited.speed() < s.rest_speed_mps and abs(limited.omega) < s.rest_yaw_rate_radps:
+            return ZERO_TWIST, ZERO_TWIST
+        rate = followable_rate(wish.rate, limits)
+        if limited is not wish.twist or rate == ZERO_TWIST:
+            return limited, ZERO_TWIST
+        age_s = min(wish.age_s, s.longest_step_s)
+        ahead = Twist2(limited.vx + rate.vx * age_s, limited.vy + rate.vy * age_s, limited.omega + rate.omega * age_s)
+        return limit_speed(ahead, limits.max_speed_mps, limits.max_yaw_rate_radps), rate
+
+    def _drive(self, target: Twist2, rate: Twist2, limits: MotionLimits, dt_s: float) -> None:
+        start = self._twist
+        goal, acceleration = approach(start, self._acceleration, target, rate, limits, dt_s)
+        result = feasible_step(self._positions, self._limits, self._states, start, goal, dt_s)
+        if result is None:
+            self._brake(dt_s)
+            return
+        twist, states = result
+        slower = desaturated(self._positions, twist, self._limits.max_wheel_speed_mps)
+        if slower is not twist:
+            states = follow_anyhow(self._positions, self._limits, self._states, slower, dt_s)
+        if slower is not goal:
+            acceleration = Twist2(
+                (slower.vx - start.vx) / dt_s, (slower.vy - start.vy) / dt_s, (slower.omega - start.omega) / dt_s
+            )
+        self._twist, self._acceleration, self._states = slower, acceleration, states
+        self._rest_s = 0.0
+        self._state = DriveState.DRIVING
+
+    def _start(
+        self, target: Twist2, rate: Twist2, limits: MotionLimits, dt_s: float, measured_rad: Four | None
+    ) -> None:
+        """From standstill: the headings first, then the wheels."""
+        self._rest_s = 0.0
+        directions = tuple(
+            math.atan2(vy, vx) if vx or vy else None for vx, vy in wheel_velocities(self._positions, target)
+        )
+        states, error = turn_in_place(self._limits, self._states, directions, dt_s)
+        lag = 0.0 if measured_rad is None else max(_lags(states.angles_rad, measured_rad))
+        if error + lag <= self._settings.align_tolerance_rad:
+            self._drive(target, rate, limits, dt_s)
+            return
+        self._states, self._acceleration, self._state = states, ZERO_TWIST, DriveState.ALIGNING
+
+    def _brake(self, dt_s: float) -> None:
+        self._twist = brake(self._twist, self._settings.brake_mps2, self._settings.brake_radps2, dt_s)
+        self._states = follow_anyhow(self._positions, self._limits, self._states, self._twist, dt_s)
+        self._acceleration, self._rest_s, self._state = ZERO_TWIST, 0.0, DriveState.BRAKING
+
+    def _rest(self, dt_s: float, standing: bool) -> None:
+        self._acceleration = ZERO_TWIST
+        self._rest_s = self._rest_s + dt_s if standing else 0.0
+        lock = self._rest_s >= self._settings.x_lock_after_s
+        directions = self._x_lock if lock else (None, None, None, None)
+        self._states, _ = turn_in_place(self._limits, self._states, directions, dt_s)
+        self._state = DriveState.LOCKED if lock else DriveState.HOLDING
+
+    def _output(self, measured_rad: Four | None) -> DriveOutput:
+        """Wheels whose heading lags behind its set point go slower by the cosine of the lag."""
+        angles, speeds = self._states.angles_rad, self._states.speeds_mps
+        stuck: tuple[int, ...] = ()
+        if measured_rad is not None and speeds != ZEROS:
+            a, b, c, d = (
+                speed * cosine_scale(angle - measured)
+                for speed, angle, measured in zip(speeds, angles, measured_rad, strict=True)
+            )
+            speeds = a, b, c, d
+        if measured_rad is not None and self._aligning_s > self._settings.align_timeout_s:
+            tolerance = self._settings.align_tolerance_rad
+            stuck = tuple(i for i, lag in enumerate(_lags(angles, measured_rad)) if lag > tolerance)
+        return DriveOutput(self._twist, ModuleSetPoints(speeds, angles), self._state, stuck)
+
+
+def _wrapped_all(angles_rad: Four) -> Four:
+    a, b, c, d = angles_rad
+    return wrapped(a), wrapped(b), wrapped(c), wrapped(d)
+
+
+def _lags(angles_rad: Four, measured_rad: Four) -> list[float]:
+    return [abs(wrapped(angle - measured)) for angle, measured in zip(angles_rad, measured_rad, strict=True)]

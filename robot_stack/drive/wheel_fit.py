@@ -1,0 +1,90 @@
+"""The rigid motion that fits the wheels' displacements best, and which wheels do not fit.
+
+Each module reports two rows, the x and y of its displacement in base_link: d_i = t + theta * (-y_i, x_i). With both
+components the eight rows always determine the three unknowns, also in straight driving, where the wheel speeds alone do
+not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robot_stack.core.geometry import Twist2
+from robot_stack.drive.kinematics import Positions
+
+Vectors = Sequence[tuple[float, float]]
+_ALL = (0, 1, 2, 3)
+# A wheel that contradicts can only be named if three others agree.
+_FEWEST_TO_AGREE = 3
+
+
+@dataclass(frozen=True, slots=True)
+class WheelFit:
+    """motion: displacement of the body (m, m, rad), base_link. used: modules that were believed. rms_m: residual of
+    those. consistent: the used modules agree within the tolerance.
+    """
+
+    motion: Twist2
+    used: tuple[int, ...]
+    rms_m: float
+    consistent: bool
+
+
+def fit(positions: Positions, displacements: Vectors, modules: Sequence[int] = _ALL) -> Twist2:
+    """Least squares over two rows of each of ``modules`` (two at least): translation (m) and rotation (rad) of the
+    body.
+    """
+    n = len(modules)
+    px = py = dx = dy = 0.0
+    for i in modules:
+        px += positions[i][0]
+        py += positions[i][1]
+        dx += displacements[i][0]
+        dy += displacements[i][1]
+    px, py, dx, dy = px / n, py / n, dx / n, dy / n
+    # About the centroid, translation and rotation separate.
+    moment = inertia = 0.0
+    for i in modules:
+        x, y = positions[i][0] - px, positions[i][1] - py
+        moment += x * (displacements[i][1] - dy) - y * (displacements[i][0] - dx)
+        inertia += x * x + y * y
+    theta = moment / inertia
+    return Twist2(dx + theta * py, dy - theta * px, theta)
+
+
+def residuals(positions: Positions, displacements: Vectors, motion: Twist2) -> list[float]:
+    """How far each module's displacement is from that of ``motion``, m."""
+    return [
+        math.hypot(dx - motion.vx + motion.omega * y, dy - motion.vy - motion.omega * x)
+        for (x, y), (dx, dy) in zip(positions, displacements, strict=True)
+    ]
+
+
+def robust_fit(
+    positions: Positions, displacements: Vectors, tolerance_m: float, believed: Sequence[int] = _ALL
+) -> WheelFit:
+    """The fit of those modules that agree within ``tolerance_m``.
+
+    If the believed modules do not agree and leaving one of them out makes the others agree, it is left out. If no such
+    module exists, all are used and the result is marked inconsistent: more than one wheel slips. At least two modules
+    must be believed.
+    """
+    best = _fit(positions, displacements, tuple(believed), tolerance_m)
+    if best.consistent or len(believed) <= _FEWEST_TO_AGREE:
+        return best
+    rests = [tuple(i for i in believed if i != out) for out in believed]
+    candidates = [_fit(positions, displacements, rest, tolerance_m) for rest in rests]
+    agreeing = min(candidates, key=lambda candidate: candidate.rms_m)
+    return agreeing if agreeing.consistent else best
+
+
+def _fit(positions: Positions, displacements: Vectors, modules: tuple[int, ...], tolerance_m: float) -> WheelFit:
+    motion = fit(positions, displacements, modules)
+    errors = residuals(positions, displacements, motion)
+    largest = max(errors[i] for i in modules)
+    # Rows less unknowns: the degrees of freedom that are left for the error.
+    freedom = 2 * len(modules) - 3
+    rms = math.sqrt(sum(errors[i] ** 2 for i in modules) / freedom)
+    return WheelFit(motion, modules, rms, largest <= tolerance_m)
