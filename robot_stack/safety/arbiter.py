@@ -1,0 +1,65 @@
+"""The arbiter: of all rows in force the most severe action wins, of several limits the smallest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robot_stack.contract.faults import PASSENGER_ONBOARD
+from robot_stack.contract.model import SafetyAction, SafetyState
+from robot_stack.safety.inputs import STANDSTILL, SpeedLimit
+from robot_stack.safety.rows import ActiveRow
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the drive may do now.
+
+    faults: codes of all rows in force, in the order of the contract.
+    limit, reason: the speed limit and the codes it comes from, joined by commas; "" = the robot's own limits.
+    """
+
+    action: SafetyAction
+    state: SafetyState
+    faults: tuple[str, ...]
+    limit: SpeedLimit
+    reason: str
+
+
+def arbitrate(rows: Sequence[ActiveRow], own: SpeedLimit, passenger: SpeedLimit | None) -> Verdict:
+    """The verdict on the rows in force.
+
+    Args:
+        rows: rows in force, in the order of the contract.
+        own: the robot's own limits.
+        passenger: limits with a passenger aboard, None without one.
+    """
+    limits = [(row.code, limit) for row in rows if (limit := _limit_of(row)) is not None]
+    if passenger is not None:
+        limits.append((PASSENGER_ONBOARD, passenger))
+    linear_mps = min([own.linear_mps, *(limit.linear_mps for _, limit in limits)])
+    angular_radps = min([own.angular_radps, *(limit.angular_radps for _, limit in limits)])
+    return Verdict(
+        action=max((row.action for row in rows), default=SafetyAction.NONE),
+        state=max((row.state for row in rows), default=SafetyState.NORMAL),
+        faults=tuple(row.code for row in rows),
+        limit=SpeedLimit(linear_mps, angular_radps),
+        reason=",".join(code for code, limit in limits if _binds(limit, SpeedLimit(linear_mps, angular_radps), own)),
+    )
+
+
+def _binds(limit: SpeedLimit, smallest: SpeedLimit, own: SpeedLimit) -> bool:
+    """True if one of the smallest speeds comes from ``limit`` and is below the robot's own."""
+    return (
+        limit.linear_mps == smallest.linear_mps < own.linear_mps
+        or limit.angular_radps == smallest.angular_radps < own.angular_radps
+    )
+
+
+def _limit_of(row: ActiveRow) -> SpeedLimit | None:
+    if row.action >= SafetyAction.STOP:
+        return STANDSTILL
+    if row.action is SafetyAction.LIMIT:
+        # A limit that says no number is a stop.
+        return row.limit or STANDSTILL
+    return None

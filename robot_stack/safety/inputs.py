@@ -1,0 +1,119 @@
+"""What the safety monitor knows at one moment: the values its conditions are judged on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+
+from robot_stack.contract.model import Criticality, SafetyAction
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedLimit:
+    """Largest planar speed in m/s and yaw rate in rad/s."""
+
+    linear_mps: float
+    angular_radps: float
+
+
+STANDSTILL = SpeedLimit(0.0, 0.0)
+
+
+class Level(IntEnum):
+    """What a condition finds."""
+
+    CLEAR = 0
+    UNKNOWN = 1  # cannot be judged: neither raises the row nor lets it clear
+    WAITING = 2  # not there yet, within the time it may take to come: stops the robot, latches nothing
+    PRESENT = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Answer of one condition.
+
+    action: what it asks for, NONE unless WAITING or PRESENT.
+    limit: the speed limit of a LIMIT action.
+    detail: one phrase for the log, the diagnostics and a refused reset.
+    """
+
+    level: Level
+    action: SafetyAction = SafetyAction.NONE
+    limit: SpeedLimit | None = None
+    detail: str = ""
+
+
+CLEAR = Finding(Level.CLEAR)
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """State of one drive axis of the motion engine."""
+
+    servo_on: bool
+    amp_alarm: bool
+    following_error: bool
+
+
+@dataclass(frozen=True, slots=True)
+class DriveReading:
+    """One look at the motion engine's status.
+
+    cycle: a number that changes with every engine cycle: a status whose number stands still is stale.
+    axes: the robot's axes, index = axis number.
+    """
+
+    communicating: bool
+    cycle: int
+    axes: tuple[Axis, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ImuSample:
+    """Specific force in m/s2 and angular rate in rad/s, base_link."""
+
+    ax: float
+    ay: float
+    az: float
+    wx: float
+    wy: float
+    wz: float
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessAge:
+    """Seconds since the last heartbeat of an expected process, infinite if there was none."""
+
+    criticality: Criticality
+    age_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """Everything at one moment. Ages in s on the steady clock, infinite for what never came or is not usable.
+
+    estop: phrase that says who asks for the stop, empty if nobody does.
+    drive: judgement of the drives, made by ``DriveWatch`` because it needs their history.
+    inclination_rad: angle between base_link's z axis and the vertical, NaN = unknown.
+    quality: newest localization quality, [0, 1].
+    pose_jump_m: largest distance between two consecutive poses since the last snapshot.
+    battery: newest state of charge, [0, 1].
+    """
+
+    uptime_s: float
+    estop: str
+    drive: Finding
+    joint_states_seen: bool
+    joint_states_age_s: float
+    joint_states_problem: str
+    imu_age_s: float
+    imu_problem: str
+    inclination_rad: float
+    pose_age_s: float
+    pose_jump_m: float
+    quality_age_s: float
+    quality: float
+    battery_age_s: float
+    battery: float
+    processes: Mapping[str, ProcessAge]

@@ -1,0 +1,119 @@
+"""The safety monitor: inputs in, verdict out. Time is an argument; nothing here knows ROS, files or clocks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_stack.contract import faults, topics
+from robot_stack.core.robot import Motion, Robot
+from robot_stack.safety.arbiter import Verdict, arbitrate
+from robot_stack.safety.conditions import CONDITIONS, stale_s
+from robot_stack.safety.inputs import SpeedLimit
+from robot_stack.safety.observation import Observation
+from robot_stack.safety.params import SafetyParams
+from robot_stack.safety.rows import ActiveRow, Row
+
+ESTOP_PRESSED = "ESTOP_PRESSED"
+
+
+@dataclass(frozen=True, slots=True)
+class Memory:
+    """What a restart of the monitor must not forget: codes of the latched rows, and whether a passenger is aboard."""
+
+    latched: tuple[str, ...] = ()
+    passenger: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ResetAnswer:
+    """Answer to the second key. message: what was released, or what is missing."""
+
+    success: bool
+    message: str
+
+
+class SafetyMonitor:
+    """Feed ``observation`` every message, then ``step``. All times are steady seconds.
+
+    passenger: the newest ``/passenger_attached``. Never received means none aboard, because only the node that latches
+    a chair publishes there; once true, silence keeps it true.
+    """
+
+    def __init__(self, params: SafetyParams, robot: Robot, memory: Memory, now_s: float) -> None:
+        self._params = params
+        self._own, self._with_passenger = _speed_limit(robot.empty), _speed_limit(robot.with_passenger)
+        # A latch that this configuration cannot judge is held by the row that every configuration has.
+        latched = {code if code in params.rows else ESTOP_PRESSED for code in memory.latched}
+        self._rows = [Row(fault, fault.code in latched) for fault in faults.FAULTS if fault.code in params.rows]
+        self.passenger = memory.passenger
+        self.observation = Observation(params, robot.wheel_radius_m, now_s)
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """Codes of the rows that are evaluated, in the order of the contract."""
+        return tuple(row.code for row in self._rows)
+
+    @property
+    def emergency(self) -> bool:
+        """True while an emergency stop is latched."""
+        return any(row.latched for row in self._rows)
+
+    @property
+    def memory(self) -> Memory:
+        """What has to survive a restart."""
+        return Memory(tuple(row.code for row in self._rows if row.latched), self.passenger)
+
+    @property
+    def details(self) -> dict[str, str]:
+        """Why each row in force was raised, by its code."""
+        return {row.code: row.detail for row in self._active()}
+
+    def step(self, now_s: float) -> Verdict:
+        """Judges every row on what is known now."""
+        snapshot = self.observation.snapshot(self.emergency, now_s)
+        for row in self._rows:
+            row.update(CONDITIONS[row.code](snapshot, self._params, row.action), now_s)
+        return arbitrate(self._active(), self._own, self._with_passenger if self.passenger else None)
+
+    def reset(self, now_s: float) -> ResetAnswer:
+        """The second key: leaves the emergency stop, or says why not. Follow it with ``step``."""
+        self.step(now_s)
+        if not self.emergency:
+            return ResetAnswer(True, "no emergency stop is latched")
+        missing = [*self._missing_release(now_s), *self._missing_standstill(now_s), *filter(None, self._blocking())]
+        if missing:
+            return ResetAnswer(False, "refused: " + "; ".join(missing))
+        released = [row for row in self._rows if row.latched]
+        for row in released:
+            row.release()
+        self.observation.drive.released(now_s)
+        return ResetAnswer(True, f"released: {', '.join(row.code for row in released)}")
+
+    def _active(self) -> list[ActiveRow]:
+        return [active for row in self._rows if (active := row.active()) is not None]
+
+    def _blocking(self) -> list[str]:
+        return [row.blocks_release() for row in self._rows]
+
+    def _missing_release(self, now_s: float) -> list[str]:
+        """The first key. Whoever holds a button down repeats true within the settling time after any false."""
+        if self.observation.estop.pressed is None:
+            needed = ESTOP_PRESSED in self.memory.latched
+            return ["/emergency_stop has not been released: no false since the monitor's start"] if needed else []
+        released_for_s = self.observation.estop.released_for_s(now_s)
+        if released_for_s is None:
+            return []  # still pressed: its row says so
+        if not released_for_s >= self._params.release_settle_s:
+            return [f"/emergency_stop has been false for less than {self._params.release_settle_s:g} s"]
+        return []
+
+    def _missing_standstill(self, now_s: float) -> list[str]:
+        still_for_s = self.observation.wheels.still_for_s(now_s, stale_s(topics.JOINT_STATES))
+        if still_for_s is not None and still_for_s >= self._params.standstill_hold_s:
+            return []
+        wanted = f"every wheel below {self._params.standstill_mps:g} m/s for {self._params.standstill_hold_s:g} s"
+        return [f"the robot does not stand still ({wanted}, by fresh /joint_states)"]
+
+
+def _speed_limit(motion: Motion) -> SpeedLimit:
+    return SpeedLimit(motion.max_speed_mps, motion.max_yaw_rate_radps)

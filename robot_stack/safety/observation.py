@@ -1,0 +1,94 @@
+"""Every input of the safety monitor, message by message in, one snapshot out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from robot_stack.contract import processes, topics
+from robot_stack.safety.attitude import PlanarAcceleration, UpDirection
+from robot_stack.safety.conditions import stale_s
+from robot_stack.safety.drive_watch import DriveWatch
+from robot_stack.safety.inputs import DriveReading, ImuSample, ProcessAge, Snapshot
+from robot_stack.safety.params import SafetyParams
+from robot_stack.safety.timing import age_s
+from robot_stack.safety.watches import EstopWatch, ImuWatch, Latest, PoseWatch, WheelWatch
+
+
+class Observation:
+    """The inputs and their history. All times are steady seconds at reception."""
+
+    def __init__(self, params: SafetyParams, wheel_radius_m: float, now_s: float) -> None:
+        self._started_s = now_s
+        self._criticality = {name: processes.BY_NAME[name].criticality for name in params.expected_processes}
+        self._heard_s: dict[str, float] = {}
+        motion = PlanarAcceleration(params.kinematic_filter_s, params.kinematic_max_mps2)
+        up = UpDirection(params.attitude_time_constant_s, params.attitude_settle_s, params.attitude_max_gap_s)
+        self.estop = EstopWatch()
+        self.wheels = WheelWatch(wheel_radius_m, params.standstill_mps, motion)
+        self.drive = DriveWatch(
+            silence_s=params.drive_silence_s,
+            servo_off_s=params.drive_servo_off_s,
+            servo_on_timeout_s=params.drive_servo_on_timeout_s,
+            startup_grace_s=params.startup_grace_s,
+            now_s=now_s,
+        )
+        self._imu = ImuWatch(up, motion, params.imu_min_mps2, params.imu_max_mps2, params.imu_max_radps)
+        self._pose = PoseWatch()
+        self._quality, self._battery = Latest(0.0, 1.0), Latest(0.0, 1.0)
+
+    def emergency_stop(self, pressed: bool, now_s: float) -> None:
+        self.estop.received(pressed, now_s)
+
+    def heartbeat(self, process: str, now_s: float) -> None:
+        self._heard_s[process] = now_s
+
+    def engine(self, reading: DriveReading | None, now_s: float) -> None:
+        """The motion engine's status; None where there is none to read."""
+        self.drive.received(reading, now_s)
+
+    def joint_states(
+        self, names: Sequence[str], position_rad: Sequence[float], velocity_radps: Sequence[float], now_s: float
+    ) -> None:
+        self.wheels.received(names, position_rad, velocity_radps, now_s)
+
+    def imu(self, sample: ImuSample, now_s: float) -> None:
+        self._imu.received(sample, now_s)
+
+    def pose(self, x_m: float, y_m: float, now_s: float) -> None:
+        self._pose.received(x_m, y_m, now_s)
+
+    def quality(self, quality: float, now_s: float) -> None:
+        self._quality.received(quality, now_s)
+
+    def battery(self, charge: float, now_s: float) -> None:
+        """State of charge, [0, 1]."""
+        self._battery.received(charge, now_s)
+
+    def snapshot(self, emergency: bool, now_s: float) -> Snapshot:
+        """Everything as it is now. Events (a short press, a jump) appear in one snapshot only.
+
+        Args:
+            emergency: an emergency stop is latched.
+        """
+        pressed = self.estop.take_pressed()
+        return Snapshot(
+            uptime_s=age_s(now_s, self._started_s),
+            estop="/emergency_stop is true" if pressed else "",
+            drive=self.drive.judge(emergency or pressed, now_s),
+            joint_states_seen=self.wheels.seen,
+            joint_states_age_s=self.wheels.age_s(now_s),
+            joint_states_problem=self.wheels.problem,
+            imu_age_s=self._imu.age_s(now_s),
+            imu_problem=self._imu.problem,
+            inclination_rad=self._imu.inclination_rad(now_s, stale_s(topics.IMU)),
+            pose_age_s=self._pose.age_s(now_s),
+            pose_jump_m=self._pose.take_jump_m(),
+            quality_age_s=self._quality.age_s(now_s),
+            quality=self._quality.value,
+            battery_age_s=self._battery.age_s(now_s),
+            battery=self._battery.value,
+            processes={
+                name: ProcessAge(criticality, age_s(now_s, self._heard_s.get(name)))
+                for name, criticality in self._criticality.items()
+            },
+        )

@@ -1,0 +1,179 @@
+"""The inputs of the safety monitor, followed message by message. Values that are not finite count as not received."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import astuple
+
+from robot_stack.contract.frames import DRIVE_AXES, JOINTS, STEER_AXES
+from robot_stack.safety.attitude import PlanarAcceleration, UpDirection
+from robot_stack.safety.inputs import ImuSample
+from robot_stack.safety.timing import Hold, age_s
+
+
+class EstopWatch:
+    """The newest ``/emergency_stop`` and the two-key rule's first key: for how long it has been released."""
+
+    def __init__(self) -> None:
+        self._pressed: bool | None = None
+        self._pressed_since_step = False
+        self._released_for = Hold()
+
+    def received(self, pressed: bool, now_s: float) -> None:
+        self._pressed = pressed
+        # A true that a false follows before the next step must not be lost.
+        self._pressed_since_step |= pressed
+        self._released_for.update(not pressed, now_s)
+
+    @property
+    def pressed(self) -> bool | None:
+        """The newest value, None if there never was one."""
+        return self._pressed
+
+    def take_pressed(self) -> bool:
+        """True if the stop is pressed, or was at any moment since the last call."""
+        taken, self._pressed_since_step = self._pressed_since_step, False
+        return taken or self._pressed is True
+
+    def released_for_s(self, now_s: float) -> float | None:
+        """Seconds since the newest change to false; None while pressed or never received."""
+        return self._released_for.update(self._pressed is False, now_s)
+
+
+class Latest:
+    """The newest usable value of a number and its age."""
+
+    def __init__(self, lowest: float, highest: float) -> None:
+        self._lowest, self._highest = lowest, highest
+        self._at_s: float | None = None
+        self.value = math.nan
+
+    def received(self, value: float, now_s: float) -> None:
+        """Keeps the value if it is a number in range; anything else leaves the age growing."""
+        if self._lowest <= value <= self._highest:
+            self.value, self._at_s = value, now_s
+
+    def age_s(self, now_s: float) -> float:
+        return age_s(now_s, self._at_s)
+
+
+class PoseWatch:
+    """Age of the pose and how far it jumped from one message to the next."""
+
+    def __init__(self) -> None:
+        self._at_s: float | None = None
+        self._xy_m: tuple[float, float] | None = None
+        self._jump_m = 0.0
+
+    def received(self, x_m: float, y_m: float, now_s: float) -> None:
+        if not (math.isfinite(x_m) and math.isfinite(y_m)):
+            return
+        if self._xy_m is not None:
+            self._jump_m = max(self._jump_m, math.dist(self._xy_m, (x_m, y_m)))
+        self._xy_m, self._at_s = (x_m, y_m), now_s
+
+    def age_s(self, now_s: float) -> float:
+        return age_s(now_s, self._at_s)
+
+    def take_jump_m(self) -> float:
+        """The longest jump since the last call, m."""
+        jump_m, self._jump_m = self._jump_m, 0.0
+        return jump_m
+
+
+class WheelWatch:
+    """Age of the joint states, and what they say about the robot's motion."""
+
+    def __init__(self, wheel_radius_m: float, standstill_mps: float, motion: PlanarAcceleration) -> None:
+        self._wheel_radius_m = wheel_radius_m
+        self._standstill_mps = standstill_mps
+        self._motion = motion
+        self._at_s: float | None = None
+        self._fastest_mps = math.inf
+        self._still_for = Hold()
+        self.problem = "never received"
+
+    def received(
+        self, names: Sequence[str], position: Sequence[float], velocity: Sequence[float], now_s: float
+    ) -> None:
+        """Joint states: rad and rad/s, in any order. Incomplete or not finite ones leave the age growing."""
+        self.problem = joint_states_problem(names, position, velocity)
+        if self.problem:
+            return
+        index = {name: i for i, name in enumerate(names)}
+        order = [index[name] for name in JOINTS]
+        speeds_mps = [self._wheel_radius_m * velocity[order[axis]] for axis in DRIVE_AXES]
+        angles_rad = [position[order[axis]] for axis in STEER_AXES]
+        self._at_s = now_s
+        self._fastest_mps = max(abs(speed) for speed in speeds_mps)
+        # The modules lie symmetrically around base_link: the mean of their velocities is its own, without any turn.
+        vx = sum(v * math.cos(angle) for v, angle in zip(speeds_mps, angles_rad, strict=True)) / len(speeds_mps)
+        vy = sum(v * math.sin(angle) for v, angle in zip(speeds_mps, angles_rad, strict=True)) / len(speeds_mps)
+        self._motion.update(vx, vy, now_s)
+        self.still_for_s(now_s, math.inf)
+
+    @property
+    def seen(self) -> bool:
+        """True once usable joint states have come."""
+        return self._at_s is not None
+
+    def age_s(self, now_s: float) -> float:
+        return age_s(now_s, self._at_s)
+
+    def still_for_s(self, now_s: float, stale_s: float) -> float | None:
+        """For how long every wheel has been below the standstill speed; None while one is faster or nobody knows."""
+        known = self.age_s(now_s) <= stale_s
+        return self._still_for.update(known and self._fastest_mps < self._standstill_mps, now_s)
+
+
+def joint_states_problem(names: Sequence[str], position: Sequence[float], velocity: Sequence[float]) -> str:
+    """What is wrong with joint states, empty if nothing is."""
+    missing = [name for name in JOINTS if name not in names]
+    if missing:
+        return f"joints are missing: {', '.join(missing)}"
+    if not len(names) == len(position) == len(velocity):
+        return f"{len(names)} names, {len(position)} positions, {len(velocity)} velocities"
+    for name, rad, radps in zip(names, position, velocity, strict=True):
+        if not (math.isfinite(rad) and math.isfinite(radps)):
+            return f"{name} is not finite"
+    return ""
+
+
+class ImuWatch:
+    """Age of the last sample that says something new, and the inclination that follows from all of them."""
+
+    def __init__(
+        self, up: UpDirection, motion: PlanarAcceleration, min_mps2: float, max_mps2: float, max_radps: float
+    ) -> None:
+        self._up = up
+        self._motion = motion
+        self._min_mps2, self._max_mps2, self._max_radps = min_mps2, max_mps2, max_radps
+        self._last: ImuSample | None = None
+        self._at_s: float | None = None
+        self.problem = "never received"
+
+    def received(self, sample: ImuSample, now_s: float) -> None:
+        """A sample; one that is not plausible, or the very same as the one before, leaves the age growing."""
+        self.problem = self._problem(sample)
+        if self.problem:
+            return
+        self._last, self._at_s = sample, now_s
+        self._up.update(sample, self._motion.at(sample.wz, now_s), now_s)
+
+    def _problem(self, sample: ImuSample) -> str:
+        if not all(math.isfinite(value) for value in astuple(sample)):
+            return "not finite"
+        if not self._min_mps2 <= math.hypot(sample.ax, sample.ay, sample.az) <= self._max_mps2:
+            return "acceleration is not plausible"
+        if not math.hypot(sample.wx, sample.wy, sample.wz) <= self._max_radps:
+            return "angular rate is not plausible"
+        # The noise of a living sensor never repeats all six numbers.
+        return "frozen" if sample == self._last else ""
+
+    def age_s(self, now_s: float) -> float:
+        return age_s(now_s, self._at_s)
+
+    def inclination_rad(self, now_s: float, stale_s: float) -> float:
+        """Angle between base_link's z axis and the vertical; NaN while it is not known."""
+        return self._up.inclination_rad() if self.age_s(now_s) <= stale_s else math.nan

@@ -1,0 +1,98 @@
+"""The most severe action wins, of several limits the smallest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_stack.contract.faults import FAULTS
+from robot_stack.contract.model import SafetyAction, SafetyState
+from robot_stack.safety.arbiter import Verdict, arbitrate
+from robot_stack.safety.inputs import SpeedLimit
+from robot_stack.safety.rows import ActiveRow
+
+OWN, PASSENGER = SpeedLimit(1.5, 1.0), SpeedLimit(1.0, 1.0)
+WARN = ActiveRow("WARN", SafetyAction.WARN, SafetyState.DEGRADED, None, "")
+SLOW = ActiveRow("SLOW", SafetyAction.LIMIT, SafetyState.DEGRADED, SpeedLimit(0.3, 0.8), "")
+TURN = ActiveRow("TURN", SafetyAction.LIMIT, SafetyState.DEGRADED, SpeedLimit(0.5, 0.2), "")
+STOP = ActiveRow("STOP", SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, None, "")
+ESTOP = ActiveRow("ESTOP", SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, None, "")
+
+
+def verdict(action: SafetyAction, state: SafetyState, faults: str, limit: tuple[float, float], reason: str) -> Verdict:
+    return Verdict(action, state, tuple(faults.split()), SpeedLimit(*limit), reason)
+
+
+@pytest.mark.parametrize(
+    ("rows", "passenger", "expected"),
+    [
+        ([], None, verdict(SafetyAction.NONE, SafetyState.NORMAL, "", (1.5, 1.0), "")),
+        ([], PASSENGER, verdict(SafetyAction.NONE, SafetyState.NORMAL, "", (1.0, 1.0), "PASSENGER_ONBOARD")),
+        ([WARN], None, verdict(SafetyAction.WARN, SafetyState.DEGRADED, "WARN", (1.5, 1.0), "")),
+        ([SLOW], None, verdict(SafetyAction.LIMIT, SafetyState.DEGRADED, "SLOW", (0.3, 0.8), "SLOW")),
+        ([SLOW], PASSENGER, verdict(SafetyAction.LIMIT, SafetyState.DEGRADED, "SLOW", (0.3, 0.8), "SLOW")),
+        ([SLOW, TURN], None, verdict(SafetyAction.LIMIT, SafetyState.DEGRADED, "SLOW TURN", (0.3, 0.2), "SLOW,TURN")),
+        ([STOP, SLOW], None, verdict(SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, "STOP SLOW", (0, 0), "STOP")),
+        (
+            [ESTOP, STOP, WARN],
+            PASSENGER,
+            verdict(SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, "ESTOP STOP WARN", (0, 0), "ESTOP,STOP"),
+        ),
+    ],
+)
+def test_verdicts(rows: list[ActiveRow], passenger: SpeedLimit | None, expected: Verdict) -> None:
+    assert arbitrate(rows, OWN, passenger) == expected
+
+
+def test_a_limit_without_a_number_is_a_stop() -> None:
+    assert arbitrate([replace(SLOW, limit=None)], OWN, None).limit == SpeedLimit(0.0, 0.0)
+
+
+def test_a_limit_above_the_robots_own_changes_nothing() -> None:
+    verdict = arbitrate([replace(SLOW, limit=SpeedLimit(9.0, 9.0))], OWN, None)
+    assert (verdict.limit, verdict.reason) == (OWN, "")
+
+
+def test_a_stop_ignores_a_number_that_comes_with_it() -> None:
+    assert arbitrate([replace(STOP, limit=SpeedLimit(0.7, 0.7))], OWN, None).limit == SpeedLimit(0.0, 0.0)
+
+
+def _rows() -> st.SearchStrategy[list[ActiveRow]]:
+    speed = st.floats(0.0, 3.0)
+    limit = st.none() | st.builds(SpeedLimit, speed, speed)
+    row = st.builds(
+        lambda fault, action, limit: ActiveRow(fault.code, action, fault.state, limit, ""),
+        st.sampled_from(FAULTS),
+        st.sampled_from([action for action in SafetyAction if action]),
+        limit,
+    )
+    return st.lists(row, max_size=8)
+
+
+@given(_rows(), _rows(), st.booleans())
+def test_one_more_fault_never_makes_it_milder(rows: list[ActiveRow], more: list[ActiveRow], passenger: bool) -> None:
+    aboard = PASSENGER if passenger else None
+    fewer, all_of_them = arbitrate(rows, OWN, aboard), arbitrate([*rows, *more], OWN, aboard)
+    assert all_of_them.action >= fewer.action
+    assert all_of_them.state >= fewer.state
+    assert all_of_them.limit.linear_mps <= fewer.limit.linear_mps
+    assert all_of_them.limit.angular_radps <= fewer.limit.angular_radps
+    assert set(all_of_them.faults) >= set(fewer.faults)
+
+
+@given(_rows())
+def test_a_passenger_never_makes_it_faster(rows: list[ActiveRow]) -> None:
+    alone, aboard = arbitrate(rows, OWN, None), arbitrate(rows, OWN, PASSENGER)
+    assert aboard.limit.linear_mps <= min(alone.limit.linear_mps, PASSENGER.linear_mps)
+
+
+@given(_rows())
+def test_stop_means_zero_and_zero_has_a_reason(rows: list[ActiveRow]) -> None:
+    verdict = arbitrate(rows, OWN, None)
+    if verdict.action >= SafetyAction.STOP:
+        assert verdict.limit == SpeedLimit(0.0, 0.0)
+    if verdict.limit.linear_mps < OWN.linear_mps:
+        assert verdict.reason

@@ -1,0 +1,204 @@
+"""Each condition at, below and above its limits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from robot_stack.contract import faults, topics
+from robot_stack.contract.model import Criticality, SafetyAction
+from robot_stack.safety.conditions import CONDITIONS, stale_s
+from robot_stack.safety.inputs import CLEAR, Finding, Level, ProcessAge, Snapshot, SpeedLimit
+from tests.unit.safety.story import PARAMS
+
+NONE, WARN, LIMIT, STOP, EMERGENCY = SafetyAction
+SLOPE_LIMIT, DEGRADED_LIMIT = SpeedLimit(0.3, 0.3), SpeedLimit(0.5, 0.5)
+UNKNOWN = Finding(Level.UNKNOWN)
+WELL = Snapshot(
+    uptime_s=100.0,
+    estop="",
+    drive=CLEAR,
+    joint_states_seen=True,
+    joint_states_age_s=0.0,
+    joint_states_problem="",
+    imu_age_s=0.0,
+    imu_problem="",
+    inclination_rad=0.0,
+    pose_age_s=0.0,
+    pose_jump_m=0.0,
+    quality_age_s=0.0,
+    quality=1.0,
+    battery_age_s=0.0,
+    battery=1.0,
+    processes={},
+)
+
+
+def find(code: str, held: SafetyAction = NONE, **changes: Any) -> Finding:
+    return CONDITIONS[code](replace(WELL, **changes), PARAMS, held)
+
+
+def present(action: SafetyAction, detail: str, limit: SpeedLimit | None = None) -> Finding:
+    return Finding(Level.PRESENT, action, limit, detail)
+
+
+@pytest.mark.parametrize("code", CONDITIONS)
+@pytest.mark.parametrize("held", list(SafetyAction))
+def test_clear_when_all_is_well(code: str, held: SafetyAction) -> None:
+    assert find(code, held) == CLEAR
+
+
+@pytest.mark.parametrize("code", CONDITIONS)
+def test_never_more_severe_than_the_contract_says(code: str) -> None:
+    worst: dict[str, Any] = {
+        "uptime_s": math.inf,
+        "estop": "pressed",
+        "drive": present(EMERGENCY, "broken"),
+        "joint_states_age_s": math.inf,
+        "imu_age_s": math.inf,
+        "inclination_rad": math.pi,
+        "pose_age_s": math.inf,
+        "quality_age_s": math.inf,
+        "battery": 0.0,
+        "processes": {"a": ProcessAge(Criticality.CRITICAL, math.inf)},
+    }
+    assert find(code, **worst).action is faults.BY_CODE[code].action
+
+
+def test_stale_limits_come_from_the_contract() -> None:
+    assert stale_s(topics.IMU) == topics.IMU.stale_s == 0.1
+    with pytest.raises(AssertionError, match="/plan has no stale_s"):
+        stale_s(topics.PLAN)
+
+
+def test_estop() -> None:
+    assert find("ESTOP_PRESSED", estop="the button") == present(EMERGENCY, "the button")
+
+
+def test_drive_is_what_its_watch_found() -> None:
+    found = Finding(Level.WAITING, STOP, None, "coming up")
+    assert find("DRIVE_FAULT", drive=found) is found
+
+
+def test_joint_states() -> None:
+    assert find("JOINT_STATES_TIMEOUT", joint_states_age_s=0.1) == CLEAR
+    late = find("JOINT_STATES_TIMEOUT", joint_states_age_s=0.1001)
+    assert late == present(EMERGENCY, "/joint_states: silent for 0.10 s")
+    assert find("JOINT_STATES_TIMEOUT", joint_states_age_s=0.2, joint_states_problem="junk") == present(
+        EMERGENCY, "/joint_states: junk"
+    )
+    assert find("JOINT_STATES_TIMEOUT", joint_states_age_s=0.05, joint_states_problem="junk") == CLEAR
+
+
+def test_joint_states_never_seen_wait_for_the_grace() -> None:
+    never = {"joint_states_seen": False, "joint_states_age_s": math.inf}
+    waiting = Finding(Level.WAITING, STOP, None, "/joint_states: never received")
+    assert find("JOINT_STATES_TIMEOUT", uptime_s=PARAMS.startup_grace_s, **never) == waiting
+    after = find("JOINT_STATES_TIMEOUT", uptime_s=PARAMS.startup_grace_s + 1e-6, **never)
+    assert after == present(EMERGENCY, "/joint_states: never received")
+    assert find("JOINT_STATES_TIMEOUT", uptime_s=math.inf, **never).level is Level.PRESENT
+    assert find("JOINT_STATES_TIMEOUT", uptime_s=0.0, joint_states_age_s=1.0).level is Level.PRESENT
+
+
+@pytest.mark.parametrize("held", [NONE, EMERGENCY])
+def test_tilt(held: SafetyAction) -> None:
+    assert find("TILT", held, inclination_rad=math.nan) == UNKNOWN
+    limit_deg = 15.0 if held is NONE else PARAMS.tilt_clear_deg
+    assert find("TILT", held, inclination_rad=math.radians(limit_deg)) == CLEAR
+    steep = find("TILT", held, inclination_rad=math.radians(limit_deg) + 1e-9)
+    assert steep == present(EMERGENCY, f"inclination {limit_deg:.1f} deg")
+
+
+@pytest.mark.parametrize(
+    ("held", "deg", "expected"),
+    [
+        (NONE, 5.0, CLEAR),
+        (NONE, 5.01, present(LIMIT, "inclination 5.0 deg", SLOPE_LIMIT)),
+        (NONE, 10.0, present(LIMIT, "inclination 10.0 deg", SLOPE_LIMIT)),
+        (NONE, 10.01, present(STOP, "inclination 10.0 deg")),
+        (LIMIT, 4.5, CLEAR),
+        (LIMIT, 4.51, present(LIMIT, "inclination 4.5 deg", SLOPE_LIMIT)),
+        (LIMIT, 10.0, present(LIMIT, "inclination 10.0 deg", SLOPE_LIMIT)),
+        (LIMIT, 10.01, present(STOP, "inclination 10.0 deg")),
+        (STOP, 4.5, CLEAR),
+        (STOP, 4.51, present(LIMIT, "inclination 4.5 deg", SLOPE_LIMIT)),
+        (STOP, 9.5, present(LIMIT, "inclination 9.5 deg", SLOPE_LIMIT)),
+        (STOP, 9.51, present(STOP, "inclination 9.5 deg")),
+        (NONE, math.nan, UNKNOWN),
+        (STOP, math.nan, UNKNOWN),
+    ],
+)
+def test_slope(held: SafetyAction, deg: float, expected: Finding) -> None:
+    assert find("SLOPE", held, inclination_rad=math.radians(deg)) == expected
+
+
+def test_imu() -> None:
+    assert find("IMU_TIMEOUT", imu_age_s=0.1) == CLEAR
+    assert find("IMU_TIMEOUT", imu_age_s=0.11) == present(LIMIT, "/sensors/imu: silent for 0.11 s", DEGRADED_LIMIT)
+    assert find("IMU_TIMEOUT", imu_age_s=math.inf, imu_problem="frozen").detail == "/sensors/imu: frozen"
+    assert find("IMU_TIMEOUT", imu_age_s=math.inf).detail == "/sensors/imu: never received"
+
+
+@pytest.mark.parametrize("held", [NONE, STOP])
+@pytest.mark.parametrize(
+    ("changes", "detail"),
+    [
+        ({"pose_age_s": 0.5}, ""),
+        ({"pose_age_s": 0.51}, "/current_pose: silent for 0.51 s"),
+        ({"pose_age_s": math.nan}, "/current_pose: silent for nan s"),
+        ({"quality_age_s": 0.5}, ""),
+        ({"quality_age_s": 0.51}, "/localization/quality: silent for 0.51 s"),
+        ({"quality_age_s": math.inf}, "/localization/quality: never received"),
+        ({"pose_jump_m": 1.0}, ""),
+        ({"pose_jump_m": 1.01}, "/current_pose jumped by 1.01 m"),
+        ({"quality": 0.29}, "localization quality 0.29"),
+        ({"quality": 0.51}, ""),
+        ({"quality": math.nan}, "localization quality nan"),
+    ],
+)
+def test_localization(held: SafetyAction, changes: dict[str, float], detail: str) -> None:
+    assert find("LOCALIZATION_LOST", held, **changes) == (present(STOP, detail) if detail else CLEAR)
+
+
+def test_localization_has_to_be_better_to_come_back() -> None:
+    assert find("LOCALIZATION_LOST", NONE, quality=0.3) == CLEAR
+    assert find("LOCALIZATION_LOST", STOP, quality=0.3).level is Level.PRESENT
+    assert find("LOCALIZATION_LOST", STOP, quality=0.5) == present(STOP, "localization quality 0.50")
+
+
+@pytest.mark.parametrize(
+    ("ages", "expected"),
+    [
+        ({"critical": 1.0, "limiting": 1.0, "optional": 1.0}, CLEAR),
+        ({"critical": 1.01, "limiting": 0.0}, present(STOP, "no heartbeat of critical")),
+        ({"limiting": 1.01, "optional": 0.0}, present(LIMIT, "no heartbeat of limiting", DEGRADED_LIMIT)),
+        ({"optional": math.inf}, present(WARN, "no heartbeat of optional")),
+        ({"optional": math.nan}, present(WARN, "no heartbeat of optional")),
+        ({"optional": 2.0, "limiting": 2.0}, present(LIMIT, "no heartbeat of optional, limiting", DEGRADED_LIMIT)),
+        ({"limiting": 2.0, "critical": 2.0}, present(STOP, "no heartbeat of limiting, critical")),
+    ],
+)
+def test_node_dead(ages: dict[str, float], expected: Finding) -> None:
+    processes = {name: ProcessAge(Criticality(name), age) for name, age in ages.items()}
+    assert find("NODE_DEAD", processes=processes) == expected
+
+
+@pytest.mark.parametrize(
+    ("code", "threshold", "action", "limit"),
+    [("BATTERY_LOW", 0.30, WARN, None), ("BATTERY_CRITICAL", 0.15, LIMIT, DEGRADED_LIMIT)],
+)
+def test_battery(code: str, threshold: float, action: SafetyAction, limit: SpeedLimit | None) -> None:
+    assert find(code, NONE, battery=threshold) == CLEAR
+    assert find(code, NONE, battery=threshold - 0.02) == present(action, f"charge {100 * threshold - 2:.0f} %", limit)
+    back = threshold + PARAMS.battery_hysteresis
+    assert find(code, action, battery=back) == CLEAR
+    assert find(code, action, battery=back - 0.01).level is Level.PRESENT
+
+
+def test_battery_that_says_nothing() -> None:
+    assert find("BATTERY_LOW", battery_age_s=5.0) == find("BATTERY_CRITICAL", battery_age_s=5.0) == CLEAR
+    assert find("BATTERY_LOW", battery_age_s=5.1) == present(WARN, "/battery_state: silent for 5.10 s")
+    assert find("BATTERY_CRITICAL", battery_age_s=5.1, battery=0.01) == UNKNOWN

@@ -1,0 +1,236 @@
+"""The two-key release: what it needs, what it says when something is missing, and that nothing else works."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+
+from robot_stack.contract.model import SafetyState
+from robot_stack.safety.monitor import Memory, ResetAnswer
+from tests.unit.safety.story import GOOD_AXIS, PARAMS, ROBOT, TICK_S, Story, replace
+
+EMERGENCY, NORMAL = SafetyState.EMERGENCY_STOP, SafetyState.NORMAL
+STANDSTILL_RADPS = PARAMS.standstill_mps / ROBOT.wheel_radius_m
+NOT_STILL = "the robot does not stand still (every wheel below 0.05 m/s for 0.3 s, by fresh /joint_states)"
+STILL_TRUE = "ESTOP_PRESSED: /emergency_stop is true"
+
+
+def test_nothing_latched_nothing_to_reset() -> None:
+    story = Story().healthy()
+    assert story.reset() == ResetAnswer(True, "no emergency stop is latched")
+    story.expect(NORMAL, ())
+
+
+def test_pressed() -> None:
+    story = Story().healthy().estop(True).run(1.0)
+    assert story.reset() == ResetAnswer(False, f"refused: {STILL_TRUE}")
+    story.expect(EMERGENCY)
+
+
+def test_released_only_just_now() -> None:
+    story = Story().healthy().estop(True).run(1.0).estop(False)
+    wanted = ResetAnswer(False, "refused: /emergency_stop has been false for less than 0.3 s")
+    assert story.reset() == wanted
+    story.before(PARAMS.release_settle_s)
+    assert story.reset() == wanted
+    story.past()
+    assert story.reset().success
+
+
+def test_a_button_that_repeats_true_within_the_settling_time_wins() -> None:
+    story = Story().healthy().estop(True).run(1.0)
+    for _ in range(5):
+        story.estop(False).run(0.2).estop(True)
+        assert not story.reset().success
+    story.expect(EMERGENCY)
+
+
+def test_a_second_false_does_not_start_the_settling_again() -> None:
+    story = Story().healthy().estop(True).run(1.0).estop(False).run(0.25).estop(False).run(0.1)
+    assert story.reset().success
+
+
+def test_moving() -> None:
+    story = Story().healthy().estop(True).estop(False)
+    story.wheel_radps = -STANDSTILL_RADPS * 1.01
+    story.run(1.0)
+    assert story.reset() == ResetAnswer(False, f"refused: {NOT_STILL}")
+    story.wheel_radps = STANDSTILL_RADPS * 0.99
+    story.tick().before(PARAMS.standstill_hold_s)
+    assert story.reset() == ResetAnswer(False, f"refused: {NOT_STILL}")
+    story.past()
+    assert story.reset().success
+
+
+def test_wheel_speeds_that_nobody_knows_are_no_standstill() -> None:
+    story = Story().healthy().estop(True).estop(False).run(1.0)
+    story.wheel_radps = None
+    story.run(0.09)
+    assert story.reset().success
+    story.run(0.05).expect(EMERGENCY)
+    answer = story.reset()
+    assert not answer.success
+    assert NOT_STILL in answer.message
+
+
+def test_everything_missing_at_once_is_named() -> None:
+    story = Story().healthy().estop(True).axis(0, amp_alarm=True)
+    story.wheel_radps = 5.0
+    story.run(1.0)
+    message = f"refused: {NOT_STILL}; {STILL_TRUE}; DRIVE_FAULT: amplifier alarm: fl_drive"
+    assert story.reset() == ResetAnswer(False, message)
+
+
+def test_a_fault_without_any_button_needs_no_release() -> None:
+    story = Story().healthy().axis(0, amp_alarm=True).tick().axis(0, amp_alarm=False).run(1.0)
+    assert story.reset() == ResetAnswer(True, "released: DRIVE_FAULT")
+
+
+def test_a_release_from_before_a_restart_does_not_count() -> None:
+    story = Story().healthy().estop(True).estop(False).run(1.0).restarted().run(5.0)
+    assert not story.reset().success
+    story.estop(False).run(1.0)
+    assert story.reset().success
+
+
+def test_refused_resets_do_not_add_up() -> None:
+    story = Story().healthy().estop(True)
+    for _ in range(10):
+        assert not story.reset().success
+    story.estop(False).run(1.0)
+    story.expect(EMERGENCY)
+    assert story.reset().success
+
+
+def test_a_reset_before_the_release_does_not_count() -> None:
+    story = Story().healthy().estop(True).run(1.0)
+    story.reset()
+    story.estop(False).run(5.0).expect(EMERGENCY, ("ESTOP_PRESSED",))
+
+
+def test_a_press_after_the_release_latches_again() -> None:
+    story = Story().healthy().estop(True).estop(False).run(1.0)
+    assert story.reset().success
+    story.expect(NORMAL).estop(True).expect(EMERGENCY)
+
+
+def test_the_stop_counts_even_if_it_arrives_with_the_reset() -> None:
+    story = Story().healthy().estop(True).estop(False).run(1.0)
+    story.monitor.observation.emergency_stop(True, story.now_s)
+    assert not story.reset().success
+    story.expect(EMERGENCY)
+
+
+def test_a_release_does_not_touch_what_is_not_latched() -> None:
+    story = Story().healthy()
+    story.battery = 0.2
+    story.estop(True).estop(False).run(1.0)
+    assert story.reset().success
+    story.expect(SafetyState.DEGRADED, ("BATTERY_LOW",), linear_mps=1.5)
+
+
+@dataclass
+class Keys:
+    """The release as the rules say it, kept apart from the monitor's own bookkeeping."""
+
+    latched: bool = False
+    last_stop: bool | None = None
+    stop_latched: bool = False
+    released_at_s: float = 0.0
+    fast_until_s: float = 0.0
+    alarm: bool = False
+    log: list[str] = field(default_factory=list)
+
+    def may_release(self, now_s: float) -> bool:
+        if self.last_stop or (self.last_stop is None and self.stop_latched) or self.alarm:
+            return False
+        settled = self.last_stop is None or now_s - self.released_at_s >= PARAMS.release_settle_s - 1e-6
+        return settled and now_s - self.fast_until_s >= PARAMS.standstill_hold_s - 1e-6
+
+
+class TwoKeys(RuleBasedStateMachine):
+    """Whatever happens in whatever order: out of the emergency stop only with both keys, and until then no motion."""
+
+    @initialize(crashed=st.booleans())
+    def start(self, crashed: bool) -> None:
+        self.keys = Keys(latched=crashed, stop_latched=crashed)
+        self.story = Story(memory=Memory(("ESTOP_PRESSED",)) if crashed else None)
+        self.keys.fast_until_s = self.story.now_s
+        self.story.run(3.0)
+
+    @rule(pressed=st.booleans())
+    def emergency_stop(self, pressed: bool) -> None:
+        if pressed:
+            self.keys.latched = self.keys.stop_latched = True
+        elif self.keys.last_stop is not False:
+            self.keys.released_at_s = self.story.now_s
+        self.keys.last_stop = pressed
+        self.story.estop(pressed)
+
+    @rule(seconds=st.sampled_from([TICK_S, 0.1, 0.29, 0.31, 1.0]))
+    def wait(self, seconds: float) -> None:
+        self.story.run(seconds)
+        if self.story.wheel_radps:
+            self.keys.fast_until_s = self.story.now_s
+        if self.keys.alarm:
+            self.keys.latched = True
+
+    @rule(moving=st.booleans())
+    def wheels(self, moving: bool) -> None:
+        self.story.wheel_radps = 3.0 if moving else 0.0
+
+    @rule(alarm=st.booleans())
+    def drive_alarm(self, alarm: bool) -> None:
+        self.story.axis(5, amp_alarm=alarm)
+        self.story.tick()
+        if self.story.wheel_radps:
+            self.keys.fast_until_s = self.story.now_s
+        self.keys.alarm = alarm
+        self.keys.latched |= alarm
+
+    @rule()
+    def reset(self) -> None:
+        was_latched = self.keys.latched
+        answer = self.story.reset()
+        assert answer.success == (not was_latched or self.keys.may_release(self.story.now_s)), answer.message
+        if answer.success:
+            self.keys.latched = self.keys.stop_latched = False
+
+    @rule()
+    def crash(self) -> None:
+        old = self.story
+        self.story = old.restarted()
+        self.story.wheel_radps, self.story.axes = old.wheel_radps, old.axes
+        self.keys.last_stop = None
+        self.keys.fast_until_s = self.story.now_s
+        # long enough for the engine's cycles to be seen and the settling of the sensors
+        self.story.run(3.0)
+        if self.story.wheel_radps:
+            self.keys.fast_until_s = self.story.now_s
+
+    @invariant()
+    def latched_means_standstill(self) -> None:
+        if not hasattr(self, "keys"):
+            return
+        assert self.story.monitor.emergency == self.keys.latched
+        verdict = self.story.verdict
+        assert (verdict.state is EMERGENCY) == self.keys.latched
+        if self.keys.latched:
+            assert verdict.limit.linear_mps == verdict.limit.angular_radps == 0.0
+
+
+TestTwoKeys = TwoKeys.TestCase
+TestTwoKeys.settings = settings(max_examples=25, stateful_step_count=25, deadline=None)
+
+
+@pytest.mark.parametrize("servo_on", [True, False])
+def test_released_servos(servo_on: bool) -> None:
+    story = Story().healthy().estop(True).estop(False).run(1.0)
+    story.axes = [replace(GOOD_AXIS, servo_on=servo_on)] * 8
+    story.tick()
+    assert story.reset().success
+    story.expect(NORMAL if servo_on else SafetyState.DEGRADED)

@@ -1,0 +1,521 @@
+"""Stories in fake time: every row of the fault list is raised, acts and clears as its row says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from robot_stack.contract.frames import JOINTS
+from robot_stack.contract.model import SafetyAction, SafetyState
+from robot_stack.safety.conditions import CONDITIONS
+from robot_stack.safety.inputs import Axis, DriveReading, ImuSample
+from robot_stack.safety.monitor import Memory, ResetAnswer
+from tests.unit.safety.story import GOOD_AXIS, PARAMS, TICK_S, Story
+
+NORMAL, DEGRADED, EMERGENCY = SafetyState.NORMAL, SafetyState.DEGRADED, SafetyState.EMERGENCY_STOP
+
+
+# --- nothing wrong ---------------------------------------------------------------------------------------------------
+
+
+def test_everything_well_is_normal_at_the_robots_own_limits() -> None:
+    story = Story().healthy().expect(NORMAL, (), linear_mps=1.5, reason="", action=SafetyAction.NONE)
+    assert story.verdict.limit.angular_radps == 1.0
+    assert story.monitor.details == {}
+
+
+def test_rows_in_the_order_of_the_contract() -> None:
+    assert Story(rows=tuple(reversed(PARAMS.rows))).monitor.rows == tuple(c for c in CONDITIONS if c in PARAMS.rows)
+
+
+def test_passenger_is_a_limit_and_no_fault() -> None:
+    story = Story().healthy()
+    story.monitor.passenger = True
+    story.run(0.1).expect(NORMAL, (), linear_mps=1.0, reason="PASSENGER_ONBOARD", action=SafetyAction.NONE)
+    story.monitor.passenger = False
+    story.run(0.1).expect(NORMAL, (), linear_mps=1.5, reason="")
+
+
+# --- start-up --------------------------------------------------------------------------------------------------------
+
+
+def test_a_normal_start_never_latches() -> None:
+    story = Story()
+    story.communicating = story.wheel_radps = story.imu_tilt_deg = story.pose_m = story.quality = None
+    story.beating.clear()
+    story.run(3.0).expect(DEGRADED, linear_mps=0.0, action=SafetyAction.STOP)
+    story.communicating, story.axes = False, [Axis(False, False, False)] * 8
+    story.run(1.0).expect(DEGRADED, linear_mps=0.0)
+    story.communicating = True
+    story.run(1.0).expect(DEGRADED, linear_mps=0.0)
+    assert story.monitor.details["DRIVE_FAULT"] == f"servo off: {', '.join(JOINTS)}"
+    story.axes = [Axis(False, True, False)] + [GOOD_AXIS] * 7  # an alarm from the last ride
+    story.run(1.0).expect(DEGRADED, linear_mps=0.0)
+    assert story.monitor.details["DRIVE_FAULT"] == "amplifier alarm: fl_drive"
+    story.axes = [GOOD_AXIS] * 8
+    story.wheel_radps, story.imu_tilt_deg, story.pose_m, story.quality = 0.0, 0.0, (0.0, 0.0), 0.9
+    story.beating.update(PARAMS.expected_processes)
+    assert not story.monitor.emergency
+    story.healthy()
+
+
+@pytest.mark.parametrize("code", ["DRIVE_FAULT", "JOINT_STATES_TIMEOUT"])
+def test_a_drive_that_never_comes_up_stops_and_then_latches(code: str) -> None:
+    story = Story()
+    if code == "DRIVE_FAULT":
+        story.communicating = None
+    else:
+        story.wheel_radps = None
+    story.before(PARAMS.startup_grace_s).expect(DEGRADED, (code,), linear_mps=0.0, reason=code)
+    assert not story.monitor.emergency
+    story.past().expect(EMERGENCY, (code,))
+
+
+def test_servos_that_never_come_on_latch_too() -> None:
+    story = Story()
+    story.axis(3, servo_on=False).before(PARAMS.startup_grace_s).expect(DEGRADED, ("DRIVE_FAULT",), linear_mps=0.0)
+    story.past().expect(EMERGENCY, ("DRIVE_FAULT",))
+    assert story.monitor.details["DRIVE_FAULT"] == "servo off: fr_steer"
+
+
+# --- ESTOP_PRESSED ---------------------------------------------------------------------------------------------------
+
+
+def test_estop_acts_in_the_same_step() -> None:
+    story = Story().healthy().estop(True)
+    story.expect(EMERGENCY, ("ESTOP_PRESSED",), reason="ESTOP_PRESSED", action=SafetyAction.EMERGENCY_STOP)
+
+
+def test_a_short_press_between_two_steps_counts() -> None:
+    story = Story().healthy()
+    story.monitor.observation.emergency_stop(True, story.now_s)
+    story.monitor.observation.emergency_stop(False, story.now_s)
+    story.step().expect(EMERGENCY, ("ESTOP_PRESSED",))
+
+
+def test_release_alone_ends_nothing_and_reset_alone_ends_nothing() -> None:
+    story = Story().healthy().estop(True).run(1.0)
+    refused = story.reset()
+    assert not refused.success
+    assert "ESTOP_PRESSED: /emergency_stop is true" in refused.message
+    story.estop(False).run(10.0).expect(EMERGENCY, ("ESTOP_PRESSED",))
+    assert story.reset() == ResetAnswer(True, "released: ESTOP_PRESSED")
+    story.expect(NORMAL, ())
+    story.run(1.0).expect(NORMAL, ())
+
+
+# --- DRIVE_FAULT -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("wrong", "detail"),
+    [
+        ({"amp_alarm": True}, "amplifier alarm: rl_drive"),
+        ({"following_error": True}, "following error: rl_drive"),
+    ],
+)
+def test_an_alarm_stops_at_once_and_stays_until_reset(wrong: dict[str, bool], detail: str) -> None:
+    story = Story().healthy().axis(4, **wrong)
+    story.tick().expect(EMERGENCY, ("DRIVE_FAULT",), reason="DRIVE_FAULT")
+    assert story.monitor.details["DRIVE_FAULT"] == detail
+    story.run(1.0)
+    assert story.reset() == ResetAnswer(False, f"refused: DRIVE_FAULT: {detail}")
+    story.axes[4] = GOOD_AXIS
+    story.run(5.0).expect(EMERGENCY, ("DRIVE_FAULT",))
+    assert story.reset() == ResetAnswer(True, "released: DRIVE_FAULT")
+    story.expect(NORMAL, ())
+
+
+@pytest.mark.parametrize("how", ["no bus", "engine gone", "engine frozen"])
+def test_an_engine_that_falls_silent_latches(how: str) -> None:
+    story = Story().healthy()
+    if how == "no bus":
+        story.communicating = False
+    else:
+        story.communicating = None
+    frozen = DriveReading(True, story.ticks, tuple(story.axes))
+    for _ in range(9):
+        if how == "engine frozen":
+            story.monitor.observation.engine(frozen, story.now_s)
+        story.tick().expect(NORMAL)
+    story.past().expect(EMERGENCY, ("DRIVE_FAULT",))
+    assert story.monitor.details["DRIVE_FAULT"] == "the motion engine does not communicate"
+    assert not story.reset().success
+    story.communicating = True
+    story.run(1.0)
+    assert story.reset().success
+    story.run(0.5).expect(NORMAL, ())
+
+
+def test_a_servo_that_goes_off_by_itself_latches() -> None:
+    story = Story().healthy().axis(7, servo_on=False)
+    story.tick().before(PARAMS.drive_servo_off_s).expect(NORMAL)
+    story.past().expect(EMERGENCY, ("DRIVE_FAULT",))
+    assert story.monitor.details["DRIVE_FAULT"] == "servo off: rr_steer"
+
+
+def test_servos_that_an_emergency_stop_switches_off_are_no_fault() -> None:
+    story = Story().healthy()
+    story.axes = [replace(GOOD_AXIS, servo_on=False)] * 8  # the engine is a little faster than the message
+    story.before(PARAMS.drive_servo_off_s).expect(NORMAL).estop(True).run(5.0).expect(EMERGENCY, ("ESTOP_PRESSED",))
+    story.estop(False).run(1.0)
+    assert story.reset().success
+    story.expect(DEGRADED, ("DRIVE_FAULT",), linear_mps=0.0)
+    story.before(PARAMS.drive_servo_on_timeout_s).expect(DEGRADED, ("DRIVE_FAULT",), linear_mps=0.0)
+    story.axes = [GOOD_AXIS] * 8
+    story.tick().expect(NORMAL, ())
+
+
+def test_servos_that_do_not_come_back_after_a_release_latch() -> None:
+    story = Story().healthy().estop(True)
+    story.axes[0] = replace(GOOD_AXIS, servo_on=False)
+    story.estop(False).run(1.0)
+    assert story.reset().success
+    story.before(PARAMS.drive_servo_on_timeout_s).expect(DEGRADED, ("DRIVE_FAULT",), linear_mps=0.0)
+    story.past().expect(EMERGENCY, ("DRIVE_FAULT",))
+
+
+def test_an_alarm_while_the_servos_come_back_is_a_fault_at_once() -> None:
+    story = Story().healthy().estop(True)
+    story.axes[0] = replace(GOOD_AXIS, servo_on=False)
+    story.estop(False).run(1.0)
+    assert story.reset().success
+    story.run(0.1).expect(DEGRADED).axis(1, amp_alarm=True).tick().expect(EMERGENCY, ("DRIVE_FAULT",))
+
+
+# --- JOINT_STATES_TIMEOUT --------------------------------------------------------------------------------------------
+
+
+def test_joint_states_that_stop_latch_after_their_limit() -> None:
+    story = Story().healthy()
+    story.wheel_radps = None
+    story.before(0.1).expect(NORMAL, ())
+    story.past().expect(EMERGENCY, ("JOINT_STATES_TIMEOUT",), reason="JOINT_STATES_TIMEOUT")
+    story.run(1.0)
+    refused = story.reset().message
+    assert "JOINT_STATES_TIMEOUT: /joint_states: silent for" in refused
+    assert "does not stand still" in refused
+    story.wheel_radps = 0.0
+    story.run(PARAMS.standstill_hold_s + 2 * TICK_S).expect(EMERGENCY)
+    assert story.reset() == ResetAnswer(True, "released: JOINT_STATES_TIMEOUT")
+    story.expect(NORMAL, ())
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_joint_states_that_are_no_numbers_are_none(bad: float) -> None:
+    story = Story().healthy()
+    story.wheel_radps = bad
+    story.before(0.1).expect(NORMAL).past().expect(EMERGENCY, ("JOINT_STATES_TIMEOUT",))
+    assert story.monitor.details["JOINT_STATES_TIMEOUT"] == "/joint_states: fl_drive is not finite"
+
+
+# --- IMU_TIMEOUT -----------------------------------------------------------------------------------------------------
+
+
+def _silent(story: Story) -> None:
+    story.imu_tilt_deg = None
+
+
+def _frozen(story: Story) -> None:
+    story.imu_frozen = True
+
+
+def _not_a_number(story: Story) -> None:
+    story.imu_tilt_deg = math.nan
+
+
+@pytest.mark.parametrize(("break_it", "why"), [(_silent, "silent"), (_frozen, "frozen"), (_not_a_number, "not finite")])
+def test_a_missing_imu_limits_and_clears_after_a_second(break_it: Callable[[Story], None], why: str) -> None:
+    story = Story().healthy()
+    story.tick()
+    break_it(story)
+    # A frozen sensor's first sample may still be new.
+    story.before(0.1).expect(NORMAL).past()
+    story.expect(DEGRADED, ("IMU_TIMEOUT",), linear_mps=0.5, reason="IMU_TIMEOUT", action=SafetyAction.LIMIT)
+    assert why in story.monitor.details["IMU_TIMEOUT"]
+    story.run(2.0).expect(DEGRADED, ("IMU_TIMEOUT",))
+    story.imu_tilt_deg, story.imu_frozen = 0.0, False
+    story.before(1.0).expect(DEGRADED, ("IMU_TIMEOUT",), linear_mps=0.5)
+    story.past().expect(NORMAL, (), linear_mps=1.5)
+
+
+def test_an_imu_that_stutters_never_clears() -> None:
+    story = Story().healthy()
+    story.imu_tilt_deg = None
+    story.run(0.2).expect(DEGRADED, ("IMU_TIMEOUT",))
+    for _ in range(5):
+        story.imu_tilt_deg = 0.0
+        story.run(0.9).expect(DEGRADED, ("IMU_TIMEOUT",))
+        story.imu_tilt_deg = None
+        story.run(0.2).expect(DEGRADED, ("IMU_TIMEOUT",))
+
+
+# --- TILT, SLOPE -----------------------------------------------------------------------------------------------------
+
+SETTLED_S = 6.0 * PARAMS.attitude_time_constant_s
+
+
+def test_slope_limits_then_stops_then_tips() -> None:
+    story = Story().healthy()
+    story.imu_tilt_deg = 4.9
+    story.run(SETTLED_S).expect(NORMAL, ())
+    story.imu_tilt_deg = 5.1
+    story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.3, reason="SLOPE", action=SafetyAction.LIMIT)
+    story.imu_tilt_deg = 4.6  # within the hysteresis
+    story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.3)
+    story.imu_tilt_deg = 9.9
+    story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.3)
+    story.imu_tilt_deg = 10.1
+    story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.0, action=SafetyAction.STOP)
+    story.imu_tilt_deg = 9.6
+    story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.0)
+    story.imu_tilt_deg = 9.4
+    story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.3)
+    story.imu_tilt_deg = 4.4
+    story.run(SETTLED_S).expect(NORMAL, (), linear_mps=1.5)
+    story.imu_tilt_deg = 15.2
+    story.run(SETTLED_S).expect(EMERGENCY, ("TILT", "SLOPE"), reason="TILT,SLOPE")
+
+
+def test_tilt_stays_until_level_again_and_reset() -> None:
+    story = Story().healthy()
+    story.imu_tilt_deg = 15.2
+    story.run(SETTLED_S).expect(EMERGENCY, ("TILT", "SLOPE"))
+    story.imu_tilt_deg = 13.5
+    story.run(SETTLED_S)
+    assert story.reset().message == "refused: TILT: inclination 13.5 deg"
+    story.imu_tilt_deg = 0.0
+    story.run(SETTLED_S).expect(EMERGENCY, ("TILT",))
+    assert story.reset() == ResetAnswer(True, "released: TILT")
+    story.expect(NORMAL, ())
+
+
+def test_tilt_that_nobody_can_judge_any_more_is_not_released() -> None:
+    story = Story().healthy()
+    story.imu_tilt_deg = 16.0
+    story.run(SETTLED_S).expect(EMERGENCY, ("TILT", "SLOPE"))
+    story.imu_tilt_deg = None
+    story.run(2.0).expect(EMERGENCY, ("TILT", "IMU_TIMEOUT", "SLOPE"))
+    assert story.reset() == ResetAnswer(False, "refused: TILT: cannot be judged now")
+
+
+def test_a_slope_outlives_the_imu_that_saw_it() -> None:
+    story = Story().healthy()
+    story.imu_tilt_deg = 11.0
+    story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",))
+    story.imu_tilt_deg = None
+    story.run(5.0).expect(DEGRADED, ("IMU_TIMEOUT", "SLOPE"), linear_mps=0.0, reason="SLOPE")
+    story.imu_tilt_deg = 0.0
+    story.run(PARAMS.attitude_settle_s - TICK_S).expect(DEGRADED, ("IMU_TIMEOUT", "SLOPE"))
+    story.run(1.5).expect(NORMAL, ())
+
+
+# --- LOCALIZATION_LOST -----------------------------------------------------------------------------------------------
+
+
+def test_a_bad_quality_stops_until_it_has_been_good_for_two_seconds() -> None:
+    story = Story().healthy()
+    story.quality = 0.30
+    story.run(1.0).expect(NORMAL)
+    story.quality = 0.29
+    story.tick().expect(DEGRADED, ("LOCALIZATION_LOST",), linear_mps=0.0, reason="LOCALIZATION_LOST")
+    story.quality = 0.50
+    story.run(5.0).expect(DEGRADED, ("LOCALIZATION_LOST",))
+    story.quality = 0.51
+    story.before(2.0).expect(DEGRADED, ("LOCALIZATION_LOST",))
+    story.past().expect(NORMAL, ())
+
+
+@pytest.mark.parametrize("quality", [None, math.nan, -0.1, 1.1])
+def test_a_quality_that_is_none_stops(quality: float | None) -> None:
+    story = Story().healthy()
+    story.quality = quality
+    story.before(0.5).expect(NORMAL).past().expect(DEGRADED, ("LOCALIZATION_LOST",), linear_mps=0.0)
+
+
+@pytest.mark.parametrize("pose", [None, (math.nan, 0.0), (0.0, math.inf)])
+def test_a_pose_that_is_none_stops(pose: tuple[float, float] | None) -> None:
+    story = Story().healthy()
+    story.pose_m = pose
+    story.before(0.5).expect(NORMAL).past().expect(DEGRADED, ("LOCALIZATION_LOST",), linear_mps=0.0)
+
+
+def test_a_jump_stops_for_two_seconds() -> None:
+    story = Story().healthy()
+    story.pose_m = (2.0, 2.0)
+    story.run(0.1).expect(NORMAL)
+    story.pose_m = (2.0, 3.01)
+    story.tick().expect(DEGRADED, ("LOCALIZATION_LOST",), linear_mps=0.0)
+    assert story.monitor.details["LOCALIZATION_LOST"] == "/current_pose jumped by 1.01 m"
+    story.before(2.0).expect(DEGRADED, ("LOCALIZATION_LOST",)).past().expect(NORMAL, ())
+
+
+# --- NODE_DEAD -------------------------------------------------------------------------------------------------------
+
+WATCHED = ("swerve_controller", "navigation_controller", "recorder")
+
+
+@pytest.mark.parametrize(
+    ("dead", "action", "linear_mps"),
+    [
+        ({"recorder"}, SafetyAction.WARN, 1.5),
+        ({"navigation_controller"}, SafetyAction.LIMIT, 0.5),
+        ({"swerve_controller"}, SafetyAction.STOP, 0.0),
+        ({"recorder", "navigation_controller"}, SafetyAction.LIMIT, 0.5),
+        (set(WATCHED), SafetyAction.STOP, 0.0),
+    ],
+)
+def test_a_dead_process_acts_by_its_criticality(dead: set[str], action: SafetyAction, linear_mps: float) -> None:
+    story = Story(expected_processes=WATCHED).healthy()
+    story.beating -= dead
+    story.before(1.0).expect(NORMAL).past().expect(DEGRADED, ("NODE_DEAD",), linear_mps=linear_mps, action=action)
+    assert story.monitor.details["NODE_DEAD"] == f"no heartbeat of {', '.join(n for n in WATCHED if n in dead)}"
+    assert story.verdict.reason == ("" if action is SafetyAction.WARN else "NODE_DEAD")
+    story.beating |= dead
+    story.tick().expect(NORMAL, ())
+
+
+def test_a_second_death_makes_it_worse_and_its_return_better() -> None:
+    story = Story(expected_processes=WATCHED).healthy()
+    story.beating -= {"navigation_controller"}
+    story.run(1.5).expect(DEGRADED, linear_mps=0.5)
+    story.beating -= {"swerve_controller"}
+    story.run(1.5).expect(DEGRADED, linear_mps=0.0)
+    story.beating |= {"swerve_controller"}
+    story.tick().expect(DEGRADED, ("NODE_DEAD",), linear_mps=0.5)
+
+
+def test_heartbeats_of_strangers_are_no_concern() -> None:
+    story = Story().healthy()
+    story.monitor.observation.heartbeat("somebody", story.now_s)
+    story.run(2.0).expect(NORMAL, ())
+
+
+# --- battery ---------------------------------------------------------------------------------------------------------
+
+
+def test_battery_warns_then_limits_and_clears_once_charged() -> None:
+    story = Story().healthy()
+    story.battery = 0.30
+    story.run(0.1).expect(NORMAL)
+    story.battery = 0.29
+    story.run(0.1).expect(DEGRADED, ("BATTERY_LOW",), linear_mps=1.5, reason="", action=SafetyAction.WARN)
+    story.battery = 0.15
+    story.run(0.1).expect(DEGRADED, ("BATTERY_LOW",))
+    story.battery = 0.149
+    story.run(0.1).expect(DEGRADED, ("BATTERY_LOW", "BATTERY_CRITICAL"), linear_mps=0.5, reason="BATTERY_CRITICAL")
+    story.battery = 0.179
+    story.run(0.1).expect(DEGRADED, ("BATTERY_LOW", "BATTERY_CRITICAL"), linear_mps=0.5)
+    story.battery = 0.181
+    story.run(0.1).expect(DEGRADED, ("BATTERY_LOW",), linear_mps=1.5)
+    story.battery = 0.329
+    story.run(0.1).expect(DEGRADED, ("BATTERY_LOW",))
+    story.battery = 0.331
+    story.run(0.1).expect(NORMAL, ())
+
+
+@pytest.mark.parametrize("battery", [None, math.nan, -0.01, 1.01])
+def test_an_unknown_charge_counts_as_low(battery: float | None) -> None:
+    story = Story().healthy()
+    story.battery = battery
+    story.before(5.0).expect(NORMAL).past().expect(DEGRADED, ("BATTERY_LOW",), linear_mps=1.5)
+
+
+def test_a_critical_charge_outlives_the_battery_message() -> None:
+    story = Story().healthy()
+    story.battery = 0.1
+    story.run(0.1)
+    story.battery = None
+    story.run(6.0).expect(DEGRADED, ("BATTERY_LOW", "BATTERY_CRITICAL"), linear_mps=0.5)
+
+
+# --- several at once -------------------------------------------------------------------------------------------------
+
+
+def test_the_smallest_limit_wins_and_says_where_it_comes_from() -> None:
+    story = Story().healthy()
+    story.monitor.passenger = True
+    story.battery, story.imu_tilt_deg = 0.1, None
+    story.run(1.0).expect(DEGRADED, linear_mps=0.5, reason="IMU_TIMEOUT,BATTERY_CRITICAL")
+
+
+def test_an_emergency_keeps_everything_else_in_sight() -> None:
+    story = Story().healthy()
+    story.battery = 0.2
+    story.estop(True).run(0.1).expect(EMERGENCY, ("ESTOP_PRESSED", "BATTERY_LOW"), reason="ESTOP_PRESSED")
+
+
+# --- restart of the monitor ------------------------------------------------------------------------------------------
+
+
+def test_a_latched_emergency_survives_a_crash() -> None:
+    story = Story().healthy().estop(True).restarted()
+    story.expect(EMERGENCY).run(5.0).expect(EMERGENCY, ("ESTOP_PRESSED",))
+    assert story.monitor.details == {"ESTOP_PRESSED": "latched before a restart"}
+    assert story.reset().message == "refused: /emergency_stop has not been released: no false since the monitor's start"
+    story.estop(False).run(1.0)
+    assert story.reset().success
+    story.expect(NORMAL, ())
+
+
+def test_a_latched_drive_fault_survives_a_crash_and_needs_no_release() -> None:
+    story = Story().healthy().axis(2, amp_alarm=True).tick().expect(EMERGENCY).restarted()
+    assert story.reset().message.endswith("DRIVE_FAULT: the motion engine does not communicate")
+    story.run(5.0).expect(EMERGENCY, ("DRIVE_FAULT",))
+    assert story.reset() == ResetAnswer(True, "released: DRIVE_FAULT")
+
+
+def test_a_passenger_survives_a_crash() -> None:
+    story = Story(memory=Memory(passenger=True))
+    story.run(5.0).expect(NORMAL, (), linear_mps=1.0, reason="PASSENGER_ONBOARD")
+    assert story.monitor.memory == Memory((), True)
+
+
+def test_a_latch_of_a_row_that_is_switched_off_is_not_lost() -> None:
+    rows = tuple(code for code in PARAMS.rows if code != "TILT")
+    story = Story(memory=Memory(("TILT",)), rows=rows).run(5.0)
+    story.expect(EMERGENCY, ("ESTOP_PRESSED",))
+
+
+def test_nothing_latched_means_an_empty_memory() -> None:
+    story = Story().healthy()
+    assert story.monitor.memory == Memory()
+    story.estop(True).axis(0, amp_alarm=True).tick()
+    assert story.monitor.memory == Memory(("ESTOP_PRESSED", "DRIVE_FAULT"))
+
+
+# --- time ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("to_s", [0.0, math.nan, 1e9])
+def test_time_that_jumps_stops_the_robot(to_s: float) -> None:
+    story = Story().healthy()
+    verdict = story.monitor.step(to_s)
+    assert verdict.limit.linear_mps == 0.0
+    assert {"DRIVE_FAULT", "JOINT_STATES_TIMEOUT", "LOCALIZATION_LOST", "IMU_TIMEOUT"} <= set(verdict.faults)
+    assert "NODE_DEAD" in verdict.faults
+    assert story.monitor.emergency
+
+
+def test_after_time_ran_backwards_both_keys_still_work() -> None:
+    story = Story().healthy()
+    story.now_s = 0.0
+    story.step().expect(EMERGENCY)
+    story.run(5.0).expect(EMERGENCY, ("DRIVE_FAULT", "JOINT_STATES_TIMEOUT"))
+    assert story.reset() == ResetAnswer(True, "released: DRIVE_FAULT, JOINT_STATES_TIMEOUT")
+    story.expect(NORMAL, ())
+
+
+def test_an_acceleration_is_no_slope() -> None:
+    """1.5 m/s2 forward looks like 8.7 deg to an accelerometer; the wheels explain it."""
+    story = Story().healthy()
+    story.imu_tilt_deg = None
+    speed_mps = 0.0
+    for _ in range(round(2.0 / TICK_S)):
+        speed_mps += 1.5 * TICK_S
+        story.wheel_radps = speed_mps / 0.0825
+        story.monitor.observation.imu(ImuSample(1.5, 0.0, 9.81, 1e-9 * story.ticks, 0.0, 0.0), story.now_s)
+        story.tick().expect(NORMAL, ())
