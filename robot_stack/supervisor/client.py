@@ -16,7 +16,7 @@ import psutil
 
 from robot_stack.core.runtime import ros_domain_id, runtime_dir
 from robot_stack.core.wheels_env import ros_environment
-from robot_stack.supervisor import orphans
+from robot_stack.supervisor import orphans, segments
 from robot_stack.supervisor.control import NotRunning, ask
 from robot_stack.supervisor.logs import default_log_dir
 from robot_stack.supervisor.params import load_params
@@ -148,6 +148,7 @@ def _stop_by_force(supervisor: psutil.Process | None, patience_s: float) -> dict
     ids = orphans.end(left, patience_s)
     orphans.forget()
     orphans.remove_stale_sockets()
+    segments.remove_dead()
     return {"ok": True, "stopped": [], "killed": [f"process {pid}" for pid in ids]}
 
 

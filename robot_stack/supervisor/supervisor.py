@@ -15,7 +15,7 @@ from typing import Any
 from robot_stack.contract import topics
 from robot_stack.contract.model import Process
 from robot_stack.core.runtime import ros_domain_id
-from robot_stack.supervisor import orphans
+from robot_stack.supervisor import orphans, segments
 from robot_stack.supervisor.control import ControlServer, Reply
 from robot_stack.supervisor.ears import Ears
 from robot_stack.supervisor.fleet import Fleet
@@ -111,6 +111,7 @@ class Supervisor:
                 life = self._lives[name]
                 life.exited(time.monotonic(), code)
                 _log(f"{name}: {life.reason}")
+                segments.remove_dead()
 
     def _judge(self, now_s: float) -> None:
         running = {name: life.silent(now_s) for name, life in self._lives.items() if life.state in RUNNING}
@@ -170,6 +171,7 @@ class Supervisor:
         self._ears.close()
         orphans.forget()
         self._control.close()
+        segments.remove_dead()
         removed = orphans.remove_stale_sockets()
         for path in removed:
             _log(f"removed the stale socket {path}")

@@ -1,0 +1,239 @@
+"""The life of one process, told in fake time."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_stack.supervisor.lifecycle import RUNNING, Hearing, Lifecycle, Limits, Order, State
+
+LIMITS = Limits(
+    hang_after_s=3.0,
+    start_limit_s=15.0,
+    stable_after_s=60.0,
+    hung_kill_s=2.0,
+    backoff_first_s=1.0,
+    backoff_factor=2.0,
+    backoff_longest_s=5.0,
+    max_restarts=3,
+)
+
+
+def started(now_s: float = 0.0, limits: Limits = LIMITS) -> Lifecycle:
+    life = Lifecycle(limits)
+    life.wanted(now_s)
+    assert life.order(now_s) is Order.START
+    life.started(now_s)
+    return life
+
+
+def ready(now_s: float = 0.0) -> Lifecycle:
+    life = started(now_s)
+    life.heartbeat(now_s, True, "")
+    return life
+
+
+def next_start_s(life: Lifecycle, from_s: float) -> float:
+    """The first time, in steps of 10 ms, at which a start is ordered."""
+    step = 0
+    while life.order(from_s + 0.01 * step) is not Order.START:
+        step += 1
+        assert step < 10_000, "never started again"
+    return from_s + 0.01 * step
+
+
+def test_first_start_is_at_once_and_no_restart() -> None:
+    life = started()
+    assert life.state is State.STARTING
+    assert life.restarts == 0
+
+
+def test_heartbeats_tell_waiting_and_ready() -> None:
+    life = started()
+    life.heartbeat(0.5, False, "/odom")
+    assert (life.state, life.reason) == (State.WAITING, "/odom")
+    life.heartbeat(0.7, True, "")
+    assert (life.state, life.reason) == (State.READY, "")
+    assert life.heartbeat_age_s(1.0) == pytest.approx(0.3)
+
+
+def test_crash_restarts_with_growing_delay_up_to_the_longest() -> None:
+    life = Lifecycle(Limits(3.0, 15.0, 60.0, 2.0, 1.0, 2.0, 5.0, max_restarts=10))
+    life.wanted(0.0)
+    now_s, delays = 0.0, []
+    assert life.order(now_s) is Order.START
+    for _ in range(5):
+        life.started(now_s)
+        life.exited(now_s + 0.1, 1)
+        again_s = next_start_s(life, now_s + 0.1)
+        delays.append(again_s - now_s - 0.1)
+        now_s = again_s
+    assert delays == pytest.approx([1.0, 2.0, 4.0, 5.0, 5.0], abs=0.011)
+    assert life.restarts == 5
+
+
+def test_unexpected_exit_zero_is_a_crash_too() -> None:
+    life = ready()
+    life.exited(1.0, 0)
+    assert life.state is State.BACKOFF
+
+
+def test_gives_up_after_max_restarts_in_a_minute() -> None:
+    life = started()
+    now_s = 0.0
+    for _ in range(3):
+        life.exited(now_s, -11)
+        now_s = next_start_s(life, now_s)
+        life.started(now_s)
+    life.exited(now_s, -11)
+    assert life.state is State.FAILED
+    assert "signal 11" in life.reason
+    assert all(life.order(now_s + later) is Order.NONE for later in (0.1, 60.0, 3600.0))
+
+
+def test_crashes_further_apart_than_the_window_are_forgiven() -> None:
+    life = started()
+    now_s = 0.0
+    for _ in range(20):
+        now_s += 59.0
+        life.heartbeat(now_s, True, "")
+        life.exited(now_s, 1)
+        assert life.state is State.BACKOFF
+        now_s = next_start_s(life, now_s)
+        life.started(now_s)
+
+
+def test_long_run_starts_the_backoff_anew() -> None:
+    life = started()
+    life.exited(0.1, 1)
+    now_s = next_start_s(life, 0.1)
+    life.started(now_s)
+    life.exited(now_s + 60.0, 1)
+    assert next_start_s(life, now_s + 60.0) == pytest.approx(now_s + 61.0, abs=0.011)
+
+
+def test_refusal_is_final_at_once() -> None:
+    life = started()
+    life.exited(0.3, 2)
+    assert life.state is State.FAILED
+    assert life.order(100.0) is Order.NONE
+
+
+def test_operator_can_start_what_was_given_up() -> None:
+    life = started()
+    life.exited(0.3, 2)
+    life.wanted(1.0)
+    assert life.order(1.0) is Order.START
+    life.started(1.0)
+    assert (life.state, life.restarts) == (State.STARTING, 1)
+
+
+def test_silence_is_terminated_then_killed_then_restarted() -> None:
+    life = ready()
+    assert life.order(3.0) is Order.NONE
+    assert life.order(3.1) is Order.TERMINATE
+    assert life.state is State.HUNG
+    assert life.order(3.2) is Order.NONE
+    life.heartbeat(4.0, True, "")  # too late: its SIGTERM is on the way
+    assert life.state is State.HUNG
+    assert life.order(5.2) is Order.KILL
+    life.exited(5.3, -9)
+    assert "hung" in life.reason
+    assert next_start_s(life, 5.3) == pytest.approx(6.3, abs=0.011)
+
+
+def test_start_may_take_longer_than_a_heartbeat() -> None:
+    life = started()
+    assert life.order(14.9) is Order.NONE
+    assert life.order(15.1) is Order.TERMINATE
+
+
+def test_unjudged_silence_is_no_hang() -> None:
+    life = ready()
+    assert life.order(100.0, judge=False) is Order.NONE
+    assert life.state is State.READY
+
+
+def test_absence_of_the_supervisor_is_forgiven() -> None:
+    life = ready()
+    life.forgive(50.0)
+    assert life.order(52.0) is Order.NONE
+    assert life.order(53.1) is Order.TERMINATE
+
+
+def test_restart_of_a_running_process_ends_it_and_starts_at_once() -> None:
+    life = ready()
+    life.wanted(10.0)
+    assert life.state is State.RESTARTING
+    assert life.order(11.0) is Order.NONE
+    assert life.order(12.1) is Order.KILL  # it did not follow the interrupt
+    life.exited(12.2, -9)
+    assert life.order(12.2) is Order.START
+    assert life.restarts == 1
+
+
+def test_stopped_stays_stopped() -> None:
+    life = ready()
+    life.stopped()
+    assert life.order(1000.0) is Order.NONE
+    life.heartbeat(1.0, True, "")
+    assert life.state is State.STOPPED
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.floats(0.0, 30.0),
+            st.sampled_from(["beat", "exit0", "exit1", "refuse", "kill", "order", "restart"]),
+        ),
+        max_size=60,
+    )
+)
+def test_never_more_starts_in_a_minute_than_allowed(events: list[tuple[float, str]]) -> None:
+    """Whatever happens: between operator's restarts, at most max_restarts + 1 starts fall into any minute."""
+    life, now_s, alive, starts = Lifecycle(LIMITS), 0.0, False, []
+    life.wanted(0.0)
+    for later_s, event in [(0.0, "order"), *events]:
+        now_s += later_s
+        if event == "beat":
+            life.heartbeat(now_s, True, "")
+        elif event == "restart":
+            life.wanted(now_s)
+            starts.clear()
+        elif event == "order":
+            if life.order(now_s) is Order.START:
+                assert not alive, "a second process of one name"
+                life.started(now_s)
+                alive = True
+                starts.append(now_s)
+        elif alive:
+            alive = False
+            life.exited(now_s, {"exit0": 0, "exit1": 1, "refuse": 2, "kill": -9}[event])
+        assert (life.state in RUNNING) == alive
+        assert len([s for s in starts if now_s - s <= 60.0]) <= LIMITS.max_restarts + 1
+
+
+class TestHearing:
+    """Whose silence counts."""
+
+    def test_one_silent_among_others_is_judged(self) -> None:
+        running = {"a": True, "b": False}
+        assert "a" in Hearing(frozenset()).judged(running)
+
+    def test_everybody_silent_is_nobodys_fault(self) -> None:
+        assert Hearing(frozenset()).judged({"a": True, "b": True}) == frozenset()
+
+    def test_a_process_alone_is_judged(self) -> None:
+        assert Hearing(frozenset()).judged({"a": True}) == {"a"}
+
+    def test_a_silent_world_is_judged_alone(self) -> None:
+        hearing = Hearing(frozenset({"world"}))
+        assert hearing.judged({"world": True, "a": True, "b": True}) == {"world"}
+        assert hearing.judged({"world": True, "a": False}) == {"world"}
+
+    def test_a_dead_world_holds_the_judgement(self) -> None:
+        assert Hearing(frozenset({"world"})).judged({"a": True, "b": True}) == frozenset()
+
+    def test_a_hang_beside_a_living_world_is_judged(self) -> None:
+        assert Hearing(frozenset({"world"})).judged({"world": False, "a": True}) == {"world", "a"}

@@ -1,0 +1,143 @@
+"""Profiles: the shipped ones are right, wrong ones are refused with a line that names file and field."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from robot_stack.contract.processes import BY_NAME
+from robot_stack.core.config import ConfigError, config_dir
+from robot_stack.supervisor.params import load_params
+from robot_stack.supervisor.profile import load_plan
+
+GOOD: dict[str, Any] = {
+    "description": "test",
+    "machine": "robot",
+    "use_sim_time": False,
+    "speed": 1.0,
+    "ready_deadline_s": 10.0,
+    "processes": ["sim_world", "swerve_controller", "touch_ui"],
+}
+
+
+def profile(folder: Path, **changes: Any) -> str:
+    path = folder / "mine.yaml"
+    path.write_text(yaml.safe_dump({**GOOD, **changes}), encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in (config_dir() / "profiles").glob("*.yaml")))
+def test_shipped_profile_is_valid(name: str) -> None:
+    plan = load_plan(name)
+    assert plan.description
+    named = {process.name for process in plan.processes} | set(plan.missing)
+    assert named <= BY_NAME.keys()
+
+
+def test_the_simulation_runs_every_built_process_of_the_robot_but_the_recorder() -> None:
+    plan = load_plan("sim")
+    hosted = {node for process in plan.processes for node in process.nodes}
+    built = {process.name for process in BY_NAME.values() if process.available and process.system.value != "wmx"}
+    assert built - hosted <= {"recorder"}
+
+
+def test_not_built_processes_are_named_not_dropped(tmp_path: Path) -> None:
+    plan = load_plan(profile(tmp_path))
+    expected = [name for name in GOOD["processes"] if not BY_NAME[name].available]
+    assert list(plan.missing) == expected
+    assert not set(plan.missing) & {process.name for process in plan.processes}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"processes": ["swerve_controler"]}, "'swerve_controler' is no process of the contract"),
+        ({"processes": []}, "at least one process"),
+        ({"processes": ["sim_world", "sim_world"]}, "sim_world: named twice"),
+        ({"processes": ["sim_world", "imu_driver"]}, "imu_driver would run in both"),
+        ({"processes": ["manipulator_state"]}, "belongs to the machine wmx"),
+        ({"processes": "sim_world"}, "processes"),
+        ({"speed": 2.0}, "needs use_sim_time"),
+        ({"speed": 0.0}, "speed"),
+        ({"speed": float("nan")}, "speed"),
+        ({"ready_deadline_s": -1.0}, "ready_deadline_s"),
+        ({"machine": "simulation"}, "machine"),
+        ({"colour": "red"}, "colour: is not a known parameter"),
+        ({"parameters": {"nobody": {"a": 1}}}, "nobody: no node of this profile"),
+        ({"extra": {"sim_world": {"module": "a", "criticality": "critical", "note": ""}}}, "extra.sim_world"),
+        ({"extra": {"mine": {"module": "a", "criticality": "vital", "note": ""}}}, "extra.mine.criticality"),
+    ],
+)
+def test_wrong_profile_is_refused(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    path = profile(tmp_path, **changes)
+    with pytest.raises(ConfigError, match=r"mine\.yaml") as caught:
+        load_plan(path)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_profile_lists_the_known_ones() -> None:
+    with pytest.raises(ConfigError, match=r"known profiles: .*sim"):
+        load_plan("simm")
+
+
+def test_malformed_yaml_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text("processes: [", encoding="utf-8")
+    with pytest.raises(ConfigError, match="not valid YAML"):
+        load_plan(str(path))
+
+
+def test_settings_become_parameters_of_their_node(tmp_path: Path) -> None:
+    path = profile(tmp_path, parameters={"swerve_controller": {"a": 1, "b": 2}})
+    plan = load_plan(path, settings=["swerve_controller.a=0.5", "sim_world.world=yard", "imu_driver.noise=true"])
+    assert plan.parameters["swerve_controller"] == {"a": 0.5, "b": 2}
+    assert plan.parameters["sim_world"] == {"world": "yard", "speed": 1.0}
+    assert plan.parameters["imu_driver"] == {"noise": True}  # lives in the world's process
+
+
+@pytest.mark.parametrize("text", ["a", "a=1", ".b=1", "a.=1", "swerve_controller.x=[", "nobody.x=1", "recorder.x=1"])
+def test_wrong_setting_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(ConfigError, match="--set"):
+        load_plan(profile(tmp_path), settings=[text])
+
+
+def test_only_narrows_the_plan(tmp_path: Path) -> None:
+    plan = load_plan(profile(tmp_path), only=["swerve_controller"])
+    assert [process.name for process in plan.processes] == ["swerve_controller"]
+    assert set(plan.parameters) <= {"swerve_controller"}
+
+
+def test_only_refuses_what_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="mission_manager: not a built process of this profile"):
+        load_plan(profile(tmp_path), only=["mission_manager"])
+
+
+def test_other_speed_puts_every_node_on_the_clock(tmp_path: Path) -> None:
+    plan = load_plan(profile(tmp_path), speed=3.0)
+    assert plan.use_sim_time
+    assert plan.parameters["sim_world"] == {"speed": 3.0, "use_sim_time": True}
+    nodes = {node for process in plan.processes for node in process.nodes}
+    assert all(plan.parameters[node]["use_sim_time"] is True for node in nodes)
+
+
+def test_real_time_leaves_the_system_clock(tmp_path: Path) -> None:
+    plan = load_plan(profile(tmp_path), speed=1.0)
+    assert not plan.use_sim_time
+    assert all("use_sim_time" not in values for values in plan.parameters.values())
+
+
+def test_a_real_robot_has_no_speed(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="no simulated world"):
+        load_plan(profile(tmp_path, speed=None), speed=2.0)
+
+
+def test_shipped_tuning_is_valid_and_slower_than_the_safety_monitor() -> None:
+    params = load_params()
+    # NODE_DEAD comes after 1 s: the robot must stand before a critical process returns.
+    critical = next(backoff for key, backoff in params.backoff.items() if key.value == "critical")
+    assert critical.first_s > 1.0
+    assert params.hang_after_s > 1.0
