@@ -1,0 +1,188 @@
+"""Parameters of the simulated plant, ``config/sim.yaml``: physics, drives and sensors beyond ``config/robot.yaml``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from robot_stack.core.config import Config, load
+
+Positive = Annotated[float, Field(gt=0.0)]
+NonNegative = Annotated[float, Field(ge=0.0)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class Physics(Config):
+    """Solver settings of MuJoCo."""
+
+    timestep_s: Annotated[float, Field(gt=0.0, le=0.004)]
+    friction_ratio: Annotated[float, Field(ge=1.0, le=1000.0)]
+    contact_time_s: Positive
+    contact_sink_m: NonNegative
+    solver_iterations: Annotated[int, Field(ge=1, le=200)]
+
+    @model_validator(mode="after")
+    def _contact_is_resolved(self) -> Physics:
+        if self.contact_time_s < 2.0 * self.timestep_s:
+            raise ValueError("contact_time_s must be at least two timesteps, else MuJoCo softens the contacts silently")
+        return self
+
+
+class Chassis(Config):
+    """The box that carries everything but wheels and steering modules, centred over base_link."""
+
+    length_m: Positive
+    width_m: Positive
+    bottom_m: Positive
+    top_m: Positive
+
+    @model_validator(mode="after")
+    def _top_above_bottom(self) -> Chassis:
+        if self.top_m <= self.bottom_m:
+            raise ValueError("top_m must be above bottom_m")
+        return self
+
+
+class Wheel(Config):
+    """One driven wheel. Friction torques at the wheel axis."""
+
+    contact_patch_radius_m: Positive
+    rolling_friction_nm: Positive
+    viscous_friction_nms: NonNegative
+    rotor_inertia_kgm2: NonNegative
+    radius_tolerance: Annotated[float, Field(ge=0.0, le=0.02)]
+
+
+class Steering(Config):
+    """One steering module at its vertical axis."""
+
+    friction_nm: Positive
+    viscous_friction_nms: NonNegative
+    rotor_inertia_kgm2: NonNegative
+    mass_height_m: Positive
+    zero_error_rad: Annotated[float, Field(ge=0.0, le=0.1)]
+
+
+class Suspension(Config):
+    """Vertical compliance of one module."""
+
+    stiffness_n_per_m: Positive
+    damping_ratio: NonNegative
+    travel_m: Positive
+
+
+class Wheelchair(Config):
+    """The wheelchair and how it hangs on the robot's latch."""
+
+    latch_x_m: Positive
+    latch_half_width_m: Positive
+    latch_height_m: Positive
+    length_m: Positive
+    width_m: Positive
+    wheelbase_m: Positive
+    wheel_track_m: Positive
+    wheel_radius_m: Positive
+    rolling_resistance: Fraction
+    centre_of_gravity_height_m: Positive
+    passenger_centre_of_gravity_height_m: Positive
+
+
+class PerMotor(Config):
+    """A value for each kind of motor."""
+
+    drive: NonNegative
+    steer: NonNegative
+
+
+class CoggingPerRev(Config):
+    """Cogging periods in one turn of the joint."""
+
+    drive: Annotated[int, Field(ge=1)]
+    steer: Annotated[int, Field(ge=1)]
+
+
+class SpeedLoop(Config):
+    """Velocity loop of one kind of servo drive: PI with acceleration feed-forward on an observed speed."""
+
+    speed_gain_nms: Positive
+    speed_integral_per_s: NonNegative
+    acceleration_feedforward_kgm2: NonNegative
+    observer_bandwidth_radps: Positive
+    constant_torque_speed_radps: Positive
+
+
+class PositionLoop(SpeedLoop):
+    """A position loop around a velocity loop."""
+
+    position_gain_per_s: Positive
+
+
+class Drives(Config):
+    """The servo drives."""
+
+    bus_watchdog_s: Positive
+    servo_on_delay_s: NonNegative
+    alarm_clear_delay_s: NonNegative
+    brake_release_delay_s: NonNegative
+    brake_hold_delay_s: Positive
+    brake_close_speed_radps: Positive
+    brake_close_timeout_s: Positive
+    overload_fraction: Annotated[float, Field(gt=0.0, le=1.0)]
+    overload_time_s: Positive
+    overspeed_factor: Annotated[float, Field(gt=1.0)]
+    position_error_rad: Positive
+    dynamic_brake_nms: Positive
+    cogging_nm: PerMotor
+    cogging_per_rev: CoggingPerRev
+    torque_noise_nm: PerMotor
+    drive: SpeedLoop
+    steer: PositionLoop
+
+
+class Imu(Config):
+    """Noise model of the inertial unit; standard deviations."""
+
+    latency_s: NonNegative
+    accelerometer_noise_mps2: NonNegative
+    accelerometer_bias_mps2: NonNegative
+    accelerometer_bias_walk_mps2_per_sqrt_s: NonNegative
+    gyroscope_noise_radps: NonNegative
+    gyroscope_bias_radps: NonNegative
+    gyroscope_bias_walk_radps_per_sqrt_s: NonNegative
+    attitude_error_rad: NonNegative
+    attitude_error_time_s: Positive
+    heading_walk_rad_per_sqrt_s: NonNegative
+
+
+class Battery(Config):
+    """A lithium-ion pack and what it feeds."""
+
+    cells_in_series: Annotated[int, Field(ge=1)]
+    capacity_ah: Positive
+    initial_charge: Fraction
+    internal_resistance_ohm: Positive
+    idle_power_w: NonNegative
+    drive_efficiency: Annotated[float, Field(gt=0.0, le=1.0)]
+    copper_loss_w_per_nm2: PerMotor
+    temperature_c: float
+    voltage_noise_v: NonNegative
+
+
+class SimParams(Config):
+    """Everything in ``config/sim.yaml``."""
+
+    physics: Physics
+    chassis: Chassis
+    wheel: Wheel
+    steering: Steering
+    suspension: Suspension
+    wheelchair: Wheelchair
+    drives: Drives
+    imu: Imu
+    battery: Battery
+
+
+def load_sim_params() -> SimParams:
+    """``config/sim.yaml``. Raises ConfigError."""
+    return load(SimParams, "sim")

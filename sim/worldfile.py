@@ -1,0 +1,150 @@
+"""World files: ``config/worlds/<name>.yaml``, what stands on the ground and how slippery it is.
+
+Frame: map, x east, y north, z up, ground at z = 0. Angles in degrees in the file, because people write it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from robot_stack.core.config import Config, ConfigError, config_dir, read_yaml, validate
+from robot_stack.core.geometry import Pose2
+
+Positive = Annotated[float, Field(gt=0.0)]
+Friction = Annotated[float, Field(gt=0.0, le=2.0)]
+
+
+class Placed(Config):
+    """Something at a place: (x_m, y_m) of its centre, turned by yaw_deg about z."""
+
+    name: str
+    x_m: float
+    y_m: float
+    yaw_deg: float = 0.0
+
+    @property
+    def yaw_rad(self) -> float:
+        return math.radians(self.yaw_deg)
+
+
+class Box(Placed):
+    """An upright box on the ground: kerb, wall or obstacle. Length along its own x."""
+
+    length_m: Positive
+    width_m: Positive
+    height_m: Positive
+
+
+class Cylinder(Config):
+    """An upright cylinder on the ground: pole, bollard, tree."""
+
+    name: str
+    x_m: float
+    y_m: float
+    radius_m: Positive
+    height_m: Positive
+
+
+class Ramp(Placed):
+    """A way up, a flat top and the same way down. (x_m, y_m) is the middle of the foot, yaw_deg the way up."""
+
+    slope_deg: Annotated[float, Field(gt=0.0, le=20.0)]
+    height_m: Positive
+    width_m: Positive
+    top_length_m: Positive
+
+    @property
+    def slope_rad(self) -> float:
+        return math.radians(self.slope_deg)
+
+    @property
+    def run_m(self) -> float:
+        """Horizontal length of one slope."""
+        return self.height_m / math.tan(self.slope_rad)
+
+    @property
+    def total_length_m(self) -> float:
+        return 2.0 * self.run_m + self.top_length_m
+
+
+class Patch(Placed):
+    """A rectangle of ground with a friction of its own: wet paint, ice, gravel. Length along its own x."""
+
+    length_m: Positive
+    width_m: Positive
+    friction: Friction
+
+
+class Floor(Config):
+    """The part of the ground that the world shows, m."""
+
+    min_x_m: float
+    max_x_m: float
+    min_y_m: float
+    max_y_m: float
+
+    @model_validator(mode="after")
+    def _has_an_area(self) -> Floor:
+        if self.max_x_m <= self.min_x_m or self.max_y_m <= self.min_y_m:
+            raise ValueError("max_x_m and max_y_m must be above min_x_m and min_y_m")
+        return self
+
+
+class Place(Config):
+    """A pose on the ground."""
+
+    x_m: float
+    y_m: float
+    yaw_deg: float
+
+    def pose(self) -> Pose2:
+        return Pose2(self.x_m, self.y_m, math.radians(self.yaw_deg))
+
+
+class Route(Config):
+    """A way through the world that is kept free of obstacles half_width_m to either side."""
+
+    half_width_m: Positive
+    points_m: Annotated[list[tuple[float, float]], Field(min_length=2)]
+
+
+class WorldFile(Config):
+    """Everything in one world file."""
+
+    note: str
+    friction: Friction
+    floor: Floor
+    start: Place
+    kerbs: list[Box] = []
+    walls: list[Box] = []
+    boxes: list[Box] = []
+    cylinders: list[Cylinder] = []
+    ramps: list[Ramp] = []
+    patches: list[Patch] = []
+    routes: dict[str, Route] = {}
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> WorldFile:
+        names = [item.name for item in (*self.solids(), *self.ramps, *self.patches)]
+        names += [item.name for item in self.cylinders]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"names used twice: {', '.join(twice)}")
+        return self
+
+    def solids(self) -> list[Box]:
+        """All upright boxes, whatever they stand for."""
+        return [*self.kerbs, *self.walls, *self.boxes]
+
+
+def load_world(name: str) -> WorldFile:
+    """``config/worlds/<name>.yaml``. Raises ConfigError, for an unknown name with the names there are."""
+    folder = config_dir() / "worlds"
+    known = sorted(path.stem for path in folder.glob("*.yaml"))
+    if name not in known:
+        raise ConfigError(f"no world {name!r} in {folder}; there are {', '.join(known) or 'none'}")
+    path = folder / f"{name}.yaml"
+    return validate(WorldFile, read_yaml(path), str(path))

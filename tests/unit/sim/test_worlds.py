@@ -1,0 +1,169 @@
+"""World files: what they refuse, and that the ground is where they say."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from robot_stack.core.config import ConfigError, config_dir, validate
+from robot_stack.core.geometry import Pose2
+from sim.surface import Area, Surface
+from sim.world import Setup, World
+from sim.worldfile import Ramp, WorldFile, load_world
+
+from .bench import PARAMS, ROBOT
+
+WORLDS = sorted(path.stem for path in (config_dir() / "worlds").glob("*.yaml"))
+MINIMAL: dict[str, Any] = {
+    "note": "test",
+    "friction": 0.8,
+    "floor": {"min_x_m": -1, "max_x_m": 1, "min_y_m": -1, "max_y_m": 1},
+    "start": {"x_m": 0, "y_m": 0, "yaw_deg": 0},
+}
+
+
+def make_world(name: str) -> World:
+    file = load_world(name)
+    return World(ROBOT, PARAMS, Setup(file, 1, Pose2(-100.0, 0.0, 0.0)))
+
+
+def height_at(world: World, x: float, y: float) -> float:
+    """Height of the topmost surface: a ray straight down from 10 m."""
+    hit = np.zeros(1, np.int32)
+    groups = np.array([1, 0, 0, 0, 0, 0], np.uint8)
+    start, down = np.array([x, y, 10.0]), np.array([0.0, 0.0, -1.0])
+    distance = mujoco.mj_ray(world.model, world.data, start, down, groups, 1, -1, hit)
+    return 10.0 - float(distance)
+
+
+def ramps() -> list[tuple[str, Ramp]]:
+    return [(name, ramp) for name in WORLDS for ramp in load_world(name).ramps]
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_every_world_builds_and_the_robot_stands_in_it(name: str) -> None:
+    file = load_world(name)
+    world = World(ROBOT, PARAMS, Setup(file, 1, file.start.pose()))
+    for _ in range(300):
+        world.step()
+    assert (
+        math.hypot(
+            *(a - b for a, b in zip(world.truth().position_m[:2], (file.start.x_m, file.start.y_m), strict=True))
+        )
+        < 1e-3
+    )
+    assert world.normal_forces_n().sum() == pytest.approx(ROBOT.mass_kg * 9.81, rel=0.02)
+
+
+@pytest.mark.parametrize(("name", "ramp"), ramps())
+def test_a_ramp_rises_at_its_slope_to_its_flat_top(name: str, ramp: Ramp) -> None:
+    world = make_world(name)
+
+    def along(distance_m: float, across_m: float = 0.0) -> float:
+        c, s = math.cos(ramp.yaw_rad), math.sin(ramp.yaw_rad)
+        return height_at(world, ramp.x_m + c * distance_m - s * across_m, ramp.y_m + s * distance_m + c * across_m)
+
+    run = ramp.height_m / math.tan(math.radians(ramp.slope_deg))
+    assert along(-0.1) == pytest.approx(0.0, abs=1e-6)
+    for part in (0.1, 0.5, 0.9):
+        assert along(part * run) == pytest.approx(part * ramp.height_m, abs=1e-4)
+        assert along(2 * run + ramp.top_length_m - part * run) == pytest.approx(part * ramp.height_m, abs=1e-4)
+    assert along(run + 0.5 * ramp.top_length_m, 0.45 * ramp.width_m) == pytest.approx(ramp.height_m, abs=1e-6)
+    assert along(2 * run + ramp.top_length_m + 0.1) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_ramps_of_5_and_10_degrees_and_kerbs_of_5_to_12_cm_exist() -> None:
+    file = load_world("ramps")
+    assert {ramp.slope_deg for ramp in file.ramps} == {5.0, 10.0}
+    heights = sorted(kerb.height_m for kerb in file.kerbs)
+    assert (heights[0], heights[-1]) == (0.05, 0.12)
+    world = make_world("ramps")
+    for kerb in file.kerbs:
+        assert height_at(world, kerb.x_m, kerb.y_m) == pytest.approx(kerb.height_m, abs=1e-6)
+
+
+def test_the_yard_is_40_by_30_m() -> None:
+    floor = load_world("yard").floor
+    assert (floor.max_x_m - floor.min_x_m, floor.max_y_m - floor.min_y_m) == (40.0, 30.0)
+
+
+@pytest.mark.parametrize("name", [name for name in WORLDS if load_world(name).routes])
+def test_routes_are_free_of_obstacles(name: str) -> None:
+    """Within its half width a route meets nothing but flat ground or a ramp that it climbs."""
+    world, file = make_world(name), load_world(name)
+    for route in file.routes.values():
+        for (x0, y0), (x1, y1) in zip(route.points_m, route.points_m[1:], strict=False):
+            length = math.hypot(x1 - x0, y1 - y0)
+            c, s = (x1 - x0) / length, (y1 - y0) / length
+            for d in np.arange(0.0, length, 0.1):
+                level = height_at(world, x0 + c * d, y0 + s * d)
+                for side in np.linspace(-route.half_width_m, route.half_width_m, 13):
+                    here = height_at(world, x0 + c * d - s * side, y0 + s * d + c * side)
+                    assert here == pytest.approx(level, abs=1e-3), (
+                        f"({x0 + c * d:.1f}, {y0 + s * d:.1f}), {side:.1f} m aside"
+                    )
+                assert level < 0.5
+
+
+def test_an_unknown_world_names_those_there_are() -> None:
+    with pytest.raises(ConfigError, match=r"no world 'moon'.*flat.*yard"):
+        load_world("moon")
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"friction": 0.0}, "friction"),
+        ({"friction": float("nan")}, "friction"),
+        ({"floor": {"min_x_m": 1, "max_x_m": -1, "min_y_m": -1, "max_y_m": 1}}, "max_x_m"),
+        ({"trees": []}, "trees"),
+        (
+            {"walls": [{"name": "w", "x_m": 0, "y_m": 0, "length_m": -1, "width_m": 1, "height_m": 1}]},
+            "walls.0.length_m",
+        ),
+        (
+            {
+                "ramps": [
+                    {"name": "r", "x_m": 0, "y_m": 0, "slope_deg": 60, "height_m": 1, "width_m": 1, "top_length_m": 1}
+                ]
+            },
+            "ramps.0.slope_deg",
+        ),
+        ({"routes": {"a": {"half_width_m": 1, "points_m": [[0, 0]]}}}, "routes.a.points_m"),
+        (
+            {"cylinders": [{"name": "c", "x_m": 0, "y_m": 0, "radius_m": 1, "height_m": 1}] * 2},
+            "names used twice: c",
+        ),
+    ],
+)
+def test_a_wrong_world_file_is_refused_with_the_field(change: dict[str, Any], field: str) -> None:
+    with pytest.raises(ConfigError, match=field):
+        validate(WorldFile, {**MINIMAL, **change}, "test.yaml")
+
+
+def test_the_most_slippery_area_counts() -> None:
+    file = validate(
+        WorldFile,
+        {
+            **MINIMAL,
+            "patches": [{"name": "p", "x_m": 5, "y_m": 0, "yaw_deg": 90, "length_m": 4, "width_m": 1, "friction": 0.3}],
+        },
+        "test",
+    )
+    surface = Surface(file)
+    assert surface.friction_at(0.0, 0.0, 0) == 0.8
+    assert surface.friction_at(5.0, 1.9, 0) == 0.3, "turned by 90 degrees its length lies along y"
+    assert surface.friction_at(5.9, 0.0, 0) == 0.8
+    surface.add_area("ice", Area(5.0, 0.0, 0.0, 1.0, 1.0, 0.1))
+    assert surface.friction_at(5.0, 0.5, 0) == 0.1
+    surface.remove_area("ice")
+    assert surface.friction_at(5.0, 0.5, 0) == 0.3
+    surface.set_wheel(2, 0.05)
+    assert surface.friction_at(0.0, 0.0, 2) == 0.05
+    assert surface.friction_at(0.0, 0.0, 1) == 0.8
+    surface.set_wheel(2, None)
+    assert surface.friction_at(0.0, 0.0, 2) == 0.8
