@@ -73,11 +73,13 @@ N_FLAGS = len(Flag)
 class StatusSnapshot:
     """The engine at one cycle. Arrays of length ``n_axes`` are views into one private copy: keep them as you like.
 
-    ``stamp_ns`` is the system's monotonic clock at publication, so that any process can tell the age; ``engine_time_s``
-    counts cycles and stands still with them.
+    ``epoch`` changes when the engine is stopped; devices do not outlive one. ``stamp_ns`` is the system's monotonic
+    clock at publication, so that any process can tell the age; ``engine_time_s`` counts cycles and stands still with
+    them.
     """
 
     engine_state: EngineState
+    epoch: int
     cycle_counter: int
     engine_time_s: float
     stamp_ns: int
@@ -204,6 +206,7 @@ def empty_snapshot(n_axes: int = 0) -> StatusSnapshot:
     flags[Flag.SERVO_OFFLINE] = 1
     return StatusSnapshot(
         engine_state=EngineState.Unknown,
+        epoch=-1,
         cycle_counter=0,
         engine_time_s=0.0,
         stamp_ns=0,

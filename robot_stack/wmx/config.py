@@ -145,6 +145,8 @@ class ClientConfig(Config):
     status_stale_s: Positive
     connect_timeout_s: Positive
     lock_retry_s: Positive
+    vendor_axes: Annotated[int, Field(ge=1, le=MAX_AXES)]
+    vendor_io_bytes: Annotated[int, Field(ge=1, le=MAX_IO_BYTES)]
 
 
 def load_engine_config() -> EngineConfig:

@@ -56,6 +56,7 @@ class ErrorCode(IntEnum):
     ArgumentOutOfRange = 1555
     ArgumentIsNull = 1556
     ParamOutOfRange = 1558
+    ResourceInUse = 1561
     FileOperationFailed = 1562
     StartingPreviousCommand = 1563
     NoMotion = 1565

@@ -33,6 +33,7 @@ from robot_stack.wmx.simulated.parameters import Parameters
 from robot_stack.wmx.simulated.state import Condition, EngineArrays
 
 _NO_ERROR = int(ErrorCode.PyNone)
+_OFFLINE = int(ErrorCode.ServoOffline)
 _HOME_UNSUPPORTED = {
     Config_HomeType.TouchProbe: CoreMotionErrorCode.TouchProbeDetectionUnsupported,
     Config_HomeType.HSTouchProbe: CoreMotionErrorCode.TouchProbeDetectionUnsupported,
@@ -132,9 +133,11 @@ class Engine:
         )
 
     def _warm_up(self) -> None:
-        """Compiles or loads the cycle before the first one counts, and leaves no trace."""
+        """Compiles or loads all compiled code now: in the middle of a ride it would halt the cycle for seconds."""
         self._advance()
         self._absorb()
+        self.motion.warm_up()
+        cancel(self.arrays.reals, self.arrays.flags, self.arrays.work, 0, _OFFLINE)
         self._reset()
 
     def _bus_silent(self) -> None:
@@ -162,7 +165,7 @@ class Engine:
         self._starting_cycles = 0
         self._lost_in_a_row = 0
         for axis in range(a.n_axes):
-            cancel(a.reals, a.flags, a.work, axis, int(ErrorCode.ServoOffline))
+            cancel(a.reals, a.flags, a.work, axis, _OFFLINE)
             if self.parameters.home(axis).clearHomeDoneOnCommStop:
                 a.flags[Flag.HOME_DONE, axis] = 0
         a.flags[Flag.SERVO_ON] = 0
@@ -219,6 +222,7 @@ class Engine:
         self._reset()
         self._shutdown_cycles = self.config.timing.shutdown_cycles
         self.condition.state = EngineState.Shutdown
+        self.condition.epoch += 1
         return _NO_ERROR
 
     def create_device(self, device_type: int) -> tuple[int, Device | None]:

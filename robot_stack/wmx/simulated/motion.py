@@ -37,6 +37,14 @@ class MotionControl:
         self._a = arrays
         self._condition = condition
 
+    def warm_up(self) -> None:
+        """Runs every compiled function once, on axis 0, whose state is worthless afterwards."""
+        profile = Profile.SetupTrapezoidal(1.0, 1.0, 1.0)
+        self._begin_position(0, 0.0, profile, 0)
+        self._begin_velocity(0, profile, 0, OperationState.Jog, 0)
+        self._begin_stop(0, self._own_rate(0), DetailOperationState.Stop)
+        self.emergency_stop(servo_off=False)
+
     def start_position(self, device: int, commands: Sequence[Motion_PosCommand], *, relative: bool) -> int:
         """StartPos, or StartMov with ``relative``."""
         axes = [command.axis for command in commands]
@@ -104,8 +112,7 @@ class MotionControl:
             return code
         for axis in axes:
             if self._state(axis) != OperationState.Stop:
-                speed = abs(self._a.reals[Real.VELOCITY_CMD, axis])
-                self._begin_stop(axis, stop_rate(self._a.params, axis, speed), DetailOperationState.Stop)
+                self._begin_stop(axis, self._own_rate(axis), DetailOperationState.Stop)
         return _NO_ERROR
 
     def stop_dec(self, axis: int, dec: float) -> int:
@@ -136,14 +143,20 @@ class MotionControl:
         if code:
             return code
         for axis in axes:
-            speed = abs(self._a.reals[Real.VELOCITY_CMD, axis])
-            self._begin_stop(axis, speed / (1e-3 * milliseconds), DetailOperationState.Stop)
+            self._begin_stop(axis, self._speed(axis) / (1e-3 * milliseconds), DetailOperationState.Stop)
         return _NO_ERROR
 
     def emergency_stop(self, servo_off: bool) -> None:
         """All axes, whatever they do; with ``servo_off`` the servos go off once at rest."""
         a = self._a
         estop_axes(a.reals, a.flags, a.params, a.work, a.plan, servo_off)
+
+    def _speed(self, axis: int) -> float:
+        return abs(float(self._a.reals[Real.VELOCITY_CMD, axis]))
+
+    def _own_rate(self, axis: int) -> float:
+        """Deceleration of the running command's own profile."""
+        return stop_rate(self._a.params, axis, self._speed(axis))
 
     def _state(self, axis: int) -> int:
         return int(self._a.flags[Flag.OP_STATE, axis])

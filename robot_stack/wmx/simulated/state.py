@@ -49,7 +49,11 @@ class EngineArrays:
 
 @dataclass(slots=True)
 class Condition:
-    """The engine as a whole. ``error`` is the code of what last ended communication by itself."""
+    """The engine as a whole.
+
+    ``error`` is the code of what last ended communication by itself. ``epoch`` changes whenever the
+    engine is stopped: a device of an earlier epoch is void.
+    """
 
     cycle_time_s: float
     state: EngineState = EngineState.Idle
@@ -57,6 +61,7 @@ class Condition:
     emergency_stop: bool = False
     emergency_stop_level: EStopLevel = EStopLevel.Level1
     cycles: int = 0
+    epoch: int = 0
     lost_cycles: int = 0
     overruns: int = 0
 

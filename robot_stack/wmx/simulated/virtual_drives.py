@@ -15,7 +15,7 @@ from robot_stack.wmx.bus import MODE_POSITION, DriveCommands, DriveFeedback
 
 
 class VirtualDrives:
-    """A ServoBus. Faults: ``alarms`` (code per axis; a request clears it unless ``stubborn``), ``connected``, ``frozen``."""
+    """A ServoBus. Faults: ``alarms`` (a request clears them unless ``stubborn``), ``connected``, ``frozen`` encoder."""
 
     def __init__(self, n_axes: int, cycle_time_s: float, lag_s: float = 0.005, servo_delay_cycles: int = 2) -> None:
         self.n_axes = n_axes

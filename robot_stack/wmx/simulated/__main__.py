@@ -1,0 +1,59 @@
+"""The simulated engine as a process of its own, on drives without physics: ``python -m robot_stack.wmx.simulated``."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import signal
+import sys
+from pathlib import Path
+
+from robot_stack.core.config import ConfigError, read_yaml, validate
+from robot_stack.core.runtime import AlreadyRunning, runtime_dir
+from robot_stack.wmx.config import EngineConfig, load_engine_config
+from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.simulated.server import EngineServer
+from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+
+
+def run_engine(config: EngineConfig, folder: Path, speed: float = 1.0) -> None:
+    """Serves an engine on virtual drives until SIGINT or SIGTERM; axes are stopped first. Raises AlreadyRunning."""
+    asked_to_end = False
+
+    def end(*_: object) -> None:
+        nonlocal asked_to_end
+        asked_to_end = True
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
+    engine = Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s))
+    server = EngineServer(engine, folder)
+    gc.collect()
+    gc.freeze()  # nothing made up to here is ever garbage: spare the cycle the search
+    server.serve_forever(lambda: asked_to_end, speed)
+    server.shut_down()
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Simulated motion engine on drives without physics.")
+    parser.add_argument("--config", type=Path, help="engine configuration; default config/wmx_engine.yaml")
+    parser.add_argument("--runtime-dir", type=Path, help="folder of socket and status; default the stack's own")
+    parser.add_argument("--speed", type=float, default=1.0, help="engine time per real time, for tests")
+    arguments = parser.parse_args()
+    if not 0.0 < arguments.speed <= 1000.0:
+        parser.error(f"--speed must be in (0, 1000], is {arguments.speed}")
+    try:
+        config = load_engine_config() if arguments.config is None else _read(arguments.config)
+        run_engine(config, arguments.runtime_dir or runtime_dir(), arguments.speed)
+    except (ConfigError, AlreadyRunning, OSError) as error:
+        print(f"engine: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _read(path: Path) -> EngineConfig:
+    return validate(EngineConfig, read_yaml(path), str(path))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,59 @@
+"""The wire between clients and the engine: frames of JSON, no socket in here.
+
+A frame is a little-endian 32-bit length and that many bytes of UTF-8 JSON. A request is ``[number, method,
+argument...]``, its answer ``[number, code, value...]`` with the same number. JSON carries NaN and infinities through,
+as the engine must refuse them by name; whatever is no frame at all is an error of the sender, who is cut off.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any, Final
+
+LARGEST_FRAME: Final = 256 * 1024
+_LENGTH: Final = struct.Struct("<I")
+
+
+class FrameError(Exception):
+    """The bytes are no frame of this protocol; nothing after them can be trusted."""
+
+
+def encode(message: list[Any]) -> bytes:
+    """One frame."""
+    body = json.dumps(message, separators=(",", ":")).encode()
+    if len(body) > LARGEST_FRAME:
+        raise FrameError(f"a frame may have {LARGEST_FRAME} bytes, this has {len(body)}")
+    return _LENGTH.pack(len(body)) + body
+
+
+class Decoder:
+    """Cuts a stream of bytes into messages, however the bytes arrive."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> list[list[Any]]:
+        """The messages completed by ``data``. Raises FrameError."""
+        self._buffer += data
+        messages = []
+        while len(self._buffer) >= _LENGTH.size:
+            (length,) = _LENGTH.unpack_from(self._buffer)
+            if not 0 < length <= LARGEST_FRAME:
+                raise FrameError(f"a frame may have 1..{LARGEST_FRAME} bytes, this announces {length}")
+            end = _LENGTH.size + length
+            if len(self._buffer) < end:
+                break
+            messages.append(_parse(bytes(self._buffer[_LENGTH.size : end])))
+            del self._buffer[:end]
+        return messages
+
+
+def _parse(body: bytes) -> list[Any]:
+    try:
+        message = json.loads(body)
+    except (ValueError, RecursionError) as error:
+        raise FrameError(f"a frame's body must be JSON: {error}") from error
+    if not isinstance(message, list) or len(message) < 2 or type(message[0]) is not int:
+        raise FrameError("a frame's body must be a list that begins with a number")
+    return message

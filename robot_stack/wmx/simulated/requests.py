@@ -1,0 +1,344 @@
+"""What a client may ask of the engine, by name: decoding of arguments, dispatch, answers.
+
+Arguments come from another process and are believed nothing: each is checked for type here and for value by the engine.
+A wrong number or type of arguments answers ArgumentOutOfRange, an unknown name NoSupportedFunction; neither raises.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final, TypeVar
+
+from robot_stack.wmx.api.enums import AxisCommandMode, DeviceType, EcStateMachine
+from robot_stack.wmx.api.errors import EcErrorCode, ErrorCode
+from robot_stack.wmx.api.parameters import Config_EmergencyStopParam
+from robot_stack.wmx.api.values import (
+    MAX_AXES,
+    Motion_JogCommand,
+    Motion_PosCommand,
+    Motion_TimedJogCommand,
+    Profile,
+    Velocity_TimedVelCommand,
+    Velocity_VelCommand,
+)
+from robot_stack.wmx.axes import Flag, Real
+from robot_stack.wmx.simulated import checks
+from robot_stack.wmx.simulated.devices import Device
+from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.simulated.parameters import BLOCKS, AxisBlock, from_wire, to_wire
+
+Answer = tuple[int, list[Any]]
+ValueT = TypeVar("ValueT")
+
+_NO_ERROR = int(ErrorCode.PyNone)
+_NAME_LENGTH: Final = 64
+_LONGEST_WATCHDOG_MS: Final = 3_600_000
+_INT_LIMIT: Final = 2**62
+
+
+class _BadArgument(Exception):
+    """An argument is of the wrong type."""
+
+
+@dataclass(slots=True)
+class Session:
+    """One client connection; ``device`` is 0 until it has created one, and again after that is closed."""
+
+    device: int = 0
+
+
+def execute(engine: Engine, session: Session, method: Any, arguments: Sequence[Any]) -> Answer:
+    """Carries out one request. Never raises for what a client sent."""
+    handler = _HANDLERS.get(method) if isinstance(method, str) else None
+    if handler is None:
+        return ErrorCode.NoSupportedFunction, []
+    if len(arguments) != _ARITY[method]:
+        return ErrorCode.ArgumentOutOfRange, []
+    device = engine.devices.get(session.device)
+    if device is None:
+        session.device = 0
+        if method not in _WITHOUT_DEVICE:
+            return ErrorCode.DeviceIsNull, []
+        device = Device(0)
+    else:
+        engine.devices.touch(device.id, engine.condition.cycles)
+    try:
+        return handler(_Call(engine, session, device), *arguments)
+    except _BadArgument:
+        return ErrorCode.ArgumentOutOfRange, []
+
+
+@dataclass(slots=True)
+class _Call:
+    engine: Engine
+    session: Session
+    device: Device
+
+
+def _int(value: Any) -> int:
+    if type(value) is not int or abs(value) > _INT_LIMIT:
+        raise _BadArgument
+    return value
+
+
+def _real(value: Any) -> float:
+    if type(value) not in (int, float):
+        raise _BadArgument
+    try:
+        return float(value)
+    except OverflowError:
+        raise _BadArgument from None
+
+
+def _list(value: Any, convert: Callable[[Any], ValueT], longest: int) -> list[ValueT]:
+    if not isinstance(value, list) or len(value) > longest:
+        raise _BadArgument
+    return [convert(item) for item in value]
+
+
+def _axes(value: Any) -> list[int]:
+    return _list(value, _int, MAX_AXES)
+
+
+def _mode(value: Any) -> AxisCommandMode:
+    if value not in (0, 1):
+        raise _BadArgument
+    return AxisCommandMode(value)
+
+
+def _fields(value: Any, count: int) -> list[Any]:
+    if not isinstance(value, list) or len(value) != count:
+        raise _BadArgument
+    return value
+
+
+def _profile(value: Any) -> Profile:
+    kind, *rest = _fields(value, 8)
+    return Profile(_int(kind), *map(_real, rest))
+
+
+def _position(value: Any) -> Motion_PosCommand:
+    axis, target, profile = _fields(value, 3)
+    return Motion_PosCommand(_int(axis), _real(target), _profile(profile))
+
+
+def _jog(value: Any) -> Motion_JogCommand:
+    axis, profile = _fields(value, 2)
+    return Motion_JogCommand(_int(axis), _profile(profile))
+
+
+def _timed_jog(value: Any) -> Motion_TimedJogCommand:
+    axis, time, profile = _fields(value, 3)
+    return Motion_TimedJogCommand(_int(axis), _real(time), _profile(profile))
+
+
+def _velocity(value: Any) -> Velocity_VelCommand:
+    axis, profile = _fields(value, 2)
+    return Velocity_VelCommand(_int(axis), _profile(profile))
+
+
+def _timed_velocity(value: Any) -> Velocity_TimedVelCommand:
+    axis, time, profile = _fields(value, 3)
+    return Velocity_TimedVelCommand(_int(axis), _real(time), _profile(profile))
+
+
+def _plain(code: int) -> Answer:
+    return code, []
+
+
+# -- device and engine -------------------------------------------------------------------------------------------------
+
+
+def _create_device(call: _Call, device_type: Any) -> Answer:
+    if call.session.device:
+        return ErrorCode.ResourceInUse, []
+    if _int(device_type) not in list(DeviceType):
+        return ErrorCode.ArgumentOutOfRange, []
+    code, device = call.engine.create_device(device_type)
+    if device is None:
+        return code, []
+    call.session.device = device.id
+    return code, [device.id, call.engine.condition.epoch]
+
+
+def _close_device(call: _Call) -> Answer:
+    call.engine.remove_device(call.session.device)
+    call.session.device = 0
+    return _NO_ERROR, []
+
+
+def _set_device_name(call: _Call, name: Any) -> Answer:
+    if not isinstance(name, str) or len(name) >= _NAME_LENGTH:
+        raise _BadArgument
+    call.device.name = name
+    return _NO_ERROR, []
+
+
+def _get_all_devices(call: _Call) -> Answer:
+    return _NO_ERROR, [[[d.id, d.type, d.watchdog_ms, d.watchdog_count, d.name] for d in call.engine.devices]]
+
+
+def _set_watchdog(call: _Call, milliseconds: Any) -> Answer:
+    if not 0 <= _int(milliseconds) <= _LONGEST_WATCHDOG_MS:
+        return ErrorCode.ArgumentOutOfRange, []
+    call.engine.devices.set_watchdog(call.device, milliseconds)
+    return _NO_ERROR, []
+
+
+def _auto_quit(call: _Call, value: Any) -> Answer:
+    if not isinstance(value, bool):
+        raise _BadArgument
+    call.engine.auto_quit = value
+    return _NO_ERROR, []
+
+
+# -- axes --------------------------------------------------------------------------------------------------------------
+
+
+def _cancel_home(call: _Call, axis: Any) -> Answer:
+    # Homing to the current position ends in the call that starts it: there is never any to cancel.
+    return _plain(checks.axes_in_range([_int(axis)], call.engine.arrays.n_axes))
+
+
+def _of_axis(call: _Call, axis: Any, values: Callable[[int], list[Any]]) -> Answer:
+    code = checks.axes_in_range([_int(axis)], call.engine.arrays.n_axes)
+    return (code, []) if code else (_NO_ERROR, values(axis))
+
+
+def _get_gear(call: _Call, axis: Any) -> Answer:
+    return _of_axis(call, axis, lambda index: list(call.engine.parameters.gear[index]))
+
+
+def _get_polarity(call: _Call, axis: Any) -> Answer:
+    return _of_axis(call, axis, lambda index: [call.engine.parameters.polarity[index]])
+
+
+def _block_kind(name: Any) -> type[AxisBlock]:
+    if not isinstance(name, str) or name not in BLOCKS:
+        raise _BadArgument
+    return BLOCKS[name]
+
+
+def _get_block(call: _Call, name: Any, axis: Any) -> Answer:
+    _block_kind(name)
+    return _of_axis(call, axis, lambda index: [to_wire(call.engine.parameters.get(name, index))])
+
+
+def _set_block(call: _Call, name: Any, axis: Any, data: Any) -> Answer:
+    block = from_wire(_block_kind(name), data)
+    if block is None:
+        raise _BadArgument
+    code = checks.axes_in_range([_int(axis)], call.engine.arrays.n_axes)
+    return _plain(code or call.engine.parameters.set(name, axis, block))
+
+
+def _set_estop_block(call: _Call, data: Any) -> Answer:
+    block = from_wire(Config_EmergencyStopParam, data)
+    if block is None:
+        raise _BadArgument
+    return _plain(call.engine.parameters.set_emergency_stop(block))
+
+
+def _get_param(call: _Call) -> Answer:
+    parameters = call.engine.parameters
+    axes = range(call.engine.arrays.n_axes)
+    blocks = {name: [asdict(parameters.get(name, axis)) for axis in axes] for name in BLOCKS}
+    return _NO_ERROR, [blocks, asdict(parameters.emergency_stop)]
+
+
+def _get_axis_param(call: _Call) -> Answer:
+    arrays, parameters = call.engine.arrays, call.engine.parameters
+    axes = range(arrays.n_axes)
+    return _NO_ERROR, [
+        arrays.flags[Flag.COMMAND_MODE].tolist(),
+        [gear[0] for gear in parameters.gear],
+        [gear[1] for gear in parameters.gear],
+        list(parameters.polarity),
+        [parameters.absolute(axis) for axis in axes],
+        arrays.reals[Real.HOME_OFFSET].tolist(),
+    ]
+
+
+# -- network -----------------------------------------------------------------------------------------------------------
+
+
+def _scan_network(call: _Call, master: Any) -> Answer:
+    if _int(master) != 0:
+        return ErrorCode.ArgumentOutOfRange, []
+    # A scan would disturb a running bus.
+    return _plain(EcErrorCode.ScanNetworkFailed if call.engine.condition.communicating else _NO_ERROR)
+
+
+def _get_master_info(call: _Call) -> Answer:
+    condition = call.engine.condition
+    state = EcStateMachine.Op if condition.communicating else EcStateMachine.Init
+    period_ns = round(1e9 * condition.cycle_time_s)
+    return _NO_ERROR, [state, call.engine.arrays.n_axes, period_ns, condition.cycles, condition.lost_cycles]
+
+
+_HANDLERS: Final[dict[str, Callable[..., Answer]]] = {
+    "CreateDevice": _create_device,
+    "CloseDevice": _close_device,
+    "StartEngine": lambda c: _plain(c.engine.start_engine()),
+    "StopEngine": lambda c: _plain(c.engine.stop_engine()),
+    "StartCommunication": lambda c: _plain(c.engine.start_communication()),
+    "StopCommunication": lambda c: _plain(c.engine.stop_communication()),
+    "SetDeviceName": _set_device_name,
+    "GetDeviceName": lambda c: (_NO_ERROR, [c.device.name]),
+    "GetAllDevices": _get_all_devices,
+    "SetWatchdog": _set_watchdog,
+    "GetWatchdog": lambda c: (_NO_ERROR, [c.device.watchdog_ms, c.device.watchdog_count]),
+    "ResetWatchdogTimer": lambda c: (_NO_ERROR, []),  # any call does
+    "AutoQuitWithoutActiveDev": _auto_quit,
+    "ExecEStop": lambda c, level: _plain(c.engine.exec_estop(_int(level))),
+    "ReleaseEStop": lambda c: _plain(c.engine.release_estop()),
+    "SetServoOn": lambda c, axes, on: _plain(c.engine.set_servo_on(_axes(axes), _int(on))),
+    "ClearAmpAlarm": lambda c, axes: _plain(c.engine.clear_amp_alarm(_axes(axes))),
+    "ClearAxisAlarm": lambda c, axes: _plain(c.engine.clear_axis_alarm(_axes(axes))),
+    "SetAxisCommandMode": lambda c, axis, mode: _plain(c.engine.set_mode(_int(axis), _int(mode))),
+    "StartPos": lambda c, commands: _plain(
+        c.engine.motion.start_position(c.device.id, _list(commands, _position, MAX_AXES), relative=False)
+    ),
+    "StartMov": lambda c, commands: _plain(
+        c.engine.motion.start_position(c.device.id, _list(commands, _position, MAX_AXES), relative=True)
+    ),
+    "StartJog": lambda c, commands: _plain(c.engine.motion.start_jog(c.device.id, _list(commands, _jog, MAX_AXES))),
+    "StartTimedJog": lambda c, commands: _plain(
+        c.engine.motion.start_jog(c.device.id, _list(commands, _timed_jog, MAX_AXES))
+    ),
+    "StartVel": lambda c, commands: _plain(
+        c.engine.motion.start_velocity(c.device.id, _list(commands, _velocity, MAX_AXES))
+    ),
+    "StartTimedVel": lambda c, commands: _plain(
+        c.engine.motion.start_velocity(c.device.id, _list(commands, _timed_velocity, MAX_AXES))
+    ),
+    "Stop": lambda c, mode, axes: _plain(c.engine.motion.stop(_axes(axes), _mode(mode))),
+    "StopDec": lambda c, axis, dec: _plain(c.engine.motion.stop_dec(_int(axis), _real(dec))),
+    "QuickStop": lambda c, mode, axes: _plain(c.engine.motion.quick_stop(_axes(axes), _mode(mode))),
+    "TimedStop": lambda c, mode, axes, time: _plain(c.engine.motion.timed_stop(_axes(axes), _real(time), _mode(mode))),
+    "StartHome": lambda c, axes: _plain(c.engine.start_home(_axes(axes))),
+    "CancelHome": _cancel_home,
+    "SetCommandPos": lambda c, axis, p: _plain(c.engine.set_position(_int(axis), Real.POS_CMD, _real(p))),
+    "SetFeedbackPos": lambda c, axis, p: _plain(c.engine.set_position(_int(axis), Real.ACTUAL_POS, _real(p))),
+    "SetHomeDone": lambda c, axis, value: _plain(c.engine.set_home_done(_int(axis), _int(value))),
+    "SetGearRatio": lambda c, axis, num, den: _plain(c.engine.set_gear(_int(axis), _real(num), _real(den))),
+    "GetGearRatio": _get_gear,
+    "SetAxisPolarity": lambda c, axis, sign: _plain(c.engine.set_polarity(_int(axis), _int(sign))),
+    "GetAxisPolarity": _get_polarity,
+    "GetBlock": _get_block,
+    "SetBlock": _set_block,
+    "GetEmergencyStopParam": lambda c: (_NO_ERROR, [asdict(c.engine.parameters.emergency_stop)]),
+    "SetEmergencyStopParam": _set_estop_block,
+    "GetParam": _get_param,
+    "GetAxisParam": _get_axis_param,
+    "SetOutBit": lambda c, byte, bit, value: _plain(c.engine.set_output_bit(_int(byte), _int(bit), _int(value))),
+    "SetOutBytes": lambda c, byte, data: _plain(c.engine.set_outputs(_int(byte), _list(data, _int, 8000))),
+    "ScanNetwork": _scan_network,
+    "GetMasterInfo": _get_master_info,
+}
+_ARITY: Final = {name: handler.__code__.co_argcount - 1 for name, handler in _HANDLERS.items()}
+_WITHOUT_DEVICE: Final = frozenset({"CreateDevice", "StartEngine"})
+
+METHODS: Final = tuple(_HANDLERS)
+"""Every name a client may use."""

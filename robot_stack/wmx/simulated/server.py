@@ -1,0 +1,275 @@
+"""The engine process towards its clients: a local socket for commands, shared memory for status, one thread for all.
+
+``cycle`` is one cycle of everything, for whoever sets the pace; ``serve_forever`` paces it by the clock. Nothing a
+client does, or stops doing, blocks or ends a cycle: sockets do not block, a client that sends rubbish or does not read
+its answers is cut off, and one that dies has its axes stopped.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import select
+import socket
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any, Final
+
+from robot_stack.core.runtime import AlreadyRunning
+from robot_stack.wmx.api.errors import ErrorCode
+from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.simulated.protocol import Decoder, FrameError, encode
+from robot_stack.wmx.simulated.requests import Answer, Session, execute
+from robot_stack.wmx.simulated.status_memory import StatusWriter
+
+SOCKET_FILE: Final = "engine.sock"
+LOCK_FILE: Final = "engine.lock"
+
+_RECEIVE_BYTES: Final = 65536
+_REQUESTS_PER_TURN: Final = 32
+"""Requests of one client carried out between two cycles; the rest waits, so that no client starves the cycle."""
+_UNREAD_BYTES: Final = 1 << 20
+"""Answers a client may leave unread before it is cut off."""
+_LONGEST_SOCKET_PATH: Final = 107
+
+
+class _Client:
+    """One connection."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self.socket = connection
+        self.session = Session()
+        self.decoder = Decoder()
+        self.requests: deque[list[Any]] = deque()
+        self.answers = bytearray()
+        self.waits_to_send = False
+        self.creating: tuple[int, Any] | None = None
+        """A request to create a device that is being carried out: its number and its argument."""
+
+
+class EngineServer:
+    """Serves ``engine`` in ``runtime_dir``. Raises AlreadyRunning if another process does, OSError if it cannot.
+
+    ``clock_ns`` is the monotonic clock that stamps the status.
+    """
+
+    def __init__(self, engine: Engine, runtime_dir: Path, clock_ns: Callable[[], int] = time.monotonic_ns) -> None:
+        self.engine = engine
+        self._clock_ns = clock_ns
+        self._path = runtime_dir / SOCKET_FILE
+        runtime_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
+        self._lock = _hold(runtime_dir / LOCK_FILE)
+        engine.condition.epoch = clock_ns()  # no device of an earlier process can be taken for one of this
+        self._status = StatusWriter(engine, runtime_dir)
+        self._listener = _listen(self._path)
+        self._poll = select.epoll()
+        self._poll.register(self._listener, select.EPOLLIN)
+        self._listening = self._listener.fileno()
+        self._clients: dict[int, _Client] = {}
+        self._busy: set[int] = set()
+        self._lock_until_ns = 0
+        self._creator: int | None = None
+        self._published_ns = 0
+        self._publish()
+
+    # -- one turn ------------------------------------------------------------------------------------------------------
+
+    def cycle(self) -> None:
+        """Serves clients, runs one engine cycle, publishes the status, sends the answers."""
+        served = self._serve()
+        self.engine.cycle()
+        self._publish()
+        if served:
+            self._answer()
+
+    def poll(self) -> None:
+        """Serves clients without a cycle, for a world that stands still; keeps the status fresh."""
+        served = self._serve()
+        if served or self._clock_ns() - self._published_ns > 1e9 * self.engine.config.server.pause_publish_s:
+            self._publish()
+        if served:
+            self._answer()
+
+    def serve_forever(self, stop: Callable[[], bool], speed: float = 1.0) -> None:
+        """Cycles on absolute deadlines until ``stop()``; what it cannot catch up with is skipped and counted."""
+        period_ns = round(1e9 * self.engine.config.cycle_time_s / speed)
+        deadline_ns = time.monotonic_ns()
+        while not stop():
+            self.cycle()
+            deadline_ns += period_ns
+            left_ns = deadline_ns - time.monotonic_ns()
+            if left_ns > 0:
+                time.sleep(left_ns * 1e-9)
+            elif -left_ns > period_ns:
+                missed = -left_ns // period_ns
+                self.engine.condition.overruns += missed
+                deadline_ns += missed * period_ns
+
+    def shut_down(self) -> None:
+        """Stops all axes at their quick-stop deceleration, paced by the clock, then the engine. For an orderly end."""
+        for axis in range(self.engine.arrays.n_axes):
+            self.engine.motion.quick_stop_axis(axis)
+        deadline_ns = time.monotonic_ns() + round(1e9 * self.engine.config.server.shutdown_stop_s)
+        self.serve_forever(lambda: self.engine.at_rest or time.monotonic_ns() > deadline_ns)
+        self.engine.stop_engine()
+        self.close()
+
+    def close(self) -> None:
+        """Takes socket and lock back. Clients see the engine gone."""
+        self._publish()
+        for descriptor in list(self._clients):
+            self._clients.pop(descriptor).socket.close()
+        self._listener.close()
+        self._poll.close()
+        self._path.unlink(missing_ok=True)
+        self._lock.close()
+
+    def inject_create_lock(self, duration_s: float) -> None:
+        """Makes device creation fail with the lock error for a while, as if another process were at it."""
+        self._lock_until_ns = self._clock_ns() + round(1e9 * duration_s)
+
+    # -- clients -------------------------------------------------------------------------------------------------------
+
+    def _publish(self) -> None:
+        self._published_ns = self._clock_ns()
+        self._status.publish(self._published_ns)
+
+    def _serve(self) -> bool:
+        events = self._poll.poll(0)
+        if not events and not self._busy and self._creator is None:
+            return False
+        for descriptor, event in events:
+            if descriptor == self._listening:
+                self._accept()
+            elif event & (select.EPOLLIN | select.EPOLLHUP | select.EPOLLERR):
+                self._receive(descriptor)
+        self._finish_creation()
+        for descriptor in sorted(self._busy):
+            self._work(descriptor)
+        return True
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                connection, _ = self._listener.accept()
+            except OSError:  # nobody left to accept, or gone again
+                return
+            if len(self._clients) >= self.engine.config.server.max_clients:
+                connection.close()
+                continue
+            connection.setblocking(False)
+            self._clients[connection.fileno()] = _Client(connection)
+            self._poll.register(connection, select.EPOLLIN)
+
+    def _receive(self, descriptor: int) -> None:
+        client = self._clients.get(descriptor)
+        if client is None or len(client.requests) > _REQUESTS_PER_TURN:
+            return  # what a flood of requests does not leave time for waits in the socket
+        try:
+            data = client.socket.recv(_RECEIVE_BYTES)
+            client.requests.extend(client.decoder.feed(data))
+        except BlockingIOError:
+            return
+        except (OSError, FrameError):
+            self._drop(descriptor)
+            return
+        if not data:
+            self._drop(descriptor)
+        elif client.requests:
+            self._busy.add(descriptor)
+
+    def _work(self, descriptor: int) -> None:
+        client = self._clients[descriptor]
+        for _ in range(_REQUESTS_PER_TURN):
+            if not client.requests or client.creating is not None:
+                break
+            number, method, *arguments = client.requests.popleft()
+            if method == "CreateDevice" and not client.session.device:
+                self._begin_creation(descriptor, client, number, arguments)
+            else:
+                self._put(client, number, execute(self.engine, client.session, method, arguments))
+        if not client.requests:
+            self._busy.discard(descriptor)
+
+    def _begin_creation(self, descriptor: int, client: _Client, number: int, arguments: list[Any]) -> None:
+        """Creating a device takes a while, during which others are told so."""
+        now_ns = self._clock_ns()
+        if self._creator is not None or now_ns < self._lock_until_ns:
+            self._put(client, number, (ErrorCode.CreateDeviceLockError, []))
+            return
+        client.creating = (number, arguments)
+        self._creator = descriptor
+        self._lock_until_ns = now_ns + round(1e9 * self.engine.config.server.create_device_s)
+
+    def _finish_creation(self) -> None:
+        if self._creator is None or self._clock_ns() < self._lock_until_ns:
+            return
+        client = self._clients[self._creator]
+        assert client.creating is not None
+        number, arguments = client.creating
+        client.creating = None
+        self._put(client, number, execute(self.engine, client.session, "CreateDevice", arguments))
+        if client.requests:
+            self._busy.add(self._creator)
+        self._creator = None
+
+    @staticmethod
+    def _put(client: _Client, number: int, answer: Answer) -> None:
+        code, values = answer
+        client.answers += encode([number, int(code), *values])
+
+    def _answer(self) -> None:
+        for descriptor in [key for key, client in self._clients.items() if client.answers]:
+            self._send(descriptor)
+
+    def _send(self, descriptor: int) -> None:
+        client = self._clients[descriptor]
+        try:
+            sent = client.socket.send(client.answers)
+        except BlockingIOError:
+            sent = 0
+        except OSError:
+            self._drop(descriptor)
+            return
+        del client.answers[:sent]
+        if len(client.answers) > _UNREAD_BYTES:
+            self._drop(descriptor)
+            return
+        if bool(client.answers) != client.waits_to_send:
+            client.waits_to_send = not client.waits_to_send
+            self._poll.modify(descriptor, select.EPOLLIN | (select.EPOLLOUT if client.waits_to_send else 0))
+
+    def _drop(self, descriptor: int) -> None:
+        """The client is gone or not to be trusted: its device goes, and what that set in motion stops."""
+        client = self._clients.pop(descriptor)
+        self._busy.discard(descriptor)
+        if self._creator == descriptor:
+            self._creator = None
+        with contextlib.suppress(OSError):
+            self._poll.unregister(descriptor)
+        client.socket.close()
+        if client.session.device:
+            self.engine.remove_device(client.session.device)
+
+
+def _hold(path: Path) -> IO[str]:
+    file = open(path, "a+", encoding="ascii")  # noqa: SIM115 - the lock lives as long as the server
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        file.close()
+        raise AlreadyRunning(f"{path}: another motion engine runs in this folder") from error
+    return file
+
+
+def _listen(path: Path) -> socket.socket:
+    if len(str(path).encode()) > _LONGEST_SOCKET_PATH:
+        raise OSError(f"{path}: a socket's path may have {_LONGEST_SOCKET_PATH} bytes")
+    path.unlink(missing_ok=True)  # of an engine that died; the lock says that none lives
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
+    listener.bind(str(path))
+    path.chmod(0o600)
+    listener.listen(64)
+    return listener

@@ -1,0 +1,202 @@
+"""The engine's status in shared memory: written once per cycle, read by any process without asking the engine.
+
+A file in the runtime folder is mapped by the writer and by every reader. It is a sequence lock: the writer makes the
+sequence number odd, writes, makes it even; a reader copies between two looks at the number and tries again if they
+differ or are odd. A reader never blocks the writer, and readers do not know of each other.
+
+What this rests on: each store to the sequence number is one aligned 8-byte store, and the interpreter does not reorder
+statements. x86 keeps stores in order and loads in order, so there the two looks suffice. Other processors (ARM) may let
+another core see the stores in another order, and Python has no memory barrier to offer; there the page also carries a
+checksum of its contents, which a reader verifies. A torn copy is then refused for its contents, whatever the order.
+
+A writer that dies in the middle leaves the number odd for ever; readers give up after a bounded number of tries. A dead
+writer is noticed by the age of the stamp. A new writer puts a new file in place of the old one, never into it.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import platform
+import struct
+import time
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.wmx.api.enums import EngineState
+from robot_stack.wmx.axes import N_FLAGS, N_REALS, StatusSnapshot
+from robot_stack.wmx.simulated.engine import Engine
+
+STATUS_FILE: Final = "engine.status"
+
+_MAGIC: Final = 0x53_58_4D_57  # "WMXS"
+_LAYOUT: Final = 1
+_HEAD: Final = struct.Struct("<qqqqqqqq")
+"""magic, layout, axes, input bytes, output bytes, checksum used, checksum, sequence number"""
+_CHECKSUM_AT: Final = 48
+_SEQUENCE_AT: Final = 56
+_META: Final = struct.Struct("<qqqqqqqqqq")
+"""state, epoch, cycles, stamp ns, cycle time ns, error, emergency stop, its level, lost cycles, overruns"""
+
+_TRIES: Final = 2000
+_PATIENT_TRIES: Final = 50
+"""Tries at full speed before a reader starts to give up its time slice between tries."""
+
+ORDERED_MACHINES: Final = frozenset({"x86_64", "AMD64", "i686", "i386"})
+
+
+class StatusUnreadable(Exception):
+    """There is no status page, it is no status page of this layout, or its writer died in the middle of a write."""
+
+
+class StatusWriter:
+    """Publishes an engine's status in ``folder``. ``checked`` forces the checksum on or off."""
+
+    def __init__(self, engine: Engine, folder: Path, checked: bool | None = None) -> None:
+        self._engine = engine
+        self._checked = platform.machine() not in ORDERED_MACHINES if checked is None else checked
+        arrays, inputs, outputs = engine.arrays, engine.feedback.inputs, engine.commands.outputs
+        n_axes = arrays.n_axes
+        layout = _Layout(n_axes, inputs.size, outputs.size)
+        self._page = _create(folder / STATUS_FILE, layout.size)
+        head = (_MAGIC, _LAYOUT, n_axes, inputs.size, outputs.size, int(self._checked), 0, 0)
+        _HEAD.pack_into(self._page, 0, *head)
+        self._sequence = 0
+        self._number = np.frombuffer(self._page, np.int64, 1, _SEQUENCE_AT)
+        self._reals = np.frombuffer(self._page, np.float64, N_REALS * n_axes, layout.reals).reshape(N_REALS, n_axes)
+        self._flags = np.frombuffer(self._page, np.int64, N_FLAGS * n_axes, layout.flags).reshape(N_FLAGS, n_axes)
+        self._inputs = np.frombuffer(self._page, np.uint8, inputs.size, layout.inputs)
+        self._outputs = np.frombuffer(self._page, np.uint8, outputs.size, layout.outputs)
+        self._contents = memoryview(self._page)[_HEAD.size : layout.size]
+
+    def publish(self, stamp_ns: int) -> None:
+        """Writes the present status, stamped with the monotonic clock."""
+        engine, condition = self._engine, self._engine.condition
+        self._sequence += 2
+        self._number[0] = self._sequence - 1
+        _META.pack_into(
+            self._page,
+            _HEAD.size,
+            condition.state,
+            condition.epoch,
+            condition.cycles,
+            stamp_ns,
+            round(1e9 * condition.cycle_time_s),
+            condition.error,
+            condition.emergency_stop,
+            condition.emergency_stop_level,
+            condition.lost_cycles,
+            condition.overruns,
+        )
+        self._reals[:] = engine.arrays.reals
+        self._flags[:] = engine.arrays.flags
+        self._inputs[:] = engine.feedback.inputs
+        self._outputs[:] = engine.commands.outputs
+        if self._checked:
+            struct.pack_into("<q", self._page, _CHECKSUM_AT, zlib.crc32(self._contents))
+        self._number[0] = self._sequence
+
+
+class StatusReader:
+    """Reads the status published in ``folder``. Raises StatusUnreadable where there is none."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / STATUS_FILE
+        self._page, self._layout, self._checked = _open(self._path)
+        self._number = np.frombuffer(self._page, np.int64, 1, _SEQUENCE_AT)
+        self._contents = np.frombuffer(self._page, np.uint8, self._layout.size - _HEAD.size, _HEAD.size)
+
+    def read(self, pause: Callable[[float], object] = time.sleep) -> StatusSnapshot:
+        """A consistent copy. Raises StatusUnreadable if none can be had, as after a writer's sudden death."""
+        number = self._number
+        for attempt in range(_TRIES):
+            before = int(number[0])
+            if not before & 1:
+                copy = self._contents.copy()
+                checksum = struct.unpack_from("<q", self._page, _CHECKSUM_AT)[0] if self._checked else 0
+                if int(number[0]) == before and (not self._checked or zlib.crc32(copy.data) == checksum):
+                    return self._layout.snapshot(copy)
+            if attempt >= _PATIENT_TRIES:
+                pause(0.0)
+        raise StatusUnreadable(f"{self._path}: no consistent status in {_TRIES} tries: its writer died while writing")
+
+    def replaced(self) -> bool:
+        """A newer writer has put another file in place, or the file is gone."""
+        try:
+            return os.stat(self._path).st_ino != self._layout.inode
+        except OSError:
+            return True
+
+
+class _Layout:
+    """Where things lie in the page, in bytes from its start."""
+
+    def __init__(self, n_axes: int, n_inputs: int, n_outputs: int, inode: int = 0) -> None:
+        self.n_axes, self.n_inputs, self.n_outputs, self.inode = n_axes, n_inputs, n_outputs, inode
+        self.reals = _HEAD.size + _META.size
+        self.flags = self.reals + 8 * N_REALS * n_axes
+        self.inputs = self.flags + 8 * N_FLAGS * n_axes
+        self.outputs = self.inputs + n_inputs
+        self.size = self.outputs + n_outputs
+
+    def snapshot(self, contents: NDArray[np.uint8]) -> StatusSnapshot:
+        """The snapshot in a copy of the page's contents, which begin after the head."""
+        state, epoch, cycles, stamp_ns, cycle_ns, error, stop, level, lost, overruns = _META.unpack_from(contents.data)
+        skip = _HEAD.size
+        reals = contents[self.reals - skip : self.flags - skip].view(np.float64).reshape(N_REALS, self.n_axes)
+        flags = contents[self.flags - skip : self.inputs - skip].view(np.int64).reshape(N_FLAGS, self.n_axes)
+        return StatusSnapshot(
+            engine_state=EngineState(state),
+            epoch=epoch,
+            cycle_counter=cycles,
+            engine_time_s=cycles * cycle_ns * 1e-9,
+            stamp_ns=stamp_ns,
+            cycle_time_s=cycle_ns * 1e-9,
+            engine_error=error,
+            emergency_stop=bool(stop),
+            emergency_stop_level=level,
+            lost_cycles=lost,
+            overruns=overruns,
+            reals=reals,
+            flags=flags,
+            inputs=contents[self.inputs - skip : self.outputs - skip],
+            outputs=contents[self.outputs - skip :],
+        )
+
+
+def _create(path: Path, size: int) -> mmap.mmap:
+    """A new page under a temporary name, then in place of whatever was there: readers never see half a page."""
+    temporary = path.with_name(f"{path.name}.{os.getpid()}")
+    descriptor = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+    try:
+        os.ftruncate(descriptor, size)
+        page = mmap.mmap(descriptor, size)
+    finally:
+        os.close(descriptor)
+    _HEAD.pack_into(page, 0, 0, _LAYOUT, 0, 0, 0, 0, 0, 1)
+    os.rename(temporary, path)
+    return page
+
+
+def _open(path: Path) -> tuple[mmap.mmap, _Layout, bool]:
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError as error:
+        raise StatusUnreadable(f"{path}: cannot be opened: {error.strerror or error}") from error
+    try:
+        found = os.fstat(descriptor)
+        if found.st_size < _HEAD.size + _META.size:
+            raise StatusUnreadable(f"{path}: has {found.st_size} bytes, too few for a status page")
+        page = mmap.mmap(descriptor, found.st_size, prot=mmap.PROT_READ)
+    finally:
+        os.close(descriptor)
+    magic, layout_number, n_axes, n_inputs, n_outputs, checked, _, _ = _HEAD.unpack_from(page)
+    layout = _Layout(n_axes, n_inputs, n_outputs, found.st_ino)
+    if (magic, layout_number) != (_MAGIC, _LAYOUT) or layout.size != found.st_size:
+        raise StatusUnreadable(f"{path}: is no status page of layout {_LAYOUT}")
+    return page, layout, bool(checked)
