@@ -22,9 +22,10 @@ def needed(root: Path, prefix: Path) -> list[Path]:
     entries = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
     underlays = [entry for entry in entries if entry.resolve() != prefix.resolve()]
     python = f"python{sys.version_info.major}.{sys.version_info.minor}"
+    folders = [f"{lib}/{python}/{kind}-packages" for lib in ("lib", "local/lib") for kind in ("site", "dist")]
 
     def installed(name: str) -> bool:
-        return any(any(underlay.glob(f"**/{python}/*-packages/{name}/__init__.py")) for underlay in underlays)
+        return any((underlay / folder / name / "__init__.py").exists() for underlay in underlays for folder in folders)
 
     return [root / name for name in PACKAGES if not (name in PROVIDED_UPSTREAM and installed(name))]
 

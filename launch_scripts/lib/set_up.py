@@ -87,17 +87,29 @@ def made_by_this_python() -> bool:
 
 
 def install_packages() -> None:
+    begun = PREFIX / ".setup/packages.begun"
+    interrupted = begun.exists()
+    begun.parent.mkdir(exist_ok=True)
+    begun.touch()
+    if subprocess.run([PYTHON, "-m", "pip", "--version"], capture_output=True, check=False).returncode:
+        run([str(PYTHON), "-m", "ensurepip"])  # making the environment was interrupted
     try:
-        with tempfile.NamedTemporaryFile("w", suffix=".txt") as only_uv:
-            only_uv.write(locked("uv"))
-            only_uv.flush()
-            run([*pip("install"), "--require-hashes", "-r", only_uv.name])
-        quiet = [] if sys.stderr.isatty() else ["--quiet"]
-        install = [str(PREFIX / "bin/uv"), "pip", "install", "--python", str(PYTHON), "--require-hashes"]
-        run([*install, "--requirement", str(LOCK), *quiet])
+        install_with_uv(interrupted)
     except Fault as fault:
         print(f"setup: {fault}\nsetup: going on with pip, which takes longer", file=sys.stderr)
         run([*pip("install"), "--require-hashes", "-r", str(LOCK)])
+    begun.unlink()
+
+
+def install_with_uv(again: bool) -> None:
+    """Installs the lock by uv, itself in the lock; ``again`` replaces what an interrupted run may have left half."""
+    with tempfile.NamedTemporaryFile("w", suffix=".txt") as only_uv:
+        only_uv.write(locked("uv"))
+        only_uv.flush()
+        run([*pip("install"), "--require-hashes", "-r", only_uv.name])
+    options = [*(["--reinstall"] if again else []), *([] if sys.stderr.isatty() else ["--quiet"])]
+    install = [str(PREFIX / "bin/uv"), "pip", "install", "--python", str(PYTHON), "--require-hashes", *options]
+    run([*install, "--requirement", str(LOCK)])
 
 
 def pip(verb: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 The wheels install a start-up hook that executes the interpreter once more with ``LD_LIBRARY_PATH`` set, unless
 ``_ROS_WHEELS_BOOTSTRAP_COMPLETE`` says that this is done. Whoever starts a node process sets both and saves that start
-(about 0.1 s of CPU per process). No ROS import here: this runs before ROS can be imported.
+(15 to 20 ms of CPU per process). No ROS import here: this runs before ROS can be imported.
 """
 
 import os
