@@ -14,6 +14,7 @@ import math
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import Twist2
+from robot_stack.drive.ramp import stoppable_rate
 
 TURN = 2.0 * math.pi
 HALF_TURN = math.pi
@@ -87,16 +88,11 @@ def steering_step(
     """One step of a steering axis that has to turn by ``turn_rad`` and now turns at ``rate_radps``.
 
     The axis arrives as fast as its rate and acceleration allow and can always stop where it shall, as long as the
-    target does not move. Rates are means over a step, so the largest rate from which it can stop within the distance d
-    at steps of length dt solves r*dt/2 + r^2/(2a) = d.
-
-    Returns (angle turned in this step, new rate).
+    target does not move. Returns (angle turned in this step, new rate).
     """
-    distance = abs(turn_rad)
+    wanted = min(max_rate_radps, stoppable_rate(abs(turn_rad), max_acceleration_radps2, dt_s))
     gain = max_acceleration_radps2 * dt_s
-    stopping = math.sqrt(0.25 * gain * gain + 2.0 * max_acceleration_radps2 * distance) - 0.5 * gain
-    wanted = math.copysign(min(max_rate_radps, stopping, distance / dt_s), turn_rad)
-    rate = min(max(wanted, rate_radps - gain), rate_radps + gain)
+    rate = min(max(math.copysign(wanted, turn_rad), rate_radps - gain), rate_radps + gain)
     return rate * dt_s, rate
 
 

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
+from robot_stack.drive.ramp import stoppable_rate
 
 # Beyond this, squares of commands could overflow. No robot is meant by such a number; only its direction counts.
 _HUGE = 1e6
@@ -73,7 +74,7 @@ def approach(
     the target is dropped at once, because a robot that is told to slow down must not speed up first.
 
     ``target_rate`` is how the target itself moves (m/s2, rad/s2, see ``followable_rate``): a target that keeps within
-    the limits is followed without lag.
+    the limits is followed without lag: the step ends where the target will be by then.
 
     Returns (twist, acceleration) after ``dt_s``.
     """
@@ -89,7 +90,7 @@ def approach(
         rx, ry, rw = _without_adverse_part(rx, ry, rw, nx, ny, nw, limits)
         # Jerk along the way, in full accelerations per second.
         kappa = 1.0 / max(math.hypot(nx, ny) / limits.max_jerk_mps3, abs(nw) / limits.max_yaw_jerk_radps3)
-        share = min(1.0, _stoppable_rate(seconds, kappa, dt_s))
+        share = min(1.0, stoppable_rate(seconds, kappa, dt_s))
         wx, wy, ww = nx * share, ny * share, nw * share
     ax, ay, aw = _towards(rx + ux, ry + uy, rw + uw, wx + ux, wy + uy, ww + uw, limits, dt_s)
     new = Twist2(twist.vx + ax * dt_s, twist.vy + ay * dt_s, twist.omega + aw * dt_s)
@@ -108,15 +109,19 @@ def _towards(
     ax: float, ay: float, aw: float, wx: float, wy: float, ww: float, limits: MotionLimits, dt_s: float
 ) -> tuple[float, float, float]:
     """From the acceleration ``a`` towards the wanted ``w``, within acceleration and jerk."""
-    full = max(math.hypot(wx, wy) / limits.max_acceleration_mps2, abs(ww) / limits.max_yaw_acceleration_radps2)
-    if full > 1.0:
-        wx, wy, ww = wx / full, wy / full, ww / full
+    wx, wy, ww = _at_most_full(wx, wy, ww, limits)
     jx, jy, jw = wx - ax, wy - ay, ww - aw
     needed_s = max(math.hypot(jx, jy) / limits.max_jerk_mps3, abs(jw) / limits.max_yaw_jerk_radps3)
     if needed_s <= dt_s:
         return wx, wy, ww
     part = dt_s / needed_s
-    return ax + jx * part, ay + jy * part, aw + jw * part
+    # What was left of a dropped acceleration, or came from higher limits, may be too much in one direction.
+    return _at_most_full(ax + jx * part, ay + jy * part, aw + jw * part, limits)
+
+
+def _at_most_full(x: float, y: float, w: float, limits: MotionLimits) -> tuple[float, float, float]:
+    full = max(math.hypot(x, y) / limits.max_acceleration_mps2, abs(w) / limits.max_yaw_acceleration_radps2)
+    return (x, y, w) if full <= 1.0 else (x / full, y / full, w / full)
 
 
 def _arrived(new: Twist2, target: Twist2, target_rate: Twist2) -> Twist2:
@@ -125,14 +130,6 @@ def _arrived(new: Twist2, target: Twist2, target_rate: Twist2) -> Twist2:
         return new
     rest = max(abs(new.vx - target.vx), abs(new.vy - target.vy), abs(new.omega - target.omega))
     return target if rest < _ROUNDING else new
-
-
-def _stoppable_rate(distance: float, change_per_s: float, dt_s: float) -> float:
-    """The largest mean rate of a step of ``dt_s`` from which the rate can come to 0, at ``change_per_s``, within
-    ``distance``.
-    """
-    gain = change_per_s * dt_s
-    return min(math.sqrt(0.25 * gain * gain + 2.0 * change_per_s * distance) - 0.5 * gain, distance / dt_s)
 
 
 def _without_adverse_part(

@@ -1,0 +1,29 @@
+"""The robot and the parameters that the drive's tests share."""
+
+from __future__ import annotations
+
+from robot_stack.core.config import load
+from robot_stack.core.robot import load_robot
+from robot_stack.drive.limits import MotionLimits
+from robot_stack.drive.parameters import (
+    SwerveControllerParams,
+    drive_settings,
+    module_limits,
+    motion_limits,
+    odometry_settings,
+)
+from robot_stack.drive.swerve_drive import SwerveDrive
+
+ROBOT = load_robot()
+PARAMS = load(SwerveControllerParams, "swerve_controller")
+POSITIONS = ROBOT.module_positions_m()
+MODULE_LIMITS = module_limits(PARAMS.module, ROBOT)
+DRIVE_SETTINGS = drive_settings(PARAMS.drive, ROBOT)
+ODOMETRY_SETTINGS = odometry_settings(PARAMS.odometry, ROBOT)
+EMPTY: MotionLimits = motion_limits(ROBOT.empty)
+WITH_PASSENGER: MotionLimits = motion_limits(ROBOT.with_passenger)
+TICK_S = 0.05
+
+
+def new_drive() -> SwerveDrive:
+    return SwerveDrive(POSITIONS, MODULE_LIMITS, DRIVE_SETTINGS)

@@ -1,0 +1,209 @@
+"""Swerve kinematics against numbers worked by hand and against WPILib."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_stack.core.geometry import Twist2
+from robot_stack.drive.kinematics import (
+    cosine_scale,
+    desaturated,
+    fastest_wheel_mps,
+    nearest_equivalent,
+    steering_step,
+    turn_to,
+    wheel_velocities,
+    wrapped,
+    x_lock_angles,
+)
+from tests.unit.drive.robot import POSITIONS
+
+speeds = st.floats(-2.0, 2.0)
+angles = st.floats(-50.0, 50.0)
+senses = st.sampled_from([1.0, -1.0])
+HYSTERESIS = math.radians(10.0)
+
+
+def headings_deg(twist: Twist2) -> list[float]:
+    return [math.degrees(math.atan2(vy, vx)) for vx, vy in wheel_velocities(POSITIONS, twist)]
+
+
+def test_straight_ride_is_the_same_for_every_wheel():
+    assert wheel_velocities(POSITIONS, Twist2(1.2, -0.3, 0.0)) == ((1.2, -0.3),) * 4
+
+
+def test_turn_in_place():
+    # FL at (0.30, 0.25): velocity (-0.25, 0.30) per rad/s, 0.3905 m/s, at atan2(0.30, -0.25) = 129.8 deg.
+    velocities = wheel_velocities(POSITIONS, Twist2(0.0, 0.0, 1.0))
+    assert velocities == ((-0.25, 0.30), (0.25, 0.30), (-0.25, -0.30), (0.25, -0.30))
+    assert headings_deg(Twist2(0.0, 0.0, 1.0)) == pytest.approx([129.806, 50.194, -129.806, -50.194], abs=1e-3)
+    assert fastest_wheel_mps(POSITIONS, Twist2(0.0, 0.0, 1.0)) == pytest.approx(0.390512, abs=1e-6)
+
+
+def test_turn_about_a_point_beside_the_robot():
+    # 1 m/s forward at 0.5 rad/s: centre 2 m to the left. Left wheels at radius hypot(0.30, 1.75), right at hypot(0.30,
+    # 2.25).
+    left, right = math.hypot(0.30, 1.75) * 0.5, math.hypot(0.30, 2.25) * 0.5
+    velocities = wheel_velocities(POSITIONS, Twist2(1.0, 0.0, 0.5))
+    assert [math.hypot(*v) for v in velocities] == pytest.approx([left, right, left, right])
+
+
+def test_worst_corner_needs_desaturation():
+    # robot_facts 1.3: 1.5 m/s with 1.0 rad/s asks 1.89 m/s of a corner when the motion points at it.
+    direction = math.atan2(0.30, 0.25)
+    twist = Twist2(1.5 * math.sin(direction), -1.5 * math.cos(direction), 1.0)
+    assert fastest_wheel_mps(POSITIONS, twist) == pytest.approx(1.89, abs=0.01)
+
+
+@given(speeds, speeds, speeds)
+def test_inverse_agrees_with_wpilib(vx: float, vy: float, omega: float):
+    from wpimath.geometry import Translation2d
+    from wpimath.kinematics import ChassisSpeeds, SwerveDrive4Kinematics
+
+    oracle = SwerveDrive4Kinematics(*(Translation2d(x, y) for x, y in POSITIONS))
+    states = oracle.toSwerveModuleStates(ChassisSpeeds(vx, vy, omega))
+    for (wx, wy), state in zip(wheel_velocities(POSITIONS, Twist2(vx, vy, omega)), states, strict=True):
+        if state.speed > 2e-6:  # below 1e-6 WPILib reports no direction
+            assert wx == pytest.approx(state.speed * state.angle.cos(), abs=1e-9)
+            assert wy == pytest.approx(state.speed * state.angle.sin(), abs=1e-9)
+        else:
+            assert math.hypot(wx, wy) < 3e-6
+
+
+@given(speeds, speeds, speeds, st.floats(0.1, 3.0))
+def test_desaturation_keeps_the_direction_and_fits(vx: float, vy: float, omega: float, limit: float):
+    twist = Twist2(vx, vy, omega)
+    slower = desaturated(POSITIONS, twist, limit)
+    assert fastest_wheel_mps(POSITIONS, slower) <= limit * (1.0 + 1e-12)
+    factor = min(1.0, limit / fastest_wheel_mps(POSITIONS, twist)) if twist != Twist2(0.0, 0.0, 0.0) else 1.0
+    assert (slower.vx, slower.vy, slower.omega) == pytest.approx((vx * factor, vy * factor, omega * factor), abs=1e-12)
+
+
+def test_desaturation_agrees_with_wpilib():
+    from wpimath.geometry import Translation2d
+    from wpimath.kinematics import ChassisSpeeds, SwerveDrive4Kinematics
+
+    oracle = SwerveDrive4Kinematics(*(Translation2d(x, y) for x, y in POSITIONS))
+    states = oracle.desaturateWheelSpeeds(oracle.toSwerveModuleStates(ChassisSpeeds(1.5, 0.4, 2.0)), 1.2)
+    ours = wheel_velocities(POSITIONS, desaturated(POSITIONS, Twist2(1.5, 0.4, 2.0), 1.2))
+    assert [math.hypot(*v) for v in ours] == pytest.approx([abs(state.speed) for state in states], abs=1e-9)
+
+
+def test_x_lock_points_at_the_centre():
+    # atan2(0.25, 0.30) = 39.8 deg; FL and RR share a diagonal, FR and RL the other.
+    assert [math.degrees(a) for a in x_lock_angles(POSITIONS)] == pytest.approx(
+        [39.806, -39.806, -39.806, 39.806], abs=1e-3
+    )
+
+
+# --- reversal --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("direction_deg", "angle_deg", "sense", "turn_deg", "new_sense"),
+    [
+        (0.0, 0.0, 1.0, 0.0, 1.0),
+        (80.0, 0.0, 1.0, 80.0, 1.0),
+        (99.0, 0.0, 1.0, 99.0, 1.0),  # within the hysteresis: no reversal
+        (101.0, 0.0, 1.0, -79.0, -1.0),
+        (180.0, 0.0, 1.0, 0.0, -1.0),
+        (-101.0, 0.0, 1.0, 79.0, -1.0),
+        (180.0, 0.0, -1.0, 0.0, -1.0),  # rolls backward already
+        (85.0, 0.0, -1.0, -95.0, -1.0),
+        (79.0, 0.0, -1.0, 79.0, 1.0),
+        (-170.0, 170.0, 1.0, 20.0, 1.0),  # through the wrap
+        (10.0, 3600.0, 1.0, 10.0, 1.0),  # ten turns on
+    ],
+)
+def test_turn_to(direction_deg: float, angle_deg: float, sense: float, turn_deg: float, new_sense: float):
+    turn, got = turn_to(math.radians(direction_deg), math.radians(angle_deg), sense, HYSTERESIS)
+    assert math.degrees(turn) == pytest.approx(turn_deg, abs=1e-9)
+    assert got == new_sense
+
+
+@given(angles, angles, senses)
+def test_turn_to_always_ends_on_the_direction(direction: float, angle: float, sense: float):
+    turn, new_sense = turn_to(direction, angle, sense, HYSTERESIS)
+    assert abs(turn) <= math.pi / 2 + HYSTERESIS + 1e-9
+    heading = angle + turn + (0.0 if new_sense > 0.0 else math.pi)
+    assert math.cos(heading - direction) == pytest.approx(1.0, abs=1e-9)
+
+
+@given(angles, st.floats(-0.08, 0.08))
+def test_no_chatter_at_ninety_degrees(angle: float, wobble: float):
+    """A direction that hovers at 90 deg within the hysteresis never changes the sense, whichever it is."""
+    for sense in (1.0, -1.0):
+        assert turn_to(angle + math.pi / 2 + wobble, angle, sense, HYSTERESIS)[1] == sense
+
+
+@given(angles, angles, senses)
+def test_turn_to_without_hysteresis_agrees_with_wpilib(direction: float, angle: float, sense: float):
+    from wpimath.geometry import Rotation2d
+    from wpimath.kinematics import SwerveModuleState
+
+    turn, new_sense = turn_to(direction, angle, sense, 0.0)
+    if abs(abs(turn) - math.pi / 2) < 1e-6:
+        return  # both answers are right at exactly 90 deg
+    state = SwerveModuleState(1.0, Rotation2d(direction))
+    state.optimize(Rotation2d(angle))
+    assert math.copysign(1.0, state.speed) == new_sense
+    assert math.cos(state.angle.radians() - (angle + turn)) == pytest.approx(1.0, abs=1e-9)
+
+
+# --- angles ----------------------------------------------------------------------------------------------------------
+
+
+@given(angles, angles)
+def test_nearest_equivalent(angle: float, reference: float):
+    near = nearest_equivalent(angle, reference)
+    assert abs(near - reference) <= math.pi + 1e-9
+    assert math.cos(near - angle) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_nearest_equivalent_by_hand():
+    assert nearest_equivalent(-3.0, 3.0) == pytest.approx(2 * math.pi - 3.0)
+    assert nearest_equivalent(0.1, 20 * math.pi) == pytest.approx(20 * math.pi + 0.1)
+
+
+@given(angles)
+def test_wrapped_stays_within_the_message(angle: float):
+    assert -math.pi <= wrapped(angle) <= math.pi
+
+
+def test_cosine_scale():
+    assert cosine_scale(0.0) == 1.0
+    assert cosine_scale(math.radians(60.0)) == pytest.approx(0.5)
+    assert cosine_scale(math.radians(120.0)) == 0.0
+    assert cosine_scale(math.radians(-60.0)) == pytest.approx(0.5)
+
+
+# --- steering --------------------------------------------------------------------------------------------------------
+
+
+@given(st.floats(-1.8, 1.8), st.floats(0.01, 0.1), st.floats(1.0, 10.0), st.floats(5.0, 100.0))
+def test_steering_arrives_without_overshoot(turn: float, dt_s: float, max_rate: float, max_acceleration: float):
+    left, rate = turn, 0.0
+    for _ in range(100_000):
+        before = rate
+        step, rate = steering_step(left, rate, max_rate, max_acceleration, dt_s)
+        left -= step
+        assert abs(rate) <= max_rate * (1 + 1e-12)
+        assert abs(rate - before) <= max_acceleration * dt_s * (1 + 1e-9)
+        assert left * turn >= -1e-9  # never beyond the target
+        if abs(left) < 1e-9 and abs(rate) < 1e-6:
+            break
+    assert abs(left) < 1e-9
+    assert rate == pytest.approx(0.0, abs=1e-6)
+
+
+def test_steering_follows_a_steadily_turning_target_exactly():
+    """A target at 2 rad/s, below the 3 rad/s that 60 rad/s2 reaches in one step of 0.05 s: no lag once it is caught."""
+    angle = rate = 0.0
+    for k in range(1, 40):
+        step, rate = steering_step(2.0 * 0.05 * k - angle, rate, 8.0, 60.0, 0.05)
+        angle += step
+    assert angle == pytest.approx(2.0 * 0.05 * 39)

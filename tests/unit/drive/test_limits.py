@@ -1,0 +1,200 @@
+"""Limits of the twist: norms, directions, jerk, braking."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_stack.core.geometry import ZERO_TWIST, Twist2
+from robot_stack.drive.limits import MotionLimits, approach, brake, followable_rate, limit_speed
+from tests.unit.drive.robot import EMPTY, TICK_S, WITH_PASSENGER
+
+any_finite = st.floats(allow_nan=False, allow_infinity=False)
+moderate = st.floats(-1.5, 1.5)
+twists = st.builds(Twist2, moderate, moderate, st.floats(-1.0, 1.0))
+
+
+def close(a: Twist2, b: Twist2, tolerance: float = 1e-9) -> bool:
+    return max(abs(a.vx - b.vx), abs(a.vy - b.vy), abs(a.omega - b.omega)) <= tolerance
+
+
+# --- speed -----------------------------------------------------------------------------------------------------------
+
+
+def test_limit_applies_to_the_norm():
+    # (3, 4) has speed 5; at most 1 m/s leaves a fifth of it, of the turn too.
+    assert close(limit_speed(Twist2(3.0, 4.0, 0.5), 1.0, 1.0), Twist2(0.6, 0.8, 0.1))
+
+
+def test_the_stricter_limit_scales_everything():
+    assert close(limit_speed(Twist2(1.0, 0.0, 4.0), 1.5, 1.0), Twist2(0.25, 0.0, 1.0))
+
+
+def test_limit_of_zero_is_a_stop():
+    assert close(limit_speed(Twist2(1.0, 0.5, 0.2), 0.0, 0.0), ZERO_TWIST)
+    assert close(limit_speed(Twist2(1.0, 0.5, 0.2), 0.0, 1.0), ZERO_TWIST)
+    assert limit_speed(Twist2(0.0, 0.0, 0.2), 0.0, 1.0) == Twist2(0.0, 0.0, 0.2)
+
+
+@given(any_finite, any_finite, any_finite)
+def test_limit_survives_huge_values(vx: float, vy: float, omega: float):
+    got = limit_speed(Twist2(vx, vy, omega), 1.5, 1.0)
+    assert got.is_finite()
+    assert got.speed() <= 1.5 * (1 + 1e-12)
+    assert abs(got.omega) <= 1.0 + 1e-12
+
+
+def test_huge_value_keeps_its_direction():
+    assert close(
+        limit_speed(Twist2(1e308, -1e308, 0.0), 1.5, 1.0), Twist2(1.5 / math.sqrt(2), -1.5 / math.sqrt(2), 0.0)
+    )
+
+
+def test_slower_takes_the_smaller_and_mistrusts_nonsense():
+    assert EMPTY.slower(0.3, 5.0).max_speed_mps == 0.3
+    assert EMPTY.slower(0.3, 5.0).max_yaw_rate_radps == EMPTY.max_yaw_rate_radps
+    assert EMPTY.slower(math.nan, -1.0).max_speed_mps == 0.0
+    assert EMPTY.slower(math.nan, -1.0).max_yaw_rate_radps == 0.0
+    assert EMPTY.slower(math.inf, math.inf) == EMPTY
+
+
+# --- acceleration and jerk -------------------------------------------------------------------------------------------
+
+
+States = list[tuple[Twist2, Twist2]]
+
+
+def ride(start: Twist2, target: Twist2, limits: MotionLimits, dt_s: float = TICK_S, ticks: int = 400) -> States:
+    """(twist, acceleration) after each step from rest at ``start`` towards a target that stays."""
+    states = [(start, ZERO_TWIST)]
+    for _ in range(ticks):
+        twist, acceleration = states[-1]
+        states.append(approach(twist, acceleration, target, ZERO_TWIST, limits, dt_s))
+    return states
+
+
+def assert_within(states: States, limits: MotionLimits, dt_s: float) -> None:
+    slack = 1.0 + 1e-9
+    for (before, a0), (after, a1) in itertools.pairwise(states):
+        assert math.hypot(after.vx - before.vx, after.vy - before.vy) <= limits.max_acceleration_mps2 * dt_s * slack
+        assert abs(after.omega - before.omega) <= limits.max_yaw_acceleration_radps2 * dt_s * slack
+        assert math.hypot(a1.vx - a0.vx, a1.vy - a0.vy) <= limits.max_jerk_mps3 * dt_s * slack + 1e-9
+        assert abs(a1.omega - a0.omega) <= limits.max_yaw_jerk_radps3 * dt_s * slack + 1e-9
+
+
+@given(twists, twists, st.sampled_from([EMPTY, WITH_PASSENGER]), st.sampled_from([0.01, 0.02, 0.05, 0.1]))
+@settings(deadline=None, max_examples=60)
+def test_from_steady_motion_to_any_target(start: Twist2, target: Twist2, limits: MotionLimits, dt_s: float):
+    """Within acceleration and jerk all the way, along the straight line, never beyond the target, and there in time."""
+    states = ride(start, target, limits, dt_s, ticks=int(12.0 / dt_s))
+    assert_within(states, limits, dt_s)
+    way = Twist2(target.vx - start.vx, target.vy - start.vy, target.omega - start.omega)
+    size = way.vx**2 + way.vy**2 + way.omega**2
+    for twist, _ in states:
+        done = Twist2(twist.vx - start.vx, twist.vy - start.vy, twist.omega - start.omega)
+        share = (done.vx * way.vx + done.vy * way.vy + done.omega * way.omega) / size if size > 1e-18 else 1.0
+        assert -1e-9 <= share <= 1.0 + 1e-9
+        assert close(done, way.scaled(share), 1e-8)
+    assert close(states[-1][0], target, 1e-9)
+    assert close(states[-1][1], ZERO_TWIST, 1e-6)
+
+
+def test_time_of_an_s_curve():
+    """0 to 1 m/s at 1 m/s2 and 2 m/s3 takes v/a + a/j = 1.5 s; sampled, give or take some ticks."""
+    states = ride(ZERO_TWIST, Twist2(1.0, 0.0, 0.0), EMPTY)
+    arrival = next(k for k, (twist, _) in enumerate(states) if twist == Twist2(1.0, 0.0, 0.0))
+    assert 1.4 <= arrival * TICK_S <= 1.75
+
+
+@given(st.lists(twists, min_size=2, max_size=8), st.sampled_from([EMPTY, WITH_PASSENGER]))
+@settings(deadline=None, max_examples=60)
+def test_targets_that_jump_at_any_time(targets: list[Twist2], limits: MotionLimits):
+    """Acceleration never exceeds its limit, and it builds up no faster than the jerk. (Dropping it is free.)"""
+    twist = acceleration = ZERO_TWIST
+    for k in range(len(targets) * 9):
+        before = acceleration
+        twist, acceleration = approach(twist, acceleration, targets[k // 9], ZERO_TWIST, limits, TICK_S)
+        slack = 1.0 + 1e-9
+        assert math.hypot(acceleration.vx, acceleration.vy) <= limits.max_acceleration_mps2 * slack
+        assert abs(acceleration.omega) <= limits.max_yaw_acceleration_radps2 * slack
+        # In the norm in which a part is dropped (1 m per rad for this robot) dropping only shrinks it.
+        gain = _size(acceleration) - _size(before)
+        assert gain <= math.hypot(limits.max_jerk_mps3, limits.max_yaw_jerk_radps3) * TICK_S * slack
+        assert twist.is_finite()
+
+
+def _size(acceleration: Twist2) -> float:
+    return math.hypot(acceleration.vx, acceleration.vy, acceleration.omega)
+
+
+def test_told_to_slow_down_it_never_speeds_up_first():
+    twist, acceleration = ZERO_TWIST, ZERO_TWIST
+    for _ in range(14):
+        twist, acceleration = approach(twist, acceleration, Twist2(1.5, 0.0, 0.0), ZERO_TWIST, EMPTY, TICK_S)
+    assert acceleration.vx == pytest.approx(1.0)
+    slower, _ = approach(twist, acceleration, Twist2(0.2, 0.0, 0.0), ZERO_TWIST, EMPTY, TICK_S)
+    assert slower.vx < twist.vx
+
+
+def test_moving_target_within_the_limits_is_followed_without_lag():
+    """A jerk-limited course, sampled: after one second every step ends on it."""
+
+    def speed(t_s: float) -> float:
+        return 0.5 - 0.5 * math.cos(t_s)  # at most 0.5 m/s2 and 0.5 m/s3
+
+    twist = acceleration = ZERO_TWIST
+    worst = 0.0
+    for k in range(200):
+        t_s = k * TICK_S
+        rate = Twist2((speed(t_s) - speed(t_s - TICK_S)) / TICK_S, 0.0, 0.0)
+        twist, acceleration = approach(twist, acceleration, Twist2(speed(t_s), 0.0, 0.0), rate, EMPTY, TICK_S)
+        if t_s > 1.0:
+            worst = max(worst, abs(twist.vx - speed(t_s + TICK_S)))
+    assert worst < 0.002
+
+
+def test_a_course_that_stops_at_the_limit_is_hardly_overshot():
+    """A ramp at full acceleration that ends without notice: one tick's worth beyond, no more, and back again."""
+    twist = acceleration = ZERO_TWIST
+    seen = []
+    for k in range(60):
+        target = min(1.0, (k + 1) * TICK_S)
+        rate = Twist2(1.0 if target < 1.0 else 0.0, 0.0, 0.0)
+        twist, acceleration = approach(twist, acceleration, Twist2(target, 0.0, 0.0), rate, EMPTY, TICK_S)
+        seen.append(twist.vx)
+    assert max(seen) <= 1.05
+    assert seen[-1] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_followable_rate():
+    assert followable_rate(Twist2(0.5, 0.0, 0.0), EMPTY) == Twist2(0.5, 0.0, 0.0)
+    assert followable_rate(Twist2(1.2, 0.0, 0.0), EMPTY) == Twist2(1.0, 0.0, 0.0)
+    assert followable_rate(Twist2(20.0, 0.0, 0.0), EMPTY) == ZERO_TWIST
+
+
+# --- braking ---------------------------------------------------------------------------------------------------------
+
+
+def test_braking_from_one_metre_per_second():
+    # 2.0 m/s2 at 20 Hz: 0.1 m/s per tick, ten ticks.
+    twist, ticks = Twist2(1.0, 0.0, 0.0), 0
+    while twist != ZERO_TWIST:
+        faster, twist = twist, brake(twist, 2.0, 4.0, TICK_S)
+        assert faster.vx - twist.vx == pytest.approx(0.1, abs=1e-9)
+        ticks += 1
+    assert ticks == 10
+
+
+@given(twists)
+def test_braking_keeps_the_path(twist: Twist2):
+    after = brake(twist, 2.0, 4.0, TICK_S)
+    moving = twist.speed() > 1e-9
+    factor = after.speed() / twist.speed() if moving else after.omega / twist.omega if twist.omega else 0.0
+    assert 0.0 <= factor <= 1.0
+    assert close(after, twist.scaled(factor), 1e-9)
+    assert twist.speed() - after.speed() <= 2.0 * TICK_S + 1e-9
+    assert abs(twist.omega) - abs(after.omega) <= 4.0 * TICK_S + 1e-9

@@ -1,0 +1,293 @@
+"""The drive's set point: starting, turning, stopping, holding; modules never asked for more than they can."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_stack.core.geometry import ZERO_TWIST, Twist2
+from robot_stack.drive.arbitration import Wish
+from robot_stack.drive.kinematics import ZEROS, Four, fastest_wheel_mps, wheel_velocities, x_lock_angles
+from robot_stack.drive.limits import MotionLimits
+from robot_stack.drive.swerve_drive import DriveOutput, DriveState, SwerveDrive
+from tests.unit.drive.robot import DRIVE_SETTINGS, EMPTY, MODULE_LIMITS, POSITIONS, TICK_S, WITH_PASSENGER, new_drive
+
+FORWARD, LEFT, TURN = Twist2(1.0, 0.0, 0.0), Twist2(0.0, 1.0, 0.0), Twist2(0.0, 0.0, 1.0)
+moderate = st.floats(-2.0, 2.0)
+twists = st.builds(Twist2, moderate, moderate, moderate)
+
+
+class Story:
+    """A drive whose modules follow their set points at once, in fake time."""
+
+    def __init__(self, measured: Four | None = ZEROS) -> None:
+        self.drive: SwerveDrive = new_drive()
+        self.output: DriveOutput = self.drive.halt(measured)
+        self.ideal = measured is not None
+
+    def ride(self, wish: Twist2, seconds: float, limits: MotionLimits = EMPTY, **how: bool) -> list[DriveOutput]:
+        outputs = []
+        for _ in range(round(seconds / TICK_S)):
+            measured = self.output.modules.angles_rad if self.ideal else None
+            self.output = self.drive.step(
+                Wish(wish), limits, TICK_S, measured, **{"standing": wish == ZERO_TWIST, **how}
+            )
+            outputs.append(self.output)
+        return outputs
+
+
+def close(a: Twist2, b: Twist2, tolerance: float = 1e-9) -> bool:
+    return max(abs(a.vx - b.vx), abs(a.vy - b.vy), abs(a.omega - b.omega)) <= tolerance
+
+
+def slip_mps(output: DriveOutput) -> float:
+    """Largest difference between the velocity a wheel is given and the one the body's twist needs there."""
+    needed = wheel_velocities(POSITIONS, output.twist)
+    pairs = zip(output.modules.speeds_mps, output.modules.angles_rad, needed, strict=True)
+    return max(math.hypot(v * math.cos(a) - x, v * math.sin(a) - y) for v, a, (x, y) in pairs)
+
+
+# --- riding ----------------------------------------------------------------------------------------------------------
+
+
+def test_forward_needs_no_turning():
+    story = Story()
+    story.ride(FORWARD, 2.0)
+    assert story.output.twist == FORWARD
+    assert story.output.modules.speeds_mps == pytest.approx((1.0,) * 4)
+    assert story.output.modules.angles_rad == ZEROS
+
+
+def test_sideways_from_rest_turns_the_modules_first():
+    story = Story()
+    outputs = story.ride(LEFT, 0.3)
+    assert outputs[0].state is DriveState.ALIGNING
+    for output in outputs:
+        if output.state is DriveState.ALIGNING:
+            assert output.twist == ZERO_TWIST
+            assert output.modules.speeds_mps == ZEROS
+    story.ride(LEFT, 2.0)
+    assert close(story.output.twist, LEFT)
+    assert story.output.modules.angles_rad == pytest.approx((math.pi / 2,) * 4)
+
+
+def test_turn_in_place_ends_on_the_hand_worked_headings():
+    story = Story()
+    story.ride(TURN, 3.0)
+    for angle, speed, heading_deg in zip(
+        story.output.modules.angles_rad,
+        story.output.modules.speeds_mps,
+        (129.806, 50.194, -129.806, -50.194),
+        strict=True,
+    ):
+        flipped = 0.0 if speed > 0.0 else 180.0
+        assert math.remainder(math.degrees(angle) + flipped - heading_deg, 360.0) == pytest.approx(0.0, abs=1e-3)
+        assert abs(speed) == pytest.approx(0.390512, abs=1e-6)
+
+
+def test_reversing_turns_no_module():
+    story = Story()
+    story.ride(FORWARD, 2.0)
+    outputs = story.ride(Twist2(-1.0, 0.0, 0.0), 4.0)
+    assert all(output.modules.angles_rad == ZEROS for output in outputs)
+    assert story.output.modules.speeds_mps == pytest.approx((-1.0,) * 4)
+
+
+def test_wish_that_is_too_fast_is_scaled_as_a_whole():
+    story = Story()
+    story.ride(Twist2(30.0, 40.0, 5.0), 5.0)
+    assert close(story.output.twist, Twist2(0.9, 1.2, 0.15), 1e-6)
+
+
+def test_limit_of_zero_ramps_to_a_stop():
+    story = Story()
+    story.ride(FORWARD, 2.0)
+    outputs = story.ride(FORWARD, 3.0, EMPTY.slower(0.0, 0.0))
+    assert outputs[0].twist.vx > 0.9  # a ramp, no leap
+    assert story.output.twist == ZERO_TWIST
+    assert all(close(output.twist, Twist2(output.twist.vx, 0.0, 0.0)) for output in outputs)
+
+
+def test_passenger_is_driven_more_gently():
+    story = Story()
+    speeds = [output.twist.vx for output in story.ride(FORWARD, 3.5, WITH_PASSENGER)]
+    gains = [after - before for before, after in itertools.pairwise(speeds)]
+    assert max(gains) <= 0.5 * TICK_S + 1e-9
+    assert story.output.twist.vx == pytest.approx(1.0)
+
+
+def test_tiny_wish_is_none():
+    story = Story()
+    assert story.ride(Twist2(0.0009, 0.0, 0.0019), 0.5)[-1].state is DriveState.HOLDING
+    assert story.ride(Twist2(0.002, 0.0, 0.0), 1.0)[-1].twist == Twist2(0.002, 0.0, 0.0)
+
+
+# --- feasibility -----------------------------------------------------------------------------------------------------
+
+
+@given(st.lists(twists, min_size=1, max_size=5), st.sampled_from([EMPTY, WITH_PASSENGER]))
+@settings(deadline=None, max_examples=80)
+def test_modules_are_never_asked_for_the_impossible(wishes: list[Twist2], limits: MotionLimits):
+    story = Story(measured=None)  # the set points alone, without the cosine for a lagging axis
+    before = story.output
+    rates = [0.0] * 4
+    for wish in wishes:
+        for output in story.ride(wish, 1.5, limits):
+            assert output.twist.is_finite()
+            assert output.twist.speed() <= limits.max_speed_mps + 0.11  # over by one tick after a jump, see approach()
+            assert fastest_wheel_mps(POSITIONS, output.twist) <= MODULE_LIMITS.max_wheel_speed_mps + 1e-9
+            for i in range(4):
+                turned = math.remainder(output.modules.angles_rad[i] - before.modules.angles_rad[i], 2 * math.pi)
+                rate, rates[i] = rates[i], turned / TICK_S
+                assert abs(rates[i]) <= MODULE_LIMITS.max_steering_rate_radps + 1e-6
+                assert abs(rates[i] - rate) <= MODULE_LIMITS.max_steering_acceleration_radps2 * TICK_S + 1e-6
+                assert -math.pi <= output.modules.angles_rad[i] <= math.pi
+            if output.state is DriveState.DRIVING:
+                assert slip_mps(output) <= MODULE_LIMITS.slip_tolerance_mps + 1e-9
+                for old, new in zip(before.modules.speeds_mps, output.modules.speeds_mps, strict=True):
+                    assert abs(new - old) <= MODULE_LIMITS.max_wheel_acceleration_mps2 * TICK_S + 1e-6
+            before = output
+
+
+@given(st.lists(twists, min_size=1, max_size=4), twists)
+@settings(deadline=None, max_examples=60)
+def test_every_wish_is_reached(before: list[Twist2], wish: Twist2):
+    """From whatever the robot has been doing: no wish leaves the modules in each other's way for ever."""
+    story = Story()
+    for other in before:
+        story.ride(other, 0.7)
+    story.ride(wish, 15.0)
+    speed, yaw_rate = wish.speed(), abs(wish.omega)
+    factor = min(1.0, 1.5 / speed if speed else 1.0, 1.0 / yaw_rate if yaw_rate else 1.0)
+    target = wish.scaled(factor)
+    at_rest = target.speed() < DRIVE_SETTINGS.rest_speed_mps and abs(target.omega) < DRIVE_SETTINGS.rest_yaw_rate_radps
+    assert close(story.output.twist, ZERO_TWIST if at_rest else target, 1e-6)
+
+
+def test_lagging_module_is_driven_by_the_cosine():
+    story = Story()
+    story.ride(FORWARD, 2.0)
+    measured = (math.radians(60.0), 0.0, math.radians(120.0), 4 * math.pi)
+    output = story.drive.step(Wish(FORWARD), EMPTY, TICK_S, measured, standing=False)
+    assert output.modules.speeds_mps == pytest.approx((0.5, 1.0, 0.0, 1.0))
+
+
+def test_module_that_does_not_turn_keeps_the_robot_standing_and_is_named():
+    story = Story()
+    for _ in range(60):
+        angles = story.output.modules.angles_rad
+        measured = (angles[0], 0.0, angles[2], angles[3])  # FR is stuck at 0
+        story.output = story.drive.step(Wish(LEFT), EMPTY, TICK_S, measured, standing=True)
+        assert story.output.twist == ZERO_TWIST
+    assert story.output.stuck == (1,)
+
+
+# --- stopping --------------------------------------------------------------------------------------------------------
+
+
+def test_halt_is_zero_at_once():
+    story = Story()
+    story.ride(FORWARD, 2.0)
+    output = story.drive.halt((0.1, 0.2, 0.3, 7.0))
+    assert output.twist == ZERO_TWIST
+    assert output.modules.speeds_mps == ZEROS
+    assert output.modules.angles_rad == pytest.approx((0.1, 0.2, 0.3, 7.0 - 2 * math.pi))
+
+
+def test_braking_uses_the_emergency_deceleration_whatever_is_wished():
+    story = Story()
+    story.ride(FORWARD, 2.0)
+    outputs = story.ride(FORWARD, 0.5, WITH_PASSENGER, braking=True)
+    assert [output.twist.vx for output in outputs] == pytest.approx(
+        [0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0], abs=1e-9
+    )
+    assert outputs[-1].twist == ZERO_TWIST
+
+
+def test_after_a_stop_it_starts_gently():
+    story = Story()
+    story.ride(FORWARD, 2.0)
+    story.output = story.drive.halt(story.output.modules.angles_rad)
+    assert story.ride(FORWARD, TICK_S)[0].twist.vx <= EMPTY.max_jerk_mps3 * TICK_S * TICK_S + 1e-9
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_wish_that_is_not_finite_is_standstill(bad: float):
+    story = Story()
+    story.ride(FORWARD, 2.0)
+    for field in range(3):
+        values = [1.0, 0.0, 0.0]
+        values[field] = bad
+        outputs = story.ride(Twist2(*values), TICK_S)
+        assert outputs[0].twist.is_finite()
+        assert outputs[0].twist.vx < 1.0
+
+
+def test_step_without_time_changes_nothing():
+    story = Story()
+    story.ride(FORWARD, 1.0)
+    for dt_s in (0.0, -1.0, math.nan):
+        output = story.drive.step(Wish(LEFT), EMPTY, dt_s, ZEROS, standing=False)
+        assert output.twist == story.output.twist
+
+
+def test_late_step_makes_no_leap():
+    story = Story()
+    story.ride(FORWARD, 0.5)
+    before = story.output.twist.vx
+    output = story.drive.step(Wish(FORWARD), EMPTY, 5.0, ZEROS, standing=False)
+    assert output.twist.vx - before <= EMPTY.max_acceleration_mps2 * DRIVE_SETTINGS.longest_step_s + 1e-9
+
+
+# --- at rest ---------------------------------------------------------------------------------------------------------
+
+
+def test_headings_are_kept_at_rest():
+    story = Story()
+    story.ride(LEFT, 2.0)
+    story.ride(ZERO_TWIST, 3.0)
+    assert story.output.state is DriveState.HOLDING
+    assert story.output.modules.angles_rad == pytest.approx((math.pi / 2,) * 4)
+
+
+def test_wheels_cross_after_a_time_at_rest_and_uncross_before_driving():
+    story = Story()
+    story.ride(ZERO_TWIST, DRIVE_SETTINGS.x_lock_after_s - 0.2)
+    assert story.output.modules.angles_rad == ZEROS
+    story.ride(ZERO_TWIST, 1.5)
+    assert story.output.state is DriveState.LOCKED
+    assert story.output.modules.speeds_mps == ZEROS
+    for angle, crossed in zip(story.output.modules.angles_rad, x_lock_angles(POSITIONS), strict=True):
+        assert math.remainder(angle - crossed, math.pi) == pytest.approx(0.0, abs=1e-9)
+    first = story.ride(FORWARD, TICK_S)[0]
+    assert first.state is DriveState.ALIGNING
+    assert first.modules.speeds_mps == ZEROS
+    story.ride(FORWARD, 2.0)
+    assert close(story.output.twist, FORWARD)
+
+
+def test_wheels_do_not_cross_while_something_pushes_the_robot():
+    story = Story()
+    story.ride(ZERO_TWIST, 2 * DRIVE_SETTINGS.x_lock_after_s, standing=False)
+    assert story.output.state is DriveState.HOLDING
+
+
+def test_without_measured_headings_it_still_drives():
+    story = Story(measured=None)
+    story.ride(LEFT, 3.0)
+    assert close(story.output.twist, LEFT)
+
+
+def test_a_sampled_course_is_carried_on_to_now():
+    """Commands 20 ms old that grow by 0.5 m/s2: the set point ends where the course will be at the end of the step."""
+    drive = new_drive()
+    drive.halt(ZEROS)
+    for k in range(60):
+        now_s = k * TICK_S
+        course = Wish(Twist2(0.5 * (now_s - 0.02), 0.0, 0.0), Twist2(0.5, 0.0, 0.0), 0.02)
+        output = drive.step(course, EMPTY, TICK_S, ZEROS, standing=False)
+    assert output.twist.vx == pytest.approx(0.5 * (now_s + TICK_S), abs=1e-6)
