@@ -1,0 +1,1 @@
+"""From a goal pose to velocity commands: planned motion, tracking, arrival."""

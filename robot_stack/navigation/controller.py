@@ -1,0 +1,353 @@
+"""The navigation kernel: goals in, velocity commands and plans out, tick by tick.
+
+States and what ends them:
+
+    IDLE      no goal                              a goal                            -> HELD or DRIVING
+    HELD      goal, but something forbids to move  permitted and standing            -> DRIVING, planned from rest
+    DRIVING   follows the plan                     end of the plan                   -> ARRIVING
+                                                   forbidden                         -> HELD
+                                                   cancelled, or a refused goal      -> BRAKING
+    ARRIVING  the last centimetres by feedback     within tolerance and standing     -> IDLE, goal reached
+                                                   too far off after settle_s        -> DRIVING, planned afresh
+    BRAKING   no goal, still moving                end of the braking plan           -> IDLE
+                                                   forbidden                         -> IDLE
+
+Forbidden means a zero command at once: the drive ramps it by its own limits.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
+from robot_stack.core.robot import Robot
+from robot_stack.navigation.goal import GoalRequest, refusal, too_far
+from robot_stack.navigation.limits import NO_LIMIT, MotionLimits, SpeedLimit, planning_limits
+from robot_stack.navigation.motion import MotionState, Trajectory, moving
+from robot_stack.navigation.params import NavigationParams
+from robot_stack.navigation.path import Path, path_of
+from robot_stack.navigation.plan import plan_motion, plan_stop
+from robot_stack.navigation.pose_source import Located
+from robot_stack.navigation.tracker import TrackingError, bounded, command, settle_command, tracking_error
+
+# A repeated goal this near to the present one is the same goal.
+_SAME_M, _SAME_RAD = 1e-3, 1e-3
+_SAME_WAY_M = 5e-3
+_NO_ERROR = TrackingError(0.0, 0.0, 0.0)
+
+
+class NavigationState(Enum):
+    """What the controller is doing."""
+
+    IDLE = "idle"
+    HELD = "held"
+    DRIVING = "driving"
+    ARRIVING = "arriving"
+    BRAKING = "braking"
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What a tick knows. located is None while pose or odometry are missing, and ``located_problem`` says why."""
+
+    now_s: float
+    located: Located | None
+    located_problem: str = ""
+    emergency_stop: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """twist: the command, base_link. planned: the pose the robot should have now, None without a plan.
+
+    text: what goes on, for people. reached: this tick ended at the goal.
+    """
+
+    twist: Twist2
+    state: NavigationState
+    text: str
+    planned: Pose2 | None = None
+    error: TrackingError = _NO_ERROR
+    reached: bool = False
+
+
+class NavigationController:
+    """One goal at a time. ``path`` is what ``/plan`` shows; it is replaced, never changed, when the plan changes."""
+
+    def __init__(self, params: NavigationParams, robot: Robot, map_frame: str) -> None:
+        self._params = params
+        self._robot = robot
+        self._map_frame = map_frame
+        self._passenger = False
+        self._speed_limit = NO_LIMIT
+        self._state = NavigationState.IDLE
+        self._goal: Pose2 | None = None
+        self._trajectory: Trajectory | None = None
+        self._elapsed_s = 0.0
+        self._since_plan_s = math.inf
+        self._settling_s = 0.0
+        self._last_tick_s = math.nan
+        self._twist = ZERO_TWIST
+        self._text = "no goal"
+        self.path: Path | None = None
+
+    @property
+    def state(self) -> NavigationState:
+        return self._state
+
+    @property
+    def goal(self) -> Pose2 | None:
+        return self._goal
+
+    # --- events ------------------------------------------------------------------------------------------------------
+
+    def set_passenger(self, attached: bool) -> None:
+        """A passenger changes the limits; a plan that runs goes on under the new ones."""
+        if attached != self._passenger:
+            self._passenger = attached
+            self._replan_with_limits()
+
+    def set_speed_limit(self, limit: SpeedLimit) -> None:
+        """The newest limit of the safety monitor; a plan that runs goes on under the new one."""
+        if limit != self._speed_limit:
+            self._speed_limit = limit
+            self._replan_with_limits()
+
+    def request(self, request: GoalRequest, now_s: float, located: Located | None) -> str:
+        """A message of ``/goal_pose``. Returns why it was refused, else an empty text.
+
+        A refused goal ends the one before: what is wanted is no longer known, so the robot stands.
+        """
+        if request.cancels:
+            self._cancel("goal cancelled")
+            return ""
+        pose = None if located is None else located.pose
+        problem = refusal(request, self._map_frame, now_s, pose, self._params.goal)
+        if problem:
+            self._cancel(f"goal refused: {problem}")
+            return problem
+        self._take(request.pose, located)
+        return ""
+
+    def stop(self) -> None:
+        """Ends the motion at once, keeping the goal: for an emergency stop between two ticks."""
+        if self._state is not NavigationState.IDLE:
+            self._hold("stopped")
+
+    def tick(self, situation: Situation) -> Output:
+        """One step of the control loop. Never returns a twist that is not finite."""
+        dt_s = self._step_s(situation.now_s)
+        self._since_plan_s += dt_s
+        obstacle = self._obstacle(situation)
+        if obstacle and self._state is not NavigationState.IDLE:
+            self._hold(obstacle)
+        located = situation.located
+        output = self._idle() if located is None or obstacle else self._step(located, dt_s)
+        self._twist = output.twist if output.twist.is_finite() else ZERO_TWIST
+        return Output(self._twist, output.state, output.text, output.planned, output.error, output.reached)
+
+    # --- one tick, by state ------------------------------------------------------------------------------------------
+
+    def _step(self, located: Located, dt_s: float) -> Output:
+        if self._state is NavigationState.HELD:
+            self._text = "waiting to stand still"
+            if self._standing(located.twist):
+                self._begin(MotionState(located.pose))
+        if self._state in (NavigationState.DRIVING, NavigationState.BRAKING):
+            return self._drive(located, dt_s)
+        if self._state is NavigationState.ARRIVING:
+            return self._arrive(located, dt_s)
+        return self._idle()
+
+    def _idle(self) -> Output:
+        return Output(ZERO_TWIST, self._state, self._text)
+
+    def _drive(self, located: Located, dt_s: float) -> Output:
+        self._elapsed_s += dt_s
+        assert self._trajectory is not None
+        now = self._trajectory.at(self._elapsed_s)
+        error = tracking_error(now.pose, located.pose)
+        if self._state is NavigationState.DRIVING and self._lost(error):
+            return self._drive(located, 0.0) if self._begin(self._measured(located)) else self._idle()
+        if self._elapsed_s >= self._trajectory.duration_s:
+            return self._end_of_plan(located)
+        ahead = self._trajectory.at(self._elapsed_s + self._params.tracking.command_delay_s)
+        motion = self._robot.motion(self._passenger)
+        twist = command(now, ahead, located.pose, motion, self._params.tracking)
+        speed_mps = min(motion.max_speed_mps, self._speed_limit.speed_mps)
+        yaw_rate_radps = min(motion.max_yaw_rate_radps, self._speed_limit.yaw_rate_radps)
+        return Output(bounded(twist, speed_mps, yaw_rate_radps), self._state, self._text, now.pose, error)
+
+    def _end_of_plan(self, located: Located) -> Output:
+        if self._state is NavigationState.BRAKING:
+            self._finish("stopped")
+            return self._idle()
+        self._state, self._settling_s = NavigationState.ARRIVING, 0.0
+        return self._arrive(located, 0.0)
+
+    def _arrive(self, located: Located, dt_s: float) -> Output:
+        assert self._goal is not None
+        g = self._params.goal
+        self._settling_s += dt_s
+        error = tracking_error(self._goal, located.pose)
+        late = self._settling_s >= g.settle_s
+        # What the feedback cannot bring nearer in time is good enough within the tolerance itself.
+        near = error.distance_m() <= (g.position_tolerance_m if late else g.settled_position_m)
+        turned = abs(error.yaw) <= (g.yaw_tolerance_rad if late else g.settled_yaw_rad)
+        if near and turned:
+            if self._standing(located.twist):
+                self._finish("goal reached")
+                return Output(ZERO_TWIST, self._state, self._text, error=error, reached=True)
+            return Output(ZERO_TWIST, self._state, "stopping at the goal", self._goal, error)
+        if late:
+            self._begin(self._measured(located))
+            return Output(ZERO_TWIST, self._state, self._text, self._goal, error)
+        limits = self._limits()
+        assert limits is not None  # else the tick had found an obstacle
+        slow = _slower(limits, g.arrival_speed_mps, g.arrival_yaw_rate_radps)
+        twist = settle_command(self._goal, located.pose, slow, self._params.tracking)
+        return Output(twist, self._state, "arriving", self._goal, error)
+
+    # --- goals and plans ---------------------------------------------------------------------------------------------
+
+    def _take(self, goal: Pose2, located: Located | None) -> None:
+        if self._goal is not None and _same(goal, self._goal) and self._state is not NavigationState.IDLE:
+            return
+        start = self._present(located)
+        self._goal = goal
+        if self._state is NavigationState.HELD or start is None or self._limits() is None:
+            self._hold("waiting to drive to the goal")
+            self.path = _straight(goal, located)
+        else:
+            self._begin(start)
+
+    def _present(self, located: Located | None) -> MotionState | None:
+        """Where a new plan begins: on the plan that runs, so that the command goes on smoothly, else as measured."""
+        if self._state in (NavigationState.DRIVING, NavigationState.BRAKING) and self._trajectory is not None:
+            return self._trajectory.at(self._elapsed_s)
+        return None if located is None else self._measured(located)
+
+    def _measured(self, located: Located) -> MotionState:
+        return MotionState(located.pose) if self._standing(located.twist) else moving(located.pose, located.twist)
+
+    def _begin(self, start: MotionState, *, same_way: bool = False) -> bool:
+        """Plans from ``start`` to the goal and drives. False if it cannot: then the state says why."""
+        limits = self._limits()
+        if self._goal is None or limits is None:
+            self._hold("no limits to drive with")
+            return False
+        problem = too_far(self._goal, start.pose, self._params.goal)
+        if problem:
+            self._cancel(f"goal refused: {problem}")
+            return False
+        share = self._params.limits
+        turning = share.turning_share * self._robot.motion(self._passenger).max_acceleration_mps2
+        trajectory = plan_motion(start, self._goal, limits, turning)
+        # Another speed leaves a straight way as it is: no need to publish it again.
+        keep_path = same_way and self.path is not None and _runs_along(trajectory, self.path)
+        self._run(trajectory, NavigationState.DRIVING, "driving to the goal", keep_path=keep_path)
+        return True
+
+    def _run(self, trajectory: Trajectory, state: NavigationState, text: str, *, keep_path: bool = False) -> None:
+        self._trajectory, self._state, self._text = trajectory, state, text
+        self._elapsed_s = self._since_plan_s = 0.0
+        if self._goal is None:
+            self.path = None
+        elif self.path is None or not keep_path:
+            self.path = path_of(trajectory, self._params.plan_spacing_m, self._params.plan_max_poses)
+
+    def _replan_with_limits(self) -> None:
+        if self._state not in (NavigationState.DRIVING, NavigationState.BRAKING) or self._trajectory is None:
+            return
+        now = self._trajectory.at(self._elapsed_s)
+        limits = self._limits()
+        if limits is None:
+            return  # the next tick holds
+        if self._state is NavigationState.BRAKING:
+            self._run(plan_stop(now, limits), NavigationState.BRAKING, self._text)
+        else:
+            self._begin(now, same_way=True)
+
+    def _cancel(self, text: str) -> None:
+        limits = self._limits()
+        running = self._state is NavigationState.DRIVING and self._trajectory is not None
+        now = self._trajectory.at(self._elapsed_s) if running and self._trajectory is not None else None
+        self._goal = None
+        if now is not None and limits is not None:
+            self._run(plan_stop(now, limits), NavigationState.BRAKING, text)
+        elif self._state is not NavigationState.BRAKING:
+            self._finish(text)
+
+    def _hold(self, text: str) -> None:
+        self._trajectory = None
+        self._text = text
+        if self._goal is None:
+            self._finish(text)
+        else:
+            self._state = NavigationState.HELD
+
+    def _finish(self, text: str) -> None:
+        self._goal = self._trajectory = self.path = None
+        self._state, self._text = NavigationState.IDLE, text
+
+    # --- conditions --------------------------------------------------------------------------------------------------
+
+    def _obstacle(self, situation: Situation) -> str:
+        """What forbids to move, empty if nothing does."""
+        if situation.emergency_stop:
+            return "emergency stop"
+        if situation.located is None:
+            return situation.located_problem or "pose unknown"
+        if self._limits() is None:
+            return "speed limit is zero"
+        return ""
+
+    def _limits(self) -> MotionLimits | None:
+        return planning_limits(self._robot.motion(self._passenger), self._speed_limit, self._params.limits)
+
+    def _lost(self, error: TrackingError) -> bool:
+        t = self._params.tracking
+        off = error.distance_m() > t.replan_position_m or abs(error.yaw) > t.replan_yaw_rad
+        return off and self._since_plan_s >= t.replan_interval_s
+
+    def _standing(self, twist: Twist2) -> bool:
+        p = self._params
+        return twist.speed() < p.standing_speed_mps and abs(twist.omega) < p.standing_yaw_rate_radps
+
+    def _step_s(self, now_s: float) -> float:
+        """Time since the last tick, without the jumps of a clock: a plan neither leaps nor runs back."""
+        dt_s = now_s - self._last_tick_s
+        self._last_tick_s = now_s
+        return min(max(dt_s, 0.0), self._params.tracking.max_step_s) if math.isfinite(dt_s) else 0.0
+
+
+def _same(a: Pose2, b: Pose2) -> bool:
+    error = tracking_error(a, b)
+    return error.distance_m() < _SAME_M and abs(error.yaw) < _SAME_RAD
+
+
+def _runs_along(trajectory: Trajectory, path: Path) -> bool:
+    times = (0.2 * i * trajectory.duration_s for i in range(6))
+    poses = (trajectory.at(time_s).pose for time_s in times)
+    return all(abs(path.project(pose.x, pose.y)[1]) < _SAME_WAY_M for pose in poses)
+
+
+def _straight(goal: Pose2, located: Located | None) -> Path:
+    """The way that will be planned once the robot may drive."""
+    poses = [goal] if located is None else [located.pose, goal]
+    return Path(np.array([(pose.x, pose.y, pose.yaw) for pose in poses]))
+
+
+def _slower(limits: MotionLimits, speed_mps: float, yaw_rate_radps: float) -> MotionLimits:
+    return MotionLimits(
+        min(limits.speed_mps, speed_mps),
+        min(limits.yaw_rate_radps, yaw_rate_radps),
+        limits.acceleration_mps2,
+        limits.yaw_acceleration_radps2,
+        limits.jerk_mps3,
+        limits.yaw_jerk_radps3,
+    )

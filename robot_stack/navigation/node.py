@@ -1,0 +1,121 @@
+"""navigation_controller: /goal_pose to /cmd_vel and /plan.
+
+/cmd_vel comes at the contract's rate all the time, zero without a goal: whoever watches it sees a node that works, and
+the drive's arbitration puts any other source before it.
+"""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from nav_msgs.msg import Path as PathMessage
+from std_msgs.msg import Bool
+
+from custom_msgs.msg import VelocityLimit
+from robot_stack.contract import frames, topics
+from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from robot_stack.navigation.controller import NavigationController, NavigationState, Output, Situation
+from robot_stack.navigation.goal import GoalRequest
+from robot_stack.navigation.limits import SpeedLimit
+from robot_stack.navigation.params import NavigationParams
+from robot_stack.navigation.path import Path
+from robot_stack.navigation.pose_source import PoseSource
+from robot_stack.ros.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg, twist_to_msg
+from robot_stack.ros.node import StackNode, run
+
+
+class NavigationNode(StackNode):
+    """Stores inputs in callbacks; one tick asks the kernel and publishes."""
+
+    def __init__(self) -> None:
+        super().__init__("navigation_controller", NavigationParams)
+        motion = self.robot.empty
+        self._poses = PoseSource(self.params.pose, motion.max_speed_mps, motion.max_yaw_rate_radps)
+        self._controller = NavigationController(self.params, self.robot, frames.MAP)
+        self._problems = {topics.ODOM.name: "", topics.CURRENT_POSE.name: ""}
+        self._shown_path: Path | None = None
+        self._plan_shown = False
+        self._cmd_vel = self.advertise(topics.CMD_VEL)
+        self._plan = self.advertise(topics.PLAN)
+        self.subscribe(topics.ODOM, self._on_odometry)
+        self.subscribe(topics.CURRENT_POSE, self._on_pose)
+        self.subscribe(topics.GOAL_POSE, self._on_goal)
+        self.subscribe(topics.VELOCITY_LIMIT, self._on_velocity_limit)
+        self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
+        self._publish_plan()
+        assert topics.CMD_VEL.rate_hz is not None
+        self.every(topics.CMD_VEL.rate_hz, self._tick)
+
+    def on_emergency_stop(self) -> None:
+        self._controller.stop()
+        self._cmd_vel.publish(twist_to_msg(ZERO_TWIST))
+
+    def safe_output(self) -> None:
+        self._cmd_vel.publish(twist_to_msg(ZERO_TWIST))
+
+    def _on_odometry(self, message: Odometry) -> None:
+        pose, twist = pose_from_msg(message.pose.pose), twist_from_msg(message.twist.twist)
+        problem = self._poses.on_odometry(time_to_s(message.header.stamp), pose, twist, self.steady_s())
+        self._problems[topics.ODOM.name] = problem
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        if message.header.frame_id == frames.MAP:
+            stamp_s = time_to_s(message.header.stamp)
+            problem = self._poses.on_pose(stamp_s, pose_from_msg(message.pose), self.steady_s())
+        else:
+            problem = f"/current_pose frame_id is {message.header.frame_id!r}, must be {frames.MAP!r}"
+        self._problems[topics.CURRENT_POSE.name] = problem
+
+    def _on_goal(self, message: PoseStamped) -> None:
+        p, q = message.pose.position, message.pose.orientation
+        stamp_s = time_to_s(message.header.stamp)
+        request = GoalRequest(message.header.frame_id, stamp_s, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+        located, _ = self._poses.located(self.now_s(), self.steady_s())
+        problem = self._controller.request(request, self.now_s(), located)
+        if problem:
+            self.get_logger().error(f"/goal_pose refused: {problem}")
+        self._publish_plan()
+
+    def _on_velocity_limit(self, message: VelocityLimit) -> None:
+        limit = SpeedLimit(message.max_linear_velocity, message.max_angular_velocity)
+        self._controller.set_speed_limit(limit)
+
+    def _on_passenger(self, message: Bool) -> None:
+        self._controller.set_passenger(message.data)
+
+    def _tick(self) -> None:
+        located, problem = self._poses.located(self.now_s(), self.steady_s())
+        problem = "; ".join(filter(None, self._problems.values())) or problem
+        output = self._controller.tick(Situation(self.now_s(), located, problem, self.emergency_stop))
+        self._cmd_vel.publish(twist_to_msg(output.twist))
+        self._publish_plan()
+        self._tell(output, problem)
+
+    def _publish_plan(self) -> None:
+        path = self._controller.path
+        if path is self._shown_path and self._plan_shown:
+            return
+        stamp = self.stamp()
+        poses = [] if path is None else [Pose2(*map(float, row)) for row in path.poses]
+        message = PathMessage(poses=[pose_stamped(pose, frames.MAP, stamp) for pose in poses])
+        message.header.frame_id, message.header.stamp = frames.MAP, stamp
+        self._plan.publish(message)
+        self._shown_path, self._plan_shown = path, True
+
+    def _tell(self, output: Output, missing: str) -> None:
+        if output.reached:
+            self.get_logger().info(f"goal reached, {1e3 * output.error.distance_m():.0f} mm off")
+        held = output.state is NavigationState.HELD
+        self.set_health(not missing, missing or (f"held: {output.text}" if held else output.text))
+        self.report.values = {
+            "state": output.state.value,
+            "tracking error": f"{1e3 * output.error.distance_m():.0f} mm, {output.error.yaw:.3f} rad",
+        }
+
+
+def main() -> None:
+    run(NavigationNode)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""Jerk-limited motion along one coordinate (ruckig)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import ruckig
+
+
+@dataclass(frozen=True, slots=True)
+class AxisLimits:
+    """Largest speed, acceleration and jerk of one coordinate, in its unit and seconds."""
+
+    speed: float
+    acceleration: float
+    jerk: float
+
+
+class Profile:
+    """Position, speed and acceleration of one coordinate over time; outside [0, duration_s] the nearest end holds."""
+
+    __slots__ = ("_trajectory", "duration_s")
+
+    def __init__(self, trajectory: ruckig.Trajectory) -> None:
+        self._trajectory = trajectory
+        self.duration_s: float = trajectory.duration
+
+    def at(self, time_s: float) -> tuple[float, float, float]:
+        """(position, speed, acceleration)."""
+        position, speed, acceleration = self._trajectory.at_time(min(max(time_s, 0.0), self.duration_s))
+        return position[0], speed[0], acceleration[0]
+
+    def extent(self) -> tuple[float, float]:
+        """Smallest and largest position on the way."""
+        bound = self._trajectory.position_extrema[0]
+        return bound.min, bound.max
+
+
+def to_position(
+    distance: float, speed: float, acceleration: float, limits: AxisLimits, min_duration_s: float = 0.0
+) -> Profile:
+    """From 0 with ``speed`` and ``acceleration`` to rest at ``distance``, as fast as the limits allow.
+
+    A start outside the limits is brought inside first. ``min_duration_s`` asks for a slower motion that takes so long.
+    Raises ValueError for numbers that are not finite.
+    """
+    wish = _input(speed, acceleration, limits)
+    wish.target_position = [distance]
+    wish.target_velocity = [0.0]
+    natural = _solve(wish)
+    if min_duration_s <= natural.duration_s:
+        return natural
+    wish.minimum_duration = min_duration_s
+    return _solve(wish)
+
+
+def to_speed(target_speed: float, speed: float, acceleration: float, limits: AxisLimits) -> Profile:
+    """From 0 with ``speed`` and ``acceleration`` to a steady ``target_speed``. Raises ValueError as above."""
+    wish = _input(speed, acceleration, limits)
+    wish.control_interface = ruckig.ControlInterface.Velocity
+    wish.target_velocity = [target_speed]
+    return _solve(wish)
+
+
+def _input(speed: float, acceleration: float, limits: AxisLimits) -> ruckig.InputParameter:
+    wish = ruckig.InputParameter(1)
+    wish.current_position = [0.0]
+    wish.current_velocity = [speed]
+    wish.current_acceleration = [acceleration]
+    wish.target_acceleration = [0.0]
+    wish.max_velocity = [limits.speed]
+    wish.max_acceleration = [limits.acceleration]
+    wish.max_jerk = [limits.jerk]
+    return wish
+
+
+def _solve(wish: ruckig.InputParameter) -> Profile:
+    trajectory = ruckig.Trajectory(1)
+    try:
+        result = ruckig.Ruckig(1).calculate(wish, trajectory)
+    except ruckig.RuckigError as error:
+        raise ValueError(f"no motion profile: {error}") from error
+    if result not in (ruckig.Result.Working, ruckig.Result.Finished) or not math.isfinite(trajectory.duration):
+        raise ValueError(f"no motion profile: {result}")
+    return Profile(trajectory)

@@ -1,0 +1,371 @@
+"""The navigation kernel with a drive in fake time."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, wrap_angle
+from robot_stack.navigation.controller import NavigationState, Situation
+from robot_stack.navigation.limits import SpeedLimit
+from robot_stack.navigation.pose_source import Located
+from tests.unit.navigation.plant import ROBOT, request, ride
+
+GOAL = Pose2(5.0, 2.0, 1.0)
+
+
+def assert_at(pose: Pose2, goal: Pose2) -> None:
+    assert pose.distance_to(goal) < 0.05
+    assert abs(wrap_angle(pose.yaw - goal.yaw)) < math.radians(2.0)
+
+
+def test_without_a_goal_it_stands() -> None:
+    output = ride().tick()
+    assert output.twist == ZERO_TWIST
+    assert output.state is NavigationState.IDLE
+
+
+def test_reaches_the_goal_and_says_so_once() -> None:
+    story = ride()
+    assert story.go(GOAL) == ""
+    assert story.controller.path is not None
+    assert story.controller.path.end().distance_to(GOAL) < 1e-5
+    output = story.until_reached()
+    assert_at(story.drive.pose, GOAL)
+    assert output.text == "goal reached"
+    assert story.controller.path is None
+    story.run(1.0)
+    assert_at(story.drive.pose, GOAL)
+    assert sum(out.reached for out in story.outputs) == 1
+    assert story.outputs[-1].twist == ZERO_TWIST
+    assert max(story.errors_m) < 0.06
+
+
+def test_never_swings_past_the_goal() -> None:
+    story = ride()
+    story.go(Pose2(4.0, 0.0, 0.0))
+    story.until_reached()
+    farthest = 0.0
+    for _ in range(100):
+        story.tick()
+        farthest = max(farthest, story.drive.pose.x)
+    assert farthest < 4.02
+
+
+def test_goal_where_it_stands_is_reached_without_moving() -> None:
+    story = ride(GOAL)
+    story.go(GOAL)
+    story.until_reached(1.0)
+    assert all(output.twist == ZERO_TWIST for output in story.outputs)
+
+
+def test_new_goal_while_driving_is_taken_over_without_a_jump() -> None:
+    story = ride()
+    story.go(Pose2(8.0, 0.0, 0.0))
+    story.run(4.0)
+    assert story.drive.twist.vx > 1.0
+    story.go(Pose2(8.0, 5.0, 0.0))
+    story.run(0.1)
+    before, after = story.outputs[-3].twist, story.outputs[-1].twist
+    assert math.hypot(after.vx - before.vx, after.vy - before.vy) < 0.15
+    story.until_reached()
+    assert_at(story.drive.pose, Pose2(8.0, 5.0, 0.0))
+    assert sum(output.reached for output in story.outputs) == 1
+
+
+def test_repeated_goal_changes_nothing() -> None:
+    story = ride()
+    story.go(GOAL)
+    story.run(2.0)
+    path = story.controller.path
+    story.go(GOAL)
+    assert story.controller.path is path
+    assert story.controller.state is NavigationState.DRIVING
+
+
+def test_cancel_brakes_and_forgets_the_goal() -> None:
+    story = ride()
+    story.go(Pose2(20.0, 0.0, 0.0))
+    story.run(4.0)
+    assert story.go(IDENTITY, frame_id="") == ""
+    assert story.controller.path is None
+    story.tick()
+    assert story.controller.state is NavigationState.BRAKING
+    assert story.outputs[-1].twist.vx > 0.5  # a ramp, not a leap
+    story.run(3.0)
+    assert story.controller.state is NavigationState.IDLE
+    assert story.drive.twist.speed() < 1e-3
+    assert story.controller.goal is None
+
+
+@pytest.mark.parametrize(
+    ("goal", "changes", "reason"),
+    [
+        (Pose2(math.nan, 0.0, 0.0), {}, "position is not finite"),
+        (Pose2(0.0, math.inf, 0.0), {}, "position is not finite"),
+        (Pose2(0.0, 0.0, math.nan), {}, "orientation is not finite"),
+        (Pose2(1.0, 0.0, 0.0), {"frame_id": "odom"}, "frame_id is 'odom', must be 'map'"),
+        (Pose2(600.0, 0.0, 0.0), {}, "limit 500.0 m"),
+    ],
+)
+def test_refused_goal_ends_the_one_before(goal: Pose2, changes: dict[str, str], reason: str) -> None:
+    story = ride()
+    story.go(GOAL)
+    story.run(2.0)
+    assert reason in story.go(goal, **changes)
+    assert story.controller.goal is None
+    story.run(3.0)
+    assert story.drive.twist.speed() < 1e-3
+    assert story.controller.state is NavigationState.IDLE
+
+
+def test_emergency_stop_zeroes_at_once_and_goes_on_from_rest() -> None:
+    story = ride()
+    story.go(Pose2(8.0, 0.0, 0.0))
+    story.run(4.0)
+    story.emergency_stop = True
+    assert story.tick().twist == ZERO_TWIST
+    assert story.controller.state is NavigationState.HELD
+    story.run(3.0)
+    assert all(output.twist == ZERO_TWIST for output in story.outputs[-50:])
+    stood_m = story.drive.pose.x
+    story.emergency_stop = False
+    first = story.tick().twist
+    assert first.speed() < 0.1  # no lurch: from rest, within the jerk
+    commands = [story.tick().twist for _ in range(20)]
+    # In 50 ms the planned 0.8 m/s2 give 0.04 m/s, and the lead of half the build-up time, 0.8 m/s2 * 1.6 / 2.0, 0.032.
+    for before, after in pairwise(commands):
+        assert after.vx - before.vx <= 0.04 + 0.032 + 0.01
+    story.until_reached()
+    assert story.drive.pose.x > stood_m
+    assert_at(story.drive.pose, Pose2(8.0, 0.0, 0.0))
+
+
+def test_stop_between_two_ticks_holds() -> None:
+    story = ride()
+    story.go(GOAL)
+    story.run(2.0)
+    story.controller.stop()
+    assert story.controller.state is NavigationState.HELD
+    assert story.controller.goal is not None
+
+
+def test_after_a_hold_it_waits_for_standstill() -> None:
+    story = ride()
+    story.go(Pose2(8.0, 0.0, 0.0))
+    story.run(4.0)
+    story.pose_known = False
+    story.tick()
+    story.pose_known = True
+    for _ in range(5):
+        output = story.tick()
+        assert output.twist == ZERO_TWIST  # it still rolls
+        assert output.state is NavigationState.HELD
+    story.until_reached()
+
+
+def test_unknown_pose_holds_and_names_the_reason() -> None:
+    story = ride()
+    story.pose_known = False
+    assert story.go(GOAL) == ""
+    output = story.tick()
+    assert output.state is NavigationState.HELD
+    assert output.text == "/current_pose silent"
+    assert story.controller.path is not None
+    story.pose_known = True
+    story.until_reached()
+
+
+def test_far_goal_taken_blindly_is_refused_once_the_pose_is_known() -> None:
+    story = ride()
+    story.pose_known = False
+    story.go(Pose2(900.0, 0.0, 0.0))
+    story.pose_known = True
+    output = story.tick()
+    assert output.state is NavigationState.IDLE
+    assert "limit 500.0 m" in output.text
+    assert output.twist == ZERO_TWIST
+
+
+def test_zero_speed_limit_holds_and_a_low_one_is_kept() -> None:
+    story = ride()
+    story.go(Pose2(6.0, 0.0, 0.0))
+    story.run(3.0)
+    story.controller.set_speed_limit(SpeedLimit(0.0, 0.0))
+    assert story.tick().twist == ZERO_TWIST
+    story.run(3.0)
+    story.controller.set_speed_limit(SpeedLimit(0.3, 1.0))
+    count = len(story.outputs)
+    story.until_reached()
+    assert max(output.twist.speed() for output in story.outputs[count:]) <= 0.3 + 1e-9
+    assert_at(story.drive.pose, Pose2(6.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("limit", [SpeedLimit(math.nan, 1.0), SpeedLimit(-1.0, 1.0), SpeedLimit(1.0, math.nan)])
+def test_nonsense_speed_limit_is_a_stop(limit: SpeedLimit) -> None:
+    story = ride()
+    story.go(GOAL)
+    story.run(2.0)
+    story.controller.set_speed_limit(limit)
+    assert story.tick().twist == ZERO_TWIST
+
+
+def test_speed_limit_while_driving_slows_without_a_jump_and_keeps_the_path() -> None:
+    story = ride()
+    story.go(Pose2(12.0, 0.0, 0.0))
+    story.run(4.0)
+    path = story.controller.path
+    story.controller.set_speed_limit(SpeedLimit(0.5, 1.0))
+    story.run(3.0)
+    assert story.controller.path is path
+    assert story.drive.twist.speed() == pytest.approx(0.475, abs=0.01)
+    assert max(story.errors_m) < 0.1
+
+
+def test_passenger_lowers_the_limits() -> None:
+    story = ride()
+    story.controller.set_passenger(True)
+    story.drive.motion = ROBOT.with_passenger
+    story.go(Pose2(10.0, 0.0, 0.0))
+    story.until_reached()
+    assert max(output.twist.speed() for output in story.outputs) <= ROBOT.with_passenger.max_speed_mps
+    assert max(story.errors_m) < 0.06
+
+
+def test_robot_pushed_off_its_way_plans_afresh() -> None:
+    story = ride()
+    story.go(Pose2(8.0, 0.0, 0.0))
+    story.run(3.0)
+    pose = story.drive.pose
+    story.drive.pose = Pose2(pose.x, pose.y + 0.6, pose.yaw)
+    before = story.controller.path
+    story.run(0.1)
+    assert story.controller.path is not before
+    story.until_reached()
+    assert_at(story.drive.pose, Pose2(8.0, 0.0, 0.0))
+
+
+def test_held_back_drive_does_not_wind_up() -> None:
+    story = ride()
+    story.go(Pose2(8.0, 0.0, 0.0))
+    story.run(2.0)
+    story.drive.blocked = True
+    story.run(8.0)
+    assert story.outputs[-1].twist.speed() < 0.8  # the plan starts again and again instead of running away
+    assert story.outputs[-1].error.distance_m() < 0.5
+    story.drive.blocked = False
+    story.until_reached()
+
+
+def test_clock_that_jumps_moves_nothing_by_itself() -> None:
+    story = ride()
+    story.go(Pose2(8.0, 0.0, 0.0))
+    story.run(2.0)
+    planned = story.outputs[-1].planned
+    story.now_s += 3600.0
+    after = story.tick().planned
+    assert planned is not None
+    assert after is not None
+    assert after.distance_to(planned) < 1.5 * 0.2 + 1e-6
+    story.now_s -= 7200.0
+    story.tick()
+    story.until_reached()
+    assert_at(story.drive.pose, Pose2(8.0, 0.0, 0.0))
+
+
+def test_not_finite_pose_never_leaves_as_a_command() -> None:
+    story = ride()
+    story.go(GOAL)
+    story.run(1.0)
+    broken = Located(Pose2(math.nan, 0.0, 0.0), ZERO_TWIST)
+    assert story.controller.tick(Situation(story.now_s, broken)).twist == ZERO_TWIST
+
+
+def test_goal_from_a_moving_robot_without_a_plan_starts_from_its_motion() -> None:
+    story = ride()
+    story.drive.twist = story.drive._set_point = Twist2(0.8, 0.0, 0.0)  # somebody else drove it here
+    story.go(Pose2(5.0, 0.0, 0.0))
+    first = story.tick().twist
+    assert first.vx == pytest.approx(0.8, abs=0.2)
+    story.until_reached()
+
+
+poses = st.builds(Pose2, st.floats(-6.0, 6.0), st.floats(-6.0, 6.0), st.floats(-math.pi, math.pi))
+
+
+@given(poses, poses, st.booleans(), st.floats(0.02, 0.1), st.floats(0.0, 0.06))
+@settings(max_examples=25, deadline=None)
+def test_every_goal_is_reached_from_everywhere(
+    start: Pose2, goal: Pose2, passenger: bool, delay_s: float, lag_s: float
+) -> None:
+    story = ride(start)
+    story.controller.set_passenger(passenger)
+    story.drive.motion = ROBOT.motion(passenger)
+    story.drive.delay_s, story.drive.lag_s = delay_s, lag_s
+    story.go(goal)
+    story.until_reached()
+    assert_at(story.drive.pose, goal)
+    limit = ROBOT.motion(passenger)
+    for output in story.outputs:
+        assert output.twist.speed() <= limit.max_speed_mps + 1e-9
+        assert abs(output.twist.omega) <= limit.max_yaw_rate_radps + 1e-9
+
+
+events = st.sampled_from(
+    ["goal", "cancel", "bad goal", "emergency", "release", "lose pose", "find pose", "stop", "limit", "free"]
+    + ["passenger"]
+)
+
+
+@given(st.lists(st.tuples(events, poses), max_size=15))
+@settings(max_examples=40, deadline=None)
+def test_whatever_happens_commands_stay_finite_and_forbidden_means_zero(steps: list[tuple[str, Pose2]]) -> None:
+    story = ride()
+    passenger = False
+    for event, pose in steps:
+        if event == "goal":
+            story.go(pose)
+        elif event == "cancel":
+            story.go(pose, frame_id="")
+        elif event == "bad goal":
+            assert story.go(Pose2(math.nan, 0.0, 0.0))
+        elif event in ("emergency", "release"):
+            story.emergency_stop = event == "emergency"
+        elif event in ("lose pose", "find pose"):
+            story.pose_known = event == "find pose"
+        elif event in ("stop", "limit", "free"):
+            speed = {"stop": 0.0, "limit": 0.4, "free": math.inf}[event]
+            story.controller.set_speed_limit(SpeedLimit(speed, speed))
+        else:
+            passenger = not passenger
+            story.controller.set_passenger(passenger)
+        for _ in range(8):
+            output = story.tick()
+            assert output.twist.is_finite()
+            if story.emergency_stop or not story.pose_known or output.state in (
+                NavigationState.IDLE,
+                NavigationState.HELD,
+            ):
+                assert output.twist == ZERO_TWIST
+
+
+@pytest.mark.parametrize(
+    ("quaternion", "reason"),
+    [((0.0, 0.0, 0.0, 0.0), "squared norm is 0.000"), ((0.0, 0.0, 1.0, 1.0), "squared norm is 2.000")],
+)
+def test_unnormalised_quaternion_is_refused(quaternion: tuple[float, float, float, float], reason: str) -> None:
+    story = ride()
+    crooked = type(request(GOAL))("map", 0.0, (1.0, 0.0, 0.0), quaternion)
+    assert reason in story.controller.request(crooked, story.now_s, story.located())
+
+
+def test_old_goal_is_refused_and_one_without_stamp_is_not() -> None:
+    story = ride()
+    assert "stamp is 10.0 s old, limit 5.0 s" in story.controller.request(
+        request(GOAL, story.now_s - 10.0), story.now_s, story.located()
+    )
+    assert story.controller.request(request(GOAL, 0.0), story.now_s, story.located()) == ""

@@ -1,0 +1,78 @@
+"""Geometry of a plan."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robot_stack.core.geometry import IDENTITY, Pose2
+from robot_stack.navigation.limits import MotionLimits
+from robot_stack.navigation.motion import MotionState
+from robot_stack.navigation.path import Path, path_of
+from robot_stack.navigation.plan import plan_motion
+
+LIMITS = MotionLimits(1.0, 1.0, 1.0, 1.0, 2.0, 2.0)
+
+
+def test_straight_plan_is_sampled_at_its_spacing() -> None:
+    path = path_of(plan_motion(MotionState(IDENTITY), Pose2(3.0, 4.0, 0.5), LIMITS, 1.0), 0.1, 500)
+    assert path.length_m == pytest.approx(5.0)
+    assert np.diff(path.arc_length_m).max() < 0.13
+    assert path.poses[0] == pytest.approx([0.0, 0.0, 0.0])
+    assert path.poses[-1] == pytest.approx([3.0, 4.0, 0.5])
+    assert np.abs(path.curvature_per_m).max() < 1e-6
+    end = path.end()
+    assert (end.x, end.y, end.yaw) == pytest.approx((3.0, 4.0, 0.5))
+
+
+def test_turn_on_the_spot_has_poses_but_no_length() -> None:
+    path = path_of(plan_motion(MotionState(IDENTITY), Pose2(0.0, 0.0, 1.5), LIMITS, 1.0), 0.1, 500)
+    assert path.length_m == 0.0
+    assert len(path.poses) > 10
+    assert np.all(path.curvature_per_m == 0.0)
+
+
+def test_long_plan_has_no_more_poses_than_allowed() -> None:
+    path = path_of(plan_motion(MotionState(IDENTITY), Pose2(400.0, 0.0, 0.0), LIMITS, 1.0), 0.1, 500)
+    assert len(path.poses) <= 500
+    assert path.length_m == pytest.approx(400.0)
+
+
+def test_plan_to_where_the_robot_stands() -> None:
+    path = path_of(plan_motion(MotionState(IDENTITY), IDENTITY, LIMITS, 1.0), 0.1, 500)
+    assert path.length_m == 0.0
+    assert path.end() == IDENTITY
+
+
+def test_curvature_of_a_circle() -> None:
+    angle = np.linspace(0.0, 1.0, 40)
+    left = Path(np.column_stack((2.0 * np.cos(angle), 2.0 * np.sin(angle), angle)))
+    assert left.curvature_per_m[1:-1] == pytest.approx(0.5)
+    right = Path(left.poses[::-1])
+    assert right.curvature_per_m[1:-1] == pytest.approx(-0.5)
+
+
+def test_projection_beside_ahead_and_behind() -> None:
+    path = Path(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.5], [1.0, 2.0, 0.5]]))
+    assert path.project(0.25, 0.1) == pytest.approx((0.25, 0.1))
+    assert path.project(0.25, -0.1) == pytest.approx((0.25, -0.1))
+    assert path.project(1.3, 1.0) == pytest.approx((2.0, -0.3))
+    along, distance = path.project(-0.3, 0.4)
+    assert along == 0.0
+    assert abs(distance) == pytest.approx(0.5)
+    assert path.project(1.0, 3.0)[0] == pytest.approx(3.0)
+
+
+def test_projection_on_a_single_pose() -> None:
+    assert Path(np.array([[1.0, 1.0, 0.0]])).project(4.0, 5.0) == (0.0, pytest.approx(5.0))
+
+
+def test_rounded_corner_bends_one_way() -> None:
+    start = MotionState(IDENTITY, velocity=(1.0, 0.0))
+    path = path_of(plan_motion(start, Pose2(2.0, 6.0, 0.0), LIMITS, 1.0), 0.1, 500)
+    assert path.curvature_per_m.min() > -1e-3
+    # Turned in all by the angle between the first course and the last.
+    bends = np.diff(np.unwrap(np.arctan2(np.diff(path.poses[:, 1]), np.diff(path.poses[:, 0]))))
+    assert 0.9 < bends.sum() < math.pi / 2.0

@@ -1,0 +1,197 @@
+"""Plans: limits kept at every moment, the goal met, no leap in velocity or acceleration."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_stack.core.geometry import IDENTITY, Pose2, Twist2, wrap_angle
+from robot_stack.navigation.limits import MotionLimits
+from robot_stack.navigation.motion import MotionState, Trajectory, moving
+from robot_stack.navigation.plan import plan_motion, plan_stop
+from robot_stack.navigation.speed_profile import AxisLimits, to_position, to_speed
+
+LIMITS = MotionLimits(1.0, 1.0, 1.0, 1.0, 2.0, 2.0)
+FREE_TURNING = 100.0
+STEP_S = 0.01
+
+
+def states(trajectory: Trajectory) -> list[MotionState]:
+    count = math.ceil(trajectory.duration_s / STEP_S)
+    return [trajectory.at(STEP_S * i) for i in range(count + 2)]
+
+
+def check_limits(trajectory: Trajectory, limits: MotionLimits, max_speed: float | None = None) -> None:
+    """Speed, acceleration, and, over steps of 10 ms, jerk and the continuity of everything."""
+    speed = limits.speed_mps if max_speed is None else max_speed
+    for before, after in pairwise(states(trajectory)):
+        assert before.is_finite()
+        assert before.speed() <= speed + 1e-6
+        assert math.hypot(*before.acceleration) <= limits.acceleration_mps2 + 1e-6
+        jerk = math.dist(before.acceleration, after.acceleration) / STEP_S
+        assert jerk <= limits.jerk_mps3 * 1.001 + 1e-6
+        assert math.dist(before.velocity, after.velocity) <= limits.acceleration_mps2 * STEP_S + 2e-3
+        assert before.pose.distance_to(after.pose) <= speed * STEP_S + 1e-6
+        assert abs(before.yaw_acceleration) <= limits.yaw_acceleration_radps2 + 1e-6
+        assert abs(before.yaw_acceleration - after.yaw_acceleration) <= limits.yaw_jerk_radps3 * STEP_S * 1.001 + 1e-6
+
+
+def check_end(trajectory: Trajectory, goal: Pose2) -> None:
+    end = trajectory.end()
+    assert end.pose.distance_to(goal) < 1e-5
+    assert abs(wrap_angle(end.pose.yaw - goal.yaw)) < 1e-6
+    assert end.speed() < 1e-6
+    assert abs(end.yaw_rate) < 1e-6
+    later = trajectory.at(trajectory.duration_s + 100.0)
+    assert later.pose.distance_to(goal) < 1e-5
+    assert later.speed() < 1e-6
+    assert math.hypot(*later.acceleration) < 1e-6
+
+
+def test_duration_of_a_long_straight_way() -> None:
+    # To 1 m/s at 1 m/s2 and 2 m/s3: 1 / 1 + 1 / 2 = 1.5 s, 0.75 m; the same at the end; 8.5 m at 1 m/s between.
+    trajectory = plan_motion(MotionState(IDENTITY), Pose2(10.0, 0.0, 0.0), LIMITS, FREE_TURNING)
+    assert trajectory.duration_s == pytest.approx(1.5 + 8.5 + 1.5)
+    middle = trajectory.at(5.75)
+    assert (middle.pose.x, middle.pose.y) == pytest.approx((5.0, 0.0))
+    assert middle.velocity == pytest.approx((1.0, 0.0))
+
+
+def test_yaw_turns_evenly_beside_a_diagonal() -> None:
+    goal = Pose2(6.0, 8.0, 1.2)
+    trajectory = plan_motion(MotionState(IDENTITY), goal, LIMITS, FREE_TURNING)
+    middle = trajectory.at(0.5 * trajectory.duration_s)
+    assert (middle.pose.x, middle.pose.y, middle.pose.yaw) == pytest.approx((3.0, 4.0, 0.6))
+    assert middle.velocity == pytest.approx((0.6, 0.8))
+    assert middle.yaw_rate < 0.15  # the 1.2 rad are spread over the whole way
+    check_limits(trajectory, LIMITS)
+    check_end(trajectory, goal)
+
+
+def test_turning_on_the_spot_takes_the_shorter_way() -> None:
+    trajectory = plan_motion(MotionState(Pose2(1.0, 2.0, 3.0)), Pose2(1.0, 2.0, -3.0), LIMITS, FREE_TURNING)
+    turned = [state.pose for state in states(trajectory)]
+    assert all((pose.x, pose.y) == pytest.approx((1.0, 2.0)) for pose in turned)
+    assert all(abs(pose.yaw) >= 3.0 - 1e-6 for pose in turned)
+    check_end(trajectory, Pose2(1.0, 2.0, -3.0))
+
+
+def test_a_large_turn_on_a_short_way_slows_the_translation() -> None:
+    trajectory = plan_motion(MotionState(IDENTITY), Pose2(0.5, 0.0, 3.0), LIMITS, FREE_TURNING)
+    assert trajectory.duration_s == pytest.approx(to_position(3.0, 0.0, 0.0, AxisLimits(1.0, 1.0, 2.0)).duration_s)
+    middle = trajectory.at(0.5 * trajectory.duration_s)
+    assert (middle.pose.x, middle.pose.yaw) == pytest.approx((0.25, 1.5))
+
+
+def test_turning_share_slows_the_whole_plan() -> None:
+    goal = Pose2(5.0, 0.0, math.pi - 0.01)
+    free = plan_motion(MotionState(IDENTITY), goal, LIMITS, FREE_TURNING)
+    bound = plan_motion(MotionState(IDENTITY), goal, LIMITS, 0.25)
+    assert max(state.speed() * abs(state.yaw_rate) for state in states(free)) > 0.5
+    assert max(state.speed() * abs(state.yaw_rate) for state in states(bound)) < 0.26
+    assert bound.duration_s > free.duration_s
+    check_end(bound, goal)
+
+
+def test_new_goal_at_a_right_angle_is_taken_over_without_a_stop() -> None:
+    start = MotionState(IDENTITY, velocity=(1.0, 0.0))
+    goal = Pose2(1.0, 6.0, 0.0)
+    trajectory = plan_motion(start, goal, LIMITS, FREE_TURNING)
+    check_limits(trajectory, LIMITS)
+    check_end(trajectory, goal)
+    slowest = min(state.speed() for state in states(trajectory) if state.pose.distance_to(goal) > 1.5)
+    assert slowest > 0.6  # the chord of the velocity circle over a quarter turn: cos(45 deg) = 0.7
+
+
+def test_goal_behind_is_reached_by_braking_and_coming_back() -> None:
+    start = MotionState(IDENTITY, velocity=(1.0, 0.0))
+    trajectory = plan_motion(start, Pose2(-2.0, 0.0, 0.0), LIMITS, FREE_TURNING)
+    check_limits(trajectory, LIMITS)
+    check_end(trajectory, Pose2(-2.0, 0.0, 0.0))
+    # Braking builds up in 0.5 s, over 0.5 - 2 * 0.5^3 / 6 = 0.458 m to 0.75 m/s, and then takes 0.75^2 / 2 = 0.281 m.
+    assert max(state.pose.x for state in states(trajectory)) == pytest.approx(0.7396, abs=1e-3)
+
+
+def test_lower_limits_while_driving_brake_smoothly() -> None:
+    fast = plan_motion(MotionState(IDENTITY), Pose2(10.0, 0.0, 0.0), LIMITS, FREE_TURNING)
+    now = fast.at(4.0)
+    slow = MotionLimits(0.3, 1.0, 1.0, 1.0, 2.0, 2.0)
+    trajectory = plan_motion(now, Pose2(10.0, 0.0, 0.0), slow, FREE_TURNING)
+    check_limits(trajectory, slow, max_speed=1.0)
+    check_end(trajectory, Pose2(10.0, 0.0, 0.0))
+    assert trajectory.at(2.0).speed() == pytest.approx(0.3, abs=1e-6)
+    assert all(state.speed() > 0.299 for state in states(trajectory) if state.pose.x < 9.0)  # no swing below the limit
+
+
+def test_stop_from_speed_keeps_the_course() -> None:
+    start = MotionState(IDENTITY, velocity=(0.6, 0.8), yaw_rate=0.5)
+    trajectory = plan_stop(start, LIMITS)
+    check_limits(trajectory, LIMITS)
+    end = trajectory.end()
+    assert end.speed() < 1e-9
+    assert abs(end.yaw_rate) < 1e-9
+    # 1 m/s to rest takes 1.5 s and 0.75 m along (0.6, 0.8).
+    assert (end.pose.x, end.pose.y) == pytest.approx((0.45, 0.6))
+
+
+def test_state_of_a_moving_body_is_turned_into_the_map() -> None:
+    state = moving(Pose2(1.0, 2.0, math.pi / 2.0), Twist2(1.0, 0.5, 0.2))
+    assert state.velocity == pytest.approx((-0.5, 1.0))
+    assert state.yaw_rate == 0.2
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_not_finite_start_or_goal_is_refused(bad: float) -> None:
+    with pytest.raises(ValueError, match="finite"):
+        plan_motion(MotionState(Pose2(bad, 0.0, 0.0)), IDENTITY, LIMITS, FREE_TURNING)
+    with pytest.raises(ValueError, match="finite"):
+        plan_motion(MotionState(IDENTITY), Pose2(0.0, 0.0, bad), LIMITS, FREE_TURNING)
+    with pytest.raises(ValueError, match="no motion profile"):
+        to_speed(bad, 0.0, 0.0, AxisLimits(1.0, 1.0, 1.0))
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf])
+def test_limits_must_be_positive_and_finite(bad: float) -> None:
+    with pytest.raises(ValueError, match="acceleration_mps2"):
+        MotionLimits(1.0, 1.0, bad, 1.0, 1.0, 1.0)
+
+
+poses = st.builds(Pose2, st.floats(-20.0, 20.0), st.floats(-20.0, 20.0), st.floats(-math.pi, math.pi))
+some_limits = st.builds(
+    MotionLimits,
+    st.floats(0.2, 1.5),
+    st.floats(0.2, 1.0),
+    st.floats(0.3, 1.0),
+    st.floats(0.3, 1.0),
+    st.floats(0.5, 2.0),
+    st.floats(0.5, 2.0),
+)
+
+
+@given(poses, poses, some_limits)
+@settings(max_examples=60, deadline=None)
+def test_from_rest_every_limit_is_kept(start: Pose2, goal: Pose2, limits: MotionLimits) -> None:
+    trajectory = plan_motion(MotionState(start), goal, limits, 0.5 * limits.acceleration_mps2)
+    check_limits(trajectory, limits)
+    check_end(trajectory, goal)
+    assert max(abs(state.yaw_rate) for state in states(trajectory)) <= limits.yaw_rate_radps + 1e-6
+
+
+@given(poses, poses, poses, some_limits, st.floats(0.0, 1.0))
+@settings(max_examples=60, deadline=None)
+def test_a_new_goal_at_any_moment_keeps_every_limit(
+    start: Pose2, first: Pose2, second: Pose2, limits: MotionLimits, share: float
+) -> None:
+    before = plan_motion(MotionState(start), first, limits, 0.5 * limits.acceleration_mps2)
+    now = before.at(share * before.duration_s)
+    after = plan_motion(now, second, limits, 0.5 * limits.acceleration_mps2)
+    check_limits(after, limits)
+    check_end(after, second)
+    begin = after.at(0.0)
+    assert begin.pose.distance_to(now.pose) < 1e-9
+    assert math.dist(begin.velocity, now.velocity) < 2e-3
+    assert math.dist(begin.acceleration, now.acceleration) < 2e-2
