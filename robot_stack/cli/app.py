@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import typer
 
-from robot_stack.cli import stack
+from robot_stack.cli import safety, stack, topics
+from robot_stack.cli.mission import mission
 
 app = typer.Typer(
     name="robot-stack",
@@ -19,3 +20,7 @@ app.command()(stack.down)
 app.command()(stack.status)
 app.command()(stack.restart)
 app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(stack.run)
+app.add_typer(mission, name="mission")
+app.command()(safety.estop)
+app.command()(safety.reset)
+app.command()(topics.topics)

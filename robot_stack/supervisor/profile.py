@@ -16,6 +16,9 @@ from robot_stack.contract.model import Criticality, Process, System
 from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.config import Config, ConfigError, config_dir, read_yaml, validate
 
+_SAFETY_MONITOR = "safety_monitor"
+_EXPECTED = "expected_processes"
+
 
 class Machine(Enum):
     """What a profile can run; the simulation belongs to either."""
@@ -72,7 +75,9 @@ class Plan:
     """
 
     name: str
+    path: Path
     description: str
+    machine: System
     use_sim_time: bool
     ready_deadline_s: float
     processes: tuple[Process, ...]
@@ -114,9 +119,12 @@ def load_plan(
     chosen = _only(built, only) if only else built
     parameters = _parameters(file, settings, processes, path)
     nodes = {node for process in chosen for node in process.nodes}
+    _tell_safety_monitor(parameters, chosen)
     return Plan(
         name=path.stem,
+        path=path,
         description=file.description,
+        machine=System(file.machine.value),
         use_sim_time=file.use_sim_time,
         ready_deadline_s=file.ready_deadline_s,
         processes=tuple(chosen),
@@ -124,6 +132,12 @@ def load_plan(
         parameters={node: values for node, values in parameters.items() if node in nodes},
         environment=file.environment,
     )
+
+
+def _tell_safety_monitor(parameters: dict[str, dict[str, Any]], chosen: Sequence[Process]) -> None:
+    """It must miss the heartbeats of what runs here, and of nothing else."""
+    expected = [process.name for process in chosen if process.name in BY_NAME and process.name != _SAFETY_MONITOR]
+    parameters.setdefault(_SAFETY_MONITOR, {}).setdefault(_EXPECTED, expected)
 
 
 def _with_speed(data: dict[str, Any], speed: float | None, path: Path) -> dict[str, Any]:

@@ -213,6 +213,7 @@ class Supervisor:
         return {
             "ok": True,
             "profile": self._plan.name,
+            "profile_path": str(self._plan.path.resolve()),
             "domain": ros_domain_id(),
             "pid": os.getpid(),
             "log_dir": str(self._run_dir),

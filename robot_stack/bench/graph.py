@@ -1,0 +1,153 @@
+"""Is a running system what the contract says? Pure: what was seen in the graph in, findings out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import Durability, Reliability, System, Topic
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """A publisher or subscriber as the graph shows it. The depth of its history is not told over the wire."""
+
+    node: str
+    type: str
+    reliability: Reliability
+    durability: Durability
+
+
+@dataclass(frozen=True, slots=True)
+class Traffic:
+    """What was received on a topic in a window. age_s: since the newest message; None if there never was one."""
+
+    count: int
+    window_s: float
+    age_s: float | None
+
+    @property
+    def rate_hz(self) -> float:
+        return self.count / self.window_s if self.window_s > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """One topic of the live graph."""
+
+    publishers: tuple[Endpoint, ...] = ()
+    subscribers: tuple[Endpoint, ...] = ()
+    traffic: Traffic = Traffic(0, 0.0, None)
+
+
+class Verdict(Enum):
+    OK = "ok"
+    QUIET = "quiet"  # a topic for events, and none has happened
+    NOT_RUN = "not run"  # none of its publishers belongs to this profile
+    WRONG = "wrong"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    row: Topic
+    seen: Seen
+    verdict: Verdict
+    problems: tuple[str, ...]
+
+    @property
+    def expected_hz(self) -> float | None:
+        """The row's rate, times its publishers."""
+        return None if self.row.rate_hz is None else self.row.rate_hz * max(1, len(self.seen.publishers))
+
+
+def rows_of(machine: System, use_sim_time: bool) -> tuple[Topic, ...]:
+    """The rows of one machine and its simulation; /clock is one of them only where nodes live on it."""
+    rows = topics.of_system(machine, System.SIMULATION)
+    return tuple(row for row in rows if use_sim_time or row is not topics.CLOCK)
+
+
+def judge(row: Topic, seen: Seen, nodes: frozenset[str], tolerance: float) -> Finding:
+    """One row against the graph.
+
+    nodes: the nodes that should run. tolerance: relative error of a rate that is still right.
+    """
+    wanted = frozenset(row.publishers) & nodes
+    anybody = topics.EVERY_NODE in row.publishers
+    problems = [*_type_problems(row, seen), *_qos_problems(row, seen), *_stranger_problems(row, seen)]
+    if wanted or anybody:
+        present = {endpoint.node for endpoint in seen.publishers}
+        absent = sorted((nodes if anybody else wanted) - present)
+        # A topic of events may be advertised by whom it concerns only: one publisher must be there.
+        if absent and (anybody or not present & wanted or row.rate_hz is not None):
+            problems.append(f"not published by {', '.join(absent)}")
+    finding = Finding(row, seen, Verdict.OK, ())
+    if seen.publishers:
+        problems += _traffic_problems(finding, tolerance)
+    if problems:
+        return Finding(row, seen, Verdict.WRONG, tuple(problems))
+    if not seen.publishers:
+        return Finding(row, seen, Verdict.NOT_RUN, ())
+    quiet = row.rate_hz is None and seen.traffic.age_s is None
+    return Finding(row, seen, Verdict.QUIET if quiet else Verdict.OK, ())
+
+
+def unknown_topics(names: Sequence[str], rows: Sequence[Topic]) -> tuple[str, ...]:
+    """Topics of the graph that the contract does not know, without those that ROS itself makes."""
+    known = {row.name for row in rows} | {"/rosout", "/parameter_events", topics.CLOCK.name}
+    return tuple(sorted(name for name in names if name not in known and "/_action/" not in name))
+
+
+def worst_rate_error(findings: Sequence[Finding]) -> tuple[float, str]:
+    """The greatest relative error of a measured rate, and its topic; (0, "") where nothing has a rate."""
+    worst = (0.0, "")
+    for finding in findings:
+        expected_hz = finding.expected_hz
+        if expected_hz is not None and finding.seen.publishers:
+            error = abs(finding.seen.traffic.rate_hz / expected_hz - 1.0)
+            worst = max(worst, (error, finding.row.name))
+    return worst
+
+
+def _type_problems(row: Topic, seen: Seen) -> list[str]:
+    found = {endpoint.type for endpoint in (*seen.publishers, *seen.subscribers)} - {row.type}
+    return [f"type {name} in the graph" for name in sorted(found)]
+
+
+def _qos_problems(row: Topic, seen: Seen) -> list[str]:
+    wanted = (row.qos.reliability, row.qos.durability)
+    return [
+        f"{endpoint.node} publishes {endpoint.reliability.name}, {endpoint.durability.name}"
+        for endpoint in seen.publishers
+        if (endpoint.reliability, endpoint.durability) != wanted
+    ]
+
+
+def _stranger_problems(row: Topic, seen: Seen) -> list[str]:
+    if topics.EVERY_NODE in row.publishers:
+        return []
+    strangers = sorted({endpoint.node for endpoint in seen.publishers} - set(row.publishers))
+    return [f"published by {name}, which the contract does not name" for name in strangers]
+
+
+def _traffic_problems(finding: Finding, tolerance: float) -> list[str]:
+    expected_hz, traffic = finding.expected_hz, finding.seen.traffic
+    if expected_hz is None:
+        return []
+    if traffic.age_s is None:
+        return ["advertised, but nothing is sent"]
+    stale_s = finding.row.stale_s
+    if stale_s is not None and traffic.age_s > stale_s:
+        return [f"silent for {traffic.age_s:.1f} s"]
+    # A slow topic has few messages in the window: one more or less is no error.
+    if abs(traffic.rate_hz - expected_hz) > max(tolerance * expected_hz, 1.01 / traffic.window_s):
+        return [f"{traffic.rate_hz:.1f} Hz instead of {expected_hz:g}"]
+    return []
+
+
+def judge_all(
+    rows: Sequence[Topic], seen: Mapping[str, Seen], nodes: frozenset[str], tolerance: float
+) -> tuple[Finding, ...]:
+    """Every row against the graph; ``seen`` may lack topics that nobody has."""
+    return tuple(judge(row, seen.get(row.name, Seen()), nodes, tolerance) for row in rows)

@@ -1,0 +1,1 @@
+"""The benchmarks' and the command line's own nodes."""

@@ -1,0 +1,113 @@
+"""mission list, start, pause, resume, abort, watch."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from robot_stack.cli.errors import CommandError
+from robot_stack.cli.safety import Timeout
+
+if TYPE_CHECKING:
+    from robot_stack.cli.nodes.wishes import Mission
+
+mission = typer.Typer(help="Missions: list, start, pause, resume, abort, watch.", no_args_is_help=True)
+
+
+@mission.command("list")
+def list_missions() -> None:
+    """The missions of config/missions/. Exit code 1 if a file is wrong."""
+    from robot_stack.core.config import config_dir
+    from robot_stack.mission.library import MissionError, MissionLibrary
+
+    library = MissionLibrary(config_dir() / "missions")
+    wrong = False
+    for mission_id in library.ids():
+        try:
+            found = library.find(mission_id)
+        except MissionError as error:
+            wrong = True
+            print(f"{mission_id}: {error}")
+            continue
+        print(f"{mission_id}: {found.name_in('en')}, {len(found.waypoints)} waypoints")
+    if wrong:
+        raise typer.Exit(1)
+
+
+@mission.command()
+def start(
+    mission_id: Annotated[str, typer.Argument(help="Id, as in `mission list`.")], timeout_s: Timeout = 5.0
+) -> None:
+    """Start a mission."""
+    _command("START_MISSION", mission_id, timeout_s)
+
+
+@mission.command()
+def pause(timeout_s: Timeout = 5.0) -> None:
+    """Hold the position until resumed."""
+    _command("PAUSE", "", timeout_s)
+
+
+@mission.command()
+def resume(timeout_s: Timeout = 5.0) -> None:
+    """Go on with a paused mission."""
+    _command("RESUME", "", timeout_s)
+
+
+@mission.command()
+def abort(timeout_s: Timeout = 5.0) -> None:
+    """End the mission where the robot stands; a passenger stays attached."""
+    _command("ABORT", "", timeout_s)
+
+
+@mission.command()
+def watch(
+    once: Annotated[bool, typer.Option("--once", help="Print the status now and return.")] = False,
+    timeout_s: Timeout = 5.0,
+) -> None:
+    """Follow the mission's status until Ctrl-C."""
+    from robot_stack.cli.nodes.wishes import watch_mission
+
+    shown: list[str] = []
+
+    def tell(status: Mission) -> None:
+        line = describe(status)
+        if [line] != shown:
+            shown[:] = [line]
+            print(line, flush=True)
+
+    try:
+        with contextlib.suppress(KeyboardInterrupt):
+            watch_mission(tell, timeout_s, follow=not once)
+    except TimeoutError as error:
+        raise CommandError(str(error)) from None
+
+
+def describe(status: Mission) -> str:
+    """The status in one line for people."""
+    parts = [status.state]
+    if status.mission_id:
+        parts.append(f"{status.mission_id} {status.completed}/{status.total} waypoints, {status.progress:.0%}")
+    if status.waypoint:
+        parts.append(f"to {status.waypoint}")
+    if status.eta_s is not None and status.mission_id:
+        parts.append(f"{status.eta_s:.0f} s left")
+    if status.passenger:
+        parts.append("passenger aboard")
+    if status.reason:
+        parts.append(status.reason)
+    return ", ".join(parts)
+
+
+def _command(command: str, mission_id: str, timeout_s: float) -> None:
+    from robot_stack.cli.nodes.wishes import command_mission
+
+    try:
+        status = command_mission(command, mission_id, timeout_s)
+    except TimeoutError as error:
+        raise CommandError(str(error)) from None
+    if not status.accepted:
+        raise CommandError(f"{command} was refused: {status.reason}")
+    print(describe(status))

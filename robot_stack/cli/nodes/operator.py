@@ -1,0 +1,89 @@
+"""The operator's node: publishes wishes, hears answers, calls services, for as long as one verb runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.signals import SignalHandlerOptions
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import ContractViolation, Service, Topic
+from robot_stack.ros import transport
+from robot_stack.ros.executor import LeanExecutor
+from robot_stack.ros.interfaces import interface_class, qos_profile
+
+
+class Operator:
+    """A context manager. Callbacks run only inside ``wait``, in the caller's thread."""
+
+    def __init__(self) -> None:
+        transport.apply()
+        self._context = Context()
+        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        # Short-lived: what others would have to discover for nothing is left out.
+        self.node = Node(
+            topics.OPERATOR_TOOL,
+            context=self._context,
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._executor = LeanExecutor(context=self._context)
+        self._executor.add_node(self.node)
+
+    def __enter__(self) -> Operator:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.node.destroy_node()
+        self._executor.shutdown()
+        rclpy.try_shutdown(context=self._context)
+
+    def advertise(self, row: Topic) -> Publisher:
+        """Raises ContractViolation if operators do not publish the row."""
+        if topics.OPERATOR_TOOL not in row.publishers:
+            raise ContractViolation(f"{topics.OPERATOR_TOOL} may not publish {row.name}")
+        return self.node.create_publisher(interface_class(row.type), row.name, qos_profile(row.qos))
+
+    def subscribe(self, row: Topic, callback: Callable[[Any], None]) -> None:
+        self.node.create_subscription(interface_class(row.type), row.name, callback, qos_profile(row.qos))
+
+    def wait(self, condition: Callable[[], Any], timeout_s: float | None) -> bool:
+        """Runs callbacks until the condition holds (True) or the time is over (False); None waits for ever."""
+        end_s = float("inf") if timeout_s is None else time.monotonic() + timeout_s
+        while not condition():
+            left_s = end_s - time.monotonic()
+            if left_s <= 0.0:
+                return False
+            self._executor.spin_once(min(left_s, 0.02))
+        return True
+
+    def deliver(self, publisher: Publisher, timeout_s: float) -> bool:
+        """Waits until a subscriber is there and every one has acknowledged what was published."""
+        end_s = time.monotonic() + timeout_s
+        if not self.wait(lambda: publisher.get_subscription_count() > 0, timeout_s):
+            return False
+        return bool(publisher.wait_for_all_acked(Duration(seconds=max(0.0, end_s - time.monotonic()))))
+
+    def call(self, row: Service, timeout_s: float) -> Any:
+        """The response of a service with an empty request. Raises TimeoutError if there is none in time."""
+        service = interface_class(row.type)
+        client = self.node.create_client(service, row.name)
+        try:
+            if not self.wait(client.service_is_ready, timeout_s):
+                raise TimeoutError(f"nobody serves {row.name}")
+            future = client.call_async(service.Request())
+            if not self.wait(future.done, timeout_s):
+                raise TimeoutError(f"{row.server} does not answer {row.name}")
+            return future.result()
+        finally:
+            self.node.destroy_client(client)
