@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -161,12 +162,23 @@ class Battery(Config):
     cells_in_series: Annotated[int, Field(ge=1)]
     capacity_ah: Positive
     initial_charge: Fraction
+    charge: tuple[Fraction, ...]
+    cell_voltage_v: tuple[Positive, ...]
     internal_resistance_ohm: Positive
     idle_power_w: NonNegative
     drive_efficiency: Annotated[float, Field(gt=0.0, le=1.0)]
     copper_loss_w_per_nm2: PerMotor
     temperature_c: float
     voltage_noise_v: NonNegative
+
+    @model_validator(mode="after")
+    def _curve_rises(self) -> Battery:
+        if len(self.charge) != len(self.cell_voltage_v) or len(self.charge) < 2:
+            raise ValueError("charge and cell_voltage_v must be equally long, two points or more")
+        for name, values in (("charge", self.charge), ("cell_voltage_v", self.cell_voltage_v)):
+            if any(b <= a for a, b in itertools.pairwise(values)):
+                raise ValueError(f"{name} must rise from point to point")
+        return self
 
 
 class SimParams(Config):

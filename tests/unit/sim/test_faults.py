@@ -1,0 +1,219 @@
+"""Each fault does what its row says, ends when it should, and refuses what it cannot do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from robot_stack.wmx.bus import DriveCommands, DriveFeedback
+from sim import drive_loops as loops
+from sim.faults import BY_NAME, FAULT_KINDS, FaultRefused, Faults
+from sim.simulation import Simulation
+from sim.world import Setup
+from sim.worldfile import load_world
+
+from .bench import DRIVE_RAD_PER_COUNT, PARAMS, ROBOT
+
+
+class Rig:
+    """A simulation with faults and a bus master that only listens."""
+
+    def __init__(self) -> None:
+        file = load_world("flat")
+        self.sim = Simulation(ROBOT, PARAMS, Setup(file, 1, file.start.pose(), wheelchair=True))
+        self.faults = Faults(self.sim)
+        self.out, self.inp = DriveCommands.zeros(8, 8), DriveFeedback.zeros(8, 8)
+        self.cycles, self.lost, self.samples = 0, 0, 0
+        self.sim.engine_cycle = self._cycle
+
+    def _cycle(self) -> None:
+        self.cycles += 1
+        self.lost += not self.sim.world.drives.exchange(self.out, self.inp)
+
+    def run(self, duration_s: float) -> None:
+        for _ in range(round(duration_s * 1000)):
+            self.samples += self.sim.step() is not None
+            self.faults.update()
+
+
+@pytest.fixture
+def rig() -> Rig:
+    made = Rig()
+    made.run(0.05)
+    return made
+
+
+def test_drive_alarm(rig: Rig) -> None:
+    assert "fl_drive" in rig.faults.inject("drive_alarm", "fl_drive")
+    rig.run(0.01)
+    assert rig.inp.alarm_code.tolist() == [0x4210, 0, 0, 0, 0, 0, 0, 0]
+    rig.faults.inject("drive_alarm", "rr_steer", 0x2310)
+    rig.run(0.01)
+    assert rig.inp.alarm_code[7] == 0x2310
+
+
+def test_drive_alarm_outlives_its_cause_until_cleared(rig: Rig) -> None:
+    rig.faults.inject("drive_alarm", "fl_drive", duration_s=0.1)
+    rig.run(0.2)
+    assert rig.faults.active == ()
+    assert rig.inp.alarm_code[0] == 0x4210
+    rig.out.clear_alarm[:] = True
+    rig.run(0.05)
+    assert rig.inp.alarm_code[0] == 0
+
+
+def test_bus_loss(rig: Rig) -> None:
+    rig.faults.inject("bus_loss", duration_s=0.02)
+    rig.run(0.05)
+    assert rig.lost == pytest.approx(20, abs=1)
+
+
+def test_encoder_freeze(rig: Rig) -> None:
+    rig.faults.inject("encoder_freeze", "fr_drive", duration_s=0.5)
+    before = rig.inp.position_counts.copy()
+    for name in ("fl_drive", "fr_drive"):
+        rig.sim.world.data.qpos[rig.sim.world.model.joint(name).qposadr[0]] += 0.5  # turned by hand
+    rig.run(0.1)
+    turned = 0.5 / DRIVE_RAD_PER_COUNT
+    assert rig.inp.position_counts[0] - before[0] == pytest.approx(turned, abs=2)
+    assert rig.inp.position_counts[2] == before[2]
+    rig.run(0.5)
+    assert rig.inp.position_counts[2] - before[2] == pytest.approx(turned, abs=2), "thawed it shows where the wheel is"
+
+
+@pytest.mark.parametrize(("target", "wheels"), [("", [0, 1, 2, 3]), ("rl_drive", [2])])
+def test_slip(rig: Rig, target: str, wheels: list[int]) -> None:
+    rig.faults.inject("slip", target, 0.2, duration_s=0.1)
+    rig.run(0.01)
+    frictions = [rig.sim.world.model.geom(f"{name}_wheel").friction[0] for name in ("fl", "fr", "rl", "rr")]
+    assert frictions == pytest.approx([0.2 if i in wheels else 0.8 for i in range(4)])
+    rig.run(0.15)
+    assert rig.sim.world.model.geom("rl_wheel").friction[0] == pytest.approx(0.8)
+
+
+def test_slip_patch_at_a_place(rig: Rig) -> None:
+    rig.faults.inject("slip_patch", "0.3,0.25,0.2,0.2", 0.05)
+    rig.run(0.01)
+    frictions = [rig.sim.world.model.geom(f"{name}_wheel").friction[0] for name in ("fl", "fr", "rl", "rr")]
+    assert frictions == pytest.approx([0.05, 0.8, 0.8, 0.8])
+
+
+def test_slip_patch_ahead_of_the_robot(rig: Rig) -> None:
+    rig.faults.inject("slip_patch")
+    surface = rig.sim.world.surface
+    assert surface.friction_at(1.0, 0.0, 0) == pytest.approx(0.1)
+    assert surface.friction_at(-0.1, 0.0, 0) == pytest.approx(0.8)
+    rig.faults.inject("clear", "slip_patch")
+    assert surface.friction_at(1.0, 0.0, 0) == pytest.approx(0.8)
+
+
+def test_imu_silent(rig: Rig) -> None:
+    rig.samples = 0
+    rig.faults.inject("imu_silent", duration_s=0.2)
+    rig.run(0.2)
+    assert rig.samples == 0
+    rig.run(0.1)
+    assert rig.samples == pytest.approx(10, abs=1)
+
+
+def test_imu_frozen_and_noise(rig: Rig) -> None:
+    rig.faults.inject("imu_frozen")
+    rig.faults.inject("imu_noise", value=50.0)
+    assert rig.sim.imu.frozen
+    assert rig.sim.imu.noise_factor == 50.0
+    rig.faults.inject("clear")
+    assert not rig.sim.imu.frozen
+    assert rig.sim.imu.noise_factor == 1.0
+
+
+def test_estop_button(rig: Rig) -> None:
+    rig.faults.inject("estop_button", value=1.0)
+    rig.run(0.002)
+    assert rig.inp.inputs[ROBOT.estop_input_byte] >> ROBOT.estop_input_bit & 1 == 0
+    assert len(rig.faults.active) == 1
+    rig.faults.inject("estop_button", value=0.0)
+    rig.run(0.002)
+    assert rig.inp.inputs[ROBOT.estop_input_byte] >> ROBOT.estop_input_bit & 1 == 1
+    assert rig.faults.active == ()
+
+
+def test_estop_button_held_for_a_while(rig: Rig) -> None:
+    rig.faults.inject("estop_button", value=1.0, duration_s=0.1)
+    rig.run(0.05)
+    assert rig.sim.world.drives.estop_pressed
+    rig.run(0.1)
+    assert not rig.sim.world.drives.estop_pressed
+
+
+def test_engine_stall_lets_the_drives_notice(rig: Rig) -> None:
+    rig.out.servo_on[:] = True
+    rig.run(0.1)
+    before = rig.cycles
+    rig.faults.inject("engine_stall", duration_s=0.15)
+    rig.run(0.14)
+    assert rig.cycles == before
+    assert not (rig.sim.world.drives.states == loops.ON).any()
+    rig.run(0.1)
+    assert rig.cycles > before
+
+
+def test_wheelchair_is_latched_and_let_go(rig: Rig) -> None:
+    rig.faults.inject("wheelchair", value=100.0)
+    rig.run(0.1)
+    assert rig.sim.world.attached
+    rig.faults.inject("clear", "wheelchair")
+    assert not rig.sim.world.attached
+
+
+def test_a_passenger_too_heavy_is_refused(rig: Rig) -> None:
+    with pytest.raises(FaultRefused, match=r"passenger_mass_kg must be in 0\.\.120"):
+        rig.faults.inject("wheelchair", value=121.0)
+    assert rig.faults.active == ()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("meteor",), "no fault 'meteor'; there are drive_alarm, bus_loss"),
+        (("drive_alarm",), "target must be one of 'fl_drive', 'fl_steer'"),
+        (("drive_alarm", "fl_wheel"), "is 'fl_wheel'"),
+        (("bus_loss", "fl_drive"), "target must be one of ''"),
+        (("slip", "", 3.0), r"friction coefficient\) must be in 0\.01\.\.2"),
+        (("slip", "", math.nan), "is nan"),
+        (("imu_noise", "", -1.0), "factor"),
+        (("imu_silent", "", 1.0), r"must be in 0\.\.0"),
+        (("bus_loss", "", 0.0, -1.0), "duration_s must be 0 or more"),
+        (("bus_loss", "", 0.0, math.inf), "duration_s"),
+        (("slip_patch", "1,2,3", 0.1), "x,y,length,width"),
+        (("slip_patch", "1,2,nan,1", 0.1), "two sizes above 0"),
+        (("slip_patch", "1,2,-1,1", 0.1), "two sizes above 0"),
+        (("clear", "meteor"), "no fault 'meteor'"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_and_changes_nothing(
+    rig: Rig, arguments: tuple[object, ...], message: str
+) -> None:
+    inject: Callable[..., str] = rig.faults.inject
+    with pytest.raises(FaultRefused, match=message):
+        inject(*arguments)
+    assert rig.faults.active == ()
+
+
+def test_clear_takes_one_target_or_all_and_says_what(rig: Rig) -> None:
+    rig.faults.inject("encoder_freeze", "fl_drive")
+    rig.faults.inject("encoder_freeze", "fr_drive")
+    rig.faults.inject("bus_loss")
+    assert rig.faults.inject("clear", "encoder_freeze:fr_drive") == "cleared encoder_freeze:fr_drive"
+    assert {item.kind for item in rig.faults.active} == {"encoder_freeze", "bus_loss"}
+    assert rig.faults.inject("clear") == "cleared encoder_freeze:fl_drive, bus_loss"
+    assert rig.faults.inject("clear") == "nothing to clear"
+
+
+def test_every_fault_of_the_table_is_tested_here() -> None:
+    source = Path(__file__).read_text(encoding="utf-8")
+    missing = [kind.name for kind in FAULT_KINDS if f'inject("{kind.name}"' not in source]
+    assert missing == []
+    assert len(BY_NAME) == len(FAULT_KINDS)
