@@ -1,62 +1,99 @@
-"""The body's motion between two readings of the encoders.
+"""The body's motion between two readings of the encoders, to the next order beyond constant speeds.
 
-Within an interval a module's heading is taken to turn evenly with its distance: its displacement is then the chord of
-an arc, along the heading in the middle. Where the interval before is known, how speeds changed since then corrects this
-to the next order: a heading that turns ever faster and a wheel that speeds up on the way shift the chord, and a twist
-that changes within the interval adds the commutator term of the Magnus series, exp(m + [m, m']/12), with m' the change
-of the motion m (Magnus, Comm. Pure Appl. Math. 7, 1954).
+Within an interval headings and ways of the wheels follow parabolas through the last three readings. The displacement of
+a wheel is then the chord of an arc, along the heading in the middle, shifted a little: by a heading that turns ever
+faster, and across by a wheel that speeds up on the way. A twist that changes within the interval adds the commutator
+term of the Magnus series, exp(m + [m, m']/12), with m' the change of the motion m (Magnus, Comm. Pure Appl. Math. 7,
+1954). Without these terms a ride of 78 m with perfect encoders at 50 Hz ends 1 mm off, with them 0.004 mm.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
+from operator import add, sub
 
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
-from robot_stack.drive.kinematics import Four
+from robot_stack.drive.kinematics import ZEROS, Four
 
-# Mean of a parabola over an interval against its value in the middle: 1/12 of its second difference.
-_SECOND_ORDER = 1.0 / 12.0
+# Mean of u (1 - u) / 2 over an interval: what a parabola's mean differs from its chord's, by its second difference.
+_PARABOLA = 1.0 / 12.0
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """elapsed_s: between the readings. headings_rad: at its start. turns_rad: of the headings. distances_m: of the
-    wheels, signed. motion: of the body (m, m, rad), where it is known.
+    """elapsed_s: between the readings. headings_rad: at its start. turns_rad: of the headings. ways_m: of the wheels,
+    signed. motion: of the body (m, m, rad), where it is known.
     """
 
     elapsed_s: float
     headings_rad: Four
-    turns_rad: tuple[float, ...]
-    distances_m: tuple[float, ...]
+    turns_rad: Four
+    ways_m: Four
     motion: Twist2 = ZERO_TWIST
 
-    def part(self, index: int, parts: int) -> Interval:
-        """One of ``parts`` even parts of the interval."""
-        a, b, c, d = (
-            heading + turn * index / parts for heading, turn in zip(self.headings_rad, self.turns_rad, strict=True)
-        )
-        return Interval(
-            self.elapsed_s / parts,
-            (a, b, c, d),
-            tuple(turn / parts for turn in self.turns_rad),
-            tuple(distance / parts for distance in self.distances_m),
-        )
+
+@dataclass(frozen=True, slots=True)
+class Curvature:
+    """Second differences over an interval: of the headings (rad), of the ways of the wheels (m), of the motion."""
+
+    turns_rad: Four
+    ways_m: Four
+    motion_ratio: float
+    motion: Twist2
 
 
-def displacements(interval: Interval, previous: Interval | None) -> list[tuple[float, float]]:
-    """Displacement vectors (m, base_link) of the modules; ``previous``: the interval just before, if it is known."""
-    ratio = interval.elapsed_s / previous.elapsed_s if previous else 0.0
+def curvature(interval: Interval, previous: Interval | None, max_acceleration_radps2: float) -> Curvature | None:
+    """How speeds changed since the ``previous`` interval; None if that is unknown.
+
+    A heading whose rate changed by more than ``max_acceleration_radps2`` allows was started or stopped in between: no
+    parabola runs through its readings, so that its change counts as none.
+    """
+    if previous is None:
+        return None
+    ratio = interval.elapsed_s / previous.elapsed_s
+    weight = 2.0 * ratio / (1.0 + ratio)  # the rates lie half of both intervals apart
+    most = max_acceleration_radps2 * interval.elapsed_s**2
+    turns = [weight * (new - ratio * old) for new, old in zip(interval.turns_rad, previous.turns_rad, strict=True)]
+    ways = [weight * (new - ratio * old) for new, old in zip(interval.ways_m, previous.ways_m, strict=True)]
+    return Curvature(four([turn if abs(turn) <= most else 0.0 for turn in turns]), four(ways), ratio, previous.motion)
+
+
+def split(interval: Interval, bend: Curvature | None, parts: int) -> list[Interval]:
+    """``parts`` parts of equal time, along the parabolas that ``bend`` describes."""
+    turns_bend, ways_bend = (bend.turns_rad, bend.ways_m) if bend else (ZEROS, ZEROS)
+    pieces = []
+    for index in range(parts):
+        start, end = index / parts, (index + 1) / parts
+        pieces.append(
+            Interval(
+                interval.elapsed_s / parts,
+                four(map(add, interval.headings_rad, _along(interval.turns_rad, turns_bend, start))),
+                four(
+                    map(sub, _along(interval.turns_rad, turns_bend, end), _along(interval.turns_rad, turns_bend, start))
+                ),
+                four(map(sub, _along(interval.ways_m, ways_bend, end), _along(interval.ways_m, ways_bend, start))),
+            )
+        )
+    return pieces
+
+
+def _along(totals: Four, bends: Four, share: float) -> Four:
+    """Parabolas from 0 to ``totals`` with the second differences ``bends``, at ``share`` of the interval."""
+    return four(total * share - 0.5 * bend * share * (1.0 - share) for total, bend in zip(totals, bends, strict=True))
+
+
+def displacements(interval: Interval, bend: Curvature | None) -> list[tuple[float, float]]:
+    """Displacement vectors of the modules, m, base_link."""
     vectors = []
-    for i, (heading, turn, distance) in enumerate(
-        zip(interval.headings_rad, interval.turns_rad, interval.distances_m, strict=True)
+    for i, (heading, turn, way) in enumerate(
+        zip(interval.headings_rad, interval.turns_rad, interval.ways_m, strict=True)
     ):
-        angle = heading + 0.5 * turn
-        along, across = distance * _chord_over_arc(turn), 0.0
-        if previous:
-            angle -= (turn - ratio * previous.turns_rad[i]) * _SECOND_ORDER
-            across = (distance - ratio * previous.distances_m[i]) * turn * _SECOND_ORDER
+        angle, along, across = heading + 0.5 * turn, way * _chord_over_arc(turn), 0.0
+        if bend:
+            angle -= bend.turns_rad[i] * _PARABOLA
+            across = bend.ways_m[i] * turn * _PARABOLA
         c, s = math.cos(angle), math.sin(angle)
         vectors.append((along * c - across * s, along * s + across * c))
     return vectors
@@ -67,17 +104,20 @@ def _chord_over_arc(turn: float) -> float:
     return math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0
 
 
-def with_commutator(motion: Twist2, interval: Interval, previous: Interval | None) -> Twist2:
-    """``motion`` of ``interval`` with the correction for the twist's change since the interval before."""
-    if previous is None:
+def with_commutator(motion: Twist2, bend: Curvature | None) -> Twist2:
+    """``motion`` with the correction for the twist's change within the interval."""
+    if bend is None:
         return motion
-    before = _scaled_sequence(previous.motion, interval.elapsed_s / previous.elapsed_s)
+    before = bend.motion.scaled(bend.motion_ratio)
+    factor = _PARABOLA * 2.0 * bend.motion_ratio / (1.0 + bend.motion_ratio)
     return Twist2(
-        motion.vx + (motion.omega * before[1] - before[2] * motion.vy) * _SECOND_ORDER,
-        motion.vy + (before[2] * motion.vx - motion.omega * before[0]) * _SECOND_ORDER,
+        motion.vx + factor * (motion.omega * before.vy - before.omega * motion.vy),
+        motion.vy + factor * (before.omega * motion.vx - motion.omega * before.vx),
         motion.omega,
     )
 
 
-def _scaled_sequence(twist: Twist2, factor: float) -> Sequence[float]:
-    return twist.vx * factor, twist.vy * factor, twist.omega * factor
+def four(values: Iterable[float]) -> Four:
+    """One value of each module."""
+    a, b, c, d = values
+    return a, b, c, d

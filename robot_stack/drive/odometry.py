@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from robot_stack.contract.frames import MODULES
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
-from robot_stack.drive.interval import Interval, displacements, with_commutator
+from robot_stack.drive.interval import Interval, curvature, displacements, four, split, with_commutator
 from robot_stack.drive.kinematics import TURN, Four, Positions
 from robot_stack.drive.wheel_fit import WheelFit, robust_fit
 
@@ -28,6 +28,7 @@ class OdometrySettings:
     """wheel_radius_m: rolling radius.
 
     max_wheel_speed_mps, max_steering_rate_radps: an encoder that claims more than twice as much has jumped.
+    max_steering_acceleration_radps2: see ``interval.curvature``.
     shortest_interval_s: plausibility is judged over this time at least, because stamps jitter.
     longest_gap_s: after a longer silence the distance is not believed, because the encoders may have been reset.
     substep_s, substep_turn_rad: longer intervals and larger turns of a module are cut into even parts.
@@ -41,6 +42,7 @@ class OdometrySettings:
     wheel_radius_m: float
     max_wheel_speed_mps: float
     max_steering_rate_radps: float
+    max_steering_acceleration_radps2: float
     shortest_interval_s: float
     longest_gap_s: float
     substep_s: float
@@ -136,20 +138,17 @@ class SwerveOdometry:
             self._previous = None
             return replace(self._odometry, twist=ZERO_TWIST, slipping=True, used=(), faults=tuple(faults))
         pose, motion, fit = self._moved(interval, believed)
-        self._previous = None if faults else replace(interval, motion=motion)
+        if faults:
+            self._previous = None
         return self._result(pose, motion, interval.elapsed_s, fit, tuple(faults))
 
     def _interval(self, last: Encoders, reading: Encoders) -> Interval:
         # The way is known even where the time is not (a clock that was set back): only speeds and plausibility need it.
-        return Interval(
-            max(reading.stamp_s - last.stamp_s, self._settings.shortest_interval_s),
-            last.steer_rad,
-            tuple(math.remainder(new - old, TURN) for new, old in zip(reading.steer_rad, last.steer_rad, strict=True)),
-            tuple(
-                self._settings.wheel_radius_m * (new - old)
-                for new, old in zip(reading.drive_rad, last.drive_rad, strict=True)
-            ),
-        )
+        elapsed_s = max(reading.stamp_s - last.stamp_s, self._settings.shortest_interval_s)
+        turns = (math.remainder(new - old, TURN) for new, old in zip(reading.steer_rad, last.steer_rad, strict=True))
+        radius = self._settings.wheel_radius_m
+        ways = (radius * (new - old) for new, old in zip(reading.drive_rad, last.drive_rad, strict=True))
+        return Interval(elapsed_s, last.steer_rad, four(turns), four(ways))
 
     def _plausible(self, interval: Interval) -> tuple[list[int], list[str]]:
         """(modules that can be believed, what the others claim)."""
@@ -157,13 +156,11 @@ class SwerveOdometry:
         most_m, most_rad = 2.0 * s.max_wheel_speed_mps * elapsed_s, 2.0 * s.max_steering_rate_radps * elapsed_s
         believed, faults = [], []
         for i, name in enumerate(MODULES):
-            way_m, turn_rad = interval.distances_m[i], interval.turns_rad[i]
+            way_m, turn_rad = interval.ways_m[i], interval.turns_rad[i]
             if abs(way_m) > most_m:
                 faults.append(_jump(f"{name}_drive", "m", way_m, most_m, elapsed_s))
             elif abs(turn_rad) > most_rad:
-                faults.append(
-                    f"{name}_steer jumped by {turn_rad:.3f} rad in {elapsed_s:.3f} s, at most {most_rad:.3f} rad"
-                )
+                faults.append(_jump(f"{name}_steer", "rad", turn_rad, most_rad, elapsed_s))
             else:
                 believed.append(i)
         return believed, faults
@@ -172,17 +169,24 @@ class SwerveOdometry:
         """(new pose, sum of the body's motions, the worst of the fits)."""
         s = self._settings
         parts = self._parts(interval)
-        previous = self._previous if parts == 1 else None
-        slack_m = s.slip_speed_mps * interval.elapsed_s + s.slip_share * max(map(abs, interval.distances_m))
+        slack_m = s.slip_speed_mps * interval.elapsed_s + s.slip_share * max(map(abs, interval.ways_m))
         pose, x, y, yaw, fits = self._odometry.pose, 0.0, 0.0, 0.0, []
-        for index in range(parts):
-            part = interval.part(index, parts) if parts > 1 else interval
-            fit = robust_fit(self._positions, displacements(part, previous), slack_m / parts, believed)
-            motion = with_commutator(fit.motion, part, previous)
+        for piece in self._pieces(interval, parts):
+            bend = curvature(piece, self._previous, s.max_steering_acceleration_radps2)
+            fit = robust_fit(self._positions, displacements(piece, bend), slack_m / parts, believed)
+            motion = with_commutator(fit.motion, bend)
             pose = pose.compose(exp_se2(motion, 1.0))
             x, y, yaw = x + motion.vx, y + motion.vy, yaw + motion.omega
             fits.append(fit)
+            self._previous = replace(piece, motion=motion)
         return pose, Twist2(x, y, yaw), min(fits, key=lambda fit: (fit.consistent, len(fit.used), -fit.rms_m))
+
+    def _pieces(self, interval: Interval, parts: int) -> list[Interval]:
+        if parts == 1:
+            return [interval]
+        return split(
+            interval, curvature(interval, self._previous, self._settings.max_steering_acceleration_radps2), parts
+        )
 
     def _parts(self, interval: Interval) -> int:
         s = self._settings

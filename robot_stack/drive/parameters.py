@@ -10,6 +10,7 @@ from pydantic import Field
 from robot_stack.core.config import Config
 from robot_stack.core.robot import Motion, Robot
 from robot_stack.drive.feasibility import ModuleLimits
+from robot_stack.drive.kinematics import Positions
 from robot_stack.drive.limits import MotionLimits
 from robot_stack.drive.odometry import OdometrySettings
 from robot_stack.drive.swerve_drive import DriveSettings
@@ -90,6 +91,11 @@ def motion_limits(motion: Motion) -> MotionLimits:
     )
 
 
+def module_positions(robot: Robot) -> Positions:
+    a, b, c, d = robot.module_positions_m()
+    return a, b, c, d
+
+
 def max_wheel_speed_mps(robot: Robot) -> float:
     """Speed of a wheel's rim at the drive's largest speed."""
     return robot.drive.max_speed_radps * robot.wheel_radius_m
@@ -124,5 +130,6 @@ def odometry_settings(params: OdometryParams, robot: Robot) -> OdometrySettings:
         wheel_radius_m=robot.wheel_radius_m,
         max_wheel_speed_mps=max_wheel_speed_mps(robot),
         max_steering_rate_radps=robot.steer.max_rate_radps,
+        max_steering_acceleration_radps2=robot.steer.max_acceleration_radps2,
         **params.model_dump(),
     )

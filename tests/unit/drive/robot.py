@@ -9,6 +9,7 @@ from robot_stack.drive.parameters import (
     SwerveControllerParams,
     drive_settings,
     module_limits,
+    module_positions,
     motion_limits,
     odometry_settings,
 )
@@ -16,7 +17,7 @@ from robot_stack.drive.swerve_drive import SwerveDrive
 
 ROBOT = load_robot()
 PARAMS = load(SwerveControllerParams, "swerve_controller")
-POSITIONS = ROBOT.module_positions_m()
+POSITIONS = module_positions(ROBOT)
 MODULE_LIMITS = module_limits(PARAMS.module, ROBOT)
 DRIVE_SETTINGS = drive_settings(PARAMS.drive, ROBOT)
 ODOMETRY_SETTINGS = odometry_settings(PARAMS.odometry, ROBOT)

@@ -1,0 +1,359 @@
+"""Wheel odometry: hand-worked motions, exactness, lost messages, slipping wheels, jumping encoders, time that jumps."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_stack.bench.odometry import PerfectRide, perfect_ride
+from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
+from robot_stack.drive.kinematics import ZEROS, Four, wheel_velocities
+from robot_stack.drive.odometry import Encoders, Odometry, SwerveOdometry
+from robot_stack.drive.wheel_fit import fit, residuals, robust_fit
+from tests.unit.drive.robot import ODOMETRY_SETTINGS, POSITIONS, ROBOT
+
+RADIUS = ROBOT.wheel_radius_m
+DT_S = 0.02
+moderate = st.floats(-1.5, 1.5)
+twists = st.builds(Twist2, moderate, moderate, st.floats(-1.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def ride() -> PerfectRide:
+    return perfect_ride(ROBOT, 20.0)
+
+
+def new_odometry() -> SwerveOdometry:
+    return SwerveOdometry(POSITIONS, ODOMETRY_SETTINGS)
+
+
+class Wheels:
+    """Encoders of a robot that moves with constant twists, in fake time."""
+
+    def __init__(self) -> None:
+        self.stamp_s = 0.0
+        self.drive_m = [0.0] * 4
+        self.steer_rad = [0.0] * 4
+        self.odometry = new_odometry()
+        self.odometry.update(self.reading())
+
+    def reading(self) -> Encoders:
+        drive = tuple(way / RADIUS for way in self.drive_m)
+        return Encoders(self.stamp_s, drive, tuple(self.steer_rad))  # type: ignore[arg-type]
+
+    def move(self, twist: Twist2, dt_s: float = DT_S, slip: tuple[float, ...] = ZEROS) -> Odometry:
+        """Moves and reads. slip: extra way of each wheel, m/s. The headings are set before the motion, as at rest."""
+        self.turn(twist)
+        self.advance(twist, dt_s, slip)
+        return self.odometry.update(self.reading())
+
+    def turn(self, twist: Twist2) -> None:
+        before = list(self.steer_rad)
+        for i, (vx, vy) in enumerate(wheel_velocities(POSITIONS, twist)):
+            if vx or vy:
+                self.steer_rad[i] += math.remainder(math.atan2(vy, vx) - self.steer_rad[i], 2 * math.pi)
+        if self.steer_rad != before:
+            for seconds in (0.5, DT_S):  # turning, then standing: the next motion begins with resting headings
+                self.stamp_s += seconds
+                self.odometry.update(self.reading())
+
+    def advance(self, twist: Twist2, dt_s: float = DT_S, slip: tuple[float, ...] = ZEROS) -> None:
+        self.stamp_s += dt_s
+        for i, (vx, vy) in enumerate(wheel_velocities(POSITIONS, twist)):
+            self.drive_m[i] += (math.hypot(vx, vy) + slip[i]) * dt_s
+
+
+def near(a: Pose2, b: Pose2, tolerance: float = 1e-9) -> bool:
+    return a.distance_to(b) <= tolerance and abs(math.remainder(a.yaw - b.yaw, 2 * math.pi)) <= tolerance
+
+
+# --- the fit ---------------------------------------------------------------------------------------------------------
+
+
+@given(twists)
+def test_fit_recovers_any_rigid_motion(motion: Twist2):
+    got = fit(POSITIONS, wheel_velocities(POSITIONS, motion))
+    assert (got.vx, got.vy, got.omega) == pytest.approx((motion.vx, motion.vy, motion.omega), abs=1e-12)
+    assert max(residuals(POSITIONS, wheel_velocities(POSITIONS, motion), got)) < 1e-12
+
+
+@given(twists)
+def test_any_two_wheels_are_enough(motion: Twist2):
+    for pair in ((0, 1), (0, 3), (1, 2), (2, 3)):
+        got = fit(POSITIONS, wheel_velocities(POSITIONS, motion), pair)
+        assert (got.vx, got.vy, got.omega) == pytest.approx((motion.vx, motion.vy, motion.omega), abs=1e-9)
+
+
+def test_fit_agrees_with_least_squares_of_numpy():
+    import numpy as np
+
+    rng = np.random.default_rng(7)
+    displacements = [(float(x), float(y)) for x, y in rng.normal(size=(4, 2))]
+    rows = [row for x, y in POSITIONS for row in ([1.0, 0.0, -y], [0.0, 1.0, x])]
+    expected = np.linalg.lstsq(np.array(rows), np.array(displacements).ravel(), rcond=None)[0]
+    got = fit(POSITIONS, displacements)
+    assert (got.vx, got.vy, got.omega) == pytest.approx(tuple(expected))
+
+
+@given(twists, st.integers(0, 3), st.floats(0.5, 3.0), st.floats(0.0, 2 * math.pi))
+def test_one_wheel_that_contradicts_is_found(motion: Twist2, module: int, size: float, direction: float):
+    displacements = list(wheel_velocities(POSITIONS, motion))
+    dx, dy = displacements[module]
+    displacements[module] = dx + size * math.cos(direction), dy + size * math.sin(direction)
+    got = robust_fit(POSITIONS, displacements, 0.01)
+    assert got.consistent
+    assert module not in got.used
+    assert (got.motion.vx, got.motion.vy, got.motion.omega) == pytest.approx(
+        (motion.vx, motion.vy, motion.omega), abs=1e-9
+    )
+
+
+def test_two_wheels_that_contradict_are_not_guessed_at():
+    displacements = [(1.0, 0.0), (2.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
+    got = robust_fit(POSITIONS, displacements, 0.01)
+    assert not got.consistent
+    assert got.used == (0, 1, 2, 3)
+
+
+# --- motions by hand
+# ---------------------------------------------------------------------------------------------------
+
+
+def test_first_reading_is_the_zero():
+    odometry = new_odometry()
+    assert odometry.update(Encoders(5.0, (99.0,) * 4, (1.0,) * 4)).pose == IDENTITY
+
+
+def test_one_metre_straight_ahead():
+    wheels = Wheels()
+    for _ in range(50):
+        got = wheels.move(Twist2(1.0, 0.0, 0.0))
+    assert near(got.pose, Pose2(1.0, 0.0, 0.0))
+    assert got.twist.vx == pytest.approx(1.0)
+    assert got.faults == ()
+    assert not got.slipping
+
+
+def test_quarter_turn_in_place():
+    # 1 rad/s for pi/2 s; each wheel rolls 0.3905 m/s.
+    wheels = Wheels()
+    for _ in range(100):
+        got = wheels.move(Twist2(0.0, 0.0, 1.0), math.pi / 200)
+    assert near(got.pose, Pose2(0.0, 0.0, math.pi / 2), 1e-9)
+    assert wheels.drive_m == pytest.approx([0.390512 * math.pi / 2] * 4, abs=1e-5)
+
+
+@given(twists, st.floats(0.005, 0.1))
+@settings(deadline=None)
+def test_constant_twist_is_exact(twist: Twist2, dt_s: float):
+    """A quarter circle or whatever it is: with constant headings nothing is approximated."""
+    wheels = Wheels()
+    expected = IDENTITY
+    wheels.turn(twist)
+    for _ in range(10):
+        wheels.advance(twist, dt_s)
+        got = wheels.odometry.update(wheels.reading())
+        expected = expected.compose(exp_se2(twist, dt_s))
+    assert near(got.pose, expected, 1e-9)
+
+
+def test_reversed_wheels_count_backward():
+    odometry = new_odometry()
+    odometry.update(Encoders(0.0, ZEROS, (math.pi,) * 4))
+    got = odometry.update(Encoders(DT_S, (-0.1,) * 4, (math.pi,) * 4))
+    assert near(got.pose, Pose2(0.1 * RADIUS, 0.0, 0.0))
+
+
+# --- a mixed ride
+# --------------------------------------------------------------------------------------------------------
+
+
+def follow(ride: PerfectRide, keep: list[int]) -> Odometry:
+    odometry = new_odometry()
+    for index in keep:
+        got = odometry.update(ride.encoders(index, RADIUS))
+        assert got.faults == ()
+    return got
+
+
+def test_mixed_ride_is_integrated_to_a_hundredth_of_a_millimetre(ride: PerfectRide):
+    last = len(ride.stamps_s) - 1
+    got = follow(ride, list(range(last + 1)))
+    assert near(got.pose, ride.pose(last), 1e-5)
+    assert not got.slipping
+
+
+def test_lost_messages_lose_no_distance(ride: PerfectRide):
+    """Every fifth message missing, and a hole of 0.2 s every 6 s."""
+    last = len(ride.stamps_s) - 1
+    keep = [i for i in range(last) if i % 5 != 3 and not 200 < i % 300 < 210] + [last]
+    got = follow(ride, keep)
+    assert got.pose.distance_to(ride.pose(last)) < 0.0005
+
+
+def test_stamps_that_jitter_hardly_matter(ride: PerfectRide):
+    odometry = new_odometry()
+    last = len(ride.stamps_s) - 1
+    for index in range(last + 1):
+        reading = ride.encoders(index, RADIUS)
+        late_s = 0.002 * math.sin(1.7 * index)
+        got = odometry.update(Encoders(reading.stamp_s + late_s, reading.drive_rad, reading.steer_rad))
+    assert got.pose.distance_to(ride.pose(last)) < 0.001
+
+
+def test_encoders_with_counts(ride: PerfectRide):
+    """16384 counts of the drive and 65536 of the steering: rounding stays noise."""
+    drive_step, steer_step = (
+        2 * math.pi / ROBOT.drive.encoder_counts_per_rev,
+        2 * math.pi / ROBOT.steer.encoder_counts_per_rev,
+    )
+
+    def counted(values: Four, step: float) -> Four:
+        a, b, c, d = (round(value / step) * step for value in values)
+        return a, b, c, d
+
+    odometry = new_odometry()
+    last = len(ride.stamps_s) - 1
+    for index in range(last + 1):
+        reading = ride.encoders(index, RADIUS)
+        counts = Encoders(
+            reading.stamp_s, counted(reading.drive_rad, drive_step), counted(reading.steer_rad, steer_step)
+        )
+        got = odometry.update(counts)
+        assert not got.slipping
+    assert got.pose.distance_to(ride.pose(last)) < 0.001
+
+
+# --- slip, jumps, time -----------------------------------------------------------------------------------------------
+
+
+def test_one_spinning_wheel_is_left_out():
+    wheels = Wheels()
+    for _ in range(50):
+        got = wheels.move(Twist2(0.5, 0.0, 0.0), slip=(0.0, 0.4, 0.0, 0.0))
+    assert near(got.pose, Pose2(0.5, 0.0, 0.0))
+    assert got.slipping
+    assert got.used == (0, 2, 3)
+
+
+def test_several_slipping_wheels_widen_the_covariance():
+    calm, slippery = Wheels(), Wheels()
+    for _ in range(20):
+        good = calm.move(Twist2(0.5, 0.0, 0.0))
+        bad = slippery.move(Twist2(0.5, 0.0, 0.0), slip=(0.3, -0.3, 0.2, 0.0))
+    assert bad.slipping
+    assert bad.used == (0, 1, 2, 3)
+    assert bad.pose_covariance[0] > 20.0 * good.pose_covariance[0]
+    assert bad.twist_covariance[0] > 2.0 * good.twist_covariance[0]
+
+
+@pytest.mark.parametrize("module", range(4))
+def test_drive_encoder_that_jumps_is_not_believed(module: int):
+    wheels = Wheels()
+    wheels.move(Twist2(0.5, 0.0, 0.0))
+    wheels.advance(Twist2(0.5, 0.0, 0.0))
+    wheels.drive_m[module] += 1.0
+    got = wheels.odometry.update(wheels.reading())
+    name = ("fl", "fr", "rl", "rr")[module]
+    assert near(got.pose, Pose2(0.02, 0.0, 0.0))
+    assert got.faults[0].startswith(f"{name}_drive jumped by 1.010 m in 0.020 s, at most 0.099 m")
+    assert module not in got.used
+    wheels.advance(Twist2(0.5, 0.0, 0.0))
+    after = wheels.odometry.update(wheels.reading())
+    assert near(after.pose, Pose2(0.03, 0.0, 0.0))  # the jump is over: believed again
+    assert after.faults == ()
+
+
+def test_steering_encoder_that_jumps_is_not_believed():
+    wheels = Wheels()
+    wheels.advance(Twist2(0.5, 0.0, 0.0))
+    wheels.steer_rad[2] += 1.0
+    got = wheels.odometry.update(wheels.reading())
+    assert near(got.pose, Pose2(0.01, 0.0, 0.0))
+    assert got.faults[0].startswith("rl_steer jumped by 1.000 rad")
+
+
+def test_all_encoders_that_jump_leave_the_pose_standing():
+    wheels = Wheels()
+    wheels.drive_m = [5.0] * 4
+    wheels.stamp_s += DT_S
+    got = wheels.odometry.update(wheels.reading())
+    assert got.pose == IDENTITY
+    assert got.twist == ZERO_TWIST
+    assert got.used == ()
+    assert "fewer than 2 modules can be believed" in got.faults[-1]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+@pytest.mark.parametrize("field", ["stamp_s", "drive_rad", "steer_rad"])
+def test_reading_that_is_not_finite_moves_nothing(bad: float, field: str):
+    wheels = Wheels()
+    wheels.move(Twist2(0.5, 0.0, 0.0))
+    values = {"stamp_s": wheels.stamp_s + DT_S, "drive_rad": ZEROS, "steer_rad": ZEROS}
+    values[field] = bad if field == "stamp_s" else (0.0, bad, 0.0, 0.0)
+    got = wheels.odometry.update(Encoders(**values))  # type: ignore[arg-type]
+    assert got.pose.is_finite()
+    assert near(got.pose, Pose2(0.01, 0.0, 0.0))
+    assert got.faults == ("encoder reading is not finite",)
+    wheels.advance(Twist2(0.5, 0.0, 0.0))
+    assert near(wheels.odometry.update(wheels.reading()).pose, Pose2(0.02, 0.0, 0.0))
+
+
+def test_long_silence_is_named_and_not_integrated():
+    wheels = Wheels()
+    wheels.advance(Twist2(1.0, 0.0, 0.0), dt_s=1.5)
+    got = wheels.odometry.update(wheels.reading())
+    assert got.pose == IDENTITY
+    assert got.faults[0].startswith("no encoder reading for 1.50 s, at most 1.0 s")
+    assert got.pose_covariance[0] > 1.0
+
+
+def test_time_that_runs_back_loses_no_distance():
+    wheels = Wheels()
+    wheels.move(Twist2(0.05, 0.0, 0.0))
+    wheels.stamp_s -= 100.0
+    wheels.advance(Twist2(0.05, 0.0, 0.0))
+    got = wheels.odometry.update(wheels.reading())
+    assert near(got.pose, Pose2(0.002, 0.0, 0.0))
+    assert got.twist.is_finite()
+    wheels.advance(Twist2(0.05, 0.0, 0.0))
+    assert near(wheels.odometry.update(wheels.reading()).pose, Pose2(0.003, 0.0, 0.0))
+
+
+def test_the_same_message_twice_is_nothing():
+    wheels = Wheels()
+    first = wheels.move(Twist2(0.5, 0.0, 0.0))
+    assert wheels.odometry.update(wheels.reading()) == first
+
+
+def test_reset():
+    wheels = Wheels()
+    wheels.move(Twist2(0.5, 0.0, 0.0))
+    wheels.odometry.reset()
+    assert wheels.odometry.update(wheels.reading()) == Odometry()
+
+
+# --- covariance
+# --------------------------------------------------------------------------------------------------------
+
+
+def test_covariance_of_ten_metres_straight():
+    """sigma_x^2 = 0.01^2 * 10; the yaw's own noise, 0.005^2 per metre, swings y: sum of (10 - s)^2 ds = 10^3 / 3."""
+    wheels = Wheels()
+    for _ in range(1000):
+        got = wheels.move(Twist2(0.5, 0.0, 0.0))
+    xx, _, _, _, yy, _, _, _, tt = got.pose_covariance
+    assert xx == pytest.approx(1e-4 * 10.0, rel=1e-6)
+    assert tt == pytest.approx(2.5e-5 * 10.0, rel=1e-6)
+    assert yy == pytest.approx(1e-4 * 10.0 + 2.5e-5 * 1000.0 / 3.0, rel=0.01)
+
+
+def test_covariance_stays_a_covariance(ride: PerfectRide):
+    import numpy as np
+
+    matrix = np.array(follow(ride, list(range(len(ride.stamps_s)))).pose_covariance).reshape(3, 3)
+    assert np.allclose(matrix, matrix.T)
+    assert np.linalg.eigvalsh(matrix).min() > 0.0
