@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import time
 from pathlib import Path
@@ -347,6 +348,22 @@ def test_a_journal_lost_on_the_way_pauses_the_ride(world):
     world.status.wait(lambda s: s.last_command == "START_MISSION" and s.state == "PAUSED", "still paused")
     wait_for(lambda: SqliteJournal(world.journal).load().state is State.PAUSED, "the journal written after all")
     assert world.command("RESUME").last_command_accepted
+
+
+def test_a_full_disk_pauses_the_ride(world):
+    node = world.launch()
+    world.command("START_MISSION", "ride")
+    world.goal(2.0)
+    # The operating system takes no page of the journal any more.
+    resource.prlimit(node.pid, resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))
+    world.pose = Pose2(1.7, 0.0, 0.0)
+    status = world.state("PAUSED")
+    assert "the journal cannot be written" in status.reason
+    world.no_goal()
+    assert not world.command("RESUME").last_command_accepted
+    resource.prlimit(node.pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    assert world.command("RESUME").state == "RUNNING"
+    world.goal(4.0)
 
 
 def test_a_bad_parameter_is_one_line(world):

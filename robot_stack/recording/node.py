@@ -1,0 +1,145 @@
+"""Node ``recorder``: every topic of the contract, as it is on the wire, into a recording."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from fnmatch import fnmatchcase
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rclpy.qos import QoSProfile
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import Topic
+from robot_stack.core.config import ConfigError
+from robot_stack.recording.background import BackgroundWriter, disk_use
+from robot_stack.recording.params import RecorderParams
+from robot_stack.recording.recovery import recover_all
+from robot_stack.recording.writer import BagWriter, Format, topic_info
+from robot_stack.ros.interfaces import interface_class, qos_profile
+from robot_stack.ros.node import StackNode, run
+
+# A recorder that is busy for a moment shall lose nothing: it keeps a second of every topic, and some of the rare ones.
+_DEPTH_S = 1.0
+_LEAST_DEPTH = 10
+
+
+class Recorder(StackNode):
+    def __init__(self) -> None:
+        super().__init__("recorder", RecorderParams)
+        rows = _selected(self.params)
+        output = _output_folder(self.params)
+        for line in _prepare(output, self.params.max_disk_use):
+            self.get_logger().warning(line)
+        name = self.params.name or time.strftime("%Y%m%d-%H%M%S", time.gmtime())
+        self.folder = output / name
+        self._writer = _open(self.folder, rows, self.params)
+        self._row_subscriptions = [self._record(row) for row in rows]
+        self.every(1.0, self._watch)
+        self._watch()
+
+    def _record(self, row: Topic) -> Any:
+        callback = partial(self._on_message, row.name)
+        return self.create_subscription(interface_class(row.type), row.name, callback, _qos(row), raw=True)
+
+    def _on_message(self, topic: str, data: bytes, info: Any) -> None:
+        log_ns = self.get_clock().now().nanoseconds
+        # The sender's clock is the system's; beside a simulated clock its stamp would be of another time.
+        sent_ns = 0 if self.get_clock().ros_time_is_active else info["source_timestamp"]
+        self._writer.add(topic, log_ns, sent_ns or log_ns, data)
+
+    def _watch(self) -> None:
+        counts = self._writer.counts()
+        self.report.values |= {
+            "folder": str(self.folder),
+            "messages": str(counts.messages),
+            "megabytes": f"{counts.bytes / 1e6:.1f}",
+            "lost": str(counts.lost),
+        }
+        if self._writer.problem:
+            self.set_health(False, f"recording has stopped: {self._writer.problem}")
+            self._end_subscriptions()
+        elif counts.lost:
+            self.set_health(False, f"recording to {self.folder}, messages are lost: the disk is too slow")
+        else:
+            self.set_health(True, f"recording to {self.folder}")
+
+    def _end_subscriptions(self) -> None:
+        for subscription in self._row_subscriptions:
+            self.destroy_subscription(subscription)
+        self._row_subscriptions = []
+
+    def safe_output(self) -> None:
+        """Completes the recording."""
+        self._end_subscriptions()
+        self._writer.close()
+
+
+def _selected(params: RecorderParams) -> list[Topic]:
+    """The rows to record. Raises ConfigError for a pattern that fits no topic, and if none is left."""
+    rows = topics.of_system(*params.systems)
+    for field in ("include", "exclude"):
+        for pattern in getattr(params, field):
+            if not any(fnmatchcase(row.name, pattern) for row in rows):
+                raise ConfigError(f"recorder: {field}: {pattern!r} fits no topic of the contract")
+    chosen = [row for row in rows if _fits(row, params.include) and not _fits(row, params.exclude)]
+    if not chosen:
+        raise ConfigError("recorder: include and exclude leave no topic to record")
+    return chosen
+
+
+def _fits(row: Topic, patterns: tuple[str, ...]) -> bool:
+    return any(fnmatchcase(row.name, pattern) for pattern in patterns)
+
+
+def _qos(row: Topic) -> QoSProfile:
+    """The row's QoS, deeper: depth is no matter between publisher and subscriber."""
+    profile = qos_profile(row.qos)
+    profile.depth = max(row.qos.depth, _LEAST_DEPTH, math.ceil((row.rate_hz or 0.0) * _DEPTH_S))
+    return profile
+
+
+def _output_folder(params: RecorderParams) -> Path:
+    if params.output_folder:
+        return Path(params.output_folder).expanduser().absolute()
+    data_home = os.environ.get("XDG_DATA_HOME") or str(Path.home() / ".local" / "share")
+    return Path(data_home) / "robot_stack" / "recordings"
+
+
+def _prepare(output: Path, max_disk_use: float) -> list[str]:
+    """Makes the folder and completes what an earlier recorder left behind. Raises ConfigError if there is no room."""
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        use = disk_use(output)
+        if use >= max_disk_use:
+            limit = f"limit max_disk_use {max_disk_use:.0%}"
+            raise ConfigError(f"recorder: the disk of {output} is {use:.0%} full, {limit}")
+        return recover_all(output)
+    except OSError as error:
+        raise ConfigError(f"recorder: output_folder {output} cannot be used: {error.strerror or error}") from error
+
+
+def _open(folder: Path, rows: list[Topic], params: RecorderParams) -> BackgroundWriter:
+    form = Format(
+        split_bytes=round(params.split_size_mb * 1e6),
+        chunk_bytes=round(params.chunk_size_kb * 1e3),
+        compress=params.compression == "zstd",
+    )
+    try:
+        bag = BagWriter(folder, [topic_info(row) for row in rows], form)
+    except OSError as error:
+        raise ConfigError(f"recorder: {folder} cannot be made: {error.strerror or error}") from error
+    return BackgroundWriter(
+        bag,
+        folder,
+        flush_period_s=params.flush_period_s,
+        max_disk_use=params.max_disk_use,
+        queue_bytes=round(params.queue_mb * 1e6),
+    )
+
+
+def main() -> None:
+    run(Recorder)

@@ -1,0 +1,33 @@
+"""Parameters of the recorder, ``config/recorder.yaml``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints, model_validator
+
+from robot_stack.contract.model import System
+from robot_stack.core.config import Config
+
+# A name of a folder, not a path: no slash, no leading dot.
+FolderName = Annotated[str, StringConstraints(pattern=r"^([A-Za-z0-9_][A-Za-z0-9_.+-]*)?$", max_length=128)]
+
+
+class RecorderParams(Config):
+    systems: Annotated[tuple[System, ...], Field(min_length=1)]
+    include: tuple[str, ...]
+    exclude: tuple[str, ...]
+    output_folder: str
+    name: FolderName
+    split_size_mb: Annotated[float, Field(ge=0.1, le=100_000.0)]
+    max_disk_use: Annotated[float, Field(gt=0.0, le=0.99)]
+    flush_period_s: Annotated[float, Field(ge=0.05, le=1.0)]
+    chunk_size_kb: Annotated[float, Field(ge=1.0, le=65_536.0)]
+    compression: Literal["zstd", "none"]
+    queue_mb: Annotated[float, Field(ge=1.0, le=1024.0)]
+
+    @model_validator(mode="after")
+    def _one_machine(self) -> RecorderParams:
+        if System.ROBOT in self.systems and System.WMX in self.systems:
+            raise ValueError("systems: robot and wmx use the same topic names for different machines")
+        return self

@@ -1,0 +1,222 @@
+"""The recorder as a process: what it heard is what others read."""
+
+from __future__ import annotations
+
+import resource
+import signal
+import time
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from nav_msgs.msg import Odometry
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Bool
+
+from custom_msgs.msg import MissionStatus
+from robot_stack.contract import topics
+from robot_stack.contract.model import System
+from tests.support.peer import Peer
+from tests.support.processes import NodeProcess, node_command
+from tests.support.waiting import wait_for
+
+
+class Studio:
+    """A recorder and a talker."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.output = folder / "recordings"
+        self.peer = Peer()
+        self.heartbeat = self.peer.listen(topics.HEARTBEAT)
+        self.diagnostics = self.peer.listen(topics.DIAGNOSTICS)
+        self.node: NodeProcess | None = None
+
+    def launch(self, *overrides: str, name: str = "ride") -> NodeProcess:
+        # The disk of the machine that runs the tests may be nearly full.
+        chosen = (f"output_folder:={self.output}", f"name:={name}", "max_disk_use:=0.99", *overrides)
+        arguments = [part for item in chosen for part in ("-p", item)]
+        self.node = NodeProcess(node_command("recorder", *arguments), self.folder / f"{name}.log")
+        return self.node
+
+    def wait_ready(self) -> None:
+        pid = self.node.pid
+        wait_for(
+            lambda: not self.node.running() or any(m.ready and m.pid == pid for m in self.heartbeat.messages),
+            "recorder ready",
+        )
+        assert self.node.running(), self.node.output()
+
+    def value(self, key: str) -> str:
+        """What the recorder's newest diagnostics say."""
+        for message in reversed(self.diagnostics.messages):
+            if message.status[0].name == "recorder":
+                return next((item.value for item in message.status[0].values if item.key == key), "")
+        return ""
+
+    def close(self) -> None:
+        if self.node is not None:
+            self.node.stop()
+        self.peer.close()
+
+
+@pytest.fixture
+def studio(ros_domain: int, tmp_path: Path):
+    made = Studio(tmp_path)
+    yield made
+    made.close()
+
+
+def status(number: int) -> MissionStatus:
+    return MissionStatus(state="RUNNING", mission_name="走行", current_waypoint=f"w{number}", eta_s=float(number))
+
+
+def talk(studio: Studio, count: int, first: int = 0) -> None:
+    """Latched custom messages and odometry, one behind the other, as fast as the queues take them."""
+    studio.peer.wait_matched(topics.MISSION_STATUS)
+    studio.peer.wait_matched(topics.ODOM)
+    for number in range(first, first + count):
+        studio.peer.publish(topics.MISSION_STATUS, status(number))
+        odometry = Odometry()
+        odometry.pose.pose.position.x = float(number)
+        studio.peer.publish(topics.ODOM, odometry)
+        time.sleep(0.01)  # the pace of a talker
+
+
+def recorded(folder: Path) -> tuple[list[str], list[float]]:
+    """(waypoints, positions) as rosbags reads them."""
+    names: list[str] = []
+    positions: list[float] = []
+    with AnyReader([folder]) as reader:
+        for connection, _, data in reader.messages():
+            if connection.topic == "/mission/status":
+                names.append(reader.deserialize(data, connection.msgtype).current_waypoint)
+            elif connection.topic == "/odom":
+                positions.append(reader.deserialize(data, connection.msgtype).pose.pose.position.x)
+    return names, positions
+
+
+def test_what_was_sent_is_what_is_read(studio):
+    node = studio.launch()
+    studio.wait_ready()
+    before_ns = time.time_ns()
+    talk(studio, 50)
+    wait_for(lambda: int(studio.value("messages") or 0) >= 100, "100 messages recorded")
+    node.signal(signal.SIGINT)
+    assert node.wait() == 0
+    names, positions = recorded(studio.output / "ride")
+    assert names == [f"w{number}" for number in range(50)]
+    assert positions == [float(number) for number in range(50)]
+
+    with open(studio.output / "ride" / "ride_0.mcap", "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
+        rows = list(reader.iter_decoded_messages(topics=["/mission/status"]))
+        channels = {channel.topic for channel in reader.get_summary().channels.values()}
+    assert [decoded.mission_name for *_, decoded in rows] == ["走行"] * 50
+    assert all(before_ns <= row[2].publish_time <= row[2].log_time <= time.time_ns() for row in rows)
+    assert channels == {row.name for row in topics.of_system(System.ROBOT, System.SIMULATION)}
+
+
+def test_latched_messages_sent_before_are_recorded(studio):
+    studio.peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
+    node = studio.launch("include:=['/emergency_stop', '/passenger*']")
+    studio.wait_ready()
+    wait_for(lambda: int(studio.value("messages") or 0) >= 1, "the latched message")
+    node.signal(signal.SIGTERM)
+    assert node.wait() == 0
+    with Reader(studio.output / "ride") as reader:
+        assert set(reader.topics) == {"/emergency_stop", "/passenger_attached"}
+        assert reader.topics["/emergency_stop"].msgcount == 1
+
+
+def test_excluded_topics_are_not_there(studio):
+    node = studio.launch("exclude:=['/sensors/*', '/sim/*']")
+    studio.wait_ready()
+    node.signal(signal.SIGINT)
+    assert node.wait() == 0
+    with Reader(studio.output / "ride") as reader:
+        assert "/odom" in reader.topics
+        assert not [name for name in reader.topics if name.startswith(("/sensors", "/sim"))]
+
+
+def test_point_clouds_arrive_whole(studio):
+    node = studio.launch("include:=['/sensors/lidar/points']")
+    studio.wait_ready()
+    studio.peer.wait_matched(topics.LIDAR_POINTS)
+    cloud = PointCloud2(height=1, width=150_000, point_step=16, row_step=2_400_000, data=bytes(range(240)) * 10_000)
+    for sent in range(1, 6):
+        studio.peer.publish(topics.LIDAR_POINTS, cloud)
+        wait_for(lambda sent=sent: _chunks_of(studio) >= sent, f"cloud {sent} on the disk")
+    node.signal(signal.SIGINT)
+    assert node.wait() == 0
+    with AnyReader([studio.output / "ride"]) as reader:
+        clouds = [reader.deserialize(data, connection.msgtype) for connection, _, data in reader.messages()]
+    assert len(clouds) == 5
+    assert bytes(clouds[4].data) == bytes(cloud.data)
+
+
+def _chunks_of(studio: Studio) -> int:
+    data = (studio.output / "ride" / "ride_0.mcap").read_bytes()
+    return data.count(b"zstd")  # each chunk names its compression
+
+
+def test_a_killed_recorder_is_completed_by_the_next(studio):
+    node = studio.launch()
+    studio.wait_ready()
+    talk(studio, 150)
+    node.signal(signal.SIGKILL)
+    node.wait()
+    studio.launch(name="second")
+    studio.wait_ready()
+    studio.node.wait_output("ride_0.mcap: completed with")
+    names, _ = recorded(studio.output / "ride")
+    assert names == [f"w{number}" for number in range(len(names))]
+    assert len(names) > 50, "1.5 s were sent, half a second may be lost"
+
+
+def test_a_disk_without_room_is_told_and_the_node_lives_on(studio):
+    node = studio.launch("compression:=none")
+    studio.wait_ready()
+    path = studio.output / "ride" / "ride_0.mcap"
+    talk(studio, 20)
+    wait_for(lambda: int(studio.value("messages") or 0) >= 40, "messages recorded")
+    # The operating system lets no file of the recorder grow beyond this any more.
+    resource.prlimit(node.pid, resource.RLIMIT_FSIZE, (path.stat().st_size + 1000, resource.RLIM_INFINITY))
+    talk(studio, 50, 20)
+    wait_for(
+        lambda: any("recording has stopped" in beat.waiting_for for beat in studio.heartbeat.messages),
+        "the end of the recording in the heartbeat",
+    )
+    assert "ride_0.mcap cannot be written" in node.output()
+    assert node.running()
+    node.signal(signal.SIGINT)
+    assert node.wait() == 0
+
+
+@pytest.mark.parametrize(
+    ("overrides", "says"),
+    [
+        (("include:=['/nowhere']",), "include: '/nowhere' fits no topic"),
+        (("exclude:=['*']",), "leave no topic to record"),
+        (("max_disk_use:=0.000001",), "limit max_disk_use 0%"),
+        (("systems:=['robot', 'wmx']",), "different machines"),
+        (("output_folder:=/proc/recordings",), "cannot be used"),
+        (("name:=../elsewhere",), "name"),
+    ],
+)
+def test_refusals_are_one_line(studio, overrides, says):
+    node = studio.launch(*overrides)
+    assert node.wait() == 2
+    errors = [line for line in node.output().splitlines() if line.startswith("error: ")]
+    assert len(errors) == 1
+    assert says in errors[0]
+
+
+def test_a_recording_of_the_same_name_is_not_overwritten(studio):
+    (studio.output / "ride").mkdir(parents=True)
+    node = studio.launch()
+    assert node.wait() == 2
+    assert "cannot be made: File exists" in node.output()
