@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from robot_stack.cli import safety, stack, topics
+from robot_stack.cli import bench, doctor, programs, safety, stack, topics
 from robot_stack.cli.mission import mission
 
 app = typer.Typer(
@@ -24,3 +24,7 @@ app.add_typer(mission, name="mission")
 app.command()(safety.estop)
 app.command()(safety.reset)
 app.command()(topics.topics)
+app.command()(programs.record)
+app.command()(doctor.doctor)
+app.command()(bench.bench)
+app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(programs.scenario)

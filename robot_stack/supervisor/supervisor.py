@@ -214,6 +214,8 @@ class Supervisor:
             "ok": True,
             "profile": self._plan.name,
             "profile_path": str(self._plan.path.resolve()),
+            "machine": self._plan.machine.value,
+            "use_sim_time": self._plan.use_sim_time,
             "domain": ros_domain_id(),
             "pid": os.getpid(),
             "log_dir": str(self._run_dir),

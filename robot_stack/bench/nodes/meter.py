@@ -48,9 +48,7 @@ class Meter:
     def __enter__(self) -> Meter:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._node.destroy_node()
         self._executor.shutdown()
         rclpy.try_shutdown(context=self._context)

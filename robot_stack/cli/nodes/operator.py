@@ -41,9 +41,7 @@ class Operator:
     def __enter__(self) -> Operator:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.node.destroy_node()
         self._executor.shutdown()
         rclpy.try_shutdown(context=self._context)
