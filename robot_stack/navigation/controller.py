@@ -246,7 +246,11 @@ class NavigationController:
             return False
         share = self._params.limits
         turning = share.turning_share * self._robot.motion(self._passenger).max_acceleration_mps2
-        trajectory = plan_motion(start, self._goal, limits, turning)
+        try:
+            trajectory = plan_motion(start, self._goal, limits, turning)
+        except ValueError as error:
+            self._hold(f"no plan: {error}")
+            return False
         # Another speed leaves a straight way as it is: no need to publish it again.
         keep_path = same_way and self.path is not None and _runs_along(trajectory, self.path)
         self._run(trajectory, NavigationState.DRIVING, "driving to the goal", keep_path=keep_path)

@@ -93,8 +93,8 @@ def _translation(start: MotionState, goal: Pose2, limits: MotionLimits, min_dura
         and abs(_cross(course, start.acceleration)) < _SIDE_ACCELERATION_MPS2
     ):
         speed, acceleration = _dot(course, start.velocity), _dot(course, start.acceleration)
-        # Where the speed ends if the acceleration fades now. Above the limit a profile to the goal would brake as hard as
-        # it can to the limit and swing below it; a change of speed before it does not.
+        # Where the speed ends if the acceleration fades now. Above the limit a profile to the goal would brake as hard
+        # as it can to the limit and swing below it; a change of speed before it does not.
         faded = abs(speed + 0.5 * acceleration * abs(acceleration) / limits.jerk_mps3)
         if faded <= limits.speed_mps + _SIDE_SPEED_MPS:
             return [_line(position, (goal.x, goal.y), course, speed, acceleration, limits, min_duration_s)]

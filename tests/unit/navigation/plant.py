@@ -42,8 +42,8 @@ class Drive:
         self._approach(ZERO_TWIST if self.blocked else wish)
         share = STEP_S / (self.lag_s + STEP_S)
         t, s = self.twist, self._set_point
-        vx, vy, omega = t.vx + share * (s.vx - t.vx), t.vy + share * (s.vy - t.vy), t.omega + share * (s.omega - t.omega)
-        self.twist = Twist2(vx, vy, omega)
+        vx, vy = t.vx + share * (s.vx - t.vx), t.vy + share * (s.vy - t.vy)
+        self.twist = Twist2(vx, vy, t.omega + share * (s.omega - t.omega))
         self.pose = self.pose.compose(exp_se2(self.twist, STEP_S))
 
     def _approach(self, wish: Twist2) -> None:

@@ -138,6 +138,14 @@ def test_stop_from_speed_keeps_the_course() -> None:
     assert (end.pose.x, end.pose.y) == pytest.approx((0.45, 0.6))
 
 
+@pytest.mark.parametrize("distance", [0.4, 0.3999999999999999])
+def test_where_two_kinds_of_profile_meet(distance: float) -> None:
+    # The acceleration just reaches 0.8 m/s2: twice 0.8^3 / 1.6^2 = 0.4 m. The library fails for the second number.
+    profile = to_position(distance, 0.0, 0.0, AxisLimits(0.95, 0.8, 1.6))
+    assert profile.duration_s == pytest.approx(2.0, abs=1e-3)
+    assert profile.at(profile.duration_s)[0] == pytest.approx(0.4)
+
+
 def test_state_of_a_moving_body_is_turned_into_the_map() -> None:
     state = moving(Pose2(1.0, 2.0, math.pi / 2.0), Twist2(1.0, 0.5, 0.2))
     assert state.velocity == pytest.approx((-0.5, 1.0))
