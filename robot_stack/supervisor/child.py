@@ -39,23 +39,28 @@ def run(start: Start) -> None:
     _show_as(start.name)
     os.environ.update(start.environment)
     sys.argv = [start.name, *start.arguments]
-    threading.Thread(target=_follow_the_supervisor, args=(start.stop_grace_s,), daemon=True).start()
+    orphaned = threading.Event()
+    threading.Thread(target=_follow_the_supervisor, args=(orphaned, start.stop_grace_s), daemon=True).start()
     try:
         importlib.import_module(start.module).main()
     except KeyboardInterrupt:  # interrupted before the node had its own handler
         raise SystemExit(128 + signal.SIGINT) from None
+    finally:
+        if orphaned.is_set():  # else the supervisor sees to what this process has started
+            os.killpg(0, signal.SIGKILL)
 
 
 def _die_with_the_forkserver() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
-def _follow_the_supervisor(grace_s: float) -> None:
+def _follow_the_supervisor(orphaned: threading.Event, grace_s: float) -> None:
     """A supervisor that was killed leaves nobody to restart or stop this process, so it ends too, in its safe way."""
     supervisor = parent_process()
     if supervisor is None:
         return
     connection.wait([supervisor.sentinel])
+    orphaned.set()
     print("the supervisor has died: this process stops", file=sys.stderr, flush=True)
     os.kill(os.getpid(), signal.SIGINT)
     time.sleep(grace_s)

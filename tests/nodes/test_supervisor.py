@@ -1,0 +1,378 @@
+"""The supervisor with real processes: they crash, hang, refuse and are killed, and nothing is left behind."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import stat
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+import yaml
+
+from robot_stack.core.runtime import runtime_dir
+from robot_stack.supervisor.control import NotRunning, ask
+from tests.support.waiting import wait_for
+
+ROOT = Path(__file__).resolve().parents[2]
+NAMES = ("steady", "other", "spare")
+CRITICALITIES = ("critical", "limiting", "optional")
+
+
+class Stack:
+    """One supervised stack of three dummy processes, operated through the real command line."""
+
+    def __init__(self, folder: Path) -> None:
+        self.orders = folder / "orders"
+        self.orders.mkdir()
+        self.logs = folder / "logs"
+        self.profile = folder / "dummies.yaml"
+        self.write_profile()
+        self.seen: set[int] = set()
+
+    def write_profile(self, **changes: Any) -> None:
+        extra = {
+            name: {
+                "module": "tests.support.supervised",
+                "criticality": criticality,
+                "note": "dummy",
+                "max_restarts": 3,
+            }
+            for name, criticality in zip(NAMES, CRITICALITIES, strict=True)
+        }
+        data = {
+            "description": "dummies",
+            "machine": "robot",
+            "use_sim_time": False,
+            "speed": None,
+            "ready_deadline_s": 30.0,
+            "processes": [],
+            "environment": {"SUPERVISED_ORDERS": str(self.orders)},
+            "extra": extra,
+        }
+        self.profile.write_text(yaml.safe_dump({**data, **changes}, sort_keys=False), encoding="utf-8")
+
+    def command(self, *arguments: str, timeout_s: float = 60.0) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-m", "robot_stack.cli", *arguments],
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            timeout=timeout_s,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            check=False,
+        )
+
+    def up(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        done = self.command("up", "--profile", str(self.profile), "--log-dir", str(self.logs), *arguments)
+        self.note()
+        return done
+
+    def note(self) -> None:
+        """Remembers the processes that run now, to prove later that they are gone."""
+        try:
+            status = ask("status")
+        except NotRunning:
+            return
+        supervisor = psutil.Process(status["pid"])
+        self.seen |= {supervisor.pid, *(child.pid for child in supervisor.children(recursive=True))}
+
+    def order(self, name: str, word: str) -> None:
+        (self.orders / name).write_text(word, encoding="ascii")
+
+    def obey_no_more(self, name: str) -> None:
+        (self.orders / name).unlink()
+
+    def entry(self, name: str) -> dict[str, Any]:
+        self.note()
+        return next(item for item in ask("status")["processes"] if item["name"] == name)
+
+    def wait_entry(
+        self, name: str, condition: Callable[[dict[str, Any]], bool], what: str, deadline_s: float = 30.0
+    ) -> dict[str, Any]:
+        def matching() -> dict[str, Any] | None:
+            entry = self.entry(name)
+            return entry if condition(entry) else None
+
+        found = wait_for(matching, f"{name}: {what}", deadline_s, poll_s=0.05)
+        assert found is not None
+        return found
+
+    def log(self, name: str) -> str:
+        return (self.logs / "latest" / f"{name}.log").read_text(encoding="utf-8")
+
+    def alive(self) -> list[int]:
+        return [pid for pid in self.seen if _alive(pid)]
+
+    def clean_up(self) -> None:
+        with contextlib.suppress(TimeoutError, psutil.Error):
+            self.note()
+        for pid in self.alive():
+            os.kill(pid, signal.SIGCONT)
+        self.command("down")
+        for pid in self.alive():
+            os.kill(pid, signal.SIGKILL)
+
+
+def _alive(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+@pytest.fixture
+def stack(ros_domain: int, tmp_path: Path) -> Iterator[Stack]:
+    made = Stack(tmp_path)
+    yield made
+    made.clean_up()
+    assert made.alive() == []
+
+
+@pytest.fixture
+def running(stack: Stack) -> Stack:
+    done = stack.up()
+    assert done.returncode == 0, done.stderr
+    return stack
+
+
+def assert_nothing_left(stack: Stack) -> None:
+    wait_for(lambda: not stack.alive(), "every process to be gone", 10.0)
+    assert [path for path in runtime_dir().rglob("*") if stat.S_ISSOCK(path.lstat().st_mode)] == []
+    assert not (runtime_dir() / "processes.json").exists()
+
+
+def test_up_returns_when_all_are_ready_and_down_leaves_nothing(running: Stack) -> None:
+    status = ask("status")
+    assert status["ready"] is True
+    assert {item["name"] for item in status["processes"]} == set(NAMES)
+    assert all(item["state"] == "ready" and item["restarts"] == 0 for item in status["processes"])
+    done = running.command("down")
+    assert done.returncode == 0
+    assert done.stdout.strip() == "stopped 3 processes"
+    assert_nothing_left(running)
+    assert running.command("down").stdout.startswith("no stack is running")
+
+
+def test_processes_share_memory_have_their_names_and_groups(running: Stack) -> None:
+    for name in NAMES:
+        process = psutil.Process(running.entry(name)["pid"])
+        assert process.cmdline()[0] == f"robot-stack: {name}"
+        assert process.name() == name
+        assert os.getpgid(process.pid) == process.pid
+        memory = process.memory_full_info()
+        assert memory.pss < 0.75 * memory.rss  # forked from one server: what all import is there once
+
+
+def test_logs_lie_in_one_folder(running: Stack) -> None:
+    assert {path.name for path in (running.logs / "latest").glob("*.log")} == {
+        "supervisor.log",
+        *(f"{name}.log" for name in NAMES),
+    }
+    assert "working" in running.log("steady")
+    assert "all 3 processes are ready" in running.log("supervisor")
+
+
+def test_crash_is_restarted_with_backoff_and_others_stay(running: Stack) -> None:
+    before = {name: running.entry(name)["pid"] for name in NAMES}
+    os.kill(before["steady"], signal.SIGKILL)
+    waiting = running.wait_entry("steady", lambda item: item["state"] == "backoff", "to wait for its restart")
+    assert "signal 9" in waiting["reason"]
+    after = running.wait_entry("steady", lambda item: item["state"] == "ready", "to be ready again")
+    assert after["restarts"] == 1
+    assert after["pid"] != before["steady"]
+    assert running.entry("other")["pid"] == before["other"]
+
+
+def test_too_many_crashes_are_given_up_until_an_operator_asks(running: Stack) -> None:
+    running.order("other", "crash")
+    failed = running.wait_entry("other", lambda item: item["state"] == "failed", "to be given up")
+    assert failed["restarts"] == 3
+    assert failed["pid"] is None
+    assert "the 4th time within 60 s" in failed["reason"]
+    assert running.command("status", "--once").returncode == 1
+    running.obey_no_more("other")
+    assert running.command("restart", "other").returncode == 0
+    running.wait_entry("other", lambda item: item["state"] == "ready", "to run again")
+
+
+def test_hang_is_noticed_and_restarted(running: Stack) -> None:
+    pid = running.entry("spare")["pid"]
+    running.order("spare", "hang")
+    hung = running.wait_entry("spare", lambda item: item["state"] == "hung", "to be found hung")
+    assert "no heartbeat for 3 s" in hung["reason"]
+    running.obey_no_more("spare")
+    again = running.wait_entry("spare", lambda item: item["state"] == "ready", "to be ready again")
+    assert again["pid"] != pid
+    assert again["restarts"] == 1
+    assert not _alive(pid)
+
+
+def test_stopped_process_is_killed(running: Stack) -> None:
+    """SIGSTOP: alive for the kernel, dead for the robot, and deaf to SIGTERM."""
+    pid = running.entry("other")["pid"]
+    os.kill(pid, signal.SIGSTOP)
+    running.wait_entry("other", lambda item: item["state"] == "ready" and item["restarts"] == 1, "to be replaced")
+    assert "SIGKILL" in running.log("supervisor")
+    assert not _alive(pid)
+
+
+def test_stubborn_process_and_its_child_do_not_survive_down(running: Stack) -> None:
+    running.order("steady", "child")
+    wait_for(lambda: psutil.Process(running.entry("steady")["pid"]).children(), "a child process")
+    running.order("other", "stubborn")
+    running.note()
+    done = running.command("down")
+    assert done.returncode == 0
+    assert done.stdout.strip() == "stopped 3 processes; had to be killed: other"
+    assert_nothing_left(running)
+
+
+def test_refused_configuration_is_not_tried_again(stack: Stack) -> None:
+    stack.order("spare", "refuse")
+    done = stack.up()
+    assert done.returncode == 1
+    assert "spare: failed: given up: refused to run, see its log" in done.stderr
+    assert stack.entry("spare")["restarts"] == 0
+
+
+def test_up_names_what_is_missing_and_the_stack_goes_on(stack: Stack) -> None:
+    stack.order("other", "waiting")
+    done = stack.up("--deadline", "6")
+    assert done.returncode == 1
+    assert "other: waiting: /sensors/imu" in done.stderr
+    assert "steady" not in done.stderr
+    stack.obey_no_more("other")
+    stack.wait_entry("other", lambda item: item["state"] == "ready", "to become ready after all")
+
+
+def test_second_up_is_refused_and_changes_nothing(running: Stack) -> None:
+    before = running.entry("steady")["pid"]
+    done = running.up()
+    assert done.returncode == 1
+    assert "already running in ROS domain" in done.stderr
+    assert running.entry("steady")["pid"] == before
+
+
+def test_killed_supervisor_takes_its_processes_along(running: Stack) -> None:
+    running.order("steady", "child")
+    wait_for(lambda: psutil.Process(running.entry("steady")["pid"]).children(), "a child process")
+    running.note()
+    os.kill(ask("status")["pid"], signal.SIGKILL)
+    wait_for(lambda: not running.alive(), "every process to stop by itself", 10.0)
+    assert "the supervisor has died" in running.log("steady")
+    done = running.up()
+    assert done.returncode == 0, done.stderr
+
+
+def test_killed_forkserver_costs_a_restart_not_the_stack(running: Stack) -> None:
+    before = running.entry("steady")["pid"]
+    forkserver = psutil.Process(before).ppid()
+    assert forkserver != ask("status")["pid"]
+    os.kill(forkserver, signal.SIGKILL)
+    for name in NAMES:
+        running.wait_entry(name, lambda item: item["state"] == "ready" and item["restarts"] == 1, "to be back")
+    assert not _alive(before)
+
+
+def test_what_a_killed_supervisor_left_is_ended_by_the_next(running: Stack) -> None:
+    """A process that hangs while its supervisor dies cannot end by itself."""
+    pid = running.entry("other")["pid"]
+    siblings = [running.entry(name)["pid"] for name in ("steady", "spare")]
+    os.kill(pid, signal.SIGSTOP)
+    os.kill(ask("status")["pid"], signal.SIGKILL)
+    wait_for(lambda: not any(map(_alive, siblings)), "the others to end", 10.0)
+    assert _alive(pid)
+    done = running.up()
+    assert done.returncode == 0, done.stderr
+    assert not _alive(pid)
+    assert f"processes {pid}" in running.log("supervisor")
+
+
+def test_down_ends_a_supervisor_that_does_not_answer(running: Stack) -> None:
+    running.note()
+    os.kill(ask("status")["pid"], signal.SIGSTOP)
+    done = running.command("down")
+    assert done.returncode == 0, done.stderr
+    assert_nothing_left(running)
+
+
+def test_foreground_stops_on_sigterm(stack: Stack, tmp_path: Path) -> None:
+    """As systemd runs it."""
+    log = tmp_path / "foreground.log"
+    with open(log, "wb") as output:
+        process = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "robot_stack.cli", "up", "--foreground"),
+                *("--profile", str(stack.profile), "--log-dir", str(stack.logs)),
+            ],
+            cwd=ROOT,
+            stdout=output,
+            stderr=output,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )
+    try:
+        wait_for(lambda: "all 3 processes are ready" in log.read_text(), "the stack to be ready", 30.0)
+        stack.note()
+        assert ask("status")["pid"] == process.pid
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(15.0) == 0
+    finally:
+        process.kill()
+        process.wait()
+    assert_nothing_left(stack)
+
+
+def test_own_parameters_reach_the_process_as_a_file(running: Stack) -> None:
+    done = running.up("--set", "nobody.x=1")
+    assert done.returncode == 2
+    assert "'nobody' is no node of this profile" in done.stderr
+
+
+def test_restart_of_an_unknown_process_is_refused(running: Stack) -> None:
+    done = running.command("restart", "nobody")
+    assert done.returncode == 2
+    assert "'nobody' does not run here; processes: steady, other, spare" in done.stderr
+
+
+def test_status_as_json(running: Stack) -> None:
+    done = running.command("status", "--json")
+    assert done.returncode == 0
+    status = json.loads(done.stdout)
+    for item in status["processes"]:
+        assert 0.0 <= item["heartbeat_age_s"] < 1.0
+        assert item["pss_mb"] > 1.0
+        assert item["cpu_pct"] >= 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"processes": ["nobody"]}, "'nobody' is no process of the contract"),
+        ({"extra": {}}, "at least one process"),
+        ({"speed": -1}, "speed"),
+        ({"surprise": 1}, "surprise: is not a known parameter"),
+    ],
+)
+def test_malformed_profile_is_refused_at_once(stack: Stack, change: dict[str, Any], message: str) -> None:
+    stack.write_profile(**change)
+    done = stack.up()
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+    with pytest.raises(NotRunning):
+        ask("status")
+
+
+def test_profile_without_a_built_process_is_refused(stack: Stack) -> None:
+    done = stack.command("up", "--profile", "manipulator", "--log-dir", str(stack.logs))
+    if "none of its processes is built" not in done.stderr:
+        pytest.skip("the manipulator's processes are built by now")
+    assert done.returncode == 1
