@@ -1,7 +1,8 @@
 """From samples of the yaw gyro to the angle turned between two moments.
 
-The angle is integrated once, without gaps, and increments are differences of it: an odometry message that comes before
-the gyro samples of its own last milliseconds is served from a held rate, and the next increment makes that good.
+A sample is taken as the mean rate since the sample before, as MEMS units deliver it, so the angle is the plain sum. It
+is integrated once, without gaps, and increments are differences of it: an odometry message that comes before the gyro
+samples of its own last milliseconds is served from a held rate, and the next increment makes that good.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class _Knot:
 
 
 class GyroIntegrator:
-    """Integrates samples (trapezoids) and hands out increments between the times asked for, one after the other."""
+    """Integrates samples and hands out increments between the times asked for, one after the other."""
 
     def __init__(self, params: GyroParams) -> None:
         self._params = params
@@ -124,7 +125,7 @@ class GyroIntegrator:
                 self._piece += 1
             else:
                 self._period_s = dt_s
-                angle_rad = last.angle_rad + 0.5 * (last.rate_radps + sample.yaw_rate_radps) * dt_s
+                angle_rad = last.angle_rad + sample.yaw_rate_radps * dt_s
         self._knots.append(_Knot(sample.stamp_s, sample.yaw_rate_radps, angle_rad, self._piece))
         self._forget(sample.stamp_s)
 
@@ -143,7 +144,5 @@ class GyroIntegrator:
             return _Knot(time_s, before.rate_radps, before.angle_rad + held_rad, before.piece)
         if after.piece != before.piece:
             return None
-        share = (time_s - before.stamp_s) / (after.stamp_s - before.stamp_s)
-        rate_radps = before.rate_radps + share * (after.rate_radps - before.rate_radps)
-        angle_rad = before.angle_rad + 0.5 * (before.rate_radps + rate_radps) * (time_s - before.stamp_s)
-        return _Knot(time_s, rate_radps, angle_rad, before.piece)
+        turned_rad = after.rate_radps * (time_s - before.stamp_s)
+        return _Knot(time_s, after.rate_radps, before.angle_rad + turned_rad, before.piece)

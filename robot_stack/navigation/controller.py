@@ -26,7 +26,7 @@ import numpy as np
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.robot import Robot
 from robot_stack.navigation.goal import GoalRequest, refusal, too_far
-from robot_stack.navigation.limits import NO_LIMIT, MotionLimits, SpeedLimit, planning_limits
+from robot_stack.navigation.limits import NO_LIMIT, MotionLimits, PlanningLimits, SpeedLimit, planning_limits
 from robot_stack.navigation.motion import MotionState, Trajectory, moving
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.path import Path, path_of
@@ -177,7 +177,7 @@ class NavigationController:
             return self._end_of_plan(located)
         ahead = self._trajectory.at(self._elapsed_s + self._params.tracking.command_delay_s)
         motion = self._robot.motion(self._passenger)
-        twist = command(now, ahead, located.pose, motion, self._params.tracking)
+        twist = command(now, ahead, located.pose, self._params.tracking)
         speed_mps = min(motion.max_speed_mps, self._speed_limit.speed_mps)
         yaw_rate_radps = min(motion.max_yaw_rate_radps, self._speed_limit.yaw_rate_radps)
         return Output(bounded(twist, speed_mps, yaw_rate_radps), self._state, self._text, now.pose, error)
@@ -208,7 +208,7 @@ class NavigationController:
             return Output(ZERO_TWIST, self._state, self._text, self._goal, error)
         limits = self._limits()
         assert limits is not None  # else the tick had found an obstacle
-        slow = _slower(limits, g.arrival_speed_mps, g.arrival_yaw_rate_radps)
+        slow = _slower(limits.cruise, g.arrival_speed_mps, g.arrival_yaw_rate_radps)
         twist = settle_command(self._goal, located.pose, slow, self._params.tracking)
         return Output(twist, self._state, "arriving", self._goal, error)
 
@@ -244,10 +244,8 @@ class NavigationController:
         if problem:
             self._cancel(f"goal refused: {problem}")
             return False
-        share = self._params.limits
-        turning = share.turning_share * self._robot.motion(self._passenger).max_acceleration_mps2
         try:
-            trajectory = plan_motion(start, self._goal, limits, turning)
+            trajectory = plan_motion(start, self._goal, limits)
         except ValueError as error:
             self._hold(f"no plan: {error}")
             return False
@@ -272,7 +270,7 @@ class NavigationController:
         if limits is None:
             return  # the next tick holds
         if self._state is NavigationState.BRAKING:
-            self._run(plan_stop(now, limits), NavigationState.BRAKING, self._text)
+            self._run(plan_stop(now, limits.cruise), NavigationState.BRAKING, self._text)
         else:
             self._begin(now, same_way=True)
 
@@ -282,7 +280,7 @@ class NavigationController:
         now = self._trajectory.at(self._elapsed_s) if running and self._trajectory is not None else None
         self._goal = None
         if now is not None and limits is not None:
-            self._run(plan_stop(now, limits), NavigationState.BRAKING, text)
+            self._run(plan_stop(now, limits.cruise), NavigationState.BRAKING, text)
         elif self._state is not NavigationState.BRAKING:
             self._finish(text)
 
@@ -310,7 +308,7 @@ class NavigationController:
             return "speed limit is zero"
         return ""
 
-    def _limits(self) -> MotionLimits | None:
+    def _limits(self) -> PlanningLimits | None:
         return planning_limits(self._robot.motion(self._passenger), self._speed_limit, self._params.limits)
 
     def _lost(self, error: TrackingError) -> bool:

@@ -38,19 +38,44 @@ class SpeedLimit:
 NO_LIMIT = SpeedLimit(math.inf, math.inf)
 
 
-def planning_limits(motion: Motion, limit: SpeedLimit, params: LimitParams) -> MotionLimits | None:
+@dataclass(frozen=True, slots=True)
+class PlanningLimits:
+    """What a plan keeps: ``cruise`` everywhere, except that a robot faster than that slows down within ``braking``.
+
+    The drive brakes to a lowered limit as hard as it may; a plan that took longer would run ahead of the robot.
+    max_turning_mps2: largest product of speed and yaw rate. Seen from a turning body a straight course turns, and the
+    drive has to follow that with its acceleration.
+    """
+
+    cruise: MotionLimits
+    braking: MotionLimits
+    max_turning_mps2: float
+
+
+def planning_limits(motion: Motion, limit: SpeedLimit, params: LimitParams) -> PlanningLimits | None:
     """The limits to plan with; None where the speed limit leaves nothing to drive with: then the robot stands."""
     speed_mps = min(motion.max_speed_mps, params.cruise_speed_mps, _known(limit.speed_mps))
     yaw_rate_radps = min(motion.max_yaw_rate_radps, _known(limit.yaw_rate_radps))
     if speed_mps < params.stop_below_mps or yaw_rate_radps < params.stop_below_mps:
         return None
+    speed_mps, yaw_rate_radps = params.speed_share * speed_mps, params.speed_share * yaw_rate_radps
+    return PlanningLimits(
+        cruise=_limits(motion, speed_mps, yaw_rate_radps, params.acceleration_share, params.jerk_share),
+        braking=_limits(motion, speed_mps, yaw_rate_radps, 1.0, 1.0),
+        max_turning_mps2=params.turning_share * motion.max_acceleration_mps2,
+    )
+
+
+def _limits(
+    motion: Motion, speed_mps: float, yaw_rate_radps: float, acceleration_share: float, jerk_share: float
+) -> MotionLimits:
     return MotionLimits(
-        speed_mps=params.speed_share * speed_mps,
-        yaw_rate_radps=params.speed_share * yaw_rate_radps,
-        acceleration_mps2=params.acceleration_share * motion.max_acceleration_mps2,
-        yaw_acceleration_radps2=params.acceleration_share * motion.max_yaw_acceleration_radps2,
-        jerk_mps3=params.jerk_share * motion.max_jerk_mps3,
-        yaw_jerk_radps3=params.jerk_share * motion.max_yaw_jerk_radps3,
+        speed_mps,
+        yaw_rate_radps,
+        acceleration_share * motion.max_acceleration_mps2,
+        acceleration_share * motion.max_yaw_acceleration_radps2,
+        jerk_share * motion.max_jerk_mps3,
+        jerk_share * motion.max_yaw_jerk_radps3,
     )
 
 

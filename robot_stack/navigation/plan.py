@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator
 
 from robot_stack.core.geometry import Pose2, wrap_angle
-from robot_stack.navigation.limits import MotionLimits
+from robot_stack.navigation.limits import MotionLimits, PlanningLimits
 from robot_stack.navigation.motion import MotionState, Segment, Trajectory, Vector
 from robot_stack.navigation.speed_profile import AxisLimits, Profile, to_position, to_speed
 
@@ -27,11 +27,9 @@ _STRETCHES = 6
 _SAMPLES = 40
 
 
-def plan_motion(start: MotionState, goal: Pose2, limits: MotionLimits, max_turning_mps2: float) -> Trajectory:
-    """The motion from ``start`` to rest at ``goal``.
+def plan_motion(start: MotionState, goal: Pose2, limits: PlanningLimits) -> Trajectory:
+    """The motion from ``start`` to rest at ``goal``; one that would turn too fast for its speed is slower as a whole.
 
-    max_turning_mps2: largest product of speed and yaw rate. Seen from a turning body a straight course turns, and the
-    drive has to follow that with its acceleration; a plan that would ask for more is made slower as a whole.
     Raises ValueError for a start or goal that is not finite.
     """
     if not (start.is_finite() and goal.is_finite()):
@@ -39,10 +37,11 @@ def plan_motion(start: MotionState, goal: Pose2, limits: MotionLimits, max_turni
     trajectory = _plan(start, goal, limits, 0.0)
     for _ in range(_STRETCHES):
         turning = _turning_mps2(trajectory)
-        if turning <= max_turning_mps2:
+        if turning <= limits.max_turning_mps2:
             break
         # Speed and yaw rate both go with 1 / duration; a little more, because the ramps take their share.
-        trajectory = _plan(start, goal, limits, 1.05 * trajectory.duration_s * math.sqrt(turning / max_turning_mps2))
+        stretch = 1.05 * math.sqrt(turning / limits.max_turning_mps2)
+        trajectory = _plan(start, goal, limits, stretch * trajectory.duration_s)
     return trajectory
 
 
@@ -53,9 +52,9 @@ def plan_stop(start: MotionState, limits: MotionLimits) -> Trajectory:
     return Trajectory(tuple(segments), start.pose.yaw, yaw)
 
 
-def _plan(start: MotionState, goal: Pose2, limits: MotionLimits, min_duration_s: float) -> Trajectory:
+def _plan(start: MotionState, goal: Pose2, limits: PlanningLimits, min_duration_s: float) -> Trajectory:
     segments = _translation(start, goal, limits, min_duration_s)
-    yaw = _turn(start, goal.yaw, limits, max(min_duration_s, _duration_s(segments)))
+    yaw = _turn(start, goal.yaw, limits.cruise, max(min_duration_s, _duration_s(segments)))
     if yaw.duration_s > _duration_s(segments) + 1e-6:
         segments = _translation(start, goal, limits, yaw.duration_s)
     return Trajectory(tuple(segments), start.pose.yaw, yaw)
@@ -85,7 +84,7 @@ def _turn(start: MotionState, goal_yaw: float, limits: MotionLimits, min_duratio
     return to_position(best, start.yaw_rate, start.yaw_acceleration, axis, min_duration_s)
 
 
-def _translation(start: MotionState, goal: Pose2, limits: MotionLimits, min_duration_s: float) -> list[Segment]:
+def _translation(start: MotionState, goal: Pose2, limits: PlanningLimits, min_duration_s: float) -> list[Segment]:
     position = (start.pose.x, start.pose.y)
     course = _course(position, (goal.x, goal.y), start.velocity)
     if (
@@ -95,20 +94,21 @@ def _translation(start: MotionState, goal: Pose2, limits: MotionLimits, min_dura
         speed, acceleration = _dot(course, start.velocity), _dot(course, start.acceleration)
         # Where the speed ends if the acceleration fades now. Above the limit a profile to the goal would brake as hard
         # as it can to the limit and swing below it; a change of speed before it does not.
-        faded = abs(speed + 0.5 * acceleration * abs(acceleration) / limits.jerk_mps3)
-        if faded <= limits.speed_mps + _SIDE_SPEED_MPS:
-            return [_line(position, (goal.x, goal.y), course, speed, acceleration, limits, min_duration_s)]
-    plans = _entries(start, goal, limits, min_duration_s)
-    return min(plans, key=_duration_s)
+        faded = abs(speed + 0.5 * acceleration * abs(acceleration) / limits.cruise.jerk_mps3)
+        if faded <= limits.cruise.speed_mps + _SIDE_SPEED_MPS:
+            return [_line(position, (goal.x, goal.y), course, speed, acceleration, limits.cruise, min_duration_s)]
+    too_fast = start.speed() > limits.cruise.speed_mps + _SIDE_SPEED_MPS
+    change = limits.braking if too_fast else limits.cruise
+    return min(_entries(start, goal, limits.cruise, change, min_duration_s), key=_duration_s)
 
 
 def _entries(
-    start: MotionState, goal: Pose2, limits: MotionLimits, min_duration_s: float
+    start: MotionState, goal: Pose2, limits: MotionLimits, change_limits: MotionLimits, min_duration_s: float
 ) -> Iterator[list[Segment]]:
     """Ways onto the course to the goal, one for each entry speed that finds the course and does not overshoot."""
     for share in _ENTRY_SHARES:
         speed = share * limits.speed_mps
-        change = _onto_course(start, goal, speed, limits)
+        change = _onto_course(start, goal, speed, change_limits)
         if change is None:
             continue
         (position, _, _) = change[-1].end() if change else ((start.pose.x, start.pose.y), start.velocity, (0.0, 0.0))

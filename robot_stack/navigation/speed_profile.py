@@ -81,8 +81,8 @@ def _input(speed: float, acceleration: float, limits: AxisLimits) -> ruckig.Inpu
 def _solve(wish: ruckig.InputParameter) -> Profile:
     """The profile for ``wish``.
 
-    Ruckig fails where two kinds of profile meet to the last digit, e.g. over 0.4 m with 0.8 m/s2 and 1.6 m/s3, where the
-    acceleration just reaches its limit. Limits smaller by less than a thousandth lie beside such a point.
+    Ruckig fails where two kinds of profile meet to the last digit, e.g. over 0.4 m with 0.8 m/s2 and 1.6 m/s3, where
+    the acceleration just reaches its limit. Limits smaller by less than a thousandth lie beside such a point.
     """
     problem = ""
     limits = wish.max_velocity, wish.max_acceleration, wish.max_jerk

@@ -1,9 +1,7 @@
 """Velocity commands that keep the body on its planned motion.
 
 Feed-forward: the planned velocity, ahead in time by what passes until a command acts. Feedback: proportional to the
-error of the pose now. The drive behind ``/cmd_vel`` limits jerk itself and so trails a changing command: it holds an
-acceleration only while the command is ahead of it by half the time that the acceleration took to build up at full jerk.
-The command is therefore led by that time.
+error of the pose now.
 """
 
 from __future__ import annotations
@@ -12,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import Pose2, Twist2, wrap_angle
-from robot_stack.core.robot import Motion
 from robot_stack.navigation.limits import MotionLimits
 from robot_stack.navigation.motion import MotionState
 from robot_stack.navigation.params import TrackingParams
@@ -34,25 +31,19 @@ def tracking_error(planned: Pose2, pose: Pose2) -> TrackingError:
     return TrackingError(planned.x - pose.x, planned.y - pose.y, wrap_angle(planned.yaw - pose.yaw))
 
 
-def command(now: MotionState, ahead: MotionState, pose: Pose2, drive: Motion, params: TrackingParams) -> Twist2:
+def command(now: MotionState, ahead: MotionState, pose: Pose2, params: TrackingParams) -> Twist2:
     """The twist to command, base_link.
 
     now: planned state now. ahead: planned state when the command acts. pose: estimated pose now, map.
-    drive: the limits that the drive applies to what it is told.
     """
     error = tracking_error(now.pose, pose)
     pull_x, pull_y = _bounded(error.x, error.y, params.position_gain_per_s, params.max_correction_mps)
     pull_yaw = max(-params.max_correction_radps, min(params.max_correction_radps, params.yaw_gain_per_s * error.yaw))
-    lead = _lead(ahead, drive)
     # The body will stand at this yaw when the command acts, if it goes on turning as planned.
     yaw = pose.yaw + wrap_angle(ahead.pose.yaw - now.pose.yaw)
     c, s = math.cos(yaw), math.sin(yaw)
     vx, vy = ahead.velocity[0] + pull_x, ahead.velocity[1] + pull_y
-    return Twist2(
-        c * vx + s * vy + lead.vx,
-        -s * vx + c * vy + lead.vy,
-        ahead.yaw_rate + pull_yaw + lead.omega,
-    )
+    return Twist2(c * vx + s * vy, -s * vx + c * vy, ahead.yaw_rate + pull_yaw)
 
 
 def bounded(twist: Twist2, max_speed_mps: float, max_yaw_rate_radps: float) -> Twist2:
@@ -70,17 +61,6 @@ def settle_command(goal: Pose2, pose: Pose2, limits: MotionLimits, params: Track
     omega = params.yaw_gain_per_s * error.yaw
     c, s = math.cos(pose.yaw), math.sin(pose.yaw)
     return bounded(Twist2(c * vx + s * vy, -s * vx + c * vy, omega), limits.speed_mps, limits.yaw_rate_radps)
-
-
-def _lead(ahead: MotionState, drive: Motion) -> Twist2:
-    """How far the command must be ahead of the wanted velocity for the drive to hold the wanted acceleration."""
-    c, s = math.cos(ahead.pose.yaw), math.sin(ahead.pose.yaw)
-    vx, vy = c * ahead.velocity[0] + s * ahead.velocity[1], -s * ahead.velocity[0] + c * ahead.velocity[1]
-    # In the turning frame of the body the velocity changes by the acceleration less the turning of the frame.
-    ax = c * ahead.acceleration[0] + s * ahead.acceleration[1] + ahead.yaw_rate * vy
-    ay = -s * ahead.acceleration[0] + c * ahead.acceleration[1] - ahead.yaw_rate * vx
-    build_up_s = max(math.hypot(ax, ay) / drive.max_jerk_mps3, abs(ahead.yaw_acceleration) / drive.max_yaw_jerk_radps3)
-    return Twist2(ax, ay, ahead.yaw_acceleration).scaled(0.5 * build_up_s)
 
 
 def _bounded(x: float, y: float, gain: float, limit: float) -> tuple[float, float]:

@@ -24,45 +24,29 @@ def params(**overrides: object) -> NavigationParams:
 
 @dataclass
 class Drive:
-    """Takes twists after ``delay_s``, limits jerk and acceleration on the way to them, and lags by ``lag_s``."""
+    """Takes twists after ``delay_s``, lags by ``lag_s``, and changes speed no faster than the robot's limits."""
 
     motion: Motion
     delay_s: float = 0.06
-    lag_s: float = 0.03
+    lag_s: float = 0.04
     pose: Pose2 = IDENTITY
     twist: Twist2 = ZERO_TWIST
     blocked: bool = False
-    _set_point: Twist2 = ZERO_TWIST
-    _acceleration: Twist2 = ZERO_TWIST
     _commands: deque[Twist2] = field(default_factory=deque)
 
     def step(self, command: Twist2) -> None:
         self._commands.append(command)
         wish = self._commands.popleft() if len(self._commands) > round(self.delay_s / STEP_S) else ZERO_TWIST
-        self._approach(ZERO_TWIST if self.blocked else wish)
-        share = STEP_S / (self.lag_s + STEP_S)
-        t, s = self.twist, self._set_point
-        vx, vy = t.vx + share * (s.vx - t.vx), t.vy + share * (s.vy - t.vy)
-        self.twist = Twist2(vx, vy, t.omega + share * (s.omega - t.omega))
+        self._follow(ZERO_TWIST if self.blocked else wish)
         self.pose = self.pose.compose(exp_se2(self.twist, STEP_S))
 
-    def _approach(self, wish: Twist2) -> None:
-        """Each of translation and yaw: as fast as it can still come to rest at the wish."""
-        m = self.motion
-        dx, dy, dw = wish.vx - self._set_point.vx, wish.vy - self._set_point.vy, wish.omega - self._set_point.omega
-        size = math.hypot(dx, dy)
-        a = min(m.max_acceleration_mps2, math.sqrt(2.0 * m.max_jerk_mps3 * size), size / STEP_S)
-        b = min(m.max_yaw_acceleration_radps2, math.sqrt(2.0 * m.max_yaw_jerk_radps3 * abs(dw)), abs(dw) / STEP_S)
-        wanted = Twist2(a * dx / size if size else 0.0, a * dy / size if size else 0.0, math.copysign(b, dw))
-        now = self._acceleration
-        jx, jy = wanted.vx - now.vx, wanted.vy - now.vy
-        jump, most = math.hypot(jx, jy), m.max_jerk_mps3 * STEP_S
-        part = 1.0 if jump <= most else most / jump
-        most = m.max_yaw_jerk_radps3 * STEP_S
-        turn = max(-most, min(most, wanted.omega - now.omega))
-        self._acceleration = now = Twist2(now.vx + part * jx, now.vy + part * jy, now.omega + turn)
-        s = self._set_point
-        self._set_point = Twist2(s.vx + now.vx * STEP_S, s.vy + now.vy * STEP_S, s.omega + now.omega * STEP_S)
+    def _follow(self, wish: Twist2) -> None:
+        share, t, m = STEP_S / (self.lag_s + STEP_S), self.twist, self.motion
+        dx, dy, dw = share * (wish.vx - t.vx), share * (wish.vy - t.vy), share * (wish.omega - t.omega)
+        size, most = math.hypot(dx, dy), 1.2 * m.max_acceleration_mps2 * STEP_S
+        factor = 1.0 if size <= most else most / size
+        most = 1.2 * m.max_yaw_acceleration_radps2 * STEP_S
+        self.twist = Twist2(t.vx + factor * dx, t.vy + factor * dy, t.omega + max(-most, min(most, dw)))
 
 
 @dataclass

@@ -137,9 +137,9 @@ def test_emergency_stop_zeroes_at_once_and_goes_on_from_rest() -> None:
     first = story.tick().twist
     assert first.speed() < 0.1  # no lurch: from rest, within the jerk
     commands = [story.tick().twist for _ in range(20)]
-    # In 50 ms the planned 0.8 m/s2 give 0.04 m/s, and the lead of half the build-up time, 0.8 m/s2 * 1.6 / 2.0, 0.032.
+    # In 50 ms the planned 0.8 m/s2 give 0.04 m/s; the feedback adds a little.
     for before, after in pairwise(commands):
-        assert after.vx - before.vx <= 0.04 + 0.032 + 0.01
+        assert after.vx - before.vx <= 0.04 + 0.01
     story.until_reached()
     assert story.drive.pose.x > stood_m
     assert_at(story.drive.pose, Pose2(8.0, 0.0, 0.0))
@@ -222,8 +222,8 @@ def test_speed_limit_while_driving_slows_without_a_jump_and_keeps_the_path() -> 
     story.controller.set_speed_limit(SpeedLimit(0.5, 1.0))
     story.run(3.0)
     assert story.controller.path is path
-    assert story.drive.twist.speed() == pytest.approx(0.475, abs=0.01)
-    assert max(story.errors_m) < 0.1
+    assert 0.47 < story.drive.twist.speed() <= 0.5 + 1e-6  # it may still be catching up
+    assert max(story.errors_m) < 0.25
 
 
 def test_passenger_lowers_the_limits() -> None:
@@ -255,7 +255,9 @@ def test_held_back_drive_does_not_wind_up() -> None:
     story.run(2.0)
     story.drive.blocked = True
     story.run(8.0)
-    assert story.outputs[-1].twist.speed() < 0.8  # the plan starts again and again instead of running away
+    # The plan starts again and again instead of running away: no faster than 0.3 m at 0.8 m/s2 make it, 0.1 s ahead,
+    # with the largest feedback on top.
+    assert max(output.twist.speed() for output in story.outputs[-80:]) < math.sqrt(2.0 * 0.8 * 0.3) + 0.08 + 0.3
     assert story.outputs[-1].error.distance_m() < 0.5
     story.drive.blocked = False
     story.until_reached()
@@ -287,7 +289,7 @@ def test_not_finite_pose_never_leaves_as_a_command() -> None:
 
 def test_goal_from_a_moving_robot_without_a_plan_starts_from_its_motion() -> None:
     story = ride()
-    story.drive.twist = story.drive._set_point = Twist2(0.8, 0.0, 0.0)  # somebody else drove it here
+    story.drive.twist = Twist2(0.8, 0.0, 0.0)  # somebody else drove it here
     story.go(Pose2(5.0, 0.0, 0.0))
     first = story.tick().twist
     assert first.vx == pytest.approx(0.8, abs=0.2)

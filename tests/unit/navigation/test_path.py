@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 from robot_stack.core.geometry import IDENTITY, Pose2
-from robot_stack.navigation.limits import MotionLimits
+from robot_stack.navigation.limits import MotionLimits, PlanningLimits
 from robot_stack.navigation.motion import MotionState
 from robot_stack.navigation.path import Path, path_of
 from robot_stack.navigation.plan import plan_motion
 
-LIMITS = MotionLimits(1.0, 1.0, 1.0, 1.0, 2.0, 2.0)
+CRUISE = MotionLimits(1.0, 1.0, 1.0, 1.0, 2.0, 2.0)
+LIMITS = PlanningLimits(CRUISE, CRUISE, 1.0)
 
 
 def test_straight_plan_is_sampled_at_its_spacing() -> None:
-    path = path_of(plan_motion(MotionState(IDENTITY), Pose2(3.0, 4.0, 0.5), LIMITS, 1.0), 0.1, 500)
+    path = path_of(plan_motion(MotionState(IDENTITY), Pose2(3.0, 4.0, 0.5), LIMITS), 0.1, 500)
     assert path.length_m == pytest.approx(5.0)
     assert np.diff(path.arc_length_m).max() < 0.13
     assert path.poses[0] == pytest.approx([0.0, 0.0, 0.0])
@@ -28,20 +29,20 @@ def test_straight_plan_is_sampled_at_its_spacing() -> None:
 
 
 def test_turn_on_the_spot_has_poses_but_no_length() -> None:
-    path = path_of(plan_motion(MotionState(IDENTITY), Pose2(0.0, 0.0, 1.5), LIMITS, 1.0), 0.1, 500)
+    path = path_of(plan_motion(MotionState(IDENTITY), Pose2(0.0, 0.0, 1.5), LIMITS), 0.1, 500)
     assert path.length_m == 0.0
     assert len(path.poses) > 10
     assert np.all(path.curvature_per_m == 0.0)
 
 
 def test_long_plan_has_no_more_poses_than_allowed() -> None:
-    path = path_of(plan_motion(MotionState(IDENTITY), Pose2(400.0, 0.0, 0.0), LIMITS, 1.0), 0.1, 500)
+    path = path_of(plan_motion(MotionState(IDENTITY), Pose2(400.0, 0.0, 0.0), LIMITS), 0.1, 500)
     assert len(path.poses) <= 500
     assert path.length_m == pytest.approx(400.0)
 
 
 def test_plan_to_where_the_robot_stands() -> None:
-    path = path_of(plan_motion(MotionState(IDENTITY), IDENTITY, LIMITS, 1.0), 0.1, 500)
+    path = path_of(plan_motion(MotionState(IDENTITY), IDENTITY, LIMITS), 0.1, 500)
     assert path.length_m == 0.0
     assert path.end() == IDENTITY
 
@@ -71,7 +72,7 @@ def test_projection_on_a_single_pose() -> None:
 
 def test_rounded_corner_bends_one_way() -> None:
     start = MotionState(IDENTITY, velocity=(1.0, 0.0))
-    path = path_of(plan_motion(start, Pose2(2.0, 6.0, 0.0), LIMITS, 1.0), 0.1, 500)
+    path = path_of(plan_motion(start, Pose2(2.0, 6.0, 0.0), LIMITS), 0.1, 500)
     assert path.curvature_per_m.min() > -1e-3
     # Turned in all by the angle between the first course and the last.
     bends = np.diff(np.unwrap(np.arctan2(np.diff(path.poses[:, 1]), np.diff(path.poses[:, 0]))))

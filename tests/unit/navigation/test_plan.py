@@ -10,13 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2, wrap_angle
-from robot_stack.navigation.limits import MotionLimits
+from robot_stack.navigation.limits import MotionLimits, PlanningLimits
 from robot_stack.navigation.motion import MotionState, Trajectory, moving
 from robot_stack.navigation.plan import plan_motion, plan_stop
 from robot_stack.navigation.speed_profile import AxisLimits, to_position, to_speed
 
 LIMITS = MotionLimits(1.0, 1.0, 1.0, 1.0, 2.0, 2.0)
 FREE_TURNING = 100.0
+
+
+def plan(start: MotionState, goal: Pose2, limits: MotionLimits = LIMITS, turning: float = FREE_TURNING) -> Trajectory:
+    return plan_motion(start, goal, PlanningLimits(limits, limits, turning))
+
+
 STEP_S = 0.01
 
 
@@ -54,7 +60,7 @@ def check_end(trajectory: Trajectory, goal: Pose2) -> None:
 
 def test_duration_of_a_long_straight_way() -> None:
     # To 1 m/s at 1 m/s2 and 2 m/s3: 1 / 1 + 1 / 2 = 1.5 s, 0.75 m; the same at the end; 8.5 m at 1 m/s between.
-    trajectory = plan_motion(MotionState(IDENTITY), Pose2(10.0, 0.0, 0.0), LIMITS, FREE_TURNING)
+    trajectory = plan(MotionState(IDENTITY), Pose2(10.0, 0.0, 0.0))
     assert trajectory.duration_s == pytest.approx(1.5 + 8.5 + 1.5)
     middle = trajectory.at(5.75)
     assert (middle.pose.x, middle.pose.y) == pytest.approx((5.0, 0.0))
@@ -63,7 +69,7 @@ def test_duration_of_a_long_straight_way() -> None:
 
 def test_yaw_turns_evenly_beside_a_diagonal() -> None:
     goal = Pose2(6.0, 8.0, 1.2)
-    trajectory = plan_motion(MotionState(IDENTITY), goal, LIMITS, FREE_TURNING)
+    trajectory = plan(MotionState(IDENTITY), goal)
     middle = trajectory.at(0.5 * trajectory.duration_s)
     assert (middle.pose.x, middle.pose.y, middle.pose.yaw) == pytest.approx((3.0, 4.0, 0.6))
     assert middle.velocity == pytest.approx((0.6, 0.8))
@@ -73,7 +79,7 @@ def test_yaw_turns_evenly_beside_a_diagonal() -> None:
 
 
 def test_turning_on_the_spot_takes_the_shorter_way() -> None:
-    trajectory = plan_motion(MotionState(Pose2(1.0, 2.0, 3.0)), Pose2(1.0, 2.0, -3.0), LIMITS, FREE_TURNING)
+    trajectory = plan(MotionState(Pose2(1.0, 2.0, 3.0)), Pose2(1.0, 2.0, -3.0))
     turned = [state.pose for state in states(trajectory)]
     assert all((pose.x, pose.y) == pytest.approx((1.0, 2.0)) for pose in turned)
     assert all(abs(pose.yaw) >= 3.0 - 1e-6 for pose in turned)
@@ -81,7 +87,7 @@ def test_turning_on_the_spot_takes_the_shorter_way() -> None:
 
 
 def test_a_large_turn_on_a_short_way_slows_the_translation() -> None:
-    trajectory = plan_motion(MotionState(IDENTITY), Pose2(0.5, 0.0, 3.0), LIMITS, FREE_TURNING)
+    trajectory = plan(MotionState(IDENTITY), Pose2(0.5, 0.0, 3.0))
     assert trajectory.duration_s == pytest.approx(to_position(3.0, 0.0, 0.0, AxisLimits(1.0, 1.0, 2.0)).duration_s)
     middle = trajectory.at(0.5 * trajectory.duration_s)
     assert (middle.pose.x, middle.pose.yaw) == pytest.approx((0.25, 1.5))
@@ -89,8 +95,8 @@ def test_a_large_turn_on_a_short_way_slows_the_translation() -> None:
 
 def test_turning_share_slows_the_whole_plan() -> None:
     goal = Pose2(5.0, 0.0, math.pi - 0.01)
-    free = plan_motion(MotionState(IDENTITY), goal, LIMITS, FREE_TURNING)
-    bound = plan_motion(MotionState(IDENTITY), goal, LIMITS, 0.25)
+    free = plan(MotionState(IDENTITY), goal)
+    bound = plan(MotionState(IDENTITY), goal, turning=0.25)
     assert max(state.speed() * abs(state.yaw_rate) for state in states(free)) > 0.5
     assert max(state.speed() * abs(state.yaw_rate) for state in states(bound)) < 0.26
     assert bound.duration_s > free.duration_s
@@ -100,7 +106,7 @@ def test_turning_share_slows_the_whole_plan() -> None:
 def test_new_goal_at_a_right_angle_is_taken_over_without_a_stop() -> None:
     start = MotionState(IDENTITY, velocity=(1.0, 0.0))
     goal = Pose2(1.0, 6.0, 0.0)
-    trajectory = plan_motion(start, goal, LIMITS, FREE_TURNING)
+    trajectory = plan(start, goal)
     check_limits(trajectory, LIMITS)
     check_end(trajectory, goal)
     slowest = min(state.speed() for state in states(trajectory) if state.pose.distance_to(goal) > 1.5)
@@ -109,7 +115,7 @@ def test_new_goal_at_a_right_angle_is_taken_over_without_a_stop() -> None:
 
 def test_goal_behind_is_reached_by_braking_and_coming_back() -> None:
     start = MotionState(IDENTITY, velocity=(1.0, 0.0))
-    trajectory = plan_motion(start, Pose2(-2.0, 0.0, 0.0), LIMITS, FREE_TURNING)
+    trajectory = plan(start, Pose2(-2.0, 0.0, 0.0))
     check_limits(trajectory, LIMITS)
     check_end(trajectory, Pose2(-2.0, 0.0, 0.0))
     # Braking builds up in 0.5 s, over 0.5 - 2 * 0.5^3 / 6 = 0.458 m to 0.75 m/s, and then takes 0.75^2 / 2 = 0.281 m.
@@ -117,10 +123,10 @@ def test_goal_behind_is_reached_by_braking_and_coming_back() -> None:
 
 
 def test_lower_limits_while_driving_brake_smoothly() -> None:
-    fast = plan_motion(MotionState(IDENTITY), Pose2(10.0, 0.0, 0.0), LIMITS, FREE_TURNING)
+    fast = plan(MotionState(IDENTITY), Pose2(10.0, 0.0, 0.0))
     now = fast.at(4.0)
     slow = MotionLimits(0.3, 1.0, 1.0, 1.0, 2.0, 2.0)
-    trajectory = plan_motion(now, Pose2(10.0, 0.0, 0.0), slow, FREE_TURNING)
+    trajectory = plan(now, Pose2(10.0, 0.0, 0.0), slow)
     check_limits(trajectory, slow, max_speed=1.0)
     check_end(trajectory, Pose2(10.0, 0.0, 0.0))
     assert trajectory.at(2.0).speed() == pytest.approx(0.3, abs=1e-6)
@@ -155,9 +161,9 @@ def test_state_of_a_moving_body_is_turned_into_the_map() -> None:
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_not_finite_start_or_goal_is_refused(bad: float) -> None:
     with pytest.raises(ValueError, match="finite"):
-        plan_motion(MotionState(Pose2(bad, 0.0, 0.0)), IDENTITY, LIMITS, FREE_TURNING)
+        plan(MotionState(Pose2(bad, 0.0, 0.0)), IDENTITY)
     with pytest.raises(ValueError, match="finite"):
-        plan_motion(MotionState(IDENTITY), Pose2(0.0, 0.0, bad), LIMITS, FREE_TURNING)
+        plan(MotionState(IDENTITY), Pose2(0.0, 0.0, bad))
     with pytest.raises(ValueError, match="no motion profile"):
         to_speed(bad, 0.0, 0.0, AxisLimits(1.0, 1.0, 1.0))
 
@@ -183,7 +189,7 @@ some_limits = st.builds(
 @given(poses, poses, some_limits)
 @settings(max_examples=60, deadline=None)
 def test_from_rest_every_limit_is_kept(start: Pose2, goal: Pose2, limits: MotionLimits) -> None:
-    trajectory = plan_motion(MotionState(start), goal, limits, 0.5 * limits.acceleration_mps2)
+    trajectory = plan(MotionState(start), goal, limits, 0.5 * limits.acceleration_mps2)
     check_limits(trajectory, limits)
     check_end(trajectory, goal)
     assert max(abs(state.yaw_rate) for state in states(trajectory)) <= limits.yaw_rate_radps + 1e-6
@@ -194,9 +200,9 @@ def test_from_rest_every_limit_is_kept(start: Pose2, goal: Pose2, limits: Motion
 def test_a_new_goal_at_any_moment_keeps_every_limit(
     start: Pose2, first: Pose2, second: Pose2, limits: MotionLimits, share: float
 ) -> None:
-    before = plan_motion(MotionState(start), first, limits, 0.5 * limits.acceleration_mps2)
+    before = plan(MotionState(start), first, limits, 0.5 * limits.acceleration_mps2)
     now = before.at(share * before.duration_s)
-    after = plan_motion(now, second, limits, 0.5 * limits.acceleration_mps2)
+    after = plan(now, second, limits, 0.5 * limits.acceleration_mps2)
     check_limits(after, limits)
     check_end(after, second)
     begin = after.at(0.0)
