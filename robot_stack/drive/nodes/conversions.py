@@ -1,0 +1,46 @@
+"""Between the drive's messages and the values that its kernels take."""
+
+from __future__ import annotations
+
+from builtin_interfaces.msg import Time
+from nav_msgs.msg import Odometry as OdometryMessage
+
+from custom_msgs.msg import SwerveModuleCommand, SwerveModuleCommandArray, VelocityLimit
+from robot_stack.contract import frames
+from robot_stack.drive.kinematics import ModuleSetPoints
+from robot_stack.drive.odometry import Odometry, planar_covariance
+from robot_stack.drive.permission import SpeedLimit
+from robot_stack.ros.conversions import pose_to_msg, transform_stamped, twist_to_msg
+from tf2_msgs.msg import TFMessage
+
+
+def wheel_commands(modules: ModuleSetPoints, stamp: Time) -> SwerveModuleCommandArray:
+    pairs = zip(modules.speeds_mps, modules.angles_rad, strict=True)
+    message = SwerveModuleCommandArray(
+        modules=[
+            SwerveModuleCommand(module_id=module, drive_velocity=speed, steering_angle=angle)
+            for module, (speed, angle) in enumerate(pairs)
+        ]
+    )
+    message.header.stamp, message.header.frame_id = stamp, frames.BASE_LINK
+    return message
+
+
+def odometry_message(odometry: Odometry, stamp: Time) -> OdometryMessage:
+    message = OdometryMessage(child_frame_id=frames.BASE_LINK)
+    message.header.stamp, message.header.frame_id = stamp, frames.ODOM
+    message.pose.pose = pose_to_msg(odometry.pose)
+    message.pose.covariance = planar_covariance(odometry.pose_covariance)
+    message.twist.twist = twist_to_msg(odometry.twist)
+    message.twist.covariance = planar_covariance(odometry.twist_covariance)
+    return message
+
+
+def odom_to_base_link(odometry: Odometry, stamp: Time) -> TFMessage:
+    return TFMessage(transforms=[transform_stamped(odometry.pose, frames.ODOM, frames.BASE_LINK, stamp)])
+
+
+def speed_limit(message: VelocityLimit | None) -> SpeedLimit | None:
+    if message is None:
+        return None
+    return SpeedLimit(message.max_linear_velocity, message.max_angular_velocity, message.reason)
