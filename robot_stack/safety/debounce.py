@@ -1,27 +1,29 @@
-"""Debouncing of an emergency-stop button that is read in short intervals."""
+"""Debouncing of a contact that is read in short intervals."""
 
 from __future__ import annotations
 
 from robot_stack.safety.timing import Hold
 
 
-class ButtonDebounce:
-    """Turns raw readings into one state. It begins pressed: until a whole debounce time of releases has been read,
-    nobody knows that the button is not held down.
+class Debounce:
+    """Turns raw readings into a state: one that ``debounce_s`` of readings without a break agree on.
 
-    A change counts after the raw reading has held it for ``debounce_s`` without a break.
+    state: the last such state, None until there has been one.
     """
 
     def __init__(self, debounce_s: float) -> None:
         self._debounce_s = debounce_s
-        self._differs_for = Hold()
-        self.pressed = True
+        self._candidate: bool | None = None
+        self._held_for = Hold()
+        self.state: bool | None = None
 
-    def update(self, raw_pressed: bool, now_s: float) -> bool:
-        """A raw reading at steady time ``now_s``; returns True if the debounced state has changed."""
-        differs_for_s = self._differs_for.update(raw_pressed is not self.pressed, now_s)
-        if differs_for_s is None or not differs_for_s >= self._debounce_s:
+    def update(self, raw: bool, now_s: float) -> bool:
+        """A raw reading at steady time ``now_s``; returns True if the state has changed."""
+        if raw is not self._candidate:
+            self._candidate = raw
+            self._held_for.update(False, now_s)
+        held_for_s = self._held_for.update(True, now_s)
+        if raw is self.state or held_for_s is None or not held_for_s >= self._debounce_s:
             return False
-        self.pressed = raw_pressed
-        self._differs_for.update(False, now_s)
+        self.state = raw
         return True

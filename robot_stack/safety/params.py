@@ -1,4 +1,4 @@
-"""Parameters of the safety monitor: ``config/safety_monitor.yaml``.
+"""Parameters of the safety nodes: ``config/safety_monitor.yaml`` and ``config/emergency_stop_button.yaml``.
 
 The time-outs of topics are not here: they are the ``stale_s`` of the contract's rows.
 """
@@ -92,6 +92,14 @@ class SafetyParams(Config):
             if not getattr(self, smaller) < getattr(self, greater):
                 raise ValueError(f"{smaller} must be less than {greater}")
         return self
+
+
+class ButtonParams(Config):
+    """How the button is read."""
+
+    poll_hz: Annotated[float, Field(ge=200.0, le=1000.0)]
+    debounce_s: Annotated[float, Field(gt=0.0, le=0.05)]
+    silence_s: Annotated[float, Field(gt=0.0, le=0.5)]
 
 
 _ORDERED = (

@@ -26,7 +26,7 @@ class Hold:
         self._since_s: float | None = None
 
     def update(self, condition: bool, now_s: float) -> float | None:
-        """Seconds the condition has held until now, 0.0 on the first call that finds it true; None while it is false."""
+        """Seconds the condition has held, 0.0 on the first call that finds it true; None while it is false."""
         if not condition:
             self._since_s = None
             return None

@@ -1,0 +1,71 @@
+"""The node of the emergency-stop button: an input bit of the motion engine to ``/emergency_stop``."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+from std_msgs.msg import Bool
+
+from robot_stack.contract import topics
+from robot_stack.ros.node import StackNode, run
+from robot_stack.safety.button import Contact, EmergencyButton
+from robot_stack.safety.nodes.engine_view import EngineView
+from robot_stack.safety.params import ButtonParams
+from robot_stack.safety.timing import age_s
+from robot_stack.wmx.axes import StatusSnapshot
+
+
+class EmergencyStopButton(StackNode):
+    """Reads the contact in the thread of an EngineView and publishes from there: a press waits for no executor."""
+
+    def __init__(self) -> None:
+        super().__init__("emergency_stop_button", ButtonParams)
+        self._byte, self._bit = self.robot.estop_input_byte, self.robot.estop_input_bit
+        self._button = EmergencyButton(self.params.debounce_s)
+        self._turn = threading.Lock()
+        self._read_at_s: float | None = None
+        self._stop = self.advertise(topics.EMERGENCY_STOP)
+        self._view = EngineView("emergency_stop_button", self.params.poll_hz, self._on_status)
+        self.every(2.0 / self.params.silence_s, self._watch)
+        self._view.start()
+
+    def _on_status(self, status: StatusSnapshot | None) -> None:
+        now_s = time.monotonic()
+        self._read_at_s = now_s
+        self._take(self._contact(status), now_s)
+
+    def _contact(self, status: StatusSnapshot | None) -> Contact:
+        if status is None or not status.communicating:
+            return Contact.UNREADABLE
+        # Normally closed: a cut wire reads as pressed.
+        return Contact.RELEASED if status.input_bit(self._byte, self._bit) else Contact.PRESSED
+
+    def _watch(self) -> None:
+        """The thread itself may hang or die."""
+        now_s = time.monotonic()
+        if age_s(now_s, self._read_at_s) > self.params.silence_s:
+            self._take(Contact.UNREADABLE, now_s)
+        pressed = self._button.pressed
+        text = "waiting for the engine's inputs" if pressed is None else "pressed" if pressed else "released"
+        self.set_health(pressed is not None, text)
+
+    def _take(self, contact: Contact, now_s: float) -> None:
+        with self._turn:
+            say = self._button.update(contact, now_s)
+            if say is not None:
+                self._stop.publish(Bool(data=say))
+
+    def _on_emergency_stop(self, message: Bool) -> None:
+        super()._on_emergency_stop(message)
+        with self._turn:
+            if self._button.overheard(message.data):
+                self._stop.publish(Bool(data=True))
+
+    def destroy_node(self) -> None:
+        self._view.close()
+        super().destroy_node()
+
+
+def main() -> None:
+    run(EmergencyStopButton)

@@ -1,0 +1,73 @@
+"""The motion engine's status, followed in a thread of its own: a device that never commands.
+
+Opening a device may block while an engine is starting or hanging, which no executor may wait for.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from robot_stack.wmx import EngineError, MotionEngine, connect
+from robot_stack.wmx.axes import StatusSnapshot
+
+# A device that cannot be opened or read is tried anew this often.
+_RETRY_S = 0.2
+
+
+class EngineView:
+    """Calls ``on_status`` at ``poll_hz`` in its thread: the present status, or None while there is none to trust."""
+
+    def __init__(self, name: str, poll_hz: float, on_status: Callable[[StatusSnapshot | None], None]) -> None:
+        self._name = name
+        self._period_s = 1.0 / poll_hz
+        self._on_status = on_status
+        self._engine: MotionEngine | None = None
+        self._next_try_s = 0.0
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._follow, name=f"{name} engine view", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        """Ends the thread and gives the device back."""
+        self._end.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout=2.0)
+
+    def _follow(self) -> None:
+        due_s = time.monotonic()
+        while not self._end.is_set():
+            self._on_status(self._read())
+            if self._engine is None:
+                self._open()
+            due_s = max(due_s + self._period_s, time.monotonic())
+            self._end.wait(due_s - time.monotonic())
+        self._close()
+
+    def _read(self) -> StatusSnapshot | None:
+        if self._engine is None:
+            return None
+        code, snapshot = self._engine.read_status()
+        if not code:
+            self._next_try_s = time.monotonic() + _RETRY_S
+            return snapshot
+        if time.monotonic() >= self._next_try_s:
+            self._close()
+        return None
+
+    def _open(self) -> None:
+        if time.monotonic() < self._next_try_s:
+            return
+        try:
+            self._engine = connect(self._name, timeout_s=0.0)
+        except EngineError:
+            self._engine = None
+        self._next_try_s = time.monotonic() + _RETRY_S
+
+    def _close(self) -> None:
+        if self._engine is not None:
+            self._engine.close()
+            self._engine = None

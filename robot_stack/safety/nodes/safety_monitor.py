@@ -1,0 +1,185 @@
+"""The node of the safety monitor: messages to the kernel, its verdict to ``/safety/status`` and the speed limit."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import BatteryState, Imu, JointState
+from std_msgs.msg import Bool, Float32
+
+from custom_msgs.msg import Heartbeat, SafetyStatus, VelocityLimit
+from robot_stack.contract import frames, services, topics
+from robot_stack.core.runtime import runtime_dir
+from robot_stack.ros.node import StackNode, run
+from robot_stack.safety.arbiter import Verdict
+from robot_stack.safety.inputs import STANDSTILL, Axis, DriveReading, ImuSample, SpeedLimit
+from robot_stack.safety.latch_store import LatchStore
+from robot_stack.safety.monitor import Memory, SafetyMonitor
+from robot_stack.safety.nodes.engine_view import EngineView
+from robot_stack.safety.params import SafetyParams
+from robot_stack.wmx.axes import StatusSnapshot
+
+LATCH_FILE = "safety_latch.json"
+
+
+class SafetyMonitorNode(StackNode):
+    """Judges at ``tick_hz``, and at once on /emergency_stop and after a reset."""
+
+    def __init__(self) -> None:
+        super().__init__("safety_monitor", SafetyParams)
+        self._store = LatchStore(runtime_dir() / LATCH_FILE)
+        self._stored = self._store.load()
+        self._monitor = self._new_monitor(self._stored)
+        self._ticking = False
+        self._verdict: Verdict | None = None
+        self._reading: DriveReading | None = None
+        self._status = self.advertise(topics.SAFETY_STATUS)
+        self._limit = self.advertise(topics.VELOCITY_LIMIT)
+        self.subscribe(topics.JOINT_STATES, self._on_joint_states)
+        self.subscribe(topics.IMU, self._on_imu)
+        self.subscribe(topics.CURRENT_POSE, self._on_pose)
+        self.subscribe(topics.LOCALIZATION_QUALITY, self._on_quality)
+        self.subscribe(topics.BATTERY_STATE, self._on_battery)
+        self.subscribe(topics.HEARTBEAT, self._on_heartbeat)
+        self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
+        self.serve(services.SAFETY_RESET, self._on_reset)
+        self.every(self.params.tick_hz, self._tick)
+        assert topics.SAFETY_STATUS.rate_hz is not None
+        self.every(topics.SAFETY_STATUS.rate_hz, self._publish_status)
+        self.report.values["rows"] = ", ".join(self._monitor.rows)
+        self._view = EngineView("safety_monitor", 2.0 * self.params.tick_hz, self._on_engine)
+        self._view.start()
+
+    def _new_monitor(self, memory: Memory) -> SafetyMonitor:
+        return SafetyMonitor(self.params, self.robot, memory, self.steady_s())
+
+    # --- inputs ------------------------------------------------------------------------------------------------------
+
+    def _on_emergency_stop(self, message: Bool) -> None:
+        super()._on_emergency_stop(message)
+        self._monitor.observation.emergency_stop(message.data, self.steady_s())
+        self._step()
+
+    def _on_passenger(self, message: Bool) -> None:
+        self._monitor.passenger = message.data
+        self._step()
+
+    def _on_joint_states(self, message: JointState) -> None:
+        self._monitor.observation.joint_states(message.name, message.position, message.velocity, self.steady_s())
+
+    def _on_imu(self, message: Imu) -> None:
+        force, rate = message.linear_acceleration, message.angular_velocity
+        sample = ImuSample(force.x, force.y, force.z, rate.x, rate.y, rate.z)
+        self._monitor.observation.imu(sample, self.steady_s())
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        self._monitor.observation.pose(message.pose.position.x, message.pose.position.y, self.steady_s())
+
+    def _on_quality(self, message: Float32) -> None:
+        self._monitor.observation.quality(message.data, self.steady_s())
+
+    def _on_battery(self, message: BatteryState) -> None:
+        self._monitor.observation.battery(message.percentage, self.steady_s())
+
+    def _on_heartbeat(self, message: Heartbeat) -> None:
+        self._monitor.observation.heartbeat(message.node, self.steady_s())
+
+    def _on_engine(self, status: StatusSnapshot | None) -> None:
+        """In the thread of the view: one assignment, which the next step picks up."""
+        self._reading = None if status is None else _reading(status)
+
+    # --- verdict -----------------------------------------------------------------------------------------------------
+
+    def _tick(self) -> None:
+        if not self._ticking:
+            self._begin()
+        self._step()
+
+    def _begin(self) -> None:
+        """Under /clock the time before the first tick was none: the start-up grace begins now."""
+        self._ticking = True
+        self._monitor = self._new_monitor(self._monitor.memory)
+        if self.emergency_stop_input.latest is not None:
+            self._monitor.observation.emergency_stop(self.emergency_stop_input.latest.data, self.steady_s())
+
+    def _step(self) -> None:
+        now_s = self.steady_s()
+        self._monitor.observation.engine(self._reading, now_s)
+        self._act(self._monitor.step(now_s))
+
+    def _on_reset(self, _: Any, response: Any) -> Any:
+        now_s = self.steady_s()
+        self._monitor.observation.engine(self._reading, now_s)
+        answer = self._monitor.reset(now_s)
+        self.get_logger().info(f"reset: {answer.message}")
+        self._step()
+        response.success, response.message = answer.success, answer.message
+        return response
+
+    def _act(self, verdict: Verdict) -> None:
+        self._remember()
+        before, self._verdict = self._verdict, verdict
+        if before is None or (before.state, before.faults) != (verdict.state, verdict.faults):
+            self._tell(before, verdict)
+            self._publish_status()
+        if before is None or (before.limit, before.reason) != (verdict.limit, verdict.reason):
+            self._publish_limit(verdict.limit, verdict.reason)
+
+    def _remember(self) -> None:
+        """Before anything is published: a crash in between must not forget a latch."""
+        memory = self._monitor.memory
+        if memory == self._stored:
+            return
+        try:
+            self._store.save(memory)
+            self._stored = memory
+        except OSError as error:
+            self.get_logger().error(f"the latch cannot be stored: {error}", throttle_duration_sec=1.0)
+
+    def _tell(self, before: Verdict | None, verdict: Verdict) -> None:
+        known, details = set(before.faults if before else ()), self._monitor.details
+        for code in verdict.faults:
+            if code not in known:
+                self.get_logger().warning(f"{code}: {details[code]}")
+        for code in known.difference(verdict.faults):
+            self.get_logger().info(f"{code}: cleared")
+        self.set_health(True, " ".join([verdict.state.name, *verdict.faults]))
+
+    def _publish_status(self) -> None:
+        if self._verdict is None:
+            return
+        message = SafetyStatus(
+            safety_state=self._verdict.state.name,
+            active_faults=list(self._verdict.faults),
+            min_obstacle_distance=math.nan,
+            emergency_stop_active=self._monitor.emergency,
+        )
+        message.header.stamp, message.header.frame_id = self.stamp(), frames.BASE_LINK
+        self._status.publish(message)
+
+    def _publish_limit(self, limit: SpeedLimit, reason: str) -> None:
+        message = VelocityLimit(
+            max_linear_velocity=limit.linear_mps, max_angular_velocity=limit.angular_radps, reason=reason
+        )
+        message.header.stamp, message.header.frame_id = self.stamp(), frames.BASE_LINK
+        self._limit.publish(message)
+
+    def safe_output(self) -> None:
+        """Nobody drives without a monitor."""
+        self._publish_limit(STANDSTILL, "NODE_DEAD")
+
+    def destroy_node(self) -> None:
+        self._view.close()
+        super().destroy_node()
+
+
+def _reading(status: StatusSnapshot) -> DriveReading:
+    flags = zip(status.servo_on, status.amp_alarm, status.following_error_alarm, strict=True)
+    axes = tuple(Axis(bool(on), bool(alarm), bool(error)) for on, alarm, error in flags)
+    return DriveReading(status.communicating, status.cycle_counter, axes)
+
+
+def main() -> None:
+    run(SafetyMonitorNode)

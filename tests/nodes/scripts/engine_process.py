@@ -1,0 +1,62 @@
+"""A simulated motion engine on drives without physics, whose inputs and faults a test sets in a file.
+
+Usage: engine_process.py CONTROL_FILE. The file holds JSON: ``input0`` (byte 0 of the inputs), ``alarms`` (axis ->
+code), ``connected`` (the bus). It is looked at in every cycle and may be replaced at any time.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+from robot_stack.core.runtime import runtime_dir
+from robot_stack.wmx.config import load_engine_config
+from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.simulated.server import EngineServer
+from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+
+
+class Control:
+    """Carries the file's wishes to the drives. Called once per cycle; true when the process is to end."""
+
+    def __init__(self, path: Path, drives: VirtualDrives) -> None:
+        self._path, self._drives = path, drives
+        self._seen = -1
+        self.end = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._on_signal)
+
+    def __call__(self) -> bool:
+        changed = os.stat(self._path).st_mtime_ns
+        if changed != self._seen:
+            self._seen = changed
+            self._apply(json.loads(self._path.read_text()))
+        return self.end
+
+    def _apply(self, wish: dict[str, Any]) -> None:
+        self._drives.inputs = {0: wish["input0"]}
+        self._drives.connected = wish["connected"]
+        self._drives.stubborn = bool(wish["alarms"])
+        self._drives.alarms[:] = 0
+        for axis, code in wish["alarms"].items():
+            self._drives.alarms[int(axis)] = code
+
+    def _on_signal(self, *_: object) -> None:
+        self.end = True
+
+
+def main() -> None:
+    config = load_engine_config()
+    drives = VirtualDrives(config.n_axes, config.cycle_time_s)
+    server = EngineServer(Engine(config, drives), runtime_dir())
+    control = Control(Path(sys.argv[1]), drives)
+    server.serve_forever(control, 1.0)
+    server.shut_down()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""What the button says, and when it keeps silent."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot_stack.safety.button import Contact, EmergencyButton
+
+RELEASED, PRESSED, UNREADABLE = Contact.RELEASED, Contact.PRESSED, Contact.UNREADABLE
+
+
+class Desk:
+    """Reads the contact every 4 ms."""
+
+    def __init__(self) -> None:
+        self.button, self.now_s, self.said = EmergencyButton(0.010), 50.0, list[bool]()
+
+    def hold(self, contact: Contact, seconds: float = 0.1) -> list[bool]:
+        """What it said while the contact read like this."""
+        before = len(self.said)
+        for _ in range(round(seconds / 0.004)):
+            self.now_s += 0.004
+            say = self.button.update(contact, self.now_s)
+            if say is not None:
+                self.said.append(say)
+        return self.said[before:]
+
+
+def test_an_engine_that_is_still_starting_is_no_press() -> None:
+    desk = Desk()
+    assert desk.hold(UNREADABLE, 30.0) == []
+    assert desk.button.pressed is None
+    assert not desk.button.overheard(False)
+
+
+def test_found_released_it_says_nothing() -> None:
+    desk = Desk()
+    assert desk.hold(RELEASED) == []
+    assert desk.button.pressed is False
+
+
+def test_found_pressed_it_says_so_once() -> None:
+    assert Desk().hold(PRESSED, 5.0) == [True]
+
+
+def test_press_and_release() -> None:
+    desk = Desk()
+    desk.hold(RELEASED)
+    assert desk.hold(PRESSED, 5.0) == [True]
+    assert desk.button.pressed is True
+    assert desk.hold(RELEASED, 5.0) == [False]
+    assert desk.hold(PRESSED) == [True]
+
+
+def test_a_bounce_is_no_press() -> None:
+    desk = Desk()
+    desk.hold(RELEASED)
+    assert desk.hold(PRESSED, 0.008) == []
+    assert desk.hold(RELEASED) == []
+
+
+def test_once_read_an_unreadable_contact_is_pressed() -> None:
+    desk = Desk()
+    desk.hold(RELEASED)
+    assert desk.hold(UNREADABLE) == [True]
+    assert desk.hold(PRESSED) == []
+    assert desk.hold(UNREADABLE) == []
+    assert desk.hold(RELEASED) == [False]
+
+
+def test_readings_that_come_and_go_at_the_start_settle_nothing() -> None:
+    desk = Desk()
+    for _ in range(10):
+        assert desk.hold(RELEASED, 0.008) == []
+        assert desk.hold(PRESSED, 0.008) == []
+    assert desk.button.pressed is None
+
+
+@pytest.mark.parametrize(
+    ("contact", "heard", "contradicts"),
+    [(PRESSED, False, True), (PRESSED, True, False), (RELEASED, False, False), (RELEASED, True, False)],
+)
+def test_only_a_pressed_button_contradicts_and_only_a_release(contact: Contact, heard: bool, contradicts: bool) -> None:
+    desk = Desk()
+    desk.hold(contact)
+    assert desk.button.overheard(heard) is contradicts
