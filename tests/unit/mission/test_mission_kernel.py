@@ -26,7 +26,9 @@ WAIT_2S = {"wait": 2.0}
 
 def test_comes_up_idle_and_silent(story):
     assert story.state is State.IDLE
+    story.tick(5.0)
     assert story.log == []
+    assert story.journal.records == []
     assert story.status.state == "IDLE"
     assert story.status.last_command == ""
     assert not story.status.last_command_accepted
