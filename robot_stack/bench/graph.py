@@ -22,15 +22,33 @@ class Endpoint:
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """What was received on a topic in a window. age_s: since the newest message; None if there never was one."""
+    """What was received on a topic in a window.
+
+    age_s: since the newest message; None if there never was one. rates_hz: the rate of each sender, where the messages
+    tell their sender; else one rate for all.
+    """
 
     count: int
     window_s: float
     age_s: float | None
+    rates_hz: tuple[float, ...] = ()
 
     @property
     def rate_hz(self) -> float:
-        return self.count / self.window_s if self.window_s > 0.0 else 0.0
+        return sum(self.rates_hz)
+
+
+def message_rate_hz(count: int, first_s: float, last_s: float, window: tuple[float, float], period_s: float) -> float:
+    """The rate of messages received in a window, all times in s of one clock; ``period_s`` is the nominal period.
+
+    Between the first and the last message there are count - 1 periods, which is exact for slow topics too. But a sender
+    that began late or has fallen silent is not forgiven: then all of the window counts.
+    """
+    begin_s, end_s = window
+    whole = first_s - begin_s <= 1.5 * period_s and end_s - last_s <= 1.5 * period_s
+    if whole and count > 1:
+        return (count - 1) / (last_s - first_s)
+    return count / (end_s - begin_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +78,16 @@ class Finding:
     def expected_hz(self) -> float | None:
         """The row's rate, times its publishers."""
         return None if self.row.rate_hz is None else self.row.rate_hz * max(1, len(self.seen.publishers))
+
+    @property
+    def rate_error(self) -> float:
+        """The greatest relative error of a sender's rate; 0 for a topic without a rate or a publisher."""
+        expected_hz, rates_hz = self.expected_hz, self.seen.traffic.rates_hz
+        if expected_hz is None or self.row.rate_hz is None or not self.seen.publishers:
+            return 0.0
+        if len(rates_hz) == len(self.seen.publishers):
+            return max(abs(rate_hz / self.row.rate_hz - 1.0) for rate_hz in rates_hz)
+        return abs(self.seen.traffic.rate_hz / expected_hz - 1.0)
 
 
 def rows_of(machine: System, use_sim_time: bool) -> tuple[Topic, ...]:
@@ -101,13 +129,9 @@ def unknown_topics(names: Sequence[str], rows: Sequence[Topic]) -> tuple[str, ..
 
 def worst_rate_error(findings: Sequence[Finding]) -> tuple[float, str]:
     """The greatest relative error of a measured rate, and its topic; (0, "") where nothing has a rate."""
-    worst = (0.0, "")
-    for finding in findings:
-        expected_hz = finding.expected_hz
-        if expected_hz is not None and finding.seen.publishers:
-            error = abs(finding.seen.traffic.rate_hz / expected_hz - 1.0)
-            worst = max(worst, (error, finding.row.name))
-    return worst
+    return max(
+        ((finding.rate_error, finding.row.name) for finding in findings if finding.rate_error), default=(0.0, "")
+    )
 
 
 def _type_problems(row: Topic, seen: Seen) -> list[str]:
@@ -140,8 +164,7 @@ def _traffic_problems(finding: Finding, tolerance: float) -> list[str]:
     stale_s = finding.row.stale_s
     if stale_s is not None and traffic.age_s > stale_s:
         return [f"silent for {traffic.age_s:.1f} s"]
-    # A slow topic has few messages in the window: one more or less is no error.
-    if abs(traffic.rate_hz - expected_hz) > max(tolerance * expected_hz, 1.01 / traffic.window_s):
+    if finding.rate_error > tolerance:
         return [f"{traffic.rate_hz:.1f} Hz instead of {expected_hz:g}"]
     return []
 

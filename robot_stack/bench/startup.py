@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import statistics
-import subprocess
-import sys
 import time
 
+from robot_stack.bench.commands import robot_stack
 from robot_stack.bench.framework import Aim, BenchError, Result
 from robot_stack.supervisor.control import NotRunning, ask
 
@@ -41,9 +40,5 @@ def run(runs: int = 5, profile: str = "sim") -> Result:
 
 def _timed(*arguments: str) -> float:
     begun_s = time.monotonic()
-    done = subprocess.run(
-        [sys.executable, "-m", "robot_stack.cli", *arguments], stdin=subprocess.DEVNULL, capture_output=True, text=True
-    )
-    if done.returncode != 0:
-        raise BenchError(f"robot-stack {' '.join(arguments)} failed: {done.stderr.strip()}")
+    robot_stack(*arguments)
     return time.monotonic() - begun_s

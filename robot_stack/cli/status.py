@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -28,7 +29,8 @@ class StatusView:
 
     def __init__(self) -> None:
         self._processes: dict[int, psutil.Process] = {}
-        self._console = Console()
+        # A pipe has no width; wrapped reasons there would be hard to search.
+        self._console = Console() if sys.stdout.isatty() else Console(width=160)
 
     def measure(self, status: dict[str, Any]) -> dict[str, Any]:
         """Adds to each process ``cpu_pct`` (of one core, since the last call; None at the first) and ``pss_mb``."""
@@ -66,11 +68,9 @@ class StatusView:
             caption_justify="left",
         )
         for name, justify in _COLUMNS:
-            table.add_column(name, justify=justify)  # type: ignore[arg-type]
+            table.add_column(name, justify=justify, no_wrap=bool(name))  # type: ignore[arg-type]
         for item in status["processes"]:
             table.add_row(*_cells(item))
-        for name in status["missing"]:
-            table.add_row(name, "-", "not built", "", "", "", "", "", style="dim")
         return table
 
 
@@ -108,6 +108,8 @@ def _caption(status: dict[str, Any]) -> str:
     cpu_pct = sum(item["cpu_pct"] or 0.0 for item in status["processes"])
     memory_mb = sum(item["pss_mb"] or 0.0 for item in status["processes"])
     lines = [f"together {cpu_pct / 100.0:.2f} cores, {memory_mb:.0f} MB; logs {status['log_dir']}"]
+    if status["missing"]:
+        lines.append(f"not built: {', '.join(status['missing'])}")
     if status["deaf"]:
         lines.append(f"[red]{status['deaf']}[/]")
     return "\n".join(lines)

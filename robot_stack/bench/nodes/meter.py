@@ -9,16 +9,24 @@ from typing import Any
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
-from robot_stack.bench.graph import Endpoint, Seen, Traffic
+from robot_stack.bench.graph import Endpoint, Seen, Traffic, message_rate_hz
+from robot_stack.contract import topics
 from robot_stack.contract.model import Durability, Reliability, Topic
 from robot_stack.ros import transport
 from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.interfaces import interface_class, qos_profile
 
 NAME = "rate_meter"
+# Longer than any pause of this process, at the highest rate of the robot's topics.
+_DEPTH = 100
+# Many nodes send these; their rates are those of each, and the messages tell whose they are.
+_SENDERS: dict[str, Callable[[Any], str]] = {
+    topics.HEARTBEAT.name: lambda message: str(message.node),
+    topics.DIAGNOSTICS.name: lambda message: str(message.status[0].name) if message.status else "",
+}
 
 
 class Meter:
@@ -37,13 +45,23 @@ class Meter:
         )
         self._executor = LeanExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._counts = {row.name: 0 for row in rows}
+        self._rows = {row.name: row for row in rows}
+        self._streams: dict[str, dict[str, _Stream]] = {row.name: {} for row in rows}
         self._last_s: dict[str, float] = {}
-        self._window_s = 0.0
+        self._window = (0.0, 0.0)
         for row in rows:
+            sender = _SENDERS.get(row.name)
+            callback = self._counter(row.name, sender or (lambda _: ""))
             self._node.create_subscription(
-                interface_class(row.type), row.name, self._counter(row.name), qos_profile(row.qos), raw=True
+                interface_class(row.type), row.name, callback, self._qos(row), raw=sender is None
             )
+
+    @staticmethod
+    def _qos(row: Topic) -> QoSProfile:
+        """The row's, but deep enough to lose nothing while this process waits for the processor."""
+        profile = qos_profile(row.qos)
+        profile.depth = max(profile.depth, _DEPTH)
+        return profile
 
     def __enter__(self) -> Meter:
         return self
@@ -53,22 +71,25 @@ class Meter:
         self._executor.shutdown()
         rclpy.try_shutdown(context=self._context)
 
-    def _counter(self, name: str) -> Callable[[bytes], None]:
-        def on_message(_: bytes) -> None:
-            self._counts[name] += 1
-            self._last_s[name] = time.monotonic()
+    def _counter(self, name: str, sender: Callable[[Any], str]) -> Callable[[Any], None]:
+        streams = self._streams[name]
+
+        def on_message(message: Any) -> None:
+            now_s = time.monotonic()
+            self._last_s[name] = now_s
+            streams.setdefault(sender(message), _Stream(now_s)).add(now_s)
 
         return on_message
 
     def run(self, duration_s: float) -> None:
         """Counts for so long, from zero. What arrived in between is not counted, but its age is known."""
         self._drain()
-        for name in self._counts:
-            self._counts[name] = 0
+        for streams in self._streams.values():
+            streams.clear()
         begun_s = time.monotonic()
         while time.monotonic() - begun_s < duration_s:
             self._executor.spin_once(0.1)
-        self._window_s = time.monotonic() - begun_s
+        self._window = (begun_s, time.monotonic())
 
     def _drain(self) -> None:
         """Takes what has waited since the last run."""
@@ -78,7 +99,7 @@ class Meter:
     def seen(self) -> dict[str, Seen]:
         """Every measured topic as the graph and the last ``run`` showed it."""
         now_s = time.monotonic()
-        return {name: self._see(name, now_s) for name in self._counts}
+        return {name: self._see(name, now_s) for name in self._rows}
 
     def topic_names(self) -> list[str]:
         """All topics of the graph that somebody publishes."""
@@ -92,8 +113,30 @@ class Meter:
             subscribers=tuple(
                 _endpoint(item) for item in self._node.get_subscriptions_info_by_topic(name) if item.node_name != NAME
             ),
-            traffic=Traffic(self._counts[name], self._window_s, age_s),
+            traffic=self._traffic(name, age_s),
         )
+
+    def _traffic(self, name: str, age_s: float | None) -> Traffic:
+        streams, window = self._streams[name].values(), self._window
+        rate_hz = self._rows[name].rate_hz
+        # Without a nominal rate every gap at the ends counts.
+        period_s = 0.0 if rate_hz is None else 1.0 / rate_hz
+        rates_hz = tuple(message_rate_hz(item.count, item.first_s, item.last_s, window, period_s) for item in streams)
+        return Traffic(sum(item.count for item in streams), window[1] - window[0], age_s, rates_hz)
+
+
+class _Stream:
+    """The messages of one sender on one topic."""
+
+    __slots__ = ("count", "first_s", "last_s")
+
+    def __init__(self, first_s: float) -> None:
+        self.count = 0
+        self.first_s = self.last_s = first_s
+
+    def add(self, now_s: float) -> None:
+        self.count += 1
+        self.last_s = now_s
 
 
 def _endpoint(info: Any) -> Endpoint:
