@@ -7,6 +7,7 @@ One ``step`` is one engine cycle: whoever drives the world calls the engine firs
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 
 import mujoco
@@ -29,6 +30,14 @@ from sim.worldfile import WorldFile
 _SURFACE_PERIOD_STEPS = 2
 # A parked wheelchair floats out of the way of sensors and wheels.
 _CHAIR_PARKED_AT_M = (0.0, 0.0, -5.0)
+
+
+def _warn(message: str) -> None:
+    warnings.warn(f"physics: {message}", RuntimeWarning, stacklevel=2)
+
+
+# MuJoCo's own way is a file MUJOCO_LOG.TXT in whatever folder the process runs in.
+mujoco.set_mju_user_warning(_warn)
 
 
 class SimulationDiverged(Exception):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Any
 
@@ -9,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from robot_stack.core.config import ConfigError, config_dir, validate
+from robot_stack.core.config import ConfigError, config_dir, read_yaml, validate
 from robot_stack.core.geometry import Pose2
 from sim.surface import Area, Surface
 from sim.world import Setup, World
@@ -167,3 +168,20 @@ def test_the_most_slippery_area_counts() -> None:
     assert surface.friction_at(0.0, 0.0, 1) == 0.8
     surface.set_wheel(2, None)
     assert surface.friction_at(0.0, 0.0, 2) == 0.8
+
+
+def test_the_missions_of_the_yard_stay_on_free_ground() -> None:
+    """Straight from waypoint to waypoint of each mission without a dock, 0.8 m to either side."""
+    world = make_world("yard")
+    for path in sorted((config_dir() / "missions").glob("*.yaml")):
+        mission = read_yaml(path)
+        if any("dock" in str(waypoint["action"]) for waypoint in mission["waypoints"]):
+            continue
+        points = [(0.0, 0.0), *((waypoint["x"], waypoint["y"]) for waypoint in mission["waypoints"])]
+        for (x0, y0), (x1, y1) in itertools.pairwise(points):
+            length = math.hypot(x1 - x0, y1 - y0)
+            c, s = (x1 - x0) / length, (y1 - y0) / length
+            for d in np.arange(0.0, length, 0.1):
+                for side in np.linspace(-0.8, 0.8, 9):
+                    height = height_at(world, x0 + c * d - s * side, y0 + s * d + c * side)
+                    assert height == pytest.approx(0.0, abs=1e-6), f"{path.stem} at {x0 + c * d:.1f}, {y0 + s * d:.1f}"

@@ -1,0 +1,34 @@
+"""Node battery_driver: the simulated battery as /battery_state."""
+
+from __future__ import annotations
+
+from builtin_interfaces.msg import Time
+from sensor_msgs.msg import BatteryState
+
+from robot_stack.contract import topics
+from robot_stack.ros.node import StackNode
+from sim.battery import BatteryReading
+
+
+class BatteryDriver(StackNode):
+    def __init__(self) -> None:
+        super().__init__("battery_driver")
+        self._state = self.advertise(topics.BATTERY_STATE)
+
+    def publish(self, reading: BatteryReading, capacity_ah: float, stamp: Time) -> None:
+        message = BatteryState(
+            voltage=reading.voltage_v,
+            current=reading.current_a,
+            charge=reading.charge_ah,
+            capacity=capacity_ah,
+            design_capacity=capacity_ah,
+            percentage=reading.charge,
+            temperature=reading.temperature_c,
+            power_supply_status=BatteryState.POWER_SUPPLY_STATUS_DISCHARGING,
+            power_supply_health=BatteryState.POWER_SUPPLY_HEALTH_GOOD,
+            power_supply_technology=BatteryState.POWER_SUPPLY_TECHNOLOGY_LION,
+            present=True,
+        )
+        message.header.stamp = stamp
+        self._state.publish(message)
+        self.set_health(True, "readings arrive")

@@ -1,0 +1,103 @@
+"""The passenger's seat: starts a mission as the touch screen would, and notes what happens on the ride."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry, Path
+
+from custom_msgs.msg import MissionStatus, SafetyStatus, UICommand
+from robot_stack.cli.nodes.operator import Operator
+from robot_stack.contract import topics
+from robot_stack.ros.conversions import pose_from_msg
+from sim.ride import Ride, Sample
+
+_ANSWER_S = 10.0
+
+
+class Rider:
+    """A context manager. ``ride`` grows while ``wait`` waits; times count from the construction."""
+
+    def __init__(self) -> None:
+        self.ride = Ride()
+        self.mission: MissionStatus | None = None
+        self.safety: SafetyStatus | None = None
+        self.moved_m = 0.0
+        self._begun_s = time.monotonic()
+        self._operator = Operator()
+        self._commands = self._operator.advertise(topics.UI_COMMAND)
+        for row, callback in (
+            (topics.MISSION_STATUS, self._on_mission),
+            (topics.SAFETY_STATUS, self._on_safety),
+            (topics.SIM_GROUND_TRUTH, self._on_truth),
+            (topics.CURRENT_POSE, self._on_pose),
+            (topics.PLAN, self._on_plan),
+        ):
+            self._operator.subscribe(row, callback)
+
+    def __enter__(self) -> Rider:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._operator.__exit__()
+
+    def now_s(self) -> float:
+        return time.monotonic() - self._begun_s
+
+    def wait(self, condition: Callable[[], Any], timeout_s: float | None) -> bool:
+        """Takes notes until the condition holds (True) or the time is over (False)."""
+        return self._operator.wait(condition, timeout_s)
+
+    def board(self) -> None:
+        """Waits until everything is heard. Raises TimeoutError."""
+        heard = self.wait(
+            lambda: self.mission and self.safety and self.ride.samples and self._commands.get_subscription_count(),
+            _ANSWER_S,
+        )
+        if not heard:
+            raise TimeoutError("the stack is silent: mission, safety or the world does not speak")
+
+    def start(self, mission_id: str) -> None:
+        """Sends START_MISSION on /ui/command. Raises TimeoutError without an answer, ValueError if it is refused."""
+        self._forget_answer()
+        command = UICommand(command_type=UICommand.START_MISSION, mission_id=mission_id)
+        command.header.stamp = self._operator.node.get_clock().now().to_msg()
+        self._commands.publish(command)
+        if not self.wait(self._answered, _ANSWER_S):
+            raise TimeoutError("the mission manager does not answer")
+        if self.mission is not None and not self.mission.last_command_accepted:
+            raise ValueError(self.mission.reason)
+
+    def _forget_answer(self) -> None:
+        self.mission = None
+
+    def _answered(self) -> bool:
+        return self.mission is not None and self.mission.last_command == UICommand.START_MISSION
+
+    # --- notes -------------------------------------------------------------------------------------------------------
+
+    def _on_mission(self, message: MissionStatus) -> None:
+        self.mission = message
+
+    def _on_safety(self, message: SafetyStatus) -> None:
+        self.safety = message
+
+    def _on_truth(self, message: Odometry) -> None:
+        pose, linear = pose_from_msg(message.pose.pose), message.twist.twist.linear
+        samples = self.ride.samples
+        if samples:
+            last = samples[-1].pose
+            self.moved_m += math.hypot(pose.x - last.x, pose.y - last.y)
+        samples.append(Sample(self.now_s(), pose, math.hypot(linear.x, linear.y)))
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        self.ride.estimates.append((self.now_s(), pose_from_msg(message.pose)))
+
+    def _on_plan(self, message: Path) -> None:
+        points = [(item.pose.position.x, item.pose.position.y) for item in message.poses]
+        self.ride.plans.append((self.now_s(), np.array(points, dtype=np.float64).reshape(-1, 2)))

@@ -1,0 +1,202 @@
+"""The process sim_world: its topics, its engine, its faults, its way out."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from custom_msgs.srv import InjectFault
+from robot_stack.contract import services, topics
+from robot_stack.contract.frames import DRIVE_AXES, JOINTS
+from robot_stack.core.robot import load_robot
+from robot_stack.ros.conversions import time_to_s
+from robot_stack.wmx import MotionEngine, connect
+from robot_stack.wmx.api.values import Profile, Velocity_VelCommand
+from tests.support.peer import Heard, Peer
+from tests.support.processes import NodeProcess
+from tests.support.waiting import wait_for
+
+ROBOT = load_robot()
+
+
+def option(**values: object) -> list[str]:
+    """Parameters of node sim_world alone: its process holds other nodes, which refuse what they do not know."""
+    return [part for name, value in values.items() for part in ("-p", f"sim_world:{name}:={value}")]
+
+
+def inject(
+    peer: Peer, kind: str, target: str = "", value: float = 0.0, duration_s: float = 0.0
+) -> InjectFault.Response:
+    request = InjectFault.Request(kind=kind, target=target, value=value, duration_s=duration_s)
+    return peer.call(services.INJECT_FAULT, request)
+
+
+def rate_hz(heard: Heard, over_s: float) -> float:
+    """Messages per second by their stamps, over the last ``over_s``."""
+    stamps = [time_to_s(message.header.stamp) for message in heard.messages]
+    recent = [stamp for stamp in stamps if stamp > stamps[-1] - over_s]
+    return (len(recent) - 1) / (recent[-1] - recent[0])
+
+
+def drive_on(engine: MotionEngine, speed_mps: float) -> None:
+    """Bus up, servos on, all wheels at a speed."""
+    assert engine.api.StartCommunication(5000) == 0
+    for axis in range(8):
+        assert engine.core_motion.axisControl.SetServoOn(axis, 1) == 0
+    wait_for(lambda: engine.read_status()[1].servo_on.all(), "servos on")
+    profile = Profile.SetupTrapezoidal(speed_mps / ROBOT.wheel_radius_m, 12.0, 12.0)
+    assert engine.core_motion.velocity.StartVel(4, [Velocity_VelCommand(axis, profile) for axis in DRIVE_AXES]) == 0
+
+
+@pytest.fixture
+def world(start: Callable[..., NodeProcess], peer: Peer) -> NodeProcess:
+    return start("sim_world", *option(world="flat"))
+
+
+def test_topics_have_their_rates_and_contents(world: NodeProcess, peer: Peer) -> None:
+    imu, truth = peer.listen(topics.IMU), peer.listen(topics.SIM_GROUND_TRUTH)
+    joints, battery = peer.listen(topics.SIM_JOINT_STATES), peer.listen(topics.BATTERY_STATE)
+    mounting, clock = peer.listen(topics.TF_STATIC), peer.listen(topics.CLOCK)
+    wait_for(lambda: len(battery.items) >= 3, "three battery readings")
+    assert rate_hz(imu, 1.5) == pytest.approx(100.0, rel=0.03)
+    assert rate_hz(truth, 1.5) == pytest.approx(50.0, rel=0.03)
+    assert rate_hz(joints, 1.5) == pytest.approx(50.0, rel=0.03)
+    assert imu.last.header.frame_id == "imu"
+    assert imu.last.linear_acceleration.z == pytest.approx(9.81, abs=0.3)
+    assert (truth.last.header.frame_id, truth.last.child_frame_id) == ("map", "base_link")
+    assert list(joints.last.name) == list(JOINTS)
+    assert battery.last.present
+    assert 40.0 < battery.last.voltage < 56.0
+    transform = mounting.wait(lambda message: message.transforms, "mounting").transforms[0]
+    assert (transform.header.frame_id, transform.child_frame_id) == ("base_link", "imu")
+    assert clock.items == [], "at real time the system clock is the clock"
+
+
+def test_stamps_are_those_of_the_system_clock_and_young(world: NodeProcess, peer: Peer) -> None:
+    ages: list[float] = []
+    imu = peer.listen(
+        topics.IMU,
+        lambda message: ages.append(peer.node.get_clock().now().nanoseconds * 1e-9 - time_to_s(message.header.stamp)),
+    )
+    wait_for(lambda: len(imu.items) >= 100, "samples")
+    assert 0.0 < float(np.median(ages)) < 0.02
+
+
+def test_the_engine_moves_the_robot_and_the_drives_stop_it_when_the_engine_stalls(
+    world: NodeProcess, peer: Peer
+) -> None:
+    truth = peer.listen(topics.SIM_GROUND_TRUTH)
+    truth.wait(lambda message: True, "ground truth")
+    with connect("test") as engine:
+        drive_on(engine, 0.5)
+        truth.wait(lambda message: message.twist.twist.linear.x > 0.45, "the robot drives")
+        assert inject(peer, "engine_stall", duration_s=2.0).success
+        truth.wait(lambda message: abs(message.twist.twist.linear.x) < 0.01, "the drives stopped by themselves")
+
+
+def test_the_estop_bit_reaches_the_engines_clients(world: NodeProcess, peer: Peer) -> None:
+    byte, bit = ROBOT.estop_input_byte, ROBOT.estop_input_bit
+    with connect("test") as engine:
+        assert engine.api.StartCommunication(5000) == 0
+        wait_for(lambda: engine.read_status()[1].input_bit(byte, bit), "a released button")
+        assert inject(peer, "estop_button", value=1.0).message == "emergency stop button pressed"
+        wait_for(lambda: not engine.read_status()[1].input_bit(byte, bit), "a pressed button")
+
+
+def test_faults_are_answered(world: NodeProcess, peer: Peer) -> None:
+    unknown = inject(peer, "meteor")
+    assert not unknown.success
+    assert unknown.message.startswith("no fault 'meteor'; there are drive_alarm")
+    assert not inject(peer, "drive_alarm", "fl_wheel").success
+    assert inject(peer, "imu_silent").success
+    assert inject(peer, "clear").message == "cleared imu_silent"
+
+
+def test_a_silent_imu_is_silent_and_its_driver_says_so(world: NodeProcess, peer: Peer) -> None:
+    imu, diagnostics = peer.listen(topics.IMU), peer.listen(topics.DIAGNOSTICS)
+    imu.wait(lambda message: True, "samples")
+    assert inject(peer, "imu_silent").success
+    count = len(imu.items)
+    diagnostics.wait(
+        lambda message: message.status[0].name == "imu_driver" and "sends nothing" in message.status[0].message,
+        "the driver's complaint",
+    )
+    assert len(imu.items) <= count + 1
+
+
+def test_pace_is_shown_in_diagnostics(world: NodeProcess, peer: Peer) -> None:
+    diagnostics = peer.listen(topics.DIAGNOSTICS)
+
+    def values(message: object) -> dict[str, str]:
+        return {item.key: item.value for item in message.status[0].values}  # type: ignore[attr-defined]
+
+    seen = diagnostics.wait(lambda message: "sim_speed" in values(message), "the pace")
+    assert {"overruns", "dropped_s", "worst_lag_ms"} <= values(seen).keys()
+
+
+def test_other_speeds_run_on_the_clock(start: Callable[..., NodeProcess], peer: Peer) -> None:
+    start("sim_world", *option(world="flat"), *option(speed=3.0))
+    clock, truth = peer.listen(topics.CLOCK), peer.listen(topics.SIM_GROUND_TRUTH)
+    wait_for(lambda: len(clock.items) > 500, "five seconds of simulated time")
+    times = [time_to_s(message.clock) for message in clock.messages]
+    steps = np.diff(times)
+    assert np.median(steps) == pytest.approx(0.01, abs=1e-6), "100 Hz of simulated time"
+    real = clock.items[-1][0] - clock.items[0][0]
+    assert (times[-1] - times[0]) / real == pytest.approx(3.0, rel=0.2)
+    assert abs(time_to_s(truth.last.header.stamp) - times[-1]) < 0.2
+
+
+def test_start_pose_and_chair_are_parameters(start: Callable[..., NodeProcess], peer: Peer) -> None:
+    options = {"world": "flat", "start_x_m": 2.0, "start_y_m": -1.0, "start_yaw_rad": 1.5, "attached_at_start": "true"}
+    start("sim_world", *option(**options))
+    truth = peer.listen(topics.SIM_GROUND_TRUTH)
+    pose = truth.wait(lambda message: True, "ground truth").pose.pose
+    assert (pose.position.x, pose.position.y) == pytest.approx((2.0, -1.0), abs=0.01)
+    assert 2.0 * np.arctan2(pose.orientation.z, pose.orientation.w) == pytest.approx(1.5, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("world:=moon", "no world 'moon'"),
+        ("speed:=0.0", "speed: Input should be greater than 0"),
+        ("seed:=-1", "seed"),
+        ("wrold:=flat", "wrold: is not a known parameter"),
+    ],
+)
+def test_wrong_parameters_are_one_clear_line(start: Callable[..., NodeProcess], setting: str, message: str) -> None:
+    process = start("sim_world", "-p", f"sim_world:{setting}")
+    assert process.wait() == 2
+    errors = [line for line in process.output().splitlines() if line.startswith("error:")]
+    assert len(errors) == 1
+    assert message in errors[0]
+
+
+def test_a_passenger_too_heavy_is_refused(start: Callable[..., NodeProcess]) -> None:
+    process = start("sim_world", *option(passenger_mass_kg=500.0))
+    assert process.wait() == 2
+    assert "passenger_mass_kg must be in 0..120" in process.output()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_and_leaves_nothing(world: NodeProcess, peer: Peer, number: signal.Signals) -> None:
+    peer.listen(topics.SIM_GROUND_TRUTH).wait(lambda message: True, "ground truth")
+    folder = Path(os.environ["ROBOT_STACK_RUNTIME_DIR"])
+    assert (folder / "engine.sock").exists()
+    world.signal(number)
+    assert world.wait() == 0
+    assert not (folder / "engine.sock").exists()
+    assert "Traceback" not in world.output()
+
+
+def test_a_second_world_is_refused(world: NodeProcess, start: Callable[..., NodeProcess], peer: Peer) -> None:
+    peer.listen(topics.SIM_GROUND_TRUTH).wait(lambda message: True, "ground truth")
+    second = start("sim_world")
+    assert second.wait() == 2
+    assert "already running" in second.output()
+    assert world.running()

@@ -1,0 +1,149 @@
+"""Pacing, requests between threads, and the loop, without a clock of their own where possible."""
+
+from __future__ import annotations
+
+import math
+import threading
+
+import pytest
+
+from sim.faults import FaultRefused, Faults
+from sim.imu import ImuSample
+from sim.loop import Loop, Task
+from sim.pacing import Pacer
+from sim.requests import NotServed, RequestQueue
+from sim.simulation import Simulation
+from sim.world import Setup
+from sim.worldfile import load_world
+
+from .bench import PARAMS, ROBOT
+
+
+def test_steps_are_due_on_absolute_deadlines() -> None:
+    pacer = Pacer(0.001, 1.0, 0.1, 10.0)
+    assert pacer.wait_s(10.0) == 0.0
+    assert pacer.wait_s(10.0004) == pytest.approx(0.0006)
+    assert pacer.wait_s(10.0010 + 0.0003) == pytest.approx(0.0007), "a late wake-up does not move the deadline"
+
+
+def test_other_speeds_stretch_the_period() -> None:
+    pacer = Pacer(0.001, 5.0, 0.1, 0.0)
+    assert pacer.wait_s(0.0) == 0.0
+    assert pacer.wait_s(0.0) == pytest.approx(0.0002)
+
+
+def test_a_short_lag_is_caught_up_and_counted() -> None:
+    pacer = Pacer(0.001, 1.0, 0.1, 0.0)
+    pacer.wait_s(0.0)
+    waits = [pacer.wait_s(0.0205) for _ in range(21)]
+    assert waits[:20] == [0.0] * 20, "twenty steps without a pause"
+    assert waits[20] == pytest.approx(0.0005)
+    report = pacer.report(0.021)
+    assert (report.steps, report.drops, report.dropped_s) == (22, 0, 0.0)
+    assert report.overruns == 19
+    assert report.worst_lag_s == pytest.approx(0.0195)
+    assert report.speed == pytest.approx(22 / 21)
+
+
+def test_a_long_lag_is_given_up_not_run_after() -> None:
+    pacer = Pacer(0.001, 1.0, 0.1, 0.0)
+    pacer.wait_s(0.0)
+    assert pacer.wait_s(2.0) == 0.0
+    assert pacer.wait_s(2.0) == pytest.approx(0.001), "the next step has a whole period again"
+    report = pacer.report(2.0)
+    assert report.drops == 1
+    assert report.dropped_s == pytest.approx(1.999)
+    assert pacer.total_dropped_s == pytest.approx(1.999)
+
+
+def test_what_was_before_the_start_costs_nothing() -> None:
+    pacer = Pacer(0.001, 1.0, 0.1, 0.0)
+    pacer.start(50.0)
+    assert pacer.wait_s(50.0) == 0.0
+    assert pacer.report(50.001).drops == 0
+
+
+def test_reports_begin_anew() -> None:
+    pacer = Pacer(0.001, 1.0, 0.1, 0.0)
+    pacer.wait_s(5.0)
+    pacer.report(5.0)
+    later = pacer.report(6.0)
+    assert (later.steps, later.drops, later.overruns, later.speed) == (0, 0, 0, 0.0)
+    assert pacer.total_overruns == 1
+
+
+@pytest.mark.parametrize("arguments", [(0.0, 1.0, 0.1), (0.001, 0.0, 0.1), (0.001, 1.0, 0.0)])
+def test_nonsense_is_refused(arguments: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError, match="above zero"):
+        Pacer(*arguments, now_s=0.0)
+
+
+def test_requests_are_done_by_whoever_serves() -> None:
+    queue, result = RequestQueue(), []
+    asker = threading.Thread(target=lambda: result.append(queue.ask(threading.get_ident, 5.0)))
+    asker.start()
+    while not result:
+        queue.serve()
+    asker.join()
+    assert result == [threading.get_ident()]
+
+
+def test_an_error_belongs_to_whoever_asked() -> None:
+    queue, errors = RequestQueue(), []
+
+    def ask() -> None:
+        try:
+            queue.ask(lambda: 1 / 0, 5.0)
+        except ZeroDivisionError as error:
+            errors.append(error)
+
+    asker = threading.Thread(target=ask)
+    asker.start()
+    while not errors:
+        queue.serve()
+    asker.join()
+
+
+def test_a_loop_that_stands_still_is_named() -> None:
+    with pytest.raises(NotServed, match=r"0\.01 s"):
+        RequestQueue().ask(lambda: None, 0.01)
+
+
+def make_loop(tasks: tuple[Task, ...], samples: list[ImuSample]) -> tuple[Loop, Simulation]:
+    file = load_world("flat")
+    sim = Simulation(ROBOT, PARAMS, Setup(file, 1, file.start.pose()))
+    pacer = Pacer(0.001, 1000.0, 0.1, 0.0)
+    return Loop(sim, Faults(sim), pacer, tasks, samples.append), sim
+
+
+def test_the_loop_does_its_tasks_at_their_rates() -> None:
+    calls: list[int] = []
+    samples: list[ImuSample] = []
+    sim: Simulation
+    loop, sim = make_loop((Task(20, lambda: calls.append(sim.world.steps)),), samples)
+    loop.run(lambda: sim.world.steps >= 100)
+    assert calls == [20, 40, 60, 80, 100]
+    assert [round(sample.time_s * 1000) for sample in samples] == [10, 20, 30, 40, 50, 60, 70, 80, 90]
+
+
+def test_faults_enter_the_loop_from_another_thread() -> None:
+    samples: list[ImuSample] = []
+    loop, sim = make_loop((), samples)
+    answers: list[str] = []
+
+    def ask() -> None:
+        answers.append(loop.inject("imu_silent", "", 0.0, 0.0))
+        try:
+            loop.inject("meteor", "", 0.0, 0.0)
+        except FaultRefused as refused:
+            answers.append(str(refused))
+
+    asker = threading.Thread(target=ask)
+    asker.start()
+    limit_s = 60.0
+    loop.run(lambda: len(answers) == 2 or sim.time_s > limit_s)
+    asker.join()
+    assert answers[0] == "the inertial unit is silent"
+    assert answers[1].startswith("no fault 'meteor'")
+    assert sim.imu.silent
+    assert math.isfinite(sim.time_s)
