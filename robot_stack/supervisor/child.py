@@ -21,13 +21,17 @@ _PR_SET_NAME = 15
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """How to start one process. stop_grace_s: time between SIGINT and SIGKILL when the supervisor has died."""
+    """How to start one process.
+
+    niceness: as in nice(2). stop_grace_s: time between SIGINT and SIGKILL when the supervisor has died.
+    """
 
     name: str
     module: str
     arguments: tuple[str, ...]  # of its command line, after the program's name
     environment: Mapping[str, str]
     log: Path
+    niceness: int
     stop_grace_s: float
 
 
@@ -37,6 +41,8 @@ def run(start: Start) -> None:
     _die_with_the_forkserver()
     _write_to(start.log)
     _show_as(start.name)
+    with contextlib.suppress(PermissionError):  # the robot works without; it is only later under load
+        os.setpriority(os.PRIO_PROCESS, 0, start.niceness)
     os.environ.update(start.environment)
     sys.argv = [start.name, *start.arguments]
     orphaned = threading.Event()

@@ -16,6 +16,7 @@ import yaml
 
 from robot_stack.contract.model import Process
 from robot_stack.supervisor import child, orphans, preload
+from robot_stack.supervisor.params import SupervisorParams
 from robot_stack.supervisor.profile import Plan
 
 # Nodes write to their own log; rcl's copy of it would go to another folder.
@@ -25,14 +26,15 @@ _ROS_ARGUMENTS = ("--disable-external-lib-logs",)
 class Fleet:
     """Starts and ends processes. Knows nothing about when; that is the lifecycle's."""
 
-    def __init__(self, plan: Plan, run_dir: Path, stop_grace_s: float) -> None:
+    def __init__(self, plan: Plan, run_dir: Path, params: SupervisorParams) -> None:
         self._run_dir = run_dir
-        self._stop_grace_s = stop_grace_s
+        self._params = params
         self._environment = dict(plan.environment)
         self._parameters = plan.parameters
         self._context = multiprocessing.get_context("forkserver")
         self._processes: dict[str, ForkServerProcess] = {}
-        os.environ[preload.MODULES_VARIABLE] = ",".join(p.module for p in plan.processes if p.module)
+        shared = [p.module for p in plan.processes if p.module and p.name not in params.own_imports]
+        os.environ[preload.MODULES_VARIABLE] = ",".join(shared)
         self._context.set_forkserver_preload([preload.__name__])
         forkserver.ensure_running()
 
@@ -45,7 +47,8 @@ class Fleet:
             arguments=self._arguments(process),
             environment=self._environment,
             log=self._run_dir / f"{process.name}.log",
-            stop_grace_s=self._stop_grace_s,
+            niceness=self._params.niceness[process.criticality],
+            stop_grace_s=self._params.terminate_s,
         )
         forked = self._context.Process(target=child.run, args=(start,), name=process.name)
         forked.start()

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from robot_stack.contract.model import Criticality
+from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.config import Config, load
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -26,6 +27,8 @@ class SupervisorParams(Config):
     interrupt_s, terminate_s: after SIGINT at 0, the times at which ``down`` sends SIGTERM and SIGKILL.
     hung_kill_s: time a hung process has between SIGTERM and SIGKILL.
     keep_runs: log folders kept; older ones are deleted at the next start.
+    own_imports: processes that import their module themselves instead of sharing the forkserver's.
+    niceness: of the processes by criticality, as in nice(2); below 0 needs a privilege and is left out without it.
     """
 
     hang_after_s: Positive
@@ -35,13 +38,24 @@ class SupervisorParams(Config):
     terminate_s: Positive
     hung_kill_s: Positive
     keep_runs: Annotated[int, Field(ge=1)]
+    own_imports: tuple[str, ...]
+    niceness: dict[Criticality, Annotated[int, Field(ge=-20, le=19)]]
     backoff: dict[Criticality, Backoff]
+
+    @field_validator("own_imports")
+    @classmethod
+    def _processes_exist(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        unknown = [name for name in names if name not in BY_NAME]
+        if unknown:
+            raise ValueError(f"{', '.join(unknown)}: not a process of the contract")
+        return names
 
     @model_validator(mode="after")
     def _complete(self) -> SupervisorParams:
-        absent = [item.value for item in Criticality if item not in self.backoff]
-        if absent:
-            raise ValueError(f"backoff: {', '.join(absent)} missing")
+        for name in ("backoff", "niceness"):
+            absent = [item.value for item in Criticality if item not in getattr(self, name)]
+            if absent:
+                raise ValueError(f"{name}: {', '.join(absent)} missing")
         if self.terminate_s <= self.interrupt_s:
             raise ValueError("terminate_s must be greater than interrupt_s")
         return self

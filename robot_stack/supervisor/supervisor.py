@@ -36,7 +36,7 @@ class Supervisor:
         self._params = params
         self._run_dir = run_dir
         # The forkserver first: it and the ears import at the same time, on two cores.
-        self._fleet = Fleet(plan, run_dir, stop_grace_s=params.terminate_s)
+        self._fleet = Fleet(plan, run_dir, params)
         self._ears = Ears()
         self._rows = {process.name: process for process in plan.processes}
         self._lives = {name: Lifecycle(_limits(row, params)) for name, row in self._rows.items()}

@@ -171,6 +171,12 @@ def test_processes_share_memory_have_their_names_and_groups(running: Stack) -> N
         assert memory.pss < 0.75 * memory.rss  # forked from one server: what all import is there once
 
 
+@pytest.mark.skipif(os.getuid() != 0, reason="only root may make a process more urgent")
+def test_critical_processes_go_first(running: Stack) -> None:
+    niceness = [os.getpriority(os.PRIO_PROCESS, running.entry(name)["pid"]) for name in NAMES]
+    assert niceness == [-10, -5, 0]
+
+
 def test_logs_lie_in_one_folder(running: Stack) -> None:
     assert {path.name for path in (running.logs / "latest").glob("*.log")} == {
         "supervisor.log",

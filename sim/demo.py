@@ -1,0 +1,192 @@
+"""A ride to look at: ``python -m sim.demo`` starts the stack in the simulation, sends a mission and tells how it goes.
+
+Ends with one line of result, the paths of its plots, and exit code 0 if the robot arrived.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, TextIO
+
+from robot_stack.core.config import ConfigError, config_dir
+from robot_stack.core.geometry import Pose2
+from robot_stack.mission.library import MissionError, MissionLibrary
+from robot_stack.mission.model import Mission
+from robot_stack.supervisor import client
+from robot_stack.supervisor.control import NotRunning
+from sim.ride import Figures, Ride, figures
+
+_READY_S = 60.0
+_LOCALISED_S = 15.0
+_SILENCE_S = 5.0
+_TELL_EVERY_S = 2.0
+_REDRAW_EVERY_S = 0.2
+_OVER = ("COMPLETED", "FAILED", "ABORTED", "IDLE")
+
+
+class DemoError(Exception):
+    """The ride did not come about. The message says why."""
+
+
+def main() -> int:
+    options = _options()
+    # SIGTERM ends the demo as Ctrl-C does: with the stack stopped.
+    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    try:
+        mission = MissionLibrary(config_dir() / "missions").find(options.mission)
+        folder = _folder(options.output)
+        return _ride(options, mission, folder)
+    except (DemoError, MissionError, ConfigError, client.StartError, TimeoutError, OSError) as error:
+        print(f"\ndemo: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("\ndemo: interrupted; the stack is stopped", file=sys.stderr)
+        return 130
+
+
+def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
+    print(f"starting the stack in the world {options.world} ...", flush=True)
+    launch = client.Launch(
+        "sim",
+        settings=[
+            f"sim_world.world={options.world}",
+            f"sim_world.seed={options.seed}",
+            # A journal of its own: this ride neither meets nor leaves an unfinished mission.
+            f"mission_manager.journal_file={folder / 'mission.db'}",
+        ],
+        log_dir=folder / "logs",
+    )
+    client.refuse_second()
+    try:
+        status = client.start(launch, _READY_S)
+        print(f"{len(status['processes'])} processes are ready after {status['ready_after_s']:.1f} s", flush=True)
+        ride, outcome = _drive(mission)
+    finally:
+        _stop()
+    return _report(options, mission, folder, ride, outcome)
+
+
+def _drive(mission: Mission) -> tuple[Ride, Any]:
+    from sim.nodes.rider import Rider
+
+    with Rider() as rider:
+        rider.board()
+        print(f"START_MISSION {mission.id}: {mission.name_in('en')}, {len(mission.waypoints)} waypoints", flush=True)
+        try:
+            rider.start(mission.id)
+        except ValueError as error:
+            raise DemoError(f"the mission was refused: {error}") from error
+        display = Display(sys.stdout)
+        while rider.mission is None or rider.mission.state not in _OVER:
+            heard = len(rider.ride.samples)
+            rider.wait(lambda: False, _REDRAW_EVERY_S)
+            if len(rider.ride.samples) == heard and rider.now_s() - rider.ride.samples[-1].time_s > _SILENCE_S:
+                raise DemoError("the world has fallen silent")
+            display.show(rider)
+        rider.wait(lambda: False, 0.5)  # the last centimetres
+        display.end()
+        return rider.ride, rider.mission
+
+
+class Display:
+    """Where the robot is, on one line that is drawn again on a terminal, else now and then on a new one."""
+
+    def __init__(self, out: TextIO) -> None:
+        self._out = out
+        self._live = out.isatty()
+        self._told_s = 0.0
+        self._text = ""
+
+    def show(self, rider: Any) -> None:
+        text = describe(rider)
+        if self._live:
+            self._out.write(f"\r{text:<{len(self._text)}}")
+            self._text = text
+        elif time.monotonic() - self._told_s >= _TELL_EVERY_S:
+            self._told_s = time.monotonic()
+            self._out.write(text + "\n")
+        self._out.flush()
+
+    def end(self) -> None:
+        if self._live:
+            self._out.write("\n")
+
+
+def describe(rider: Any) -> str:
+    """One line: time, waypoint, distance, speed, safety."""
+    mission, safety, last = rider.mission, rider.safety, rider.ride.samples[-1]
+    state = safety.safety_state + (f" ({', '.join(safety.active_faults)})" if safety.active_faults else "")
+    advice = "; `robot-stack reset`, then `robot-stack mission resume`" if safety.emergency_stop_active else ""
+    return (
+        f"{rider.now_s():5.0f} s  {mission.state:<8} {mission.waypoints_completed}/{mission.total_waypoints} "
+        f"to {mission.current_waypoint or '-':<12} {rider.moved_m:6.1f} m  {last.speed_mps:4.2f} m/s  {state}{advice}"
+    )
+
+
+def _report(options: argparse.Namespace, mission: Mission, folder: Path, ride: Ride, outcome: Any) -> int:
+    from sim.ride_plots import draw_course, draw_map
+    from sim.worldfile import load_world
+
+    goal = mission.waypoints[-1].pose
+    found = figures(ride, goal)
+    waypoints: list[tuple[str, Pose2]] = [(item.name, item.pose) for item in mission.waypoints]
+    draw_map(folder / "map.png", load_world(options.world), ride, waypoints)
+    draw_course(folder / "course.png", ride)
+    arrived = outcome.state == "COMPLETED"
+    result = {"mission": mission.id, "world": options.world, "seed": options.seed, "state": outcome.state}
+    result |= {"reason": outcome.reason, "figures": asdict(found)}
+    (folder / "figures.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    print(result_line(arrived, outcome.reason, found))
+    for name in ("map.png", "course.png", "figures.json"):
+        print(f"  {folder / name}")
+    return 0 if arrived else 1
+
+
+def result_line(arrived: bool, reason: str, found: Figures) -> str:
+    """The ride in one line."""
+    head = "reached the goal" if arrived else f"did NOT reach the goal ({reason or 'no reason given'})"
+    return (
+        f"{head}: {found.distance_m:.1f} m in {found.time_s:.1f} s, up to {found.top_speed_mps:.2f} m/s; "
+        f"off the goal by {1e3 * found.final_error_m:.0f} mm and {found.final_error_deg:.1f} deg, "
+        f"off the plan by {1e3 * found.tracking_rms_m:.0f} mm rms, {1e3 * found.tracking_max_m:.0f} mm at most"
+    )
+
+
+def _stop() -> None:
+    # A second Ctrl-C must not leave half a stack behind.
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        client.stop()
+    except NotRunning:
+        pass
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _folder(output: Path) -> Path:
+    """A new folder for this ride, and ``latest`` that points to it."""
+    folder = output / f"demo-{time.strftime('%Y%m%d-%H%M%S')}"
+    folder.mkdir(parents=True)
+    link = output / "demo-latest"
+    link.unlink(missing_ok=True)
+    link.symlink_to(folder.name)
+    return folder.resolve()
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="demo", description="Starts the stack in the simulation and rides a mission.")
+    parser.add_argument("--mission", default="yard_tour", help="a mission of config/missions/")
+    parser.add_argument("--world", default="yard", help="a world of config/worlds/")
+    parser.add_argument("--seed", type=int, default=1, help="of the simulation's noise")
+    parser.add_argument("--output", type=Path, default=Path("results"), help="folder for plots and figures")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

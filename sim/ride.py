@@ -1,0 +1,90 @@
+"""What a ride was like, from samples of ground truth, plans and safety: pure, so that figures can be tested by hand."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.core.geometry import Pose2, wrap_angle
+
+Line = NDArray[np.float64]
+"""(n, 2) points x, y in m, map frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """The robot at one moment: s since the ride began, true pose in map, true speed over ground in m/s."""
+
+    time_s: float
+    pose: Pose2
+    speed_mps: float
+
+
+@dataclass(slots=True)
+class Ride:
+    """Everything noted of a ride. ``plans``: time of each plan in s and its points; empty plans cancel."""
+
+    samples: list[Sample] = field(default_factory=list)
+    estimates: list[tuple[float, Pose2]] = field(default_factory=list)
+    plans: list[tuple[float, Line]] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """The ride in numbers. Errors compare ground truth with the wish: the plan that was in force, and the goal."""
+
+    distance_m: float
+    time_s: float
+    top_speed_mps: float
+    final_error_m: float
+    final_error_deg: float
+    tracking_rms_m: float
+    tracking_max_m: float
+
+
+def figures(ride: Ride, goal: Pose2) -> Figures:
+    """The ride's figures. Raises ValueError for a ride without samples."""
+    if not ride.samples:
+        raise ValueError("nothing was noted of this ride")
+    last = ride.samples[-1]
+    errors_m = tracking_errors_m(ride)
+    return Figures(
+        distance_m=distance_m(ride.samples),
+        time_s=last.time_s - ride.samples[0].time_s,
+        top_speed_mps=max(sample.speed_mps for sample in ride.samples),
+        final_error_m=math.hypot(last.pose.x - goal.x, last.pose.y - goal.y),
+        final_error_deg=math.degrees(abs(wrap_angle(last.pose.yaw - goal.yaw))),
+        tracking_rms_m=float(np.sqrt(np.mean(errors_m**2))) if errors_m.size else math.nan,
+        tracking_max_m=float(errors_m.max()) if errors_m.size else math.nan,
+    )
+
+
+def distance_m(samples: Sequence[Sample]) -> float:
+    """Length of the way between the samples."""
+    return sum(math.hypot(b.pose.x - a.pose.x, b.pose.y - a.pose.y) for a, b in itertools.pairwise(samples))
+
+
+def tracking_errors_m(ride: Ride) -> NDArray[np.float64]:
+    """Distance of the true position from the plan in force, at each sample that had a plan, m."""
+    errors = []
+    for index, (from_s, line) in enumerate(ride.plans):
+        until_s = ride.plans[index + 1][0] if index + 1 < len(ride.plans) else math.inf
+        if len(line) < 2:
+            continue
+        points = [(s.pose.x, s.pose.y) for s in ride.samples if from_s <= s.time_s < until_s]
+        errors += [distance_to_line_m(np.asarray(point), line) for point in points]
+    return np.asarray(errors, dtype=np.float64)
+
+
+def distance_to_line_m(point: NDArray[np.float64], line: Line) -> float:
+    """Distance of a point (2,) from a polyline of two points or more, m."""
+    begins, steps = line[:-1], np.diff(line, axis=0)
+    lengths2 = np.einsum("ij,ij->i", steps, steps)
+    along = np.einsum("ij,ij->i", point - begins, steps) / np.where(lengths2 > 0.0, lengths2, 1.0)
+    nearest = begins + np.clip(along, 0.0, 1.0)[:, None] * steps
+    return float(np.sqrt(((nearest - point) ** 2).sum(axis=1).min()))

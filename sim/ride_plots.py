@@ -1,0 +1,84 @@
+"""Pictures of a ride: the way on the map, and speed and deviation over time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+from robot_stack.core.geometry import Pose2
+from sim.ride import Ride, tracking_errors_m
+from sim.worldfile import Box, WorldFile
+
+mpl.use("Agg")
+from matplotlib import pyplot as plt
+from matplotlib.patches import Circle, Rectangle
+from matplotlib.transforms import Affine2D
+
+_OBSTACLE, _PLANNED, _DRIVEN, _GOAL = "#8a8f98", "#e08a00", "#1f5fbf", "#b3261e"
+_DPI = 130
+
+
+def draw_map(path: Path, world: WorldFile, ride: Ride, waypoints: Sequence[tuple[str, Pose2]]) -> None:
+    """The world from above with the plans, the true way and the waypoints, as a PNG."""
+    figure, axes = plt.subplots(figsize=(10.0, 7.0))
+    _draw_world(axes, world)
+    for index, (_, line) in enumerate(ride.plans):
+        if len(line):
+            label = "planned" if index == 0 else None
+            axes.plot(line[:, 0], line[:, 1], color=_PLANNED, linewidth=3.0, alpha=0.6, label=label)
+    way = np.array([(sample.pose.x, sample.pose.y) for sample in ride.samples])
+    axes.plot(way[:, 0], way[:, 1], color=_DRIVEN, linewidth=1.2, label="driven (ground truth)")
+    for name, pose in waypoints:
+        tip = 0.6
+        axes.arrow(
+            pose.x, pose.y, tip * math.cos(pose.yaw), tip * math.sin(pose.yaw), color=_GOAL, head_width=0.25, zorder=5
+        )
+        axes.annotate(name, (pose.x, pose.y), textcoords="offset points", xytext=(6, 6), fontsize=8)
+    margin_m = 3.0
+    axes.set_xlim(way[:, 0].min() - margin_m, way[:, 0].max() + margin_m)
+    axes.set_ylim(way[:, 1].min() - margin_m, way[:, 1].max() + margin_m)
+    axes.set(xlabel="x / m", ylabel="y / m", aspect="equal")
+    axes.legend(loc="upper left")
+    _save(figure, path)
+
+
+def draw_course(path: Path, ride: Ride) -> None:
+    """Speed, and deviation from the plan, over time, as a PNG."""
+    figure, (upper, lower) = plt.subplots(2, 1, figsize=(10.0, 5.5), sharex=True)
+    upper.plot([s.time_s for s in ride.samples], [s.speed_mps for s in ride.samples], color=_DRIVEN)
+    upper.set(ylabel="speed / m/s")
+    for index, (from_s, line) in enumerate(ride.plans):
+        until_s = ride.plans[index + 1][0] if index + 1 < len(ride.plans) else math.inf
+        part = Ride([s for s in ride.samples if from_s <= s.time_s < until_s], [], [(from_s, line)])
+        errors_m = tracking_errors_m(part)
+        lower.plot([s.time_s for s in part.samples][: len(errors_m)], 1e3 * errors_m, color=_PLANNED)
+    lower.set(xlabel="time / s", ylabel="distance from the plan / mm")
+    for axes in (upper, lower):
+        axes.grid(alpha=0.3)
+    _save(figure, path)
+
+
+def _draw_world(axes: Any, world: WorldFile) -> None:
+    for box in (*world.walls, *world.boxes, *world.kerbs):
+        _draw_box(axes, box, _OBSTACLE, 0.9 if box.height_m > 0.2 else 0.4)
+    for cylinder in world.cylinders:
+        axes.add_patch(Circle((cylinder.x_m, cylinder.y_m), cylinder.radius_m, color=_OBSTACLE))
+
+
+def _draw_box(axes: Any, box: Box, colour: str, alpha: float) -> None:
+    turned = Affine2D().rotate(box.yaw_rad).translate(box.x_m, box.y_m)
+    corner = (-0.5 * box.length_m, -0.5 * box.width_m)
+    patch = Rectangle(corner, box.length_m, box.width_m, color=colour, alpha=alpha)
+    patch.set_transform(turned + axes.transData)
+    axes.add_patch(patch)
+
+
+def _save(figure: Any, path: Path) -> None:
+    figure.tight_layout()
+    figure.savefig(path, dpi=_DPI)
+    plt.close(figure)
