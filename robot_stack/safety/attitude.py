@@ -53,8 +53,7 @@ class PlanarAcceleration:
     def __init__(self, filter_s: float, max_mps2: float) -> None:
         self._filter_s = filter_s
         self._max_mps2 = max_mps2
-        self._velocity = ZERO
-        self._slow = ZERO
+        self._velocity = self._slow = ZERO
         self._at_s = math.inf
 
     def update(self, vx_mps: float, vy_mps: float, now_s: float) -> None:
@@ -88,17 +87,14 @@ class UpDirection:
         self._time_constant_s = time_constant_s
         self._settle_s = settle_s
         self._max_gap_s = max_gap_s
-        self._up: Vector3 | None = None
-        self._sum = ZERO
-        self._started_s = math.inf
         self._last_s = math.inf
+        self._restart(math.inf)
 
     def update(self, sample: ImuSample, own_acceleration: Vector3, now_s: float) -> None:
         """A new sample, m/s2 and rad/s in base_link; ``own_acceleration`` m/s2 is what gravity has no part in."""
         dt_s, self._last_s = now_s - self._last_s, now_s
         if not 0.0 <= dt_s <= self._max_gap_s:
             self._restart(now_s)
-            dt_s = 0.0
         force = Vector3(sample.ax, sample.ay, sample.az).plus(own_acceleration, -1.0)
         if self._up is None:
             self._settle(force, now_s)
@@ -112,7 +108,8 @@ class UpDirection:
         return math.atan2(math.hypot(self._up.x, self._up.y), self._up.z)
 
     def _restart(self, now_s: float) -> None:
-        self._up, self._sum, self._started_s = None, ZERO, now_s
+        self._up: Vector3 | None = None
+        self._sum, self._started_s = ZERO, now_s
 
     def _settle(self, force: Vector3, now_s: float) -> None:
         self._sum = self._sum.plus(force, 1.0)

@@ -34,12 +34,12 @@ def drive_fault(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Find
 
 
 def joint_states_timeout(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
-    """Too old. Before the first ones ever, the start-up grace: the robot waits but nothing is latched."""
+    """Too old. Until they have come up, the robot waits but nothing is latched within the start-up grace."""
     if now.joint_states_age_s <= stale_s(topics.JOINT_STATES):
-        return CLEAR
+        return CLEAR if now.joint_states_up else _waiting("/joint_states: settling")
     detail = f"/joint_states: {now.joint_states_problem or _for_s(now.joint_states_age_s)}"
-    if not now.joint_states_seen and now.uptime_s <= params.startup_grace_s:
-        return Finding(Level.WAITING, _STOP, detail=detail)
+    if not now.joint_states_up and now.uptime_s <= params.startup_grace_s:
+        return _waiting(detail)
     return _present(_EMERGENCY, detail)
 
 
@@ -124,6 +124,10 @@ def _present(action: SafetyAction, detail: str, limit: SpeedLimit | None = None)
     return Finding(Level.PRESENT, action, limit, detail)
 
 
+def _waiting(detail: str) -> Finding:
+    return Finding(Level.WAITING, _STOP, detail=detail)
+
+
 def _steeper(
     now: Snapshot, threshold_deg: float, action: SafetyAction, limit: SpeedLimit | None = None
 ) -> Finding | None:
@@ -137,7 +141,7 @@ def _refilled(threshold: float, params: SafetyParams, held: SafetyAction) -> flo
 
 
 def _emptier(now: Snapshot, needed: float, action: SafetyAction, limit: SpeedLimit | None = None) -> Finding:
-    return _present(action, f"charge {100.0 * now.battery:.0f} %", limit) if now.battery < needed else CLEAR
+    return _present(action, f"charge {now.battery:.0%}", limit) if now.battery < needed else CLEAR
 
 
 def _degraded(params: SafetyParams) -> SpeedLimit:

@@ -1,6 +1,7 @@
 """Are the drives all right? Judges the motion engine's status by its history (fault DRIVE_FAULT).
 
-The drives count as up once the engine communicates and every axis is on without an alarm. From then on:
+The drives count as up once the engine has communicated, with every axis on and without an alarm, for
+``startup_settle_s`` without a break: a machine that is busy starting stutters. From then on:
 
 - no new engine cycle, or an engine that does not communicate, for more than ``silence_s`` is a fault;
 - an amplifier alarm or a following error is a fault at once;
@@ -34,11 +35,13 @@ class DriveWatch:
         servo_off_s: float,
         servo_on_timeout_s: float,
         startup_grace_s: float,
+        startup_settle_s: float,
         now_s: float,
     ) -> None:
         self._silence_s = silence_s
         self._servo_off_s = servo_off_s
         self._servo_on_timeout_s = servo_on_timeout_s
+        self._startup_settle_s = startup_settle_s
         self._first_time = True
         self._waiting_since_s: float | None = now_s
         self._may_wait_s = startup_grace_s
@@ -46,6 +49,7 @@ class DriveWatch:
         self._cycle: int | None = None
         self._axes: tuple[Axis, ...] = ()
         self._off = Hold()
+        self._good = Hold()
 
     def received(self, reading: DriveReading | None, now_s: float) -> None:
         """The engine's status as it is now; None where there is none to read."""
@@ -65,17 +69,23 @@ class DriveWatch:
         broken = self._broken(now_s)
         off = self._axes_with(lambda axis: not axis.servo_on, "servo off")
         off_for_s = self._off.update(bool(off), now_s)
+        good_for_s = self._good.update(not broken and off_for_s is None, now_s)
         waiting = age_s(now_s, self._waiting_since_s) <= self._may_wait_s
         if broken:
             return _waiting(broken) if waiting and self._first_time else _fault(broken)
-        if off_for_s is None:
-            self._first_time, self._waiting_since_s = False, None
-            return CLEAR
+        if good_for_s is not None:
+            return self._good_for(good_for_s)
         if emergency:
             return CLEAR
         if waiting:
             return _waiting(off)
-        return _fault(off) if off_for_s > self._servo_off_s else _UNKNOWN
+        return _fault(off) if off_for_s is not None and off_for_s > self._servo_off_s else _UNKNOWN
+
+    def _good_for(self, seconds: float) -> Finding:
+        if self._first_time and not seconds >= self._startup_settle_s:
+            return _waiting("settling")
+        self._first_time, self._waiting_since_s = False, None
+        return CLEAR
 
     def _broken(self, now_s: float) -> str:
         if not age_s(now_s, self._alive_s) <= self._silence_s:

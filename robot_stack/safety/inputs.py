@@ -93,6 +93,7 @@ class ProcessAge:
 class Snapshot:
     """Everything at one moment. Ages in s on the steady clock, infinite for what never came or is not usable.
 
+    joint_states_up: they have once been fresh for the whole settling time of the start-up.
     estop: phrase that says who asks for the stop, empty if nobody does.
     drive: judgement of the drives, made by ``DriveWatch`` because it needs their history.
     inclination_rad: angle between base_link's z axis and the vertical, NaN = unknown.
@@ -104,7 +105,7 @@ class Snapshot:
     uptime_s: float
     estop: str
     drive: Finding
-    joint_states_seen: bool
+    joint_states_up: bool
     joint_states_age_s: float
     joint_states_problem: str
     imu_age_s: float

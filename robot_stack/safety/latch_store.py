@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 from robot_stack.contract import faults
 from robot_stack.safety.monitor import ESTOP_PRESSED, Memory
@@ -25,7 +26,7 @@ class LatchStore:
     def load(self) -> Memory:
         """What was stored; an empty memory if there is no file, ``UNKNOWN_PAST`` if it makes no sense. Never raises."""
         try:
-            return _decode(self._path.read_text(encoding="utf-8"))
+            return _decode(json.loads(self._path.read_bytes()))
         except FileNotFoundError:
             return Memory()
         except (OSError, ValueError):
@@ -33,19 +34,17 @@ class LatchStore:
 
     def save(self, memory: Memory) -> None:
         """Replaces the file. Raises OSError."""
-        text = json.dumps({"latched": list(memory.latched), "passenger": memory.passenger})
         beside = self._path.with_name(f"{self._path.name}.new")
-        beside.write_text(text, encoding="utf-8")
+        beside.write_bytes(json.dumps({"latched": memory.latched, "passenger": memory.passenger}).encode())
         os.replace(beside, self._path)
 
 
-def _decode(text: str) -> Memory:
-    data = json.loads(text)
+def _decode(data: Any) -> Memory:
     if not isinstance(data, dict) or set(data) != {"latched", "passenger"}:
-        raise ValueError("not a latch file")
+        return UNKNOWN_PAST
     latched, passenger = data["latched"], data["passenger"]
     if not isinstance(passenger, bool) or not isinstance(latched, list):
-        raise ValueError("wrong types")
+        return UNKNOWN_PAST
     if not all(isinstance(code, str) and code in faults.BY_CODE for code in latched):
-        raise ValueError("unknown fault code")
+        return UNKNOWN_PAST
     return Memory(tuple(latched), passenger)

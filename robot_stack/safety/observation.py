@@ -19,6 +19,7 @@ class Observation:
 
     def __init__(self, params: SafetyParams, wheel_radius_m: float, now_s: float) -> None:
         self._started_s = now_s
+        self._settle_s = params.startup_settle_s
         self._criticality = {name: processes.BY_NAME[name].criticality for name in params.expected_processes}
         self._heard_s: dict[str, float] = {}
         motion = PlanarAcceleration(params.kinematic_filter_s, params.kinematic_max_mps2)
@@ -30,6 +31,7 @@ class Observation:
             servo_off_s=params.drive_servo_off_s,
             servo_on_timeout_s=params.drive_servo_on_timeout_s,
             startup_grace_s=params.startup_grace_s,
+            startup_settle_s=params.startup_settle_s,
             now_s=now_s,
         )
         self._imu = ImuWatch(up, motion, params.imu_min_mps2, params.imu_max_mps2, params.imu_max_radps)
@@ -75,7 +77,7 @@ class Observation:
             uptime_s=age_s(now_s, self._started_s),
             estop="/emergency_stop is true" if pressed else "",
             drive=self.drive.judge(emergency or pressed, now_s),
-            joint_states_seen=self.wheels.seen,
+            joint_states_up=self.wheels.up(now_s, stale_s(topics.JOINT_STATES), self._settle_s),
             joint_states_age_s=self.wheels.age_s(now_s),
             joint_states_problem=self.wheels.problem,
             imu_age_s=self._imu.age_s(now_s),

@@ -25,6 +25,7 @@ class SafetyParams(Config):
     rows: tuple[str, ...]
     expected_processes: tuple[str, ...]
     startup_grace_s: Positive
+    startup_settle_s: Positive
 
     drive_silence_s: Positive
     drive_servo_off_s: Positive

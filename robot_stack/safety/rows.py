@@ -26,8 +26,9 @@ class Row:
     def __init__(self, fault: Fault, latched: bool = False) -> None:
         self._fault = fault
         self._latched = latched
-        self._found = Finding(Level.PRESENT, fault.action, detail="latched before a restart") if latched else CLEAR
-        self._level = Level.PRESENT if latched else Level.CLEAR
+        # _found is the newest finding that raised the row, _newest the newest of all.
+        self._found = Finding(Level.PRESENT, detail="latched before a restart") if latched else CLEAR
+        self._newest = self._found
         self._gone_for = Hold()
 
     @property
@@ -45,7 +46,7 @@ class Row:
 
     def update(self, finding: Finding, now_s: float) -> None:
         """Takes what the row's condition finds now."""
-        self._level = finding.level
+        self._newest = finding
         gone_for_s = self._gone_for.update(finding.level is Level.CLEAR, now_s)
         if finding.level >= Level.WAITING:
             self._found = finding
@@ -63,9 +64,9 @@ class Row:
 
     def blocks_release(self) -> str:
         """Why a reset cannot release this row, empty if it can or need not."""
-        if not self._latched or self._level is Level.CLEAR:
+        if not self._latched or self._newest.level is Level.CLEAR:
             return ""
-        return f"{self.code}: {'cannot be judged now' if self._level is Level.UNKNOWN else self._found.detail}"
+        return f"{self.code}: {'cannot be judged now' if self._newest.level is Level.UNKNOWN else self._found.detail}"
 
     def release(self) -> None:
         """Ends the latch. Only after ``blocks_release`` was empty."""

@@ -11,6 +11,8 @@ from robot_stack.safety.attitude import PlanarAcceleration, UpDirection
 from robot_stack.safety.inputs import ImuSample
 from robot_stack.safety.timing import Hold, age_s
 
+_MODULE_AXES = tuple(zip(DRIVE_AXES, STEER_AXES, strict=True))
+
 
 class EstopWatch:
     """The newest ``/emergency_stop`` and the two-key rule's first key: for how long it has been released."""
@@ -92,6 +94,8 @@ class WheelWatch:
         self._at_s: float | None = None
         self._fastest_mps = math.inf
         self._still_for = Hold()
+        self._fresh_for = Hold()
+        self._up = False
         self.problem = "never received"
 
     def received(
@@ -103,20 +107,22 @@ class WheelWatch:
             return
         index = {name: i for i, name in enumerate(names)}
         order = [index[name] for name in JOINTS]
-        speeds_mps = [self._wheel_radius_m * velocity[order[axis]] for axis in DRIVE_AXES]
-        angles_rad = [position[order[axis]] for axis in STEER_AXES]
+        modules = [
+            (self._wheel_radius_m * velocity[order[drive]], position[order[steer]]) for drive, steer in _MODULE_AXES
+        ]
         self._at_s = now_s
-        self._fastest_mps = max(abs(speed) for speed in speeds_mps)
+        self._fastest_mps = max(abs(speed) for speed, _ in modules)
         # The modules lie symmetrically around base_link: the mean of their velocities is its own, without any turn.
-        vx = sum(v * math.cos(angle) for v, angle in zip(speeds_mps, angles_rad, strict=True)) / len(speeds_mps)
-        vy = sum(v * math.sin(angle) for v, angle in zip(speeds_mps, angles_rad, strict=True)) / len(speeds_mps)
+        vx = sum(speed * math.cos(angle) for speed, angle in modules) / len(modules)
+        vy = sum(speed * math.sin(angle) for speed, angle in modules) / len(modules)
         self._motion.update(vx, vy, now_s)
         self.still_for_s(now_s, math.inf)
 
-    @property
-    def seen(self) -> bool:
-        """True once usable joint states have come."""
-        return self._at_s is not None
+    def up(self, now_s: float, stale_s: float, settle_s: float) -> bool:
+        """True once they have been fresh for ``settle_s`` without a break; ask at every step."""
+        fresh_for_s = self._fresh_for.update(self.age_s(now_s) <= stale_s, now_s)
+        self._up |= fresh_for_s is not None and fresh_for_s >= settle_s
+        return self._up
 
     def age_s(self, now_s: float) -> float:
         return age_s(now_s, self._at_s)
@@ -134,8 +140,8 @@ def joint_states_problem(names: Sequence[str], position: Sequence[float], veloci
         return f"joints are missing: {', '.join(missing)}"
     if not len(names) == len(position) == len(velocity):
         return f"{len(names)} names, {len(position)} positions, {len(velocity)} velocities"
-    for name, rad, radps in zip(names, position, velocity, strict=True):
-        if not (math.isfinite(rad) and math.isfinite(radps)):
+    for index, name in enumerate(names):
+        if not (math.isfinite(position[index]) and math.isfinite(velocity[index])):
             return f"{name} is not finite"
     return ""
 

@@ -52,7 +52,7 @@ class Button:
         return [message.data for message in self.said.messages]
 
     def wait_values(self, values: list[bool]) -> None:
-        wait_for(lambda: self.values() == values, f"{values}, heard {self.values()}")
+        wait_for(lambda: self.values() == values, f"exactly {values} on /emergency_stop")
 
 
 def test_press_and_release(start: Start, peer: Peer, engine: TestEngine) -> None:

@@ -56,6 +56,14 @@ def test_a_limit_above_the_robots_own_changes_nothing() -> None:
     assert (verdict.limit, verdict.reason) == (OWN, "")
 
 
+@pytest.mark.parametrize("limit", [SpeedLimit(1.5, 0.5), SpeedLimit(0.5, 1.0)])
+def test_a_limit_equal_to_the_robots_own_is_no_reason(limit: SpeedLimit) -> None:
+    same = replace(SLOW, code="SAME", limit=OWN)
+    tight = replace(SLOW, code="TIGHT", limit=limit)
+    assert arbitrate([same], OWN, None).reason == ""
+    assert arbitrate([same, tight], OWN, None).reason == "TIGHT"
+
+
 def test_a_stop_ignores_a_number_that_comes_with_it() -> None:
     assert arbitrate([replace(STOP, limit=SpeedLimit(0.7, 0.7))], OWN, None).limit == SpeedLimit(0.0, 0.0)
 

@@ -164,6 +164,38 @@ def test_free_fall_settles_nothing() -> None:
     assert math.isnan(up.inclination_rad())
 
 
+def test_two_samples_at_the_same_time_are_no_jump() -> None:
+    up = _up()
+    now_s = _feed(up, _at_rest(0.0, 10.0), 0.0, 1.0) - DT_S
+    up.update(_at_rest(0.0, 10.0), ZERO, now_s)
+    assert math.degrees(up.inclination_rad()) == pytest.approx(10.0, abs=1e-9)
+
+
+def test_a_gap_of_exactly_the_limit_is_bridged() -> None:
+    up = UpDirection(2.0, settle_s=0.0, max_gap_s=0.25)
+    up.update(_at_rest(0.0, 10.0), ZERO, 1.0)
+    up.update(_at_rest(0.0, 0.0), ZERO, 1.25)
+    assert math.degrees(up.inclination_rad()) > 8.0
+    up.update(_at_rest(0.0, 0.0), ZERO, 1.51)
+    assert up.inclination_rad() == 0.0
+
+
+def test_one_step_of_the_filter_by_hand() -> None:
+    """dt = tau / 4: the pull is 1/5, so from up = (0, 0, 1) towards (0.6, 0, 0.8): (0.12, 0, 0.96)."""
+    up = UpDirection(1.0, settle_s=0.0, max_gap_s=0.25)
+    up.update(ImuSample(0.0, 0.0, 5.0, 0.0, 0.0, 0.0), ZERO, 1.0)
+    up.update(ImuSample(3.0, 0.0, 4.0, 0.0, 0.0, 0.0), ZERO, 1.25)
+    assert up.inclination_rad() == pytest.approx(math.atan2(0.12, 0.96), abs=1e-12)
+
+
+def test_a_weak_force_has_a_direction_too() -> None:
+    up = UpDirection(1.0, settle_s=0.0, max_gap_s=0.25)
+    up.update(ImuSample(0.0, 0.0, 0.5, 0.0, 0.0, 0.0), ZERO, 1.0)
+    assert up.inclination_rad() == 0.0
+    up.update(ImuSample(0.3, 0.0, 0.4, 0.0, 0.0, 0.0), ZERO, 1.25)
+    assert up.inclination_rad() == pytest.approx(math.atan2(0.12, 0.96), abs=1e-12)
+
+
 @pytest.mark.parametrize("later_s", [0.31, -0.01, -100.0, math.nan])
 def test_a_gap_or_a_jump_of_time_begins_anew(later_s: float) -> None:
     up = _up()

@@ -21,7 +21,7 @@ WELL = Snapshot(
     uptime_s=100.0,
     estop="",
     drive=CLEAR,
-    joint_states_seen=True,
+    joint_states_up=True,
     joint_states_age_s=0.0,
     joint_states_problem="",
     imu_age_s=0.0,
@@ -93,14 +93,20 @@ def test_joint_states() -> None:
     assert find("JOINT_STATES_TIMEOUT", joint_states_age_s=0.05, joint_states_problem="junk") == CLEAR
 
 
-def test_joint_states_never_seen_wait_for_the_grace() -> None:
-    never = {"joint_states_seen": False, "joint_states_age_s": math.inf}
+def test_joint_states_that_are_not_up_wait_for_the_grace() -> None:
+    never = {"joint_states_up": False, "joint_states_age_s": math.inf}
     waiting = Finding(Level.WAITING, STOP, None, "/joint_states: never received")
     assert find("JOINT_STATES_TIMEOUT", uptime_s=PARAMS.startup_grace_s, **never) == waiting
     after = find("JOINT_STATES_TIMEOUT", uptime_s=PARAMS.startup_grace_s + 1e-6, **never)
     assert after == present(EMERGENCY, "/joint_states: never received")
     assert find("JOINT_STATES_TIMEOUT", uptime_s=math.inf, **never).level is Level.PRESENT
     assert find("JOINT_STATES_TIMEOUT", uptime_s=0.0, joint_states_age_s=1.0).level is Level.PRESENT
+
+
+@pytest.mark.parametrize("uptime_s", [0.0, PARAMS.startup_grace_s, math.inf])
+def test_joint_states_that_have_just_come_settle(uptime_s: float) -> None:
+    settling = find("JOINT_STATES_TIMEOUT", uptime_s=uptime_s, joint_states_up=False, joint_states_age_s=0.1)
+    assert settling == Finding(Level.WAITING, STOP, None, "/joint_states: settling")
 
 
 @pytest.mark.parametrize("held", [NONE, EMERGENCY])
@@ -192,7 +198,7 @@ def test_node_dead(ages: dict[str, float], expected: Finding) -> None:
 )
 def test_battery(code: str, threshold: float, action: SafetyAction, limit: SpeedLimit | None) -> None:
     assert find(code, NONE, battery=threshold) == CLEAR
-    assert find(code, NONE, battery=threshold - 0.02) == present(action, f"charge {100 * threshold - 2:.0f} %", limit)
+    assert find(code, NONE, battery=threshold - 0.02) == present(action, f"charge {threshold - 0.02:.0%}", limit)
     back = threshold + PARAMS.battery_hysteresis
     assert find(code, action, battery=back) == CLEAR
     assert find(code, action, battery=back - 0.01).level is Level.PRESENT

@@ -17,7 +17,13 @@ NO_ENGINE = "the motion engine does not communicate"
 
 class Drives:
     def __init__(self) -> None:
-        times = {"silence_s": 0.125, "servo_off_s": 0.25, "servo_on_timeout_s": 2.0, "startup_grace_s": 8.0}
+        times = {
+            "silence_s": 0.125,
+            "servo_off_s": 0.25,
+            "servo_on_timeout_s": 2.0,
+            "startup_grace_s": 8.0,
+            "startup_settle_s": 0.5,
+        }
         self.watch = DriveWatch(**times, now_s=16.0)
         self.cycle = 0
 
@@ -28,9 +34,11 @@ class Drives:
         self.watch.received(DriveReading(communicating, self.cycle, all_axes), now_s)
         return self.watch.judge(emergency, now_s)
 
-    def up(self, now_s: float = 17.0) -> Drives:
-        self.look(now_s)
-        assert self.look(now_s) == CLEAR
+    def up(self) -> Drives:
+        """Up at 17.0 s."""
+        for now_s in (16.375, 16.5, 16.625, 16.75, 16.875):
+            assert self.look(now_s).level is Level.WAITING
+        assert self.look(17.0) == CLEAR
         return self
 
 
@@ -52,7 +60,26 @@ def test_waits_for_the_engine_and_then_gives_up() -> None:
 def test_the_first_look_proves_nothing() -> None:
     drives = Drives()
     assert drives.look(17.0) == waiting(NO_ENGINE)
-    assert drives.look(17.0) == CLEAR
+    assert drives.look(17.0) == waiting("settling")
+
+
+def test_a_stutter_while_starting_starts_the_settling_again() -> None:
+    drives = Drives()
+    drives.look(17.0)
+    for now_s in (17.0, 17.125, 17.25, 17.375):
+        assert drives.look(now_s) == waiting("settling")
+    assert drives.watch.judge(False, 17.5625) == waiting(NO_ENGINE)
+    for now_s in (17.625, 17.75, 17.875, 18.0):
+        assert drives.look(now_s) == waiting("settling")
+    assert drives.look(18.125) == CLEAR
+
+
+def test_settling_may_outlast_the_grace() -> None:
+    drives = Drives()
+    drives.look(23.875)
+    for now_s in (23.875, 24.0, 24.125, 24.25):
+        assert drives.look(now_s) == waiting("settling")
+    assert drives.look(24.375) == CLEAR
 
 
 @pytest.mark.parametrize(
@@ -84,20 +111,20 @@ def test_an_alarm_is_named_before_a_following_error() -> None:
 
 
 def test_silence_counts_from_the_last_new_cycle() -> None:
-    drives = Drives().up(17.0)
+    drives = Drives().up()
     assert drives.watch.judge(False, 17.125) == CLEAR
     assert drives.watch.judge(False, 17.1251) == fault(NO_ENGINE)
 
 
 def test_a_cycle_that_stands_still_is_silence() -> None:
-    drives = Drives().up(17.0)
+    drives = Drives().up()
     for now_s in (17.05, 17.1, 17.2):
         drives.watch.received(DriveReading(True, drives.cycle, (GOOD,) * 8), now_s)
     assert drives.watch.judge(False, 17.2) == fault(NO_ENGINE)
 
 
 def test_cycles_without_communication_are_silence() -> None:
-    drives = Drives().up(17.0)
+    drives = Drives().up()
     assert drives.look(17.1, communicating=False) == CLEAR
     assert drives.look(17.2, communicating=False) == fault(NO_ENGINE)
     assert drives.look(17.25) == CLEAR
@@ -105,13 +132,13 @@ def test_cycles_without_communication_are_silence() -> None:
 
 @pytest.mark.parametrize("reading", [None, DriveReading(True, 99, (GOOD,) * 7), DriveReading(True, 99, ())])
 def test_no_reading_is_silence(reading: DriveReading | None) -> None:
-    drives = Drives().up(17.0)
+    drives = Drives().up()
     drives.watch.received(reading, 17.2)
     assert drives.watch.judge(False, 17.2) == fault(NO_ENGINE)
 
 
 def test_axes_beyond_the_robots_own_are_no_concern() -> None:
-    drives = Drives().up(17.0)
+    drives = Drives().up()
     drives.watch.received(DriveReading(True, 99, (*[GOOD] * 8, ALARM, OFF)), 17.1)
     assert drives.watch.judge(False, 17.1) == CLEAR
 

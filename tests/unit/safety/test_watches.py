@@ -109,7 +109,7 @@ def _states(drive_radps: list[float], steer_rad: list[float]) -> tuple[list[floa
 
 def test_wheels_never_received() -> None:
     wheels, _ = _wheels()
-    assert not wheels.seen
+    assert not wheels.up(1.0, 10.0, 0.0)
     assert wheels.age_s(1.0) == math.inf
     assert wheels.problem == "never received"
     assert wheels.still_for_s(1.0, 10.0) is None
@@ -119,7 +119,6 @@ def test_wheels_stand_still_below_the_threshold_only() -> None:
     wheels, _ = _wheels(standstill_mps=0.25)
     slow, fast = _states([2.4, -2.4, 0.0, 0.0], [0.0] * 4), _states([0.0, 0.0, 0.0, -2.5], [0.0] * 4)
     wheels.received(JOINTS, *slow, 1.0)
-    assert wheels.seen
     assert wheels.problem == ""
     wheels.received(JOINTS, *slow, 1.5)
     assert wheels.still_for_s(1.75, 0.5) == 0.75
@@ -146,6 +145,20 @@ def test_old_wheel_speeds_are_no_standstill() -> None:
     assert wheels.still_for_s(1.51, 0.5) is None
     wheels.received(JOINTS, *_states([0.0] * 4, [0.0] * 4), 1.6)
     assert wheels.still_for_s(1.6, 0.5) == 0.0
+
+
+def test_wheels_are_up_once_they_have_been_fresh_for_long_enough() -> None:
+    wheels, _ = _wheels()
+    still = _states([0.0] * 4, [0.0] * 4)
+    for now_s in (1.0, 1.25, 1.5):
+        wheels.received(JOINTS, *still, now_s)
+        assert not wheels.up(now_s, 0.25, 1.0)
+    assert not wheels.up(1.76, 0.25, 1.0)  # a gap
+    for now_s in (2.0, 2.25, 2.5, 2.75):
+        wheels.received(JOINTS, *still, now_s)
+        assert not wheels.up(now_s, 0.25, 1.0)
+    assert wheels.up(3.0, 0.25, 1.0)
+    assert wheels.up(99.0, 0.25, 1.0)  # up is for good; what comes later is a fault
 
 
 def test_bad_joint_states_leave_the_age_growing() -> None:

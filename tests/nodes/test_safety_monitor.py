@@ -1,0 +1,320 @@
+"""The safety monitor's process among real peers: a simulated engine, a fake robot, hearts that are really killed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import statistics
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import BatteryState, Imu, JointState
+from std_msgs.msg import Bool, Float32
+
+from robot_stack.contract import services, topics
+from robot_stack.contract.frames import JOINTS
+from tests.support.engine import TestEngine
+from tests.support.processes import ROOT, NodeProcess
+from tests.support.waiting import wait_for
+
+if TYPE_CHECKING:
+    from tests.support.peer import Heard, Peer
+
+Start = Callable[..., NodeProcess]
+# Faults that this file does not play with would only slow its tests down.
+ROWS = ("ESTOP_PRESSED", "DRIVE_FAULT", "JOINT_STATES_TIMEOUT", "TILT", "IMU_TIMEOUT", "NODE_DEAD", "SLOPE")
+HEART = ROOT / "tests" / "nodes" / "scripts" / "heartbeat_sender.py"
+
+
+@pytest.fixture
+def engine(start: Start, tmp_path: Path) -> Iterator[TestEngine]:
+    engine = TestEngine(start, tmp_path)
+    yield engine
+    engine.close()
+
+
+class FakeRobot:
+    """Joint states, IMU, pose, quality and battery of a robot that stands level, at the contract's rates."""
+
+    def __init__(self, peer: Peer) -> None:
+        self._peer = peer
+        self._samples = 0
+        self.wheel_radps = 0.0
+        self.publish_all()
+
+    def publish_all(self) -> None:
+        peer = self._peer
+        peer.repeat(topics.JOINT_STATES, self._joint_states, 50.0)
+        peer.repeat(topics.IMU, self._imu, 100.0)
+        peer.repeat(topics.CURRENT_POSE, PoseStamped, 10.0)
+        peer.repeat(topics.LOCALIZATION_QUALITY, lambda: Float32(data=0.9), 10.0)
+        peer.repeat(topics.BATTERY_STATE, lambda: BatteryState(percentage=0.8), 2.0)
+
+    def _joint_states(self) -> JointState:
+        return JointState(name=list(JOINTS), position=[0.0] * 8, velocity=[self.wheel_radps, 0.0] * 4)
+
+    def _imu(self) -> Imu:
+        self._samples += 1
+        message = Imu()
+        message.linear_acceleration.z = 9.81 + 1e-6 * self._samples
+        return message
+
+
+class Scene:
+    """A monitor, everything it needs, and what it says."""
+
+    def __init__(self, start: Start, peer: Peer, engine: TestEngine) -> None:
+        self._start = start
+        self.peer = peer
+        self.engine = engine
+        self.status: Heard = peer.listen(topics.SAFETY_STATUS)
+        self.limit: Heard = peer.listen(topics.VELOCITY_LIMIT)
+        self.robot = FakeRobot(peer)
+        self.heart = self.start_heart()
+        self.monitor = self.start_monitor()
+
+    def start_heart(self) -> NodeProcess:
+        return self._start("heart", command=[sys.executable, str(HEART), "swerve_controller"])
+
+    def start_monitor(self, *arguments: str) -> NodeProcess:
+        rows = f"rows:=[{', '.join(ROWS)}]"
+        return self._start("safety_monitor", "-p", rows, "-p", "expected_processes:=[swerve_controller]", *arguments)
+
+    def wait_state(self, state: str, *faults: str, deadline_s: float = 60.0) -> Any:
+        def matches(message: Any) -> bool:
+            return message.safety_state == state and (not faults or tuple(message.active_faults) == faults)
+
+        wait_for(lambda: self.status.items, "any /safety/status", deadline_s)
+        try:
+            return self.status.wait(matches, f"{state} {faults}", deadline_s)
+        except AssertionError as error:
+            raise AssertionError(f"{error}; last {self.status.last}\n{self.monitor.output()}") from None
+
+    def normal(self) -> Scene:
+        self.wait_state("NORMAL")
+        self.limit.wait(lambda message: message.reason == "", "the robot's own limit")
+        return self
+
+    def estop(self, pressed: bool) -> None:
+        self.peer.publish(topics.EMERGENCY_STOP, Bool(data=pressed))
+
+    def reset(self) -> Any:
+        return self.peer.call(services.SAFETY_RESET)
+
+    def reset_until_granted(self) -> None:
+        answers: list[Any] = []
+
+        def granted() -> bool:
+            answers.append(self.reset())
+            return bool(answers[-1].success)
+
+        try:
+            wait_for(granted, "a granted reset")
+        except AssertionError as error:
+            raise AssertionError(f"{error}; last answer: {answers[-1].message}") from None
+
+
+@pytest.fixture
+def scene(start: Start, peer: Peer, engine: TestEngine) -> Scene:
+    engine.run().up()
+    return Scene(start, peer, engine)
+
+
+def test_normal_start_rates_and_no_obstacle_known(scene: Scene) -> None:
+    scene.normal()
+    assert all(message.safety_state != "EMERGENCY_STOP" for message in scene.status.messages)
+    limit = scene.limit.last
+    assert (limit.max_linear_velocity, limit.max_angular_velocity) == (1.5, 1.0)
+    status = scene.status.last
+    assert status.header.frame_id == "base_link"
+    assert list(status.active_faults) == []
+    assert status.min_obstacle_distance != status.min_obstacle_distance  # NaN: unknown
+    assert not status.emergency_stop_active
+    count = len(scene.status.items)
+    begin_s = scene.status.items[-1][0]
+    wait_for(lambda: scene.status.items[-1][0] > begin_s + 2.0, "two seconds of status")
+    assert len(scene.status.items) - count == pytest.approx(20, abs=2)
+
+
+def test_a_stop_shows_within_50_ms_and_limits_to_zero(scene: Scene) -> None:
+    """Five presses; the median, because a test machine that is busy with other things delays single ones."""
+    scene.normal()
+    scene.peer.wait_matched(topics.EMERGENCY_STOP)
+    to_status_s, to_limit_s = [], []
+    for _ in range(5):
+        sent_s = time.monotonic()
+        scene.estop(True)
+        scene.wait_state("EMERGENCY_STOP", "ESTOP_PRESSED")
+        limit = scene.limit.wait(lambda message: message.max_linear_velocity == 0.0, "a standstill")
+        assert (limit.max_angular_velocity, limit.reason) == (0.0, "ESTOP_PRESSED")
+        to_status_s.append(_first(scene.status, sent_s, lambda m: m.emergency_stop_active) - sent_s)
+        to_limit_s.append(_first(scene.limit, sent_s, lambda m: m.max_linear_velocity == 0.0) - sent_s)
+        scene.estop(False)
+        scene.reset_until_granted()
+        scene.normal()
+    print("/emergency_stop to status", [f"{1e3 * s:.1f} ms" for s in to_status_s])
+    assert statistics.median(to_status_s) < 0.05
+    assert statistics.median(to_limit_s) < 0.05
+
+
+def _first(heard: Heard, since_s: float, condition: Callable[[Any], bool]) -> float:
+    """When the first message since then that meets the condition arrived, steady seconds."""
+    return next(at_s for at_s, message in list(heard.items) if at_s >= since_s and condition(message))
+
+
+def test_two_keys(scene: Scene) -> None:
+    scene.normal()
+    scene.peer.wait_matched(topics.EMERGENCY_STOP)
+    scene.estop(True)
+    scene.wait_state("EMERGENCY_STOP")
+    pressed = scene.reset()
+    assert not pressed.success
+    assert "/emergency_stop is true" in pressed.message
+    scene.robot.wheel_radps = 3.0
+    scene.estop(False)
+    wait_for(lambda: "less than" not in scene.reset().message, "the settling time")
+    moving = scene.reset()
+    assert not moving.success
+    assert "does not stand still" in moving.message
+    scene.robot.wheel_radps = 0.0
+    assert scene.status.last.emergency_stop_active
+    scene.reset_until_granted()
+    scene.normal()
+    assert scene.reset().message == "no emergency stop is latched"
+
+
+def test_a_killed_process_is_missed_and_welcomed_back(scene: Scene) -> None:
+    scene.normal()
+    killed_s = time.monotonic()
+    os.kill(scene.heart.pid, signal.SIGKILL)
+    scene.wait_state("DEGRADED", "NODE_DEAD")
+    stopped_s = _first(scene.status, killed_s, lambda message: message.active_faults)
+    # the last heartbeat is at most 0.1 s older than the kill; the row's second starts there
+    assert 0.85 < stopped_s - killed_s < 1.3
+    assert scene.limit.wait(lambda message: message.reason == "NODE_DEAD", "a stop").max_linear_velocity == 0.0
+    scene.heart = scene.start_heart()
+    scene.normal()
+
+
+@pytest.mark.parametrize("how", ["alarm", "bus lost", "engine killed", "servo off"])
+def test_drive_faults(scene: Scene, how: str, start: Start) -> None:
+    scene.normal()
+    broken_s = time.monotonic()
+    if how == "alarm":
+        scene.engine.set(alarms={"3": 17})
+    elif how == "bus lost":
+        scene.engine.set(connected=False)
+    elif how == "engine killed":
+        scene.engine.kill()
+    else:
+        scene.engine.device.core_motion.axisControl.SetServoOn(3, 0)
+    scene.wait_state("EMERGENCY_STOP", "DRIVE_FAULT")
+    latched_s = _first(scene.status, broken_s, lambda message: message.emergency_stop_active)
+    print(f"{how}: {1e3 * (latched_s - broken_s):.0f} ms")
+    assert latched_s - broken_s < 0.5
+    if how == "servo off":
+        return
+    assert not scene.reset().success
+    if how == "engine killed":
+        scene.engine.close()
+        scene.engine.run().up()
+    else:
+        scene.engine.recover()
+    scene.reset_until_granted()
+    scene.normal()
+
+
+def test_silent_joint_states_latch_and_a_silent_imu_limits(scene: Scene) -> None:
+    scene.normal()
+    scene.peer.silence(topics.IMU)
+    scene.wait_state("DEGRADED", "IMU_TIMEOUT")
+    assert scene.limit.wait(lambda message: message.reason == "IMU_TIMEOUT", "slowly").max_linear_velocity == 0.5
+    scene.peer.silence(topics.JOINT_STATES)
+    scene.wait_state("EMERGENCY_STOP", "JOINT_STATES_TIMEOUT", "IMU_TIMEOUT")
+    scene.robot.publish_all()
+    scene.reset_until_granted()
+    scene.normal()
+
+
+def test_a_passenger_is_slower(scene: Scene) -> None:
+    scene.normal()
+    scene.peer.wait_matched(topics.PASSENGER_ATTACHED)
+    scene.peer.publish(topics.PASSENGER_ATTACHED, Bool(data=True))
+    limit = scene.limit.wait(lambda message: message.reason == "PASSENGER_ONBOARD", "the passenger's limit")
+    assert limit.max_linear_velocity == 1.0
+    assert scene.status.last.safety_state == "NORMAL"
+
+
+def test_a_latched_stop_survives_sigkill(scene: Scene) -> None:
+    scene.normal()
+    scene.peer.wait_matched(topics.EMERGENCY_STOP)
+    scene.estop(True)
+    scene.wait_state("EMERGENCY_STOP")
+    os.kill(scene.monitor.pid, signal.SIGKILL)
+    scene.monitor.wait()
+    scene.estop(False)
+    count = len(scene.status.items)
+    scene.monitor = scene.start_monitor()
+    wait_for(lambda: len(scene.status.items) > count, "the new monitor")
+    assert all(message.emergency_stop_active for message in scene.status.messages[count:])
+    scene.wait_state("EMERGENCY_STOP", "ESTOP_PRESSED")
+    scene.estop(False)
+    scene.reset_until_granted()
+    scene.normal()
+
+
+def test_a_corrupt_latch_file_is_an_emergency(scene: Scene) -> None:
+    scene.normal()
+    os.kill(scene.monitor.pid, signal.SIGKILL)
+    scene.monitor.wait()
+    (Path(os.environ["ROBOT_STACK_RUNTIME_DIR"]) / "safety_latch.json").write_text("{half")
+    count = len(scene.status.items)
+    scene.monitor = scene.start_monitor()
+    wait_for(lambda: len(scene.status.items) > count, "the new monitor")
+    assert all(message.emergency_stop_active for message in scene.status.messages[count:])
+    wait_for(
+        lambda: "PASSENGER" not in scene.limit.last.reason and scene.limit.last.max_linear_velocity == 0.0, "a stop"
+    )
+
+
+def test_a_normal_end_leaves_no_latch_and_stops_the_drive(scene: Scene) -> None:
+    scene.normal()
+    scene.monitor.signal(signal.SIGTERM)
+    assert scene.monitor.wait() == 0
+    limit = scene.limit.wait(lambda message: message.max_linear_velocity == 0.0, "the last word")
+    assert limit.reason == "NODE_DEAD"
+    latch = Path(os.environ["ROBOT_STACK_RUNTIME_DIR"]) / "safety_latch.json"
+    assert not latch.exists() or json.loads(latch.read_text())["latched"] == []
+
+
+def test_a_drive_that_never_comes_up_is_never_normal(start: Start, peer: Peer, engine: TestEngine) -> None:
+    scene = Scene(start, peer, engine)
+    scene.monitor.stop()
+    scene.monitor = scene.start_monitor("-p", "startup_grace_s:=4.0")
+    scene.wait_state("DEGRADED", "DRIVE_FAULT")
+    assert scene.limit.last.max_linear_velocity == 0.0
+    scene.wait_state("EMERGENCY_STOP", "DRIVE_FAULT")
+    assert all(message.safety_state != "NORMAL" for message in scene.status.messages)
+
+
+@pytest.mark.parametrize(
+    ("argument", "complaint"),
+    [
+        ("tilt_stop_deg:=1e9", "tilt_stop_deg"),
+        ("rows:=[TILT]", "ESTOP_PRESSED must be among the rows"),
+        ("rows:=[ESTOP_PRESSED, LIDAR_TIMEOUT]", "LIDAR_TIMEOUT has no condition yet"),
+        ("expected_processes:=[nobody]", "nobody is not a process"),
+        ("no_such:=1", "no_such"),
+    ],
+)
+def test_bad_parameters_stop_the_start(start: Start, argument: str, complaint: str) -> None:
+    process = start("safety_monitor", "-p", argument)
+    assert process.wait() == 2
+    assert complaint in process.output()
+    assert process.output().count("\n") == 1
