@@ -26,7 +26,7 @@ def run_engine(config: EngineConfig, folder: Path, speed: float = 1.0) -> None:
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, end)
-    engine = Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s))
+    engine = _engine(config)
     server = EngineServer(engine, folder)
     gc.collect()
     gc.freeze()  # nothing made up to here is ever garbage: spare the cycle the search
@@ -34,16 +34,24 @@ def run_engine(config: EngineConfig, folder: Path, speed: float = 1.0) -> None:
     server.shut_down()
 
 
+def _engine(config: EngineConfig) -> Engine:
+    return Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s))
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description="Simulated motion engine on drives without physics.")
     parser.add_argument("--config", type=Path, help="engine configuration; default config/wmx_engine.yaml")
     parser.add_argument("--runtime-dir", type=Path, help="folder of socket and status; default the stack's own")
     parser.add_argument("--speed", type=float, default=1.0, help="engine time per real time, for tests")
+    parser.add_argument("--compile", action="store_true", help="only compile the cycle for later starts, and end")
     arguments = parser.parse_args()
     if not 0.0 < arguments.speed <= 1000.0:
         parser.error(f"--speed must be in (0, 1000], is {arguments.speed}")
     try:
         config = load_engine_config() if arguments.config is None else _read(arguments.config)
+        if arguments.compile:
+            _engine(config)
+            return 0
         run_engine(config, arguments.runtime_dir or runtime_dir(), arguments.speed)
     except (ConfigError, AlreadyRunning, OSError) as error:
         print(f"engine: {error}", file=sys.stderr)

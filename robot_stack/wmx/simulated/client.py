@@ -233,6 +233,7 @@ class WMX3Api:
         return code, "" if code else values[0]
 
     def GetDeviceID(self) -> tuple[int, int]:
+        self.snapshot()  # notices that the engine was stopped
         return (ErrorCode.PyNone if self._device_id else ErrorCode.DeviceIsNull), self._device_id
 
     def GetAllDevices(self) -> tuple[int, DevicesInfo]:

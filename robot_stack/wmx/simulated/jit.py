@@ -2,7 +2,7 @@
 
 numba's own cache looks only at the file of a function, not at what it calls or which constants it folded in from other
 modules: change a row number elsewhere and yesterday's machine code runs on. So the cache lives in a folder named after
-all sources of this package, and any change makes a new one.
+the contents of all sources that compiled code is made of, and any change makes a new one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 import numba
 from numba.core import config
@@ -22,6 +22,16 @@ from numba.core import config
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).resolve().parents[1]
+SOURCES: Final = (
+    "axes.py",
+    "api/*.py",
+    "simulated/jit.py",
+    "simulated/kernel.py",
+    "simulated/profile.py",
+    "simulated/rows.py",
+)
+"""What compiled code is made of, relative to the package ``robot_stack.wmx``."""
+
 _PREFIX = "numba-"
 _numba_config: Any = config
 
@@ -29,7 +39,7 @@ _numba_config: Any = config
 @cache
 def _cache_folder() -> str:
     digest = hashlib.sha256()
-    for source in sorted(_PACKAGE.rglob("*.py")):
+    for source in sorted(path for pattern in SOURCES for path in _PACKAGE.glob(pattern)):
         digest.update(source.read_bytes())
     root = _writable(Path(__file__).parent / "__pycache__") or _writable(
         Path(tempfile.gettempdir()) / f"robot_stack-numba-{os.getuid()}"

@@ -31,7 +31,10 @@ _WRONG_MODE = {
 
 
 class MotionControl:
-    """Starts and ends motions. ``device`` is the caller, who owns what it set in motion last."""
+    """Starts and ends motions. ``device`` is the caller, who owns what it set in motion last.
+
+    Numbers are made floats before they reach compiled code: an integer would have it compiled anew, in mid-ride.
+    """
 
     def __init__(self, arrays: EngineArrays, condition: Condition) -> None:
         self._a = arrays
@@ -226,11 +229,11 @@ class MotionControl:
         more_urgent = state == OperationState.Stop and a.flags[Flag.DETAIL_OP_STATE, axis] > detail
         if state == OperationState.Idle or more_urgent:
             return
-        begin_stop(a.reals, a.flags, a.work, a.plan, axis, dec, int(detail), _NO_ERROR)
+        begin_stop(a.reals, a.flags, a.work, a.plan, axis, float(dec), int(detail), _NO_ERROR)
 
     def _begin_position(self, axis: int, target: float, profile: Profile, device: int) -> None:
         a = self._a
-        acc, dec = profile.acc, profile.dec
+        acc, dec = float(profile.acc), float(profile.dec)
         if profile.type == ProfileType.TimeAccTrapezoidal:
             acc = profile.velocity / (1e-3 * profile.accTimeMilliseconds)
             dec = profile.velocity / (1e-3 * profile.decTimeMilliseconds)
@@ -238,8 +241,8 @@ class MotionControl:
             a.plan[axis],
             float(a.reals[Real.POS_CMD, axis]),
             float(a.reals[Real.VELOCITY_CMD, axis]),
-            target,
-            profile.velocity,
+            float(target),
+            float(profile.velocity),
             acc,
             dec,
             int(a.work[rows.OVERTRAVEL, axis]),
@@ -252,11 +255,11 @@ class MotionControl:
     ) -> None:
         a = self._a
         velocity = float(a.reals[Real.VELOCITY_CMD, axis])
-        acc, dec = profile.acc, profile.dec
+        acc, dec = float(profile.acc), float(profile.dec)
         if profile.type == ProfileType.TimeAccTrapezoidal:
             acc, dec = _timed_rates(velocity, profile)
-        position = float(a.reals[Real.POS_CMD, axis])
-        a.work[rows.SEGMENTS, axis] = plan_velocity(a.plan[axis], position, velocity, profile.velocity, acc, dec)
+        position, wanted = float(a.reals[Real.POS_CMD, axis]), float(profile.velocity)
+        a.work[rows.SEGMENTS, axis] = plan_velocity(a.plan[axis], position, velocity, wanted, acc, dec)
         detail = DetailOperationState.Jog if state is OperationState.Jog else DetailOperationState.Velocity
         self._begun(axis, profile, device, state, detail, run_cycles)
 

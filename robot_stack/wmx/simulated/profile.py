@@ -30,11 +30,12 @@ OVERTRAVEL_CHANGE_INITIAL_VELOCITY: Final = 2
 
 @compiled
 def _push(plan: Plan, n: int, duration: float, position: float, velocity: float, acceleration: float) -> int:
-    """Appends a segment unless it lasts no time. Returns the new number of segments."""
-    if duration <= 0.0:
-        return n
+    """Appends a segment unless it lasts no time that counts. Returns the new number of segments."""
     start = plan[n - 1, 0] if n > 0 else 0.0
-    plan[n, 0] = start + duration
+    end = start + duration
+    if not end > start:
+        return n
+    plan[n, 0] = end
     plan[n, 1] = position
     plan[n, 2] = velocity
     plan[n, 3] = acceleration

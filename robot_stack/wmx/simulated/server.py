@@ -126,6 +126,11 @@ class EngineServer:
         self._path.unlink(missing_ok=True)
         self._lock.close()
 
+    @property
+    def creating(self) -> bool:
+        """A device is being created at this moment."""
+        return self._creator is not None
+
     def inject_create_lock(self, duration_s: float) -> None:
         """Makes device creation fail with the lock error for a while, as if another process were at it."""
         self._lock_until_ns = self._clock_ns() + round(1e9 * duration_s)

@@ -15,13 +15,20 @@ from robot_stack.wmx.bus import MODE_POSITION, DriveCommands, DriveFeedback
 
 
 class VirtualDrives:
-    """A ServoBus. Faults: ``alarms`` (a request clears them unless ``stubborn``), ``connected``, ``frozen`` encoder."""
+    """A ServoBus with faults to inject.
+
+    ``alarms``: code per drive, cleared on request unless ``stubborn``. ``broken``: drives that cannot be on.
+    ``frozen``: drives whose encoder stands still. ``connected``: False loses the bus, ``lose_cycles`` loses it for that
+    many cycles. ``inputs``: bytes of the input image; ``outputs``: the output image last received.
+    """
 
     def __init__(self, n_axes: int, cycle_time_s: float, lag_s: float = 0.005, servo_delay_cycles: int = 2) -> None:
         self.n_axes = n_axes
         self.connected = True
+        self.lose_cycles = 0
         self.stubborn = False
         self.alarms: NDArray[np.int32] = np.zeros(n_axes, np.int32)
+        self.broken: NDArray[np.bool_] = np.zeros(n_axes, np.bool_)
         self.frozen: NDArray[np.bool_] = np.zeros(n_axes, np.bool_)
         self.inputs: dict[int, int] = {}
         self.outputs: NDArray[np.uint8] = np.zeros(0, np.uint8)
@@ -40,6 +47,9 @@ class VirtualDrives:
             self.servo_on.fill(False)
             self.velocity.fill(0.0)
             return False
+        if self.lose_cycles > 0:
+            self.lose_cycles -= 1
+            return False
         self._switch(out)
         self._move(out)
         self.outputs = out.outputs.copy()
@@ -56,7 +66,7 @@ class VirtualDrives:
     def _switch(self, out: DriveCommands) -> None:
         if not self.stubborn:
             self.alarms[out.clear_alarm] = 0
-        wanted = out.servo_on & (self.alarms == 0)
+        wanted = out.servo_on & (self.alarms == 0) & ~self.broken
         self._switching = np.where(wanted & ~self.servo_on, self._switching + 1, 0)
         self.servo_on = wanted & (self.servo_on | (self._switching > self._servo_delay))
 

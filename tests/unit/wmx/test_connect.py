@@ -1,0 +1,128 @@
+"""Connecting by configuration: no engine, a late engine, the stack's own folder."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from robot_stack.wmx import EngineError, connect, load_library
+from robot_stack.wmx.api import CoreMotionErrorCode, EngineState, ErrorCode, error_name, error_text
+from robot_stack.wmx.simulated.client import engine_folder
+from robot_stack.wmx.simulated.library import simulated_library
+from tests.support.waiting import wait_for
+from tests.unit.wmx.harness import ThreadHarness, client_config, runtime_folder, status
+
+
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    with runtime_folder() as folder:
+        yield folder
+
+
+def test_without_an_engine_it_says_so_and_does_not_block(folder: Path) -> None:
+    with pytest.raises(EngineError, match="node: cannot create a device: no engine is running there") as raised:
+        connect("node", client_config(folder), timeout_s=0.0)
+    assert raised.value.code == ErrorCode.IMLibIsNotRunning
+
+
+def test_waits_for_an_engine_that_comes_later(folder: Path) -> None:
+    found: list[EngineState] = []
+
+    def node() -> None:
+        with connect("early", client_config(folder)) as engine:
+            found.append(status(engine).engine_state)
+
+    thread = threading.Thread(target=node)
+    thread.start()
+    harness = ThreadHarness(folder)
+    try:
+        thread.join(30.0)
+        assert found == [EngineState.Running]
+    finally:
+        harness.stop()
+
+
+def test_context_manager_gives_the_device_back(folder: Path) -> None:
+    harness = ThreadHarness(folder)
+    try:
+        with connect("one", harness.config) as one:
+            assert one.api.GetAllDevices()[1].count == 1
+        assert not one.api.IsDeviceValid()
+    finally:
+        harness.stop()
+
+
+def test_name_too_long(folder: Path) -> None:
+    harness = ThreadHarness(folder)
+    try:
+        with pytest.raises(EngineError, match="cannot name the device"):
+            connect("n" * 64, harness.config)
+        other = harness.connect()
+        wait_for(lambda: other.api.GetAllDevices()[1].count == 1, "the refused device to go")
+        harness.end_test()
+    finally:
+        harness.stop()
+
+
+def test_vendors_paths_mean_the_stacks_own_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(folder))
+    for path in ("", "/opt/lmx/", "/opt/lmx", "/opt/wmx3/"):
+        assert engine_folder(path) == folder
+    assert engine_folder("/somewhere/else") == Path("/somewhere/else")
+    harness = ThreadHarness(folder)
+    try:
+        library = load_library(client_config(folder).model_copy(update={"path": ""}))
+        api = library.WMX3Api()
+        assert api.CreateDevice("/opt/lmx/", 0, 10000) == ErrorCode.PyNone
+        assert api.CloseDevice() == ErrorCode.PyNone
+    finally:
+        harness.stop()
+
+
+def test_api_objects_of_one_library_do_not_take_devices_of_another() -> None:
+    library = simulated_library(1.0, 0.1)
+    with pytest.raises(TypeError, match="must be one of the simulated engine"):
+        library.CoreMotion(object())  # type: ignore[arg-type]
+
+
+def test_error_names_and_texts() -> None:
+    assert error_name(297) == "CreateDeviceLockError"
+    assert error_name(CoreMotionErrorCode.NotVelocityMode) == "NotVelocityMode"
+    assert error_name(8193) == "ScanNetworkFailed"
+    assert error_name(94210) == "SplineStartingPositionNotCurrentPosition"
+    assert error_name(424242) == "424242"
+    assert error_text(1563, ErrorCode) == "starting previous command"
+
+
+# The numbers that the vendor's C++ application and public samples confirm, and those computed beside them.
+@pytest.mark.parametrize(
+    ("member", "number"),
+    [
+        (ErrorCode.PyNone, 0),
+        (ErrorCode.StartProcessFailed, 256),
+        (ErrorCode.CreateDeviceLockError, 297),
+        (ErrorCode.DeviceIsNull, 301),
+        (ErrorCode.StartCommunicationError, 1288),
+        (ErrorCode.CommNotStarted, 1537),
+        (ErrorCode.NotIdleState, 1546),
+        (ErrorCode.AxisOutOfRange, 1547),
+        (ErrorCode.IOAddressOutOfRange, 1550),
+        (ErrorCode.ArgumentOutOfRange, 1555),
+        (ErrorCode.ServoOff, 1567),
+        (ErrorCode.AxisHardLimit, 1572),
+        (CoreMotionErrorCode.ParameterSettingsInvalid, 65536),
+        (CoreMotionErrorCode.CurrentEmergencyStopLevelIsHigher, 65546),
+        (CoreMotionErrorCode.NotServoOn, 65556),
+        (CoreMotionErrorCode.NotIdleOrVelocityState, 65560),
+        (CoreMotionErrorCode.NotVelocityMode, 65572),
+        (CoreMotionErrorCode.DecArgumentOutOfRange, 65583),
+        (CoreMotionErrorCode.WaitTimeout, 65616),
+        (CoreMotionErrorCode.ChannelBufferMemoryNotAllocated, 65627),
+        (CoreMotionErrorCode.EmergencyStopSignalOn, 65632),
+    ],
+)
+def test_error_numbers(member: int, number: int) -> None:
+    assert member == number

@@ -1,0 +1,423 @@
+"""The port with the drives and the server at hand: conformance again, then faults no client can cause."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from robot_stack.wmx import EngineError, connect, load_library
+from robot_stack.wmx.api import (
+    AxisSelection,
+    Config_FollowingErrorAlarmType,
+    Config_VelocityFollowingErrorAlarmType,
+    CoreMotionErrorCode,
+    EngineState,
+    ErrorCode,
+    EStopLevel,
+    OperationState,
+)
+from robot_stack.wmx.axes import Flag, Real
+from tests.support.waiting import wait_for
+from tests.unit.wmx.conformance import GOOD, LONG_WAY, SLOW, EngineConformance, cruising, in_state, jog, pos, vel
+from tests.unit.wmx.harness import (
+    N_AXES,
+    POS,
+    POS_GEARED,
+    VEL,
+    VEL_MIRRORED,
+    ThreadHarness,
+    engine_state,
+    runtime_folder,
+    some_cycles,
+    status,
+    wait_status,
+)
+
+ALARM = 42
+
+
+@pytest.fixture
+def harness() -> Iterator[ThreadHarness]:
+    with runtime_folder() as folder:
+        harness = ThreadHarness(folder)
+        try:
+            yield harness
+            harness.end_test()
+        finally:
+            harness.stop()
+
+
+class TestDriveAlarm:
+    @pytest.mark.parametrize("axis", [POS, VEL])
+    def test_alarm_ends_motion_and_switches_the_servo_off(self, harness: ThreadHarness, axis: int) -> None:
+        engine = harness.ready()
+        engine.core_motion.motion.StartPos(pos(POS, LONG_WAY, SLOW))
+        engine.core_motion.velocity.StartVel(vel(VEL, 2.0))
+        wait_status(engine, lambda now: cruising(POS, 2.0)(now) and cruising(VEL, 2.0)(now), "both axes moving")
+        harness.drives.alarms[axis] = ALARM
+        snapshot = wait_status(engine, lambda now: now.amp_alarm[axis] and not now.servo_on[axis], "the alarm")
+        assert snapshot.amp_alarm_code[axis] == ALARM
+        assert snapshot.op_state[axis] == OperationState.Idle
+        assert not snapshot.motion_complete[axis]
+        assert not snapshot.servo_requested[axis], "it does not come back by itself"
+        other = VEL if axis == POS else POS
+        assert snapshot.op_state[other] != OperationState.Idle, "other axes go on"
+        assert engine.core_motion.motion.Wait_TimeMilli(axis, 20000) == ErrorCode.AxisAmpAlarm
+
+    def test_nothing_starts_with_an_alarm_until_it_is_cleared(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        control = engine.core_motion.axisControl
+        harness.drives.alarms[POS] = ALARM
+        wait_status(engine, lambda now: now.amp_alarm[POS], "the alarm")
+        assert engine.core_motion.motion.StartPos(pos(POS, 1.0)) == ErrorCode.AxisAmpAlarm
+        assert control.SetServoOn(POS, 1) == ErrorCode.AxisAmpAlarm
+        assert control.ClearAxisAlarm(POS) == GOOD, "clears the engine's alarm, not the drive's"
+        assert some_cycles(engine, 30).amp_alarm[POS]
+        assert control.ClearAmpAlarm(POS) == GOOD
+        snapshot = wait_status(engine, lambda now: not now.amp_alarm[POS], "the alarm to go")
+        assert snapshot.amp_alarm_code[POS] == 0
+        assert not some_cycles(engine, 30).servo_on[POS], "the servo stays off"
+        assert control.SetServoOn(POS, 1) == GOOD
+        wait_status(engine, lambda now: now.servo_on[POS], "servo on")
+        assert engine.core_motion.motion.StartPos(pos(POS, 1.0)) == GOOD
+
+    def test_alarm_whose_cause_remains(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        harness.drives.stubborn = True
+        harness.drives.alarms[POS] = ALARM
+        wait_status(engine, lambda now: now.amp_alarm[POS], "the alarm")
+        assert engine.core_motion.axisControl.ClearAmpAlarm(POS) == GOOD, "a request, no promise"
+        assert some_cycles(engine, 50).amp_alarm[POS]
+
+    def test_alarm_during_emergency_stop(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        engine.core_motion.ExecEStop(EStopLevel.Level1)
+        harness.drives.alarms[:] = ALARM
+        snapshot = wait_status(engine, lambda now: now.amp_alarm.all(), "the alarms")
+        assert snapshot.emergency_stop
+        assert not engine.core_motion.axisControl.ClearAmpAlarm(POS)
+
+    def test_servo_that_drops_out_by_itself(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        engine.core_motion.velocity.StartVel(vel(VEL, 2.0))
+        wait_status(engine, cruising(VEL, 2.0), "motion")
+        harness.drives.broken[VEL] = True
+        snapshot = wait_status(engine, lambda now: not now.servo_on[VEL], "the drop-out")
+        assert snapshot.op_state[VEL] == OperationState.Idle
+        harness.drives.broken[VEL] = False
+        assert not some_cycles(engine, 50).servo_on[VEL], "it has to be switched on again"
+        assert engine.core_motion.motion.Wait_TimeMilli(VEL, 20000) == ErrorCode.ServoOff
+        assert engine.core_motion.axisControl.SetServoOn(VEL, 1) == GOOD
+        wait_status(engine, lambda now: now.servo_on[VEL], "servo on")
+
+
+class TestFollowingError:
+    def test_frozen_encoder_in_position_mode(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        config = engine.core_motion.config
+        _, param = config.GetAlarmParam(POS)
+        param.followingErrorMoving = param.followingErrorStopped = 0.2
+        param.followingErrorType = Config_FollowingErrorAlarmType.QuickStop
+        assert config.SetAlarmParam(POS, param)[0] == GOOD
+        engine.core_motion.motion.StartPos(pos(POS, LONG_WAY, SLOW))
+        wait_status(engine, cruising(POS, 2.0), "motion")
+        harness.drives.frozen[POS] = True
+        snapshot = wait_status(engine, lambda now: now.following_error_alarm[POS], "the alarm")
+        assert abs(snapshot.reals[Real.FOLLOWING_ERROR, POS]) > 0.2
+        wait_status(engine, in_state(POS, OperationState.Idle), "the quick stop")
+        assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == ErrorCode.AxisAmpAlarm
+        assert engine.core_motion.motion.StartPos(pos(POS, 0.0)) == ErrorCode.AxisAmpAlarm
+
+    def test_alarm_is_cleared_by_its_own_call_and_comes_back_with_its_cause(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        config, control = engine.core_motion.config, engine.core_motion.axisControl
+        _, param = config.GetAlarmParam(POS)
+        param.followingErrorStopped = 0.1
+        config.SetAlarmParam(POS, param)
+        harness.drives.frozen[POS] = True
+        assert engine.core_motion.motion.StartPos(pos(POS, 0.5)) == GOOD
+        wait_status(engine, lambda now: now.following_error_alarm[POS], "the alarm, once at rest")
+        assert control.ClearAmpAlarm(POS) == GOOD
+        assert some_cycles(engine, 30).following_error_alarm[POS], "another call clears it"
+        assert control.ClearAxisAlarm(POS) == GOOD
+        assert some_cycles(engine, 5).following_error_alarm[POS], "its cause is still there"
+        harness.drives.frozen[POS] = False
+        wait_status(engine, lambda now: abs(now.reals[Real.FOLLOWING_ERROR, POS]) < 0.01, "the feedback")
+        assert control.ClearAxisAlarm(POS) == GOOD
+        assert not some_cycles(engine, 5).following_error_alarm[POS]
+
+    def test_frozen_encoder_in_velocity_mode(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        config = engine.core_motion.config
+        _, param = config.GetAlarmParam(VEL)
+        param.velocityFollowingErrorMoving = 1.0
+        param.velocityFollowingErrorMovingMilliseconds = 50.0
+        param.velocityFollowingErrorType = Config_VelocityFollowingErrorAlarmType.QuickStop
+        assert config.SetAlarmParam(VEL, param)[0] == GOOD
+        engine.core_motion.velocity.StartVel(vel(VEL, 5.0, acc=50.0))
+        wait_status(engine, lambda now: abs(now.actual_velocity[VEL] - 5.0) < 0.1, "motion without an alarm")
+        assert not status(engine).following_error_alarm[VEL]
+        harness.drives.frozen[VEL] = True
+        wait_status(engine, lambda now: now.following_error_alarm[VEL], "the alarm")
+        wait_status(engine, in_state(VEL, OperationState.Idle), "the quick stop")
+        assert engine.core_motion.velocity.StartVel(vel(VEL, 1.0)) == ErrorCode.AxisAmpAlarm
+        assert engine.core_motion.axisControl.SetServoOn(VEL, 1) == CoreMotionErrorCode.ServoOnError
+
+    def test_alarm_without_action_only_reports(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        config = engine.core_motion.config
+        _, param = config.GetAlarmParam(POS)
+        param.followingErrorMoving = 0.1
+        param.followingErrorType = Config_FollowingErrorAlarmType.NoAction
+        config.SetAlarmParam(POS, param)
+        engine.core_motion.motion.StartJog(jog(POS, 2.0))
+        harness.drives.frozen[POS] = True
+        wait_status(engine, lambda now: now.following_error_alarm[POS], "the alarm")
+        assert some_cycles(engine, 20).op_state[POS] == OperationState.Jog
+
+
+class TestBusLoss:
+    def test_lost_bus_leaves_communication_for_good(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        engine.core_motion.velocity.StartVel(vel(VEL, 2.0))
+        wait_status(engine, cruising(VEL, 2.0), "motion")
+        harness.drives.inputs[0] = 255
+        wait_for(lambda: engine.io.GetInByte(0) == (GOOD, 255), "the inputs")
+        harness.drives.connected = False
+        snapshot = wait_status(engine, lambda now: not now.communicating, "the loss")
+        assert snapshot.engine_state is EngineState.Running
+        assert snapshot.engine_error == ErrorCode.ServoOffline
+        assert engine.api.GetEngineStatus()[1].error == ErrorCode.ServoOffline
+        assert not snapshot.servo_on.any()
+        assert (snapshot.op_state == OperationState.Idle).all()
+        assert (snapshot.velocity_cmd == 0.0).all()
+        assert (snapshot.flags[Flag.SERVO_OFFLINE] == 1).all()
+        assert not snapshot.input_bit(0, 0), "a dead bus has no inputs"
+        assert engine.io.GetInBit(0, 0) == (ErrorCode.CommNotStarted, 0)
+        assert engine.core_motion.velocity.StartVel(vel(VEL, 2.0)) == ErrorCode.CommNotStarted
+        harness.drives.connected = True
+        assert not some_cycles(engine, 100).communicating, "it does not come back by itself"
+        assert engine.api.StartCommunication(20000) == GOOD
+        snapshot = status(engine)
+        assert snapshot.engine_error == GOOD
+        assert not snapshot.servo_on.any()
+
+    def test_wait_ends_with_the_bus(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        engine.core_motion.motion.StartPos(pos(POS, LONG_WAY, SLOW))
+        harness.drives.connected = False
+        assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == ErrorCode.ServoOffline
+
+    def test_short_loss_is_bridged_and_counted(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        engine.core_motion.velocity.StartVel(vel(VEL, 2.0))
+        wait_status(engine, cruising(VEL, 2.0), "motion")
+        harness.drives.lose_cycles = 5
+        snapshot = wait_status(engine, lambda now: now.lost_cycles == 5, "the loss of five cycles")
+        assert some_cycles(engine, 30).communicating
+        assert snapshot.op_state[VEL] == OperationState.Velocity
+        assert engine.ecat.GetMasterInfo()[1].statisticsInfo.packetLoss == 5
+
+    def test_communication_never_starts_without_a_bus(self, harness: ThreadHarness) -> None:
+        engine = harness.connect()
+        harness.drives.connected = False
+        assert engine.api.StartCommunication(50) == ErrorCode.CommNotStartedInSpecifiedTime
+        assert status(engine).engine_state is EngineState.Running
+        harness.drives.connected = True
+        wait_status(engine, lambda now: now.communicating, "communication, late")
+
+    def test_estop_outlives_the_bus(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        engine.core_motion.ExecEStop(EStopLevel.Level1)
+        harness.drives.connected = False
+        snapshot = wait_status(engine, lambda now: not now.communicating, "the loss")
+        assert snapshot.emergency_stop
+
+    def test_network_info_follows(self, harness: ThreadHarness) -> None:
+        engine = harness.communicating()
+        state = engine.ecat.GetMasterInfo()[1].state
+        assert engine.ecat.ScanNetwork(0) != GOOD, "a scan would disturb the running bus"
+        harness.drives.connected = False
+        wait_status(engine, lambda now: not now.communicating, "the loss")
+        assert engine.ecat.GetMasterInfo()[1].state != state
+
+
+class TestEStopSignal:
+    def enable(self, harness: ThreadHarness) -> None:
+        """Input 0.0, normally closed, stops the engine."""
+        harness.drives.inputs[0] = 1
+        engine = harness.connect("configurator")
+        config = engine.core_motion.config
+        _, param = config.GetEmergencyStopParam()
+        param = replace(param, enableEStopSignal=True, invertEStopSignalPolarity=True)
+        assert config.SetEmergencyStopParam(param)[0] == GOOD
+
+    def test_signal_stops_and_holds_until_released(self, harness: ThreadHarness) -> None:
+        self.enable(harness)
+        engine = harness.ready()
+        engine.core_motion.velocity.StartVel(vel(VEL, 2.0))
+        wait_status(engine, cruising(VEL, 2.0), "motion")
+        harness.drives.inputs[0] = 0
+        wait_status(engine, lambda now: now.emergency_stop and now.op_state[VEL] == OperationState.Idle, "the stop")
+        assert engine.core_motion.ReleaseEStop() == CoreMotionErrorCode.EmergencyStopSignalOn
+        harness.drives.inputs[0] = 1
+        wait_status(engine, lambda now: now.input_bit(0, 0), "the button up")
+        assert some_cycles(engine, 20).emergency_stop, "letting go does not release"
+        assert engine.core_motion.ReleaseEStop() == GOOD
+        assert not some_cycles(engine, 20).emergency_stop
+
+    def test_final_level_by_signal(self, harness: ThreadHarness) -> None:
+        self.enable(harness)
+        engine = harness.ready()
+        _, param = engine.core_motion.config.GetEmergencyStopParam()
+        engine.core_motion.config.SetEmergencyStopParam(replace(param, eStopSignalLevel=EStopLevel.Final))
+        harness.drives.inputs[0] = 0
+        snapshot = wait_status(engine, lambda now: not now.servo_on.any(), "servos off")
+        assert snapshot.emergency_stop_level == EStopLevel.Final
+
+    def test_without_it_an_input_is_only_an_input(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        harness.drives.inputs[0] = 0
+        assert not some_cycles(engine, 20).emergency_stop
+
+
+class TestInputs:
+    def test_bits_and_bytes(self, harness: ThreadHarness) -> None:
+        engine = harness.communicating()
+        harness.drives.inputs.update({0: 0b101, 3: 200})
+        wait_for(lambda: engine.io.GetInBytes(0, 4) == (GOOD, [5, 0, 0, 200]), "the inputs")
+        assert [engine.io.GetInBit(0, bit)[1] for bit in range(3)] == [1, 0, 1]
+        snapshot = status(engine)
+        assert snapshot.input_bit(0, 2)
+        assert not snapshot.input_bit(0, 1)
+        assert not snapshot.input_bit(99, 0), "beyond the image reads 0"
+
+    def test_outputs_reach_the_bus(self, harness: ThreadHarness) -> None:
+        engine = harness.communicating()
+        assert engine.io.SetOutBytes(0, 2, [7, 9]) == GOOD
+        wait_for(lambda: harness.drives.outputs.tolist() == [7, 9, 0, 0], "the outputs on the bus")
+        assert status(engine).output_bit(1, 3)
+
+    def test_torque_has_the_users_sign(self, harness: ThreadHarness) -> None:
+        engine = harness.communicating()
+        harness.drives.torque_percent[:] = 12.5
+        snapshot = wait_status(engine, lambda now: now.actual_torque[VEL] == 12.5, "the torque")
+        assert snapshot.actual_torque[VEL_MIRRORED] == -12.5
+
+
+class TestCreationLock:
+    def test_locked_creation_is_told_so_at_once(self, harness: ThreadHarness) -> None:
+        engine = harness.connect()
+        engine.close()
+        harness.server.inject_create_lock(60.0)
+        assert engine.api.CreateDevice(str(harness.folder), 0, 0) == ErrorCode.CreateDeviceLockError == 297
+        harness.server.inject_create_lock(0.0)
+        assert engine.api.CreateDevice(str(harness.folder), 0, 20000) == GOOD
+
+    def test_connect_outwaits_the_lock(self, harness: ThreadHarness) -> None:
+        harness.server.inject_create_lock(0.2)
+        assert harness.connect().api.IsDeviceValid()
+
+    def test_connect_gives_up_with_the_vendors_code(self, harness: ThreadHarness) -> None:
+        harness.server.inject_create_lock(60.0)
+        with pytest.raises(EngineError, match="CreateDeviceLockError") as raised:
+            connect("impatient", harness.config, timeout_s=0.05)
+        assert raised.value.code == ErrorCode.CreateDeviceLockError
+        harness.server.inject_create_lock(0.0)
+
+
+def test_several_nodes_starting_at_once_all_get_in() -> None:
+    """Creation takes 50 ms and excludes the others, who retry."""
+    with runtime_folder() as folder:
+        server = {"create_device_s": 0.05, "pause_publish_s": 0.02, "max_clients": 64, "shutdown_stop_s": 2.0}
+        harness = ThreadHarness(folder, server=server)
+        try:
+            names: list[str] = []
+
+            def node(index: int) -> None:
+                with connect(f"node {index}", harness.config) as engine:
+                    names.append(engine.api.GetDeviceName()[1])
+                    assert barrier.wait(20.0) >= 0
+
+            barrier = threading.Barrier(6)
+            threads = [threading.Thread(target=node, args=(index,)) for index in range(6)]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join(30.0)
+            assert sorted(names) == [f"node {index}" for index in range(6)]
+        finally:
+            harness.stop()
+
+
+def test_vendor_style_retry_gets_through_contention() -> None:
+    """While one creates its device the other sees 297 and comes in when it tries again."""
+    with runtime_folder() as folder:
+        server = {"create_device_s": 0.3, "pause_publish_s": 0.02, "max_clients": 64, "shutdown_stop_s": 2.0}
+        harness = ThreadHarness(folder, server=server)
+        try:
+            first = threading.Thread(target=lambda: harness.connect("first"))
+            first.start()
+            wait_for(lambda: harness.server.creating, "the first creation under way", poll_s=0.001)
+            api = load_library(harness.config).WMX3Api()
+            assert api.CreateDevice(str(folder), 0, 0) == ErrorCode.CreateDeviceLockError
+            first.join(30.0)
+            assert api.CreateDevice(str(folder), 0, 0) == GOOD
+            assert api.CloseDevice() == GOOD
+            harness.end_test()
+        finally:
+            harness.stop()
+
+
+class TestDeadClients:
+    def test_broken_connection_stops_the_clients_axes_only(self, harness: ThreadHarness) -> None:
+        victim, other = harness.ready("victim"), harness.connect("other")
+        assert victim.core_motion.velocity.StartVel(vel(VEL, 2.0)) == GOOD
+        assert victim.core_motion.motion.StartJog(jog(POS, 2.0)) == GOOD
+        assert other.core_motion.velocity.StartVel(vel(VEL_MIRRORED, 2.0)) == GOOD
+        assert other.core_motion.motion.StartJog(jog(POS_GEARED, 2.0)) == GOOD
+        victim.api._channel._socket.close()  # type: ignore[attr-defined]
+        at_rest = lambda now: not now.op_state[[VEL, POS]].any()  # noqa: E731
+        snapshot = wait_status(other, at_rest, "the dead client's axes at rest")
+        assert snapshot.op_state[VEL_MIRRORED] == OperationState.Velocity
+        assert snapshot.op_state[POS_GEARED] == OperationState.Jog
+        assert other.api.GetAllDevices()[1].count == 1
+
+    def test_death_of_the_last_client_stops_before_the_servos_go_off(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        assert engine.core_motion.velocity.StartVel(vel(VEL, 40.0, acc=0.0)) == GOOD
+        wait_status(engine, lambda now: now.actual_velocity[VEL] > 39.0, "motion")
+        states: list[tuple[float, bool]] = []
+        exchange = harness.drives.exchange
+
+        def watched(out, inp):  # type: ignore[no-untyped-def]
+            states.append((float(out.velocity_counts_per_s[VEL]), bool(out.servo_on[VEL])))
+            return exchange(out, inp)
+
+        harness.drives.exchange = watched  # type: ignore[method-assign]
+        engine.api._channel._socket.close()  # type: ignore[attr-defined]
+        wait_for(lambda: engine_state(harness.folder) is EngineState.Idle, "the engine to end")
+        assert all(on for velocity, on in states if velocity != 0.0), "no ramp with the servo off"
+        steps = [before - after for (before, _), (after, _) in pairwise(states)]
+        assert max(steps) * 2 * 3.141592653589793 / 131072 <= 0.2 + 1e-9, "200 rad/s2 in steps of 1 ms"
+
+    def test_estop_while_the_last_client_is_gone(self, harness: ThreadHarness) -> None:
+        engine, other = harness.ready("one"), harness.connect("other")
+        engine.core_motion.velocity.StartVel(vel(VEL, 2.0))
+        other.core_motion.ExecEStop(EStopLevel.Level1)
+        engine.api._channel._socket.close()  # type: ignore[attr-defined]
+        wait_for(lambda: other.api.GetAllDevices()[1].count == 1, "the dead client's device to go")
+        assert status(other).emergency_stop
+
+
+class TestInjectedConformance(EngineConformance):
+    """Every conformance test on this engine too: its failures are then the port's, not the harness's."""
+
+
+def test_all_axes_selection_helper() -> None:
+    selection = AxisSelection.of(*range(N_AXES))
+    assert [selection.GetAxis(index) for index in range(selection.axisCount)] == list(range(N_AXES))

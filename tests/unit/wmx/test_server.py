@@ -1,0 +1,386 @@
+"""The engine's server against clients that misbehave, and its pace."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import random
+import socket
+import struct
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_stack.core.runtime import AlreadyRunning
+from robot_stack.wmx.api import EngineState, ErrorCode, OperationState
+from robot_stack.wmx.bus import DriveCommands, DriveFeedback
+from robot_stack.wmx.simulated.channel import StatusView
+from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.simulated.protocol import LARGEST_FRAME, Decoder, FrameError, encode
+from robot_stack.wmx.simulated.requests import METHODS
+from robot_stack.wmx.simulated.server import EngineServer
+from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+from tests.support.waiting import wait_for
+from tests.unit.wmx.conformance import cruising, vel
+from tests.unit.wmx.harness import (
+    N_AXES,
+    VEL,
+    ThreadHarness,
+    engine_config,
+    runtime_folder,
+    some_cycles,
+    status,
+    wait_status,
+)
+
+MALFORMED = {
+    "zero length": struct.pack("<I", 0),
+    "huge length": struct.pack("<I", 0xFFFFFFFF),
+    "just too long": struct.pack("<I", LARGEST_FRAME + 1),
+    "no JSON": struct.pack("<I", 5) + b"hello",
+    "not UTF-8": struct.pack("<I", 4) + b"\xff\xfe\xfd\xfc",
+    "no list": struct.pack("<I", 9) + b'{"a": 1} ',
+    "empty list": struct.pack("<I", 2) + b"[]",
+    "one element": struct.pack("<I", 3) + b"[1]",
+    "number is text": struct.pack("<I", 9) + b'["1","x"]',
+    "number is a bool": struct.pack("<I", 10) + b'[true,"x"]',
+    "deep": struct.pack("<I", 100_000) + b"[" * 100_000,
+    "endless integer": struct.pack("<I", 10_005) + b"[" + b"9" * 10_000 + b',"x"]'[:4],
+}
+
+
+@pytest.fixture
+def harness() -> Iterator[ThreadHarness]:
+    with runtime_folder() as folder:
+        harness = ThreadHarness(folder)
+        try:
+            yield harness
+            harness.end_test()
+        finally:
+            harness.stop()
+
+
+class TestProtocol:
+    MESSAGES = st.lists(
+        st.tuples(st.integers(0, 2**31), st.text(max_size=20), st.lists(st.floats(allow_nan=False), max_size=5)),
+        max_size=5,
+    )
+
+    @given(MESSAGES, st.integers(1, 50))
+    def test_round_trip_in_pieces(self, messages: list[tuple[int, str, list[float]]], size: int) -> None:
+        sent = [list(message) for message in messages]
+        stream = b"".join(encode(message) for message in sent)
+        decoder = Decoder()
+        received = []
+        for start in range(0, len(stream), size):
+            received += decoder.feed(stream[start : start + size])
+        assert received == sent
+
+    @pytest.mark.parametrize("data", list(MALFORMED.values()), ids=list(MALFORMED))
+    def test_malformed(self, data: bytes) -> None:
+        with pytest.raises(FrameError):
+            Decoder().feed(data)
+
+    @given(st.binary(max_size=200))
+    def test_any_bytes(self, data: bytes) -> None:
+        try:
+            messages = Decoder().feed(data)
+        except FrameError:
+            return
+        assert all(isinstance(message, list) for message in messages)
+
+    def test_too_long_to_send(self) -> None:
+        with pytest.raises(FrameError, match="may have"):
+            encode([1, "x" * LARGEST_FRAME])
+
+    def test_nan_and_infinity_travel(self) -> None:
+        (message,) = Decoder().feed(encode([1, "x", float("nan"), float("inf")]))
+        assert message[2] != message[2]
+        assert message[3] == float("inf")
+
+
+class TestMisbehaviour:
+    @pytest.mark.parametrize("data", list(MALFORMED.values()), ids=list(MALFORMED))
+    def test_rubbish_is_cut_off_and_hurts_nobody(self, harness: ThreadHarness, data: bytes) -> None:
+        engine = harness.ready()
+        assert engine.core_motion.velocity.StartVel(vel(VEL, 2.0)) == ErrorCode.PyNone
+        with harness.raw_socket() as vandal:
+            vandal.sendall(data)
+            assert vandal.recv(100) == b"", "cut off"
+        assert some_cycles(engine, 20).op_state[VEL] == OperationState.Velocity
+
+    def test_client_that_sends_half_a_frame_and_waits(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        with harness.raw_socket() as sleeper:
+            sleeper.sendall(struct.pack("<I", 100) + b"[1,")
+            assert engine.api.GetDeviceName()[0] == ErrorCode.PyNone
+            some_cycles(engine, 20)
+
+    def test_frame_byte_by_byte(self, harness: ThreadHarness) -> None:
+        harness.connect()
+        with harness.raw_socket() as slow:
+            for byte in encode([5, "CreateDevice", 0]):
+                slow.sendall(bytes([byte]))
+            (answer,) = Decoder().feed(slow.recv(1000))
+            assert answer[:2] == [5, 0]
+
+    def test_many_requests_in_one_piece(self, harness: ThreadHarness) -> None:
+        harness.connect()
+        with harness.raw_socket() as busy:
+            frames = [encode([0, "CreateDevice", 0])]
+            frames += [encode([number, "GetDeviceName"]) for number in range(1, 500)]
+            busy.sendall(b"".join(frames))
+            decoder, answers = Decoder(), []
+            while len(answers) < 500:
+                answers += decoder.feed(busy.recv(65536))
+        assert [answer[0] for answer in answers] == list(range(500)), "all, in order"
+        assert all(answer[1] == 0 for answer in answers)
+
+    def test_client_that_never_reads_is_cut_off(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        with harness.raw_socket() as deaf:
+            deaf.sendall(encode([0, "CreateDevice", 0]))
+            wait_for(lambda: engine.api.GetAllDevices()[1].count == 2, "its device")
+            deaf.settimeout(0.05)
+            talk = _EndlessTalk(deaf, encode([1, "GetParam"]))
+            wait_for(lambda: not talk.goes_on(), "the deaf client to be cut off", poll_s=0.0)
+        wait_for(lambda: engine.api.GetAllDevices()[1].count == 1, "its device to go")
+        assert status(engine).communicating
+
+    def test_flood_does_not_starve_the_cycle(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        with harness.raw_socket() as flood:
+            flood.sendall(encode([0, "CreateDevice", 0]))
+            flood.setblocking(False)
+            request = encode([1, "GetDeviceName"]) * 200
+            start = status(engine).cycle_counter
+            deadline = time.monotonic() + 20.0
+            while status(engine).cycle_counter < start + 200:
+                assert time.monotonic() < deadline, "the cycle stands still"
+                with contextlib.suppress(BlockingIOError):
+                    flood.send(request)
+                with contextlib.suppress(BlockingIOError):
+                    flood.recv(1 << 20)
+
+    def test_too_many_clients(self, harness: ThreadHarness) -> None:
+        engine = harness.ready()
+        sockets: list[socket.socket] = []
+        try:
+            for _ in range(80):
+                sockets.append(harness.raw_socket())
+            assert engine.api.GetDeviceName()[0] == ErrorCode.PyNone
+            # 63 of them hold a place beside the device; one beyond that is closed at once.
+            wait_for(lambda: _is_closed(sockets[-1]), "the surplus client to be closed")
+            assert not _is_closed(sockets[0])
+        finally:
+            for connection in sockets:
+                connection.close()
+        wait_for(lambda: harness.connect().api.IsDeviceValid(), "room again")
+
+    def test_client_that_dies_while_its_device_is_created(self) -> None:
+        with runtime_folder() as folder:
+            server = {"create_device_s": 0.1, "pause_publish_s": 0.02, "max_clients": 8, "shutdown_stop_s": 2.0}
+            harness = ThreadHarness(folder, server=server)
+            try:
+                with harness.raw_socket() as impatient:
+                    impatient.sendall(encode([0, "CreateDevice", 0]))
+                    wait_for(lambda: harness.server.creating, "the creation under way", poll_s=0.001)
+                engine = harness.connect()
+                assert engine.api.GetAllDevices()[1].count == 1
+                harness.end_test()
+            finally:
+                harness.stop()
+
+    def test_seeded_random_frames(self, harness: ThreadHarness) -> None:
+        """1000 requests of known names with random arguments: every one is answered and the engine lives on."""
+        seed = 20250101
+        rng = random.Random(seed)
+        engine = harness.ready()
+        harmless = [name for name in METHODS if name not in ("StopEngine", "CloseDevice")]
+        with harness.raw_socket() as fuzzer:
+            decoder = Decoder()
+            for number in range(1000):
+                arguments = [_random_value(rng) for _ in range(rng.randrange(5))]
+                method = "CreateDevice" if number == 0 else rng.choice(harmless)
+                fuzzer.sendall(encode([number, method, *(arguments if number else [0])]))
+                answers = decoder.feed(fuzzer.recv(1 << 20))
+                while not answers:
+                    answers = decoder.feed(fuzzer.recv(1 << 20))
+                assert answers[0][0] == number, f"seed {seed}, request {number}: {method} {arguments}"
+        assert engine.api.GetDeviceName()[0] == ErrorCode.PyNone
+
+
+class _EndlessTalk:
+    """The same well-formed frame again and again, wherever the socket's buffer cuts it."""
+
+    def __init__(self, connection: socket.socket, frame: bytes) -> None:
+        self._socket, self._frame, self._left = connection, frame, frame
+
+    def goes_on(self) -> bool:
+        """False once the other side has cut the connection; a full buffer is no cut."""
+        try:
+            self._left = self._left[self._socket.send(self._left) :] or self._frame
+        except TimeoutError:
+            return True
+        except OSError:
+            return False
+        return True
+
+
+def _is_closed(connection: socket.socket) -> bool:
+    connection.setblocking(False)
+    try:
+        return connection.recv(1) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+
+
+def _random_value(rng: random.Random, depth: int = 0) -> object:
+    simple = [
+        lambda: rng.choice([0, 1, -1, 2, N_AXES, 2**31, -(2**63), 10**30]),
+        lambda: rng.choice([0.0, -0.0, 1e-320, 1e308, float("nan"), float("inf"), float("-inf"), rng.gauss(0, 10)]),
+        lambda: rng.choice(["", "home", "feedback", "alarm", "\x00", "x" * 100]),
+        lambda: rng.choice([None, True, False]),
+    ]
+    if depth < 3:
+        simple.append(lambda: [_random_value(rng, depth + 1) for _ in range(rng.randrange(9))])
+        simple.append(lambda: {"homeType": _random_value(rng, depth + 1), "inPosWidth": 1.0})
+    return rng.choice(simple)()
+
+
+class Manual:
+    """A server whose turns the test takes, on a clock that the test sets."""
+
+    def __init__(self, folder: Path) -> None:
+        self.now_ns = time.monotonic_ns()
+        self.drives = VirtualDrives(N_AXES, 0.001)
+        self.engine = Engine(engine_config(), self.drives)
+        self.server = EngineServer(self.engine, folder, clock_ns=lambda: self.now_ns)
+        self.view = StatusView(folder, stale_s=1e9)
+
+
+@pytest.fixture
+def manual() -> Iterator[Manual]:
+    with runtime_folder() as folder:
+        manual = Manual(folder)
+        yield manual
+        manual.server.close()
+
+
+class TestTurns:
+    def test_each_cycle_is_published(self, manual: Manual) -> None:
+        for count in range(1, 4):
+            manual.server.cycle()
+            assert manual.view.read()[1].cycle_counter == count
+
+    def test_standing_world_keeps_its_status_fresh(self, manual: Manual) -> None:
+        manual.server.cycle()
+        first = manual.view.read()[1]
+        manual.server.poll()
+        assert manual.view.read()[1].stamp_ns == first.stamp_ns, "not at every turn"
+        manual.now_ns += 30_000_000
+        manual.server.poll()
+        later = manual.view.read()[1]
+        assert later.stamp_ns == manual.now_ns
+        assert later.cycle_counter == first.cycle_counter
+
+    def test_standing_world_answers_and_shows_it_first(self, manual: Manual, monkeypatch: pytest.MonkeyPatch) -> None:
+        """The status says what a call did before the call returns."""
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+            client.connect(str(manual.server._path))
+            client.sendall(encode([1, "CreateDevice", 0]))
+            decoder, answers = Decoder(), []
+            client.setblocking(False)
+            for _ in range(50):
+                manual.server.poll()
+                try:
+                    answers += decoder.feed(client.recv(1000))
+                except BlockingIOError:
+                    continue
+                break
+            assert answers[0][:2] == [1, 0]
+            assert manual.view.read()[1].engine_state is EngineState.Running
+
+    def test_second_server_is_refused(self, manual: Manual) -> None:
+        engine = Engine(engine_config(), VirtualDrives(N_AXES, 0.001))
+        with pytest.raises(AlreadyRunning, match="another motion engine"):
+            EngineServer(engine, manual.server._path.parent)
+
+    def test_socket_path_too_long(self, tmp_path: Path) -> None:
+        engine = Engine(engine_config(), VirtualDrives(N_AXES, 0.001))
+        with pytest.raises(OSError, match="107 bytes"):
+            EngineServer(engine, tmp_path / ("x" * 110))
+
+    def test_close_leaves_no_socket(self) -> None:
+        with runtime_folder() as folder:
+            manual = Manual(folder)
+            path = manual.server._path
+            assert path.exists()
+            manual.server.close()
+            assert not path.exists()
+            again = Manual(folder)
+            again.server.close()
+
+
+class TestPace:
+    def test_absolute_deadlines(self) -> None:
+        """Over 300 cycles of 1 ms the mean period is 1 ms however long a single sleep takes, or overruns say why."""
+        with runtime_folder() as folder:
+            manual = Manual(folder)
+            began = time.monotonic()
+            manual.server.serve_forever(lambda: manual.engine.condition.cycles >= 300)
+            took_s = time.monotonic() - began
+            manual.server.close()
+            due = 300 + manual.engine.condition.overruns
+            assert took_s == pytest.approx(0.001 * due, abs=0.02)
+
+    def test_what_cannot_be_caught_up_is_skipped_and_counted(self) -> None:
+        class Slow(VirtualDrives):
+            def exchange(self, out: DriveCommands, inp: DriveFeedback) -> bool:
+                end = time.monotonic() + 0.0035
+                while time.monotonic() < end:
+                    pass
+                return super().exchange(out, inp)
+
+        with runtime_folder() as folder:
+            engine = Engine(engine_config(), Slow(N_AXES, 0.001))
+            server = EngineServer(engine, folder)
+            engine.create_device(0)
+            engine.start_communication()
+            server.serve_forever(lambda: engine.condition.cycles >= 20)
+            server.close()
+            assert engine.condition.cycles == 20, "no burst to catch up"
+            assert engine.condition.overruns >= 20 * 2
+
+    def test_orderly_shut_down_ramps_first(self) -> None:
+        with runtime_folder() as folder:
+            harness = ThreadHarness(folder)
+            engine = harness.ready()
+            assert engine.core_motion.velocity.StartVel(vel(VEL, 20.0, acc=0.0)) == ErrorCode.PyNone
+            wait_status(engine, cruising(VEL, 20.0), "motion")
+            speeds: list[float] = []
+            exchange = harness.drives.exchange
+
+            def watched(out: DriveCommands, inp: DriveFeedback) -> bool:
+                speeds.append(float(out.velocity_counts_per_s[VEL]) if out.servo_on[VEL] else 0.0)
+                return exchange(out, inp)
+
+            harness._ended.set()
+            harness._thread.join(30.0)
+            harness.drives.exchange = watched  # type: ignore[method-assign]
+            harness.server.shut_down()
+            assert len(speeds) >= 100, "20 rad/s at 200 rad/s2 takes 100 ms"
+            assert all(after <= before for before, after in pairwise(speeds))
+            assert speeds[-1] == 0.0
+            engine.close()
+
+
+def test_answers_are_json(manual: Manual) -> None:
+    assert json.loads(encode([1, int(ErrorCode.PyNone), "x"])[4:]) == [1, 0, "x"]

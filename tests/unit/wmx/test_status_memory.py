@@ -1,0 +1,196 @@
+"""Status in shared memory: never torn, never silently old, cheap to read."""
+
+from __future__ import annotations
+
+import multiprocessing
+import struct
+import time
+from collections.abc import Iterator
+from multiprocessing.synchronize import Event
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robot_stack.wmx.api import EngineState
+from robot_stack.wmx.axes import empty_snapshot
+from robot_stack.wmx.simulated.channel import StatusView
+from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.simulated.status_memory import (
+    STATUS_FILE,
+    StatusReader,
+    StatusUnreadable,
+    StatusWriter,
+)
+from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+from tests.support.waiting import wait_for
+from tests.unit.wmx.harness import N_AXES, axis_kind, engine_config, runtime_folder
+
+_SEQUENCE_AT = 56
+
+
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    with runtime_folder() as folder:
+        yield folder
+
+
+def make_engine(n_axes: int = N_AXES) -> Engine:
+    if n_axes == N_AXES:
+        return Engine(engine_config(), VirtualDrives(N_AXES, 0.001))
+    axes = [{"name": f"axis {index}", "kind": "any"} for index in range(n_axes)]
+    config = engine_config(kinds={"any": axis_kind()}, axes=axes, n_input_bytes=8000, n_output_bytes=8000)
+    return Engine(config, VirtualDrives(n_axes, 0.001))
+
+
+def hammer(folder: Path, n_axes: int, checked: bool, go: Event, stop: Event) -> None:
+    """Publishes as fast as it can; everything in one publication says the same number."""
+    engine = make_engine(n_axes)
+    writer = StatusWriter(engine, folder, checked)
+    count = 0
+    gap_ns = 400 * n_axes  # about as long as a copy takes a reader, so that it meets both gaps and writing
+    while not stop.is_set():
+        for _ in range(200):
+            count += 1
+            engine.condition.cycles = count
+            engine.arrays.reals[:] = count
+            engine.arrays.flags[:] = count
+            engine.feedback.inputs[:] = count % 251
+            engine.commands.outputs[:] = count % 251
+            writer.publish(count)
+            gap_ends_ns = time.perf_counter_ns() + gap_ns
+            while time.perf_counter_ns() < gap_ends_ns:
+                pass
+        go.set()
+
+
+@pytest.mark.parametrize("checked", [False, True], ids=["plain", "checksum"])
+@pytest.mark.parametrize("n_axes", [N_AXES, 128])
+def test_never_torn(folder: Path, n_axes: int, checked: bool) -> None:
+    context = multiprocessing.get_context("spawn")
+    go, stop = context.Event(), context.Event()
+    process = context.Process(target=hammer, args=(folder, n_axes, checked, go, stop))
+    process.start()
+    try:
+        assert go.wait(60.0)
+        reader = StatusReader(folder)
+        seen = set()
+        deadline = time.monotonic() + 20.0
+        while len(seen) < 2000 and time.monotonic() < deadline:
+            snapshot = reader.read()
+            number = snapshot.cycle_counter
+            assert snapshot.stamp_ns == number
+            assert (snapshot.reals == number).all()
+            assert (snapshot.flags == number).all()
+            assert (snapshot.inputs == number % 251).all()
+            assert (snapshot.outputs == number % 251).all()
+            seen.add(number)
+        assert len(seen) >= 200, "the writer was not at work while it was read"
+    finally:
+        stop.set()
+        process.join(30.0)
+        if process.is_alive():
+            process.kill()
+            process.join()
+
+
+def test_what_is_published_is_read(folder: Path) -> None:
+    engine = make_engine()
+    writer = StatusWriter(engine, folder)
+    engine.condition.state = EngineState.Communicating
+    engine.condition.cycles = 77
+    engine.condition.emergency_stop = True
+    engine.condition.overruns = 3
+    engine.arrays.reals[:] = np.arange(engine.arrays.reals.size).reshape(engine.arrays.reals.shape)
+    engine.arrays.flags[:] = np.arange(engine.arrays.flags.size).reshape(engine.arrays.flags.shape)
+    engine.feedback.inputs[:] = [1, 2, 3, 4]
+    engine.commands.outputs[:] = [5, 6, 7, 8]
+    writer.publish(123456789)
+    snapshot = StatusReader(folder).read()
+    assert snapshot.engine_state is EngineState.Communicating
+    assert snapshot.communicating
+    assert (snapshot.cycle_counter, snapshot.stamp_ns, snapshot.overruns) == (77, 123456789, 3)
+    assert snapshot.engine_time_s == pytest.approx(0.077)
+    assert snapshot.emergency_stop
+    assert (snapshot.reals == engine.arrays.reals).all()
+    assert (snapshot.flags == engine.arrays.flags).all()
+    assert snapshot.inputs.tolist() == [1, 2, 3, 4]
+    assert snapshot.outputs.tolist() == [5, 6, 7, 8]
+    assert snapshot.age_s(123456789 + 500_000_000) == pytest.approx(0.5)
+
+
+def test_snapshot_is_a_copy(folder: Path) -> None:
+    engine = make_engine()
+    writer = StatusWriter(engine, folder)
+    writer.publish(1)
+    snapshot = StatusReader(folder).read()
+    before = engine.arrays.reals.copy()
+    engine.arrays.reals[:] = 9.0
+    writer.publish(2)
+    assert (snapshot.reals == before).all()
+
+
+def test_no_page(folder: Path) -> None:
+    with pytest.raises(StatusUnreadable, match="cannot be opened"):
+        StatusReader(folder)
+
+
+@pytest.mark.parametrize("contents", [b"", b"short", bytes(400), b"\xff" * 4096])
+def test_page_of_something_else(folder: Path, contents: bytes) -> None:
+    (folder / STATUS_FILE).write_bytes(contents)
+    with pytest.raises(StatusUnreadable, match="status page"):
+        StatusReader(folder)
+
+
+def test_writer_that_died_while_writing(folder: Path) -> None:
+    writer = StatusWriter(make_engine(), folder)
+    writer.publish(1)
+    reader = StatusReader(folder)
+    with open(folder / STATUS_FILE, "r+b") as file:
+        file.seek(_SEQUENCE_AT)
+        (number,) = struct.unpack("<q", file.read(8))
+        file.seek(_SEQUENCE_AT)
+        file.write(struct.pack("<q", number + 1))
+    pauses: list[float] = []
+    with pytest.raises(StatusUnreadable, match="died while writing"):
+        reader.read(pause=pauses.append)
+    assert pauses, "a patient reader gives its time slice away"
+
+
+def test_checksum_refuses_contents_that_do_not_belong_together(folder: Path) -> None:
+    """What another core's reordered stores would look like: an even number, but mixed contents."""
+    writer = StatusWriter(make_engine(), folder, checked=True)
+    writer.publish(1)
+    reader = StatusReader(folder)
+    assert reader.read().stamp_ns == 1
+    with open(folder / STATUS_FILE, "r+b") as file:
+        file.seek(-1, 2)
+        file.write(b"\x5a")
+    with pytest.raises(StatusUnreadable):
+        reader.read(pause=lambda _: None)
+
+
+def test_never_published_is_infinitely_old(folder: Path) -> None:
+    StatusWriter(make_engine(), folder)
+    assert StatusReader(folder).read().age_s(time.monotonic_ns()) == float("inf")
+    assert empty_snapshot().age_s(10) == float("inf")
+
+
+def test_view_goes_stale_and_finds_the_next_writer(folder: Path) -> None:
+    view = StatusView(folder, stale_s=0.05)
+    assert view.read()[0] == 282, "no page"
+    writer = StatusWriter(make_engine(), folder)
+    writer.publish(time.monotonic_ns())
+    assert view.read()[0] == 0
+    wait_for(lambda: view.read()[0] == 271, "the status to go stale")
+    second = StatusWriter(make_engine(), folder)
+    second.publish(time.monotonic_ns())
+    assert view.read()[0] == 0, "the view maps the new page"
+
+
+def test_empty_snapshot_says_offline() -> None:
+    snapshot = empty_snapshot(3)
+    assert snapshot.engine_state is EngineState.Unknown
+    assert not snapshot.communicating
+    assert not snapshot.servo_on.any()
+    assert snapshot.n_axes == 3
