@@ -32,7 +32,15 @@ from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.path import Path, path_of
 from robot_stack.navigation.plan import plan_motion, plan_stop
 from robot_stack.navigation.pose_source import Located
-from robot_stack.navigation.tracker import TrackingError, bounded, command, settle_command, tracking_error
+from robot_stack.navigation.tracker import (
+    TrackingError,
+    begun,
+    bounded,
+    command,
+    settle_command,
+    tracking_error,
+    waiting_rate,
+)
 
 # A repeated goal this near to the present one is the same goal.
 _SAME_M, _SAME_RAD = 1e-3, 1e-3
@@ -89,6 +97,7 @@ class NavigationController:
         self._trajectory: Trajectory | None = None
         self._elapsed_s = 0.0
         self._since_plan_s = math.inf
+        self._starting = False
         self._settling_s = 0.0
         self._last_tick_s = math.nan
         self._twist = ZERO_TWIST
@@ -167,20 +176,34 @@ class NavigationController:
         return Output(ZERO_TWIST, self._state, self._text)
 
     def _drive(self, located: Located, dt_s: float) -> Output:
-        self._elapsed_s += dt_s
         assert self._trajectory is not None
+        rate = self._progress(located, dt_s)
         now = self._trajectory.at(self._elapsed_s)
         error = tracking_error(now.pose, located.pose)
         if self._state is NavigationState.DRIVING and self._lost(error):
             return self._drive(located, 0.0) if self._begin(self._measured(located)) else self._idle()
         if self._elapsed_s >= self._trajectory.duration_s:
             return self._end_of_plan(located)
-        ahead = self._trajectory.at(self._elapsed_s + self._params.tracking.command_delay_s)
+        t = self._params.tracking
+        ahead_s = t.start_ahead_s if self._starting else rate * t.command_delay_s
+        ahead = self._trajectory.at(self._elapsed_s + ahead_s)
         motion = self._robot.motion(self._passenger)
-        twist = command(now, ahead, located.pose, self._params.tracking)
+        twist = command(now, ahead, located.pose, t, rate)
         speed_mps = min(motion.max_speed_mps, self._speed_limit.speed_mps)
         yaw_rate_radps = min(motion.max_yaw_rate_radps, self._speed_limit.yaw_rate_radps)
         return Output(bounded(twist, speed_mps, yaw_rate_radps), self._state, self._text, now.pose, error)
+
+    def _progress(self, located: Located, dt_s: float) -> float:
+        """Moves the plan on. Returns its rate: below 1 it waits for the robot."""
+        assert self._trajectory is not None
+        t = self._params.tracking
+        if self._starting:
+            start, soon = self._trajectory.at(0.0), self._trajectory.at(t.start_ahead_s)
+            self._starting = not begun(start, soon, located.pose, t) and self._since_plan_s < t.start_timeout_s
+            return 1.0
+        rate = waiting_rate(self._trajectory.at(self._elapsed_s), located.pose, t)
+        self._elapsed_s += rate * dt_s
+        return rate
 
     def _end_of_plan(self, located: Located) -> Output:
         if self._state is NavigationState.BRAKING:
@@ -257,6 +280,9 @@ class NavigationController:
     def _run(self, trajectory: Trajectory, state: NavigationState, text: str, *, keep_path: bool = False) -> None:
         self._trajectory, self._state, self._text = trajectory, state, text
         self._elapsed_s = self._since_plan_s = 0.0
+        # A robot at rest first turns its wheels, which takes up to half a second: the plan begins when it moves.
+        start = trajectory.at(0.0)
+        self._starting = start.speed() == 0.0 and start.yaw_rate == 0.0 and trajectory.duration_s > 0.0
         if self._goal is None:
             self.path = None
         elif self.path is None or not keep_path:

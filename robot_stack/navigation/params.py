@@ -56,10 +56,27 @@ class TrackingParams(Config):
     yaw_gain_per_s: Positive
     max_correction_mps: Positive
     max_correction_radps: Positive
+    start_ahead_s: Positive
+    start_moved_m: Positive
+    start_moved_rad: Positive
+    start_timeout_s: Positive
+    wait_from_m: Positive
+    wait_at_m: Positive
+    wait_from_rad: Positive
+    wait_at_rad: Positive
     replan_position_m: Positive
     replan_yaw_rad: Positive
     replan_interval_s: Positive
     max_step_s: Positive
+
+
+    @model_validator(mode="after")
+    def _waits_before_it_plans_afresh(self) -> TrackingParams:
+        if not self.wait_from_m < self.wait_at_m < self.replan_position_m:
+            raise ValueError("wait_from_m < wait_at_m < replan_position_m must hold")
+        if not self.wait_from_rad < self.wait_at_rad < self.replan_yaw_rad:
+            raise ValueError("wait_from_rad < wait_at_rad < replan_yaw_rad must hold")
+        return self
 
 
 class PoseParams(Config):

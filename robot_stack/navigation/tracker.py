@@ -31,10 +31,40 @@ def tracking_error(planned: Pose2, pose: Pose2) -> TrackingError:
     return TrackingError(planned.x - pose.x, planned.y - pose.y, wrap_angle(planned.yaw - pose.yaw))
 
 
-def command(now: MotionState, ahead: MotionState, pose: Pose2, params: TrackingParams) -> Twist2:
+def waiting_rate(now: MotionState, pose: Pose2, params: TrackingParams) -> float:
+    """How fast the plan may go on, 0..1: it waits for a robot that something holds back.
+
+    Only what the robot is behind along its way counts; beside the way it is the feedback's business.
+    """
+    error, speed = tracking_error(now.pose, pose), now.speed()
+    behind_m = (error.x * now.velocity[0] + error.y * now.velocity[1]) / speed if speed > 0.0 else 0.0
+    behind_rad = math.copysign(error.yaw, now.yaw_rate * error.yaw) if now.yaw_rate else 0.0
+    return min(
+        _share(behind_m, params.wait_from_m, params.wait_at_m),
+        _share(behind_rad, params.wait_from_rad, params.wait_at_rad),
+    )
+
+
+def begun(start: MotionState, soon: MotionState, pose: Pose2, params: TrackingParams) -> bool:
+    """True once a robot that starts from rest has moved: towards where the plan has it soon."""
+    course = math.hypot(*soon.velocity)
+    moved_x, moved_y = pose.x - start.pose.x, pose.y - start.pose.y
+    along_m = (moved_x * soon.velocity[0] + moved_y * soon.velocity[1]) / course if course > 0.0 else 0.0
+    turned_rad = math.copysign(1.0, soon.yaw_rate) * wrap_angle(pose.yaw - start.pose.yaw)
+    return along_m > params.start_moved_m or (soon.yaw_rate != 0.0 and turned_rad > params.start_moved_rad)
+
+
+def _share(value: float, full: float, none: float) -> float:
+    return min(1.0, max(0.0, (none - value) / (none - full)))
+
+
+def command(
+    now: MotionState, ahead: MotionState, pose: Pose2, params: TrackingParams, rate: float = 1.0
+) -> Twist2:
     """The twist to command, base_link.
 
     now: planned state now. ahead: planned state when the command acts. pose: estimated pose now, map.
+    rate: how fast the plan goes on.
     """
     error = tracking_error(now.pose, pose)
     pull_x, pull_y = _bounded(error.x, error.y, params.position_gain_per_s, params.max_correction_mps)
@@ -42,8 +72,8 @@ def command(now: MotionState, ahead: MotionState, pose: Pose2, params: TrackingP
     # The body will stand at this yaw when the command acts, if it goes on turning as planned.
     yaw = pose.yaw + wrap_angle(ahead.pose.yaw - now.pose.yaw)
     c, s = math.cos(yaw), math.sin(yaw)
-    vx, vy = ahead.velocity[0] + pull_x, ahead.velocity[1] + pull_y
-    return Twist2(c * vx + s * vy, -s * vx + c * vy, ahead.yaw_rate + pull_yaw)
+    vx, vy = rate * ahead.velocity[0] + pull_x, rate * ahead.velocity[1] + pull_y
+    return Twist2(c * vx + s * vy, -s * vx + c * vy, rate * ahead.yaw_rate + pull_yaw)
 
 
 def bounded(twist: Twist2, max_speed_mps: float, max_yaw_rate_radps: float) -> Twist2:

@@ -10,7 +10,7 @@ from robot_stack.core.config import ConfigError
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
 from robot_stack.navigation.limits import NO_LIMIT, SpeedLimit, planning_limits
 from robot_stack.navigation.motion import MotionState
-from robot_stack.navigation.tracker import bounded, command, settle_command
+from robot_stack.navigation.tracker import begun, bounded, command, settle_command, waiting_rate
 from tests.unit.navigation.plant import ROBOT, params
 
 TRACKING = params().tracking
@@ -44,6 +44,44 @@ def test_error_pulls_back_and_is_bounded() -> None:
     far = command(state, state, Pose2(-5.0, 0.0, 3.0), TRACKING)
     assert far.speed() == pytest.approx(TRACKING.max_correction_mps)
     assert far.omega == pytest.approx(-TRACKING.max_correction_radps)
+
+
+def test_a_slower_plan_asks_for_less_speed() -> None:
+    state = MotionState(IDENTITY, velocity=(1.0, 0.0), yaw_rate=0.4)
+    twist = command(state, state, IDENTITY, TRACKING, rate=0.5)
+    assert (twist.vx, twist.vy, twist.omega) == pytest.approx((0.5, 0.0, 0.2))
+
+
+@pytest.mark.parametrize(
+    ("pose", "rate"),
+    [
+        (Pose2(0.0, 0.0, 0.0), 1.0),
+        (Pose2(-0.03, 0.0, 0.0), 1.0),
+        (Pose2(-0.065, 0.0, 0.0), 0.5),  # half way between 0.03 and 0.10 m
+        (Pose2(-0.2, 0.0, 0.0), 0.0),
+        (Pose2(0.2, 0.0, 0.0), 1.0),  # ahead of the plan
+        (Pose2(0.0, 0.2, 0.0), 1.0),  # beside it
+        (Pose2(0.0, 0.0, -0.1), 0.5),  # half way between 0.05 and 0.15 rad
+        (Pose2(0.0, 0.0, 0.1), 1.0),
+        (Pose2(-0.065, 0.0, -0.15), 0.0),
+    ],
+)
+def test_the_plan_waits_for_a_robot_that_is_behind(pose: Pose2, rate: float) -> None:
+    planned = MotionState(IDENTITY, velocity=(1.0, 0.0), yaw_rate=0.2)
+    assert waiting_rate(planned, pose, TRACKING) == pytest.approx(rate)
+
+
+def test_a_plan_at_rest_waits_for_nobody() -> None:
+    assert waiting_rate(MotionState(IDENTITY), Pose2(-0.5, 0.0, -0.5), TRACKING) == 1.0
+
+
+def test_begun_means_moved_towards_the_plan() -> None:
+    start, soon = MotionState(IDENTITY), MotionState(IDENTITY, velocity=(0.0, 0.02))
+    assert begun(start, soon, Pose2(0.0, 0.0015, 0.0), TRACKING)
+    assert not begun(start, soon, Pose2(0.01, 0.0005, 0.1), TRACKING)  # other motion, left over from before
+    turning = MotionState(IDENTITY, yaw_rate=-0.02)
+    assert begun(start, turning, Pose2(0.0, 0.0, -0.003), TRACKING)
+    assert not begun(start, turning, Pose2(0.0, 0.0, 0.003), TRACKING)
 
 
 def test_bound_keeps_the_course() -> None:
@@ -90,6 +128,8 @@ def test_no_limits_where_nothing_is_left(limit: SpeedLimit) -> None:
         ({"standing_speed_mps": math.nan}, "standing_speed_mps"),
         ({"nonsense": 1}, "nonsense: is not a known parameter"),
         ({"limits": {**params().limits.model_dump(), "speed_share": 1.2}}, "limits.speed_share"),
+        ({"tracking": {**TRACKING.model_dump(), "wait_at_m": 0.5}}, "wait_from_m < wait_at_m < replan_position_m"),
+        ({"tracking": {**TRACKING.model_dump(), "wait_from_rad": 0.2}}, "wait_from_rad < wait_at_rad"),
         ({"goal": {**params().goal.model_dump(), "settled_position_m": 0.05}}, "settled_position_m must be smaller"),
     ],
 )

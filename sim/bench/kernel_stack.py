@@ -1,0 +1,271 @@
+"""The stack's kernels and the physics in one process, in lockstep: no ROS, no clock, faster than real time.
+
+Every kernel runs at the rate of its node, at a phase drawn from the seed, because nodes start whenever they start; what
+passes between two nodes arrives one transport delay later. The safety monitor is not part of it: the drive may move.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_stack.contract import frames, topics
+from robot_stack.contract.frames import DRIVE_AXES, JOINTS, STEER_AXES
+from robot_stack.core.config import load
+from robot_stack.core.geometry import Pose2, Twist2, quaternion_from_yaw
+from robot_stack.core.robot import Robot, load_robot
+from robot_stack.drive.arbitration import Arbiter, Source
+from robot_stack.drive.engine_session import EngineSession
+from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_settings, session_settings
+from robot_stack.drive.joint_states import encoders as encoders_of
+from robot_stack.drive.kinematics import Four, ModuleSetPoints
+from robot_stack.drive.odometry import Encoders, Odometry, SwerveOdometry
+from robot_stack.drive.parameters import (
+    SwerveControllerParams,
+    drive_settings,
+    module_limits,
+    module_positions,
+    motion_limits,
+    odometry_settings,
+)
+from robot_stack.drive.swerve_drive import SwerveDrive
+from robot_stack.drive.wheel_axes import drive_moves, steer_moves
+from robot_stack.localization.gyro import ImuSample as GyroSample
+from robot_stack.localization.localizer import Localizer
+from robot_stack.localization.odometry import OdometryReading, Variances
+from robot_stack.localization.params import LocalizationParams
+from robot_stack.navigation.controller import NavigationController, Output, Situation
+from robot_stack.navigation.goal import GoalRequest
+from robot_stack.navigation.params import NavigationParams
+from robot_stack.navigation.path import Path
+from robot_stack.navigation.pose_source import Located, PoseSource
+from robot_stack.wmx import Library, MotionEngine
+from robot_stack.wmx.config import load_engine_config
+from robot_stack.wmx.simulated.client import Ecat
+from sim.imu import ImuSample
+from sim.local_engine import LocalEngine
+from sim.parameters import load_sim_params
+from sim.simulation import Simulation
+from sim.world import Setup
+
+_STEP_S = 0.001  # of the engine and the physics
+_READY_LIMIT_S = 5.0
+_ROUNDING_S = 1e-9
+Task = Callable[[], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One tick of the navigation controller: its output and plan, what it knew, and what was true (poses in map)."""
+
+    time_s: float
+    output: Output
+    path: Path | None
+    located: Located | None
+    truth: Pose2
+    true_twist: Twist2
+
+
+class KernelStack:
+    """Drive, odometry, localization and navigation on simulated engine and physics, without the nodes around them.
+
+    navigation: parameters of the navigation controller, None for the configured ones. transport_s: delay of every
+    message between two nodes. Raises RuntimeError if the engine does not become ready.
+    """
+
+    def __init__(self, setup: Setup, navigation: NavigationParams | None = None, transport_s: float = 0.002) -> None:
+        robot = load_robot()
+        self.sim = Simulation(robot, load_sim_params(), setup)
+        self._random = np.random.default_rng(setup.seed)
+        self._transport_steps = max(1, round(transport_s / _STEP_S))
+        self._messages: list[tuple[int, int, Task]] = []
+        self._order = itertools.count()
+        self._tasks: list[tuple[int, int, Task]] = []
+        self._hardware = _Hardware(robot, self.sim)
+        self.drive = _Drive(robot)
+        self.localizer = _localizer(robot, setup.start)
+        params = navigation or load(NavigationParams, "navigation_controller")
+        self.poses = PoseSource(params.pose, robot.empty.max_speed_mps, robot.empty.max_yaw_rate_radps)
+        self.navigation = NavigationController(params, robot, frames.MAP)
+        self.samples: list[Sample] = []
+        self._every(topics.JOINT_STATES.rate_hz, self._joint_states)
+        self._every(topics.WHEEL_COMMANDS.rate_hz, self._drive_tick)
+        self._every(topics.CURRENT_POSE.rate_hz, self._localization_tick)
+        self._every(topics.CMD_VEL.rate_hz, self._navigation_tick)
+        if not self.run(lambda: self._hardware.session.ready, _READY_LIMIT_S):
+            raise RuntimeError(f"the engine is not ready: {self._hardware.session.state.text}")
+
+    @property
+    def time_s(self) -> float:
+        return self.sim.time_s
+
+    def truth(self) -> tuple[Pose2, Twist2]:
+        """True pose in map and true twist in base_link."""
+        truth = self.sim.world.truth()
+        return truth.pose(), Twist2(truth.linear_mps[0], truth.linear_mps[1], truth.angular_radps[2])
+
+    def goal(self, pose: Pose2) -> None:
+        """Sends a goal. Raises ValueError if it is refused."""
+        located, _ = self.poses.located(self.time_s, self.time_s)
+        request = GoalRequest(frames.MAP, 0.0, (pose.x, pose.y, 0.0), quaternion_from_yaw(pose.yaw))
+        problem = self.navigation.request(request, self.time_s, located)
+        if problem:
+            raise ValueError(f"goal {pose} refused: {problem}")
+
+    def run(self, until: Callable[[], bool], limit_s: float) -> bool:
+        """Steps until the condition holds, asked after every step; False if ``limit_s`` went by first."""
+        end_s = self.time_s + limit_s
+        while self.time_s < end_s - _ROUNDING_S:
+            self._step()
+            if until():
+                return True
+        return False
+
+    def _step(self) -> None:
+        sample = self.sim.step()
+        if sample is not None:
+            self._imu(sample)
+        steps = self.sim.world.steps
+        for period, phase, task in self._tasks:
+            if steps % period == phase:
+                task()
+        while self._messages and self._messages[0][0] <= steps:
+            heapq.heappop(self._messages)[2]()
+
+    def _every(self, rate_hz: float | None, task: Task) -> None:
+        assert rate_hz is not None
+        period = round(1.0 / (rate_hz * _STEP_S))
+        self._tasks.append((period, int(self._random.integers(period)), task))
+
+    def _send(self, deliver: Task) -> None:
+        heapq.heappush(self._messages, (self.sim.world.steps + self._transport_steps, next(self._order), deliver))
+
+    # --- nodes -------------------------------------------------------------------------------------------------------
+
+    def _imu(self, sample: ImuSample) -> None:
+        rotation = sample.rotation_radps
+        gyro = GyroSample(sample.time_s, rotation[2], (*rotation, *sample.acceleration_mps2))
+        self._send(lambda: self.localizer.on_imu(gyro))
+
+    def _joint_states(self) -> None:
+        encoders = self._hardware.tick(self.time_s)
+        if encoders is not None:
+            self._send(lambda: self._odometry(encoders))
+
+    def _odometry(self, encoders: Encoders) -> None:
+        odometry, stamp_s = self.drive.on_encoders(encoders), encoders.stamp_s
+        reading = OdometryReading(
+            stamp_s,
+            odometry.pose,
+            odometry.twist,
+            _diagonal(odometry.pose_covariance),
+            _diagonal(odometry.twist_covariance),
+        )
+
+        def deliver() -> None:
+            self.localizer.on_odometry(reading, self.time_s)
+            self.poses.on_odometry(stamp_s, odometry.pose, odometry.twist, self.time_s)
+
+        self._send(deliver)
+
+    def _drive_tick(self) -> None:
+        modules = self.drive.tick(self.time_s)
+        if modules is not None:
+            self._send(lambda: self._hardware.command(modules))
+
+    def _localization_tick(self) -> None:
+        estimate = self.localizer.estimate(self.time_s)
+        pose, stamp_s = estimate.pose, estimate.stamp_s
+        if pose is not None:
+            self._send(lambda: self._on_pose(stamp_s, pose))
+
+    def _on_pose(self, stamp_s: float, pose: Pose2) -> None:
+        self.poses.on_pose(stamp_s, pose, self.time_s)
+
+    def _navigation_tick(self) -> None:
+        located, problem = self.poses.located(self.time_s, self.time_s)
+        output = self.navigation.tick(Situation(self.time_s, located, problem))
+        self.samples.append(Sample(self.time_s, output, self.navigation.path, located, *self.truth()))
+        self._send(lambda: self.drive.on_command(output.twist, self.time_s))
+
+
+class _Hardware:
+    """The hardware interface's kernels on an engine in this process."""
+
+    def __init__(self, robot: Robot, sim: Simulation) -> None:
+        params = load(SwerveHardwareParams, "swerve_hardware_interface")
+        assert topics.WHEEL_COMMANDS.rate_hz is not None
+        self._axes = axis_settings(params, robot, topics.WHEEL_COMMANDS.rate_hz)
+        local = LocalEngine(load_engine_config(), sim)
+        local.start()
+        library = Library(
+            WMX3Api=lambda: local.api,
+            CoreMotion=lambda _: local.core_motion,
+            Io=lambda _: local.io,
+            Ecat=lambda _: Ecat(local.api),
+            read_status=lambda *_: local.api.snapshot(),
+        )
+        engine = MotionEngine(library, local.api)
+        self.session = EngineSession(lambda: engine, session_settings(params.session))
+
+    def tick(self, now_s: float) -> Encoders | None:
+        """Follows the engine; the encoders, once they can be trusted."""
+        snapshot = self.session.poll(now_s, stop=False, may_switch_on=True).snapshot
+        return None if snapshot is None else encoders_of(now_s, JOINTS, snapshot.actual_pos[: len(JOINTS)].tolist())
+
+    def command(self, modules: ModuleSetPoints) -> None:
+        snapshot = self.session.look()
+        if snapshot is not None:
+            self.session.move(
+                drive_moves(modules.speeds_mps, snapshot.velocity_cmd[list(DRIVE_AXES)].tolist(), self._axes),
+                steer_moves(modules.angles_rad, snapshot.pos_cmd[list(STEER_AXES)].tolist(), self._axes),
+            )
+
+
+class _Drive:
+    """The swerve controller's kernels, with the permission to drive."""
+
+    def __init__(self, robot: Robot) -> None:
+        params = load(SwerveControllerParams, "swerve_controller")
+        positions = module_positions(robot)
+        self._drive = SwerveDrive(positions, module_limits(params.module, robot), drive_settings(params.drive, robot))
+        self._arbiter = Arbiter(params.command_timeout_s)
+        self._odometry = SwerveOdometry(positions, odometry_settings(params.odometry, robot))
+        self._limits = motion_limits(robot.empty)
+        self._standing = params.standing
+        self._measured: Four | None = None
+        self.odometry = Odometry()
+        self._ticked_s = math.nan
+
+    def on_encoders(self, encoders: Encoders) -> Odometry:
+        self._measured = encoders.steer_rad
+        self.odometry = self._odometry.update(encoders)
+        return self.odometry
+
+    def on_command(self, twist: Twist2, now_s: float) -> None:
+        self._arbiter.command(Source.NAVIGATION, twist, now_s)
+
+    def tick(self, now_s: float) -> ModuleSetPoints | None:
+        """What to command the modules; None before the first encoders."""
+        elapsed_s, self._ticked_s = now_s - self._ticked_s, now_s
+        if self._measured is None:
+            return None
+        _, wish = self._arbiter.wish(now_s)
+        twist, limit = self.odometry.twist, self._standing
+        standing = twist.speed() <= limit.speed_mps and abs(twist.omega) <= limit.yaw_rate_radps
+        return self._drive.step(wish, self._limits, elapsed_s, self._measured, standing=standing).modules
+
+
+def _localizer(robot: Robot, start: Pose2) -> Localizer:
+    given = {"start_x_m": start.x, "start_y_m": start.y, "start_yaw_rad": start.yaw}
+    params = load(LocalizationParams, "localization", given)
+    return Localizer(params, robot.empty.max_speed_mps, robot.empty.max_yaw_rate_radps)
+
+
+def _diagonal(matrix: tuple[float, ...]) -> Variances:
+    return matrix[0], matrix[4], matrix[8]

@@ -1,0 +1,129 @@
+"""How near the robot keeps to its planned path, in physics, by the truth and by its own estimate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.bench.framework import Aim, BenchError
+from robot_stack.core.config import load
+from robot_stack.core.geometry import IDENTITY, Pose2, wrap_angle
+from robot_stack.navigation.controller import NavigationState
+from robot_stack.navigation.limits import SpeedLimit
+from robot_stack.navigation.params import NavigationParams
+from sim.bench.kernel_stack import KernelStack, Sample
+from sim.world import Setup
+from sim.worldfile import load_world
+
+NAME = "tracking"
+AIMS = {"rms_mm": Aim("<", 20.0)}
+_WORLD = "flat"
+_LEG_LIMIT_S = 60.0
+# The path is compared with at this spacing: a corner of 1 m radius lies 0.05 mm beside its chords.
+_SPACING_M, _POSES = 0.02, 5000
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """A goal, and whether the robot stops at it or the next one is sent before."""
+
+    goal: Pose2
+    stop: bool
+
+
+# Straight, diagonal with a change of yaw, then an S of three corners, the middle one with a change of yaw.
+ROUTE = (
+    Leg(Pose2(6.0, 0.0, 0.0), stop=True),
+    Leg(Pose2(10.0, 4.0, 1.2), stop=True),
+    Leg(Pose2(13.0, 1.0, 1.2), stop=False),
+    Leg(Pose2(16.0, 4.0, 0.0), stop=False),
+    Leg(Pose2(19.0, 1.0, 0.0), stop=True),
+)
+
+
+def run(
+    speed_mps: float = 1.0, seeds: int = 3, stand_s: float = 10.0, pass_m: float = 1.0
+) -> tuple[dict[str, float], dict[str, object]]:
+    """(figures, conditions) of the route, driven once for each seed.
+
+    stand_s: standstill before the ride, in which the gyro's bias is learnt. pass_m: how far ahead of a goal that is
+    only passed the next one is sent.
+    """
+    rides = [ride(seed, speed_mps, stand_s, pass_m) for seed in range(1, seeds + 1)]
+    driving = [sample for samples in rides for sample in samples if sample.output.state is NavigationState.DRIVING]
+    beside = _beside_mm(driving, lambda sample: sample.truth)
+    estimated = _beside_mm(driving, _located)
+    figures = {
+        "rms_mm": _rms(beside),
+        "max_mm": float(beside.max()),
+        "estimate_rms_mm": _rms(estimated),
+        "estimate_max_mm": float(estimated.max()),
+        "position_rms_mm": _rms(_off_plan_mm(driving)),
+        "yaw_max_deg": max(math.degrees(abs(wrap_angle(s.truth.yaw - _planned(s).yaw))) for s in driving),
+        "localization_max_mm": 1e3 * max(_located(sample).distance_to(sample.truth) for sample in driving),
+        "speed_max_mps": max(sample.true_twist.speed() for sample in driving),
+    }
+    return figures, {
+        "route": "6 m straight, 5.7 m diagonal turning 1.2 rad, S of 12.7 m with three corners turning 1.2 rad back",
+        "speed_mps": speed_mps,
+        "rides": f"{seeds}, seeds 1 to {seeds}: noise, wheel radii, steering zeros, phases of the nodes",
+        "world": f"{_WORLD}, empty robot, in lockstep, 2 ms between nodes",
+        "rms_mm, max_mm": "distance of the true pose from the planned path, every 50 ms of driving",
+        "estimate": "the same of the pose that the controller believes: without the error of the localization",
+        "position_rms_mm": "true position against the planned one at that moment, along the path included",
+        "localization": "wheel odometry and gyro only, from the true start pose",
+    }
+
+
+def ride(seed: int, speed_mps: float, stand_s: float, pass_m: float) -> list[Sample]:
+    """One ride over the route. Raises BenchError if a goal is not reached."""
+    params = load(NavigationParams, "navigation_controller", {"plan_spacing_m": _SPACING_M, "plan_max_poses": _POSES})
+    stack = KernelStack(Setup(load_world(_WORLD), seed, IDENTITY), params)
+    # Plans keep a share of the limit, so that the ride itself has the speed asked for.
+    limit_mps = speed_mps / params.limits.speed_share
+    stack.navigation.set_speed_limit(SpeedLimit(limit_mps, math.inf))
+    stack.run(lambda: False, stand_s)
+    for leg in ROUTE:
+        begin = len(stack.samples)
+        stack.goal(leg.goal)
+        if not stack.run(_ended(stack, leg, begin, pass_m), _LEG_LIMIT_S):
+            raise BenchError(f"seed {seed}: {leg.goal} not reached in {_LEG_LIMIT_S} s, robot at {stack.truth()[0]}")
+    return stack.samples
+
+
+def _ended(stack: KernelStack, leg: Leg, begin: int, pass_m: float) -> Callable[[], bool]:
+    if leg.stop:
+        return lambda: len(stack.samples) > begin and stack.samples[-1].output.reached
+    return lambda: stack.truth()[0].distance_to(leg.goal) < pass_m
+
+
+def _beside_mm(samples: Iterable[Sample], pose_of: Callable[[Sample], Pose2]) -> NDArray[np.float64]:
+    """(n,) distances from the path."""
+    distances = []
+    for sample in samples:
+        assert sample.path is not None
+        pose = pose_of(sample)
+        distances.append(1e3 * abs(sample.path.project(pose.x, pose.y)[1]))
+    return np.array(distances)
+
+
+def _off_plan_mm(samples: Iterable[Sample]) -> NDArray[np.float64]:
+    return np.array([1e3 * sample.truth.distance_to(_planned(sample)) for sample in samples])
+
+
+def _planned(sample: Sample) -> Pose2:
+    assert sample.output.planned is not None
+    return sample.output.planned
+
+
+def _located(sample: Sample) -> Pose2:
+    assert sample.located is not None
+    return sample.located.pose
+
+
+def _rms(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(values**2)))
