@@ -1,5 +1,6 @@
-"""Parameters of the drive's nodes (``config/swerve_controller.yaml``, ``config/swerve_hardware_interface.yaml``) and
-what the kernels make of them and of ``config/robot.yaml``."""
+"""Parameters of the swerve controller, ``config/swerve_controller.yaml``, and what the kernels make of them and of
+``config/robot.yaml``.
+"""
 
 from __future__ import annotations
 
