@@ -1,0 +1,169 @@
+"""The whole stack on the simulation, as tests operate and watch it."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+from geometry_msgs.msg import TwistStamped
+from std_msgs.msg import Bool
+
+from custom_msgs.msg import UICommand
+from custom_msgs.srv import InjectFault
+from robot_stack.contract import services, topics
+from robot_stack.supervisor import client
+from robot_stack.supervisor.control import ask
+from tests.support.peer import Peer
+from tests.support.waiting import wait_for
+
+# Slower than this counts as standing: physics never rests at exactly 0.
+STANDSTILL_MPS = 0.01
+STANDSTILL_RADPS = 0.02
+
+
+class StackUnderTest:
+    """Started by the supervisor like any other; listened to and disturbed by a peer outside the contract."""
+
+    def __init__(self, logs: Path, *settings: str) -> None:
+        self.logs = logs
+        try:
+            client.start(client.Launch("sim", settings=settings, log_dir=logs), 90.0)
+        except client.StartError:
+            client.stop()
+            raise
+        self.peer = Peer("scenario_peer")
+        self.truth = self.peer.listen(topics.SIM_GROUND_TRUTH)
+        self.safety = self.peer.listen(topics.SAFETY_STATUS)
+        self.limit = self.peer.listen(topics.VELOCITY_LIMIT)
+        self.mission = self.peer.listen(topics.MISSION_STATUS)
+        self.commands = self.peer.listen(topics.WHEEL_COMMANDS)
+        self.odom = self.peer.listen(topics.ODOM)
+        for topic in (topics.EMERGENCY_STOP, topics.TELEOP_CMD_VEL, topics.UI_COMMAND, topics.GOAL_POSE):
+            self.peer.publisher(topic)
+        self.truth.wait(lambda _: True, "ground truth")
+        self.peer.wait_matched(topics.TELEOP_CMD_VEL)
+        self.peer.wait_matched(topics.UI_COMMAND)
+
+    def close(self) -> None:
+        self.peer.close()
+        client.stop()
+
+    # --- what is seen ------------------------------------------------------------------------------------------------
+
+    @property
+    def speed_mps(self) -> float:
+        """True speed over ground."""
+        linear = self.truth.last.twist.twist.linear
+        return math.hypot(linear.x, linear.y)
+
+    @property
+    def stands(self) -> bool:
+        return self.speed_mps < STANDSTILL_MPS and abs(self.truth.last.twist.twist.angular.z) < STANDSTILL_RADPS
+
+    def wait_stands(self, deadline_s: float = 10.0) -> None:
+        wait_for(lambda: self.stands, "the robot stands", deadline_s)
+
+    def wait_safety(self, state: str, fault: str = "", deadline_s: float = 10.0) -> Any:
+        what = f"safety state {state} {fault}"
+        return self.safety.wait(
+            lambda message: message.safety_state == state and (not fault or fault in message.active_faults),
+            what,
+            deadline_s,
+        )
+
+    def process(self, name: str) -> dict[str, Any]:
+        return next(item for item in ask("status")["processes"] if item["name"] == name)
+
+    def log(self, name: str) -> str:
+        return "".join(path.read_text(errors="replace") for path in sorted(self.logs.glob(f"*/{name}.log")))
+
+    # --- what is done ------------------------------------------------------------------------------------------------
+
+    def drive(self, vx_mps: float, vy_mps: float = 0.0, omega_radps: float = 0.0) -> None:
+        """Teleoperation at 20 Hz until ``let_go``."""
+        message = TwistStamped()
+        message.twist.linear.x, message.twist.linear.y, message.twist.angular.z = vx_mps, vy_mps, omega_radps
+        self.peer.repeat(topics.TELEOP_CMD_VEL, lambda: message, 20.0)
+
+    def drive_at(self, speed_mps: float) -> None:
+        """Drives ahead and waits until the robot has nearly that speed."""
+        self.drive(speed_mps)
+        wait_for(lambda: self.speed_mps > 0.9 * speed_mps, f"the robot drives at {speed_mps} m/s")
+
+    def let_go(self) -> None:
+        self.peer.silence(topics.TELEOP_CMD_VEL)
+
+    def inject(self, kind: str, target: str = "", value: float = 0.0, duration_s: float = 0.0) -> str:
+        request = InjectFault.Request(kind=kind, target=target, value=value, duration_s=duration_s)
+        answer = self.peer.call(services.INJECT_FAULT, request)
+        assert answer.success, answer.message
+        return str(answer.message)
+
+    def estop(self, pressed: bool) -> None:
+        self.peer.publish(topics.EMERGENCY_STOP, Bool(data=pressed))
+
+    def reset(self) -> Any:
+        return self.peer.call(services.SAFETY_RESET)
+
+    def release(self, deadline_s: float = 20.0) -> None:
+        """Both keys, repeated until the monitor agrees."""
+        self.estop(False)
+        last = [""]
+
+        def granted() -> bool:
+            answer = self.reset()
+            last[0] = answer.message
+            if not answer.success:
+                self.estop(False)
+                time.sleep(0.2)
+            return bool(answer.success)
+
+        try:
+            wait_for(granted, "the release", deadline_s)
+        except AssertionError as error:
+            raise AssertionError(f"{error}; last answer: {last[0]}") from None
+
+    def command(self, command_type: str, mission_id: str = "") -> None:
+        self.peer.publish(topics.UI_COMMAND, UICommand(command_type=command_type, mission_id=mission_id))
+
+    def command_until(self, command_type: str, state: str, deadline_s: float = 20.0) -> None:
+        """Repeats a command until the mission has ``state``: a restarted manager may not be connected at once."""
+
+        def reached() -> bool:
+            if self.mission.last is not None and self.mission.last.state == state:
+                return True
+            self.command(command_type)
+            time.sleep(0.5)
+            return False
+
+        wait_for(reached, f"{command_type} leads to {state}", deadline_s)
+
+    def kill(self, name: str) -> int:
+        """SIGKILL to a process of this stack; returns the pid it had."""
+        pid = int(self.process(name)["pid"])
+        os.kill(pid, signal.SIGKILL)
+        return pid
+
+    def wait_restarted(self, name: str, old_pid: int, deadline_s: float = 30.0) -> None:
+        def again() -> bool:
+            entry = self.process(name)
+            return entry["state"] == "ready" and entry["pid"] != old_pid
+
+        wait_for(again, f"{name} runs again", deadline_s, poll_s=0.1)
+
+    def make_ready(self) -> None:
+        """Back to a robot that stands, without faults, at NORMAL, whatever a test left behind."""
+        self.let_go()
+        self.inject("clear")
+        self.wait_stands()
+        wait_for(lambda: ask("status")["ready"], "every process ready", 40.0, poll_s=0.1)
+        if self.mission.last is not None and self.mission.last.state in ("RUNNING", "WAITING", "PAUSED"):
+            self.command("ABORT")
+            self.mission.wait(lambda message: message.state == "ABORTED", "the mission aborted")
+        if self.safety.last.emergency_stop_active:
+            self.release()
+        self.wait_safety("NORMAL", deadline_s=20.0)
