@@ -27,6 +27,8 @@ _LOCALISED_S = 15.0
 _SILENCE_S = 5.0
 _TELL_EVERY_S = 2.0
 _REDRAW_EVERY_S = 0.2
+_MOVING_MPS = 0.05
+_PATIENCE_S = 60.0  # for somebody who resets an emergency stop and resumes the mission in another terminal
 _OVER = ("COMPLETED", "FAILED", "ABORTED", "IDLE")
 
 
@@ -77,21 +79,40 @@ def _drive(mission: Mission) -> tuple[Ride, Any]:
 
     with Rider() as rider:
         rider.board()
+        _release(rider)
         print(f"START_MISSION {mission.id}: {mission.name_in('en')}, {len(mission.waypoints)} waypoints", flush=True)
         try:
             rider.start(mission.id)
         except ValueError as error:
             raise DemoError(f"the mission was refused: {error}") from error
         display = Display(sys.stdout)
+        progress_s = rider.now_s()
         while rider.mission is None or rider.mission.state not in _OVER:
-            heard = len(rider.ride.samples)
             rider.wait(lambda: False, _REDRAW_EVERY_S)
-            if len(rider.ride.samples) == heard and rider.now_s() - rider.ride.samples[-1].time_s > _SILENCE_S:
-                raise DemoError("the world has fallen silent")
             display.show(rider)
+            now_s, last = rider.now_s(), rider.ride.samples[-1]
+            if now_s - last.time_s > _SILENCE_S:
+                raise DemoError("the world has fallen silent")
+            if last.speed_mps > _MOVING_MPS:
+                progress_s = now_s
+            if now_s - progress_s > _PATIENCE_S:
+                raise DemoError(f"no progress for {_PATIENCE_S:.0f} s: {describe(rider)}")
         rider.wait(lambda: False, 0.5)  # the last centimetres
         display.end()
         return rider.ride, rider.mission
+
+
+def _release(rider: Any) -> None:
+    """A machine that was too busy during the start may have missed a deadline of the safety monitor, which latches."""
+    if not rider.safety.emergency_stop_active:
+        return
+    from robot_stack.cli.nodes.wishes import reset
+
+    print(f"emergency stop from the start ({', '.join(rider.safety.active_faults)}): releasing it", flush=True)
+    granted, reason = reset(_READY_S)
+    if not granted:
+        raise DemoError(f"the safety monitor does not release the emergency stop: {reason}")
+    rider.wait(lambda: not rider.safety.emergency_stop_active, _LOCALISED_S)
 
 
 class Display:

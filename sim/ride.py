@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from robot_stack.core.geometry import Pose2, wrap_angle
 
+# A plan that takes over on the move begins where the robot will be: until it is there, the old one counts as well.
+_HANDOVER_S = 0.5
+
 Line = NDArray[np.float64]
 """(n, 2) points x, y in m, map frame."""
 
@@ -52,7 +55,7 @@ def figures(ride: Ride, goal: Pose2) -> Figures:
     if not ride.samples:
         raise ValueError("nothing was noted of this ride")
     last = ride.samples[-1]
-    errors_m = tracking_errors_m(ride)
+    errors_m = tracking_errors_m(ride)[:, 1]
     return Figures(
         distance_m=distance_m(ride.samples),
         time_s=last.time_s - ride.samples[0].time_s,
@@ -70,15 +73,21 @@ def distance_m(samples: Sequence[Sample]) -> float:
 
 
 def tracking_errors_m(ride: Ride) -> NDArray[np.float64]:
-    """Distance of the true position from the plan in force, at each sample that had a plan, m."""
+    """(n, 2): time in s, and distance of the true position from the plan in force in m, of each sample with a plan."""
     errors = []
+    before: Line | None = None
     for index, (from_s, line) in enumerate(ride.plans):
         until_s = ride.plans[index + 1][0] if index + 1 < len(ride.plans) else math.inf
         if len(line) < 2:
+            before = None
             continue
-        points = [(s.pose.x, s.pose.y) for s in ride.samples if from_s <= s.time_s < until_s]
-        errors += [distance_to_line_m(np.asarray(point), line) for point in points]
-    return np.asarray(errors, dtype=np.float64)
+        for sample in ride.samples:
+            if from_s <= sample.time_s < until_s:
+                point = np.array([sample.pose.x, sample.pose.y])
+                lines = [line] if before is None or sample.time_s > from_s + _HANDOVER_S else [line, before]
+                errors.append((sample.time_s, min(distance_to_line_m(point, each) for each in lines)))
+        before = line
+    return np.asarray(errors, dtype=np.float64).reshape(-1, 2)
 
 
 def distance_to_line_m(point: NDArray[np.float64], line: Line) -> float:

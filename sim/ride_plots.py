@@ -27,18 +27,16 @@ def draw_map(path: Path, world: WorldFile, ride: Ride, waypoints: Sequence[tuple
     """The world from above with the plans, the true way and the waypoints, as a PNG."""
     figure, axes = plt.subplots(figsize=(10.0, 7.0))
     _draw_world(axes, world)
-    for index, (_, line) in enumerate(ride.plans):
-        if len(line):
-            label = "planned" if index == 0 else None
-            axes.plot(line[:, 0], line[:, 1], color=_PLANNED, linewidth=3.0, alpha=0.6, label=label)
+    lines = [line for _, line in ride.plans if len(line)]
+    for index, line in enumerate(lines):
+        label = "planned" if index == 0 else None
+        axes.plot(line[:, 0], line[:, 1], color=_PLANNED, linewidth=3.0, alpha=0.6, label=label)
     way = np.array([(sample.pose.x, sample.pose.y) for sample in ride.samples])
     axes.plot(way[:, 0], way[:, 1], color=_DRIVEN, linewidth=1.2, label="driven (ground truth)")
     for name, pose in waypoints:
-        tip = 0.6
-        axes.arrow(
-            pose.x, pose.y, tip * math.cos(pose.yaw), tip * math.sin(pose.yaw), color=_GOAL, head_width=0.25, zorder=5
-        )
-        axes.annotate(name, (pose.x, pose.y), textcoords="offset points", xytext=(6, 6), fontsize=8)
+        u, v = math.cos(pose.yaw), math.sin(pose.yaw)
+        axes.quiver(pose.x, pose.y, u, v, angles="xy", scale=28.0, width=0.004, color=_GOAL, zorder=5)
+        axes.annotate(name, (pose.x, pose.y), textcoords="offset points", xytext=(4, -12), fontsize=8, color=_GOAL)
     margin_m = 3.0
     axes.set_xlim(way[:, 0].min() - margin_m, way[:, 0].max() + margin_m)
     axes.set_ylim(way[:, 1].min() - margin_m, way[:, 1].max() + margin_m)
@@ -52,11 +50,8 @@ def draw_course(path: Path, ride: Ride) -> None:
     figure, (upper, lower) = plt.subplots(2, 1, figsize=(10.0, 5.5), sharex=True)
     upper.plot([s.time_s for s in ride.samples], [s.speed_mps for s in ride.samples], color=_DRIVEN)
     upper.set(ylabel="speed / m/s")
-    for index, (from_s, line) in enumerate(ride.plans):
-        until_s = ride.plans[index + 1][0] if index + 1 < len(ride.plans) else math.inf
-        part = Ride([s for s in ride.samples if from_s <= s.time_s < until_s], [], [(from_s, line)])
-        errors_m = tracking_errors_m(part)
-        lower.plot([s.time_s for s in part.samples][: len(errors_m)], 1e3 * errors_m, color=_PLANNED)
+    errors = tracking_errors_m(ride)
+    lower.plot(errors[:, 0], 1e3 * errors[:, 1], ".", markersize=2.0, color=_PLANNED)
     lower.set(xlabel="time / s", ylabel="distance from the plan / mm")
     for axes in (upper, lower):
         axes.grid(alpha=0.3)

@@ -21,7 +21,7 @@ _ANSWER_S = 10.0
 
 
 class Rider:
-    """A context manager. ``ride`` grows while ``wait`` waits; times count from the construction."""
+    """A context manager. ``ride`` grows while ``wait`` waits; times count from the start of the mission."""
 
     def __init__(self) -> None:
         self.ride = Ride()
@@ -72,6 +72,12 @@ class Rider:
             raise TimeoutError("the mission manager does not answer")
         if self.mission is not None and not self.mission.last_command_accepted:
             raise ValueError(self.mission.reason)
+        self._begun_s = time.monotonic()
+        here = self.ride.samples[-1]
+        self.ride = Ride(
+            [Sample(0.0, here.pose, here.speed_mps)], [], [(0.0, line) for _, line in self.ride.plans[-1:]]
+        )
+        self.moved_m = 0.0
 
     def _forget_answer(self) -> None:
         self.mission = None

@@ -1,0 +1,87 @@
+"""Figures of a ride, worked out by hand."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robot_stack.core.geometry import Pose2
+from sim.ride import Ride, Sample, distance_m, distance_to_line_m, figures, tracking_errors_m
+from sim.ride_plots import draw_course, draw_map
+from sim.worldfile import load_world
+
+LINE = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0]])
+
+
+def along_x(*points: tuple[float, float, float]) -> list[Sample]:
+    """Samples (time, x, y) at 1 m/s, heading east."""
+    return [Sample(time_s, Pose2(x, y, 0.0), 1.0) for time_s, x, y in points]
+
+
+@pytest.mark.parametrize(
+    ("point", "distance"),
+    [((2.0, 0.5), 0.5), ((-3.0, 4.0), 5.0), ((4.0, 1.0), 0.0), ((5.0, 1.0), 1.0), ((4.0, 5.0), 2.0), ((3.0, 2.0), 1.0)],
+)
+def test_distance_to_a_line(point: tuple[float, float], distance: float) -> None:
+    assert distance_to_line_m(np.array(point), LINE) == pytest.approx(distance)
+
+
+def test_distance_to_a_line_with_a_repeated_point() -> None:
+    line = np.array([[1.0, 1.0], [1.0, 1.0], [2.0, 1.0]])
+    assert distance_to_line_m(np.array([1.5, 3.0]), line) == pytest.approx(2.0)
+
+
+def test_distance_is_the_length_of_the_way() -> None:
+    assert distance_m(along_x((0, 0, 0), (1, 3, 4), (2, 3, 5))) == pytest.approx(6.0)
+    assert distance_m([]) == 0.0
+
+
+def test_errors_are_against_the_plan_in_force() -> None:
+    north = np.array([[0.0, 2.0], [10.0, 2.0]])
+    ride = Ride(along_x((0.0, 0, 0.1), (1.0, 1, 0.2), (5.0, 5, 2.3), (6.0, 6, 2.4)), [], [(0.5, LINE), (5.0, north)])
+    errors = tracking_errors_m(ride)
+    assert errors[:, 0].tolist() == [1.0, 5.0, 6.0]  # the first sample had no plan yet
+    assert errors[:, 1] == pytest.approx([0.2, 0.3, 0.4])
+
+
+def test_old_plan_counts_until_the_new_one_is_reached() -> None:
+    ahead = np.array([[1.0, 0.0], [9.0, 0.0]])
+    ride = Ride(along_x((1.0, 0.5, 0.0), (1.6, 0.9, 0.0)), [], [(0.0, LINE), (1.0, ahead)])
+    assert tracking_errors_m(ride)[:, 1] == pytest.approx([0.0, 0.1])
+
+
+def test_cancelled_plan_is_nothing_to_track() -> None:
+    ride = Ride(along_x((1.0, 0, 0)), [], [(0.0, LINE), (0.5, np.empty((0, 2)))])
+    assert tracking_errors_m(ride).shape == (0, 2)
+
+
+def test_figures() -> None:
+    ride = Ride(along_x((10.0, 0, 0), (12.0, 2, 0.3), (14.0, 4, -0.4)), [], [(0.0, LINE)])
+    found = figures(ride, Pose2(4.0, 0.0, math.radians(-359.0)))
+    assert found.distance_m == pytest.approx(math.hypot(2, 0.3) + math.hypot(2, 0.7))
+    assert found.time_s == pytest.approx(4.0)
+    assert found.top_speed_mps == 1.0
+    assert found.final_error_m == pytest.approx(0.4)
+    assert found.final_error_deg == pytest.approx(1.0)
+    assert found.tracking_rms_m == pytest.approx(math.sqrt((0.09 + 0.16) / 3.0))
+    assert found.tracking_max_m == pytest.approx(0.4)
+
+
+def test_ride_without_a_plan_has_no_tracking_error() -> None:
+    assert math.isnan(figures(Ride(along_x((0, 0, 0))), Pose2(0.0, 0.0, 0.0)).tracking_rms_m)
+
+
+def test_ride_without_samples_is_refused() -> None:
+    with pytest.raises(ValueError, match="nothing was noted"):
+        figures(Ride(), Pose2(0.0, 0.0, 0.0))
+
+
+def test_plots_are_drawn(tmp_path: Path) -> None:
+    ride = Ride(along_x((0.0, 0, 0), (1.0, 1, 0.1)), [], [(0.0, np.empty((0, 2))), (0.5, LINE)])
+    draw_map(tmp_path / "map.png", load_world("yard"), ride, [("goal", Pose2(4.0, 3.0, 0.0))])
+    draw_course(tmp_path / "course.png", ride)
+    for name in ("map.png", "course.png"):
+        assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
