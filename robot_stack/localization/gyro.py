@@ -39,6 +39,7 @@ class _Knot:
     stamp_s: float
     rate_radps: float
     angle_rad: float
+    variance_rad2: float
     piece: int  # counts up at every gap: angles of two pieces have no difference
 
 
@@ -55,7 +56,6 @@ class GyroIntegrator:
         self._backward = 0
         self._rates: deque[float] = deque(maxlen=3)
         self._scatter_radps2 = params.noise_radps**2
-        self._period_s = params.hold_s
 
     @property
     def frozen(self) -> bool:
@@ -101,8 +101,9 @@ class GyroIntegrator:
         start, self._taken = self._taken, end
         if start is None or end is None or start.piece != end.piece:
             return None
-        variance_rad2 = self.noise_radps**2 * self._period_s * (end.stamp_s - start.stamp_s)
-        return GyroIncrement(end.angle_rad - start.angle_rad, variance_rad2)
+        # A held rate that turned out smaller can make the sum fall: an increment is never surer than one sample.
+        least_rad2 = (self.noise_radps * self._params.period_s) ** 2
+        return GyroIncrement(end.angle_rad - start.angle_rad, max(least_rad2, end.variance_rad2 - start.variance_rad2))
 
     def _count_repeats(self, signature: tuple[float, ...]) -> None:
         self._repeats = self._repeats + 1 if signature == self._signature else 0
@@ -117,17 +118,23 @@ class GyroIntegrator:
             self._scatter_radps2 += _SCATTER_WEIGHT * ((first - 2.0 * second + third) ** 2 / 6.0 - self._scatter_radps2)
 
     def _append(self, sample: ImuSample) -> None:
-        angle_rad = 0.0
-        if self._knots:
-            last = self._knots[-1]
-            dt_s = sample.stamp_s - last.stamp_s
-            if dt_s > self._params.hold_s:
-                self._piece += 1
-            else:
-                self._period_s = dt_s
-                angle_rad = last.angle_rad + sample.yaw_rate_radps * dt_s
-        self._knots.append(_Knot(sample.stamp_s, sample.yaw_rate_radps, angle_rad, self._piece))
+        last = self._knots[-1] if self._knots else None
+        if last is not None and sample.stamp_s - last.stamp_s <= self._params.hold_s:
+            self._knots.append(self._after(last, sample.stamp_s, sample.yaw_rate_radps))
+        else:
+            self._piece += 1
+            self._rates.clear()
+            self._knots.append(_Knot(sample.stamp_s, sample.yaw_rate_radps, 0.0, 0.0, self._piece))
         self._forget(sample.stamp_s)
+
+    def _after(self, knot: _Knot, stamp_s: float, rate_radps: float) -> _Knot:
+        """The knot that follows after a time at a mean rate."""
+        dt_s = stamp_s - knot.stamp_s
+        lost_s = max(0.0, dt_s - 1.5 * self._params.period_s)
+        unseen_rad = 0.5 * self._params.gap_acceleration_radps2 * lost_s**2
+        variance_rad2 = self.noise_radps**2 * self._params.period_s * dt_s + unseen_rad**2
+        angle_rad = knot.angle_rad + rate_radps * dt_s
+        return _Knot(stamp_s, rate_radps, angle_rad, knot.variance_rad2 + variance_rad2, knot.piece)
 
     def _forget(self, now_s: float) -> None:
         # Odometry comes at 50 Hz: a second of knots is plenty, and bounds the memory if it falls silent.
@@ -140,9 +147,5 @@ class GyroIntegrator:
         before = next(knot for knot in reversed(self._knots) if knot.stamp_s <= time_s)
         after = next((knot for knot in self._knots if knot.stamp_s > time_s), None)
         if after is None:
-            held_rad = before.rate_radps * (time_s - before.stamp_s)
-            return _Knot(time_s, before.rate_radps, before.angle_rad + held_rad, before.piece)
-        if after.piece != before.piece:
-            return None
-        turned_rad = after.rate_radps * (time_s - before.stamp_s)
-        return _Knot(time_s, after.rate_radps, before.angle_rad + turned_rad, before.piece)
+            return self._after(before, time_s, before.rate_radps)
+        return None if after.piece != before.piece else self._after(before, time_s, after.rate_radps)

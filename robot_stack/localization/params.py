@@ -27,13 +27,19 @@ class OdometryParams(Config):
 
 
 class GyroParams(Config):
-    """The yaw gyro."""
+    """The yaw gyro.
+
+    Between samples farther apart than ``hold_s`` nothing is known of the turn; in shorter gaps, where samples were lost,
+    the rate may have changed by ``gap_acceleration_radps2``.
+    """
 
     noise_radps: Positive
     bias_sigma_radps: Positive
     bias_walk_radps_per_sqrt_s: NotNegative
     max_rate_radps: Positive
+    period_s: Positive
     hold_s: Positive
+    gap_acceleration_radps2: Positive
     frozen_samples: Annotated[int, Field(ge=2)]
     disagreement_sigmas: Positive
 

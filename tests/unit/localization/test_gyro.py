@@ -73,6 +73,18 @@ def test_gap_gives_nothing_and_then_goes_on() -> None:
     assert increment.angle_rad == pytest.approx(0.01)
 
 
+def test_lost_samples_cost_certainty() -> None:
+    gyro = integrator()
+    gyro.add(sample(0.0, 0.5))
+    gyro.add(sample(0.06, 0.5))
+    gyro.take(0.0)
+    increment = gyro.take(0.06)
+    assert increment is not None
+    assert increment.angle_rad == pytest.approx(0.03)
+    # Samples of 60 ms less one and a half periods are missing: 1 rad/s2 over 45 ms turns 0.5 * 0.045^2 rad.
+    assert increment.variance_rad2 == pytest.approx((0.5 * 0.045**2) ** 2 + 0.003**2 * 0.01 * 0.06)
+
+
 def test_no_increment_across_a_gap() -> None:
     gyro = integrator()
     gyro.add(sample(0.0, 1.0))
