@@ -139,4 +139,3 @@ class Config_AxisParam:
 
     def GetAbsoluteEncoderMode(self, index: int) -> bool:
         return self.absoluteEncoderMode[index]
-

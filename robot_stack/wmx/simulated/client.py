@@ -125,9 +125,7 @@ class WMX3Api:
             return ErrorCode.DeviceIsNull, empty_snapshot()
         return code, snapshot
 
-    def wait_for(
-        self, decided: Callable[[StatusSnapshot], int | None], milliseconds: float, timeout_code: int
-    ) -> int:
+    def wait_for(self, decided: Callable[[StatusSnapshot], int | None], milliseconds: float, timeout_code: int) -> int:
         """Polls the status until ``decided`` gives a code, the status fails, or the time is over."""
         deadline = None if milliseconds >= INFINITE else time.monotonic() + 1e-3 * milliseconds
         while True:

@@ -76,9 +76,7 @@ class MotionControl:
             code = code or checks.position_profile(command.profile, signed=True) or self._run_time_code(command)
         code = (
             code
-            or self._startable(
-                axes, AxisCommandMode.Position, _POSITION_STATES, CoreMotionErrorCode.NotIdleOrJogState
-            )
+            or self._startable(axes, AxisCommandMode.Position, _POSITION_STATES, CoreMotionErrorCode.NotIdleOrJogState)
             or self._towards_limit([(command.axis, command.profile.velocity) for command in commands])
         )
         if code:
@@ -171,18 +169,14 @@ class MotionControl:
         return float(self._a.reals[row, command.axis]) + command.target
 
     def _target_code(self, axis: int, target: float) -> int:
-        return checks.target(
-            target, self._a.params[rows.COUNTS_PER_UNIT, axis], self._a.reals[Real.HOME_OFFSET, axis]
-        )
+        return checks.target(target, self._a.params[rows.COUNTS_PER_UNIT, axis], self._a.reals[Real.HOME_OFFSET, axis])
 
     def _reachable(self, axes: Sequence[int]) -> int:
         if not self._condition.communicating:
             return ErrorCode.CommNotStarted
         return checks.axes_in_range(axes, self._a.n_axes)
 
-    def _startable(
-        self, axes: Sequence[int], mode: AxisCommandMode, states: Sequence[int], wrong_state: int
-    ) -> int:
+    def _startable(self, axes: Sequence[int], mode: AxisCommandMode, states: Sequence[int], wrong_state: int) -> int:
         if self._condition.emergency_stop:
             return CoreMotionErrorCode.EmergencyStopSignalOn
         flags = self._a.flags
@@ -250,9 +244,7 @@ class MotionControl:
         a.reals[Real.PROFILE_TARGET_POS, axis] = target
         self._begun(axis, profile, device, OperationState.Pos, DetailOperationState.Pos, 0)
 
-    def _begin_velocity(
-        self, axis: int, profile: Profile, device: int, state: OperationState, run_cycles: int
-    ) -> None:
+    def _begin_velocity(self, axis: int, profile: Profile, device: int, state: OperationState, run_cycles: int) -> None:
         a = self._a
         velocity = float(a.reals[Real.VELOCITY_CMD, axis])
         acc, dec = float(profile.acc), float(profile.dec)

@@ -27,7 +27,8 @@ from robot_stack.wmx.simulated.status_memory import StatusWriter
 SOCKET_FILE: Final = "engine.sock"
 LOCK_FILE: Final = "engine.lock"
 
-_RECEIVE_BYTES: Final = 65536
+_RECEIVE_BYTES: Final = 16384
+"""Of one client between two cycles: cutting it into requests takes well under a millisecond."""
 _REQUESTS_PER_TURN: Final = 32
 """Requests of one client carried out between two cycles; the rest waits, so that no client starves the cycle."""
 _UNREAD_BYTES: Final = 1 << 20

@@ -416,9 +416,7 @@ class EngineConformance:
 
     @pytest.mark.parametrize("axis", [-1, N_AXES, 128, 10**9])
     @parametrize("call", {**AXIS_COMMANDS, **AXIS_SETTINGS})
-    def test_axis_out_of_range(
-        self, harness: Harness, call: Callable[[MotionEngine, int], Any], axis: int
-    ) -> None:
+    def test_axis_out_of_range(self, harness: Harness, call: Callable[[MotionEngine, int], Any], axis: int) -> None:
         engine = harness.ready()
         assert code_of(call(engine, axis)) == ErrorCode.AxisOutOfRange
         assert_at_rest(engine)
@@ -941,9 +939,7 @@ class EngineConformance:
         slowing = wait_status(engine, lambda now: 0.0 < now.velocity_cmd[VEL] < 10.0, "slowing")
         assert slowing.reals[Real.CMD_ACC, VEL] == pytest.approx(-50.0)
 
-    @pytest.mark.parametrize(
-        ("family", "axis"), [("motion", POS), ("velocity", VEL)], ids=["motion", "velocity"]
-    )
+    @pytest.mark.parametrize(("family", "axis"), [("motion", POS), ("velocity", VEL)], ids=["motion", "velocity"])
     def test_stops_on_an_idle_axis(self, harness: Harness, family: str, axis: int) -> None:
         engine = harness.ready()
         calls = getattr(engine.core_motion, family)

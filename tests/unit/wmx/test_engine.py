@@ -82,9 +82,7 @@ class Bench:
         return self.engine.arrays.reals[row]
 
     def start_pos(self, axis: int, target: float, motion: Profile = FAST) -> int:
-        return self.engine.motion.start_position(
-            self.device, [Motion_PosCommand(axis, target, motion)], relative=False
-        )
+        return self.engine.motion.start_position(self.device, [Motion_PosCommand(axis, target, motion)], relative=False)
 
     def start_vel(self, axis: int, velocity: float, acc: float = 400.0, dec: float = 400.0) -> int:
         command = Velocity_VelCommand(axis, Profile.SetupTrapezoidal(velocity, acc, dec))

@@ -29,9 +29,7 @@ speeds = st.floats(1e-3, 30.0)
 velocities = st.just(0.0) | speeds | speeds.map(lambda speed: -speed)
 limits = st.floats(0.01, 30.0)
 rates = st.floats(0.1, 500.0)
-overtravels = st.sampled_from(
-    [OVERTRAVEL_DISABLED, OVERTRAVEL_CHANGE_DECELERATION, OVERTRAVEL_CHANGE_INITIAL_VELOCITY]
-)
+overtravels = st.sampled_from([OVERTRAVEL_DISABLED, OVERTRAVEL_CHANGE_DECELERATION, OVERTRAVEL_CHANGE_INITIAL_VELOCITY])
 
 
 def empty() -> Plan:

@@ -308,6 +308,23 @@ class TestTurns:
             assert answers[0][:2] == [1, 0]
             assert manual.view.read()[1].engine_state is EngineState.Running
 
+    def test_requests_that_wait_do_not_pile_up_in_the_engine(self, manual: Manual) -> None:
+        """A flood stays in the socket's buffer, which is limited, and its sender has to wait."""
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as flood:
+            flood.connect(str(manual.server._path))
+            flood.setblocking(False)
+            talk = encode([1, "GetDeviceName"]) * 1000
+            waiting = []
+            for _ in range(300):
+                with contextlib.suppress(BlockingIOError):
+                    flood.send(talk)
+                with contextlib.suppress(BlockingIOError):
+                    flood.recv(1 << 20)
+                manual.server.poll()
+                waiting.append(max(len(client.requests) for client in manual.server._clients.values()))
+        at_once = 16384 // len(encode([1, "GetDeviceName"])) + 1
+        assert at_once - 32 <= max(waiting) <= at_once + 32
+
     def test_second_server_is_refused(self, manual: Manual) -> None:
         engine = Engine(engine_config(), VirtualDrives(N_AXES, 0.001))
         with pytest.raises(AlreadyRunning, match="another motion engine"):
