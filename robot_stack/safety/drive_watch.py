@@ -1,7 +1,8 @@
 """Are the drives all right? Judges the motion engine's status by its history (fault DRIVE_FAULT).
 
 The drives count as up once the engine has communicated, with every axis on and without an alarm, for
-``startup_settle_s`` without a break: a machine that is busy starting stutters. From then on:
+``startup_settle_s`` without a break while every critical process was there: a machine that is busy starting stutters.
+From then on:
 
 - no new engine cycle, or an engine that does not communicate, for more than ``silence_s`` is a fault;
 - an amplifier alarm or a following error is a fault at once;
@@ -64,16 +65,22 @@ class DriveWatch:
         """The emergency stop has been released: axes that are off may now come back on."""
         self._waiting_since_s, self._may_wait_s = now_s, self._servo_on_timeout_s
 
-    def judge(self, emergency: bool, now_s: float) -> Finding:
-        """The drives now. ``emergency``: an emergency stop is latched or asked for."""
+    def judge(self, emergency: bool, complete: bool, now_s: float) -> Finding:
+        """The drives now.
+
+        Args:
+            emergency: an emergency stop is latched or asked for.
+            complete: every critical process has been heard.
+        """
         broken = self._broken(now_s)
         off = self._axes_with(lambda axis: not axis.servo_on, "servo off")
         off_for_s = self._off.update(bool(off), now_s)
-        good_for_s = self._good.update(not broken and off_for_s is None, now_s)
+        good = not broken and off_for_s is None
+        good_for_s = self._good.update(good and (complete or not self._first_time), now_s)
         waiting = age_s(now_s, self._waiting_since_s) <= self._may_wait_s
         if broken:
             return _waiting(broken) if waiting and self._first_time else _fault(broken)
-        if good_for_s is not None:
+        if good:
             return self._good_for(good_for_s)
         if emergency:
             return CLEAR
@@ -81,8 +88,8 @@ class DriveWatch:
             return _waiting(off)
         return _fault(off) if off_for_s is not None and off_for_s > self._servo_off_s else _UNKNOWN
 
-    def _good_for(self, seconds: float) -> Finding:
-        if self._first_time and not seconds >= self._startup_settle_s:
+    def _good_for(self, seconds: float | None) -> Finding:
+        if self._first_time and (seconds is None or not seconds >= self._startup_settle_s):
             return _waiting("settling")
         self._first_time, self._waiting_since_s = False, None
         return CLEAR

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from robot_stack.contract import processes, topics
+from robot_stack.contract.model import Criticality
 from robot_stack.safety.attitude import PlanarAcceleration, UpDirection
 from robot_stack.safety.conditions import stale_s
 from robot_stack.safety.drive_watch import DriveWatch
@@ -73,11 +74,12 @@ class Observation:
             emergency: an emergency stop is latched.
         """
         pressed = self.estop.take_pressed()
+        complete = self._complete()
         return Snapshot(
             uptime_s=age_s(now_s, self._started_s),
             estop="/emergency_stop is true" if pressed else "",
-            drive=self.drive.judge(emergency or pressed, now_s),
-            joint_states_up=self.wheels.up(now_s, stale_s(topics.JOINT_STATES), self._settle_s),
+            drive=self.drive.judge(emergency or pressed, complete, now_s),
+            joint_states_up=self.wheels.up(complete, now_s, stale_s(topics.JOINT_STATES), self._settle_s),
             joint_states_age_s=self.wheels.age_s(now_s),
             joint_states_problem=self.wheels.problem,
             imu_age_s=self._imu.age_s(now_s),
@@ -94,3 +96,8 @@ class Observation:
                 for name, criticality in self._criticality.items()
             },
         )
+
+    def _complete(self) -> bool:
+        """Every critical process has been heard. Until then the machine is starting, and busy with it."""
+        critical = (name for name, criticality in self._criticality.items() if criticality is Criticality.CRITICAL)
+        return all(name in self._heard_s for name in critical)

@@ -101,6 +101,7 @@ class ButtonParams(Config):
     poll_hz: Annotated[float, Field(ge=200.0, le=1000.0)]
     debounce_s: Annotated[float, Field(gt=0.0, le=0.05)]
     silence_s: Annotated[float, Field(gt=0.0, le=0.5)]
+    startup_settle_s: Annotated[float, Field(gt=0.0, le=60.0)]
 
 
 _ORDERED = (

@@ -118,9 +118,12 @@ class WheelWatch:
         self._motion.update(vx, vy, now_s)
         self.still_for_s(now_s, math.inf)
 
-    def up(self, now_s: float, stale_s: float, settle_s: float) -> bool:
-        """True once they have been fresh for ``settle_s`` without a break; ask at every step."""
-        fresh_for_s = self._fresh_for.update(self.age_s(now_s) <= stale_s, now_s)
+    def up(self, complete: bool, now_s: float, stale_s: float, settle_s: float) -> bool:
+        """True once they have been fresh for ``settle_s`` without a break while the stack was complete.
+
+        Ask at every step.
+        """
+        fresh_for_s = self._fresh_for.update(complete and self.age_s(now_s) <= stale_s, now_s)
         self._up |= fresh_for_s is not None and fresh_for_s >= settle_s
         return self._up
 

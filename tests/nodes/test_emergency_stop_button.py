@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from std_msgs.msg import Bool
@@ -35,8 +35,8 @@ class Button:
     def __init__(self, start: Start, peer: Peer) -> None:
         self.said: Heard = peer.listen(topics.EMERGENCY_STOP)
         self._beats = peer.listen(topics.HEARTBEAT)
-        self._peer = peer
-        self.process = start(NAME)
+        self._diagnoses = peer.listen(topics.DIAGNOSTICS)
+        self.process = start(NAME, "-p", "startup_settle_s:=0.5")
 
     def wait_health(self, text: str) -> Button:
         """Waits for a heartbeat that says ``text``; empty means ready."""
@@ -46,6 +46,16 @@ class Button:
             return bool(mine) and mine[-1].waiting_for == text
 
         wait_for(matches, f"the button to be {text or 'ready'}", 60.0)
+        return self
+
+    def wait_settled(self) -> Button:
+        """Waits until an unreadable contact counts as pressed."""
+
+        def settled(message: Any) -> bool:
+            values = {item.key: item.value for item in message.status[0].values}
+            return values.get("contact") == "released"
+
+        self._diagnoses.wait(settled, "the button to have settled", 60.0)
         return self
 
     def values(self) -> list[bool]:
@@ -99,7 +109,7 @@ def test_an_engine_that_is_not_there_yet_is_no_press(start: Start, peer: Peer, e
 @pytest.mark.parametrize("how", ["engine killed", "bus lost"])
 def test_an_engine_that_goes_away_is_a_press(start: Start, peer: Peer, engine: TestEngine, how: str) -> None:
     engine.run().up()
-    button = Button(start, peer).wait_health("")
+    button = Button(start, peer).wait_settled()
     if how == "engine killed":
         engine.kill()
     else:
@@ -110,7 +120,7 @@ def test_an_engine_that_goes_away_is_a_press(start: Start, peer: Peer, engine: T
 
 def test_a_new_engine_is_found_again(start: Start, peer: Peer, engine: TestEngine, tmp_path: Path) -> None:
     engine.run().up()
-    button = Button(start, peer).wait_health("")
+    button = Button(start, peer).wait_settled()
     engine.kill()
     button.wait_values([True])
     engine.close()

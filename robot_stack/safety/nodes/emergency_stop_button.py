@@ -22,7 +22,7 @@ class EmergencyStopButton(StackNode):
     def __init__(self) -> None:
         super().__init__("emergency_stop_button", ButtonParams)
         self._byte, self._bit = self.robot.estop_input_byte, self.robot.estop_input_bit
-        self._button = EmergencyButton(self.params.debounce_s)
+        self._button = EmergencyButton(self.params.debounce_s, self.params.startup_settle_s)
         self._turn = threading.Lock()
         self._read_at_s: float | None = None
         self._stop = self.advertise(topics.EMERGENCY_STOP)
@@ -48,6 +48,7 @@ class EmergencyStopButton(StackNode):
             self._take(Contact.UNREADABLE, now_s)
         pressed = self._button.pressed
         text = "waiting for the engine's inputs" if pressed is None else "pressed" if pressed else "released"
+        self.report.values["contact"] = text if self._button.settled else f"{text}, settling"
         self.set_health(pressed is not None, text)
 
     def _take(self, contact: Contact, now_s: float) -> None:

@@ -13,7 +13,7 @@ class Desk:
     """Reads the contact every 4 ms."""
 
     def __init__(self) -> None:
-        self.button, self.now_s, self.said = EmergencyButton(0.010), 50.0, list[bool]()
+        self.button, self.now_s, self.said = EmergencyButton(0.010, 5.0), 50.0, list[bool]()
 
     def hold(self, contact: Contact, seconds: float = 0.1) -> list[bool]:
         """What it said while the contact read like this."""
@@ -59,9 +59,30 @@ def test_a_bounce_is_no_press() -> None:
     assert desk.hold(RELEASED) == []
 
 
-def test_once_read_an_unreadable_contact_is_pressed() -> None:
+def test_a_machine_that_stutters_while_it_starts_is_no_press() -> None:
     desk = Desk()
-    desk.hold(RELEASED)
+    for _ in range(10):
+        assert desk.hold(RELEASED, 4.5) == []
+        assert desk.hold(UNREADABLE, 1.0) == []
+    assert desk.button.pressed is False
+    assert not desk.button.settled
+    assert desk.hold(PRESSED) == [True]
+    assert desk.hold(UNREADABLE) == []
+    assert desk.button.pressed is True
+
+
+def test_exactly_the_settling_time_is_enough() -> None:
+    button = EmergencyButton(0.25, 1.0)
+    for now_s in (8.0, 8.5, 9.0):
+        button.update(RELEASED, now_s)
+    button.update(UNREADABLE, 9.25)
+    assert button.update(UNREADABLE, 9.5) is True
+
+
+def test_once_settled_an_unreadable_contact_is_pressed() -> None:
+    desk = Desk()
+    desk.hold(RELEASED, 5.1)
+    assert desk.button.settled
     assert desk.hold(UNREADABLE) == [True]
     assert desk.hold(PRESSED) == []
     assert desk.hold(UNREADABLE) == []

@@ -27,12 +27,14 @@ class Drives:
         self.watch = DriveWatch(**times, now_s=16.0)
         self.cycle = 0
 
-    def look(self, now_s: float, *axes: Axis, communicating: bool = True, emergency: bool = False) -> Finding:
+    def look(
+        self, now_s: float, *axes: Axis, communicating: bool = True, emergency: bool = False, complete: bool = True
+    ) -> Finding:
         """A new cycle with the given first axes, the others good."""
         self.cycle += 1
         all_axes = (*axes, *[GOOD] * (8 - len(axes)))
         self.watch.received(DriveReading(communicating, self.cycle, all_axes), now_s)
-        return self.watch.judge(emergency, now_s)
+        return self.watch.judge(emergency, complete, now_s)
 
     def up(self) -> Drives:
         """Up at 17.0 s."""
@@ -52,9 +54,9 @@ def fault(detail: str) -> Finding:
 
 def test_waits_for_the_engine_and_then_gives_up() -> None:
     drives = Drives()
-    assert drives.watch.judge(False, 16.0) == waiting(NO_ENGINE)
-    assert drives.watch.judge(False, 24.0) == waiting(NO_ENGINE)
-    assert drives.watch.judge(False, 24.001) == fault(NO_ENGINE)
+    assert drives.watch.judge(False, True, 16.0) == waiting(NO_ENGINE)
+    assert drives.watch.judge(False, True, 24.0) == waiting(NO_ENGINE)
+    assert drives.watch.judge(False, True, 24.001) == fault(NO_ENGINE)
 
 
 def test_the_first_look_proves_nothing() -> None:
@@ -68,10 +70,27 @@ def test_a_stutter_while_starting_starts_the_settling_again() -> None:
     drives.look(17.0)
     for now_s in (17.0, 17.125, 17.25, 17.375):
         assert drives.look(now_s) == waiting("settling")
-    assert drives.watch.judge(False, 17.5625) == waiting(NO_ENGINE)
+    assert drives.watch.judge(False, True, 17.5625) == waiting(NO_ENGINE)
     for now_s in (17.625, 17.75, 17.875, 18.0):
         assert drives.look(now_s) == waiting("settling")
     assert drives.look(18.125) == CLEAR
+
+
+def test_settling_begins_when_the_stack_is_complete() -> None:
+    drives = Drives()
+    for now_s in (17.0, 17.125, 17.25, 17.375, 17.5, 17.625):
+        assert drives.look(now_s, complete=False).level is Level.WAITING
+    for now_s in (17.75, 17.875, 18.0, 18.125):
+        assert drives.look(now_s) == waiting("settling")
+    assert drives.look(18.25) == CLEAR
+
+
+def test_once_up_it_needs_nobody_else() -> None:
+    drives = Drives().up()
+    assert drives.look(17.1, complete=False) == CLEAR
+    drives.watch.released(17.1)
+    assert drives.look(17.2, complete=False) == CLEAR
+    assert drives.look(17.3, OFF, complete=False) == Finding(Level.UNKNOWN)
 
 
 def test_settling_may_outlast_the_grace() -> None:
@@ -98,7 +117,7 @@ def test_once_up_it_never_waits_again() -> None:
     assert drives.look(17.5, ALARM) == fault("amplifier alarm: fl_drive")
     assert drives.look(17.5, FOLLOWING) == fault("following error: fl_drive")
     assert drives.look(17.5) == CLEAR
-    assert drives.watch.judge(False, 18.0) == fault(NO_ENGINE)
+    assert drives.watch.judge(False, True, 18.0) == fault(NO_ENGINE)
 
 
 def test_every_bad_axis_is_named() -> None:
@@ -112,15 +131,15 @@ def test_an_alarm_is_named_before_a_following_error() -> None:
 
 def test_silence_counts_from_the_last_new_cycle() -> None:
     drives = Drives().up()
-    assert drives.watch.judge(False, 17.125) == CLEAR
-    assert drives.watch.judge(False, 17.1251) == fault(NO_ENGINE)
+    assert drives.watch.judge(False, True, 17.125) == CLEAR
+    assert drives.watch.judge(False, True, 17.1251) == fault(NO_ENGINE)
 
 
 def test_a_cycle_that_stands_still_is_silence() -> None:
     drives = Drives().up()
     for now_s in (17.05, 17.1, 17.2):
         drives.watch.received(DriveReading(True, drives.cycle, (GOOD,) * 8), now_s)
-    assert drives.watch.judge(False, 17.2) == fault(NO_ENGINE)
+    assert drives.watch.judge(False, True, 17.2) == fault(NO_ENGINE)
 
 
 def test_cycles_without_communication_are_silence() -> None:
@@ -134,13 +153,13 @@ def test_cycles_without_communication_are_silence() -> None:
 def test_no_reading_is_silence(reading: DriveReading | None) -> None:
     drives = Drives().up()
     drives.watch.received(reading, 17.2)
-    assert drives.watch.judge(False, 17.2) == fault(NO_ENGINE)
+    assert drives.watch.judge(False, True, 17.2) == fault(NO_ENGINE)
 
 
 def test_axes_beyond_the_robots_own_are_no_concern() -> None:
     drives = Drives().up()
     drives.watch.received(DriveReading(True, 99, (*[GOOD] * 8, ALARM, OFF)), 17.1)
-    assert drives.watch.judge(False, 17.1) == CLEAR
+    assert drives.watch.judge(False, True, 17.1) == CLEAR
 
 
 def test_a_servo_off_is_a_fault_after_its_time() -> None:
@@ -188,5 +207,5 @@ def test_an_emergency_while_starting_does_not_use_up_the_patience() -> None:
 
 @pytest.mark.parametrize("now_s", [10.0, math.nan])
 def test_time_that_misbehaves_is_a_fault(now_s: float) -> None:
-    assert Drives().up().watch.judge(False, now_s) == fault(NO_ENGINE)
-    assert Drives().watch.judge(False, now_s) == fault(NO_ENGINE)
+    assert Drives().up().watch.judge(False, True, now_s) == fault(NO_ENGINE)
+    assert Drives().watch.judge(False, True, now_s) == fault(NO_ENGINE)

@@ -62,6 +62,29 @@ def test_a_normal_start_never_latches() -> None:
     story.healthy()
 
 
+def test_a_machine_that_stutters_while_it_starts_latches_nothing() -> None:
+    story = Story()
+    story.beating.discard("swerve_controller")
+    for _ in range(10):
+        story.run(1.5)
+        story.communicating = story.wheel_radps = None
+        story.run(0.3).expect(DEGRADED, linear_mps=0.0)
+        story.communicating, story.wheel_radps = True, 0.0
+    story.expect(DEGRADED, ("DRIVE_FAULT", "JOINT_STATES_TIMEOUT", "NODE_DEAD"), linear_mps=0.0)
+    story.beating.add("swerve_controller")
+    story.before(PARAMS.startup_settle_s).expect(DEGRADED, ("DRIVE_FAULT", "JOINT_STATES_TIMEOUT"), linear_mps=0.0)
+    story.past().expect(NORMAL, ())
+    story.wheel_radps = None
+    story.run(0.2).expect(EMERGENCY, ("JOINT_STATES_TIMEOUT",))
+
+
+@pytest.mark.parametrize("lost", ["navigation_controller", "recorder"])
+def test_a_process_that_is_not_critical_holds_no_start_up(lost: str) -> None:
+    story = Story(expected_processes=("swerve_controller", "navigation_controller", "recorder"))
+    story.beating.discard(lost)
+    story.run(3.0).expect(DEGRADED, ("NODE_DEAD",))
+
+
 @pytest.mark.parametrize("code", ["DRIVE_FAULT", "JOINT_STATES_TIMEOUT"])
 def test_a_drive_that_never_comes_up_stops_and_then_latches(code: str) -> None:
     story = Story()

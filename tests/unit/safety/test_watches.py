@@ -109,7 +109,7 @@ def _states(drive_radps: list[float], steer_rad: list[float]) -> tuple[list[floa
 
 def test_wheels_never_received() -> None:
     wheels, _ = _wheels()
-    assert not wheels.up(1.0, 10.0, 0.0)
+    assert not wheels.up(True, 1.0, 10.0, 0.0)
     assert wheels.age_s(1.0) == math.inf
     assert wheels.problem == "never received"
     assert wheels.still_for_s(1.0, 10.0) is None
@@ -152,13 +152,23 @@ def test_wheels_are_up_once_they_have_been_fresh_for_long_enough() -> None:
     still = _states([0.0] * 4, [0.0] * 4)
     for now_s in (1.0, 1.25, 1.5):
         wheels.received(JOINTS, *still, now_s)
-        assert not wheels.up(now_s, 0.25, 1.0)
-    assert not wheels.up(1.76, 0.25, 1.0)  # a gap
+        assert not wheels.up(True, now_s, 0.25, 1.0)
+    assert not wheels.up(True, 1.76, 0.25, 1.0)  # a gap
     for now_s in (2.0, 2.25, 2.5, 2.75):
         wheels.received(JOINTS, *still, now_s)
-        assert not wheels.up(now_s, 0.25, 1.0)
-    assert wheels.up(3.0, 0.25, 1.0)
-    assert wheels.up(99.0, 0.25, 1.0)  # up is for good; what comes later is a fault
+        assert not wheels.up(True, now_s, 0.25, 1.0)
+    assert wheels.up(True, 3.0, 0.25, 1.0)
+    assert wheels.up(False, 99.0, 0.25, 1.0)  # up is for good; what comes later is a fault
+
+
+def test_wheels_are_not_up_before_the_stack_is_complete() -> None:
+    wheels, _ = _wheels()
+    wheels.received(JOINTS, *_states([0.0] * 4, [0.0] * 4), 1.0)
+    assert not wheels.up(False, 1.0, 10.0, 1.0)
+    assert not wheels.up(False, 3.0, 10.0, 1.0)
+    assert not wheels.up(True, 3.5, 10.0, 1.0)
+    assert not wheels.up(True, 4.25, 10.0, 1.0)
+    assert wheels.up(True, 4.5, 10.0, 1.0)
 
 
 def test_bad_joint_states_leave_the_age_growing() -> None:

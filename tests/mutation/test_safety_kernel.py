@@ -1,0 +1,34 @@
+"""The safety kernel: every branch is tested, and a sample of mutants is noticed."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.mutation.safety_kernel import ROOT, check_mutants
+
+SAMPLE = 25
+
+
+@pytest.mark.timeout(300)
+def test_every_branch_of_the_kernel_is_tested(tmp_path: Path) -> None:
+    coverage = [sys.executable, "-m", "coverage"]
+    data = f"--data-file={tmp_path / 'coverage'}"
+    run = [*coverage, "run", data, "--branch", "--source=robot_stack.safety", "--omit=*/safety/nodes/*"]
+    subprocess.run([*run, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/unit/safety"], cwd=ROOT, check=True)
+    report = [*coverage, "report", data, "--show-missing", "--fail-under=100"]
+    result = subprocess.run(report, cwd=ROOT, capture_output=True, text=True)
+    assert result.returncode == 0, result.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.skipif(importlib.util.find_spec("mutmut") is None, reason="mutmut is not installed")
+def test_a_sample_of_mutants_is_noticed(tmp_path: Path) -> None:
+    result = check_mutants(tmp_path, SAMPLE, seed=20)
+    assert result.checked == SAMPLE
+    assert not result.unexplained, "\n".join(map(str, result.unexplained))
