@@ -1,0 +1,217 @@
+"""Scenario files, the figures of a run, and the runs that need no ROS."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_stack.core.config import ConfigError, config_dir, validate
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.drive.kinematics import ModuleSetPoints
+from sim.kernel_run import run_kernel
+from sim.notes import Moment, Notes, motion_figures
+from sim.rig import Rig
+from sim.runner import run
+from sim.scenario import Event, Expectation, Scenario, load_scenario
+from sim.world import Setup
+from sim.worldfile import load_world
+
+from .bench import PARAMS, ROBOT
+
+SCENARIOS = sorted((config_dir() / "scenarios").glob("*.yaml"))
+KERNEL = [path for path in SCENARIOS if load_scenario(path).kind == "kernel"]
+MINIMAL: dict[str, Any] = {"description": "test", "kind": "kernel", "world": "flat", "seed": 1, "limit_s": 2.0}
+
+
+def scenario(**more: Any) -> Scenario:
+    return validate(Scenario, {**MINIMAL, **more}, "test.yaml")
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_every_scenario_is_valid_and_expects_something(path: Path) -> None:
+    assert load_scenario(path).expect
+    load_world(load_scenario(path).world)
+
+
+@pytest.mark.parametrize("path", KERNEL, ids=lambda path: path.stem)
+def test_every_kernel_scenario_goes_as_expected(path: Path) -> None:
+    item = load_scenario(path)
+    _, figures = run_kernel(item, lambda line: None)
+    assert [problem for one in item.expect if (problem := one.problem(figures))] == []
+
+
+def test_the_same_seed_gives_the_same_figures() -> None:
+    item = scenario(twists=[{"at_s": 0.1, "vx_mps": 0.5, "omega_radps": 0.3}])
+    assert run_kernel(item, print)[1] == run_kernel(item, print)[1]
+    other = item.model_copy(update={"seed": 2})
+    assert run_kernel(other, print)[1]["final_x_m"] != run_kernel(item, print)[1]["final_x_m"]
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"kind": "film"}, "kind"),
+        ({"limit_s": 0}, "limit_s"),
+        ({"limit_s": math.inf}, "limit_s"),
+        ({"twists": [{"at_s": -1}]}, "twists.0.at_s"),
+        ({"twists": [{"at_s": 0, "vx_mps": math.nan}]}, "twists.0.vx_mps"),
+        ({"mission": "yard_tour"}, "need kind: stack"),
+        ({"kind": "stack", "mission": "a", "goals": [{"x_m": 1, "y_m": 0, "yaw_deg": 0}]}, "exclude each other"),
+        ({"events": [{"at_s": 1}]}, "exactly one of fault"),
+        ({"events": [{"at_s": 1, "estop": True, "reset": True}]}, "exactly one of fault"),
+        ({"events": [{"at_s": 1, "estop": True, "value": 2}]}, "belong to a fault"),
+        ({"events": [{"at_s": 1, "kill": "localization"}]}, "kill localization needs kind: stack"),
+        ({"expect": [{"figure": "distance_m"}]}, "one of above, below, equals"),
+        ({"speeed": 2}, "speeed"),
+    ],
+)
+def test_a_wrong_scenario_is_refused_with_the_field(change: dict[str, Any], field: str) -> None:
+    with pytest.raises(ConfigError, match=field):
+        scenario(**change)
+
+
+@pytest.mark.parametrize(
+    ("expectation", "problem"),
+    [
+        ({"figure": "speed", "above": 1.0}, None),
+        ({"figure": "speed", "above": 2.0}, "speed must be above 2, is 2"),
+        ({"figure": "speed", "below": 2.0}, "speed must be below 2, is 2"),
+        ({"figure": "nan", "below": 2.0}, "nan must be below 2, is nan"),
+        ({"figure": "state", "equals": "NORMAL"}, None),
+        ({"figure": "state", "equals": "STOP"}, "state must be STOP, is NORMAL"),
+        ({"figure": "state", "above": 1.0}, "state must be a number, is NORMAL"),
+        ({"figure": "speeed", "above": 1.0}, "speeed: no such figure; there are nan, speed, state"),
+    ],
+)
+def test_expectations(expectation: dict[str, Any], problem: str | None) -> None:
+    figures = {"speed": 2.0, "state": "NORMAL", "nan": math.nan}
+    assert validate(Expectation, expectation, "test").problem(figures) == problem
+
+
+def test_events_say_what_they_are() -> None:
+    assert (
+        validate(Event, {"at_s": 1, "fault": "slip", "target": "fl_drive", "value": 0.1}, "").describe()
+        == "slip fl_drive 0.1"
+    )
+    assert validate(Event, {"at_s": 1, "estop": False}, "").describe() == "estop False"
+
+
+# --- figures ------------------------------------------------------------------------------------------------------
+
+
+def moment(time_s: float, x_m: float, speed_mps: float) -> Moment:
+    return Moment(time_s, Pose2(x_m, 0.0, 0.0), Twist2(speed_mps, 0.0, 0.0), (speed_mps,) * 4, (0.0,) * 4)
+
+
+def test_figures_of_a_ride_by_hand() -> None:
+    """1 m in 1 s at 1 m/s, an event, 0.25 m in 0.5 s to standstill; wheels commanded 1.0 and then 0.5 m/s."""
+    notes = Notes(
+        moments=[moment(0.0, 0.0, 1.0), moment(1.0, 1.0, 1.0), moment(1.5, 1.25, 0.0), moment(2.0, 1.25, 0.0)]
+    )
+    notes.commands = [(0.0, (1.0,) * 4, (0.0,) * 4), (1.5, (0.5,) * 4, (0.0,) * 4)]
+    notes.events = [(1.0, "estop True")]
+    notes.note_state(0.0, "NORMAL")
+    notes.note_state(0.5, "NORMAL")
+    notes.note_state(1.0, "EMERGENCY_STOP")
+    notes.estimates = [(1.0, Pose2(1.1, 0.0, 0.0)), (2.0, Pose2(1.25, 0.05, 0.0))]
+    figures = motion_figures(notes, Pose2(1.25, 0.3, math.pi))
+    assert figures["distance_m"] == pytest.approx(1.25)
+    assert figures["duration_s"] == 2.0
+    assert figures["top_speed_mps"] == 1.0
+    assert figures["stop_distance_m"] == pytest.approx(0.25)
+    assert figures["stop_time_s"] == pytest.approx(0.5)
+    assert figures["final_error_m"] == pytest.approx(0.3)
+    assert figures["final_error_deg"] == pytest.approx(180.0)
+    assert figures["wheel_speed_rms_error_mps"] == pytest.approx(math.sqrt(2 * 0.5**2 / 4))
+    assert figures["safety_states"] == "NORMAL, EMERGENCY_STOP"
+    assert figures["final_safety_state"] == "EMERGENCY_STOP"
+    assert figures["estimate_error_max_m"] == pytest.approx(0.1)
+    assert figures["estimate_error_final_m"] == pytest.approx(0.05)
+
+
+def test_a_robot_that_never_stands_has_no_stop() -> None:
+    notes = Notes(moments=[moment(0.0, 0.0, 1.0), moment(1.0, 1.0, 1.0)], events=[(0.0, "estop True")])
+    assert motion_figures(notes, None)["stop_distance_m"] == math.inf
+
+
+def test_nothing_noted_is_an_error() -> None:
+    with pytest.raises(ValueError, match="nothing was noted"):
+        motion_figures(Notes(), None)
+
+
+# --- rig and runner -----------------------------------------------------------------------------------------------
+
+
+class Constant:
+    """A controller with one set point for ever."""
+
+    def __init__(self, speed_mps: float, angle_rad: float) -> None:
+        self._modules = ModuleSetPoints((speed_mps,) * 4, (angle_rad,) * 4)
+        self.readings = 0
+        self.commands = 0
+
+    def observe(self, encoders: object) -> None:
+        self.readings += 1
+
+    def command(self, time_s: float) -> ModuleSetPoints:
+        self.commands += 1
+        return self._modules
+
+
+def test_a_rig_takes_any_controller() -> None:
+    file = load_world("flat")
+    rig = Rig(ROBOT, PARAMS, Setup(file, 1, file.start.pose()))
+    controller = Constant(0.0, 0.7)
+    rig.run(0.5, controller, lambda modules: None)
+    assert (controller.readings, controller.commands) == (25, 10)
+    assert np.array(rig.moment().module_angles_rad) == pytest.approx([0.7] * 4, abs=0.01)
+    rig.run(1.5, Constant(0.6, 0.7), lambda modules: None)
+    twist = rig.moment().twist
+    assert twist.vx == pytest.approx(0.6 * math.cos(0.7), abs=0.01)
+    assert twist.vy == pytest.approx(0.6 * math.sin(0.7), abs=0.01)
+
+
+def test_a_run_leaves_its_folder(tmp_path: Path) -> None:
+    item = scenario(twists=[{"at_s": 0.1, "vx_mps": 0.5}], expect=[{"figure": "distance_m", "above": 0.1}])
+    assert run(item, "short", tmp_path) == 0
+    result = json.loads((tmp_path / "figures.json").read_text())
+    assert result["name"] == "short"
+    assert result["figures"]["distance_m"] > 0.1
+    assert (result["conditions"]["seed"], result["problems"]) == (1, [])
+    assert load_scenario(tmp_path / "scenario.yaml") == item, "the effective scenario runs again"
+    assert (tmp_path / "config" / "robot.yaml").is_file()
+    for name in ("path.png", "speed.png", "wheels.png", "safety.png"):
+        assert (tmp_path / name).stat().st_size > 1000
+    assert "as expected" in (tmp_path / "log.txt").read_text()
+
+
+def test_an_unfulfilled_expectation_is_told(tmp_path: Path) -> None:
+    item = scenario(expect=[{"figure": "distance_m", "above": 5.0}])
+    assert run(item, "lazy", tmp_path, plots=False) == 1
+    assert "distance_m must be above 5" in json.loads((tmp_path / "figures.json").read_text())["problems"][0]
+
+
+def test_a_fault_that_is_refused_ends_the_run(tmp_path: Path) -> None:
+    item = scenario(events=[{"at_s": 0.5, "fault": "meteor"}])
+    assert run(item, "meteor", tmp_path, plots=False) == 1
+    assert "no fault 'meteor'" in (tmp_path / "log.txt").read_text()
+
+
+def test_the_program_finds_scenarios_by_name_and_refuses_what_is_wrong(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "sim.runner", "bus_loss", "--output", str(tmp_path), "--no-plots"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "bus_loss-latest" / "figures.json").is_file()
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("kind: film\n")
+    done = subprocess.run([*command[:3], str(wrong), *command[4:]], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "scenario: " in done.stderr
+    assert "kind" in done.stderr
