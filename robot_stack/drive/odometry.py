@@ -14,6 +14,7 @@ from robot_stack.contract.frames import MODULES
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
 from robot_stack.drive.interval import Interval, curvature, displacements, four, split, with_commutator
 from robot_stack.drive.kinematics import TURN, Four, Positions
+from robot_stack.drive.self_calibration import CalibrationSettings, WheelCalibration
 from robot_stack.drive.wheel_fit import WheelFit, robust_fit
 
 # A rotation needs two wheels.
@@ -39,6 +40,7 @@ class OdometrySettings:
     deviation_per_sqrt_m, yaw_deviation_per_sqrt_m, yaw_deviation_per_sqrt_rad: growth of the standard deviations, m and
         rad; slip_factor: their growth while wheels contradict each other, times this.
     twist_deviation_mps, twist_deviation_radps: standard deviations of a twist that all wheels agree on.
+    calibration: see ``self_calibration``.
     """
 
     wheel_radius_m: float
@@ -57,6 +59,7 @@ class OdometrySettings:
     slip_factor: float
     twist_deviation_mps: float
     twist_deviation_radps: float
+    calibration: CalibrationSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +99,10 @@ class SwerveOdometry:
         self._last: Encoders | None = None
         self._previous: Interval | None = None
         self._odometry = Odometry()
+        self.calibration = WheelCalibration(positions, settings.calibration)
 
     def reset(self) -> None:
-        """Starts again at the identity; the next reading only sets the encoders' zero."""
+        """Starts again at the identity; the next reading only sets the encoders' zero. The calibration stays."""
         self._last = self._previous = None
         self._odometry = Odometry()
 
@@ -148,9 +152,13 @@ class SwerveOdometry:
         # The way is known even where the time is not (a clock that was set back): only speeds and plausibility need it.
         elapsed_s = max(reading.stamp_s - last.stamp_s, self._settings.shortest_interval_s)
         turns = (math.remainder(new - old, TURN) for new, old in zip(reading.steer_rad, last.steer_rad, strict=True))
-        radius = self._settings.wheel_radius_m
-        ways = (radius * (new - old) for new, old in zip(reading.drive_rad, last.drive_rad, strict=True))
-        return Interval(elapsed_s, last.steer_rad, four(turns), four(ways))
+        radius, learnt = self._settings.wheel_radius_m, self.calibration
+        ways = (
+            radius * (1.0 + error) * (new - old)
+            for new, old, error in zip(reading.drive_rad, last.drive_rad, learnt.radius_errors, strict=True)
+        )
+        headings = (angle - zero for angle, zero in zip(last.steer_rad, learnt.zero_errors_rad, strict=True))
+        return Interval(elapsed_s, four(headings), four(turns), four(ways))
 
     def _plausible(self, interval: Interval) -> tuple[list[int], list[str]]:
         """(modules that can be believed, what the others claim)."""
@@ -175,7 +183,10 @@ class SwerveOdometry:
         pose, x, y, yaw, fits = self._odometry.pose, 0.0, 0.0, 0.0, []
         for piece in self._pieces(interval, parts):
             bend = curvature(piece, self._previous, s.max_steering_acceleration_radps2)
-            fit = robust_fit(self._positions, displacements(piece, bend), slack_m / parts, believed)
+            wheels = displacements(piece, bend)
+            fit = robust_fit(self._positions, wheels, slack_m / parts, believed)
+            if parts == 1 and fit.consistent and len(fit.used) == len(MODULES):
+                self.calibration.observe(wheels)
             motion = with_commutator(fit.motion, bend)
             pose = pose.compose(exp_se2(motion, 1.0))
             x, y, yaw = x + motion.vx, y + motion.vy, yaw + motion.omega

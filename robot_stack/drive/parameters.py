@@ -14,6 +14,7 @@ from robot_stack.drive.feasibility import ModuleLimits
 from robot_stack.drive.kinematics import Positions
 from robot_stack.drive.limits import MotionLimits
 from robot_stack.drive.odometry import OdometrySettings
+from robot_stack.drive.self_calibration import CalibrationSettings
 from robot_stack.drive.swerve_drive import DriveSettings
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -51,6 +52,16 @@ class StandingParams(Config):
     yaw_rate_radps: Positive
 
 
+class CalibrationParams(Config):
+    """See ``CalibrationSettings``."""
+
+    radius_deviation: Annotated[float, Field(gt=0.0, le=0.05)]
+    zero_deviation_rad: Annotated[float, Field(gt=0.0, le=0.1)]
+    noise_m: Positive
+    least_way_m: Positive
+    readings_per_update: Annotated[int, Field(ge=1)]
+
+
 class OdometryParams(Config):
     """See ``OdometrySettings``."""
 
@@ -66,6 +77,7 @@ class OdometryParams(Config):
     slip_factor: Annotated[float, Field(ge=1.0)]
     twist_deviation_mps: Positive
     twist_deviation_radps: Positive
+    calibration: CalibrationParams
 
 
 class SwerveControllerParams(Config):
@@ -132,5 +144,6 @@ def odometry_settings(params: OdometryParams, robot: Robot) -> OdometrySettings:
         max_wheel_speed_mps=max_wheel_speed_mps(robot),
         max_steering_rate_radps=robot.steer.max_rate_radps,
         max_steering_acceleration_radps2=robot.steer.max_acceleration_radps2,
-        **params.model_dump(),
+        calibration=CalibrationSettings(**params.calibration.model_dump()),
+        **params.model_dump(exclude={"calibration"}),
     )

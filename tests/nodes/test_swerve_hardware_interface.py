@@ -409,7 +409,7 @@ def test_end_stops_the_wheels_and_closes_the_brakes(rig: Rig) -> None:
 
 
 def watch_engine(rig: Rig) -> Callable[[], bool]:
-    """A device of its own, so that the engine outlives the node. The result tells whether a wheel is still commanded."""
+    """A device of its own, so that the engine outlives the node. The result: is a wheel commanded still?"""
     from robot_stack.wmx import connect
 
     engine = connect("test")

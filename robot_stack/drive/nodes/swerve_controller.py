@@ -175,6 +175,8 @@ class SwerveController(StackNode):
             "drive": output.state.value,
             "set point": f"{output.twist.vx:.3f} {output.twist.vy:.3f} m/s {output.twist.omega:.3f} rad/s",
             "wheels contradict": str(self._latest.slipping),
+            "wheel radii": ", ".join(f"{100 * error:+.3f} %" for error in self._odometry.calibration.radius_errors),
+            "steering zeros": ", ".join(f"{zero:+.5f} rad" for zero in self._odometry.calibration.zero_errors_rad),
         }
 
 

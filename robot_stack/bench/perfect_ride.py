@@ -1,4 +1,4 @@
-"""Error of the wheel odometry: on perfect encoders, beside WPILib on the same inputs."""
+"""A ride with perfect encoders, and how far odometries end from where it really went."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from robot_stack.core.config import load
 from robot_stack.core.geometry import Pose2
-from robot_stack.core.robot import Robot, load_robot
+from robot_stack.core.robot import Robot
 from robot_stack.drive.odometry import Encoders, SwerveOdometry
 from robot_stack.drive.parameters import SwerveControllerParams, module_positions, odometry_settings
 
-NAME = "odometry"
-_RATE_HZ = 50
+RATE_HZ = 50
 _FINE_STEPS = 100  # integration steps of the truth within one reading
 
 Array = NDArray[np.floating[Any]]
@@ -59,7 +58,7 @@ def mixed_twist(t_s: Array) -> tuple[Array, Array, Array]:
     return vx, vy, omega
 
 
-def perfect_ride(robot: Robot, way_m: float, rate_hz: int = _RATE_HZ) -> PerfectRide:
+def perfect_ride(robot: Robot, way_m: float, rate_hz: int = RATE_HZ) -> PerfectRide:
     """The mixed ride until its path is ``way_m`` long, by fine midpoint integration."""
     seconds = math.ceil(way_m)  # the mean speed is above 1 m/s
     step_s = 1.0 / (rate_hz * _FINE_STEPS)
@@ -93,25 +92,8 @@ def _accumulated(increments: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(increments)])
 
 
-def run(way_m: float = 78.0) -> tuple[dict[str, float], dict[str, object]]:
-    """(figures, conditions) of a mixed ride of ``way_m`` with perfect encoders at 50 Hz."""
-    robot = load_robot()
-    ride = perfect_ride(robot, way_m)
-    figures = {"integration_error_mm": 1e3 * _error_m(ride, robot)}
-    conditions: dict[str, object] = {
-        "way_m": ride.way_m,
-        "rate_hz": _RATE_HZ,
-        "error": "distance of the last pose from the truth; encoders perfect",
-        "wpilib": "SwerveDrive4Odometry on the same readings, with a perfect gyro",
-    }
-    try:
-        figures["wpilib_error_mm"] = 1e3 * _wpilib_error_m(ride, robot)
-    except ImportError as error:
-        conditions["wpilib"] = f"not measured: {error}"
-    return figures, conditions
-
-
-def _error_m(ride: PerfectRide, robot: Robot) -> float:
+def error_m(ride: PerfectRide, robot: Robot) -> float:
+    """Distance of the stack's own odometry from the truth at the end."""
     params = load(SwerveControllerParams, "swerve_controller").odometry
     odometry = SwerveOdometry(module_positions(robot), odometry_settings(params, robot))
     last = len(ride.stamps_s) - 1
@@ -120,7 +102,8 @@ def _error_m(ride: PerfectRide, robot: Robot) -> float:
     return odometry.update(ride.encoders(last, robot.wheel_radius_m)).pose.distance_to(ride.pose(last))
 
 
-def _wpilib_error_m(ride: PerfectRide, robot: Robot) -> float:
+def wpilib_error_m(ride: PerfectRide, robot: Robot) -> float:
+    """The same of WPILib's, which is given the true yaw as its gyro. Raises ImportError without robotpy-wpimath."""
     from wpimath.geometry import Rotation2d, Translation2d
     from wpimath.kinematics import SwerveDrive4Kinematics, SwerveDrive4Odometry, SwerveModulePosition
 

@@ -1,0 +1,105 @@
+"""What distinguishes this machine from its drawing, learnt while it rides: wheel radii and steering zeros.
+
+Four wheels report eight rows of which a rigid body needs three, so that five rows are left to tell which wheel is
+greater than the others and which points beside its heading: d = (1 - e) R(z) d' for a wheel whose radius is greater by
+the share e and whose steering encoder shows z too much. A recursive least squares over those five rows finds the
+differences between the wheels, as far as the riding shows them: straight rides alone leave a turn open, rides in
+several directions nothing. What all wheels have in common they cannot know of each other, and it is held at zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.drive.kinematics import ZEROS, Four, Positions
+
+_MODULES = 4
+_UNKNOWN = 2 * _MODULES
+# Standard deviation of what all wheels have in common: none.
+_COMMON = 1e-6
+# An estimate further out than this many standard deviations of the prior is no tolerance.
+_BOUND = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationSettings:
+    """radius_deviation, zero_deviation_rad: standard deviations among machines. noise_m: of one row of one reading.
+    least_way_m: of the fastest wheel; smaller readings are not used. readings_per_update: between two estimates.
+    """
+
+    radius_deviation: float
+    zero_deviation_rad: float
+    noise_m: float
+    least_way_m: float
+    readings_per_update: int
+
+
+class WheelCalibration:
+    """The present estimate. radius_errors: relative, positive for a greater wheel. zero_errors_rad: what the steering
+    encoders show too much.
+    """
+
+    def __init__(self, positions: Positions, settings: CalibrationSettings) -> None:
+        self._settings = settings
+        self._projector = _beside_rigid_motion(positions)
+        self._information = _prior(settings)
+        self._evidence: NDArray[np.float64] = np.zeros(_UNKNOWN)
+        self._deviations = np.repeat([settings.radius_deviation, settings.zero_deviation_rad], _MODULES)
+        self._estimate: NDArray[np.float64] = np.zeros(_UNKNOWN)
+        self._readings = 0
+        self.radius_errors: Four = ZEROS
+        self.zero_errors_rad: Four = ZEROS
+
+    def observe(self, displacements: Sequence[tuple[float, float]]) -> None:
+        """Learns from the wheels' displacements (m, base_link), corrected by the present estimate."""
+        rows = np.array(displacements).ravel()
+        if np.abs(rows).max() < self._settings.least_way_m:
+            return
+        effect = self._projector @ _effects(rows)
+        # What would be seen without the present correction.
+        seen = self._projector @ rows + effect @ self._estimate
+        weight = self._settings.noise_m**-2
+        self._information += weight * (effect.T @ effect)
+        self._evidence += weight * (effect.T @ seen)
+        self._readings += 1
+        if self._readings % self._settings.readings_per_update == 0:
+            self._solve()
+
+    def _solve(self) -> None:
+        bound = _BOUND * self._deviations
+        estimate = np.linalg.solve(self._information, self._evidence)
+        self._estimate = np.clip(estimate, -bound, bound)
+        values = self._estimate.tolist()
+        self.radius_errors = values[0], values[1], values[2], values[3]
+        self.zero_errors_rad = values[4], values[5], values[6], values[7]
+
+
+def _beside_rigid_motion(positions: Positions) -> NDArray[np.float64]:
+    """(8, 8) projector of the wheels' rows onto what no rigid motion explains."""
+    rigid = np.array([row for x, y in positions for row in ((1.0, 0.0, -y), (0.0, 1.0, x))])
+    return np.asarray(np.eye(_UNKNOWN) - rigid @ np.linalg.pinv(rigid))
+
+
+def _prior(settings: CalibrationSettings) -> NDArray[np.float64]:
+    information = np.zeros((_UNKNOWN, _UNKNOWN))
+    together = np.ones((_MODULES, _MODULES)) / (_MODULES * _COMMON) ** 2
+    for start, deviation in ((0, settings.radius_deviation), (_MODULES, settings.zero_deviation_rad)):
+        block = slice(start, start + _MODULES)
+        information[block, block] = np.eye(_MODULES) / deviation**2 + together
+    return information
+
+
+def _effects(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(8, 8) change of the rows by each unknown: a greater wheel claims less way than it makes, a zero turns it."""
+    effects = np.zeros((_UNKNOWN, _UNKNOWN))
+    modules = np.arange(_MODULES)
+    x, y = rows[0::2], rows[1::2]
+    effects[2 * modules, modules] = -x
+    effects[2 * modules + 1, modules] = -y
+    effects[2 * modules, _MODULES + modules] = -y
+    effects[2 * modules + 1, _MODULES + modules] = x
+    return effects

@@ -1,0 +1,90 @@
+"""Error of the wheel odometry: on perfect encoders beside WPILib's, and its drift in physics."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_stack.bench.framework import Aim
+from robot_stack.bench.perfect_ride import RATE_HZ, error_m, mixed_twist, perfect_ride, wpilib_error_m
+from robot_stack.core.geometry import IDENTITY, Twist2
+from robot_stack.core.robot import load_robot
+from robot_stack.drive.kinematics import ModuleSetPoints
+from sim.parameters import load_sim_params
+from sim.rig import Rig, TwistController
+from sim.world import Setup
+from sim.worldfile import load_world
+
+NAME = "odometry"
+AIMS = {"integration_error_mm": Aim("<", 2.0), "drift_pct_100m": Aim("<", 0.5)}
+_WORLD = "flat"
+# The mixed ride makes more than this on average, the ramp at the start included.
+_LEAST_MEAN_MPS = 0.9
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """of_way: distance between odometry and truth at the end, over the length of the true path. yaw_rad: the same of
+    the yaw.
+    """
+
+    of_way: float
+    yaw_rad: float
+    way_m: float
+
+
+def run(way_m: float = 78.0, drift_m: float = 100.0, seeds: int = 3) -> tuple[dict[str, float], dict[str, object]]:
+    """(figures, conditions).
+
+    way_m: of the ride with perfect encoders. drift_m: of each ride in physics. seeds: as many machines, each with its
+    own wheel radii, steering zeros and noise.
+    """
+    robot = load_robot()
+    ride = perfect_ride(robot, way_m)
+    figures = {"integration_error_mm": 1e3 * error_m(ride, robot)}
+    conditions: dict[str, object] = {
+        "way_m": ride.way_m,
+        "rate_hz": RATE_HZ,
+        "integration": "distance of the last pose from the truth; encoders perfect; the ride is mixed_twist",
+        "wpilib": "SwerveDrive4Odometry on the same readings, with a perfect gyro",
+        "drift": f"mean over {seeds} seeds of the distance at the end over the way; the same ride in physics, no gyro",
+        "world": _WORLD,
+    }
+    try:
+        figures["wpilib_error_mm"] = 1e3 * wpilib_error_m(ride, robot)
+    except ImportError as error:
+        conditions["wpilib"] = f"not measured: {error}"
+    drifts = [drift(seed, drift_m) for seed in range(1, seeds + 1)]
+    figures["drift_pct_100m"] = 100.0 * statistics.fmean(item.of_way for item in drifts)
+    figures["drift_pct_100m_worst"] = 100.0 * max(item.of_way for item in drifts)
+    figures["yaw_drift_deg_worst"] = math.degrees(max(abs(item.yaw_rad) for item in drifts))
+    conditions["drift_way_m"] = [round(item.way_m, 1) for item in drifts]
+    return figures, conditions
+
+
+def drift(seed: int, way_m: float) -> Drift:
+    """Odometry against the truth after a mixed ride of ``way_m`` in physics, as the machine of this seed."""
+    rig = Rig(load_robot(), load_sim_params(), Setup(load_world(_WORLD), seed, IDENTITY))
+    controller = TwistController(rig.robot, _course, passenger=False)
+    start = last = rig.moment().pose
+    made_m = 0.0
+
+    def each(_: ModuleSetPoints | None) -> None:
+        nonlocal last, made_m
+        pose = rig.moment().pose
+        last, made_m = pose, made_m + pose.distance_to(last)
+
+    while made_m < way_m:
+        rig.run(max(1.0, (way_m - made_m) * _LEAST_MEAN_MPS), controller, each)
+    controller.observe(rig.encoders())
+    truth = rig.moment().pose.relative_to(start)
+    yaw_error = math.remainder(controller.pose.yaw - truth.yaw, 2.0 * math.pi)
+    return Drift(controller.pose.distance_to(truth) / made_m, yaw_error, made_m)
+
+
+def _course(time_s: float) -> Twist2:
+    vx, vy, omega = (float(row[0]) for row in mixed_twist(np.array([time_s])))
+    return Twist2(vx, vy, omega)
