@@ -1,0 +1,411 @@
+"""The command line as an operator uses it, against fake and real nodes."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from nav_msgs.msg import Odometry
+from std_msgs.msg import String
+
+from custom_msgs.msg import MissionStatus, SafetyStatus, UICommand
+from robot_stack.contract import services, topics
+from robot_stack.core.config import config_dir
+from robot_stack.ros.interfaces import interface_class, qos_profile
+from tests.support.peer import Peer
+from tests.support.processes import NodeProcess
+from tests.support.waiting import wait_for
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def cli(*arguments: str, timeout_s: float = 60.0, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "robot_stack.cli", *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=timeout_s,
+        env={**os.environ, **environment},
+        check=False,
+    )
+
+
+# --- what needs no ROS ------------------------------------------------------------------------------------------------
+
+
+def test_help_names_every_verb_and_imports_no_ros() -> None:
+    code = "import sys; from robot_stack.cli.app import app; print(sorted(sys.modules))"
+    modules = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True).stdout
+    for heavy in ("'rclpy'", "'numpy'", "'pydantic'", "'custom_msgs'"):
+        assert heavy not in modules
+    shown = cli("--help").stdout
+    for verb in ("up", "down", "status", "restart", "run", "mission", "estop", "reset", "topics", "record"):
+        assert f" {verb} " in shown
+    for verb in ("doctor", "bench", "scenario"):
+        assert f" {verb} " in shown
+
+
+@pytest.mark.parametrize("verb", ["status", "restart x"])
+def test_without_a_stack(ros_domain: int, verb: str) -> None:
+    done = cli(*verb.split())
+    assert done.returncode == 1
+    assert done.stderr == f"error: no stack is running in ROS domain {ros_domain}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("up --profile nothing", "there is no profile 'nothing'; known profiles: manipulator, robot, sim"),
+        ("up --only nobody", "--only: nobody: not a built process of this profile"),
+        ("up --set swerve_controller", "must read node.parameter=value"),
+        ("up --profile robot --speed 2", "no simulated world"),
+        ("run nobody", "nobody is not a node of this stack; nodes that can run:"),
+    ],
+)
+def test_wrong_use_is_one_clear_line(ros_domain: int, arguments: str, message: str) -> None:
+    done = cli(*arguments.split())
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_missions_are_listed() -> None:
+    done = cli("mission", "list")
+    assert done.returncode == 0
+    assert "yard_tour: Yard tour, " in done.stdout
+
+
+@pytest.fixture
+def own_config(tmp_path: Path) -> Path:
+    """A copy of the configuration that a test may spoil."""
+    return Path(shutil.copytree(config_dir(), tmp_path / "config"))
+
+
+def test_malformed_mission_is_named(own_config: Path) -> None:
+    (own_config / "missions" / "short_hop.yaml").write_text("id: short_hop\nwaypoints: 5\n")
+    done = cli("mission", "list", ROBOT_STACK_CONFIG=str(own_config))
+    assert done.returncode == 1
+    assert "short_hop: " in done.stdout
+    assert "waypoints" in done.stdout
+    assert "yard_tour: Yard tour" in done.stdout
+
+
+class TestDoctor:
+    def findings(self, **environment: str) -> tuple[int, dict[str, list[dict[str, str]]]]:
+        done = cli("doctor", "--json", **environment)
+        found: dict[str, list[dict[str, str]]] = {}
+        for entry in json.loads(done.stdout):
+            found.setdefault(entry["check"], []).append(entry)
+        return done.returncode, found
+
+    def test_this_machine_can_run_the_stack(self, ros_domain: int) -> None:
+        code, found = self.findings()
+        bad = [entry for entries in found.values() for entry in entries if entry["level"] == "bad"]
+        assert bad == []
+        assert code == 0
+        assert {"python", "cores", "shared memory", "interfaces", "configuration", "network", "clock"} <= set(found)
+
+    def test_whatever_is_not_well_comes_with_advice(self, ros_domain: int) -> None:
+        _, found = self.findings(ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET")
+        worse = [entry for entries in found.values() for entry in entries if entry["level"] != "ok"]
+        assert all(entry["advice"] for entry in worse)
+        assert found["network"][0]["level"] == "note"
+
+    @pytest.mark.parametrize(
+        ("file", "text", "field"),
+        [
+            ("robot.yaml", "wheel_radius_m: -1", "wheel_radius_m"),
+            ("swerve_controller.yaml", "surprise: 1", "surprise"),
+            ("profiles/sim.yaml", "machine: boat", "machine"),
+            ("worlds/flat.yaml", "[", "not valid YAML"),
+        ],
+    )
+    def test_wrong_configuration_is_named(
+        self, ros_domain: int, own_config: Path, file: str, text: str, field: str
+    ) -> None:
+        (own_config / file).write_text(text)
+        code, found = self.findings(ROBOT_STACK_CONFIG=str(own_config))
+        assert code == 1
+        problems = " ".join(entry["what"] for entry in found["configuration"])
+        assert file in problems
+        assert field in problems
+
+    def test_wrong_domain_is_named(self) -> None:
+        code, found = self.findings(ROS_DOMAIN_ID="300")
+        assert code == 1
+        assert "0..232" in found["ROS domain"][0]["what"]
+
+
+def test_benchmarks_are_listed_and_unknown_ones_refused() -> None:
+    listed = cli("bench").stdout
+    assert [name for name in ("stop:", "rates:", "startup:") if name not in listed] == []
+    done = cli("bench", "nothing")
+    assert done.returncode == 1
+    assert "there is no benchmark 'nothing'; known: " in done.stderr
+
+
+def test_scenario_without_a_file_is_refused() -> None:
+    done = cli("scenario", "/nowhere.yaml")
+    assert done.returncode == 2
+    assert "nowhere.yaml" in done.stderr
+
+
+# --- emergency stop and reset -----------------------------------------------------------------------------------------
+
+
+class FakeSafety:
+    """A safety monitor of ten lines: shows what was last asked, and resets as it is told to."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.obeys = True
+        self.refusals: list[str] = []
+        self.active = False
+        self.requests: list[bool] = []
+        peer.listen(topics.EMERGENCY_STOP, self._on_request)
+        peer.repeat(topics.SAFETY_STATUS, self._status, 10.0)
+        service = interface_class(services.SAFETY_RESET.type)
+        peer.node.create_service(service, services.SAFETY_RESET.name, self._on_reset)
+
+    def _on_request(self, message: Any) -> None:
+        self.requests.append(message.data)
+        if message.data and self.obeys:
+            self.active = True
+
+    def _status(self) -> SafetyStatus:
+        state = "EMERGENCY_STOP" if self.active else "NORMAL"
+        return SafetyStatus(safety_state=state, emergency_stop_active=self.active)
+
+    def _on_reset(self, _: Any, response: Any) -> Any:
+        if self.refusals:
+            response.message = self.refusals.pop(0)
+            return response
+        self.active = False
+        response.success, response.message = True, "released: ESTOP_PRESSED"
+        return response
+
+
+@pytest.fixture
+def safety(peer: Peer) -> FakeSafety:
+    return FakeSafety(peer)
+
+
+def test_estop_is_confirmed(safety: FakeSafety) -> None:
+    done = cli("estop")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("emergency stop, confirmed after ")
+    assert safety.active
+    assert True in safety.requests
+
+
+def test_estop_that_nobody_confirms_is_an_error_but_sent(safety: FakeSafety) -> None:
+    safety.obeys = False
+    done = cli("estop", "--timeout", "2")
+    assert done.returncode == 1
+    assert "did not confirm it: use the button" in done.stderr
+    assert True in safety.requests
+
+
+def test_estop_without_anybody(ros_domain: int) -> None:
+    assert cli("estop", "--timeout", "1").returncode == 1
+
+
+def test_reset_sends_false_and_then_asks(safety: FakeSafety) -> None:
+    safety.active = True
+    done = cli("reset")
+    assert done.returncode == 0, done.stderr
+    assert "released: ESTOP_PRESSED" in done.stdout
+    assert safety.requests == [False]
+    assert not safety.active
+
+
+def test_reset_is_patient_with_a_monitor_that_must_see_the_release_first(safety: FakeSafety) -> None:
+    safety.refusals = ["released a moment ago"]
+    assert cli("reset").returncode == 0
+
+
+def test_refused_reset_tells_why(safety: FakeSafety) -> None:
+    safety.active = True
+    safety.refusals = ["the robot moves at 0.40 m/s"] * 100
+    done = cli("reset")
+    assert done.returncode == 1
+    assert done.stderr == "error: refused: the robot moves at 0.40 m/s\n"
+    assert safety.active
+
+
+def test_reset_without_anybody(ros_domain: int) -> None:
+    done = cli("reset", "--timeout", "1")
+    assert done.returncode == 1
+    assert "is the stack running?" in done.stderr
+
+
+# --- missions ---------------------------------------------------------------------------------------------------------
+
+
+class FakeMissions:
+    """A mission manager that knows one mission."""
+
+    def __init__(self, peer: Peer) -> None:
+        self._peer = peer
+        self.commands: list[tuple[str, str]] = []
+        self.status = MissionStatus(state="IDLE", eta_s=float("nan"))
+        peer.listen(topics.UI_COMMAND, self._on_command)
+        self.publish()
+
+    def publish(self) -> None:
+        self._peer.publish(topics.MISSION_STATUS, self.status)
+
+    def _on_command(self, message: UICommand) -> None:
+        self.commands.append((message.command_type, message.mission_id))
+        accepted = message.command_type != "START_MISSION" or message.mission_id == "yard_tour"
+        self.status.last_command, self.status.last_command_accepted = message.command_type, accepted
+        self.status.reason = "" if accepted else "there is no such mission"
+        if accepted and message.command_type == "START_MISSION":
+            self.status.state, self.status.mission_id, self.status.total_waypoints = "RUNNING", "yard_tour", 10
+        self.publish()
+
+
+@pytest.fixture
+def missions(peer: Peer) -> FakeMissions:
+    return FakeMissions(peer)
+
+
+def test_mission_start(missions: FakeMissions) -> None:
+    done = cli("mission", "start", "yard_tour")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "RUNNING, yard_tour 0/10 waypoints, 0%\n"
+    assert missions.commands == [("START_MISSION", "yard_tour")]
+
+
+def test_refused_mission_tells_why(missions: FakeMissions) -> None:
+    done = cli("mission", "start", "nowhere")
+    assert done.returncode == 1
+    assert done.stderr == "error: START_MISSION was refused: there is no such mission\n"
+
+
+@pytest.mark.parametrize("verb", ["pause", "resume", "abort"])
+def test_mission_commands(missions: FakeMissions, verb: str) -> None:
+    assert cli("mission", verb).returncode == 0
+    assert missions.commands == [(verb.upper(), "")]
+
+
+def test_mission_watch_once(missions: FakeMissions) -> None:
+    missions.status.state, missions.status.mission_id, missions.status.eta_s = "RUNNING", "yard_tour", 12.0
+    missions.status.current_waypoint, missions.status.progress = "lane", 0.5
+    missions.status.waypoints_completed, missions.status.total_waypoints = 1, 10
+    missions.publish()
+    done = cli("mission", "watch", "--once")
+    assert done.returncode == 0
+    assert "RUNNING, yard_tour 1/10 waypoints, 50%, to lane, 12 s left" in done.stdout
+
+
+def test_mission_without_a_manager(ros_domain: int) -> None:
+    done = cli("mission", "pause", "--timeout", "1")
+    assert done.returncode == 1
+    assert "no mission manager answers: is the stack running?" in done.stderr
+
+
+# --- topics -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def drive_profile(tmp_path: Path) -> str:
+    path = tmp_path / "drive.yaml"
+    data = {
+        "description": "the swerve controller alone",
+        "machine": "robot",
+        "use_sim_time": False,
+        "speed": None,
+        "ready_deadline_s": 10.0,
+        "processes": ["swerve_controller"],
+    }
+    path.write_text(yaml.safe_dump(data))
+    return str(path)
+
+
+@pytest.fixture
+def controller(ros_domain: int) -> Iterator[Peer]:
+    """A peer that calls itself swerve_controller."""
+    peer = Peer("swerve_controller")
+    yield peer
+    peer.close()
+
+
+def measure(profile: str) -> tuple[int, dict[str, dict[str, Any]], list[str]]:
+    done = cli("topics", "--profile", profile, "--json", "--window", "2")
+    result = json.loads(done.stdout)
+    return done.returncode, {entry["name"]: entry for entry in result["topics"]}, result["unknown"]
+
+
+def test_topics_names_what_is_missing_and_what_is_right(controller: Peer, drive_profile: str) -> None:
+    controller.repeat(topics.ODOM, Odometry, 50.0)
+    code, found, unknown = measure(drive_profile)
+    assert code == 1
+    assert unknown == []
+    odom = found["/odom"]
+    assert odom["publishers"] == ["swerve_controller"]
+    assert odom["problems"] == [] or "Hz instead of" in odom["problems"][0]  # a busy machine is slower
+    assert odom["measured_hz"] > 20.0
+    assert odom["age_s"] < 0.5
+    assert found["/swerve/wheel_commands"]["problems"] == ["not published by swerve_controller"]
+    assert found["/sensors/imu"]["verdict"] == "not run"
+
+
+def test_topics_names_strangers_wrong_types_and_unknown_topics(
+    controller: Peer, peer: Peer, drive_profile: str
+) -> None:
+    peer.repeat(topics.ODOM, Odometry, 50.0)
+    controller.node.create_publisher(String, topics.WHEEL_COMMANDS.name, qos_profile(topics.WHEEL_COMMANDS.qos))
+    controller.node.create_publisher(String, "/mine", 1)
+    _, found, unknown = measure(drive_profile)
+    assert "published by peer, which the contract does not name" in found["/odom"]["problems"]
+    assert "type std_msgs/msg/String in the graph" in found["/swerve/wheel_commands"]["problems"]
+    assert unknown == ["/mine"]
+
+
+def test_topics_names_wrong_qos(controller: Peer, drive_profile: str) -> None:
+    controller.node.create_publisher(Odometry, topics.ODOM.name, 10)
+    _, found, _ = measure(drive_profile)
+    assert "swerve_controller publishes RELIABLE, VOLATILE" in found["/odom"]["problems"]
+    assert "advertised, but nothing is sent" in found["/odom"]["problems"]
+
+
+def test_topics_as_a_table(ros_domain: int, drive_profile: str) -> None:
+    done = cli("topics", "--once", "--profile", drive_profile, "--window", "0.5")
+    assert done.returncode == 1
+    assert "not published by swerve_controller" in done.stdout
+    assert "topics differ from the contract" in done.stdout
+
+
+# --- programs ---------------------------------------------------------------------------------------------------------
+
+
+def test_record_writes_until_interrupted(start: Callable[..., NodeProcess], peer: Peer, tmp_path: Path) -> None:
+    peer.repeat(topics.ODOM, Odometry, 50.0)
+    command = [sys.executable, "-m", "robot_stack.cli", "record", "--output", str(tmp_path), "--name", "ride"]
+    recorder = start("record", command=[*command, "--include", "/odom"])
+    peer.wait_matched(topics.ODOM)
+    recorder.wait_output("recording to")
+    begun_s = time.monotonic()
+    wait_for(lambda: time.monotonic() - begun_s > 0.5, "half a second of messages")
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait() == 0
+    (recording,) = (tmp_path / "ride").glob("*.mcap")
+    assert recording.read_bytes().count(b"/odom") >= 1
+
+
+def test_run_starts_a_node_with_its_arguments(start: Callable[..., NodeProcess]) -> None:
+    command = [sys.executable, "-m", "robot_stack.cli", "run", "safety_monitor", "--ros-args", "-p", "tick_hz:=-1.0"]
+    process = start("run", command=command)
+    assert process.wait() == 2
+    assert "tick_hz" in process.output()
