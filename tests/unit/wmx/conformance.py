@@ -1,7 +1,8 @@
 """What any implementation of the engine port must do. A test class inherits it and brings the fixture ``harness``.
 
 The tests use the port alone: commands, codes and status. Expected codes are the vendor's names; motion is checked
-against hand-worked kinematics.
+against hand-worked kinematics. The observer is a process among others and may look late: phases that a test must see
+last half a second or more of engine time, and exact cycles are the business of the engine's own tests.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -204,6 +206,21 @@ def in_state(axis: int, state: OperationState) -> Callable[[StatusSnapshot], boo
 
 def cruising(axis: int, velocity: float) -> Callable[[StatusSnapshot], bool]:
     return lambda snapshot: bool(snapshot.velocity_cmd[axis] == velocity)
+
+
+def braking(axis: int, rate: float) -> Callable[[StatusSnapshot], bool]:
+    """The axis, turning in its positive direction, slows down at ``rate``."""
+    return lambda snapshot: bool(snapshot.reals[Real.CMD_ACC, axis] == pytest.approx(-rate))
+
+
+def set_quick_stop(engine: MotionEngine, axis: int, dec: float) -> None:
+    _, param = engine.core_motion.config.GetMotionParam(axis)
+    assert engine.core_motion.config.SetMotionParam(axis, replace(param, quickStopDec=dec))[0] == GOOD
+
+
+def set_estop(engine: MotionEngine, dec: float) -> None:
+    _, param = engine.core_motion.config.GetEmergencyStopParam()
+    assert engine.core_motion.config.SetEmergencyStopParam(replace(param, eStopDec=[dec] * N_AXES))[0] == GOOD
 
 
 class EngineConformance:
@@ -717,30 +734,31 @@ class EngineConformance:
         assert counts[POS_MIRRORED] == pytest.approx(-131072 / (2 * math.pi), abs=1)
 
     def test_position_motion_keeps_its_limits(self, harness: Harness) -> None:
-        # 2 rad at 10 rad/s and 200 rad/s2: ramps of 0.25 rad and 50 ms, cruise of 1.5 rad: 250 ms in all.
+        # 10 rad at 10 rad/s and 20 rad/s2: ramps of 2.5 rad and 0.5 s, cruise of 5 rad: 1.5 s in all.
         engine = harness.ready()
-        profile = Profile.SetupTrapezoidal(10.0, 200.0, 200.0)
-        assert engine.core_motion.motion.StartPos(pos(POS, 2.0, profile)) == GOOD
-        first = status(engine)
-        seen = [first]
+        profile = Profile.SetupTrapezoidal(10.0, 20.0, 20.0)
+        assert engine.core_motion.motion.StartPos(pos(POS, 10.0, profile)) == GOOD
+        seen = [status(engine)]
         while seen[-1].op_state[POS] == OperationState.Pos:
             seen.append(status(engine))
         assert max(snapshot.velocity_cmd[POS] for snapshot in seen) <= 10.0
-        assert max(abs(snapshot.reals[Real.CMD_ACC, POS]) for snapshot in seen) <= 200.0
-        duration_ms = seen[-1].cycle_counter - first.cycle_counter
-        assert duration_ms == pytest.approx(250, abs=30)
+        assert {round(snapshot.reals[Real.CMD_ACC, POS], 6) for snapshot in seen} <= {20.0, 0.0, -20.0}
+        for before, after in pairwise(seen):
+            cycles = after.cycle_counter - before.cycle_counter
+            assert abs(after.velocity_cmd[POS] - before.velocity_cmd[POS]) <= 0.02 * cycles + 1e-9
+            assert abs(after.pos_cmd[POS] - before.pos_cmd[POS]) <= 0.01 * cycles + 1e-9
 
     def test_time_acc_profile(self, harness: Harness) -> None:
-        # 10 rad/s in 50 ms up and 100 ms down: 0.25 + 0.5 rad of ramps.
+        # 10 rad/s in 0.5 s up and 1 s down: 2.5 + 5 rad of ramps.
         engine = harness.ready()
-        profile = Profile.SetupTimeAccTrapezoidal(10.0, 50.0, 100.0)
-        assert engine.core_motion.motion.StartPos(pos(POS, 3.0, profile)) == GOOD
+        profile = Profile.SetupTimeAccTrapezoidal(10.0, 500.0, 1000.0)
+        assert engine.core_motion.motion.StartPos(pos(POS, 10.0, profile)) == GOOD
         up = wait_status(engine, lambda now: now.flags[Flag.ACC_FLAG, POS], "acceleration")
-        assert up.reals[Real.CMD_ACC, POS] == pytest.approx(200.0)
+        assert up.reals[Real.CMD_ACC, POS] == pytest.approx(20.0)
         down = wait_status(engine, lambda now: now.flags[Flag.DEC_FLAG, POS], "deceleration")
-        assert down.reals[Real.CMD_ACC, POS] == pytest.approx(-100.0)
+        assert down.reals[Real.CMD_ACC, POS] == pytest.approx(-10.0)
         assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == GOOD
-        assert status(engine).pos_cmd[POS] == 3.0
+        assert status(engine).pos_cmd[POS] == 10.0
 
     def test_target_where_the_axis_is(self, harness: Harness) -> None:
         engine = harness.ready()
@@ -787,16 +805,16 @@ class EngineConformance:
 
     @pytest.mark.parametrize("kind", list(Config_ProhibitOvertravelType))
     def test_override_that_cannot_stop_in_time(self, harness: Harness, kind: int) -> None:
-        # 20 rad/s at 40 rad/s2 needs 5 rad; the new target is 1 rad away.
+        # 4 rad/s at 1 rad/s2 needs 8 rad; the new target is 4 rad away.
         engine = harness.ready()
         config, motion = engine.core_motion.config, engine.core_motion.motion
         _, param = config.GetMotionParam(POS)
         param.prohibitOvertravel = kind
         assert config.SetMotionParam(POS, param)[0] == GOOD
-        assert motion.StartPos(pos(POS, LONG_WAY)) == GOOD
-        wait_status(engine, cruising(POS, 20.0), "cruising")
-        target = status(engine).pos_cmd[POS] + 1.0
-        assert motion.StartPos(pos(POS, target, Profile.SetupTrapezoidal(20.0, 40.0, 40.0))) == GOOD
+        assert motion.StartPos(pos(POS, LONG_WAY, Profile.SetupTrapezoidal(4.0, 100.0, 100.0))) == GOOD
+        wait_status(engine, cruising(POS, 4.0), "cruising")
+        target = status(engine).pos_cmd[POS] + 4.0
+        assert motion.StartPos(pos(POS, target, Profile.SetupTrapezoidal(4.0, 100.0, 1.0))) == GOOD
         furthest = -INF
         while True:
             snapshot = status(engine)
@@ -838,21 +856,21 @@ class EngineConformance:
         engine = harness.ready()
         profile = Profile.SetupTrapezoidal(5.0, 500.0, 500.0)
         if axis == POS:
-            code = engine.core_motion.motion.StartJog_TimedJog(Motion_TimedJogCommand(POS, 200.0, profile))
+            code = engine.core_motion.motion.StartJog_TimedJog(Motion_TimedJogCommand(POS, 1000.0, profile))
         else:
-            code = engine.core_motion.velocity.StartVel_TimedVel(Velocity_TimedVelCommand(VEL, 200.0, profile))
+            code = engine.core_motion.velocity.StartVel_TimedVel(Velocity_TimedVelCommand(VEL, 1000.0, profile))
         assert code == GOOD
-        first = status(engine)
+        wait_status(engine, cruising(axis, 5.0), "cruising")
         last = wait_status(engine, in_state(axis, OperationState.Idle), "the end")
-        assert last.cycle_counter - first.cycle_counter == pytest.approx(210, abs=30)
         assert last.velocity_cmd[axis] == 0.0
+        assert not last.motion_complete[axis]
 
     def test_new_command_replaces_the_end_of_a_timed_one(self, harness: Harness) -> None:
         engine = harness.ready()
         velocity = engine.core_motion.velocity
-        assert velocity.StartVel_TimedVel(Velocity_TimedVelCommand(VEL, 50.0, replace(SLOW))) == GOOD
+        assert velocity.StartVel_TimedVel(Velocity_TimedVelCommand(VEL, 1000.0, replace(SLOW))) == GOOD
         assert velocity.StartVel(vel(VEL, 2.0)) == GOOD
-        assert some_cycles(engine, 150).op_state[VEL] == OperationState.Velocity
+        assert some_cycles(engine, 1500).op_state[VEL] == OperationState.Velocity
 
     # -- velocity motion -----------------------------------------------------------------------------------------------
 
@@ -874,14 +892,14 @@ class EngineConformance:
     def test_velocity_over_velocity_keeps_the_ramps(self, harness: Harness) -> None:
         engine = harness.ready()
         velocity = engine.core_motion.velocity
-        assert velocity.StartVel(vel(VEL, 10.0, acc=100.0, dec=50.0)) == GOOD
+        assert velocity.StartVel(vel(VEL, 10.0, acc=10.0, dec=5.0)) == GOOD
         up = wait_status(engine, lambda now: now.velocity_cmd[VEL] > 0.0, "the start")
-        assert up.reals[Real.CMD_ACC, VEL] == pytest.approx(100.0)
+        assert up.reals[Real.CMD_ACC, VEL] == pytest.approx(10.0)
         wait_status(engine, cruising(VEL, 10.0), "cruising")
-        assert velocity.StartVel(vel(VEL, 4.0, acc=100.0, dec=50.0)) == GOOD
-        assert status(engine).velocity_cmd[VEL] > 9.0, "no jump"
+        assert velocity.StartVel(vel(VEL, 4.0, acc=10.0, dec=5.0)) == GOOD
+        assert status(engine).velocity_cmd[VEL] > 4.0, "no jump"
         down = wait_status(engine, lambda now: now.velocity_cmd[VEL] < 10.0, "slowing")
-        assert down.reals[Real.CMD_ACC, VEL] == pytest.approx(-50.0)
+        assert down.reals[Real.CMD_ACC, VEL] == pytest.approx(-5.0)
         wait_status(engine, cruising(VEL, 4.0), "the slower speed")
 
     def test_reversal_falls_at_dec_and_grows_at_acc(self, harness: Harness) -> None:
@@ -889,11 +907,11 @@ class EngineConformance:
         velocity = engine.core_motion.velocity
         assert velocity.StartVel(vel(VEL, 5.0)) == GOOD
         wait_status(engine, cruising(VEL, 5.0), "cruising")
-        assert velocity.StartVel(vel(VEL, -5.0, acc=20.0, dec=40.0)) == GOOD
+        assert velocity.StartVel(vel(VEL, -5.0, acc=5.0, dec=10.0)) == GOOD
         falling = wait_status(engine, lambda now: 0.0 < now.velocity_cmd[VEL] < 5.0, "falling")
-        assert falling.reals[Real.CMD_ACC, VEL] == pytest.approx(-40.0)
+        assert falling.reals[Real.CMD_ACC, VEL] == pytest.approx(-10.0)
         growing = wait_status(engine, lambda now: -5.0 < now.velocity_cmd[VEL] < 0.0, "growing")
-        assert growing.reals[Real.CMD_ACC, VEL] == pytest.approx(-20.0)
+        assert growing.reals[Real.CMD_ACC, VEL] == pytest.approx(-5.0)
         wait_status(engine, cruising(VEL, -5.0), "the other direction")
 
     def test_zero_acceleration_is_a_step(self, harness: Harness) -> None:
@@ -915,7 +933,7 @@ class EngineConformance:
     def test_stop_uses_the_commands_own_deceleration(self, harness: Harness, axis: int) -> None:
         engine = harness.ready()
         family = engine.core_motion.motion if axis == POS else engine.core_motion.velocity
-        profile = Profile.SetupTrapezoidal(10.0, 400.0, 80.0)
+        profile = Profile.SetupTrapezoidal(10.0, 400.0, 8.0)
         if axis == POS:
             assert engine.core_motion.motion.StartJog(Motion_JogCommand(POS, profile)) == GOOD
         else:
@@ -925,19 +943,19 @@ class EngineConformance:
         stopping = status(engine)
         assert stopping.op_state[axis] == OperationState.Stop
         slowing = wait_status(engine, lambda now: 0.0 < now.velocity_cmd[axis] < 10.0, "slowing")
-        assert slowing.reals[Real.CMD_ACC, axis] == pytest.approx(-80.0)
+        assert slowing.reals[Real.CMD_ACC, axis] == pytest.approx(-8.0)
         at_rest = wait_status(engine, in_state(axis, OperationState.Idle), "rest")
-        assert at_rest.cycle_counter - stopping.cycle_counter == pytest.approx(125, abs=15)
+        assert at_rest.velocity_cmd[axis] == 0.0
         assert not at_rest.motion_complete[axis]
 
     def test_stop_of_a_timed_profile_takes_its_time(self, harness: Harness) -> None:
         engine = harness.ready()
-        profile = Profile.SetupTimeAccTrapezoidal(10.0, 20.0, 200.0)
+        profile = Profile.SetupTimeAccTrapezoidal(10.0, 20.0, 1000.0)
         assert engine.core_motion.velocity.StartVel(Velocity_VelCommand(VEL, profile)) == GOOD
         wait_status(engine, cruising(VEL, 10.0), "cruising")
         assert engine.core_motion.velocity.Stop(VEL) == GOOD
         slowing = wait_status(engine, lambda now: 0.0 < now.velocity_cmd[VEL] < 10.0, "slowing")
-        assert slowing.reals[Real.CMD_ACC, VEL] == pytest.approx(-50.0)
+        assert slowing.reals[Real.CMD_ACC, VEL] == pytest.approx(-10.0)
 
     @pytest.mark.parametrize(("family", "axis"), [("motion", POS), ("velocity", VEL)], ids=["motion", "velocity"])
     def test_stops_on_an_idle_axis(self, harness: Harness, family: str, axis: int) -> None:
@@ -953,9 +971,9 @@ class EngineConformance:
         engine = harness.ready()
         assert engine.core_motion.motion.StartJog(jog(POS, 10.0)) == GOOD
         wait_status(engine, cruising(POS, 10.0), "cruising")
-        assert engine.core_motion.motion.Stop_Dec(POS, 60.0) == GOOD
+        assert engine.core_motion.motion.Stop_Dec(POS, 12.0) == GOOD
         slowing = wait_status(engine, lambda now: 0.0 < now.velocity_cmd[POS] < 10.0, "slowing")
-        assert slowing.reals[Real.CMD_ACC, POS] == pytest.approx(-60.0)
+        assert slowing.reals[Real.CMD_ACC, POS] == pytest.approx(-12.0)
 
     @pytest.mark.parametrize("axis", [POS, VEL])
     def test_timed_stop(self, harness: Harness, axis: int) -> None:
@@ -968,34 +986,32 @@ class EngineConformance:
         )
         assert code == GOOD
         wait_status(engine, cruising(axis, 10.0), "cruising")
-        assert family.ExecTimedStop_TimeMilli(axis, 250.0) == GOOD
-        start = status(engine).cycle_counter
+        assert family.ExecTimedStop_TimeMilli(axis, 1000.0) == GOOD
         slowing = wait_status(engine, lambda now: 0.0 < now.velocity_cmd[axis] < 10.0, "slowing")
-        assert slowing.reals[Real.CMD_ACC, axis] == pytest.approx(-40.0)
-        at_rest = wait_status(engine, in_state(axis, OperationState.Idle), "rest")
-        assert at_rest.cycle_counter - start == pytest.approx(250, abs=20)
+        assert slowing.reals[Real.CMD_ACC, axis] == pytest.approx(-10.0)
+        wait_status(engine, in_state(axis, OperationState.Idle), "rest")
 
     @pytest.mark.parametrize("axis", [POS, VEL])
     def test_quick_stop_overrides_stop_and_not_the_reverse(self, harness: Harness, axis: int) -> None:
         engine = harness.ready()
+        set_quick_stop(engine, axis, 20.0)
         family = engine.core_motion.motion if axis == POS else engine.core_motion.velocity
-        profile = Profile.SetupTrapezoidal(40.0, 2000.0, 20.0)
+        profile = Profile.SetupTrapezoidal(40.0, 2000.0, 4.0)
         if axis == POS:
             assert engine.core_motion.motion.StartJog(Motion_JogCommand(POS, profile)) == GOOD
         else:
             assert engine.core_motion.velocity.StartVel(Velocity_VelCommand(VEL, profile)) == GOOD
         wait_status(engine, cruising(axis, 40.0), "cruising")
         assert family.Stop(axis) == GOOD
-        wait_status(engine, lambda now: now.reals[Real.CMD_ACC, axis] == pytest.approx(-20.0), "a soft stop")
+        wait_status(engine, braking(axis, 4.0), "a soft stop")
         assert family.ExecQuickStop(axis) == GOOD
-        quick = lambda now: now.reals[Real.CMD_ACC, axis] == pytest.approx(-QUICK_STOP_DEC)  # noqa: E731
-        wait_status(engine, quick, "a quick stop")
+        wait_status(engine, braking(axis, 20.0), "a quick stop")
         assert family.Stop(axis) == GOOD
         assert family.ExecTimedStop_TimeMilli(axis, 60000.0) == GOOD
         snapshot = status(engine)
-        assert snapshot.flags[Flag.DETAIL_OP_STATE, axis] in (DetailOperationState.Stop_QStop, 0)
-        at_rest = wait_status(engine, in_state(axis, OperationState.Idle), "rest")
-        assert at_rest.cycle_counter - snapshot.cycle_counter < 300
+        assert snapshot.flags[Flag.DETAIL_OP_STATE, axis] == DetailOperationState.Stop_QStop
+        assert braking(axis, 20.0)(snapshot)
+        wait_status(engine, in_state(axis, OperationState.Idle), "rest")
 
     def test_start_while_stopping_is_refused(self, harness: Harness) -> None:
         engine = harness.ready()
@@ -1055,7 +1071,7 @@ class EngineConformance:
     def test_estop_stops_every_kind_of_motion(self, harness: Harness, name: str) -> None:
         engine = harness.ready()
         _, param = engine.core_motion.config.GetEmergencyStopParam()
-        param.eStopDec = [10.0] * N_AXES
+        param.eStopDec = [2.0] * N_AXES
         assert engine.core_motion.config.SetEmergencyStopParam(param)[0] == GOOD
         assert STARTS[name](engine) == GOOD
         axis = STARTED_AXIS[name]
@@ -1066,8 +1082,8 @@ class EngineConformance:
         assert snapshot.emergency_stop_level == EStopLevel.Level1
         assert snapshot.op_state[axis] == OperationState.Stop
         assert snapshot.flags[Flag.DETAIL_OP_STATE, axis] == DetailOperationState.Stop_EStop
+        wait_status(engine, braking(axis, 2.0), "the emergency deceleration")
         at_rest = wait_status(engine, in_state(axis, OperationState.Idle), "rest")
-        assert at_rest.cycle_counter - snapshot.cycle_counter <= 230, "2 rad/s at 10 rad/s2 takes 200 ms"
         assert not at_rest.motion_complete[axis]
         assert at_rest.servo_on.all(), "level 1 keeps the servos on"
 
@@ -1075,39 +1091,37 @@ class EngineConformance:
     @pytest.mark.parametrize("axis", [POS, VEL])
     def test_estop_wins_over_a_stop(self, harness: Harness, axis: int, stop: str) -> None:
         engine = harness.ready()
-        _, param = engine.core_motion.config.GetMotionParam(axis)
-        param.quickStopDec = 20.0  # softer than the emergency stop
-        assert engine.core_motion.config.SetMotionParam(axis, param)[0] == GOOD
+        set_quick_stop(engine, axis, 4.0)  # softer than the emergency stop
+        set_estop(engine, 20.0)
         family = engine.core_motion.motion if axis == POS else engine.core_motion.velocity
-        profile = Profile.SetupTrapezoidal(40.0, 2000.0, 20.0)
+        profile = Profile.SetupTrapezoidal(40.0, 2000.0, 4.0)
         if axis == POS:
             assert engine.core_motion.motion.StartJog(Motion_JogCommand(POS, profile)) == GOOD
         else:
             assert engine.core_motion.velocity.StartVel(Velocity_VelCommand(VEL, profile)) == GOOD
         wait_status(engine, cruising(axis, 40.0), "cruising")
         if stop == "ExecTimedStop":
-            assert family.ExecTimedStop_TimeMilli(axis, 2000.0) == GOOD
+            assert family.ExecTimedStop_TimeMilli(axis, 10000.0) == GOOD
         else:
             assert getattr(family, stop)(axis) == GOOD
-        wait_status(engine, lambda now: now.reals[Real.CMD_ACC, axis] == pytest.approx(-20.0), "the softer stop")
+        wait_status(engine, braking(axis, 4.0), "the softer stop")
         assert engine.core_motion.ExecEStop(EStopLevel.Level1) == GOOD
-        hard = wait_status(engine, lambda now: now.reals[Real.CMD_ACC, axis] < -50.0, "the emergency deceleration")
-        assert hard.reals[Real.CMD_ACC, axis] == pytest.approx(-100.0)
+        wait_status(engine, braking(axis, 20.0), "the emergency deceleration")
         for call in (family.Stop, family.ExecQuickStop):
             assert call(axis) == GOOD
-        after = status(engine)
-        assert after.reals[Real.CMD_ACC, axis] in (pytest.approx(-100.0), 0.0), "nothing softens it"
+        assert braking(axis, 20.0)(status(engine)), "nothing softens it"
         wait_status(engine, in_state(axis, OperationState.Idle), "rest")
 
     def test_estop_does_not_soften_a_harder_stop(self, harness: Harness) -> None:
         engine = harness.ready()
+        set_quick_stop(engine, VEL, 20.0)
+        set_estop(engine, 5.0)
         assert engine.core_motion.velocity.StartVel(vel(VEL, 40.0, acc=2000.0, dec=400.0)) == GOOD
         wait_status(engine, cruising(VEL, 40.0), "cruising")
         assert engine.core_motion.velocity.ExecQuickStop(VEL) == GOOD
-        wait_status(engine, lambda now: now.reals[Real.CMD_ACC, VEL] == pytest.approx(-QUICK_STOP_DEC), "quick stop")
+        wait_status(engine, braking(VEL, 20.0), "the quick stop")
         assert engine.core_motion.ExecEStop(EStopLevel.Level1) == GOOD
-        after = some_cycles(engine, 2)
-        assert after.reals[Real.CMD_ACC, VEL] in (pytest.approx(-QUICK_STOP_DEC), 0.0)
+        assert braking(VEL, 20.0)(some_cycles(engine, 2))
 
     @parametrize("call", STARTS)
     def test_start_during_estop(self, harness: Harness, call: Call) -> None:
@@ -1142,6 +1156,7 @@ class EngineConformance:
 
     def test_release_while_still_stopping_lets_the_stop_end(self, harness: Harness) -> None:
         engine = harness.ready()
+        set_estop(engine, 40.0)
         assert engine.core_motion.velocity.StartVel(vel(VEL, 80.0, acc=0.0)) == GOOD
         wait_status(engine, cruising(VEL, 80.0), "cruising")
         assert engine.core_motion.ExecEStop(EStopLevel.Level1) == GOOD
@@ -1181,6 +1196,7 @@ class EngineConformance:
 
     def test_servos_off_after_the_stop_if_told_so(self, harness: Harness) -> None:
         engine = harness.ready()
+        set_estop(engine, 20.0)
         config = engine.core_motion.config
         _, param = config.GetEmergencyStopParam()
         param.eStopLevel1Type = Config_EStopLevel1Type.DecServoOff
@@ -1189,8 +1205,8 @@ class EngineConformance:
         wait_status(engine, cruising(VEL, 20.0), "cruising")
         assert engine.core_motion.ExecEStop(EStopLevel.Level1) == GOOD
         stopping = status(engine)
-        if stopping.op_state[VEL] == OperationState.Stop:
-            assert stopping.servo_on[VEL], "only after the ramp"
+        assert stopping.op_state[VEL] == OperationState.Stop
+        assert stopping.servo_on[VEL], "only after the ramp"
         wait_status(engine, lambda now: not now.servo_on.any(), "servos off")
 
     @pytest.mark.parametrize("level", list(EStopLevel))
@@ -1431,13 +1447,13 @@ class EngineConformance:
         config = engine.core_motion.config
         _, param = config.GetEmergencyStopParam()
         assert len(param.eStopDec) == N_AXES
-        param.eStopDec[VEL] = 50.0
+        param.eStopDec[VEL] = 10.0
         assert config.SetEmergencyStopParam(param)[0] == GOOD
         assert engine.core_motion.velocity.StartVel(vel(VEL, 20.0)) == GOOD
         wait_status(engine, cruising(VEL, 20.0), "cruising")
         assert engine.core_motion.ExecEStop(EStopLevel.Level1) == GOOD
         slowing = wait_status(engine, lambda now: 0.0 < now.velocity_cmd[VEL] < 20.0, "slowing")
-        assert slowing.reals[Real.CMD_ACC, VEL] == pytest.approx(-50.0)
+        assert slowing.reals[Real.CMD_ACC, VEL] == pytest.approx(-10.0)
 
     @pytest.mark.parametrize(
         "changes",
@@ -1602,12 +1618,12 @@ class EngineConformance:
 
     def test_watchdog_stops_the_axes_of_a_silent_device(self, harness: Harness) -> None:
         one, two = harness.ready("one"), harness.connect("two")
-        assert one.api.SetWatchdog(100) == GOOD
+        assert one.api.SetWatchdog(2000) == GOOD
         assert one.core_motion.velocity.StartVel(vel(VEL, 5.0)) == GOOD
         assert two.core_motion.velocity.StartVel(vel(VEL_MIRRORED, 5.0)) == GOOD
         wait_status(two, in_state(VEL, OperationState.Idle), "the silent device's axis at rest")
         assert status(two).op_state[VEL_MIRRORED] == OperationState.Velocity
-        assert one.api.GetWatchdog() == (GOOD, 100, 1)
+        assert one.api.GetWatchdog() == (GOOD, 2000, 1)
         assert one.core_motion.velocity.StartVel(vel(VEL, 5.0)) == GOOD, "it may go on"
 
     def test_calls_keep_the_watchdog_quiet(self, harness: Harness) -> None:
