@@ -23,12 +23,15 @@ from robot_stack.supervisor.control import NotRunning
 from sim.ride import Figures, Ride, figures
 
 _READY_S = 60.0
-_LOCALISED_S = 15.0
 _SILENCE_S = 5.0
 _TELL_EVERY_S = 2.0
+_TELL_AT_REST_EVERY_S = 10.0
 _REDRAW_EVERY_S = 0.2
 _MOVING_MPS = 0.05
 _PATIENCE_S = 60.0  # for somebody who resets an emergency stop and resumes the mission in another terminal
+_SETTLE_S = 30.0
+_OVERCOME = 20
+_DELAYS = frozenset({"JOINT_STATES_TIMEOUT", "DRIVE_FAULT"})
 _OVER = ("COMPLETED", "FAILED", "ABORTED", "IDLE")
 
 
@@ -68,18 +71,22 @@ def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
     try:
         status = client.start(launch, _READY_S)
         print(f"{len(status['processes'])} processes are ready after {status['ready_after_s']:.1f} s", flush=True)
-        ride, outcome = _drive(mission)
+        ride, outcome, delays = _drive(mission)
     finally:
         _stop()
+    if delays:
+        print(f"the safety monitor stopped the robot {delays} times because this machine was too slow")
     return _report(options, mission, folder, ride, outcome)
 
 
-def _drive(mission: Mission) -> tuple[Ride, Any]:
+def _drive(mission: Mission) -> tuple[Ride, Any, int]:
+    """The ride, the mission's last status, and how often a busy machine made the safety monitor stop the robot."""
     from sim.nodes.rider import Rider
 
     with Rider() as rider:
         rider.board()
-        _release(rider)
+        delays = _Delays(rider)
+        delays.settle()
         print(f"START_MISSION {mission.id}: {mission.name_in('en')}, {len(mission.waypoints)} waypoints", flush=True)
         try:
             rider.start(mission.id)
@@ -93,26 +100,56 @@ def _drive(mission: Mission) -> tuple[Ride, Any]:
             now_s, last = rider.now_s(), rider.ride.samples[-1]
             if now_s - last.time_s > _SILENCE_S:
                 raise DemoError("the world has fallen silent")
-            if last.speed_mps > _MOVING_MPS:
+            if last.speed_mps > _MOVING_MPS or delays.overcome():
                 progress_s = now_s
             if now_s - progress_s > _PATIENCE_S:
                 raise DemoError(f"no progress for {_PATIENCE_S:.0f} s: {describe(rider)}")
         rider.wait(lambda: False, 0.5)  # the last centimetres
         display.end()
-        return rider.ride, rider.mission
+        return rider.ride, rider.mission, delays.count
 
 
-def _release(rider: Any) -> None:
-    """A machine that was too busy during the start may have missed a deadline of the safety monitor, which latches."""
-    if not rider.safety.emergency_stop_active:
-        return
-    from robot_stack.cli.nodes.wishes import reset
+class _Delays:
+    """A machine that is too busy misses deadlines of the safety monitor, which stops the robot and latches.
 
-    print(f"emergency stop from the start ({', '.join(rider.safety.active_faults)}): releasing it", flush=True)
-    granted, reason = reset(_READY_S)
-    if not granted:
-        raise DemoError(f"the safety monitor does not release the emergency stop: {reason}")
-    rider.wait(lambda: not rider.safety.emergency_stop_active, _LOCALISED_S)
+    The demo then acts as the operator: it resets and resumes, a few times, and says so. A stop that somebody asked for
+    (``robot-stack estop``) is left to whoever asked.
+    """
+
+    def __init__(self, rider: Any) -> None:
+        self._rider = rider
+        self.count = 0
+
+    def settle(self) -> None:
+        """Waits until nothing stops the robot. Raises DemoError if that does not come about."""
+        if not self._rider.wait(self._released, _SETTLE_S):
+            raise DemoError(f"the robot may not move: {', '.join(self._rider.safety.active_faults)}")
+
+    def _released(self) -> bool:
+        if self._rider.safety.emergency_stop_active:
+            self._reset()
+            return False
+        return bool(self._rider.safety.safety_state == "NORMAL")
+
+    def overcome(self) -> bool:
+        """Resets and resumes after a stop by delay. True if it did."""
+        safety = self._rider.safety
+        if not (safety.emergency_stop_active and _DELAYS & set(safety.active_faults)) or self.count >= _OVERCOME:
+            return False
+        self.count += 1
+        print(f"\nthis machine was too slow ({', '.join(safety.active_faults)}): reset and resume", flush=True)
+        self.settle()
+        self._rider.resume()
+        return True
+
+    def _reset(self) -> None:
+        from robot_stack.cli.nodes.wishes import reset
+
+        granted, reason = reset(_READY_S)
+        if not granted:
+            print(f"  not released yet: {reason}", flush=True)
+            self._rider.wait(lambda: False, 1.0)
+        self._rider.wait(lambda: not self._rider.safety.emergency_stop_active, 1.0)
 
 
 class Display:
@@ -126,10 +163,11 @@ class Display:
 
     def show(self, rider: Any) -> None:
         text = describe(rider)
+        moving = rider.ride.samples[-1].speed_mps > _MOVING_MPS
         if self._live:
             self._out.write(f"\r{text:<{len(self._text)}}")
             self._text = text
-        elif time.monotonic() - self._told_s >= _TELL_EVERY_S:
+        elif time.monotonic() - self._told_s >= (_TELL_EVERY_S if moving else _TELL_AT_REST_EVERY_S):
             self._told_s = time.monotonic()
             self._out.write(text + "\n")
         self._out.flush()

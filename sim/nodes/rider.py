@@ -64,12 +64,7 @@ class Rider:
 
     def start(self, mission_id: str) -> None:
         """Sends START_MISSION on /ui/command. Raises TimeoutError without an answer, ValueError if it is refused."""
-        self._forget_answer()
-        command = UICommand(command_type=UICommand.START_MISSION, mission_id=mission_id)
-        command.header.stamp = self._operator.node.get_clock().now().to_msg()
-        self._commands.publish(command)
-        if not self.wait(self._answered, _ANSWER_S):
-            raise TimeoutError("the mission manager does not answer")
+        self._command(UICommand.START_MISSION, mission_id)
         if self.mission is not None and not self.mission.last_command_accepted:
             raise ValueError(self.mission.reason)
         self._begun_s = time.monotonic()
@@ -79,11 +74,17 @@ class Rider:
         )
         self.moved_m = 0.0
 
-    def _forget_answer(self) -> None:
-        self.mission = None
+    def resume(self) -> None:
+        """Sends RESUME. Raises TimeoutError without an answer."""
+        self._command(UICommand.RESUME, "")
 
-    def _answered(self) -> bool:
-        return self.mission is not None and self.mission.last_command == UICommand.START_MISSION
+    def _command(self, command_type: str, mission_id: str) -> None:
+        self.mission = None
+        command = UICommand(command_type=command_type, mission_id=mission_id)
+        command.header.stamp = self._operator.node.get_clock().now().to_msg()
+        self._commands.publish(command)
+        if not self.wait(lambda: self.mission and self.mission.last_command == command_type, _ANSWER_S):
+            raise TimeoutError(f"the mission manager does not answer {command_type}")
 
     # --- notes -------------------------------------------------------------------------------------------------------
 
