@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import yaml
 from pydantic import Field, model_validator
@@ -15,6 +15,7 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import Criticality, Process, System
 from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.config import Config, ConfigError, config_dir, read_yaml, validate
+from robot_stack.wmx.config import ENGINE_VARIABLE
 
 _SAFETY_MONITOR = "safety_monitor"
 _EXPECTED = "expected_processes"
@@ -43,6 +44,7 @@ class ProfileFile(Config):
     use_sim_time: nodes live on /clock instead of the system clock.
     speed: speed of the simulated world; other than 1 only on /clock. Null where there is no simulated world.
     ready_deadline_s: time from start within which every process must be ready.
+    engine: the motion engine of every process; null leaves it to config/wmx_client.yaml.
     processes: process names of the contract. Those that are not built yet are reported as missing.
     parameters: node name -> parameter name -> value, on top of ``config/<node>.yaml``.
     environment: variables for every process.
@@ -54,6 +56,7 @@ class ProfileFile(Config):
     use_sim_time: bool
     speed: Annotated[float, Field(gt=0.0)] | None
     ready_deadline_s: Annotated[float, Field(gt=0.0)]
+    engine: Literal["simulated", "vendor"] | None
     processes: list[str]
     parameters: dict[str, dict[str, Any]] = {}
     environment: dict[str, str] = {}
@@ -130,7 +133,7 @@ def load_plan(
         processes=tuple(chosen),
         missing=tuple(process.name for process in processes if not process.available),
         parameters={node: values for node, values in parameters.items() if node in nodes},
-        environment=file.environment,
+        environment={**file.environment, **({ENGINE_VARIABLE: file.engine} if file.engine else {})},
     )
 
 

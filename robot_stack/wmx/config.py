@@ -6,12 +6,16 @@ kind. User unit is rad throughout.
 
 from __future__ import annotations
 
+import os
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from robot_stack.core.config import Config, load
 from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
+
+ENGINE_VARIABLE = "ROBOT_STACK_WMX_ENGINE"
+"""Set by a profile: the engine belongs to the machine that runs, the file to the installation."""
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
@@ -155,5 +159,6 @@ def load_engine_config() -> EngineConfig:
 
 
 def load_client_config() -> ClientConfig:
-    """``config/wmx_client.yaml``. Raises ConfigError."""
-    return load(ClientConfig, "wmx_client")
+    """``config/wmx_client.yaml``, with the engine that ENGINE_VARIABLE names, if it does. Raises ConfigError."""
+    engine = os.environ.get(ENGINE_VARIABLE)
+    return load(ClientConfig, "wmx_client", {"engine": engine} if engine else None)

@@ -327,6 +327,7 @@ def drive_profile(tmp_path: Path) -> str:
         "use_sim_time": False,
         "speed": None,
         "ready_deadline_s": 10.0,
+        "engine": None,
         "processes": ["swerve_controller"],
     }
     path.write_text(yaml.safe_dump(data))

@@ -53,6 +53,7 @@ class Stack:
             "use_sim_time": False,
             "speed": None,
             "ready_deadline_s": 30.0,
+            "engine": None,
             "processes": [],
             "environment": {"SUPERVISED_ORDERS": str(self.orders)},
             "extra": extra,

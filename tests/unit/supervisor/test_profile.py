@@ -12,6 +12,7 @@ from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.config import ConfigError, config_dir
 from robot_stack.supervisor.params import load_params
 from robot_stack.supervisor.profile import load_plan
+from robot_stack.wmx.config import load_client_config
 
 GOOD: dict[str, Any] = {
     "description": "test",
@@ -19,6 +20,7 @@ GOOD: dict[str, Any] = {
     "use_sim_time": False,
     "speed": 1.0,
     "ready_deadline_s": 10.0,
+    "engine": None,
     "processes": ["sim_world", "swerve_controller", "touch_ui"],
 }
 
@@ -65,6 +67,7 @@ def test_not_built_processes_are_named_not_dropped(tmp_path: Path) -> None:
         ({"speed": float("nan")}, "speed"),
         ({"ready_deadline_s": -1.0}, "ready_deadline_s"),
         ({"machine": "simulation"}, "machine"),
+        ({"engine": "steam"}, "engine"),
         ({"colour": "red"}, "colour: is not a known parameter"),
         ({"parameters": {"nobody": {"a": 1}}}, "nobody: no node of this profile"),
         ({"extra": {"sim_world": {"module": "a", "criticality": "critical", "note": ""}}}, "extra.sim_world"),
@@ -133,6 +136,14 @@ def test_real_time_leaves_the_system_clock(tmp_path: Path) -> None:
 def test_a_real_robot_has_no_speed(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no simulated world"):
         load_plan(profile(tmp_path, speed=None), speed=2.0)
+
+
+def test_engine_of_the_profile_reaches_every_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert load_plan(profile(tmp_path)).environment == {}
+    environment = load_plan(profile(tmp_path, engine="vendor")).environment
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert load_client_config().engine == "vendor"
 
 
 def test_shipped_tuning_is_valid_and_slower_than_the_safety_monitor() -> None:
