@@ -42,10 +42,10 @@ def set_up() -> int:
     keep_or_make_environment()
     steps = Steps(PREFIX / ".setup")
     packages = digest(LOCK)
-    steps.run("packages", "1/4 Python packages from requirements.lock", packages, install_packages)
+    steps.run("packages", "1/5 Python packages from requirements.lock", packages, install_packages)
 
     project = digest(packages, str(ROOT), ROOT / "pyproject.toml")
-    steps.run("project", "2/4 the project itself, editable", project, install_project)
+    steps.run("project", "2/5 the project itself, editable", project, install_project)
 
     toolchain = digest(packages, (ROOT / "launch_scripts/lib").glob("*interfaces.py"), interfaces.INCLUDE_FIX)
     due = {
@@ -55,7 +55,10 @@ def set_up() -> int:
     build_interfaces(steps, due)
 
     nodes = digest(packages, str(ROOT), registration.sources(ROOT))
-    steps.run("nodes", "4/4 nodes for `ros2 run robot_stack`", nodes, register_nodes)
+    steps.run("nodes", "4/5 nodes for `ros2 run robot_stack`", nodes, register_nodes)
+
+    loops = digest(packages, str(ROOT), compiled_sources())
+    steps.run("loops", "5/5 inner loops of engine and drives, compiled", loops, compile_loops)
     return steps.done
 
 
@@ -136,7 +139,7 @@ def build_interfaces(steps: Steps, due: dict[Path, str]) -> None:
     stale = [package for package, key in due.items() if not steps.is_done(package.name, key)]
     if not stale:
         return
-    print(f"  3/4 interface packages: {', '.join(package.name for package in stale)}", flush=True)
+    print(f"  3/5 interface packages: {', '.join(package.name for package in stale)}", flush=True)
     started = time.monotonic()
     for package in interfaces.build_all(stale, PREFIX, build_environment()):
         steps.finish(package.name, due[package])
@@ -171,6 +174,15 @@ def wheels_env() -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def compiled_sources() -> list[Path]:
+    """What the compiled loops are made of; anything else compiles at its first use."""
+    return sorted([*(ROOT / "robot_stack/wmx").rglob("*.py"), *(ROOT / "sim").glob("drive*.py")])
+
+
+def compile_loops() -> None:
+    run([str(PYTHON), "-m", "sim.compile"], build_environment())
 
 
 def register_nodes() -> None:
