@@ -88,7 +88,7 @@ class EngineSession:
         self._open_engine = open_engine
         self._settings = settings
         self._engine: MotionEngine | None = None
-        self._due_s: dict[str, float] = {}
+        self._pauses: dict[str, tuple[float, float]] = {}
         self._refused = 0
         self._connection = "waiting for the motion engine"
         self._refusals: dict[str, str] = {}
@@ -144,6 +144,7 @@ class EngineSession:
             return False
         self._refused, self._connection = 0, "connected"
         self._was_ready, self._tripped = False, ""
+        self._pauses.clear()  # what was asked of an engine before this one does not count
         watchdog_ms = round(1e3 * self._settings.watchdog_s)
         return self._ask(_WATCHDOG, lambda engine: engine.api.SetWatchdog(watchdog_ms))
 
@@ -152,7 +153,7 @@ class EngineSession:
             self._connection = "waiting for the motion engine"
             return
         self._refused += 1
-        self._due_s["connect"] = now_s + self._settings.attempt_pause_s
+        self._pause("connect", now_s, self._settings.attempt_pause_s)
         if self._refused < self._settings.attempts:
             self._connection = f"attempt {self._refused} of {self._settings.attempts}: {error}"
         else:
@@ -162,7 +163,7 @@ class EngineSession:
         if self._due(_WATCHDOG, now_s, self._settings.feed_period_s):
             fed = self._ask(_WATCHDOG, lambda engine: engine.api.ResetWatchdogTimer())
             if not fed:  # an engine that hangs holds every call up: do not spend all time on it
-                self._due_s[_WATCHDOG] = now_s + self._settings.attempt_pause_s
+                self._pause(_WATCHDOG, now_s, self._settings.attempt_pause_s)
         if self._engine is None:
             return None
         code, snapshot = self._engine.read_status()
@@ -302,11 +303,14 @@ class EngineSession:
 
     def _due(self, request: str, now_s: float, pause_s: float) -> bool:
         """True once, then not before ``pause_s`` have passed. Time that ran back makes everything due."""
-        due_s = self._due_s.get(request, now_s)
-        if due_s - pause_s <= now_s < due_s:
+        asked_s, due_s = self._pauses.get(request, (now_s, now_s))
+        if asked_s <= now_s < due_s:
             return False
-        self._due_s[request] = now_s + pause_s
+        self._pause(request, now_s, pause_s)
         return True
+
+    def _pause(self, request: str, now_s: float, pause_s: float) -> None:
+        self._pauses[request] = now_s, now_s + pause_s
 
     def _ask(self, what: str, request: Callable[[MotionEngine], int]) -> bool:
         """One request to the engine; False if there is none, or if it refused, for the reason in ``_refusals``."""
