@@ -29,8 +29,8 @@ class OdometryParams(Config):
 class GyroParams(Config):
     """The yaw gyro.
 
-    Between samples farther apart than ``hold_s`` nothing is known of the turn; in shorter gaps, where samples were lost,
-    the rate may have changed by ``gap_acceleration_radps2``.
+    Between samples farther apart than ``hold_s`` nothing is known of the turn; in shorter gaps, where samples were
+    lost, the rate may have changed by ``gap_acceleration_radps2``.
     """
 
     noise_radps: Positive

@@ -87,11 +87,12 @@ class KernelStack:
         self._order = itertools.count()
         self._tasks: list[tuple[int, int, Task]] = []
         self._hardware = _Hardware(robot, self.sim)
-        self.drive = _Drive(robot)
+        self.drive = _Drive(robot, setup.attached_at_start)
         self.localizer = _localizer(robot, setup.start)
         params = navigation or load(NavigationParams, "navigation_controller")
         self.poses = PoseSource(params.pose, robot.empty.max_speed_mps, robot.empty.max_yaw_rate_radps)
         self.navigation = NavigationController(params, robot, frames.MAP)
+        self.navigation.set_passenger(setup.attached_at_start)
         self.samples: list[Sample] = []
         self._every(topics.JOINT_STATES.rate_hz, self._joint_states)
         self._every(topics.WHEEL_COMMANDS.rate_hz, self._drive_tick)
@@ -230,13 +231,13 @@ class _Hardware:
 class _Drive:
     """The swerve controller's kernels, with the permission to drive."""
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, passenger: bool) -> None:
         params = load(SwerveControllerParams, "swerve_controller")
         positions = module_positions(robot)
         self._drive = SwerveDrive(positions, module_limits(params.module, robot), drive_settings(params.drive, robot))
         self._arbiter = Arbiter(params.command_timeout_s)
         self._odometry = SwerveOdometry(positions, odometry_settings(params.odometry, robot))
-        self._limits = motion_limits(robot.empty)
+        self._limits = motion_limits(robot.motion(passenger))
         self._standing = params.standing
         self._measured: Four | None = None
         self.odometry = Odometry()

@@ -46,14 +46,14 @@ ROUTE = (
 
 
 def run(
-    speed_mps: float = 1.0, seeds: int = 3, stand_s: float = 10.0, pass_m: float = 1.0
+    speed_mps: float = 1.0, seeds: int = 3, stand_s: float = 10.0, pass_m: float = 1.0, passenger_kg: float = 0.0
 ) -> tuple[dict[str, float], dict[str, object]]:
     """(figures, conditions) of the route, driven once for each seed.
 
     stand_s: standstill before the ride, in which the gyro's bias is learnt. pass_m: how far ahead of a goal that is
-    only passed the next one is sent.
+    only passed the next one is sent. passenger_kg: above 0, with wheelchair and passenger, at their limits.
     """
-    rides = [ride(seed, speed_mps, stand_s, pass_m) for seed in range(1, seeds + 1)]
+    rides = [ride(seed, speed_mps, stand_s, pass_m, passenger_kg) for seed in range(1, seeds + 1)]
     driving = [sample for samples in rides for sample in samples if sample.output.state is NavigationState.DRIVING]
     beside = _beside_mm(driving, lambda sample: sample.truth)
     estimated = _beside_mm(driving, _located)
@@ -71,7 +71,8 @@ def run(
         "route": "6 m straight, 5.7 m diagonal turning 1.2 rad, S of 12.7 m with three corners turning 1.2 rad back",
         "speed_mps": speed_mps,
         "rides": f"{seeds}, seeds 1 to {seeds}: noise, wheel radii, steering zeros, phases of the nodes",
-        "world": f"{_WORLD}, empty robot, in lockstep, 2 ms between nodes",
+        "world": f"{_WORLD}, in lockstep, 2 ms between nodes",
+        "load": f"wheelchair with {passenger_kg} kg" if passenger_kg > 0.0 else "empty robot",
         "rms_mm, max_mm": "distance of the true pose from the planned path, every 50 ms of driving",
         "estimate": "the same of the pose that the controller believes: without the error of the localization",
         "position_rms_mm": "true position against the planned one at that moment, along the path included",
@@ -79,10 +80,12 @@ def run(
     }
 
 
-def ride(seed: int, speed_mps: float, stand_s: float, pass_m: float) -> list[Sample]:
+def ride(seed: int, speed_mps: float, stand_s: float, pass_m: float, passenger_kg: float = 0.0) -> list[Sample]:
     """One ride over the route. Raises BenchError if a goal is not reached."""
     params = load(NavigationParams, "navigation_controller", {"plan_spacing_m": _SPACING_M, "plan_max_poses": _POSES})
-    stack = KernelStack(Setup(load_world(_WORLD), seed, IDENTITY), params)
+    loaded = passenger_kg > 0.0
+    setup = Setup(load_world(_WORLD), seed, IDENTITY, loaded, attached_at_start=loaded, passenger_mass_kg=passenger_kg)
+    stack = KernelStack(setup, params)
     # Plans keep a share of the limit, so that the ride itself has the speed asked for.
     limit_mps = speed_mps / params.limits.speed_share
     stack.navigation.set_speed_limit(SpeedLimit(limit_mps, math.inf))

@@ -137,9 +137,9 @@ def test_emergency_stop_zeroes_at_once_and_goes_on_from_rest() -> None:
     first = story.tick().twist
     assert first.speed() < 0.1  # no lurch: from rest, within the jerk
     commands = [story.tick().twist for _ in range(20)]
-    # In 50 ms the planned 0.8 m/s2 give 0.04 m/s; the feedback adds a little.
+    # In 50 ms the planned 0.7 m/s2 give 0.035 m/s; the feedback adds a little.
     for before, after in pairwise(commands):
-        assert after.vx - before.vx <= 0.04 + 0.01
+        assert after.vx - before.vx <= 0.035 + 0.015
     story.until_reached()
     assert story.drive.pose.x > stood_m
     assert_at(story.drive.pose, Pose2(8.0, 0.0, 0.0))

@@ -104,13 +104,13 @@ def test_planning_limits_take_the_smallest() -> None:
     free = planning_limits(ROBOT.empty, NO_LIMIT, share)
     assert free is not None
     assert free.cruise.speed_mps == pytest.approx(0.95 * 1.5)
-    assert free.cruise.acceleration_mps2 == pytest.approx(0.8 * 1.0)
+    assert free.cruise.acceleration_mps2 == pytest.approx(0.7 * 1.0)
     passenger = planning_limits(ROBOT.with_passenger, NO_LIMIT, share)
     assert passenger is not None
     assert passenger.cruise.speed_mps == pytest.approx(0.95 * 1.0)
-    assert passenger.cruise.jerk_mps3 == pytest.approx(0.8 * 1.0)
+    assert passenger.cruise.jerk_mps3 == pytest.approx(0.7 * 1.0)
     assert passenger.braking.jerk_mps3 == 1.0
-    assert passenger.max_turning_mps2 == pytest.approx(0.5 * 0.5)
+    assert passenger.max_turning_mps2 == pytest.approx(0.35 * 0.5)
     slow = planning_limits(ROBOT.empty, SpeedLimit(0.3, 0.4), share)
     assert slow is not None
     assert (slow.cruise.speed_mps, slow.cruise.yaw_rate_radps) == pytest.approx((0.285, 0.38))
