@@ -88,8 +88,8 @@ class World:
 
     def __init__(self, robot: Robot, params: SimParams, setup: Setup) -> None:
         self.robot, self.params, self.setup = robot, params, setup
-        seeds = np.random.SeedSequence(setup.seed).spawn(4)
-        machine, drive_noise, self._sensor_seed, self._spare_seed = seeds
+        seeds = np.random.SeedSequence(setup.seed).spawn(3)
+        machine, drive_noise, self._sensor_seed = seeds
         self.tolerances = draw_tolerances(robot, params, np.random.default_rng(machine))
         wheelchair = setup.wheelchair or setup.attached_at_start
         self.mjcf = write_mjcf(robot, params, setup.world, self.tolerances, wheelchair)
