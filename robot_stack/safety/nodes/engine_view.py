@@ -5,6 +5,7 @@ Opening a device may block while an engine is starting or hanging, which no exec
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -12,6 +13,8 @@ from collections.abc import Callable
 from robot_stack.wmx import EngineError, MotionEngine, connect
 from robot_stack.wmx.axes import StatusSnapshot
 
+# A process that was held up runs its threads in any order: so long the executor lets this one go first.
+_CATCH_UP_S = 0.005
 # A device that cannot be opened or read is tried anew this often.
 _RETRY_S = 0.2
 
@@ -26,10 +29,18 @@ class EngineView:
         self._engine: MotionEngine | None = None
         self._next_try_s = 0.0
         self._end = threading.Event()
+        self._polled = threading.Event()
+        self._polled_at_s = -math.inf
         self._thread = threading.Thread(target=self._follow, name=f"{name} engine view", daemon=True)
 
     def start(self) -> None:
         self._thread.start()
+
+    def catch_up(self) -> None:
+        """Lets the thread read the status if it is behind: what is late here must not look like an engine that is."""
+        if time.monotonic() - self._polled_at_s > 2.0 * self._period_s:
+            self._polled.clear()
+            self._polled.wait(_CATCH_UP_S)
 
     def close(self) -> None:
         """Ends the thread and gives the device back."""
@@ -41,6 +52,8 @@ class EngineView:
         due_s = time.monotonic()
         while not self._end.is_set():
             self._on_status(self._read())
+            self._polled_at_s = time.monotonic()
+            self._polled.set()
             if self._engine is None:
                 self._open()
             due_s = max(due_s + self._period_s, time.monotonic())

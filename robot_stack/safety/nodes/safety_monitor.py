@@ -105,14 +105,17 @@ class SafetyMonitorNode(StackNode):
             self._monitor.observation.emergency_stop(self.emergency_stop_input.latest.data, self.steady_s())
 
     def _step(self) -> None:
-        now_s = self.steady_s()
-        self._monitor.observation.engine(self._reading, now_s)
+        now_s = self._look_at_engine()
         self._act(self._monitor.step(now_s))
 
-    def _on_reset(self, _: Any, response: Any) -> Any:
+    def _look_at_engine(self) -> float:
+        self._view.catch_up()
         now_s = self.steady_s()
         self._monitor.observation.engine(self._reading, now_s)
-        answer = self._monitor.reset(now_s)
+        return now_s
+
+    def _on_reset(self, _: Any, response: Any) -> Any:
+        answer = self._monitor.reset(self._look_at_engine())
         self.get_logger().info(f"reset: {answer.message}")
         self._step()
         response.success, response.message = answer.success, answer.message

@@ -1,0 +1,37 @@
+"""The hazard table of docs/safety.md names rows that are evaluated and tests that exist."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from robot_stack.safety.conditions import CONDITIONS
+from tests.mutation.safety_kernel import ROOT
+
+FILES = {
+    "U": "tests/unit/safety/test_stories.py",
+    "N": "tests/nodes/test_safety_monitor.py",
+    "B": "tests/nodes/test_emergency_stop_button.py",
+}
+TEXT = (ROOT / "docs" / "safety.md").read_text()
+HAZARDS = TEXT.split("## Hazards")[1].split("## The two keys")[0]
+CLAIMS = [
+    (FILES[where], name)
+    for where, names in re.findall(r"\b([UNB]) ((?:`[^`]+`(?:, )?)+)", HAZARDS.split("|---|---|---|---|---|")[1])
+    for name in re.findall(r"`([^`\[]+)", names)
+]
+
+
+@pytest.mark.parametrize("code", CONDITIONS)
+def test_every_evaluated_row_is_in_the_table(code: str) -> None:
+    assert code in HAZARDS
+
+
+def test_the_table_was_found() -> None:
+    assert len(CLAIMS) > 30
+
+
+@pytest.mark.parametrize(("file", "name"), CLAIMS)
+def test_every_named_test_exists(file: str, name: str) -> None:
+    assert re.search(rf"def test_\w*{name}\w*\(", (ROOT / file).read_text()), f"{file} has no test with {name!r}"
