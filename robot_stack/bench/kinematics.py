@@ -6,6 +6,7 @@ import math
 import time
 from statistics import quantiles
 
+from robot_stack.bench.framework import Aim
 from robot_stack.core.config import load
 from robot_stack.core.geometry import Twist2
 from robot_stack.core.robot import load_robot
@@ -22,6 +23,7 @@ from robot_stack.drive.permission import Situation, SpeedLimit, permit
 from robot_stack.drive.swerve_drive import SwerveDrive
 
 NAME = "kinematics"
+AIMS = {"step_us_p50": Aim("<", 20.0)}
 _TICK_S = 0.05
 
 

@@ -90,8 +90,11 @@ def steering_step(
     The axis arrives as fast as its rate and acceleration allow and can always stop where it shall, as long as the
     target does not move. Returns (angle turned in this step, new rate).
     """
-    wanted = min(max_rate_radps, stoppable_rate(abs(turn_rad), max_acceleration_radps2, dt_s))
     gain = max_acceleration_radps2 * dt_s
+    rate = turn_rad / dt_s
+    if abs(rate) <= min(gain, max_rate_radps) and abs(rate - rate_radps) <= gain:
+        return turn_rad, rate  # there in this step, and able to stop in the next: the ordinary case, and the fast one
+    wanted = min(max_rate_radps, stoppable_rate(abs(turn_rad), max_acceleration_radps2, dt_s))
     rate = min(max(math.copysign(wanted, turn_rad), rate_radps - gain), rate_radps + gain)
     return rate * dt_s, rate
 

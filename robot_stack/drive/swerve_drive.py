@@ -201,11 +201,11 @@ class SwerveDrive:
         angles, speeds = self._states.angles_rad, self._states.speeds_mps
         stuck: tuple[int, ...] = ()
         if measured_rad is not None and speeds != ZEROS:
-            a, b, c, d = (
+            scaled = [
                 speed * cosine_scale(angle - measured)
                 for speed, angle, measured in zip(speeds, angles, measured_rad, strict=True)
-            )
-            speeds = a, b, c, d
+            ]
+            speeds = scaled[0], scaled[1], scaled[2], scaled[3]
         if measured_rad is not None and self._aligning_s > self._settings.align_timeout_s:
             tolerance = self._settings.align_tolerance_rad
             stuck = tuple(i for i, lag in enumerate(_lags(angles, measured_rad)) if lag > tolerance)
