@@ -33,8 +33,7 @@ class Fleet:
         self._parameters = plan.parameters
         self._context = multiprocessing.get_context("forkserver")
         self._processes: dict[str, ForkServerProcess] = {}
-        shared = [p.module for p in plan.processes if p.module and p.name not in params.own_imports]
-        os.environ[preload.MODULES_VARIABLE] = ",".join(shared)
+        os.environ[preload.MODULES_VARIABLE] = ",".join(p.module for p in plan.processes if p.module)
         self._context.set_forkserver_preload([preload.__name__])
         forkserver.ensure_running()
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from robot_stack.contract.model import Criticality
-from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.config import Config, load
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -27,7 +26,6 @@ class SupervisorParams(Config):
     interrupt_s, terminate_s: after SIGINT at 0, the times at which ``down`` sends SIGTERM and SIGKILL.
     hung_kill_s: time a hung process has between SIGTERM and SIGKILL.
     keep_runs: log folders kept; older ones are deleted at the next start.
-    own_imports: processes that import their module themselves instead of sharing the forkserver's.
     niceness: of the processes by criticality, as in nice(2); below 0 needs a privilege and is left out without it.
     """
 
@@ -38,17 +36,8 @@ class SupervisorParams(Config):
     terminate_s: Positive
     hung_kill_s: Positive
     keep_runs: Annotated[int, Field(ge=1)]
-    own_imports: tuple[str, ...]
     niceness: dict[Criticality, Annotated[int, Field(ge=-20, le=19)]]
     backoff: dict[Criticality, Backoff]
-
-    @field_validator("own_imports")
-    @classmethod
-    def _processes_exist(cls, names: tuple[str, ...]) -> tuple[str, ...]:
-        unknown = [name for name in names if name not in BY_NAME]
-        if unknown:
-            raise ValueError(f"{', '.join(unknown)}: not a process of the contract")
-        return names
 
     @model_validator(mode="after")
     def _complete(self) -> SupervisorParams:
