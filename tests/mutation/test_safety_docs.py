@@ -19,7 +19,7 @@ HAZARDS = TEXT.split("## Hazards")[1].split("## The two keys")[0]
 CLAIMS = [
     (FILES[where], name)
     for where, names in re.findall(r"\b([UNB]) ((?:`[^`]+`(?:, )?)+)", HAZARDS.split("|---|---|---|---|---|")[1])
-    for name in re.findall(r"`([^`\[]+)", names)
+    for name in re.findall(r"`([^`\[]+)[^`]*`", names)
 ]
 
 

@@ -65,7 +65,7 @@ def test_a_machine_that_stutters_while_it_starts_is_no_press() -> None:
         assert desk.hold(RELEASED, 4.5) == []
         assert desk.hold(UNREADABLE, 1.0) == []
     assert desk.button.pressed is False
-    assert not desk.button.settled
+    assert desk.button.settled is False
     assert desk.hold(PRESSED) == [True]
     assert desk.hold(UNREADABLE) == []
     assert desk.button.pressed is True
