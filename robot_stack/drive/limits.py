@@ -94,7 +94,19 @@ def approach(
         wx, wy, ww = nx * share, ny * share, nw * share
     ax, ay, aw = _towards(rx + ux, ry + uy, rw + uw, wx + ux, wy + uy, ww + uw, limits, dt_s)
     new = Twist2(twist.vx + ax * dt_s, twist.vy + ay * dt_s, twist.omega + aw * dt_s)
-    return _arrived(new, target, target_rate), Twist2(ax, ay, aw)
+    if target_rate == ZERO_TWIST:
+        rest_x, rest_y, rest_w = target.vx - new.vx, target.vy - new.vy, target.omega - new.omega
+        if max(abs(rest_x), abs(rest_y), abs(rest_w)) < _ROUNDING:
+            return target, Twist2(ax, ay, aw)
+        # Steps of uneven length may carry it a hair beyond a target that stays.
+        passed = rest_x * dx + rest_y * dy + rest_w * dw <= 0.0
+        if (
+            passed
+            and math.hypot(rest_x, rest_y) <= dt_s * dt_s * limits.max_jerk_mps3
+            and abs(rest_w) <= dt_s * dt_s * limits.max_yaw_jerk_radps3
+        ):
+            return target, ZERO_TWIST
+    return new, Twist2(ax, ay, aw)
 
 
 def followable_rate(rate: Twist2, limits: MotionLimits) -> Twist2:
@@ -122,14 +134,6 @@ def _towards(
 def _at_most_full(x: float, y: float, w: float, limits: MotionLimits) -> tuple[float, float, float]:
     full = max(math.hypot(x, y) / limits.max_acceleration_mps2, abs(w) / limits.max_yaw_acceleration_radps2)
     return (x, y, w) if full <= 1.0 else (x / full, y / full, w / full)
-
-
-def _arrived(new: Twist2, target: Twist2, target_rate: Twist2) -> Twist2:
-    """The target itself where only rounding separates the step from a target that stays."""
-    if target_rate != ZERO_TWIST:
-        return new
-    rest = max(abs(new.vx - target.vx), abs(new.vy - target.vy), abs(new.omega - target.omega))
-    return target if rest < _ROUNDING else new
 
 
 def _without_adverse_part(

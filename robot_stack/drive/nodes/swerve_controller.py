@@ -126,7 +126,8 @@ class SwerveController(StackNode):
         passenger = self._passenger.latest
         situation = Situation(
             emergency_stop=self.emergency_stop,
-            joint_states_fresh=self._encoders is not None and now_s - self._encoders_at_s <= _JOINT_STATES_STALE_S,
+            joint_states_fresh=self._encoders is not None
+            and 0.0 <= now_s - self._encoders_at_s <= _JOINT_STATES_STALE_S,
             safety_status_fresh=self.safety_status_input.fresh(),
             speed_limit=speed_limit(self._limit.latest),
             passenger=self.params.assume_passenger if passenger is None else passenger.data,

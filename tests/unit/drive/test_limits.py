@@ -103,6 +103,18 @@ def test_from_steady_motion_to_any_target(start: Twist2, target: Twist2, limits:
     assert close(states[-1][1], ZERO_TWIST, 1e-6)
 
 
+@given(twists, st.lists(st.floats(0.045, 0.055), min_size=160, max_size=160))
+@settings(deadline=None, max_examples=40)
+def test_steps_of_uneven_length_end_exactly_at_rest(start: Twist2, steps_s: list[float]):
+    """Timers are late now and then: the ramp to a stop never runs through zero, ends there and stays."""
+    twist, acceleration = start, ZERO_TWIST
+    for dt_s in steps_s:
+        twist, acceleration = approach(twist, acceleration, ZERO_TWIST, ZERO_TWIST, EMPTY, dt_s)
+        assert twist.vx * start.vx + twist.vy * start.vy + twist.omega * start.omega >= 0.0
+    assert twist == ZERO_TWIST
+    assert close(acceleration, ZERO_TWIST, 1e-6)
+
+
 def test_time_of_an_s_curve():
     """0 to 1 m/s at 1 m/s2 and 2 m/s3 takes v/a + a/j = 1.5 s; sampled, give or take some ticks."""
     states = ride(ZERO_TWIST, Twist2(1.0, 0.0, 0.0), EMPTY)
