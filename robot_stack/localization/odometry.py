@@ -124,4 +124,13 @@ class OdometryIncrements:
         yaw_rad2 = p.yaw_growth_rad_per_sqrt_m**2 * distance_m + p.yaw_growth_rad_per_sqrt_rad**2 * turn_rad
         known_s2 = min(dt_s, p.max_gap_s) ** 2
         vx, vy, omega = (max(0.0, a, b) for a, b in zip(last.twist_variance, reading.twist_variance, strict=True))
-        return position_m2 + vx * known_s2, position_m2 + vy * known_s2, yaw_rad2 + omega * known_s2
+        x, y, yaw = self._lost_track(last, reading)
+        return position_m2 + vx * known_s2 + x, position_m2 + vy * known_s2 + y, yaw_rad2 + omega * known_s2 + yaw
+
+    def _lost_track(self, last: OdometryReading, reading: OdometryReading) -> Variances:
+        """What the pose's covariance says beyond any motion: the odometry itself does not know what happened meanwhile.
+
+        Told by the yaw, whose variance only adds up; the position's also grows as the yaw swings it: no news.
+        """
+        x, y, yaw = (max(0.0, b - a) for a, b in zip(last.pose_variance, reading.pose_variance, strict=True))
+        return (x, y, yaw) if yaw > self._params.jump_tolerance_rad**2 else (0.0, 0.0, 0.0)

@@ -51,6 +51,8 @@ def refusal(request: GoalRequest, map_frame: str, now_s: float, from_pose: Pose2
 def too_far(goal: Pose2, from_pose: Pose2, params: GoalParams) -> str:
     """Why the goal is too far away, else an empty text."""
     distance_m = from_pose.distance_to(goal)
-    return "" if distance_m <= params.max_distance_m else (
-        f"goal is {distance_m:.1f} m away, limit {params.max_distance_m} m"
+    return (
+        ""
+        if distance_m <= params.max_distance_m
+        else (f"goal is {distance_m:.1f} m away, limit {params.max_distance_m} m")
     )

@@ -69,7 +69,6 @@ class TrackingParams(Config):
     replan_interval_s: Positive
     max_step_s: Positive
 
-
     @model_validator(mode="after")
     def _waits_before_it_plans_afresh(self) -> TrackingParams:
         if not self.wait_from_m < self.wait_at_m < self.replan_position_m:

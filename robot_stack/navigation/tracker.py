@@ -58,9 +58,7 @@ def _share(value: float, full: float, none: float) -> float:
     return min(1.0, max(0.0, (none - value) / (none - full)))
 
 
-def command(
-    now: MotionState, ahead: MotionState, pose: Pose2, params: TrackingParams, rate: float = 1.0
-) -> Twist2:
+def command(now: MotionState, ahead: MotionState, pose: Pose2, params: TrackingParams, rate: float = 1.0) -> Twist2:
     """The twist to command, base_link.
 
     now: planned state now. ahead: planned state when the command acts. pose: estimated pose now, map.

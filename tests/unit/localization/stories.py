@@ -22,9 +22,7 @@ def params(**overrides: object) -> LocalizationParams:
     return load(LocalizationParams, "localization", overrides)
 
 
-def reading(
-    stamp_s: float, pose: Pose2 = IDENTITY, twist: Twist2 = ZERO_TWIST, **changes: object
-) -> OdometryReading:
+def reading(stamp_s: float, pose: Pose2 = IDENTITY, twist: Twist2 = ZERO_TWIST, **changes: object) -> OdometryReading:
     values = {"pose_variance": PERFECT, "twist_variance": PERFECT, **changes}
     return OdometryReading(stamp_s, pose, twist, **values)  # type: ignore[arg-type]
 

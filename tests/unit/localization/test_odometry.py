@@ -46,6 +46,21 @@ def test_unknown_covariance_adds_nothing() -> None:
     assert step.variance[0] == pytest.approx(0.02**2 * 0.02, rel=1e-3)
 
 
+def test_odometry_that_lost_track_is_believed_as_little_as_it_says() -> None:
+    odometry = increments()
+    odometry.take(reading(10.0, pose_variance=(0.1, 0.1, 0.01), twist_variance=(0.0, 0.0, 0.0)))
+    step = odometry.take(reading(10.02, pose_variance=(6.1, 5.1, 9.01), twist_variance=(0.0, 0.0, 0.0)))
+    assert step.event is OdometryEvent.MOTION
+    assert step.variance == pytest.approx((6.0, 5.0, 9.0))
+
+
+def test_swing_of_the_yaw_in_the_position_is_no_news() -> None:
+    odometry = increments()
+    odometry.take(reading(10.0, pose_variance=(1.0, 1.0, 0.01), twist_variance=(0.0, 0.0, 0.0)))
+    step = odometry.take(reading(10.02, pose_variance=(1.2, 1.2, 0.0101), twist_variance=(0.0, 0.0, 0.0)))
+    assert step.variance == (0.0, 0.0, 0.0)
+
+
 def test_lost_messages_lose_no_motion() -> None:
     odometry = increments()
     odometry.take(reading(10.0))

@@ -370,9 +370,14 @@ def test_whatever_happens_commands_stay_finite_and_forbidden_means_zero(steps: l
         for _ in range(8):
             output = story.tick()
             assert output.twist.is_finite()
-            if story.emergency_stop or not story.pose_known or output.state in (
-                NavigationState.IDLE,
-                NavigationState.HELD,
+            if (
+                story.emergency_stop
+                or not story.pose_known
+                or output.state
+                in (
+                    NavigationState.IDLE,
+                    NavigationState.HELD,
+                )
             ):
                 assert output.twist == ZERO_TWIST
 
