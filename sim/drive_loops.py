@@ -155,6 +155,9 @@ def _supervise(
             _raise_alarm(i, ALARM_BUS, s)
     elif state == ON:
         if s[S_SILENCE, i] > p[P_WATCHDOG, i]:
+            # Told at once and not only when stopped, as CiA 402's fault reaction does: whoever hears from the drive
+            # again must not take it for one that is merely off.
+            s[S_ALARM_CODE, i] = ALARM_BUS
             _enter(i, STOPPING, s)
         elif not servo_on:
             _enter(i, OFF, s)

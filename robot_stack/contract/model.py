@@ -53,6 +53,8 @@ class Topic:
     qos: the QoS that publisher and subscribers of this stack use.
     rate_hz: publication rate of each publisher in Hz; None for topics published on events.
     stale_s: age in seconds after which a subscriber calls its newest message stale; None where age means nothing.
+    queue: messages a subscriber keeps until it looks, where that is more than the QoS depth: for topics of which no
+        message may be missed. It is no part of what endpoints negotiate.
     publishers, subscribers: node names. ``EVERY_NODE`` stands for every node process; names in ``OUTSIDE`` belong to
         tools and operators outside the process table.
     """
@@ -65,6 +67,7 @@ class Topic:
     note: str
     rate_hz: float | None = None
     stale_s: float | None = None
+    queue: int | None = None
     system: System = System.ROBOT
 
 

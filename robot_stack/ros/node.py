@@ -65,7 +65,9 @@ class StackNode(Node):
         """Subscribes to a contract row. Raises ContractViolation if the row does not name this node."""
         self._check(row.name, "subscribe to", row.subscribers)
         entry = Input(row, callback, self._health, self.steady_s)
-        self.create_subscription(interface_class(row.type), row.name, entry.on_message, qos_profile(row.qos))
+        profile = qos_profile(row.qos)
+        profile.depth = row.queue or row.qos.depth
+        self.create_subscription(interface_class(row.type), row.name, entry.on_message, profile)
         return entry
 
     def serve(self, row: Service, callback: Callable[[Any, Any], Any]) -> None:

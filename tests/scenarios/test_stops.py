@@ -44,10 +44,10 @@ def test_the_button_stops_the_robot_and_holds_it_whatever_others_publish(stack: 
 
 
 def test_a_reset_is_refused_while_the_robot_moves(stack: StackUnderTest) -> None:
-    stack.drive_at(0.8)
+    stack.drive_at(1.0)
     stack.estop(True)
     stack.estop(False)
-    answer = stack.reset()  # 0.4 s of braking lie ahead
+    answer = stack.reset()  # 0.5 s of braking lie ahead
     assert not answer.success
     stack.wait_stands(5.0)
 
