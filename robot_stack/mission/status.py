@@ -12,8 +12,8 @@ from robot_stack.mission.guards import finite
 from robot_stack.mission.record import Record
 from robot_stack.mission.states import ACTIVE, UNDER_WAY, State
 
-# Below this mean speed an ETA would be a guess about an obstacle.
-_SLOWEST_ETA_MPS = 0.05
+# Below this mean speed an ETA would be a guess: about an obstacle, or about a robot that has only begun to move.
+_SLOWEST_ETA_MPS = 0.1
 
 
 @dataclass(frozen=True, slots=True)
