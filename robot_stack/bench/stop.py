@@ -59,5 +59,10 @@ def run(runs: int = 100, speed_mps: float = 1.0, load_kg: float = 150.0, world: 
             "standstill_s_max": max(stop.standstill_s for stop in stops),
             "runs": len(stops),
         },
-        {"speed_at_stop_mps_min": round(min(stop.speed_mps for stop in stops), 3), "profile": "sim", "world": world},
+        {
+            "speed_at_stop_mps_min": round(min(stop.speed_mps for stop in stops), 3),
+            "stops_by_delay": stopper.delays,
+            "profile": "sim",
+            "world": world,
+        },
     )

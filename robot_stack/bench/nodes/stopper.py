@@ -76,6 +76,7 @@ class Stopper:
         self._stop = self._advertise(topics.EMERGENCY_STOP)
         self._passenger = self._advertise(topics.PASSENGER_ATTACHED)
         self._truths: deque[Truth] = deque(maxlen=500)
+        self.delays = 0
         self._safety: SafetyStatus | None = None
         self._wish_mps = 0.0
         self._sent_s = math.inf  # monotonic time of the stop that is being measured
@@ -116,13 +117,23 @@ class Stopper:
         self._wait(lambda: self._truths and self._safety, "ground truth and safety status")
         self._wait(lambda: self._teleop.get_subscription_count() > 0, "a listener on /teleop/cmd_vel")
         self._wait(lambda: self._stop.get_subscription_count() > 0, "a listener on /emergency_stop")
+        if self._stopped():
+            self.release()
+        self._wait(lambda: self._safety and self._safety.safety_state == "NORMAL", "a robot that may move")
 
     def drive(self, speed_mps: float) -> None:
-        """Returns when the robot has driven at the speed (negative: backwards) for a moment."""
+        """Returns when the robot has driven at the speed (negative: backwards) for a moment.
+
+        A machine that is too busy makes the safety monitor stop the robot; that is released and counted in ``delays``.
+        """
         self._wish_mps = speed_mps
         since_s: list[float] = []
 
         def at_speed() -> bool:
+            if self._stopped():
+                self.delays += 1
+                self.release()
+                self._wish_mps = speed_mps
             if self._truths[-1].speed_mps < _AT_SPEED * abs(speed_mps):
                 since_s.clear()
             elif not since_s:
@@ -168,6 +179,9 @@ class Stopper:
 
         self._wait(granted, "the release of the emergency stop", lambda: reasons[-1] if reasons else "", 0.1)
         self._wait(lambda: self._safety and not self._safety.emergency_stop_active, "a safety status without emergency")
+
+    def _stopped(self) -> bool:
+        return self._safety is not None and bool(self._safety.emergency_stop_active)
 
     # --- callbacks ---------------------------------------------------------------------------------------------------
 
