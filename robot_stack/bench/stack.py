@@ -17,10 +17,11 @@ _MIB = 2**20
 
 
 @contextmanager
-def running_stack(profile: str, settings: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
+def running_stack(profile: str, settings: Sequence[str] = (), own: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
     """Status of a stack whose processes are all ready: the one that runs, else one that ends with the benchmark.
 
     settings: parameters without which the benchmark measures something else; with them, a running stack is refused.
+    own: parameters of a stack that is started here; a running one is taken as it is.
     """
     try:
         status = ask("status")
@@ -34,7 +35,7 @@ def running_stack(profile: str, settings: Sequence[str] = ()) -> Iterator[dict[s
         yield status
         return
     try:
-        yield client.start(client.Launch(profile, settings), _DEADLINE_S)
+        yield client.start(client.Launch(profile, [*settings, *own]), _DEADLINE_S)
     except client.StartError as error:
         raise BenchError(str(error)) from error
     finally:
