@@ -1,34 +1,84 @@
-"""estop and reset: the two keys of the emergency stop."""
+"""estop and reset: the two keys of the emergency stop.
+
+Through the supervisor, whose node everybody knows already; where it does not answer, through a node of their own, which
+takes the others up to a few seconds to discover.
+"""
 
 from __future__ import annotations
 
+import time
 from typing import Annotated
 
 import typer
 
 from robot_stack.cli.errors import CommandError
+from robot_stack.supervisor.control import NotRunning, ask
 
 Timeout = Annotated[float, typer.Option("--timeout", help="Seconds to wait for the answer.")]
+# A supervisor that takes longer is not waited for.
+_SUPERVISOR_S = 0.5
+_POLL_S = 0.02
+# The safety monitor wants the release to last a moment before it grants a reset.
+_RESET_TRIES = 8
+_RESET_PAUSE_S = 0.1
 
 
 def estop(timeout_s: Timeout = 5.0) -> None:
     """Emergency stop, now. Returns when the safety monitor shows it; exit code 1 if it does not."""
-    from robot_stack.cli.nodes.wishes import emergency_stop
+    begun_s = time.monotonic()
+    shown = _stop_by_supervisor(begun_s + timeout_s)
+    if not shown:
+        from robot_stack.cli.nodes.wishes import emergency_stop
 
-    shown_after_s = emergency_stop(timeout_s)
-    if shown_after_s is None:
+        shown = emergency_stop(timeout_s) is not None
+    if not shown:
         raise CommandError("the stop was sent, but the safety monitor did not confirm it: use the button")
-    print(f"emergency stop, confirmed after {shown_after_s:.2f} s; `robot-stack reset` releases it")
+    print(f"emergency stop, confirmed after {time.monotonic() - begun_s:.2f} s; `robot-stack reset` releases it")
 
 
 def reset(timeout_s: Timeout = 5.0) -> None:
     """Release the emergency stop. The safety monitor refuses while a source is pressed or the robot moves."""
-    from robot_stack.cli.nodes.wishes import reset as ask_for_reset
+    answer = _reset_by_supervisor()
+    if answer is None:
+        from robot_stack.cli.nodes.wishes import reset as ask_for_reset
 
-    try:
-        granted, reason = ask_for_reset(timeout_s)
-    except TimeoutError as error:
-        raise CommandError(str(error)) from None
+        try:
+            answer = ask_for_reset(timeout_s)
+        except TimeoutError as error:
+            raise CommandError(str(error)) from None
+    granted, reason = answer
     if not granted:
-        raise CommandError(f"refused: {reason}")
-    print(f"released{': ' if reason else ''}{reason}")
+        raise CommandError(reason if reason.startswith("refused") else f"refused: {reason}")
+    print(reason or "released")
+
+
+def _stop_by_supervisor(end_s: float) -> bool:
+    """True if the supervisor sent the stop and the safety monitor then showed an emergency."""
+    try:
+        sent = ask("estop", timeout_s=_SUPERVISOR_S)
+        if not sent["ok"] or not sent["listeners"]:
+            return False
+        while time.monotonic() < end_s:
+            safety = ask("safety", timeout_s=_SUPERVISOR_S)["safety"]
+            if safety and safety["received"] > sent["received"] and safety["emergency"]:
+                return True
+            time.sleep(_POLL_S)
+    except (NotRunning, TimeoutError):
+        pass
+    return False
+
+
+def _reset_by_supervisor() -> tuple[bool, str] | None:
+    """(granted, reason), or None if the supervisor cannot ask."""
+    try:
+        if not ask("release", timeout_s=_SUPERVISOR_S)["ok"]:
+            return None
+        answer = ask("reset")
+        for _ in range(_RESET_TRIES - 1):
+            if not answer["ok"] or answer["granted"]:
+                break
+            time.sleep(_RESET_PAUSE_S)
+            answer = ask("reset")
+    except (NotRunning, TimeoutError):
+        return None
+    return (bool(answer["granted"]), str(answer["reason"])) if answer["ok"] else None

@@ -22,6 +22,7 @@ _COLOURS = {
     "failed": "red",
 }
 _MIB = 2**20
+_SAFETY_STALE_S = 1.0
 
 
 class StatusView:
@@ -63,7 +64,7 @@ class StatusView:
     def _table(self, status: dict[str, Any]) -> Table:
         state = "stopping" if status["stopping"] else "ready" if status["ready"] else "not ready"
         table = Table(
-            title=f"profile {status['profile']}, ROS domain {status['domain']}: {state}",
+            title=f"profile {status['profile']}, ROS domain {status['domain']}: {state}{_safety(status['safety'])}",
             caption=_caption(status),
             caption_justify="left",
         )
@@ -84,6 +85,14 @@ _COLUMNS = (
     ("memory", "right"),
     ("", "left"),
 )
+
+
+def _safety(safety: dict[str, Any] | None) -> str:
+    if safety is None:
+        return ""
+    if safety["age_s"] > _SAFETY_STALE_S:
+        return f"; the safety monitor is silent for {safety['age_s']:.0f} s"
+    return f"; {safety['state']}{' (' + ', '.join(safety['faults']) + ')' if safety['faults'] else ''}"
 
 
 def _cells(item: dict[str, Any]) -> list[str]:

@@ -23,7 +23,8 @@ _PR_SET_NAME = 15
 class Start:
     """How to start one process.
 
-    niceness: as in nice(2). stop_grace_s: time between SIGINT and SIGKILL when the supervisor has died.
+    niceness: as in nice(2). realtime_priority: of SCHED_RR, 0 for none.
+    stop_grace_s: time between SIGINT and SIGKILL when the supervisor has died.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Start:
     environment: Mapping[str, str]
     log: Path
     niceness: int
+    realtime_priority: int
     stop_grace_s: float
 
 
@@ -41,8 +43,7 @@ def run(start: Start) -> None:
     _die_with_the_forkserver()
     _write_to(start.log)
     _show_as(start.name)
-    with contextlib.suppress(PermissionError):  # the robot works without; it is only later under load
-        os.setpriority(os.PRIO_PROCESS, 0, start.niceness)
+    _go_first(start.niceness, start.realtime_priority)
     os.environ.update(start.environment)
     sys.argv = [start.name, *start.arguments]
     orphaned = threading.Event()
@@ -54,6 +55,18 @@ def run(start: Start) -> None:
     finally:
         if orphaned.is_set():  # else the supervisor sees to what this process has started
             os.killpg(0, signal.SIGKILL)
+
+
+def _go_first(niceness: int, realtime_priority: int) -> None:
+    """Priority among the processes of the machine. Without the privilege the robot is only later under load."""
+    if realtime_priority > 0:
+        with contextlib.suppress(PermissionError):
+            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(realtime_priority))
+    with contextlib.suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, niceness)
+    # Where the kernel groups processes by session (sched(7), autogroup), nice values count inside a session only.
+    with contextlib.suppress(OSError):
+        Path("/proc/self/autogroup").write_text(str(niceness), encoding="ascii")
 
 
 def _die_with_the_forkserver() -> None:

@@ -1,4 +1,4 @@
-"""Hears the heartbeats, in a thread of its own, from the moment ROS is imported."""
+"""The supervisor's ROS side, in a thread of its own, from the moment ROS is imported."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ import threading
 import traceback
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from robot_stack.supervisor.node import SupervisorNode
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,10 +24,22 @@ class Beat:
     waiting_for: str
 
 
+@dataclass(frozen=True, slots=True)
+class Safety:
+    """What the safety monitor said last, ``age_s`` ago; ``received`` counts its messages."""
+
+    state: str
+    emergency: bool
+    faults: tuple[str, ...]
+    age_s: float
+    received: int
+
+
 class Ears:
-    """``error`` tells why heartbeats are not heard; None while they are."""
+    """``node`` is None until it is up. ``error`` tells why nothing is heard; None while it is."""
 
     def __init__(self) -> None:
+        self.node: SupervisorNode | None = None
         self.error: str | None = None
         self._beats: queue.SimpleQueue[Beat] = queue.SimpleQueue()
         self._stop = threading.Event()
@@ -39,15 +55,20 @@ class Ears:
                 return
 
     def close(self, timeout_s: float = 2.0) -> None:
+        self.node = None
         self._stop.set()
         self._thread.join(timeout_s)
+
+    def _made(self, node: SupervisorNode) -> None:
+        self.node = node
 
     def _run(self) -> None:
         try:
             # Imported here, while the forkserver imports the same: neither waits for the other.
             from robot_stack.supervisor.node import listen
 
-            listen(self._beats.put, self._stop.is_set)
+            listen(self._beats.put, self._made, self._stop.is_set)
         except Exception as error:
             traceback.print_exc()
+            self.node = None
             self.error = f"heartbeats are not heard: {error}"

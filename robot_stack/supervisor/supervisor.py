@@ -7,6 +7,7 @@ import selectors
 import signal
 import sys
 import time
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from types import FrameType
@@ -19,6 +20,7 @@ from robot_stack.supervisor import orphans, segments
 from robot_stack.supervisor.control import ControlServer, Reply
 from robot_stack.supervisor.ears import Ears
 from robot_stack.supervisor.fleet import Fleet
+from robot_stack.supervisor.keys import VERBS, Keys
 from robot_stack.supervisor.lifecycle import RUNNING, Hearing, Lifecycle, Limits, Order, State
 from robot_stack.supervisor.params import SupervisorParams
 from robot_stack.supervisor.profile import Plan
@@ -38,6 +40,7 @@ class Supervisor:
         # The forkserver first: it and the ears import at the same time, on two cores.
         self._fleet = Fleet(plan, run_dir, params)
         self._ears = Ears()
+        self._keys = Keys(self._ears)
         self._rows = {process.name: process for process in plan.processes}
         self._lives = {name: Lifecycle(_limits(row, params)) for name, row in self._rows.items()}
         clock_sources = [p.name for p in plan.processes if set(p.nodes) & set(topics.CLOCK.publishers)]
@@ -69,6 +72,7 @@ class Supervisor:
             self._hear()
             self._collect()
             self._judge(now_s)
+            self._keys.tick(now_s)
             self._wait(_TICK_S)
         self._stop_all()
 
@@ -191,6 +195,10 @@ class Supervisor:
                 _log("asked to stop")
                 self._stopping = True
                 self._farewells.append(reply)
+            case verb if verb in VERBS:
+                if verb != "safety":
+                    _log(f"{verb} asked for")
+                self._keys.on_request(verb, reply, time.monotonic())
             case verb:
                 reply({"ok": False, "error": f"unknown verb {verb!r}"})
 
@@ -210,6 +218,7 @@ class Supervisor:
         """The answer to ``status``: everything an operator wants to know, ready for JSON."""
         now_s = time.monotonic()
         pids = self._fleet.pids()
+        safety = self._ears.node.safety() if self._ears.node else None
         return {
             "ok": True,
             "profile": self._plan.name,
@@ -223,6 +232,7 @@ class Supervisor:
             "ready": all(life.state is State.READY for life in self._lives.values()),
             "ready_after_s": self._ready_after_s,
             "deaf": self._ears.error,
+            "safety": asdict(safety) if safety else None,
             "missing": list(self._plan.missing),
             "processes": [
                 {

@@ -1,0 +1,56 @@
+"""The operator's two keys of the emergency stop, behind the control socket.
+
+{"verb": "estop"}    -> published: {"ok", "listeners", "received"}; whether it took effect is for "safety" to say
+{"verb": "release"}  -> published, as far as this operator is concerned
+{"verb": "reset"}    -> the safety monitor's answer: {"ok", "granted", "reason"}
+{"verb": "safety"}   -> what the safety monitor said last
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from robot_stack.supervisor.control import Reply
+from robot_stack.supervisor.ears import Ears
+
+VERBS = ("estop", "release", "reset", "safety")
+_ANSWER_S = 2.0
+_DEAF = {"ok": False, "error": "the supervisor has no node in the graph"}
+
+
+class Keys:
+    """Served from the supervisor's loop; ``tick`` answers what has to wait for the safety monitor."""
+
+    def __init__(self, ears: Ears) -> None:
+        self._ears = ears
+        self._waiting: list[tuple[Any, Reply, float]] = []
+
+    def on_request(self, verb: str, reply: Reply, now_s: float) -> None:
+        node = self._ears.node
+        if node is None:
+            reply(_DEAF)
+        elif verb in ("estop", "release"):
+            before = node.safety()
+            listeners = node.publish_stop(verb == "estop")
+            reply({"ok": True, "listeners": listeners, "received": before.received if before else 0})
+        elif verb == "safety":
+            safety = node.safety()
+            reply({"ok": True, "safety": asdict(safety) if safety else None})
+        else:
+            future = node.ask_reset()
+            if future is None:
+                reply({"ok": False, "error": "no safety monitor serves /safety/reset"})
+            else:
+                self._waiting.append((future, reply, now_s + _ANSWER_S))
+
+    def tick(self, now_s: float) -> None:
+        waiting, self._waiting = self._waiting, []
+        for future, reply, until_s in waiting:
+            if future.done():
+                response = future.result()
+                reply({"ok": True, "granted": response.success, "reason": response.message})
+            elif now_s > until_s:
+                reply({"ok": False, "error": "the safety monitor does not answer /safety/reset"})
+            else:
+                self._waiting.append((future, reply, until_s))
