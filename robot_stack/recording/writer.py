@@ -95,9 +95,7 @@ class BagWriter:
 class _BagFile:
     """One MCAP file under construction, locked for as long as it is."""
 
-    def __init__(
-        self, path: Path, topics: Sequence[TopicInfo], definitions: dict[str, bytes], form: Format
-    ) -> None:
+    def __init__(self, path: Path, topics: Sequence[TopicInfo], definitions: dict[str, bytes], form: Format) -> None:
         self.name = path.name
         self._stream: BinaryIO = open(path, "xb")  # noqa: SIM115 - closed in finish() and abandon()
         fcntl.flock(self._stream, fcntl.LOCK_EX)

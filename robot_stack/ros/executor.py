@@ -8,6 +8,7 @@ subscriptions, timers and services directly. Waitables (actions, event handlers)
 from __future__ import annotations
 
 import inspect
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any
@@ -19,8 +20,10 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.waitable import Waitable
 
-# A wait is cut into pieces of this length, so that Python runs its signal handlers: a blocked wait holds them back.
-_LONGEST_WAIT_NS = 100_000_000
+# A wait is cut into pieces of this length: a blocked wait holds Python's signal handlers back, and a piece that takes
+# much longer tells that the process itself was held up (a busy or paused machine) and could not have heard anything.
+_LONGEST_WAIT_NS = 20_000_000
+_PAUSE_S = 0.03
 # While a coroutine waits for something, it is asked again this often: rclpy's futures wake no one.
 _TASK_POLL_NS = 5_000_000
 
@@ -55,15 +58,25 @@ class LeanExecutor(Executor):
             raise ExternalShutdownException()
         if self._wait_set is None:
             self._rebuild()
+        start_s = time.monotonic()
         try:
             self._wait(timeout_ns)
         except InvalidHandle:  # an entity was destroyed since the wait set was built
             self._wait_set = None
             return
+        late_s = time.monotonic() - start_s - 1e-9 * timeout_ns
+        if late_s > _PAUSE_S:
+            self._tell_pause(late_s)
         if self._woken() and self._entities.changed(self.get_nodes()):
             self._wait_set = None  # what is ready now is ready still when the new set is waited for
         else:
             self._dispatch()
+
+    def _tell_pause(self, late_s: float) -> None:
+        for node in self.get_nodes():
+            on_pause = getattr(node, "on_pause", None)
+            if on_pause is not None:
+                on_pause(late_s)
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
         self._wait_set = None

@@ -26,6 +26,9 @@ from robot_stack.ros.interfaces import interface_class, qos_profile
 from robot_stack.ros.parameters import load_parameters, refuse_overrides
 from robot_stack.ros.report import Loop, Report
 
+# A pause of the own process is no silence of the others. Longer ones count from here on: then a stop is right.
+_LONGEST_PAUSE_S = 0.25
+
 
 class StackNode(Node):
     """A node of the stack.
@@ -45,6 +48,8 @@ class StackNode(Node):
             refuse_overrides(self)
         self.params: Any = load_parameters(self, parameters) if parameters else None
         self._health = InputHealth()
+        self._paused_s = 0.0
+        self._pauses = 0
         self._stop_latch = StopLatch()
         self.report = Report(self)
         self._subscribe_safety()
@@ -100,8 +105,17 @@ class StackNode(Node):
         return self.get_clock().now().to_msg()
 
     def steady_s(self) -> float:
-        """Seconds for ages and watchdogs: never stepped. Where /clock drives, it drives here too."""
-        return self.now_s() if self.get_clock().ros_time_is_active else time.monotonic()
+        """Seconds for ages and watchdogs: never stepped, and standing still while this process was held up.
+
+        Where /clock drives, it drives here too.
+        """
+        return self.now_s() if self.get_clock().ros_time_is_active else time.monotonic() - self._paused_s
+
+    def on_pause(self, late_s: float) -> None:
+        """The executor noticed that this process did not run for so long."""
+        self._pauses += 1
+        self._paused_s += min(late_s, _LONGEST_PAUSE_S)
+        self.report.values["held up"] = f"{self._pauses} times, last {late_s:.2f} s"
 
     # --- health ------------------------------------------------------------------------------------------------------
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import signal
 import sys
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
@@ -20,6 +22,7 @@ from robot_stack.ros import transport
 from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.node import StackNode
 
+_DELIVERY_S = 0.3
 EXIT_CRASHED = 1
 EXIT_REFUSED = 2  # a mistake in configuration or use: starting again will not help
 
@@ -83,5 +86,16 @@ def run_nodes(*node_classes: Callable[[], StackNode]) -> int:
 def _leave_safe(node: StackNode) -> None:
     try:
         node.safe_output()
+        _wait_delivered(node)
     except Exception:  # the other nodes still have to leave theirs
         traceback.print_exc()
+
+
+def _wait_delivered(node: StackNode) -> None:
+    """A last message that is still on its way dies with its publisher: give it time, but never long."""
+    end_s = time.monotonic() + _DELIVERY_S
+    for publisher in node.publishers:
+        left_s = end_s - time.monotonic()
+        if left_s <= 0.0:
+            return
+        publisher.wait_for_all_acked(Duration(seconds=left_s))

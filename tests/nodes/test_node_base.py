@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -64,6 +65,21 @@ def test_an_exception_lets_the_safe_output_out_and_says_what_happened(start: Sta
     assert process.wait() == 1
     assert "ZeroDivisionError" in process.output()
     assert heard.last.linear.x == 0.0
+
+
+def test_a_process_that_was_held_up_says_so_and_blames_nobody(start: Start, peer: Peer) -> None:
+    heard = peer.listen(topics.DIAGNOSTICS)
+    process = example(start)
+    heard.wait(lambda message: message.status[0].level == b"\x00", "an OK diagnosis")
+
+    def paused() -> bool:
+        process.signal(signal.SIGSTOP)
+        time.sleep(0.15)  # the pause itself, no wait for anything
+        process.signal(signal.SIGCONT)
+        values = {item.key: item.value for item in heard.last.status[0].values}
+        return "held up" in values
+
+    wait_for(paused, "the pause in /diagnostics", poll_s=0.3)
 
 
 def test_a_second_node_of_the_same_name_refuses_to_start(start: Start) -> None:

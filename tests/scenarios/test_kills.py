@@ -35,7 +35,7 @@ def test_another_process_is_killed_and_the_robot_is_slow(stack: StackUnderTest, 
     stack.drive_at(1.0)
     pid = stack.kill(name)
     stack.wait_safety("DEGRADED", "NODE_DEAD")
-    assert "NODE_DEAD" in stack.limit.last.reason
+    stack.limit.wait(lambda m: "NODE_DEAD" in m.reason and m.max_linear_velocity <= 0.5, "the limit")
     stack.wait_restarted(name, pid)
     stack.wait_safety("NORMAL", deadline_s=20.0)
 

@@ -45,6 +45,7 @@ class StackUnderTest:
         for topic in (topics.EMERGENCY_STOP, topics.TELEOP_CMD_VEL, topics.UI_COMMAND, topics.GOAL_POSE):
             self.peer.publisher(topic)
         self.truth.wait(lambda _: True, "ground truth")
+        self.safety.wait(lambda _: True, "a safety status")
         self.peer.wait_matched(topics.TELEOP_CMD_VEL)
         self.peer.wait_matched(topics.UI_COMMAND)
 
