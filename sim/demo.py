@@ -21,6 +21,7 @@ from robot_stack.mission.model import Mission
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import NotRunning
 from sim.ride import Figures, Ride, figures
+from sim.worldfile import load_world
 
 _READY_S = 60.0
 _SILENCE_S = 5.0
@@ -45,6 +46,8 @@ def main() -> int:
     signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
     try:
         mission = MissionLibrary(config_dir() / "missions").find(options.mission)
+        load_world(options.world)
+        client.refuse_second()
         folder = _folder(options.output)
         return _ride(options, mission, folder)
     except (DemoError, MissionError, ConfigError, client.StartError, TimeoutError, OSError) as error:
@@ -67,7 +70,6 @@ def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
         ],
         log_dir=folder / "logs",
     )
-    client.refuse_second()
     try:
         status = client.start(launch, _READY_S)
         print(f"{len(status['processes'])} processes are ready after {status['ready_after_s']:.1f} s", flush=True)
@@ -190,7 +192,6 @@ def describe(rider: Any) -> str:
 
 def _report(options: argparse.Namespace, mission: Mission, folder: Path, ride: Ride, outcome: Any) -> int:
     from sim.ride_plots import draw_course, draw_map
-    from sim.worldfile import load_world
 
     goal = mission.waypoints[-1].pose
     found = figures(ride, goal)

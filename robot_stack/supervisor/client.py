@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -23,6 +24,7 @@ from robot_stack.supervisor.params import load_params
 
 LOCK_NAME = "supervisor_process"
 _POLL_S = 0.05
+_STOP_MARGIN_S = 5.0  # beside the time that the stopping processes are given
 
 
 class StartError(Exception):
@@ -83,6 +85,7 @@ def start(
     """Starts a supervisor in the background and waits until every process is ready. Returns its status.
 
     Raises StartError if the domain has one already, if it ends, or if the deadline passes; then it goes on trying.
+    Interrupted, it stops what it has started.
     """
     refuse_second()
     end_s = time.monotonic() + deadline_s
@@ -95,6 +98,18 @@ def start(
         env=environment(),
         text=True,
     )
+    try:
+        return _wait_ready(supervisor, end_s, progress)
+    except KeyboardInterrupt:  # who gives up waiting does not want it any more
+        supervisor.send_signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            supervisor.wait(load_params().terminate_s + _STOP_MARGIN_S)
+        raise
+
+
+def _wait_ready(
+    supervisor: subprocess.Popen[str], end_s: float, progress: Callable[[dict[str, Any]], None] | None
+) -> dict[str, Any]:
     assert supervisor.stderr is not None
     status: dict[str, Any] = {}
     while time.monotonic() < end_s:
@@ -133,7 +148,7 @@ def stop() -> dict[str, Any]:
     Raises NotRunning if there is nothing to stop.
     """
     params = load_params()
-    patience_s = params.terminate_s + 5.0
+    patience_s = params.terminate_s + _STOP_MARGIN_S
     supervisor = _supervisor()
     try:
         answer = ask("down", timeout_s=patience_s)

@@ -174,8 +174,9 @@ def test_processes_share_memory_have_their_names_and_groups(running: Stack) -> N
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root may make a process more urgent")
 def test_critical_processes_go_first(running: Stack) -> None:
-    niceness = [os.getpriority(os.PRIO_PROCESS, running.entry(name)["pid"]) for name in NAMES]
-    assert niceness == [-10, -5, 0]
+    pids = [running.entry(name)["pid"] for name in NAMES]
+    assert [os.getpriority(os.PRIO_PROCESS, pid) for pid in pids] == [-10, -5, 0]
+    assert [os.sched_getparam(pid).sched_priority for pid in pids] == [5, 0, 0]
 
 
 def test_logs_lie_in_one_folder(running: Stack) -> None:
@@ -258,6 +259,33 @@ def test_up_names_what_is_missing_and_the_stack_goes_on(stack: Stack) -> None:
     assert "steady" not in done.stderr
     stack.obey_no_more("other")
     stack.wait_entry("other", lambda item: item["state"] == "ready", "to become ready after all")
+
+
+def test_interrupted_up_stops_what_it_started(stack: Stack) -> None:
+    stack.order("other", "waiting")
+    command = [sys.executable, "-m", "robot_stack.cli", "up", "--profile", str(stack.profile)]
+    waiting = subprocess.Popen(
+        [*command, "--log-dir", str(stack.logs)],
+        cwd=ROOT,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    try:
+        wait_for(_answers, "the supervisor to answer", 20.0)
+        stack.note()
+        waiting.send_signal(signal.SIGINT)
+        assert waiting.wait(20.0) != 0
+    finally:
+        waiting.kill()
+        waiting.wait()
+    assert_nothing_left(stack)
+
+
+def _answers() -> bool:
+    try:
+        return bool(ask("status")["ok"])
+    except (NotRunning, TimeoutError):
+        return False
 
 
 def test_second_up_is_refused_and_changes_nothing(running: Stack) -> None:

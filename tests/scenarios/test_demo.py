@@ -1,0 +1,119 @@
+"""The demonstration as a newcomer runs it: it rides, tells how it was, and leaves nothing behind, however it ends."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+import pytest
+
+from robot_stack.supervisor import client
+from robot_stack.supervisor.control import NotRunning, ask
+from tests.support.processes import ROOT, NodeProcess
+from tests.support.waiting import wait_for
+
+Demo = Callable[..., NodeProcess]
+
+
+@pytest.fixture
+def demo(start: Callable[..., NodeProcess], tmp_path: Path) -> Demo:
+    """``demo("--mission", ID)`` starts it with its results below tmp_path."""
+
+    def run(*arguments: str) -> NodeProcess:
+        command = [sys.executable, "-m", "sim.demo", "--output", str(tmp_path / "results"), *arguments]
+        return start("demo", command=command)
+
+    return run
+
+
+def stack_processes() -> list[int]:
+    """The processes of the running stack, its supervisor first; empty if none runs."""
+    try:
+        supervisor = psutil.Process(ask("status")["pid"])
+    except (NotRunning, psutil.Error):
+        return []
+    return [supervisor.pid, *(child.pid for child in supervisor.children(recursive=True))]
+
+
+def assert_gone(pids: list[int]) -> None:
+    wait_for(lambda: not any(psutil.pid_exists(pid) for pid in pids), "every process of the stack to be gone", 15.0)
+
+
+def test_ride_ends_at_its_goal(demo: Demo, tmp_path: Path) -> None:
+    process = demo("--mission", "short_hop")
+    code = process.wait(110.0)
+    output = process.output()
+    assert code == 0, output
+    assert "START_MISSION short_hop: Short hop, 3 waypoints" in output
+    assert "reached the goal: " in output
+    folder = (tmp_path / "results" / "demo-latest").resolve()
+    assert f"  {folder / 'map.png'}" in output
+    result = json.loads((folder / "figures.json").read_text())
+    assert result["state"] == "COMPLETED"
+    # 1.5 + 1.6 + 1.7 m between the waypoints; without a map the pose drifts with the wheels.
+    assert 4.5 < result["figures"]["distance_m"] < 5.5
+    assert result["figures"]["final_error_m"] < 0.10
+    assert (folder / "course.png").stat().st_size > 1000
+    assert stack_processes() == []
+
+
+def test_interrupt_stops_everything(demo: Demo) -> None:
+    process = demo()
+    process.wait_output("RUNNING", 60.0)
+    pids = stack_processes()
+    assert len(pids) > 5
+    process.signal(signal.SIGINT)
+    assert process.wait(20.0) == 130
+    assert "interrupted; the stack is stopped" in process.output()
+    assert_gone(pids)
+
+
+def test_interrupt_during_the_start_stops_everything(demo: Demo) -> None:
+    process = demo()
+    pids = wait_for(stack_processes, "the first processes", 30.0)
+    process.signal(signal.SIGINT)
+    assert process.wait(20.0) == 130
+    assert_gone(pids)
+
+
+def test_mission_that_cannot_be_driven_is_refused(demo: Demo) -> None:
+    process = demo("--mission", "wheelchair_transport")
+    assert process.wait(90.0) == 1
+    assert "demo: the mission was refused: " in process.output()
+    assert stack_processes() == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--mission", "nowhere"), "there is no mission 'nowhere'; known: "),
+        (("--world", "nowhere"), "no world 'nowhere'"),
+    ],
+)
+def test_wrong_names_are_told(demo: Demo, arguments: tuple[str, ...], message: str) -> None:
+    process = demo(*arguments)
+    assert process.wait(60.0) == 1
+    assert message in process.output()
+    assert stack_processes() == []
+
+
+def test_demo_leaves_a_running_stack_alone(demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    profile = tmp_path / "other.yaml"
+    profile.write_text(
+        "description: other\nmachine: robot\nuse_sim_time: false\nspeed: null\nengine: null\nready_deadline_s: 30\n"
+        "processes: []\nextra:\n  other: {module: tests.support.supervised, criticality: optional, note: other}\n"
+        f"environment: {{SUPERVISED_ORDERS: {tmp_path}}}\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    client.start(client.Launch(str(profile), log_dir=tmp_path / "logs"), 30.0)
+    try:
+        process = demo()
+        assert process.wait(30.0) == 1
+        assert "already running" in process.output()
+        assert stack_processes() != []
+    finally:
+        client.stop()
