@@ -18,10 +18,11 @@ import yaml
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
-from custom_msgs.msg import MissionStatus, SafetyStatus, UICommand
-from robot_stack.contract import services, topics
+from custom_msgs.msg import MissionStatus, UICommand
+from robot_stack.contract import topics
 from robot_stack.core.config import config_dir
-from robot_stack.ros.interfaces import interface_class, qos_profile
+from robot_stack.ros.interfaces import qos_profile
+from tests.support.fake_safety import FakeSafety
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
@@ -162,37 +163,6 @@ def test_scenario_without_a_file_is_refused() -> None:
 
 
 # --- emergency stop and reset -----------------------------------------------------------------------------------------
-
-
-class FakeSafety:
-    """A safety monitor of ten lines: shows what was last asked, and resets as it is told to."""
-
-    def __init__(self, peer: Peer) -> None:
-        self.obeys = True
-        self.refusals: list[str] = []
-        self.active = False
-        self.requests: list[bool] = []
-        peer.listen(topics.EMERGENCY_STOP, self._on_request)
-        peer.repeat(topics.SAFETY_STATUS, self._status, 10.0)
-        service = interface_class(services.SAFETY_RESET.type)
-        peer.node.create_service(service, services.SAFETY_RESET.name, self._on_reset)
-
-    def _on_request(self, message: Any) -> None:
-        self.requests.append(message.data)
-        if message.data and self.obeys:
-            self.active = True
-
-    def _status(self) -> SafetyStatus:
-        state = "EMERGENCY_STOP" if self.active else "NORMAL"
-        return SafetyStatus(safety_state=state, emergency_stop_active=self.active)
-
-    def _on_reset(self, _: Any, response: Any) -> Any:
-        if self.refusals:
-            response.message = self.refusals.pop(0)
-            return response
-        self.active = False
-        response.success, response.message = True, "released: ESTOP_PRESSED"
-        return response
 
 
 @pytest.fixture

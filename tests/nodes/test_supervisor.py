@@ -16,9 +16,13 @@ from typing import Any
 import psutil
 import pytest
 import yaml
+from std_msgs.msg import Bool
 
+from robot_stack.contract import topics
 from robot_stack.core.runtime import runtime_dir
 from robot_stack.supervisor.control import NotRunning, ask
+from tests.support.fake_safety import FakeSafety
+from tests.support.peer import Peer
 from tests.support.waiting import wait_for
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -385,6 +389,56 @@ def test_status_as_json(running: Stack) -> None:
         assert 0.0 <= item["heartbeat_age_s"] < 1.0
         assert item["pss_mb"] > 1.0
         assert item["cpu_pct"] >= 0.0
+
+
+class TestEmergencyStop:
+    """The operator's keys, by the supervisor's node."""
+
+    @pytest.fixture
+    def safety(self, running: Stack, peer: Peer) -> FakeSafety:
+        made = FakeSafety(peer)
+        wait_for(lambda: ask("safety")["safety"], "the safety monitor to be heard by the supervisor")
+        return made
+
+    def test_estop_and_reset(self, running: Stack, safety: FakeSafety) -> None:
+        done = running.command("estop")
+        assert done.returncode == 0, done.stderr
+        assert safety.active
+        assert "estop asked for" in running.log("supervisor")
+        assert ask("status")["safety"]["state"] == "EMERGENCY_STOP"
+        done = running.command("reset")
+        assert done.returncode == 0, done.stderr
+        assert done.stdout == "released: ESTOP_PRESSED\n"
+        assert safety.requests == [True, False]
+
+    def test_refused_reset_tells_why(self, running: Stack, safety: FakeSafety) -> None:
+        safety.refusals = ["refused: the robot moves"] * 100
+        done = running.command("reset")
+        assert done.returncode == 1
+        assert done.stderr == "error: refused: the robot moves\n"
+
+    def test_unconfirmed_estop_is_sent_twice_and_an_error(self, running: Stack, safety: FakeSafety) -> None:
+        safety.obeys = False
+        done = running.command("estop", "--timeout", "1")
+        assert done.returncode == 1
+        assert "use the button" in done.stderr
+        # By the supervisor, then by a node of the command's own.
+        wait_for(lambda: safety.requests.count(True) == 2, "both stops")
+
+    def test_estop_past_a_supervisor_that_hangs(self, running: Stack, safety: FakeSafety) -> None:
+        os.kill(ask("status")["pid"], signal.SIGSTOP)
+        done = running.command("estop")
+        assert done.returncode == 0, done.stderr
+        assert safety.active
+
+    def test_latched_stop_is_let_go_when_somebody_else_releases(
+        self, running: Stack, safety: FakeSafety, peer: Peer
+    ) -> None:
+        """A node that starts later would else find the supervisor's old true and stop again."""
+        running.command("estop")
+        peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
+        safety.active = False
+        wait_for(lambda: safety.requests == [True, False, False], "the supervisor to follow", 10.0)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,41 @@
+"""A safety monitor of ten lines, for tests of who asks it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from custom_msgs.msg import SafetyStatus
+from robot_stack.contract import services, topics
+from robot_stack.ros.interfaces import interface_class
+from tests.support.peer import Peer
+
+
+class FakeSafety:
+    """Shows what was last asked, and resets as it is told to."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.obeys = True
+        self.refusals: list[str] = []
+        self.active = False
+        self.requests: list[bool] = []
+        peer.listen(topics.EMERGENCY_STOP, self._on_request)
+        peer.repeat(topics.SAFETY_STATUS, self._status, 10.0)
+        service = interface_class(services.SAFETY_RESET.type)
+        peer.node.create_service(service, services.SAFETY_RESET.name, self._on_reset)
+
+    def _on_request(self, message: Any) -> None:
+        self.requests.append(message.data)
+        if message.data and self.obeys:
+            self.active = True
+
+    def _status(self) -> SafetyStatus:
+        state = "EMERGENCY_STOP" if self.active else "NORMAL"
+        return SafetyStatus(safety_state=state, emergency_stop_active=self.active)
+
+    def _on_reset(self, _: Any, response: Any) -> Any:
+        if self.refusals:
+            response.message = self.refusals.pop(0)
+            return response
+        self.active = False
+        response.success, response.message = True, "released: ESTOP_PRESSED"
+        return response
