@@ -136,7 +136,9 @@ class _Delays:
     def overcome(self) -> bool:
         """Resets and resumes after a stop by delay. True if it did."""
         safety = self._rider.safety
-        if not (safety.emergency_stop_active and _DELAYS & set(safety.active_faults)) or self.count >= _OVERCOME:
+        faults = set(safety.active_faults)
+        asked_for = "ESTOP_PRESSED" in faults  # by whatever: nobody but whoever asked may release it
+        if not safety.emergency_stop_active or asked_for or not faults & _DELAYS or self.count >= _OVERCOME:
             return False
         self.count += 1
         print(f"\nthis machine was too slow ({', '.join(safety.active_faults)}): reset and resume", flush=True)
