@@ -5,6 +5,7 @@ A new node needs 0.1 to 2.5 s until everybody has discovered it, too long for ``
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -33,7 +34,8 @@ class SupervisorNode(StackNode):
         self.set_health(True, "supervising")
 
     def _on_heartbeat(self, message: Heartbeat) -> None:
-        self._tell(Beat(self.steady_s(), message.node, message.pid, message.ready, message.waiting_for))
+        # The plain clock of the supervisor's loop: the node's own stands still while this process is held up.
+        self._tell(Beat(time.monotonic(), message.node, message.pid, message.ready, message.waiting_for))
 
     # --- what the supervisor's other thread asks for -----------------------------------------------------------------
 
