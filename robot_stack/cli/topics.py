@@ -6,6 +6,7 @@ import contextlib
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -40,7 +41,7 @@ def topics(
     from robot_stack.bench.nodes.meter import Meter
 
     with Meter(rows) as meter:
-        meter.run(1.0)  # discovery
+        meter.settle()
         if follow:
             _follow(meter, plan, window_s)
             return
@@ -63,7 +64,8 @@ def _plan(profile: str | None) -> Plan:
         status = ask("status")
     except (NotRunning, TimeoutError):
         return load_plan("sim")
-    return load_plan(status["profile_path"], only=[item["name"] for item in status["processes"]])
+    plan = load_plan(status["profile_path"], only=[item["name"] for item in status["processes"]])
+    return replace(plan, use_sim_time=status["use_sim_time"])
 
 
 def _rows(plan: Plan) -> Sequence[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import shutil
@@ -15,10 +16,13 @@ from typing import Any
 
 import pytest
 import yaml
+from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from custom_msgs.msg import MissionStatus, UICommand
+from robot_stack.bench.nodes.meter import Meter
 from robot_stack.contract import topics
 from robot_stack.core.config import config_dir
 from robot_stack.ros.interfaces import qos_profile
@@ -349,6 +353,25 @@ def test_topics_names_wrong_qos(controller: Peer, drive_profile: str) -> None:
     _, found, _ = measure(drive_profile)
     assert "swerve_controller publishes RELIABLE, VOLATILE" in found["/odom"]["problems"]
     assert "advertised, but nothing is sent" in found["/odom"]["problems"]
+
+
+def test_rates_are_those_of_simulated_time(ros_domain: int, peer: Peer) -> None:
+    """The world runs twice as fast: 100 messages a second are 50 Hz."""
+    ticks = itertools.count()
+
+    def tick() -> Clock:
+        nanoseconds = 100_000_000_000 + next(ticks) * 20_000_000
+        return Clock(clock=Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9))
+
+    peer.repeat(topics.CLOCK, tick, 100.0)
+    peer.repeat(topics.ODOM, Odometry, 100.0)
+    with Meter([topics.CLOCK, topics.ODOM]) as meter:
+        wait_for(lambda: meter.run(0.1) or meter.seen()["/odom"].traffic.count, "odometry")
+        meter.run(2.0)
+        speed, rate_hz = meter.speed(), meter.seen()["/odom"].traffic.rate_hz
+    # A busy machine ticks slower: then both are slower, and their ratio stays.
+    assert speed > 1.0
+    assert rate_hz == pytest.approx(50.0, rel=0.1)
 
 
 def test_topics_as_a_table(ros_domain: int, drive_profile: str) -> None:

@@ -9,6 +9,8 @@ import signal
 import stat
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,9 +20,12 @@ import pytest
 import yaml
 from std_msgs.msg import Bool
 
+from custom_msgs.msg import Heartbeat
 from robot_stack.contract import topics
 from robot_stack.core.runtime import runtime_dir
 from robot_stack.supervisor.control import NotRunning, ask
+from robot_stack.supervisor.ears import Beat
+from robot_stack.supervisor.node import SupervisorNode, listen
 from tests.support.fake_safety import FakeSafety
 from tests.support.peer import Peer
 from tests.support.waiting import wait_for
@@ -389,6 +394,25 @@ def test_status_as_json(running: Stack) -> None:
         assert 0.0 <= item["heartbeat_age_s"] < 1.0
         assert item["pss_mb"] > 1.0
         assert item["cpu_pct"] >= 0.0
+
+
+def test_pauses_of_the_supervisor_do_not_age_the_heartbeats(ros_domain: int, peer: Peer) -> None:
+    """The clock of a node stands still while its process is held up; the one that judges hangs does not."""
+    beats: list[Beat] = []
+    nodes: list[SupervisorNode] = []
+    stop = threading.Event()
+    thread = threading.Thread(target=listen, args=(beats.append, nodes.append, stop.is_set))
+    thread.start()
+    try:
+        wait_for(lambda: nodes, "the node")
+        for _ in range(40):
+            nodes[0].on_pause(0.2)
+        peer.repeat(topics.HEARTBEAT, lambda: Heartbeat(node="steady", pid=1, ready=True), 20.0)
+        wait_for(lambda: any(beat.name == "steady" for beat in beats), "a heartbeat")
+        assert abs(beats[-1].received_s - time.monotonic()) < 2.0
+    finally:
+        stop.set()
+        thread.join(5.0)
 
 
 class TestEmergencyStop:

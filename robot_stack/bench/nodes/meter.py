@@ -16,6 +16,7 @@ from robot_stack.bench.graph import Endpoint, Seen, Traffic, message_rate_hz
 from robot_stack.contract import topics
 from robot_stack.contract.model import Durability, Reliability, Topic
 from robot_stack.ros import transport
+from robot_stack.ros.conversions import time_to_s
 from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.interfaces import interface_class, qos_profile
 
@@ -27,10 +28,15 @@ _SENDERS: dict[str, Callable[[Any], str]] = {
     topics.HEARTBEAT.name: lambda message: str(message.node),
     topics.DIAGNOSTICS.name: lambda message: str(message.status[0].name) if message.status else "",
 }
+# It watches the others from outside and lives on the system clock, whatever clock they live on.
+_ON_SYSTEM_CLOCK = "supervisor"
 
 
 class Meter:
-    """Listens to the rows' topics. A context manager; counts only while ``run`` runs."""
+    """Listens to the rows' topics. A context manager; counts only while ``run`` runs.
+
+    Where /clock is among the rows, rates and ages are those of simulated time.
+    """
 
     def __init__(self, rows: Sequence[Topic]) -> None:
         transport.apply()
@@ -49,7 +55,11 @@ class Meter:
         self._streams: dict[str, dict[str, _Stream]] = {row.name: {} for row in rows}
         self._last_s: dict[str, float] = {}
         self._window = (0.0, 0.0)
+        self._clock: list[tuple[float, float]] = []  # (received, simulated) time of the first and last tick, s
         for row in rows:
+            if row is topics.CLOCK:
+                self._node.create_subscription(interface_class(row.type), row.name, self._on_clock, self._qos(row))
+                continue
             sender = _SENDERS.get(row.name)
             callback = self._counter(row.name, sender or (lambda _: ""))
             self._node.create_subscription(
@@ -81,11 +91,41 @@ class Meter:
 
         return on_message
 
+    def _on_clock(self, message: Any) -> None:
+        now_s = time.monotonic()
+        self._last_s[topics.CLOCK.name] = now_s
+        self._streams[topics.CLOCK.name].setdefault("", _Stream(now_s)).add(now_s)
+        self._clock[1:] = [(now_s, time_to_s(message.clock))]
+
+    def speed(self) -> float:
+        """Simulated over real time in the last ``run``; 1 where nodes live on the system clock."""
+        if len(self._clock) < 2:
+            return 1.0
+        (first_s, begin_s), (last_s, end_s) = self._clock
+        return (end_s - begin_s) / (last_s - first_s) if last_s > first_s else 1.0
+
+    def settle(self, longest_s: float = 5.0) -> None:
+        """Waits until the graph no longer changes and everything that has a rate arrives: discovery takes its time."""
+        end_s = time.monotonic() + longest_s
+        before: dict[str, int] = {}
+        while time.monotonic() < end_s:
+            self.run(0.5)
+            publishers = {name: self._node.count_publishers(name) for name in self._rows}
+            silent = [
+                name
+                for name, count in publishers.items()
+                if count and self._rows[name].rate_hz is not None and len(self._streams[name]) == 0
+            ]
+            if publishers == before and not silent:
+                return
+            before = publishers
+
     def run(self, duration_s: float) -> None:
         """Counts for so long, from zero. What arrived in between is not counted, but its age is known."""
         self._drain()
         for streams in self._streams.values():
             streams.clear()
+        self._clock.clear()
         begun_s = time.monotonic()
         while time.monotonic() - begun_s < duration_s:
             self._executor.spin_once(0.1)
@@ -107,7 +147,7 @@ class Meter:
 
     def _see(self, name: str, now_s: float) -> Seen:
         last_s = self._last_s.get(name)
-        age_s = None if last_s is None else now_s - last_s
+        age_s = None if last_s is None else (now_s - last_s) * self.speed()
         return Seen(
             publishers=tuple(_endpoint(item) for item in self._node.get_publishers_info_by_topic(name)),
             subscribers=tuple(
@@ -117,12 +157,15 @@ class Meter:
         )
 
     def _traffic(self, name: str, age_s: float | None) -> Traffic:
-        streams, window = self._streams[name].values(), self._window
+        streams, window, speed = self._streams[name], self._window, self.speed()
         rate_hz = self._rows[name].rate_hz
-        # Without a nominal rate every gap at the ends counts.
-        period_s = 0.0 if rate_hz is None else 1.0 / rate_hz
-        rates_hz = tuple(message_rate_hz(item.count, item.first_s, item.last_s, window, period_s) for item in streams)
-        return Traffic(sum(item.count for item in streams), window[1] - window[0], age_s, rates_hz)
+        rates_hz = []
+        for sender, item in streams.items():
+            scale = 1.0 if sender == _ON_SYSTEM_CLOCK else speed
+            # Without a nominal rate every gap at the ends counts.
+            period_s = 0.0 if rate_hz is None else 1.0 / (rate_hz * scale)
+            rates_hz.append(message_rate_hz(item.count, item.first_s, item.last_s, window, period_s) / scale)
+        return Traffic(sum(item.count for item in streams.values()), window[1] - window[0], age_s, tuple(rates_hz))
 
 
 class _Stream:
