@@ -114,7 +114,7 @@ class Meter:
             silent = [
                 name
                 for name, count in publishers.items()
-                if count and self._rows[name].rate_hz is not None and len(self._streams[name]) == 0
+                if count and self._rows[name].rate_hz is not None and name not in self._last_s
             ]
             if publishers == before and not silent:
                 return
