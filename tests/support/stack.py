@@ -143,10 +143,10 @@ class StackUnderTest:
 
         wait_for(reached, f"{command_type} leads to {state}", deadline_s)
 
-    def kill(self, name: str) -> int:
-        """SIGKILL to a process of this stack; returns the pid it had."""
+    def kill(self, name: str, number: signal.Signals = signal.SIGKILL) -> int:
+        """A signal to a process of this stack; returns the pid it had."""
         pid = int(self.process(name)["pid"])
-        os.kill(pid, signal.SIGKILL)
+        os.kill(pid, number)
         return pid
 
     def wait_restarted(self, name: str, old_pid: int, deadline_s: float = 30.0) -> None:
