@@ -105,7 +105,7 @@ JOINT_STATES = Topic(
     "sensor_msgs/msg/JointState",
     qos.SENSOR,
     ("swerve_hardware_interface",),
-    ("swerve_controller", "safety_monitor"),
+    ("swerve_controller", "safety_monitor", "docking_controller"),
     "8 joints fl_drive, fl_steer, ... rr_steer; rad, rad/s, Nm; drive position is the accumulated wheel angle",
     rate_hz=50.0,
     stale_s=0.1,
@@ -196,7 +196,7 @@ GOAL_POSE = Topic(
     "/goal_pose",
     "geometry_msgs/msg/PoseStamped",
     qos.COMMAND,
-    ("mission_manager", "touch_ui", OPERATOR_TOOL),
+    ("mission_manager", "docking_controller", "touch_ui", OPERATOR_TOOL),
     ("navigation_controller",),
     "goal in map; an empty frame_id cancels the current goal",
 )
@@ -205,7 +205,7 @@ PLAN = Topic(
     "nav_msgs/msg/Path",
     qos.LATCHED,
     ("navigation_controller",),
-    ("touch_ui", "mission_manager"),
+    ("touch_ui", "mission_manager", "docking_controller"),
     "path to the current goal in map; empty without a goal",
 )
 
@@ -245,8 +245,8 @@ FRONT_IMAGE = Topic(
     "sensor_msgs/msg/Image",
     qos.SENSOR,
     ("camera_driver",),
-    ("aruco_detector", "safety_monitor"),
-    "1280x720 mono8",
+    ("aruco_detector",),
+    "1280x720 mono8; stamp: middle of the exposure of the middle row",
     rate_hz=10.0,
     stale_s=0.5,
 )
@@ -255,8 +255,8 @@ REAR_IMAGE = Topic(
     "sensor_msgs/msg/Image",
     qos.SENSOR,
     ("camera_driver",),
-    ("aruco_detector", "safety_monitor"),
-    "1280x720 mono8",
+    ("aruco_detector",),
+    "1280x720 mono8; stamp: middle of the exposure of the middle row",
     rate_hz=10.0,
     stale_s=0.5,
 )
@@ -265,20 +265,20 @@ FRONT_CAMERA_INFO = Topic(
     "sensor_msgs/msg/CameraInfo",
     qos.SENSOR,
     ("camera_driver",),
-    ("aruco_detector",),
-    "intrinsics of the front camera",
+    ("aruco_detector", "safety_monitor"),
+    "intrinsics of the front camera, with each image",
     rate_hz=10.0,
-    stale_s=1.0,
+    stale_s=0.5,
 )
 REAR_CAMERA_INFO = Topic(
     "/sensors/camera/rear/camera_info",
     "sensor_msgs/msg/CameraInfo",
     qos.SENSOR,
     ("camera_driver",),
-    ("aruco_detector",),
-    "intrinsics of the rear camera",
+    ("aruco_detector", "safety_monitor"),
+    "intrinsics of the rear camera, with each image",
     rate_hz=10.0,
-    stale_s=1.0,
+    stale_s=0.5,
 )
 OBSTACLES = Topic(
     "/perception/obstacles",
@@ -308,7 +308,7 @@ ARUCO_DETECTIONS = Topic(
     qos.SENSOR,
     ("aruco_detector",),
     ("docking_controller", "touch_ui"),
-    "markers in the camera frame",
+    "markers of both cameras, each in its camera's frame; empty while docking needs none",
     rate_hz=10.0,
     stale_s=0.5,
 )
@@ -317,7 +317,7 @@ DOCKING_STATUS = Topic(
     "custom_msgs/msg/DockingStatus",
     qos.STATUS,
     ("docking_controller",),
-    ("mission_manager", "touch_ui", "ehmi_bridge"),
+    ("mission_manager", "touch_ui", "ehmi_bridge", "aruco_detector", "safety_monitor"),
     "state and errors of the docking",
     rate_hz=10.0,
     stale_s=0.5,
@@ -520,6 +520,18 @@ SIM_JOINT_STATES = Topic(
     ("sim_world",),
     (TEST_TOOL, OPERATOR_TOOL),
     "true joint positions, speeds and torques of the eight drives",
+    rate_hz=50.0,
+    stale_s=0.2,
+    system=_SIM,
+)
+
+SIM_BODIES = Topic(
+    "/sim/bodies",
+    "tf2_msgs/msg/TFMessage",
+    qos.SENSOR,
+    ("sim_world",),
+    ("camera_driver", TEST_TOOL, OPERATOR_TOOL),
+    "true poses of base_link, wheelchair and station boards in map: what a simulated camera looks at",
     rate_hz=50.0,
     stale_s=0.2,
     system=_SIM,

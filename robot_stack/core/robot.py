@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from robot_stack.core.config import Config, load
 
 Positive = Annotated[float, Field(gt=0.0)]
+Bit = Annotated[int, Field(ge=0, lt=8)]
 Xyz = Annotated[tuple[float, float, float], Field(description="m, base_link")]
 
 
@@ -51,6 +52,22 @@ class Steer(Config):
     torque_lag_s: Positive
 
 
+class Latch(Config):
+    """Engine I/O of the wheelchair's latch: bits of one output byte and of the input byte of the same number."""
+
+    byte: Annotated[int, Field(ge=0, lt=8000)]
+    close_output_bit: Bit
+    open_output_bit: Bit
+    closed_input_bit: Bit
+    open_input_bit: Bit
+
+    @model_validator(mode="after")
+    def _bits_differ(self) -> Latch:
+        if self.close_output_bit == self.open_output_bit or self.closed_input_bit == self.open_input_bit:
+            raise ValueError("the bits of one direction must differ")
+        return self
+
+
 class Robot(Config):
     """Everything that is true of the machine, whoever drives it."""
 
@@ -76,7 +93,15 @@ class Robot(Config):
     front_camera_xyz_m: Xyz
     rear_camera_xyz_m: Xyz
     estop_input_byte: Annotated[int, Field(ge=0, lt=8000)]
-    estop_input_bit: Annotated[int, Field(ge=0, lt=8)]
+    estop_input_bit: Bit
+    latch: Latch
+
+    @model_validator(mode="after")
+    def _inputs_differ(self) -> Robot:
+        latch = (self.latch.closed_input_bit, self.latch.open_input_bit)
+        if self.latch.byte == self.estop_input_byte and self.estop_input_bit in latch:
+            raise ValueError("latch: its input bits must differ from estop_input_bit")
+        return self
 
     @model_validator(mode="after")
     def _passenger_is_slower(self) -> Robot:
