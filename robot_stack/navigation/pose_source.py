@@ -7,11 +7,10 @@ pose of the odom frame in map, hardly changes, so it is taken from the one and a
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
-from collections import deque
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import Pose2, Twist2, exp_se2
+from robot_stack.core.pose_history import PoseHistory, StampedPose
 from robot_stack.navigation.params import PoseParams
 
 
@@ -21,12 +20,6 @@ class Located:
 
     pose: Pose2
     twist: Twist2
-
-
-@dataclass(frozen=True, slots=True)
-class _Stamped:
-    stamp_s: float
-    pose: Pose2
 
 
 class PoseSource:
@@ -39,10 +32,10 @@ class PoseSource:
         self._params = params
         self._max_speed_mps = params.max_speed_factor * max_speed_mps
         self._max_yaw_rate_radps = params.max_speed_factor * max_yaw_rate_radps
-        self._odometry: deque[_Stamped] = deque()
+        self._odometry = PoseHistory(params.history_s)
         self._twist = Twist2(0.0, 0.0, 0.0)
         self._odometry_received_s = -math.inf
-        self._fix: _Stamped | None = None
+        self._fix: StampedPose | None = None
         self._fix_received_s = -math.inf
         self._map_to_odom: Pose2 | None = None
 
@@ -50,17 +43,15 @@ class PoseSource:
         """Takes a message of ``/odom``. Returns why it was refused, else an empty text."""
         if not (math.isfinite(stamp_s) and pose.is_finite() and twist.is_finite()):
             return f"/odom is not finite: {pose}, {twist}"
-        if self._odometry and not self._continues(stamp_s, pose):
+        last = self._odometry.newest
+        if last is not None and not self._continues(last, stamp_s, pose):
             # Another odom frame, or another clock: what was learnt of the old one is worth nothing.
             self._odometry.clear()
             self._map_to_odom = None
             self._fix = None
-        if self._odometry and stamp_s <= self._odometry[-1].stamp_s:
+        if not self._odometry.add(stamp_s, pose):
             return ""  # late, and a newer one is known
-        self._odometry.append(_Stamped(stamp_s, pose))
         self._twist, self._odometry_received_s = twist, received_s
-        while stamp_s - self._odometry[0].stamp_s > self._params.history_s:
-            self._odometry.popleft()
         self._apply_fix()
         return ""
 
@@ -70,7 +61,7 @@ class PoseSource:
             return f"/current_pose is not finite: {pose}"
         if self._fix is not None and stamp_s == self._fix.stamp_s:
             return ""  # nothing new is known: it ages on
-        self._fix, self._fix_received_s = _Stamped(stamp_s, pose), received_s
+        self._fix, self._fix_received_s = StampedPose(stamp_s, pose), received_s
         self._apply_fix()
         return ""
 
@@ -81,14 +72,13 @@ class PoseSource:
             return None, _silent("/current_pose", fix_age_s, self._params.pose_timeout_s)
         if not 0.0 <= odometry_age_s <= self._params.odometry_timeout_s:
             return None, _silent("/odom", odometry_age_s, self._params.odometry_timeout_s)
-        if self._map_to_odom is None or not self._odometry:
+        newest = self._odometry.newest
+        if self._map_to_odom is None or newest is None:
             return None, "no /current_pose that fits the stamps of /odom"
-        newest = self._odometry[-1]
         ahead_s = min(max(now_s - newest.stamp_s, 0.0), self._params.max_extrapolation_s)
         return Located(self._map_to_odom.compose(newest.pose).compose(exp_se2(self._twist, ahead_s)), self._twist), ""
 
-    def _continues(self, stamp_s: float, pose: Pose2) -> bool:
-        last = self._odometry[-1]
+    def _continues(self, last: StampedPose, stamp_s: float, pose: Pose2) -> bool:
         dt_s = stamp_s - last.stamp_s
         if not abs(dt_s) <= self._params.history_s:
             return False
@@ -100,21 +90,9 @@ class PoseSource:
         """Joins fix and odometry at the fix's stamp, once the odometry reaches it."""
         if self._fix is None:
             return
-        odometry = self._odometry_at(self._fix.stamp_s)
+        odometry = self._odometry.at(self._fix.stamp_s)
         if odometry is not None:
             self._map_to_odom = self._fix.pose.compose(odometry.inverse())
-
-    def _odometry_at(self, stamp_s: float) -> Pose2 | None:
-        items = self._odometry
-        if not items or not items[0].stamp_s <= stamp_s <= items[-1].stamp_s:
-            return None
-        after = bisect_right(items, stamp_s, key=lambda item: item.stamp_s)
-        before = items[after - 1]
-        if after == len(items):
-            return before.pose
-        share = (stamp_s - before.stamp_s) / (items[after].stamp_s - before.stamp_s)
-        step = items[after].pose.relative_to(before.pose)
-        return before.pose.compose(Pose2(share * step.x, share * step.y, share * step.yaw))
 
 
 def _silent(name: str, age_s: float, limit_s: float) -> str:

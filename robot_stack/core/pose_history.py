@@ -1,0 +1,52 @@
+"""The poses of the last seconds, to find the one that belongs to a stamp."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import deque
+from dataclasses import dataclass
+
+from robot_stack.core.geometry import Pose2
+
+
+@dataclass(frozen=True, slots=True)
+class StampedPose:
+    stamp_s: float
+    pose: Pose2
+
+
+class PoseHistory:
+    """Poses in one frame in the order of their stamps, ``history_s`` of them."""
+
+    def __init__(self, history_s: float) -> None:
+        self._history_s = history_s
+        self._items: deque[StampedPose] = deque()
+
+    @property
+    def newest(self) -> StampedPose | None:
+        return self._items[-1] if self._items else None
+
+    def add(self, stamp_s: float, pose: Pose2) -> bool:
+        """Takes a pose; False if it is not newer than the newest."""
+        if self._items and stamp_s <= self._items[-1].stamp_s:
+            return False
+        self._items.append(StampedPose(stamp_s, pose))
+        while stamp_s - self._items[0].stamp_s > self._history_s:
+            self._items.popleft()
+        return True
+
+    def clear(self) -> None:
+        self._items.clear()
+
+    def at(self, stamp_s: float) -> Pose2 | None:
+        """The pose at ``stamp_s``, by a straight step between its neighbours; None outside the history."""
+        items = self._items
+        if not items or not items[0].stamp_s <= stamp_s <= items[-1].stamp_s:
+            return None
+        after = bisect_right(items, stamp_s, key=lambda item: item.stamp_s)
+        before = items[after - 1]
+        if after == len(items):
+            return before.pose
+        share = (stamp_s - before.stamp_s) / (items[after].stamp_s - before.stamp_s)
+        step = items[after].pose.relative_to(before.pose)
+        return before.pose.compose(Pose2(share * step.x, share * step.y, share * step.yaw))
