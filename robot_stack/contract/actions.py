@@ -1,14 +1,26 @@
 """Every action of the stack, one row each."""
 
 from robot_stack.contract.model import Action, System
+from robot_stack.contract.topics import OPERATOR_TOOL
 
-DOCK = Action("/docking/dock", "custom_msgs/action/Dock", "docking_controller", "dock to a dock of config/docks.yaml")
-UNDOCK = Action("/docking/undock", "custom_msgs/action/Undock", "docking_controller", "unlatch and back off")
+_DOCKING_CLIENTS = ("mission_manager", "touch_ui", OPERATOR_TOOL)
+
+DOCK = Action(
+    "/docking/dock",
+    "custom_msgs/action/Dock",
+    "docking_controller",
+    _DOCKING_CLIENTS,
+    "dock to a dock of config/docks.yaml",
+)
+UNDOCK = Action(
+    "/docking/undock", "custom_msgs/action/Undock", "docking_controller", _DOCKING_CLIENTS, "unlatch and back off"
+)
 FOLLOW_JOINT_TRAJECTORY = Action(
     "/movensys_manipulator_arm_controller/follow_joint_trajectory",
     "control_msgs/action/FollowJointTrajectory",
     "follow_joint_trajectory_server",
-    "cubic spline through the trajectory's points",
+    (),
+    "cubic spline through the trajectory's points; its clients are motion planners outside the stack",
     System.WMX,
 )
 

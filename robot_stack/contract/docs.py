@@ -45,7 +45,7 @@ def render() -> str:
             parts.append(f"## {title}: services\n\n{_endpoints(served)}")
         acted = [row for row in ACTIONS if row.system is system]
         if acted:
-            parts.append(f"## {title}: actions\n\n{_endpoints(acted)}")
+            parts.append(f"## {title}: actions\n\n{_actions(acted)}")
     parts.append(f"## Faults\n\n{_FAULTS_HEAD}\n\n{_faults()}")
     parts.append(f"## Processes\n\n{_PROCESSES_HEAD}\n\n{_processes(PROCESSES)}")
     return "\n".join(parts)
@@ -78,9 +78,14 @@ def _topics(rows: Sequence[Topic]) -> str:
     )
 
 
-def _endpoints(rows: Iterable[Service | Action]) -> str:
+def _endpoints(rows: Iterable[Service]) -> str:
     cells = ((f"`{row.name}`", f"`{row.type}`", row.server, row.note) for row in rows)
     return _table(("name", "type", "server", "what"), cells)
+
+
+def _actions(rows: Iterable[Action]) -> str:
+    cells = ((f"`{row.name}`", f"`{row.type}`", row.server, _nodes(row.clients), row.note) for row in rows)
+    return _table(("name", "type", "server", "clients", "what"), cells)
 
 
 def _faults() -> str:

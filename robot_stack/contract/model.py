@@ -84,11 +84,12 @@ class Service:
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """One action: ``type`` is ``package/action/Name``, ``server`` the node that offers it."""
+    """One action: ``type`` is ``package/action/Name``, ``server`` the node that offers it, ``clients`` who may ask."""
 
     name: str
     type: str
     server: str
+    clients: tuple[str, ...]
     note: str
     system: System = System.ROBOT
 

@@ -9,6 +9,7 @@ from typing import IO, Any
 
 from builtin_interfaces.msg import Time
 from pydantic import BaseModel
+from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
@@ -84,6 +85,11 @@ class StackNode(Node):
         """The action class of a contract row that this node may serve. Raises ContractViolation."""
         self._check(row.name, "serve", (row.server,))
         return interface_class(row.type)
+
+    def action_client(self, row: Action) -> ActionClient:
+        """A client of a contract row's action. Raises ContractViolation if the row does not name this node."""
+        self._check(row.name, "ask for", row.clients)
+        return ActionClient(self, interface_class(row.type), row.name)
 
     def every(self, rate_hz: float, callback: Callable[[], None]) -> None:
         """Calls ``callback`` at ``rate_hz`` on the ROS clock; its duration and overruns go to /diagnostics."""

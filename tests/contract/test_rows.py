@@ -410,6 +410,18 @@ def test_documented_action_has_its_row(name: str) -> None:
     assert [(row.type, row.server) for row in actions.ACTIONS if row.name == name] == [ACTIONS[name]]
 
 
+@pytest.mark.parametrize("row", actions.ACTIONS, ids=lambda row: row.name)
+def test_action_has_a_known_server_and_known_clients(row: actions.Action) -> None:
+    assert row.server in NODES
+    assert set(row.clients) <= NODES | set(topics.OUTSIDE)
+    assert row.note
+
+
+def test_missions_screens_and_operators_may_dock() -> None:
+    for row in (actions.DOCK, actions.UNDOCK):
+        assert row.clients == ("mission_manager", "touch_ui", topics.OPERATOR_TOOL)
+
+
 def test_fault_list_is_closed_and_complete() -> None:
     rows = {
         row.code: (row.action, row.state, row.clears.name == "ON_RESET", row.clear_after_s) for row in faults.FAULTS
