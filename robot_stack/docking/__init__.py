@@ -1,0 +1,1 @@
+"""Docking: markers in camera images, and the motion to the dock by them."""

@@ -1,0 +1,1 @@
+"""Tools of docking: marker boards on paper, and why a docking failed."""

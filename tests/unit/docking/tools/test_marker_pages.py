@@ -1,0 +1,138 @@
+"""Printed markers: what a camera would read off the paper, and where on it."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from robot_stack.core.docks import Dock, MarkerPlace, load_docks
+from robot_stack.docking.tools.board_page import board_page, describe
+from robot_stack.docking.tools.marker_page import DoesNotFit, NoSuchMarker, marker_bits, marker_page
+from robot_stack.docking.tools.page import MM_PER_INCH, PAPERS, draw
+
+DOCKS = load_docks()
+DPI = 300
+
+
+def rendered(page) -> np.ndarray:
+    """The page as the printer puts it on paper, 8 bit grey."""
+    buffer = io.BytesIO()
+    draw(page).savefig(buffer, format="png", dpi=DPI)
+    return cv2.imdecode(np.frombuffer(buffer.getvalue(), np.uint8), cv2.IMREAD_GRAYSCALE)
+
+
+def detected(image: np.ndarray) -> dict[int, np.ndarray]:
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DOCKS.dictionary))
+    corners, ids, _ = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(image)
+    return {int(number): square.reshape(4, 2) for number, square in zip(ids.ravel(), corners, strict=True)}
+
+
+@pytest.mark.parametrize("marker_id", [0, 6])
+def test_a_camera_reads_the_marker_in_its_size(marker_id):
+    page = marker_page(DOCKS.dictionary, marker_id, 0.15, "chair_1", PAPERS["a4"])
+    image = rendered(page)
+    assert image.shape == (math.floor(297 / MM_PER_INCH * DPI), math.floor(210 / MM_PER_INCH * DPI))
+    found = detected(image)
+    assert list(found) == [marker_id]
+    corners_mm = found[marker_id] * MM_PER_INCH / DPI
+    sides_mm = np.linalg.norm(np.roll(corners_mm, -1, axis=0) - corners_mm, axis=1)
+    assert sides_mm == pytest.approx(150.0, abs=0.1)
+    top_left, top_right, bottom_right, _ = corners_mm
+    assert top_left[0] < top_right[0]
+    assert top_right[1] < bottom_right[1], "the marker stands upright"
+    assert corners_mm[:, 0].mean() == pytest.approx(105.0, abs=0.1), "in the middle of the paper"
+
+
+def test_the_quiet_zone_of_one_cell_is_white_but_for_the_line_at_its_rim():
+    image = rendered(marker_page(DOCKS.dictionary, 1, 0.15, "chair_1", PAPERS["a4"]))
+    left, top, right, bottom = (corner for corner in (*detected(image)[1][0], *detected(image)[1][2]))
+    clear = round(20.0 / MM_PER_INCH * DPI)  # of 25 mm
+    around = image[round(top) - clear : round(bottom) + clear, round(left) - clear : round(right) + clear].copy()
+    around[clear - 3 : -clear + 3, clear - 3 : -clear + 3] = 255
+    assert around.min() == 255
+
+
+def test_the_ruler_is_100_mm_long():
+    page = marker_page(DOCKS.dictionary, 0, 0.15, "chair_1", PAPERS["a4"])
+    image = rendered(page)
+    row = image[round(image.shape[0] - 15.0 / MM_PER_INCH * DPI)]
+    dark = np.flatnonzero(row < 128)
+    assert (dark[-1] - dark[0] + 1) * MM_PER_INCH / DPI == pytest.approx(100.0, abs=0.3)
+    assert len(dark) == dark[-1] - dark[0] + 1
+
+
+def test_a_smaller_marker_is_printed_as_small_as_it_is():
+    page = marker_page(DOCKS.dictionary, 2, 0.06, "charger", PAPERS["a3"])
+    corners_mm = detected(rendered(page))[2] * MM_PER_INCH / DPI
+    assert np.ptp(corners_mm, axis=0) == pytest.approx(60.0, abs=0.1)
+
+
+def test_what_does_not_fit_is_refused():
+    with pytest.raises(
+        DoesNotFit, match=r"a marker of 160 mm needs 213\.333 mm with its quiet zone; A4 has room for 202"
+    ):
+        marker_page(DOCKS.dictionary, 0, 0.16, "chair_1", PAPERS["a4"])
+    marker_page(DOCKS.dictionary, 0, 0.16, "chair_1", PAPERS["a3"])
+
+
+@pytest.mark.parametrize(
+    ("dictionary", "marker_id", "says"),
+    [("DICT_4X4_50", 50, "ids 0 to 49"), ("DICT_NOTHING", 0, "no 'DICT_NOTHING'"), ("Board", 0, "no 'Board'")],
+)
+def test_unknown_markers_are_refused(dictionary, marker_id, says):
+    with pytest.raises(NoSuchMarker, match=says):
+        marker_bits(dictionary, marker_id)
+
+
+def test_bits_are_those_of_the_dictionary():
+    bits = marker_bits("DICT_4X4_50", 0)
+    assert bits.shape == (6, 6)
+    assert bits[0].all()
+    assert bits[-1].all()
+    assert bits[:, 0].all()
+    assert bits[:, -1].all()
+    assert not bits.all()
+
+
+def test_the_overview_shows_where_the_robot_sees_each_marker():
+    page = board_page("chair_1", DOCKS.docks["chair_1"], DOCKS.marker_size_m, PAPERS["a4"])
+    texts = [text.text for text in page.texts]
+    assert "marker 0: centre 200 mm to the left, 575 mm above the ground" in texts
+    assert "marker 3: centre 200 mm to the right, 325 mm above the ground" in texts
+    assert "scale 1:5; markers 150 mm wide" in texts
+    centres = {
+        text.text: rect for text, rect in zip([t for t in page.texts if t.text in "0123"], page.rects, strict=True)
+    }
+    across_mm = 5.0 * (centres["1"].x_mm - centres["0"].x_mm)
+    assert across_mm == pytest.approx(400.0)
+    assert 5.0 * (centres["0"].y_mm - centres["2"].y_mm) == pytest.approx(250.0)
+    for line in page.lines:
+        assert 0.0 <= min(line.x0_mm, line.x1_mm) <= max(line.x0_mm, line.x1_mm) <= 210.0
+        assert 0.0 <= min(line.y0_mm, line.y1_mm) <= max(line.y0_mm, line.y1_mm) <= 297.0
+
+
+def test_words_for_a_marker_out_of_the_plane():
+    place = MarkerPlace(x_m=-0.05, y_m=0.0, z_m=0.4, yaw_rad=math.radians(10.0))
+    words = describe(9, place)
+    assert words == (
+        "marker 9: centre in the middle, 400 mm above the ground, 50 mm nearer to the robot than the board, "
+        "facing 10 deg to the right"
+    )
+
+
+def test_a_high_board_is_drawn_smaller():
+    high = Dock.model_validate(
+        {
+            **DOCKS.docks["chair_1"].model_dump(),
+            "markers": {0: {"x_m": 0.0, "y_m": 0.0, "z_m": 3.0}},
+        }
+    )
+    page = board_page("pole", high, 0.15, PAPERS["a4"])
+    assert "scale 1:20; markers 150 mm wide" in [text.text for text in page.texts]
+    assert max(line.y1_mm for line in page.lines) < 297.0
