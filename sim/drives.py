@@ -44,7 +44,9 @@ class ServoDrives:
         self._active = DriveCommands.zeros(N_AXES, 0)
         self._bus_up = True
         self._estop = (robot.estop_input_byte, robot.estop_input_bit)
-        self._estop_released = True
+        self._latch = robot.latch
+        self._inputs: dict[tuple[int, int], bool] = {self._estop: True}
+        self._silence_limit_s = params.drives.bus_watchdog_s
         self.outputs: NDArray[np.uint8] = np.zeros(0, np.uint8)
 
     # --- the engine's side ----------------------------------------------------------------------------------------
@@ -68,10 +70,10 @@ class ServoDrives:
         np.multiply(state[loops.S_TORQUE], 100.0 / parameters[loops.P_RATED_TORQUE], out=inp.torque_percent)
         np.equal(state[loops.S_STATE], loops.ON, out=inp.servo_on)
         inp.alarm_code[:] = state[loops.S_ALARM_CODE]
-        byte, bit = self._estop
-        if byte < inp.inputs.size:
-            others = int(inp.inputs[byte]) & ~(1 << bit)
-            inp.inputs[byte] = others | self._estop_released << bit
+        for (byte, bit), value in self._inputs.items():
+            if byte < inp.inputs.size:
+                others = int(inp.inputs[byte]) & ~(1 << bit)
+                inp.inputs[byte] = others | value << bit
 
     # --- the world's side -----------------------------------------------------------------------------------------
 
@@ -128,11 +130,25 @@ class ServoDrives:
 
     def set_estop_pressed(self, pressed: bool) -> None:
         """The button is normally closed: its input bit is 1 while released."""
-        self._estop_released = not pressed
+        self._inputs[self._estop] = not pressed
 
     @property
     def estop_pressed(self) -> bool:
-        return not self._estop_released
+        return not self._inputs[self._estop]
+
+    def set_latch_inputs(self, closed: bool, open_: bool) -> None:
+        """What the latch's two switches say."""
+        self._inputs[self._latch.byte, self._latch.closed_input_bit] = closed
+        self._inputs[self._latch.byte, self._latch.open_input_bit] = open_
+
+    @property
+    def latch_outputs(self) -> tuple[bool, bool]:
+        """Close, open: as the engine last set them; both off on a silent bus, as an I/O terminal does by itself."""
+        byte = self._latch.byte
+        if byte >= self.outputs.size or self._state[loops.S_SILENCE, 0] > self._silence_limit_s:
+            return False, False
+        value = int(self.outputs[byte])
+        return bool(value >> self._latch.close_output_bit & 1), bool(value >> self._latch.open_output_bit & 1)
 
     # --- what the world may know ----------------------------------------------------------------------------------
 

@@ -31,14 +31,25 @@ class ImuSample:
 
 
 class ImuModel:
-    """Feed it with ``measure`` every step; ``sample`` gives what the unit sends at that moment."""
+    """Feed it with ``measure`` every step; ``sample`` gives what the unit sends at that moment.
 
-    def __init__(self, params: Imu, period_steps: int, dt_s: float, random: np.random.Generator) -> None:
+    inclination_wxyz: turns the frame that orientations are given in into one whose z is upright.
+    """
+
+    def __init__(
+        self,
+        params: Imu,
+        period_steps: int,
+        dt_s: float,
+        random: np.random.Generator,
+        inclination_wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0),
+    ) -> None:
         self._params = params
         self._period_steps = period_steps
         self._period_s = period_steps * dt_s
         self._dt_s = dt_s
         self._random = random
+        self._inclination = inclination_wxyz
         self._sum = np.zeros(6)
         self._count = 0
         self._bias = np.concatenate(
@@ -101,6 +112,8 @@ class ImuModel:
 
     def _orientation(self, wxyz: NDArray[np.float64]) -> Quaternion:
         w, x, y, z = (float(value) for value in wxyz)
+        if self._inclination[0] != 1.0:
+            w, x, y, z = _product(self._inclination, (w, x, y, z))
         if self._heading_at_start is None:
             self._heading_at_start = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         turn = 0.5 * (self._heading_error - self._heading_at_start)

@@ -66,7 +66,7 @@ def chassis_inertial(robot: Robot, params: SimParams) -> Inertial:
 
 
 def wheelchair_inertial(robot: Robot, chair: Wheelchair, passenger_mass_kg: float) -> Inertial:
-    """The chair with a passenger on it; origin on the ground below the chair's middle.
+    """The chair with a passenger on it; origin on the ground below the chair's board.
 
     Raises ValueError for a passenger whom the robot may not carry.
     """
@@ -78,8 +78,11 @@ def wheelchair_inertial(robot: Robot, chair: Wheelchair, passenger_mass_kg: floa
     mass = m1 + m2
     height = (m1 * z1 + m2 * z2) / mass
     lever = m1 * (z1 - height) ** 2 + m2 * (z2 - height) ** 2  # parallel axes, about x and y only
-    own = box_diagonal(m1, (chair.length_m, chair.width_m, CHAIR_HEIGHT_M))
+    size = (chair.rail_length_m + chair.seat_length_m, 2.0 * chair.rail_outer_m, CHAIR_HEIGHT_M)
+    own = box_diagonal(m1, size)
     seated = box_diagonal(m2, PASSENGER_SIZE_M)
     return Inertial(
-        mass, (0.0, 0.0, height), (own[0] + seated[0] + lever, own[1] + seated[1] + lever, own[2] + seated[2])
+        mass,
+        (chair.centre_of_gravity_x_m, 0.0, height),
+        (own[0] + seated[0] + lever, own[1] + seated[1] + lever, own[2] + seated[2]),
     )

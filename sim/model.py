@@ -10,9 +10,10 @@ from xml.etree.ElementTree import Element, SubElement
 
 from robot_stack.contract.frames import MODULES
 from robot_stack.core.robot import Robot
+from sim.chair_model import add_latch, add_wheelchair
 from sim.mjcf import NO_BITS, PAINT_GROUP, WORLD_BITS, WORLD_GROUP, add_geom, number, quaternion, vector
 from sim.parameters import SimParams
-from sim.robot_model import Tolerances, add_latch, add_robot, add_wheelchair
+from sim.robot_model import Tolerances, add_robot
 from sim.terrain import Solid, solids
 from sim.worldfile import WorldFile
 
@@ -22,6 +23,7 @@ _COLORS = {
     "box": "0.45 0.52 0.60 1",
     "cylinder": "0.40 0.33 0.24 1",
     "ramp": "0.58 0.58 0.60 1",
+    "station": "0.85 0.86 0.88 1",
     "patch": "0.35 0.50 0.62 1",
 }
 

@@ -87,7 +87,9 @@ class WorldProcess:
         self._imu_node.publish(sample, self._stamp(sample.time_s))
 
     def _publish_truth(self) -> None:
-        self._node.publish_truth(self._sim.world.truth(), self._stamp(self._sim.time_s))
+        stamp = self._stamp(self._sim.time_s)
+        self._node.publish_truth(self._sim.world.truth(), stamp)
+        self._node.publish_bodies(self._sim.world.bodies(), stamp)
 
     def _publish_battery(self) -> None:
         reading = self._sim.battery.read()

@@ -74,19 +74,55 @@ class Suspension(Config):
 
 
 class Wheelchair(Config):
-    """The wheelchair and how it hangs on the robot's latch."""
+    """The wheelchair. Frame: origin on the ground under the board, x the way a robot approaches, z up."""
 
-    latch_x_m: Positive
-    latch_half_width_m: Positive
-    latch_height_m: Positive
-    length_m: Positive
-    width_m: Positive
-    wheelbase_m: Positive
-    wheel_track_m: Positive
-    wheel_radius_m: Positive
+    board_width_m: Positive
+    board_height_m: Positive
+    board_middle_m: Positive
+    seat_length_m: Positive
+    seat_width_m: Positive
+    seat_top_m: Positive
+    rail_length_m: Positive
+    rail_inner_m: Positive
+    rail_outer_m: Positive
+    rail_bottom_m: Positive
+    rail_top_m: Positive
+    castor_front_x_m: float
+    castor_rear_x_m: float
+    castor_track_m: Positive
+    castor_radius_m: Positive
     rolling_resistance: Fraction
+    brake_friction: Fraction
+    centre_of_gravity_x_m: float
     centre_of_gravity_height_m: Positive
     passenger_centre_of_gravity_height_m: Positive
+
+    @model_validator(mode="after")
+    def _stands(self) -> Wheelchair:
+        if not self.castor_rear_x_m < self.centre_of_gravity_x_m < self.castor_front_x_m:
+            raise ValueError("centre_of_gravity_x_m must lie between the castors, else the chair falls over")
+        if self.rail_outer_m <= self.rail_inner_m or self.rail_top_m <= self.rail_bottom_m:
+            raise ValueError("rail_outer_m and rail_top_m must be above rail_inner_m and rail_bottom_m")
+        if self.brake_friction <= self.rolling_resistance:
+            raise ValueError("brake_friction must be above rolling_resistance")
+        return self
+
+
+class LatchMechanism(Config):
+    """The robot's latch: two hooks that take the rail ends of a wheelchair. Places in base_link."""
+
+    x_m: Positive
+    half_width_m: Positive
+    height_m: Positive
+    plate_length_m: Positive
+    plate_inner_m: Positive
+    plate_outer_m: Positive
+    plate_height_m: Positive
+    travel_s: Positive
+    draw_in_s: Positive
+    capture_m: Positive
+    capture_rad: Positive
+    capture_height_m: Positive
 
 
 class PerMotor(Config):
@@ -190,6 +226,7 @@ class SimParams(Config):
     steering: Steering
     suspension: Suspension
     wheelchair: Wheelchair
+    latch: LatchMechanism
     drives: Drives
     imu: Imu
     battery: Battery

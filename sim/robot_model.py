@@ -1,4 +1,4 @@
-"""Robot and wheelchair as MJCF bodies.
+"""The robot as MJCF bodies.
 
 Wheels are ellipsoids: one clean contact point on every surface, as a slightly crowned tyre has, plus a torsional
 friction that stands for the contact patch (turning a module on the spot costs torque). Cylinders touch with two edges
@@ -16,10 +16,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 from robot_stack.contract.frames import MODULES
 from robot_stack.core.robot import Robot
-from sim.inertia import chassis_inertial, steering_inertial, wheel_inertial, wheelchair_inertial
+from sim.inertia import chassis_inertial, steering_inertial, wheel_inertial
 from sim.mjcf import (
-    CHAIR_BITS,
-    CHAIR_GROUP,
     NO_BITS,
     ROBOT_BITS,
     ROBOT_GROUP,
@@ -62,15 +60,31 @@ def add_robot(body: Element, robot: Robot, params: SimParams, friction: float, t
     add_geom(base, "chassis", "box", half, ROBOT_BITS, ROBOT_GROUP, pos=vector(centre), rgba="0.93 0.93 0.95 1")
     _decoration(base, robot, params)
     SubElement(base, "site", name="imu", pos=vector(robot.imu_xyz_m))
-    for side, y in (("left", params.wheelchair.latch_half_width_m), ("right", -params.wheelchair.latch_half_width_m)):
-        SubElement(
-            base,
-            "site",
-            name=f"latch_{side}",
-            pos=vector((params.wheelchair.latch_x_m, y, params.wheelchair.latch_height_m)),
-        )
+    _latch(base, params)
     for index, name in enumerate(MODULES):
         _module(base, name, robot.module_positions_m()[index], tolerances.wheel_radii_m[index], robot, params, friction)
+
+
+def _latch(base: Element, params: SimParams) -> None:
+    """The plates that carry the hooks, and where the hooks hold what they have caught."""
+    latch, front_m = params.latch, 0.5 * params.chassis.length_m
+    half = (0.5 * latch.plate_length_m, 0.5 * (latch.plate_outer_m - latch.plate_inner_m), 0.5 * latch.plate_height_m)
+    middle_m = 0.5 * (latch.plate_outer_m + latch.plate_inner_m)
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        SubElement(
+            base, "site", name=f"latch_{side}", pos=vector((latch.x_m, sign * latch.half_width_m, latch.height_m))
+        )
+        centre = (front_m - half[0], sign * middle_m, latch.height_m)
+        add_geom(
+            base,
+            f"latch_plate_{side}",
+            "box",
+            half,
+            ROBOT_BITS,
+            ROBOT_GROUP,
+            pos=vector(centre),
+            rgba="0.35 0.36 0.38 1",
+        )
 
 
 def _decoration(base: Element, robot: Robot, params: SimParams) -> None:
@@ -198,62 +212,3 @@ def _suspension(body: Element, name: str, robot: Robot, params: SimParams) -> No
         damping=number(damping),
         range=vector((-spring.travel_m, spring.travel_m)),
     )
-
-
-def add_wheelchair(body: Element, robot: Robot, params: SimParams) -> None:
-    chair = params.wheelchair
-    middle_x = chair.latch_x_m + 0.5 * chair.length_m
-    # Weightless until it is used: a parked chair floats out of sight.
-    frame = SubElement(body, "body", name="wheelchair", pos=vector((middle_x, 0.0, 0.0)), gravcomp="1")
-    SubElement(frame, "freejoint", name="wheelchair")
-    add_inertial(frame, wheelchair_inertial(robot, chair, 0.0))
-    for side, y in (("left", chair.latch_half_width_m), ("right", -chair.latch_half_width_m)):
-        SubElement(
-            frame, "site", name=f"chair_latch_{side}", pos=vector((-0.5 * chair.length_m, y, chair.latch_height_m))
-        )
-    seat = (0.5 * chair.length_m, 0.5 * chair.width_m, 0.08)
-    add_geom(frame, "chair_seat", "box", seat, CHAIR_BITS, CHAIR_GROUP, pos="0 0 0.45", rgba="0.20 0.30 0.45 1")
-    back = (0.03, 0.45 * chair.width_m, 0.22)
-    add_geom(
-        frame,
-        "chair_back",
-        "box",
-        back,
-        CHAIR_BITS,
-        CHAIR_GROUP,
-        pos=vector((-0.5 * chair.length_m + 0.05, 0.0, 0.72)),
-        rgba="0.20 0.30 0.45 1",
-    )
-    drag = vector((chair.rolling_resistance, 0.0, 0.0))
-    for x in (0.5 * chair.wheelbase_m, -0.5 * chair.wheelbase_m):
-        for y in (0.5 * chair.wheel_track_m, -0.5 * chair.wheel_track_m):
-            name = f"chair_wheel_{'front' if x > 0 else 'rear'}_{'left' if y > 0 else 'right'}"
-            place = vector((x, y, chair.wheel_radius_m))
-            add_geom(
-                frame,
-                name,
-                "sphere",
-                (chair.wheel_radius_m,),
-                CHAIR_BITS,
-                CHAIR_GROUP,
-                pos=place,
-                priority="2",
-                condim="3",
-                friction=drag,
-                rgba="0.15 0.15 0.15 1",
-            )
-
-
-def add_latch(root: Element) -> None:
-    """Two ball joints side by side: the chair is led in every direction and free to pitch on uneven ground."""
-    equality = SubElement(root, "equality")
-    for side in ("left", "right"):
-        SubElement(
-            equality,
-            "connect",
-            name=f"latch_{side}",
-            site1=f"latch_{side}",
-            site2=f"chair_latch_{side}",
-            active="false",
-            solref="0.005 1",
-        )

@@ -27,7 +27,8 @@ class Simulation:
         random = self.world.sensor_random()
         dt_s = self.world.dt_s
         assert topics.IMU.rate_hz is not None
-        self.imu = ImuModel(params.imu, round(1.0 / (topics.IMU.rate_hz * dt_s)), dt_s, random)
+        period_steps = round(1.0 / (topics.IMU.rate_hz * dt_s))
+        self.imu = ImuModel(params.imu, period_steps, dt_s, random, setup.inclination_wxyz())
         self.battery = BatteryModel(params.battery, np.random.default_rng(random.integers(2**63)))
         self.engine_cycle: Callable[[], None] = _no_engine
         self.engine_stalled = False

@@ -6,14 +6,19 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from sim.worldfile import Box, Cylinder, Patch, Ramp, WorldFile
+from robot_stack.core.geometry import Pose2
+from sim.worldfile import Box, Cylinder, Patch, Place, Ramp, WorldFile
 
-Kind = Literal["kerb", "wall", "box", "cylinder", "ramp", "patch"]
+Kind = Literal["kerb", "wall", "box", "cylinder", "ramp", "station", "patch"]
 
 SLAB_THICKNESS_M = 0.20
 # A slope slab begins this far below the ground, so that no gap opens at the foot.
 SLAB_UNDERLAP_M = 0.20
 PATCH_HALF_HEIGHT_M = 0.002
+# A station: a board like the wheelchair's on a post. Half sizes and middle height, m.
+BOARD_HALF_M = (0.02, 0.29, 0.22)
+BOARD_MIDDLE_M = 0.45
+POST_HALF_M = (0.02, 0.06, 0.115)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +43,8 @@ def solids(world: WorldFile) -> list[Solid]:
     found += [_cylinder(item) for item in world.cylinders]
     for ramp in world.ramps:
         found += _ramp(ramp)
+    for name, place in world.stations.items():
+        found += _station(name, place)
     found += [_patch(item) for item in world.patches]
     return found
 
@@ -55,6 +62,15 @@ def _cylinder(item: Cylinder) -> Solid:
 def _patch(item: Patch) -> Solid:
     half = (0.5 * item.length_m, 0.5 * item.width_m, PATCH_HALF_HEIGHT_M)
     return Solid(item.name, "patch", "box", (item.x_m, item.y_m, 0.0), half, item.yaw_rad)
+
+
+def _station(name: str, place: Place) -> list[Solid]:
+    """The board's face is at the dock frame's x = 0, its thickness behind it."""
+    pose = place.pose()
+    behind = pose.compose(Pose2(BOARD_HALF_M[0], 0.0, 0.0))
+    board = Solid(name, "station", "box", (behind.x, behind.y, BOARD_MIDDLE_M), BOARD_HALF_M, pose.yaw)
+    foot = (behind.x, behind.y, POST_HALF_M[2])
+    return [board, Solid(f"{name}_post", "station", "box", foot, POST_HALF_M, pose.yaw)]
 
 
 def _ramp(ramp: Ramp) -> list[Solid]:

@@ -9,27 +9,30 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.contract import frames
 from robot_stack.contract.frames import DRIVE_AXES, MODULES
-from robot_stack.core.geometry import Pose2, quaternion_from_yaw, yaw_from_quaternion
+from robot_stack.core.geometry import Pose2, quaternion_from_yaw, wrap_angle, yaw_from_quaternion
 from robot_stack.core.robot import Robot
 from sim.drives import JointIndex, ServoDrives
-from sim.inertia import Inertial, wheelchair_inertial
-from sim.mjcf import CHAIR_BITS, ROBOT_BITS
+from sim.latch import Latch
+from sim.mjcf import CHAIR_GROUP, ROBOT_GROUP
 from sim.model import write_mjcf
 from sim.parameters import SimParams
-from sim.robot_model import Tolerances, torsional_friction_m
+from sim.robot_model import GRAVITY_MPS2, Tolerances, torsional_friction_m
 from sim.surface import Surface
+from sim.wheelchair import Chair, matrix_of
 from sim.worldfile import WorldFile
 
 # The ground under the wheels is looked up this often: 3 mm of travel at full speed are less than a contact patch.
 _SURFACE_PERIOD_STEPS = 2
-# A parked wheelchair floats out of the way of sensors and wheels.
-_CHAIR_PARKED_AT_M = (0.0, 0.0, -5.0)
+_ROBOT, _CHAIR = 1, 2
+WHEELCHAIR = "wheelchair"  # frame id
 
 
 def _warn(message: str) -> None:
@@ -48,8 +51,10 @@ class SimulationDiverged(Exception):
 class Setup:
     """What makes one run: the world file, the seed, where the robot starts, and the wheelchair with it.
 
-    wheelchair: a wheelchair is in the model and can be attached.
+    wheelchair: a wheelchair is in the model, out of sight if it has no place, and can be attached.
+    wheelchair_pose: where it stands instead of the world file's own place (frame of its dock, in map).
     passenger_mass_kg: a passenger in it; attached_at_start latches it to the robot from the first moment.
+    slope_rad: the whole ground is inclined and rises towards slope_direction_rad in map; map's z stays square to it.
     """
 
     world: WorldFile
@@ -58,6 +63,30 @@ class Setup:
     wheelchair: bool = False
     attached_at_start: bool = False
     passenger_mass_kg: float = 0.0
+    wheelchair_pose: Pose2 | None = None
+    slope_rad: float = 0.0
+    slope_direction_rad: float = 0.0
+
+    def wheelchair_place(self) -> Pose2 | None:
+        """Where the wheelchair stands at the start, if not on the latch."""
+        own = self.world.wheelchair
+        return self.wheelchair_pose or (None if own is None else own.pose())
+
+    def has_wheelchair(self) -> bool:
+        return self.wheelchair or self.attached_at_start or self.wheelchair_place() is not None
+
+    def gravity_mps2(self) -> tuple[float, float, float]:
+        """In map. Raises ValueError for a slope that is none."""
+        if not abs(self.slope_rad) < 0.5 * math.pi or not math.isfinite(self.slope_direction_rad):
+            raise ValueError(f"slope_rad must be within +-90 deg, is {self.slope_rad}, {self.slope_direction_rad}")
+        along = -GRAVITY_MPS2 * math.sin(self.slope_rad)
+        x, y = math.cos(self.slope_direction_rad), math.sin(self.slope_direction_rad)
+        return along * x, along * y, -GRAVITY_MPS2 * math.cos(self.slope_rad)
+
+    def inclination_wxyz(self) -> tuple[float, float, float, float]:
+        """Turns map into a frame whose z is upright."""
+        half, direction = 0.5 * self.slope_rad, self.slope_direction_rad
+        return math.cos(half), math.sin(half) * math.sin(direction), -math.sin(half) * math.cos(direction), 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,11 +120,11 @@ class World:
         seeds = np.random.SeedSequence(setup.seed).spawn(3)
         machine, drive_noise, self._sensor_seed = seeds
         self.tolerances = draw_tolerances(robot, params, np.random.default_rng(machine))
-        wheelchair = setup.wheelchair or setup.attached_at_start
+        wheelchair = setup.has_wheelchair()
         self.mjcf = write_mjcf(robot, params, setup.world, self.tolerances, wheelchair)
         self.model = mujoco.MjModel.from_xml_string(self.mjcf)
         self.data = mujoco.MjData(self.model)
-        self.has_wheelchair = wheelchair
+        self.model.opt.gravity[:] = setup.gravity_mps2()
         self.dt_s = params.physics.timestep_s
         self.drives = ServoDrives(robot, params, self.tolerances, self.dt_s, np.random.default_rng(drive_noise))
         self.surface = Surface(setup.world)
@@ -105,6 +134,10 @@ class World:
         self._qpos, self._qvel, self._ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
         self._friction = self.model.dof_frictionloss
         self.steps = 0
+        self._part = _parts(self.model)
+        self._stations = [(name, on_ground(place.pose())) for name, place in setup.world.stations.items()]
+        self.chair = Chair(robot, params, self.model, self.data, setup.passenger_mass_kg) if wheelchair else None
+        self.latch = Latch(params.latch, self.drives, self.chair, self.dt_s)
         self._place(setup)
 
     @property
@@ -123,6 +156,9 @@ class World:
         if self.steps % _SURFACE_PERIOD_STEPS == 0:
             self._update_surface()
         self.drives.step(self._qpos, self._qvel, self._index, self._ctrl, self._friction)
+        self.latch.step()
+        if self.chair is not None:
+            self.chair.step()
         mujoco.mj_step(self.model, self.data)
         self.steps += 1
         if not math.isfinite(self._qpos[0] + self._qvel[0]):
@@ -179,84 +215,91 @@ class World:
                     loads[wheel] += force[0]
         return loads
 
+    def contact_force_n(self) -> float:
+        """What robot and wheelchair press against each other by touching, the latch's own force left out.
+
+        The sum of the magnitudes over all contacts, so that a chair that is squeezed shows it.
+        """
+        if self.chair is None:
+            return 0.0
+        total, force = 0.0, np.zeros(6)
+        for k in range(self.data.ncon):
+            contact = self.data.contact[k]
+            first, second = (self._part[self.model.geom_bodyid[geom]] for geom in (contact.geom1, contact.geom2))
+            if {first, second} == {_ROBOT, _CHAIR}:
+                mujoco.mj_contactForce(self.model, self.data, k, force)
+                total += math.sqrt(float(force[:3] @ force[:3]))
+        return total
+
     # --- wheelchair -----------------------------------------------------------------------------------------------
 
     @property
     def attached(self) -> bool:
         """A wheelchair hangs on the latch."""
-        return self.has_wheelchair and bool(self.data.eq_active[self.model.equality("latch_left").id])
+        return self.chair is not None and self.chair.held
+
+    def wheelchair_pose(self) -> NDArray[np.float64] | None:
+        """(4, 4) frame of the wheelchair (that of its dock) in map; None without one, or if it stands nowhere yet."""
+        return self.chair.matrix() if self.chair is not None and self.chair.in_sight else None
+
+    def dock_error(self, dock_pose: Pose2) -> tuple[float, float, float]:
+        """Along m, across m, yaw rad of base_link from ``dock_pose``, which is in the true frame of the wheelchair.
+
+        Raises ValueError if no wheelchair stands in this world.
+        """
+        chair = self.wheelchair_pose()
+        if chair is None:
+            raise ValueError("no wheelchair stands in this world")
+        base = np.linalg.inv(chair) @ matrix_of(self._qpos[:7])
+        yaw = math.atan2(base[1, 0], base[0, 0])
+        return float(base[0, 3]) - dock_pose.x, float(base[1, 3]) - dock_pose.y, wrap_angle(yaw - dock_pose.yaw)
 
     def attach_wheelchair(self, passenger_mass_kg: float) -> None:
-        """Puts the wheelchair in front of the robot, moving with it, and closes the latch.
+        """Puts the wheelchair in front of the robot, moving with it, and closes the latch at once.
 
         Raises ValueError if there is no wheelchair in this world or the passenger is too heavy.
         """
-        if not self.has_wheelchair:
-            raise ValueError("this world has no wheelchair")
-        chair = self.params.wheelchair
-        self._load_wheelchair(wheelchair_inertial(self.robot, chair, passenger_mass_kg))
-        self.model.body_gravcomp[self.model.body("wheelchair").id] = 0.0
-        truth = self.truth()
-        joint = self.model.joint("wheelchair")
-        ahead = Pose2(chair.latch_x_m + 0.5 * chair.length_m, 0.0, 0.0)
-        pose = truth.pose().compose(ahead)
-        start, dof = joint.qposadr[0], joint.dofadr[0]
-        x, y, z, w = quaternion_from_yaw(pose.yaw)
-        self._qpos[start : start + 7] = pose.x, pose.y, truth.position_m[2], w, x, y, z
-        self._qvel[dof : dof + 6] = self._qvel[0:6]
-        # The chair's middle is ahead of the robot's: turning moves it sideways.
-        sideways = truth.angular_radps[2] * ahead.x
-        self._qvel[dof : dof + 2] += -math.sin(pose.yaw) * sideways, math.cos(pose.yaw) * sideways
-        self._latch(True)
+        self._chair_or_error().set_passenger_mass(passenger_mass_kg)
+        self.latch.force(closed=True)
 
     def detach_wheelchair(self) -> None:
-        """Opens the latch; the chair stays where it is."""
-        if self.has_wheelchair:
-            self._latch(False)
+        """Opens the latch at once; the chair stays where it is, with its brake closed."""
+        self.latch.force(closed=False)
 
     def set_passenger_mass(self, passenger_mass_kg: float) -> None:
         """Changes who sits in the chair. Raises ValueError."""
-        if not self.has_wheelchair:
+        self._chair_or_error().set_passenger_mass(passenger_mass_kg)
+
+    def move_wheelchair(self, along_m: float, across_m: float, turn_rad: float) -> None:
+        """Shifts the standing chair by that in its own frame within 0.2 s. Raises ValueError if it cannot be."""
+        chair = self._chair_or_error()
+        if not chair.in_sight or chair.held:
+            raise ValueError("the wheelchair hangs on the latch" if chair.held else "no wheelchair stands here")
+        chair.move(along_m, across_m, turn_rad)
+
+    def _chair_or_error(self) -> Chair:
+        if self.chair is None:
             raise ValueError("this world has no wheelchair")
-        self._load_wheelchair(wheelchair_inertial(self.robot, self.params.wheelchair, passenger_mass_kg))
+        return self.chair
 
-    def _latch(self, closed: bool) -> None:
-        for side in ("left", "right"):
-            self.data.eq_active[self.model.equality(f"latch_{side}").id] = closed
-        # Latched, chair and chassis touch for good: the latch alone carries the force between them.
-        self._set_chair_contact(*((0, CHAIR_BITS[1] & ~ROBOT_BITS[0]) if closed else CHAIR_BITS))
-
-    def _set_chair_contact(self, contact_type: int, affinity: int) -> None:
-        body = self.model.body("wheelchair").id
-        mine = self.model.geom_bodyid == body
-        self.model.geom_contype[mine] = self.model.body_contype[body] = contact_type
-        self.model.geom_conaffinity[mine] = self.model.body_conaffinity[body] = affinity
-
-    def _load_wheelchair(self, inertial: Inertial) -> None:
-        body = self.model.body("wheelchair").id
-        self.model.body_mass[body] = inertial.mass_kg
-        self.model.body_inertia[body] = inertial.diagonal_kgm2
-        self.model.body_ipos[body] = inertial.centre_m
-        self.model.body_iquat[body] = 1.0, 0.0, 0.0, 0.0
-        # Recomputes what the solver derives from masses; it works on a scratch state, never on the running one.
-        mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
+    def bodies(self) -> list[tuple[str, NDArray[np.float64]]]:
+        """Frame id and true pose in map of everything that carries or sees markers: (7,) x y z m, w x y z."""
+        found = [(frames.BASE_LINK, self._qpos[:7].copy())]
+        if self.chair is not None and self.chair.in_sight:
+            found.append((WHEELCHAIR, self.chair.pose()))
+        return found + self._stations
 
     # --- start ----------------------------------------------------------------------------------------------------
 
     def _place(self, setup: Setup) -> None:
         x, y, z, w = quaternion_from_yaw(setup.start.yaw)
         self._qpos[0:7] = setup.start.x, setup.start.y, 0.0, w, x, y, z
-        if self.has_wheelchair:
-            self._park_wheelchair()
-            self.set_passenger_mass(setup.passenger_mass_kg)
+        place = setup.wheelchair_place()
+        if self.chair is not None and place is not None:
+            self.chair.place(place)
         if setup.attached_at_start:
-            self.attach_wheelchair(setup.passenger_mass_kg)
+            self.latch.force(closed=True)
         mujoco.mj_forward(self.model, self.data)
-
-    def _park_wheelchair(self) -> None:
-        start = self.model.joint("wheelchair").qposadr[0]
-        self._qpos[start : start + 3] = _CHAIR_PARKED_AT_M
-        self._set_chair_contact(0, 0)
 
 
 def draw_tolerances(robot: Robot, params: SimParams, random: np.random.Generator) -> Tolerances:
@@ -264,6 +307,20 @@ def draw_tolerances(robot: Robot, params: SimParams, random: np.random.Generator
     radii = robot.wheel_radius_m * (1.0 + params.wheel.radius_tolerance * random.standard_normal(4))
     zeros = params.steering.zero_error_rad * random.standard_normal(4)
     return Tolerances(_four(radii), _four(zeros))
+
+
+def _parts(model: Any) -> NDArray[np.int8]:
+    """(bodies,) which of robot and chair a body belongs to."""
+    part = np.zeros(model.nbody, np.int8)
+    part[model.geom_bodyid[model.geom_group == ROBOT_GROUP]] = _ROBOT
+    part[model.geom_bodyid[model.geom_group == CHAIR_GROUP]] = _CHAIR
+    return part
+
+
+def on_ground(pose: Pose2) -> NDArray[np.float64]:
+    """(7,) x y z m, w x y z of a pose on the ground."""
+    x, y, z, w = quaternion_from_yaw(pose.yaw)
+    return np.array([pose.x, pose.y, 0.0, w, x, y, z])
 
 
 def _four(values: NDArray[np.float64]) -> tuple[float, float, float, float]:

@@ -112,7 +112,11 @@ class Route(Config):
 
 
 class WorldFile(Config):
-    """Everything in one world file."""
+    """Everything in one world file.
+
+    wheelchair: where it stands; stations: marker boards on posts, by name. Both are poses of a dock frame: origin on
+    the ground under the board, x the way a robot approaches.
+    """
 
     note: str
     friction: Friction
@@ -125,11 +129,13 @@ class WorldFile(Config):
     ramps: list[Ramp] = []
     patches: list[Patch] = []
     routes: dict[str, Route] = {}
+    wheelchair: Place | None = None
+    stations: dict[str, Place] = {}
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> WorldFile:
         names = [item.name for item in (*self.solids(), *self.ramps, *self.patches)]
-        names += [item.name for item in self.cylinders]
+        names += [*(item.name for item in self.cylinders), *self.stations]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"names used twice: {', '.join(twice)}")

@@ -5,21 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any
 
+import numpy as np
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
-from pydantic import Field
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from robot_stack.contract import frames, services, topics
 from robot_stack.core.config import Config
-from robot_stack.core.geometry import Pose2
+from robot_stack.core.geometry import IDENTITY, Pose2
 from robot_stack.ros.node import StackNode
 from sim.faults import FaultRefused
 from sim.pacing import PaceReport
 from sim.requests import NotServed
 from sim.world import Setup, Truth
 from sim.worldfile import load_world
+from tf2_msgs.msg import TFMessage
 
 REAL_TIME = 1.0
 _ANSWER_S = 2.0
@@ -35,6 +39,9 @@ class SimWorldParams(Config):
     start_y_m: float | None
     start_yaw_rad: float | None
     wheelchair: bool
+    wheelchair_x_m: float | None
+    wheelchair_y_m: float | None
+    wheelchair_yaw_rad: float | None
     attached_at_start: bool
     passenger_mass_kg: Annotated[float, Field(ge=0.0)]
     catch_up_s: Annotated[float, Field(gt=0.0)]
@@ -44,12 +51,32 @@ class SimWorldParams(Config):
     def setup(self) -> Setup:
         """What these parameters make. Raises ConfigError for an unknown or wrong world."""
         file = load_world(self.world)
-        given = (self.start_x_m, self.start_y_m, self.start_yaw_rad)
-        own = file.start.pose()
-        x, y, yaw = (
-            default if value is None else value for value, default in zip(given, (own.x, own.y, own.yaw), strict=True)
+        start = _either((self.start_x_m, self.start_y_m, self.start_yaw_rad), file.start.pose())
+        chair = (self.wheelchair_x_m, self.wheelchair_y_m, self.wheelchair_yaw_rad)
+        own = file.wheelchair.pose() if file.wheelchair is not None else None
+        if own is None and None not in chair:
+            own = IDENTITY
+        return Setup(
+            file,
+            self.seed,
+            start,
+            wheelchair=self.wheelchair,
+            attached_at_start=self.attached_at_start,
+            passenger_mass_kg=self.passenger_mass_kg,
+            wheelchair_pose=None if own is None else _either(chair, own),
         )
-        return Setup(file, self.seed, Pose2(x, y, yaw), self.wheelchair, self.attached_at_start, self.passenger_mass_kg)
+
+    @model_validator(mode="after")
+    def _wheelchair_has_a_place(self) -> SimWorldParams:
+        chair = (self.wheelchair_x_m, self.wheelchair_y_m, self.wheelchair_yaw_rad)
+        if len({value is None for value in chair}) > 1:
+            raise ValueError("wheelchair_x_m, wheelchair_y_m and wheelchair_yaw_rad are given together or not at all")
+        return self
+
+
+def _either(given: tuple[float | None, float | None, float | None], default: Pose2) -> Pose2:
+    x, y, yaw = given
+    return Pose2(default.x if x is None else x, default.y if y is None else y, default.yaw if yaw is None else yaw)
 
 
 class SimWorld(StackNode):
@@ -61,6 +88,7 @@ class SimWorld(StackNode):
         self.inject: Callable[[str, str, float, float], str] = _not_running
         self._truth = self.advertise(topics.SIM_GROUND_TRUTH)
         self._joints = self.advertise(topics.SIM_JOINT_STATES)
+        self._bodies = self.advertise(topics.SIM_BODIES)
         self._clock_topic = None if self.real_time else self.advertise(topics.CLOCK)
         self.serve(services.INJECT_FAULT, self._on_inject_fault)
 
@@ -89,6 +117,19 @@ class SimWorld(StackNode):
         joints.velocity = truth.joint_speeds_radps.tolist()
         joints.effort = truth.joint_torques_nm.tolist()
         self._joints.publish(joints)
+
+    def publish_bodies(self, bodies: list[tuple[str, NDArray[np.float64]]], stamp: Time) -> None:
+        """Frame ids and poses in map: (7,) x y z m, w x y z."""
+        message = TFMessage()
+        for name, pose in bodies:
+            body = TransformStamped(child_frame_id=name)
+            body.header.frame_id, body.header.stamp = frames.MAP, stamp
+            x, y, z, qw, qx, qy, qz = pose.tolist()
+            move, turn = body.transform.translation, body.transform.rotation
+            move.x, move.y, move.z = x, y, z
+            turn.x, turn.y, turn.z, turn.w = qx, qy, qz, qw
+            message.transforms.append(body)
+        self._bodies.publish(message)
 
     def show_pace(self, report: PaceReport, total_overruns: int, total_dropped_s: float) -> None:
         """The loop's statistics, into /diagnostics."""

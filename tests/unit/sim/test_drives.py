@@ -307,15 +307,17 @@ def test_a_wheel_that_overspeeds_alarms() -> None:
 
 def test_estop_bit_is_normally_closed(bench: Bench) -> None:
     byte, mask = ROBOT.estop_input_byte, 1 << ROBOT.estop_input_bit
-    bench.inp.inputs[byte] |= 0xFF & ~mask
+    # An open latch: its closed switch in the same byte reads 0.
+    others = 0xFF & ~mask & ~(1 << ROBOT.latch.closed_input_bit)
+    bench.inp.inputs[byte] |= others
     bench.run(0.001)
-    assert bench.inp.inputs[byte] == 0xFF, "released reads 1, and other bits stay as they are"
+    assert bench.inp.inputs[byte] == others | mask, "released reads 1, and other bits stay as they are"
     bench.world.drives.set_estop_pressed(True)
     bench.run(0.001)
-    assert bench.inp.inputs[byte] == 0xFF & ~mask
+    assert bench.inp.inputs[byte] == others
     bench.world.drives.set_estop_pressed(False)
     bench.run(0.001)
-    assert bench.inp.inputs[byte] == 0xFF
+    assert bench.inp.inputs[byte] == others | mask
 
 
 def test_outputs_arrive(bench: Bench) -> None:

@@ -28,7 +28,7 @@ def on_slope(slope_deg: float, passenger_kg: float | None) -> Bench:
     )
     joints = [("base", 0.0)]
     if passenger_kg is not None:
-        joints.append(("wheelchair", PARAMS.wheelchair.latch_x_m + 0.5 * PARAMS.wheelchair.length_m))
+        joints.append(("wheelchair", PARAMS.latch.x_m + PARAMS.wheelchair.rail_length_m))
     for name, ahead_m in joints:
         start = bench.world.model.joint(name).qposadr[0]
         distance = up_m + ahead_m
