@@ -1,0 +1,95 @@
+"""A true camera: what the simulation looks through, a little beside what the stack believes.
+
+Pixel (0, 0) is the centre of the first pixel. Distortion is Brown-Conrady (k1, k2, p1, p2, k3), as OpenCV computes it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from robot_stack.core.camera import Intrinsics
+from sim.camera.params import CameraParams, load_camera_params
+
+Array = NDArray[np.float64]
+_UNDISTORT_STEPS = 15
+
+
+@dataclass(frozen=True, slots=True)
+class TrueCamera:
+    """frame: of the stack's camera that this one is in truth. mounting: (4, 4) optical frame in base_link."""
+
+    frame: str
+    intrinsics: Intrinsics
+    mounting: Array
+
+
+def draw_camera(
+    frame: str, calibrated: Intrinsics, nominal_mounting: Array, params: CameraParams, random: np.random.Generator
+) -> TrueCamera:
+    """A camera within the tolerances of the calibrated one.
+
+    Intrinsics are drawn uniformly within their limits; the mounting is off by exactly its limits, in random directions.
+    """
+    limits = params.tolerances
+    focal, aspect, cx, cy = random.uniform(-1.0, 1.0, 4)
+    bends = random.uniform(-1.0, 1.0, 5) * np.array(limits.distortion)
+    scale = 1.0 + limits.focal_length * focal
+    k1, k2, p1, p2, k3 = (np.array(calibrated.distortion) + bends).tolist()
+    intrinsics = Intrinsics(
+        calibrated.width,
+        calibrated.height,
+        calibrated.fx * scale,
+        calibrated.fy * scale * (1.0 + limits.aspect * aspect),
+        calibrated.cx + limits.principal_point_px * cx,
+        calibrated.cy + limits.principal_point_px * cy,
+        (k1, k2, p1, p2, k3),
+    )
+    mounting = np.array(nominal_mounting, dtype=float)
+    mounting[:3, 3] += limits.position_m * _direction(random)
+    turn = Rotation.from_rotvec(limits.rotation_rad * _direction(random)).as_matrix()
+    mounting[:3, :3] = mounting[:3, :3] @ turn
+    return TrueCamera(frame, intrinsics, mounting)
+
+
+def _direction(random: np.random.Generator) -> Array:
+    vector = random.standard_normal(3)
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def undistort(intrinsics: Intrinsics, pixels: Array) -> Array:
+    """(..., 2) pixels to (..., 2) normalized coordinates x/z, y/z of their rays, to about 1e-10."""
+    k1, k2, p1, p2, k3 = intrinsics.distortion
+    xd = (pixels[..., 0] - intrinsics.cx) / intrinsics.fx
+    yd = (pixels[..., 1] - intrinsics.cy) / intrinsics.fy
+    x, y = xd.copy(), yd.copy()
+    for _ in range(_UNDISTORT_STEPS):
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        dx = 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+        dy = p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+        x, y = (xd - dx) / radial, (yd - dy) / radial
+    return np.stack([x, y], axis=-1)
+
+
+def project(intrinsics: Intrinsics, points: Array) -> Array:
+    """(..., 3) points in the optical frame, z > 0, to (..., 2) pixels."""
+    k1, k2, p1, p2, k3 = intrinsics.distortion
+    x, y = points[..., 0] / points[..., 2], points[..., 1] / points[..., 2]
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    xd = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+    yd = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+    return np.stack([intrinsics.fx * xd + intrinsics.cx, intrinsics.fy * yd + intrinsics.cy], axis=-1)
+
+
+def corner_rays(intrinsics: Intrinsics) -> NDArray[np.float32]:
+    """(height + 1, width + 1, 2) normalized coordinates of the corners of all pixels."""
+    rows, columns = np.mgrid[0 : intrinsics.height + 1, 0 : intrinsics.width + 1]
+    return undistort(intrinsics, np.stack([columns - 0.5, rows - 0.5], axis=-1)).astype(np.float32)
+
+
+__all__ = ["TrueCamera", "corner_rays", "draw_camera", "load_camera_params", "project", "undistort"]
