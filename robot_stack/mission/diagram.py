@@ -8,6 +8,9 @@ _MEANING = {
     State.IDLE: "no mission",
     State.RUNNING: "driving to a waypoint; the only state in which goals are sent",
     State.WAITING: "standing at a waypoint for its waiting time",
+    State.DOCKING: "at a waypoint, the docking controller docks; shown as RUNNING in `/mission/status`, the reason "
+    "says how far it is",
+    State.UNDOCKING: "likewise, it undocks",
     State.PAUSED: "standing until a person says RESUME",
     State.STOPPED: "standing after an emergency stop, until it is released and reset and a person says RESUME; "
     "shown as PAUSED in `/mission/status`, with the reason",

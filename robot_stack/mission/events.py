@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import Pose2, Twist2
-from robot_stack.mission.model import Mission
+from robot_stack.mission.model import Kind, Mission
 from robot_stack.mission.record import Record
 
 START_MISSION = "START_MISSION"
@@ -27,6 +27,8 @@ class Inputs:
     faults: active fault codes of /safety/status.
     battery: state of charge [0, 1]; NaN = unknown.
     plan_end: last pose of the navigation controller's newest plan; None = it has no goal.
+    docking_served: somebody offers the docking actions.
+    docking_state: state of /docking/status, empty while stale.
     """
 
     pose: Pose2 | None
@@ -36,6 +38,8 @@ class Inputs:
     faults: tuple[str, ...]
     battery: float
     plan_end: Pose2 | None
+    docking_served: bool = False
+    docking_state: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +67,35 @@ class NavigationAppeared:
 
 
 @dataclass(frozen=True, slots=True)
+class DockingAccepted:
+    """The docking controller took the goal of StartDocking number ``call``."""
+
+    call: int
+
+
+@dataclass(frozen=True, slots=True)
+class DockingFeedback:
+    """tries: number of the present attempt from 1, 0 = unknown."""
+
+    call: int
+    state: str
+    tries: int
+
+
+@dataclass(frozen=True, slots=True)
+class DockingEnded:
+    """The goal of StartDocking number ``call`` exists no more: succeeded, failed, cancelled, rejected or forgotten.
+
+    reason: the failure in words. safety_stop: it failed because the robot had to stand.
+    """
+
+    call: int
+    success: bool
+    reason: str = ""
+    safety_stop: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class JournalFailed:
     """The last SaveRecord could not be done; the effects behind it were not performed."""
 
@@ -74,7 +107,8 @@ class Tick:
     """Time has passed."""
 
 
-Event = Command | EmergencyStopBegan | PassengerChanged | NavigationAppeared | JournalFailed | Tick
+DockingEvent = DockingAccepted | DockingFeedback | DockingEnded
+Event = Command | EmergencyStopBegan | PassengerChanged | NavigationAppeared | DockingEvent | JournalFailed | Tick
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +149,29 @@ class CancelGoal:
 
 
 @dataclass(frozen=True, slots=True)
+class StartDocking:
+    """Give the docking controller a goal.
+
+    call: number of this goal, told back in its events. kind: DOCK or UNDOCK.
+    dock_id: key in config/docks.yaml; empty = undock wherever the robot is docked.
+    """
+
+    call: int
+    kind: Kind
+    dock_id: str
+
+
+@dataclass(frozen=True, slots=True)
+class CancelDocking:
+    """Take the docking controller's goal away: it brings the robot to rest and then ends the goal.
+
+    everything: all goals from before this moment, whoever gave them: they may be those of a mission manager that died.
+    """
+
+    everything: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class PublishEmergencyStop:
     active: bool
 
@@ -124,4 +181,4 @@ class ReportStatus:
     status: Status
 
 
-Effect = SaveRecord | SendGoal | CancelGoal | PublishEmergencyStop | ReportStatus
+Effect = SaveRecord | SendGoal | CancelGoal | StartDocking | CancelDocking | PublishEmergencyStop | ReportStatus

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from robot_stack.contract.faults import BY_CODE
 from robot_stack.contract.model import SafetyAction
 from robot_stack.core.geometry import Pose2
 from robot_stack.mission.events import Inputs
 from robot_stack.mission.model import Kind, Mission
 
-# What the stack can do at a waypoint so far.
-_SERVED = frozenset({Kind.PASS, Kind.WAIT, Kind.PARK})
 _BATTERY_FAULTS = ("BATTERY_LOW", "BATTERY_CRITICAL")
 
 
@@ -18,12 +18,31 @@ def finite(pose: Pose2 | None) -> Pose2 | None:
     return pose if pose is not None and pose.is_finite() else None
 
 
-def unserved(mission: Mission) -> str:
-    """Names the first waypoint that asks for something the stack cannot do."""
+def undockable(mission: Mission, docks: Mapping[str, str], passenger_attached: bool) -> str:
+    """Names the first waypoint at which docking, undocking or driving on cannot be.
+
+    docks: kind of each dock by its id.
+    """
+    aboard, station = passenger_attached, ""
     for waypoint in mission.waypoints:
-        if waypoint.action.kind not in _SERVED:
-            kind = waypoint.action.kind.value
-            return f"waypoint {waypoint.name!r} of {mission.id!r} asks to {kind}: there is no docking controller yet"
+        where, kind, dock_id = (
+            f"waypoint {waypoint.name!r} of {mission.id!r}",
+            waypoint.action.kind,
+            waypoint.action.dock_id,
+        )
+        if kind is Kind.DOCK:
+            if dock_id not in docks:
+                return f"{where}: there is no dock {dock_id!r}; known: {', '.join(sorted(docks)) or 'none'}"
+            if aboard or station:
+                held = f"docked to {station!r}" if station else "carrying a wheelchair"
+                return f"{where} asks to dock to {dock_id!r}, but the robot is already {held} then: undock first"
+            aboard, station = docks[dock_id] == "wheelchair", dock_id if docks[dock_id] == "station" else ""
+        elif kind is Kind.UNDOCK:
+            if not (aboard or station):
+                return f"{where} asks to undock, but no wheelchair is attached then and no dock comes before"
+            aboard, station = False, ""
+        elif station:
+            return f"{where} leaves the dock {station!r} without an undock before"
     return ""
 
 

@@ -153,6 +153,7 @@ def _to_json(record: Record) -> str:
             "passenger_attached": record.passenger_attached,
             "start": [start.x, start.y, start.yaw] if start else None,
             "reason": record.reason,
+            "docking_begun": record.docking_begun,
         },
         ensure_ascii=False,
     )
@@ -171,6 +172,7 @@ def _from_json(text: str) -> Record:
             passenger_attached=bool(data["passenger_attached"]),
             start=Pose2(*map(float, start)) if start else None,
             reason=str(data["reason"]),
+            docking_begun=bool(data.get("docking_begun", False)),  # journals from before docking have none
         )
     except ValidationError as error:
         raise _Nonsense(f"its mission is invalid in {error.error_count()} places") from error

@@ -7,22 +7,36 @@ what makes it stand never waits for a disk (CancelGoal, SaveRecord), because an 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 from robot_stack.core.geometry import Pose2
+from robot_stack.mission import display, docking, guards, route, status
 from robot_stack.mission import events as ev
-from robot_stack.mission import guards, route, status
-from robot_stack.mission.events import CancelGoal, Effect, Event, Inputs, PublishEmergencyStop, SaveRecord, SendGoal
+from robot_stack.mission.docking import DockingCalls
+from robot_stack.mission.events import (
+    CancelDocking,
+    CancelGoal,
+    Effect,
+    Event,
+    Inputs,
+    PublishEmergencyStop,
+    SaveRecord,
+    SendGoal,
+)
 from robot_stack.mission.guards import finite
 from robot_stack.mission.leg import Leg
+from robot_stack.mission.model import Kind
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.record import Record, restored
-from robot_stack.mission.states import ACTIVE, UNDER_WAY, State, Trigger, target_of
+from robot_stack.mission.states import ACTIVE, AT_DOCK, UNDER_WAY, State, Trigger, target_of
 
 # A tick may be late by this much and count in full; more is a clock that jumped or a process that was stopped.
 _LONGEST_STEP_S = 1.0
 # Whatever somebody sends as a command is shown to people, but not at any length.
 _LONGEST_NAME = 64
+_BEGIN_DOCKING = {Kind.DOCK: Trigger.DOCK_HERE, Kind.UNDOCK: Trigger.UNDOCK_HERE}
+_RESUME_DOCKING = {Kind.DOCK: Trigger.RESUME_DOCKING, Kind.UNDOCK: Trigger.RESUME_UNDOCKING}
 _EMERGENCY = "emergency stop is active: release it and reset the safety monitor first"
 
 
@@ -32,10 +46,20 @@ class MissionKernel:
     params: tolerances and times.
     record: what the journal kept; an active mission comes up PAUSED.
     problem: what was wrong with the journal, shown as the reason in /mission/status.
+    docks: kind of each dock by its id.
     """
 
-    def __init__(self, params: MissionParams, record: Record | None = None, problem: str = "") -> None:
+    def __init__(
+        self,
+        params: MissionParams,
+        record: Record | None = None,
+        problem: str = "",
+        docks: Mapping[str, str] | None = None,
+    ) -> None:
         self._params = params
+        self._docks = docks or {}
+        self._calls = DockingCalls(params)
+        self._announcements = display.Announcements(params.announcement_s)
         self._record = restored(record or Record())
         self._before = self._record
         self._leg = Leg(params)
@@ -58,7 +82,10 @@ class MissionKernel:
     def start_up(self, inputs: Inputs) -> tuple[Effect, ...]:
         """The effects of coming up: stand, journal what the restart made of the mission, say so."""
         report = self._report(inputs, 0.0, forced=True)
-        return (CancelGoal(), SaveRecord(self._record), *report) if self._record.state is State.PAUSED else report
+        if self._record.state is not State.PAUSED:
+            return report
+        # Navigation and docking may still be at what the mission manager that died had asked for.
+        return (CancelGoal(), CancelDocking(everything=True), SaveRecord(self._record), *report)
 
     def step(self, event: Event, inputs: Inputs, now_s: float) -> tuple[Effect, ...]:
         """What to do about ``event``, in this order. ``now_s``: steady seconds; a jump either way harms nothing."""
@@ -77,7 +104,10 @@ class MissionKernel:
             case ev.PassengerChanged(attached):
                 return self._passenger(attached)
             case ev.NavigationAppeared():
-                return self._greet_navigation()
+                return self._greet_navigation(inputs)
+            case ev.DockingAccepted() | ev.DockingFeedback() | ev.DockingEnded():
+                self._calls.on_event(event)
+                return ()
             case ev.JournalFailed(problem):
                 return self._journal_failed(problem)
             case ev.Tick():
@@ -108,10 +138,11 @@ class MissionKernel:
             return self._refuse(f"mission {running!r} is {self._record.state.value}; ABORT it first")
         if command.mission is None:
             return self._refuse(command.problem)
-        problem = guards.unserved(command.mission) or self._may_not_go(inputs) or self._battery_low(inputs)
+        passenger = self._record.passenger_attached
+        undockable = guards.undockable(command.mission, self._docks, passenger)
+        problem = undockable or self._may_not_go(inputs) or self._battery_low(inputs)
         if problem:
             return self._refuse(problem)
-        passenger = self._record.passenger_attached
         fresh = Record(self._record.state, command.mission, passenger_attached=passenger, start=finite(inputs.pose))
         self._speed = route.MeanSpeed(self._params.eta_speed_time_constant_s)
         return self._go(Trigger.START, fresh)
@@ -120,7 +151,14 @@ class MissionKernel:
         if target_of(self._record.state, Trigger.RESUME) is None:
             return self._refuse(f"RESUME needs a paused mission, the state is {self._record.state.value}")
         problem = self._may_not_go(inputs)
-        return self._refuse(problem) if problem else self._go(Trigger.RESUME, replace(self._record, failed_tries=0))
+        if problem:
+            return self._refuse(problem)
+        task = docking.task_of(self._record, self._docks) if self._record.docking_begun else None
+        if task is None:
+            return self._go(Trigger.RESUME, replace(self._record, failed_tries=0))
+        if task.fulfilled(self._record.passenger_attached):
+            return self._next(inputs, Trigger.RESUME, Trigger.RESUME_DONE)
+        return self._begin_docking(_RESUME_DOCKING[task.kind])
 
     def _abort(self) -> tuple[Effect, ...]:
         aboard = self._record.passenger_attached
@@ -150,7 +188,16 @@ class MissionKernel:
         """To a state in which the robot stands; a command that means nothing here is refused."""
         if target_of(self._record.state, trigger) is None:
             return self._refuse(f"no mission to {trigger.value.lower()}, the state is {self._record.state.value}")
-        return (CancelGoal(), self._change(trigger, record or self._record, reason))
+        return (CancelGoal(), *self._calls.drop(), self._change(trigger, record or self._record, reason))
+
+    def _begin_docking(self, trigger: Trigger) -> tuple[Effect, ...]:
+        """Journaled first; the goal is sent by a tick to come. The drive is left to the docking controller alone."""
+        save = self._change(trigger, replace(self._record, docking_begun=True), "")
+        self._calls.begin()
+        task = docking.task_of(self._record, self._docks)
+        assert task is not None
+        self._announcements.say(*display.announced_at_begin_of(task))
+        return (CancelGoal(), save)
 
     def _change(self, trigger: Trigger, record: Record, reason: str, *, goal_due: bool = False) -> SaveRecord:
         target = target_of(self._record.state, trigger)
@@ -180,9 +227,9 @@ class MissionKernel:
         self._record = replace(self._record, passenger_attached=attached)
         return (self._save(),)
 
-    def _greet_navigation(self) -> tuple[Effect, ...]:
+    def _greet_navigation(self, inputs: Inputs) -> tuple[Effect, ...]:
         current = self._record.current
-        if self._record.state is State.RUNNING and current is not None:
+        if self._record.state is State.RUNNING and current is not None and not self._in_emergency(inputs):
             self._leg.unconfirmed_s = 0.0
             return (SendGoal(current.pose),)
         # It may still be driving for a mission manager that died.
@@ -193,11 +240,11 @@ class MissionKernel:
         if self._answering and self._record.state in UNDER_WAY:
             # Nothing has moved yet, because saving came first: the command is taken back.
             self._record = replace(self._before, passenger_attached=self._record.passenger_attached)
-            return self._refuse(why)
+            return (*self._refuse(why), *self._calls.drop())
         effects: tuple[Effect, ...] = ()
         if self._record.state in UNDER_WAY:
             self._change(Trigger.JOURNAL_LOST, self._record, "paused, because " + why)
-            effects = (CancelGoal(),)
+            effects = (CancelGoal(), *self._calls.drop())
         self._unsaved, self._journal_problem = True, why
         return effects
 
@@ -205,8 +252,12 @@ class MissionKernel:
 
     def _tick(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         released = self._release_own_stop(inputs)
+        self._announcements.elapse(dt_s)
         if self._in_emergency(inputs) and target_of(self._record.state, Trigger.EMERGENCY_STOP):
             return (*released, *self._emergency_stop())
+        if self._record.state in AT_DOCK:
+            return (*released, *self._dock(inputs, dt_s))
+        released = (*released, *self._calls.idle(inputs, dt_s))
         if self._record.state is State.RUNNING:
             return (*released, *self._drive(inputs, dt_s))
         if self._record.state is State.WAITING:
@@ -245,6 +296,21 @@ class MissionKernel:
         assert current is not None
         if current.action.wait_s > 0.0:
             return (self._change(Trigger.WAIT_HERE, self._record, ""),)
+        begin = _BEGIN_DOCKING.get(current.action.kind)
+        return self._begin_docking(begin) if begin else self._next(inputs)
+
+    def _dock(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
+        task = docking.task_of(self._record, self._docks)
+        assert task is not None
+        held, attached = guards.held_by(inputs), self._record.passenger_attached
+        effects, outcome = self._calls.tick(task, inputs, attached, held, dt_s)
+        self._held = self._calls.text
+        if outcome is None:
+            return effects
+        if outcome.problem:
+            return (*effects, *self._stand(Trigger.DOCKING_FAILED, outcome.problem))
+        self._announcements.say(*display.announced_at_end_of(task))
+        self._calls.drop()
         return self._next(inputs)
 
     def _wait(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
@@ -253,20 +319,22 @@ class MissionKernel:
         self._leg.waited_s += dt_s
         return self._next(inputs) if self._leg.waited_s >= current.action.wait_s else ()
 
-    def _next(self, inputs: Inputs) -> tuple[Effect, ...]:
-        record = replace(self._record, waypoint=self._record.waypoint + 1, failed_tries=0)
+    def _next(self, inputs: Inputs, onward: Trigger = Trigger.NEXT, done: Trigger = Trigger.DONE) -> tuple[Effect, ...]:
+        record = replace(self._record, waypoint=self._record.waypoint + 1, failed_tries=0, docking_begun=False)
         if record.current is None and self._should_go_home(inputs):
             record = replace(record, homeward=True)
         if record.current is not None:
-            return self._go(Trigger.NEXT, record)
-        return self._stand(Trigger.DONE, "", record)
+            return self._go(onward, record)
+        return self._stand(done, "", record)
 
     def _should_go_home(self, inputs: Inputs) -> bool:
         record = self._record
         if record.mission is None or record.homeward or record.passenger_attached or not self._battery_low(inputs):
             return False
-        last = record.mission.waypoints[-1].pose
-        return last.distance_to(record.mission.home.pose) > self._params.home_radius_m
+        last = record.mission.waypoints[-1]
+        if last.action.kind is Kind.DOCK:  # a robot at a station stays there
+            return False
+        return last.pose.distance_to(record.mission.home.pose) > self._params.home_radius_m
 
     def _try_failed(self, pose: Pose2) -> tuple[Effect, ...]:
         current = self._record.current
@@ -326,5 +394,7 @@ class MissionKernel:
             eta=eta,
             emergency=self._in_emergency(inputs),
             low=bool(self._battery_low(inputs)),
+            docking=display.Docking(docking.task_of(record, self._docks), self._calls.state),
+            announced=self._announcements.current,
         )
         return (ev.ReportStatus(built),) if self._reporting.due(built, record, dt_s, forced=forced) else ()

@@ -11,11 +11,14 @@ from std_msgs.msg import Bool
 from custom_msgs.msg import EHMIState, MissionStatus, UICommand
 from robot_stack.contract import frames, topics
 from robot_stack.core.config import config_dir
+from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
 from robot_stack.mission import events as ev
 from robot_stack.mission.journal import SqliteJournal, default_journal_path
 from robot_stack.mission.kernel import MissionKernel
 from robot_stack.mission.library import MissionError, MissionLibrary
+from robot_stack.mission.model import Kind
+from robot_stack.mission.nodes.docking_client import DockingClient
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.perform import Performer, load_record
 from robot_stack.mission.states import UNDER_WAY
@@ -34,6 +37,8 @@ class MissionManager(StackNode):
         self._odom = self.subscribe(topics.ODOM)
         self._battery = self.subscribe(topics.BATTERY_STATE)
         self._plan = self.subscribe(topics.PLAN)
+        self._docking_status = self.subscribe(topics.DOCKING_STATUS)
+        self._docking = DockingClient(self, self._handle)
         self._navigators = self._displays = 0
         self._display: int | None = None
         self._library = MissionLibrary(_path(self.params.missions_folder, config_dir() / "missions"))
@@ -41,7 +46,8 @@ class MissionManager(StackNode):
         record, problem = load_record(self._journal)
         if problem:
             self.get_logger().error(problem)
-        self._kernel = MissionKernel(self.params, record, problem)
+        docks = {name: dock.kind for name, dock in load_docks().docks.items()}
+        self._kernel = MissionKernel(self.params, record, problem, docks)
         self._performer = Performer(self._kernel, self._journal, self)
         self._performer.start_up(self._inputs(), self.steady_s())
         self.subscribe(topics.UI_COMMAND, self._on_command)
@@ -69,6 +75,7 @@ class MissionManager(StackNode):
 
     def _tick(self) -> None:
         self._watch_subscribers()
+        self._docking.poll(self._docking_status.fresh())
         self._handle(ev.Tick())
         missing = [item.topic.name for item in (self._pose, self._odom, self.safety_status_input) if not item.fresh()]
         self.set_health(not missing, ", ".join(missing) if missing else "ready for commands")
@@ -98,6 +105,8 @@ class MissionManager(StackNode):
             faults=tuple(safety.latest.active_faults) if safety.fresh() else (),
             battery=self._battery.latest.percentage if self._battery.fresh() else math.nan,
             plan_end=pose_from_msg(plan.poses[-1].pose) if plan is not None and plan.poses else None,
+            docking_served=self._docking.served(),
+            docking_state=self._docking_status.latest.state if self._docking_status.fresh() else "",
         )
 
     # --- outputs -----------------------------------------------------------------------------------------------------
@@ -109,6 +118,15 @@ class MissionManager(StackNode):
         message = PoseStamped()  # an empty frame cancels
         message.header.stamp = self.stamp()
         self._goal.publish(message)
+
+    def start_docking(self, call: int, kind: Kind, dock_id: str) -> None:
+        self._docking.start(call, kind, dock_id)
+
+    def cancel_docking(self, everything: bool) -> None:
+        if everything:
+            self._docking.cancel_everything()
+        else:
+            self._docking.cancel()
 
     def publish_emergency_stop(self, active: bool) -> None:
         self._stop.publish(Bool(data=active))
@@ -144,6 +162,7 @@ class MissionManager(StackNode):
         """Nobody is left to watch the ride: the robot stands. The journal brings the mission back, paused."""
         if self._kernel.record.state in UNDER_WAY:
             self.cancel_goal()
+            self._docking.cancel()
         self._journal.close()
 
 

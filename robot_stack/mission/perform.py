@@ -6,6 +6,7 @@ from typing import Protocol
 
 from robot_stack.core.geometry import Pose2
 from robot_stack.mission.events import (
+    CancelDocking,
     CancelGoal,
     Effect,
     Event,
@@ -15,9 +16,11 @@ from robot_stack.mission.events import (
     ReportStatus,
     SaveRecord,
     SendGoal,
+    StartDocking,
     Status,
 )
 from robot_stack.mission.kernel import MissionKernel
+from robot_stack.mission.model import Kind
 from robot_stack.mission.record import Record
 
 
@@ -46,6 +49,8 @@ class Outputs(Protocol):
 
     def send_goal(self, pose: Pose2) -> None: ...
     def cancel_goal(self) -> None: ...
+    def start_docking(self, call: int, kind: Kind, dock_id: str) -> None: ...
+    def cancel_docking(self, everything: bool) -> None: ...
     def publish_emergency_stop(self, active: bool) -> None: ...
     def publish_status(self, status: Status) -> None: ...
 
@@ -77,6 +82,10 @@ class Performer:
                     self._outputs.send_goal(pose)
                 case CancelGoal():
                     self._outputs.cancel_goal()
+                case StartDocking(call, kind, dock_id):
+                    self._outputs.start_docking(call, kind, dock_id)
+                case CancelDocking(everything):
+                    self._outputs.cancel_docking(everything)
                 case PublishEmergencyStop(active):
                     self._outputs.publish_emergency_stop(active)
                 case ReportStatus(status):

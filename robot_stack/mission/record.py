@@ -9,6 +9,7 @@ from robot_stack.mission.model import Action, Kind, Mission, Waypoint
 from robot_stack.mission.states import ACTIVE, State, Trigger, target_of
 
 HOME_NAME = "home"
+_SERVED_IN = {State.DOCKING: Kind.DOCK, State.UNDOCKING: Kind.UNDOCK}
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +22,7 @@ class Record:
     homeward: the way home follows the mission's own waypoints.
     start: pose at which the mission was started, map frame; None until a pose was known.
     reason: why the state is what it is, for people.
+    docking_begun: the docking or undocking of this waypoint was begun and has not succeeded.
     """
 
     state: State = State.IDLE
@@ -31,6 +33,7 @@ class Record:
     passenger_attached: bool = False
     start: Pose2 | None = None
     reason: str = ""
+    docking_begun: bool = False
 
     @property
     def stops(self) -> tuple[Waypoint, ...]:
@@ -55,6 +58,9 @@ def problem_of(record: Record) -> str:
         return f"state {record.state.value} without a mission"
     if record.state in ACTIVE and not 0 <= record.waypoint < len(record.stops):
         return f"waypoint {record.waypoint} of {len(record.stops)}"
+    served = _SERVED_IN.get(record.state)
+    if served is not None and (record.current is None or record.current.action.kind is not served):
+        return f"state {record.state.value} at a waypoint that does not ask to {served.value}"
     if record.start is not None and not record.start.is_finite():
         return "start pose is not finite"
     return ""
@@ -66,6 +72,7 @@ def restored(record: Record) -> Record:
         return Record(passenger_attached=record.passenger_attached)
     target = target_of(State.IDLE, Trigger.RESTORED)
     assert target is not None
-    where = record.current.name if record.current else ""
-    reason = f"restarted while {record.state.value} on the way to {where!r}; RESUME goes on, ABORT ends the mission"
+    name = record.current.name if record.current else ""
+    where = f"at {name!r}" if record.docking_begun else f"on the way to {name!r}"
+    reason = f"restarted while {record.state.value} {where}; RESUME goes on, ABORT ends the mission"
     return replace(record, state=target, reason=reason)

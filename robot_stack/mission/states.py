@@ -13,6 +13,8 @@ class State(Enum):
     IDLE = "IDLE"  # no mission
     RUNNING = "RUNNING"  # driving to a waypoint
     WAITING = "WAITING"  # standing at a waypoint for its waiting time
+    DOCKING = "DOCKING"  # at a waypoint whose dock is being docked to
+    UNDOCKING = "UNDOCKING"  # at a waypoint where the robot is being undocked
     PAUSED = "PAUSED"  # standing until a person says RESUME
     STOPPED = "STOPPED"  # standing after an emergency stop, until it is released and a person says RESUME
     COMPLETED = "COMPLETED"  # the last waypoint was reached
@@ -20,22 +22,30 @@ class State(Enum):
     FAILED = "FAILED"  # the mission ended itself
 
 
-ACTIVE = frozenset({State.RUNNING, State.WAITING, State.PAUSED, State.STOPPED})
+# The docking controller moves the robot.
+AT_DOCK = frozenset({State.DOCKING, State.UNDOCKING})
 # The robot may be moved by the mission, or will be without anybody asking.
-UNDER_WAY = frozenset({State.RUNNING, State.WAITING})
+UNDER_WAY = frozenset({State.RUNNING, State.WAITING}) | AT_DOCK
+ACTIVE = UNDER_WAY | {State.PAUSED, State.STOPPED}
 
 
 class Trigger(Enum):
     START = "START_MISSION"
     PAUSE = "PAUSE"
     RESUME = "RESUME"
+    RESUME_DOCKING = "RESUME of a docking"
+    RESUME_UNDOCKING = "RESUME of an undocking"
+    RESUME_DONE = "RESUME after the last waypoint was served meanwhile"
     ABORT = "ABORT"
     EMERGENCY_STOP = "emergency stop"
     WAIT_HERE = "waypoint with a waiting time reached"
+    DOCK_HERE = "waypoint with a dock reached"
+    UNDOCK_HERE = "waypoint to undock at reached"
     NEXT = "waypoint served, another follows"
     DONE = "last waypoint served"
     TRY_FAILED = "no progress, tries left"
     GAVE_UP = "no progress, no tries left"
+    DOCKING_FAILED = "docking or undocking failed"
     JOURNAL_LOST = "journal cannot be written"
     RESTORED = "restart with a mission in the journal"
 
@@ -52,19 +62,27 @@ def _rows(sources: tuple[State, ...], trigger: Trigger, target: State) -> tuple[
 
 
 _ENDED = (State.IDLE, State.COMPLETED, State.ABORTED, State.FAILED)
-_MOVING = (State.RUNNING, State.WAITING)
+_STANDING = (State.PAUSED, State.STOPPED)
+_DOCKING = (State.DOCKING, State.UNDOCKING)
+_MOVING = (State.RUNNING, State.WAITING, *_DOCKING)
 
 TRANSITIONS: tuple[Transition, ...] = (
     *_rows(_ENDED, Trigger.START, State.RUNNING),
     *_rows(_MOVING, Trigger.PAUSE, State.PAUSED),
-    *_rows((State.PAUSED, State.STOPPED), Trigger.RESUME, State.RUNNING),
-    *_rows((*_MOVING, State.PAUSED, State.STOPPED), Trigger.ABORT, State.ABORTED),
+    *_rows(_STANDING, Trigger.RESUME, State.RUNNING),
+    *_rows(_STANDING, Trigger.RESUME_DOCKING, State.DOCKING),
+    *_rows(_STANDING, Trigger.RESUME_UNDOCKING, State.UNDOCKING),
+    *_rows(_STANDING, Trigger.RESUME_DONE, State.COMPLETED),
+    *_rows((*_MOVING, *_STANDING), Trigger.ABORT, State.ABORTED),
     *_rows((*_MOVING, State.PAUSED), Trigger.EMERGENCY_STOP, State.STOPPED),
     *_rows((State.RUNNING,), Trigger.WAIT_HERE, State.WAITING),
+    *_rows((State.RUNNING,), Trigger.DOCK_HERE, State.DOCKING),
+    *_rows((State.RUNNING,), Trigger.UNDOCK_HERE, State.UNDOCKING),
     *_rows(_MOVING, Trigger.NEXT, State.RUNNING),
     *_rows(_MOVING, Trigger.DONE, State.COMPLETED),
     *_rows((State.RUNNING,), Trigger.TRY_FAILED, State.RUNNING),
     *_rows((State.RUNNING,), Trigger.GAVE_UP, State.FAILED),
+    *_rows(_DOCKING, Trigger.DOCKING_FAILED, State.FAILED),
     *_rows(_MOVING, Trigger.JOURNAL_LOST, State.PAUSED),
     *_rows((State.IDLE,), Trigger.RESTORED, State.PAUSED),
 )

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from robot_stack.mission import route
-from robot_stack.mission.display import display_of
+from robot_stack.mission.display import Display, Docking, display_of
 from robot_stack.mission.events import Inputs, Status
 from robot_stack.mission.guards import finite
 from robot_stack.mission.record import Record
@@ -14,6 +14,9 @@ from robot_stack.mission.states import ACTIVE, UNDER_WAY, State
 
 # Below this mean speed an ETA would be a guess: about an obstacle, or about a robot that has only begun to move.
 _SLOWEST_ETA_MPS = 0.1
+
+# What has no constant of its own in MissionStatus; the reason tells the difference.
+_SHOWN_AS = {State.STOPPED: State.PAUSED, State.DOCKING: State.RUNNING, State.UNDOCKING: State.RUNNING}
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +44,19 @@ def eta_s(record: Record, inputs: Inputs, mean_speed_mps: float, waited_s: float
 
 
 def build(
-    record: Record, answer: Answer, inputs: Inputs, *, reasons: tuple[str, ...], eta: float, emergency: bool, low: bool
+    record: Record,
+    answer: Answer,
+    inputs: Inputs,
+    *,
+    reasons: tuple[str, ...],
+    eta: float,
+    emergency: bool,
+    low: bool,
+    docking: Docking,
+    announced: Display | None,
 ) -> Status:
-    """The status: ``reasons`` are joined for people, ``low`` means a low battery."""
-    # STOPPED has no constant of its own in MissionStatus: the mission is paused, and the reason says why.
-    state = State.PAUSED if record.state is State.STOPPED else record.state
+    """The status: ``reasons`` are joined for people, ``low`` means a low battery, ``announced`` see Announcements."""
+    state = _SHOWN_AS.get(record.state, record.state)
     return Status(
         state=state.value,
         mission=record.mission,
@@ -58,7 +69,9 @@ def build(
         reason="; ".join(filter(None, (answer.refusal, *reasons))),
         last_command=answer.command,
         last_command_accepted=bool(answer.command) and not answer.refusal,
-        display=int(display_of(record, inputs, emergency=emergency, battery_low=low)),
+        display=int(
+            display_of(record, inputs, emergency=emergency, battery_low=low, docking=docking, announced=announced)
+        ),
     )
 
 

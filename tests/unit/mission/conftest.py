@@ -10,13 +10,14 @@ from robot_stack.core.config import load
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.mission import events as ev
 from robot_stack.mission.kernel import MissionKernel
-from robot_stack.mission.model import Mission
+from robot_stack.mission.model import Kind, Mission
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.perform import JournalError, Performer
 from robot_stack.mission.record import Record
 from robot_stack.mission.states import State
 
 TICK_S = 0.1
+DOCKS = {"chair_1": "wheelchair", "charger": "station"}
 STILL = Twist2(0.0, 0.0, 0.0)
 
 
@@ -55,13 +56,14 @@ class Story:
     def __init__(self, params: MissionParams, record: Record | None = None, problem: str = "") -> None:
         self.params = params
         self.journal = MemoryJournal(record)
-        self.kernel = MissionKernel(params, record, problem)
+        self.kernel = MissionKernel(params, record, problem, DOCKS)
         self.performer = Performer(self.kernel, self.journal, self)
         self.now_s = 1000.0
-        self.inputs = ev.Inputs(Pose2(0.0, 0.0, 0.0), STILL, False, True, (), 0.8, None)
+        self.inputs = ev.Inputs(Pose2(0.0, 0.0, 0.0), STILL, False, True, (), 0.8, None, True, "IDLE")
         self.log: list[object] = []
         self.statuses: list[ev.Status] = []
         self.goal: Pose2 | None = None
+        self.call: int | None = None  # the docking goal that was sent and not cancelled
         self.performer.start_up(self.inputs, self.now_s)
 
     # outputs
@@ -72,6 +74,14 @@ class Story:
     def cancel_goal(self) -> None:
         self.goal = None
         self.log.append("cancel")
+
+    def start_docking(self, call: int, kind: Kind, dock_id: str) -> None:
+        self.call = call
+        self.log.append((kind.value, dock_id))
+
+    def cancel_docking(self, everything: bool) -> None:
+        self.call = None
+        self.log.append("cancel all docking" if everything else "cancel docking")
 
     def publish_emergency_stop(self, active: bool) -> None:
         self.log.append(("emergency_stop", active))

@@ -1,0 +1,214 @@
+"""The calls of the docking controller: one goal at a time, each with its number, none of them waited for without end.
+
+Times are sums of the ticks' steps, as everywhere in the mission manager.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from robot_stack.mission import route
+from robot_stack.mission.events import (
+    CancelDocking,
+    DockingAccepted,
+    DockingEnded,
+    DockingEvent,
+    DockingFeedback,
+    Effect,
+    Inputs,
+    StartDocking,
+)
+from robot_stack.mission.model import Kind
+from robot_stack.mission.params import MissionParams
+from robot_stack.mission.record import Record
+
+_SERVER = "docking_controller"
+# States of /docking/status in which somebody else's goal moves the robot.
+_BUSY = frozenset({"APPROACH", "SEARCH", "SERVOING", "FINE_ALIGN"})
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What is asked of the docking controller at a waypoint.
+
+    kind: DOCK or UNDOCK. dock_id: empty = undock wherever the robot is docked.
+    carried: the dock is a wheelchair, so that /passenger_attached tells whether the task is fulfilled.
+    """
+
+    kind: Kind
+    dock_id: str
+    carried: bool
+
+    @property
+    def activity(self) -> str:
+        if self.kind is Kind.DOCK:
+            return f"docking to {self.dock_id}"
+        return f"undocking from {self.dock_id}" if self.dock_id else "undocking"
+
+    def fulfilled(self, attached: bool) -> bool:
+        """True if the robot says that this has been done. Never known for a station: it has no latch."""
+        return self.carried and attached == (self.kind is Kind.DOCK)
+
+
+def task_of(record: Record, docks: Mapping[str, str]) -> Task | None:
+    """The task of the record's waypoint, None if it asks for none. ``docks``: kind of each dock by its id.
+
+    A dock that is not known any more is taken for a wheelchair: its outcome must then be seen.
+    """
+    current = record.current
+    if current is None or current.action.kind not in (Kind.DOCK, Kind.UNDOCK):
+        return None
+    ids = [stop.action.dock_id for stop in record.stops[: record.waypoint + 1] if stop.action.kind is Kind.DOCK]
+    dock_id = ids[-1] if ids else ""
+    return Task(current.action.kind, dock_id, docks.get(dock_id, "wheelchair") == "wheelchair")
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a task ended: ``problem`` is empty if it is done."""
+
+    problem: str = ""
+
+
+class Phase(Enum):
+    NONE = "no task"
+    WAITING = "the goal has not been sent yet"
+    SENT = "the goal has not been accepted yet"
+    ACCEPTED = "the docking controller is at it"
+    ENDED = "the result is here"
+
+
+class DockingCalls:
+    """The present task, and a goal that was given up but has not ended yet."""
+
+    def __init__(self, params: MissionParams) -> None:
+        self._params = params
+        self._number = 0
+        self._open: int | None = None  # the goal that was sent and has not ended
+        self._since_cancel_s = 0.0
+        self.begin()
+        self._phase = Phase.NONE
+
+    def begin(self) -> None:
+        """A task begins: its goal is sent by a tick to come."""
+        self._phase = Phase.WAITING
+        self._waited_s = self._elapsed_s = self._silent_s = self._ended_s = 0.0
+        self._end = DockingEnded(0, False)
+        self._tries = 0
+        self.state = ""
+        self.text = ""
+
+    def drop(self) -> tuple[Effect, ...]:
+        """The mission lets go of its task."""
+        self._phase, self.text, self.state = Phase.NONE, "", ""
+        self._since_cancel_s = 0.0
+        return (CancelDocking(),) if self._open is not None else ()
+
+    @property
+    def succeeded(self) -> bool:
+        return self._phase is Phase.ENDED and self._end.success
+
+    def on_event(self, event: DockingEvent) -> None:
+        """What is told of a goal that is not the present one only says when that one is over."""
+        if isinstance(event, DockingEnded) and event.call == self._open:
+            self._open = None
+        if event.call != self._number or self._phase not in (Phase.SENT, Phase.ACCEPTED):
+            return
+        self._silent_s = 0.0
+        match event:
+            case DockingAccepted():
+                self._phase, self._waited_s = Phase.ACCEPTED, 0.0
+            case DockingFeedback(_, state, tries):
+                self.state, self._tries = state, tries
+            case DockingEnded():
+                self._phase, self._end = Phase.ENDED, event
+
+    def idle(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
+        """A tick without a task: a goal that was given up is cancelled until it has ended."""
+        if not inputs.docking_served:
+            self._open = None  # it died with whoever served it
+        if self._open is None:
+            return ()
+        self._since_cancel_s += dt_s
+        if self._since_cancel_s < self._params.goal_confirm_s:
+            return ()
+        self._since_cancel_s = 0.0
+        return (CancelDocking(),)
+
+    def tick(
+        self, task: Task, inputs: Inputs, attached: bool, held: str, dt_s: float
+    ) -> tuple[tuple[Effect, ...], Outcome | None]:
+        """What to do now, and how the task ended if it did.
+
+        attached: a wheelchair is latched. held: why the robot may not move now, empty if it may.
+        """
+        effects: tuple[Effect, ...] = ()
+        problem: str | None = None
+        match self._phase:
+            case Phase.WAITING:
+                effects, problem = self._wait(task, inputs, held, dt_s)
+            case Phase.SENT | Phase.ACCEPTED:
+                problem = self._watch(inputs, dt_s)
+                progress = f"{self.state}, try {self._tries}" if self._tries > 1 else self.state
+                self._say(task, progress or "waiting for an answer", held)
+            case Phase.ENDED:
+                problem = self._conclude(task, attached, dt_s)
+        if problem is None:
+            return effects, None
+        return effects, Outcome(f"{task.activity} failed: {problem}" if problem else "")
+
+    def _say(self, task: Task, *parts: str) -> None:
+        self.text = f"{task.activity}: {'; '.join(filter(None, parts))}"
+
+    def _wait(self, task: Task, inputs: Inputs, held: str, dt_s: float) -> tuple[tuple[Effect, ...], str | None]:
+        effects = self.idle(inputs, dt_s)
+        if held:  # as with a ride: time in which the robot may not move does not count
+            self._say(task, held)
+            return effects, None
+        awaited = self._awaited(inputs)
+        if not awaited:
+            self._number += 1
+            self._open, self._phase, self._waited_s = self._number, Phase.SENT, 0.0
+            self._say(task, "waiting for an answer")
+            return (*effects, StartDocking(self._number, task.kind, task.dock_id)), None
+        self._say(task, f"waiting for {awaited}")
+        self._waited_s += dt_s
+        limit_s = self._params.docking_wait_s
+        return effects, f"waited {limit_s:.0f} s in vain for {awaited}" if self._waited_s >= limit_s else None
+
+    def _awaited(self, inputs: Inputs) -> str:
+        if not inputs.docking_served or not inputs.docking_state:
+            return _SERVER
+        if self._open is not None or inputs.docking_state in _BUSY:
+            return f"{_SERVER} to end what it was doing"
+        return "" if route.standing(inputs.twist, self._params) else "the robot to stand"
+
+    def _watch(self, inputs: Inputs, dt_s: float) -> str | None:
+        """The problem with a goal that is under way."""
+        self._elapsed_s += dt_s
+        self._waited_s += dt_s
+        self._silent_s = 0.0 if inputs.docking_state else self._silent_s + dt_s
+        if not inputs.docking_state and not inputs.docking_served:
+            return f"{_SERVER} is gone"
+        if self._silent_s >= self._params.docking_silence_s:
+            return f"{_SERVER} has been silent for {self._params.docking_silence_s:.0f} s"
+        if self._phase is Phase.SENT and self._waited_s >= self._params.docking_wait_s:
+            return f"{_SERVER} has not answered for {self._params.docking_wait_s:.0f} s"
+        if self._elapsed_s >= self._params.docking_timeout_s:
+            return f"no result within {self._params.docking_timeout_s:.0f} s"
+        return None
+
+    def _conclude(self, task: Task, attached: bool, dt_s: float) -> str | None:
+        """The problem with the result, empty if it is good, None while that is not known yet."""
+        if self._end.success and (not task.carried or task.fulfilled(attached)):
+            return ""
+        self._ended_s += dt_s
+        late = self._ended_s >= self._params.docking_confirm_s
+        if self._end.success:
+            self._say(task, "waiting for /passenger_attached")
+            return f"it succeeded, but /passenger_attached stayed {str(attached).lower()}" if late else None
+        # An emergency stop may be heard after the result that it caused: then the mission is stopped, not failed.
+        self._say(task, self._end.reason)
+        return None if self._end.safety_stop and not late else self._end.reason or "no reason given"

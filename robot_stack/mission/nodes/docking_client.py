@@ -1,0 +1,138 @@
+"""The mission manager as a client of the docking actions: one goal at a time, told as events with the goal's number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
+from rclpy.action import ActionClient
+
+from custom_msgs.action import Dock, Undock
+from robot_stack.contract import actions
+from robot_stack.mission.events import DockingAccepted, DockingEnded, DockingEvent, DockingFeedback
+from robot_stack.mission.model import Kind
+from robot_stack.ros.node import StackNode
+
+_SAFETY_STOPS = {Kind.DOCK: Dock.Result.SAFETY_STOP, Kind.UNDOCK: Undock.Result.SAFETY_STOP}
+_RESULTS = {Kind.DOCK: Dock.Result, Kind.UNDOCK: Undock.Result}
+_FORGOTTEN = "docking_controller does not know the goal any more: was it restarted?"
+
+
+class _Goal:
+    """A goal that was sent. ``handle`` is None until it was accepted."""
+
+    def __init__(self, call: int, kind: Kind) -> None:
+        self.call = call
+        self.kind = kind
+        self.handle: Any = None
+        self.cancelled = False
+        self.ended = False
+
+
+class DockingClient:
+    """Callbacks run in the node's thread; ``tell`` hears what becomes of the goals."""
+
+    def __init__(self, node: StackNode, tell: Callable[[DockingEvent], None]) -> None:
+        self._node = node
+        self._tell = tell
+        self._clients: dict[Kind, ActionClient] = {
+            Kind.DOCK: node.action_client(actions.DOCK),
+            Kind.UNDOCK: node.action_client(actions.UNDOCK),
+        }
+        self._cancel_services = {
+            Kind.DOCK: node.create_client(CancelGoal, f"{actions.DOCK.name}/_action/cancel_goal"),
+            Kind.UNDOCK: node.create_client(CancelGoal, f"{actions.UNDOCK.name}/_action/cancel_goal"),
+        }
+        self._goal: _Goal | None = None
+        # Time until which goals that others gave are still to be cancelled, once somebody serves the action.
+        self._cancel_before: dict[Kind, Any] = {}
+        self._heard = True
+
+    def served(self) -> bool:
+        """True if both actions are offered."""
+        return all(client.server_is_ready() for client in self._clients.values())
+
+    def start(self, call: int, kind: Kind, dock_id: str) -> None:
+        """Sends a goal. The one before must have ended."""
+        goal = self._goal = _Goal(call, kind)
+        request = Dock.Goal(dock_id=dock_id) if kind is Kind.DOCK else Undock.Goal(dock_id=dock_id)
+        future = self._clients[kind].send_goal_async(request, feedback_callback=partial(self._on_feedback, goal))
+        future.add_done_callback(partial(self._on_answer, goal))
+
+    def cancel(self) -> None:
+        """Cancels the goal, at once or as soon as it is accepted. May be repeated."""
+        goal = self._goal
+        if goal is None or goal.ended:
+            return
+        goal.cancelled = True
+        if goal.handle is not None:
+            goal.handle.cancel_goal_async().add_done_callback(partial(self._on_cancel_answer, goal))
+
+    def cancel_everything(self) -> None:
+        """Cancels all goals of both actions from before now, as soon as somebody serves them."""
+        self.cancel()
+        self._cancel_before = {kind: self._node.stamp() for kind in self._clients}
+
+    def poll(self, heard: bool) -> None:
+        """To be called at every tick. ``heard``: /docking/status is fresh."""
+        for kind, stamp in list(self._cancel_before.items()):
+            if self._cancel_services[kind].service_is_ready():
+                request = CancelGoal.Request()  # a zero goal id with a time: all goals up to then
+                request.goal_info.stamp = stamp
+                self._cancel_services[kind].call_async(request)
+                del self._cancel_before[kind]
+        if heard and not self._heard:
+            self._ask_again()
+        self._heard = heard
+
+    def _ask_again(self) -> None:
+        """Somebody speaks again after a silence. If it is a new process, it does not know the goal and says so."""
+        goal = self._goal
+        if goal is not None and goal.handle is not None and not goal.ended:
+            goal.handle.get_result_async().add_done_callback(partial(self._on_result, goal))
+
+    def _on_answer(self, goal: _Goal, future: Any) -> None:
+        handle = future.result()
+        if not handle.accepted:
+            self._end(goal, DockingEnded(goal.call, False, "the goal was rejected"))
+            return
+        goal.handle = handle
+        handle.get_result_async().add_done_callback(partial(self._on_result, goal))
+        if goal.cancelled:
+            self.cancel()
+        self._tell(DockingAccepted(goal.call))
+
+    def _on_feedback(self, goal: _Goal, message: Any) -> None:
+        feedback = message.feedback
+        tries = feedback.tries if goal.kind is Kind.DOCK else 0
+        self._tell(DockingFeedback(goal.call, feedback.state, tries))
+
+    def _on_result(self, goal: _Goal, future: Any) -> None:
+        answer = future.result()
+        if answer.status == GoalStatus.STATUS_UNKNOWN:
+            self._end(goal, DockingEnded(goal.call, False, _FORGOTTEN))
+            return
+        result = answer.result
+        success = result.success and answer.status == GoalStatus.STATUS_SUCCEEDED
+        reason = "" if success else reason_of(goal.kind, result.error_code, result.reason)
+        self._end(goal, DockingEnded(goal.call, success, reason, result.error_code == _SAFETY_STOPS[goal.kind]))
+
+    def _on_cancel_answer(self, goal: _Goal, future: Any) -> None:
+        if future.result().return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
+            self._end(goal, DockingEnded(goal.call, False, _FORGOTTEN))
+
+    def _end(self, goal: _Goal, event: DockingEnded) -> None:
+        if not goal.ended:
+            goal.ended = True
+            self._tell(event)
+
+
+def reason_of(kind: Kind, code: int, reason: str) -> str:
+    """The failure in words, with the name of its code: ``no marker in sight (MARKERS_NOT_FOUND)``."""
+    result = _RESULTS[kind]
+    names = (name for name in dir(type(result)) if name.isupper() and not name.startswith("_"))
+    name = next((name for name in names if getattr(result, name) == code), f"error {code}")
+    return f"{reason} ({name})" if reason else name
