@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
+from collections.abc import Callable
 from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
@@ -16,6 +17,7 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.core.config import ConfigError
 from robot_stack.recording.background import BackgroundWriter, disk_use
+from robot_stack.recording.images import IMAGE_TYPE, DockingWatch, Thinning
 from robot_stack.recording.params import RecorderParams
 from robot_stack.recording.recovery import recover_all
 from robot_stack.recording.writer import BagWriter, Format, topic_info
@@ -37,15 +39,17 @@ class Recorder(StackNode):
         name = self.params.name or time.strftime("%Y%m%d-%H%M%S", time.gmtime())
         self.folder = output / name
         self._writer = _open(self.folder, rows, self.params)
-        self._row_subscriptions = [self._record(row) for row in rows]
+        images = [row for row in rows if row.type == IMAGE_TYPE]
+        self._images = _Images(self, images) if images else None
+        self._row_subscriptions = [self.record(row, self.on_message) for row in rows if row not in images]
         self.every(1.0, self._watch)
         self._watch()
 
-    def _record(self, row: Topic) -> Any:
-        callback = partial(self._on_message, row.name)
+    def record(self, row: Topic, on_message: Callable[[str, bytes, Any], None]) -> Any:
+        callback = partial(on_message, row.name)
         return self.create_subscription(interface_class(row.type), row.name, callback, _qos(row), raw=True)
 
-    def _on_message(self, topic: str, data: bytes, info: Any) -> None:
+    def on_message(self, topic: str, data: bytes, info: Any) -> None:
         log_ns = self.get_clock().now().nanoseconds
         # The sender's clock is the system's; beside a simulated clock its stamp would be of another time.
         sent_ns = 0 if self.get_clock().ros_time_is_active else info["source_timestamp"]
@@ -71,11 +75,53 @@ class Recorder(StackNode):
         for subscription in self._row_subscriptions:
             self.destroy_subscription(subscription)
         self._row_subscriptions = []
+        if self._images is not None:
+            self._images.close()
 
     def safe_output(self) -> None:
         """Completes the recording."""
         self._end_subscriptions()
         self._writer.close()
+
+
+class _Images:
+    """Subscribes to images only while they are recorded: receiving what nobody writes would cost as much."""
+
+    def __init__(self, node: Recorder, rows: list[Topic]) -> None:
+        self._node = node
+        self._rows = rows
+        self._mode = node.params.images
+        self._thinning = Thinning(node.params.image_rate_hz)
+        self._docking = DockingWatch(node.params.image_tail_s)
+        self._subscriptions: list[Any] = []
+        self._closed = False
+        if self._mode == "docking":
+            row = topics.DOCKING_STATUS
+            node.create_subscription(interface_class(row.type), row.name, self._on_status, _qos(row))
+            node.every(2.0, self._update)  # a controller that fell silent
+        self._update()
+
+    def _on_status(self, message: Any) -> None:
+        self._docking.on_status(message.state, self._node.steady_s())
+        self._update()
+
+    def _update(self) -> None:
+        docking = self._mode == "docking" and self._docking.active(self._node.steady_s())
+        wanted = (docking or self._mode == "always") and not self._closed
+        if wanted and not self._subscriptions:
+            self._subscriptions = [self._node.record(row, self._on_image) for row in self._rows]
+        elif not wanted and self._subscriptions:
+            for subscription in self._subscriptions:
+                self._node.destroy_subscription(subscription)
+            self._subscriptions = []
+
+    def _on_image(self, topic: str, data: bytes, info: Any) -> None:
+        if self._thinning.wants(topic, self._node.now_s()):
+            self._node.on_message(topic, data, info)
+
+    def close(self) -> None:
+        self._closed = True
+        self._update()
 
 
 def _selected(params: RecorderParams) -> list[Topic]:

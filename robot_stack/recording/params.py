@@ -24,6 +24,9 @@ class RecorderParams(Config):
     flush_period_s: Annotated[float, Field(ge=0.05, le=1.0)]
     chunk_size_kb: Annotated[float, Field(ge=1.0, le=65_536.0)]
     compression: Literal["zstd", "none"]
+    images: Literal["docking", "always", "never"]
+    image_rate_hz: Annotated[float, Field(gt=0.0, le=100.0)]
+    image_tail_s: Annotated[float, Field(ge=1.0, le=60.0)]
     queue_mb: Annotated[float, Field(ge=1.0, le=1024.0)]
 
     @model_validator(mode="after")

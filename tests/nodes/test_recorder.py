@@ -5,6 +5,7 @@ from __future__ import annotations
 import resource
 import signal
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -13,10 +14,10 @@ from mcap_ros2.decoder import DecoderFactory
 from nav_msgs.msg import Odometry
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Bool
 
-from custom_msgs.msg import MissionStatus
+from custom_msgs.msg import DockingStatus, MissionStatus
 from robot_stack.contract import topics
 from robot_stack.contract.model import System
 from tests.support.peer import Peer
@@ -156,6 +157,80 @@ def test_point_clouds_arrive_whole(studio):
         clouds = [reader.deserialize(data, connection.msgtype) for connection, _, data in reader.messages()]
     assert len(clouds) == 5
     assert bytes(clouds[4].data) == bytes(cloud.data)
+
+
+class Cameras:
+    """A front camera at 10 Hz that numbers its images, and a docking controller."""
+
+    def __init__(self, studio: Studio) -> None:
+        self._peer = studio.peer
+        self.state = "IDLE"
+        self.sent = 0
+        self._peer.repeat(topics.FRONT_IMAGE, self._image, 10.0)
+        self._peer.repeat(topics.DOCKING_STATUS, lambda: DockingStatus(state=self.state), 10.0)
+
+    def _image(self) -> Image:
+        self.sent += 1
+        return Image(height=72, width=128, encoding="mono8", step=128, data=bytes([self.sent % 256]) * 9216)
+
+    def listeners(self) -> int:
+        return int(self._peer.publisher(topics.FRONT_IMAGE).get_subscription_count())
+
+    def wait_sent(self, count: int) -> None:
+        end = self.sent + count
+        wait_for(lambda: self.sent >= end, f"{count} more images")
+
+
+def images_of(folder: Path) -> list[tuple[int, int]]:
+    """(time of reception in ns, number) of the images in a recording."""
+    with AnyReader([folder]) as reader:
+        rows = [item for item in reader.connections if item.topic == topics.FRONT_IMAGE.name]
+        return [
+            (stamp, int(reader.deserialize(data, connection.msgtype).data[0]))
+            for connection, stamp, data in reader.messages(connections=rows)
+        ]
+
+
+def test_images_are_recorded_while_the_robot_docks(studio):
+    node = studio.launch("image_tail_s:=1.0", "include:=['/sensors/camera/*', '/docking/status']")
+    studio.wait_ready()
+    cameras = Cameras(studio)
+    studio.peer.wait_matched(topics.DOCKING_STATUS, 2)
+    cameras.wait_sent(5)
+    assert cameras.listeners() == 0, "nobody docks: images are not even received"
+    first = cameras.sent
+    cameras.state = "SERVOING"
+    studio.peer.wait_matched(topics.FRONT_IMAGE)
+    cameras.wait_sent(15)
+    cameras.state = "DOCKED"
+    wait_for(lambda: cameras.listeners() == 0, "the end of the images")
+    node.signal(signal.SIGINT)
+    assert node.wait() == 0
+    images = images_of(studio.output / "ride")
+    assert images[0][1] > first
+    assert 3 <= len(images) <= 8, "2 Hz for 1.5 s of docking and the tail"
+    beats_s = [1e-9 * (after[0] - before[0]) for before, after in pairwise(images)]
+    assert min(beats_s) > 0.3
+
+
+def test_images_always_and_never(studio):
+    node = studio.launch("images:=always", "image_rate_hz:=100.0", "include:=['/sensors/camera/*']")
+    studio.wait_ready()
+    cameras = Cameras(studio)
+    studio.peer.wait_matched(topics.FRONT_IMAGE)
+    cameras.wait_sent(5)
+    wait_for(lambda: int(studio.value("messages") or 0) >= 4, "images recorded")
+    node.signal(signal.SIGINT)
+    assert node.wait() == 0
+    numbers = [number for _, number in images_of(studio.output / "ride")]
+    assert numbers == sorted(set(numbers))
+    assert numbers[-1] - numbers[0] <= len(numbers) + 1, "every one, but for what best effort may lose"
+    studio.launch("images:=never", "include:=['/sensors/camera/*', '/docking/status']", name="second")
+    studio.wait_ready()
+    cameras.state = "SERVOING"
+    studio.peer.wait_matched(topics.DOCKING_STATUS)
+    cameras.wait_sent(5)
+    assert cameras.listeners() == 0
 
 
 def _chunks_of(studio: Studio) -> int:

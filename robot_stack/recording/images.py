@@ -1,0 +1,44 @@
+"""When camera images are recorded: two cameras make 18 MB/s, which tell something only while the robot docks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+IMAGE_TYPE = "sensor_msgs/msg/Image"
+# States of /docking/status in which no docking is under way; DOCKED lasts for the whole ride with a chair.
+_AT_REST = frozenset({"IDLE", "DOCKED", "FAILED"})
+
+
+@dataclass(slots=True)
+class DockingWatch:
+    """Is a docking under way, or ended less than ``tail_s`` ago? A silent controller ends it as well."""
+
+    tail_s: float
+    _last_active_s: float = -math.inf
+
+    def on_status(self, state: str, now_s: float) -> None:
+        if state not in _AT_REST:
+            self._last_active_s = now_s
+
+    def active(self, now_s: float) -> bool:
+        return now_s - self._last_active_s <= self.tail_s
+
+
+@dataclass(slots=True)
+class Thinning:
+    """Lets ``rate_hz`` messages per second of each topic through."""
+
+    rate_hz: float
+    _due_s: dict[str, float] = field(default_factory=dict)
+
+    def wants(self, topic: str, now_s: float) -> bool:
+        due_s = self._due_s.get(topic, -math.inf)
+        period_s = 1.0 / self.rate_hz
+        # A clock that was set back shall not stop the images for as long.
+        if due_s - period_s <= now_s < due_s:
+            return False
+        # On the beat while messages come, from now on after a gap.
+        late = now_s - due_s > period_s or now_s < due_s
+        self._due_s[topic] = (now_s if late else due_s) + period_s
+        return True
