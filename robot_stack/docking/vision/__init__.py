@@ -1,0 +1,1 @@
+"""Markers in camera images: search, edge fit, joint pose of a board. Kernels only."""

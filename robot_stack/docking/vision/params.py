@@ -1,0 +1,97 @@
+"""Parameters of the marker detector, part of ``config/aruco_detector.yaml``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from robot_stack.core.config import Config
+
+Positive = Annotated[float, Field(gt=0.0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Count = Annotated[int, Field(ge=1)]
+
+
+class SearchParams(Config):
+    """Finding and reading markers.
+
+    threshold_windows_px: sizes of the adaptive threshold's window (odd); one is used at a time, the next after an image
+    in which nothing was found. shrunk_side_px: where the markers are known to be large, the image is reduced until a
+    side has at least this many pixels.
+    """
+
+    threshold_windows_px: Annotated[list[Annotated[int, Field(ge=3)]], Field(min_length=1)]
+    threshold_constant: Positive
+    smallest_side_px: Positive
+    error_correction: Share
+    border_error_share: Share
+    shrunk_side_px: Annotated[float, Field(ge=20.0)]
+    region_margin_share: Positive
+    region_margin_px: Positive
+    full_search_every: Count
+    forget_after: Count
+
+    @model_validator(mode="after")
+    def _windows_are_odd(self) -> SearchParams:
+        if any(window % 2 == 0 for window in self.threshold_windows_px):
+            raise ValueError("threshold_windows_px must be odd numbers")
+        return self
+
+
+class EdgeParams(Config):
+    """Edge fit of a marker's sides.
+
+    window_px: widest half window, coarse then fine. min_contrast: grey levels. min_contrast_share: of the side's median
+    contrast. min_samples_share: of the samples taken along a side. end_share: of a side, left out at each end, where
+    the corner rounds the edge. scatter_floor_px: no side's samples are believed to scatter less. systematic_px: what no
+    averaging takes away from a side (lens model, print, neighbouring edges).
+    """
+
+    coarse_window_px: Annotated[float, Field(ge=2.0, le=16.0)]
+    fine_window_px: Annotated[float, Field(ge=2.0, le=16.0)]
+    min_contrast: Positive
+    min_contrast_share: Share
+    min_samples_share: Share
+    end_share: Annotated[float, Field(ge=0.0, lt=0.4)]
+    scatter_floor_px: Positive
+    systematic_px: Positive
+
+
+class PoseParams(Config):
+    """Pose of a board.
+
+    outlier_sigmas: a marker this far from where the others put it is left out, if that lowers the rest's mean square
+    error by outlier_gain. ambiguous_cost: two poses whose squared errors, in variances, differ by less cannot be told
+    apart. ambiguous_sigma_rad: neither can an orientation known no better than this. quality_half_sigma_m: standard
+    deviation of the position at quality 0.5. ambiguous_quality: the most an ambiguous pose gets.
+    """
+
+    outlier_sigmas: Positive
+    outlier_gain: Annotated[float, Field(gt=1.0)]
+    ambiguous_cost: Positive
+    ambiguous_sigma_rad: Positive
+    quality_half_sigma_m: Positive
+    ambiguous_quality: Share
+
+
+class DetectorParams(Config):
+    """Everything the detector can be told."""
+
+    search: SearchParams
+    edges: EdgeParams
+    pose: PoseParams
+
+
+class ArucoDetectorParams(Config):
+    """Everything the node can be told.
+
+    always_on: detects whatever docking does. pair_wait_s: an image waits this long for the other camera's of the same
+    exposure. idle_camera_every: while the other camera sees markers, a camera without is searched in every so manieth
+    image.
+    """
+
+    always_on: bool
+    pair_wait_s: Annotated[float, Field(gt=0.0, le=0.1)]
+    idle_camera_every: Count
+    detector: DetectorParams
