@@ -671,7 +671,9 @@ def test_a_restart_comes_up_paused_with_everything_as_it_was(params, state):
     mission = make_mission("pass", actions.get(state, "park"))
     story = Story(params, journaled(state, mission, waypoint=1, passenger_attached=True))
     assert story.state is State.PAUSED
-    assert story.log == ["cancel", "cancel all docking"], "a navigation controller may still be driving for the one that died"
+    assert story.log == ["cancel", "cancel all docking"], (
+        "a navigation controller may still be driving for the one that died"
+    )
     status = story.status
     assert (status.state, status.mission.id) == ("PAUSED", "ride")
     assert (status.current_waypoint, status.waypoints_completed) == ("w1", 1)

@@ -1,0 +1,649 @@
+"""Docking and undocking as parts of a mission, tick by tick in fake time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from robot_stack.core.geometry import Twist2
+from robot_stack.mission import events as ev
+from robot_stack.mission.display import Display
+from robot_stack.mission.record import Record, problem_of
+from robot_stack.mission.states import AT_DOCK, State
+
+from .conftest import TICK_S, Story, make_mission
+
+DOCK = {"dock": "chair_1"}
+CHARGE = {"dock": "charger"}
+COMMANDED = {ev.PAUSE: State.PAUSED, ev.ABORT: State.ABORTED, ev.EMERGENCY_STOP: State.STOPPED}
+
+
+class DockStory(Story):
+    """A story with a docking controller that does what the test says."""
+
+    def calls(self) -> list[tuple[str, str]]:
+        """(dock or undock, dock id) of every docking goal sent so far."""
+        return [entry for entry in self.log if isinstance(entry, tuple) and entry[0] in ("dock", "undock")]
+
+    def attach(self, attached: bool = True) -> DockStory:
+        return self.happens(ev.PassengerChanged(attached))
+
+    def arrive(self, x: float) -> DockStory:
+        """Reaches a dock's waypoint; no docking goal has been sent yet."""
+        self.at(x)
+        for _ in range(20):
+            if self.state in AT_DOCK:
+                return self
+            self.tick()
+        raise AssertionError(f"still {self.state} at {x}")
+
+    def accept(self) -> DockStory:
+        return self.happens(ev.DockingAccepted(self.call)).tick()
+
+    def feedback(self, state: str, tries: int = 1, call: int | None = None) -> DockStory:
+        return self.happens(ev.DockingFeedback(call or self.call, state, tries)).tick()
+
+    def ends(self, success: bool, reason: str = "", call: int | None = None, safety_stop: bool = False) -> DockStory:
+        return self.happens(ev.DockingEnded(call or self.call, success, reason, safety_stop)).tick()
+
+    def docks(self) -> DockStory:
+        """A docking that succeeds."""
+        return self.accept().attach().ends(True)
+
+    def called(self) -> int:
+        assert self.call is not None, "no docking goal"
+        return self.call
+
+
+@pytest.fixture
+def story(params) -> DockStory:
+    return DockStory(params)
+
+
+@pytest.fixture
+def docking(story) -> DockStory:
+    """At w0, the docking controller has accepted the goal."""
+    story.start(DOCK, "pass", "undock", "park").reach(2.0).tick()
+    assert story.state is State.DOCKING
+    return story.accept().clear()
+
+
+@pytest.fixture
+def undocking(story) -> DockStory:
+    story.start(DOCK, "undock", "park").reach(2.0).tick().docks().reach(4.0).tick()
+    assert story.state is State.UNDOCKING
+    return story.accept().clear()
+
+
+# --- the ride --------------------------------------------------------------------------------------------------------
+
+
+def test_the_main_job(story):
+    story.start("pass", DOCK, "pass", "undock", "park")
+    story.at(2.0, speed=1.0).tick().reach(4.0).tick()
+    assert (story.state, story.calls()) == (State.DOCKING, [("dock", "chair_1")])
+    story.docks()
+    assert (story.state, story.goals()[-1], story.status.passenger_attached) == (State.RUNNING, 6.0, True)
+    story.at(6.0, speed=1.0).tick().reach(8.0).tick()
+    assert (story.state, story.calls()[-1]) == (State.UNDOCKING, ("undock", "chair_1"))
+    story.accept().attach(False).ends(True)
+    assert (story.state, story.goals()[-1]) == (State.RUNNING, 10.0)
+    story.reach(10.0)
+    assert story.state is State.COMPLETED
+    assert len(story.calls()) == 2
+
+
+def test_docking_begins_at_the_waypoint_exactly_and_standing(story):
+    story.start(DOCK, "park").at(1.9).tick(1.0)
+    assert story.state is State.RUNNING
+    story.at(2.0, speed=0.1).tick(1.0)
+    assert story.state is State.RUNNING
+    story.reach(2.0)
+    assert story.state is State.DOCKING
+
+
+def test_the_journal_knows_before_the_docking_controller(story):
+    order: list[str] = []
+    story.start(DOCK, "park")
+    story.journal.save = lambda record: order.append(record.state.value)
+    story.cancel_goal = lambda: order.append("cancel")
+    start = story.start_docking
+    story.start_docking = lambda *goal: (order.append("dock"), start(*goal))
+    story.reach(2.0).tick()
+    assert order == ["cancel", "DOCKING", "dock"], "and navigation has no goal of its own meanwhile"
+
+
+def test_the_result_alone_is_not_enough_for_a_wheelchair(docking):
+    docking.ends(True).tick(1.0)
+    assert docking.state is State.DOCKING
+    assert docking.status.reason == "docking to chair_1: waiting for /passenger_attached"
+    docking.attach().tick()
+    assert docking.state is State.RUNNING
+
+
+def test_the_passenger_alone_is_not_enough_either(docking):
+    docking.attach().tick(1.0)
+    assert docking.state is State.DOCKING
+
+
+def test_a_success_without_a_passenger_fails(docking):
+    docking.ends(True).tick(docking.params.docking_confirm_s + TICK_S)
+    assert docking.state is State.FAILED
+    why = "docking to chair_1 failed: it succeeded, but /passenger_attached stayed false"
+    assert docking.status.reason == why
+
+
+def test_an_undocking_with_the_passenger_still_attached_fails(undocking):
+    undocking.ends(True).tick(undocking.params.docking_confirm_s + TICK_S)
+    assert undocking.state is State.FAILED
+    why = "undocking from chair_1 failed: it succeeded, but /passenger_attached stayed true"
+    assert undocking.status.reason == why
+
+
+def test_a_station_needs_no_passenger(story):
+    story.start(CHARGE, "undock", "park").reach(2.0).tick().accept().ends(True)
+    assert (story.state, story.goals()[-1]) == (State.RUNNING, 4.0)
+    story.reach(4.0).tick()
+    assert story.calls()[-1] == ("undock", "charger")
+    story.accept().ends(True)
+    assert story.state is State.RUNNING
+
+
+def test_a_passenger_from_before_is_put_down_wherever_it_was_attached(story):
+    story.attach().start("undock").reach(2.0).tick()
+    assert story.calls() == [("undock", "")]
+    story.accept().attach(False).ends(True)
+    assert story.state is State.COMPLETED
+
+
+def test_a_mission_may_end_docked(story):
+    story.start(DOCK).reach(2.0).tick().docks()
+    assert (story.state, story.status.waypoints_completed) == (State.COMPLETED, 1)
+    assert story.goal is None
+
+
+def test_a_robot_docked_to_a_station_does_not_drive_home_on_a_low_battery(story):
+    story.command(ev.START_MISSION, make_mission(CHARGE, home=(50.0, 0.0, 0.0))).given(battery=0.2)
+    story.reach(2.0).tick().accept().ends(True)
+    assert story.state is State.COMPLETED
+
+
+def test_no_stall_counts_while_docking(docking):
+    docking.feedback("SEARCH").tick(2 * docking.params.progress_timeout_s)
+    assert docking.state is State.DOCKING
+    assert docking.kernel.record.failed_tries == 0
+    assert docking.goals() == []
+
+
+# --- what is refused at the start ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("actions", "aboard", "why"),
+    [
+        ((DOCK, "park"), True, "waypoint 'w0' of 'ride' asks to dock to 'chair_1', but the robot is already carrying"),
+        ((DOCK, DOCK), False, "waypoint 'w1' of 'ride' asks to dock to 'chair_1', but the robot is already carrying"),
+        (("pass", "undock"), False, "waypoint 'w1' of 'ride' asks to undock, but no wheelchair is attached then and "),
+        ((DOCK, "undock", "undock"), False, "waypoint 'w2' of 'ride' asks to undock, but no wheelchair"),
+        (({"dock": "chair_9"}, "park"), False, "waypoint 'w0' of 'ride': there is no dock 'chair_9'; known: chair_1, "),
+        ((CHARGE, "park"), False, "waypoint 'w1' of 'ride' leaves the dock 'charger' without an undock before"),
+        ((CHARGE, DOCK), False, "waypoint 'w1' of 'ride' asks to dock to 'chair_1', but the robot is already docked"),
+        ((CHARGE,), True, "waypoint 'w0' of 'ride' asks to dock to 'charger', but the robot is already carrying"),
+    ],
+)
+def test_what_cannot_be_docked_is_refused_at_the_start(story, actions, aboard, why):
+    story.attach(aboard).start(*actions)
+    assert story.state is State.IDLE
+    assert story.log == []
+    assert why in story.status.reason
+    assert not story.status.last_command_accepted
+
+
+@pytest.mark.parametrize(
+    ("actions", "aboard"),
+    [
+        ((DOCK, "undock", "park"), False),
+        ((DOCK, "undock", DOCK), False),
+        (("undock", DOCK), True),
+        (("park",), True),
+        ((CHARGE, "undock", DOCK), False),
+        ((CHARGE,), False),
+    ],
+)
+def test_what_can_be_docked_starts(story, actions, aboard):
+    story.attach(aboard).start(*actions)
+    assert story.state is State.RUNNING, story.status.reason
+
+
+# --- failures --------------------------------------------------------------------------------------------------------
+
+
+def test_a_failed_docking_ends_the_mission_with_its_reason(docking):
+    docking.ends(False, "no marker in sight (MARKERS_NOT_FOUND)")
+    assert docking.state is State.FAILED
+    assert docking.status.reason == "docking to chair_1 failed: no marker in sight (MARKERS_NOT_FOUND)"
+    assert docking.status.display == Display.DOCKING_FAILED
+    docking.tick(60.0)
+    assert docking.calls() == [], "the docking controller has tried again, the mission does not"
+
+
+def test_a_failed_undocking_keeps_the_passenger(undocking):
+    undocking.ends(False, "the latch does not open (UNLATCH_FAILED)")
+    assert undocking.state is State.FAILED
+    assert undocking.status.reason == "undocking from chair_1 failed: the latch does not open (UNLATCH_FAILED)"
+    assert undocking.status.passenger_attached
+    assert undocking.status.display == Display.ERROR
+
+
+def test_a_failure_without_words_is_one_all_the_same(docking):
+    docking.ends(False)
+    assert docking.status.reason == "docking to chair_1 failed: no reason given"
+
+
+def test_without_a_docking_controller(story):
+    story.start(DOCK).given(docking_served=False, docking_state="").reach(2.0).tick()
+    assert story.status.reason == "docking to chair_1: waiting for docking_controller"
+    assert story.status.state == "RUNNING"
+    story.tick(story.params.docking_wait_s - 1.0)
+    assert story.state is State.DOCKING
+    story.tick(1.0)
+    assert story.state is State.FAILED
+    assert story.status.reason == "docking to chair_1 failed: waited 10 s in vain for docking_controller"
+    assert story.calls() == []
+
+
+def test_a_docking_controller_that_comes_late_is_asked(story):
+    story.start(DOCK).given(docking_served=False, docking_state="").reach(2.0).tick(5.0)
+    story.given(docking_served=True, docking_state="IDLE").tick()
+    assert story.calls() == [("dock", "chair_1")]
+
+
+@pytest.mark.parametrize("state", ["APPROACH", "SEARCH", "SERVOING", "FINE_ALIGN"])
+def test_a_docking_controller_at_work_for_somebody_else_is_waited_for(story, state):
+    story.start(DOCK).given(docking_state=state).reach(2.0).tick()
+    assert story.calls() == []
+    why = "waiting for docking_controller to end what it was doing"
+    assert story.status.reason == f"docking to chair_1: {why}"
+    story.given(docking_state="IDLE").tick()
+    assert story.calls() == [("dock", "chair_1")]
+
+
+def test_a_goal_waits_until_the_robot_stands(story):
+    story.start(DOCK).arrive(2.0).at(2.0, speed=0.2).tick()
+    assert story.status.reason == "docking to chair_1: waiting for the robot to stand"
+    assert story.calls() == []
+    story.at(2.0).tick()
+    assert story.calls() == [("dock", "chair_1")]
+
+
+@pytest.mark.parametrize("twist", [None, Twist2(float("nan"), 0.0, 0.0)])
+def test_unknown_odometry_is_not_standing(story, twist):
+    story.start(DOCK).arrive(2.0).given(twist=twist).tick(story.params.docking_wait_s)
+    assert story.calls() == []
+    assert story.state is State.FAILED
+
+
+@pytest.mark.parametrize("hindrance", [{"safety_known": False}, {"faults": ("COLLISION_IMMINENT",)}, {"pose": None}])
+def test_while_the_robot_may_not_move_no_docking_begins_and_no_time_counts(story, hindrance):
+    story.start(DOCK).arrive(2.0)
+    before = story.inputs
+    story.given(**hindrance).tick(3 * story.params.docking_wait_s)
+    assert (story.state, story.calls()) == (State.DOCKING, [])
+    assert story.status.reason.startswith(("docking to chair_1: held", "docking to chair_1: waiting for pose"))
+    story.inputs = before
+    story.tick()
+    assert story.calls() == [("dock", "chair_1")]
+
+
+def test_a_goal_that_nobody_answers(story):
+    story.start(DOCK).reach(2.0).tick().tick(story.params.docking_wait_s)
+    assert story.state is State.FAILED
+    assert story.status.reason == "docking to chair_1 failed: docking_controller has not answered for 10 s"
+    assert story.call is None, "it is cancelled, in case it was taken after all"
+
+
+def test_a_result_that_never_comes(docking):
+    docking.tick(docking.params.docking_timeout_s - 1.0)
+    assert docking.state is State.DOCKING
+    docking.tick(1.0)
+    assert docking.state is State.FAILED
+    assert docking.status.reason == "docking to chair_1 failed: no result within 120 s"
+    assert "cancel docking" in docking.log
+
+
+def test_a_docking_controller_that_dies(docking):
+    docking.given(docking_state="", docking_served=False).tick()
+    assert docking.state is State.FAILED
+    assert docking.status.reason == "docking to chair_1 failed: docking_controller is gone"
+
+
+def test_a_docking_controller_that_falls_silent(docking):
+    docking.given(docking_state="").tick(docking.params.docking_silence_s - TICK_S)
+    assert docking.state is State.DOCKING
+    docking.tick()
+    assert docking.state is State.FAILED
+    assert docking.status.reason == "docking to chair_1 failed: docking_controller has been silent for 3 s"
+    assert docking.call is None
+
+
+def test_feedback_is_a_sign_of_life(docking):
+    docking.given(docking_state="")
+    for _ in range(20):
+        docking.tick(2.0).feedback("SERVOING")
+    assert docking.state is State.DOCKING
+
+
+# --- results of other goals ------------------------------------------------------------------------------------------
+
+
+def test_a_late_result_of_an_old_goal_is_not_taken_for_the_new_one(docking):
+    old = docking.called()
+    docking.command(ev.PAUSE).command(ev.RESUME).tick()
+    assert docking.calls() == [], "the old goal has not ended: the new one would be told that all is busy"
+    assert "to end what it was doing" in docking.status.reason
+    docking.attach().ends(True, call=old)
+    docking.attach(False)
+    assert docking.state is State.DOCKING
+    docking.tick()
+    new = docking.called()
+    assert new != old
+    docking.accept().ends(False, "old", call=old).ends(True, call=old).feedback("FAILED", call=old)
+    assert docking.state is State.DOCKING
+    docking.attach().ends(True, call=new)
+    assert docking.state is State.RUNNING
+
+
+def test_an_old_goal_that_does_not_end(docking):
+    docking.command(ev.PAUSE).tick(10.0).clear().command(ev.RESUME)
+    docking.tick(docking.params.docking_wait_s + TICK_S)
+    assert docking.state is State.FAILED
+    why = "waited 10 s in vain for docking_controller to end what it was doing"
+    assert docking.status.reason == f"docking to chair_1 failed: {why}"
+    assert docking.log.count("cancel docking") >= 4, "it is cancelled again and again"
+
+
+def test_a_goal_of_one_that_died_is_not_waited_for(docking):
+    docking.command(ev.PAUSE).given(docking_served=False, docking_state="").tick()
+    docking.given(docking_served=True, docking_state="IDLE").command(ev.RESUME).tick()
+    assert docking.calls() == [("dock", "chair_1")]
+
+
+def test_a_result_while_nothing_is_asked_means_nothing(story):
+    story.ends(True, call=1).feedback("SERVOING", call=3).happens(ev.DockingAccepted(2))
+    assert story.state is State.IDLE
+    story.start("park").ends(False, "x", call=1)
+    assert story.state is State.RUNNING
+    assert story.status.reason == ""
+
+
+# --- commands and the emergency stop ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", COMMANDED)
+def test_what_stops_the_mission_cancels_the_docking(docking, command):
+    docking.command(command)
+    assert docking.state is COMMANDED[command]
+    assert [entry for entry in docking.log if entry in ("cancel", "cancel docking")] == ["cancel", "cancel docking"]
+
+
+@pytest.mark.parametrize("command", COMMANDED)
+def test_what_stops_the_mission_cancels_the_undocking_and_keeps_the_passenger(undocking, command):
+    undocking.command(command)
+    assert undocking.state is COMMANDED[command]
+    assert "cancel docking" in undocking.log
+    assert undocking.status.passenger_attached
+
+
+def test_the_stop_of_a_docking_does_not_wait_for_the_journal(docking):
+    order: list[str] = []
+    docking.journal.save = lambda record: order.append(record.state.value)
+    cancel = docking.cancel_docking
+    docking.cancel_docking = lambda everything: (order.append("cancel docking"), cancel(everything))
+    docking.command(ev.PAUSE)
+    assert order == ["cancel docking", "PAUSED"]
+
+
+def test_a_cancelled_goal_is_cancelled_until_it_has_ended(docking):
+    call = docking.called()
+    docking.command(ev.PAUSE).clear().tick(4.5)
+    assert docking.log.count("cancel docking") == 2  # every 2 s
+    docking.ends(False, "cancelled", call=call).clear().tick(10.0)
+    assert docking.log == []
+    assert docking.state is State.PAUSED
+
+
+def test_resume_docks_again_from_the_start(docking):
+    call = docking.called()
+    docking.command(ev.PAUSE).ends(False, "cancelled", call=call).clear().command(ev.RESUME)
+    assert docking.state is State.DOCKING
+    docking.tick()
+    assert docking.calls() == [("dock", "chair_1")]
+    docking.docks()
+    assert docking.state is State.RUNNING
+
+
+def test_resume_goes_on_if_the_wheelchair_is_attached_by_then(docking):
+    call = docking.called()
+    docking.command(ev.PAUSE).attach().ends(True, call=call).command(ev.RESUME)
+    assert (docking.state, docking.goals(), docking.calls()) == (State.RUNNING, [4.0], [])
+
+
+def test_resume_undocks_again_where_the_robot_stands(undocking):
+    call = undocking.called()
+    undocking.command(ev.PAUSE).ends(False, "cancelled", call=call).clear().command(ev.RESUME).tick()
+    assert undocking.calls() == [("undock", "chair_1")]
+    assert undocking.goals() == [], "the chair may be unlatched already: driving forward would push it"
+
+
+def test_resume_goes_on_if_the_wheelchair_is_let_go_by_then(undocking):
+    call = undocking.called()
+    undocking.command(ev.PAUSE).attach(False).ends(True, call=call).command(ev.RESUME)
+    assert (undocking.state, undocking.goals()[-1], undocking.calls()) == (State.RUNNING, 6.0, [])
+
+
+def test_resume_after_the_last_waypoint_was_served_meanwhile_completes(story):
+    story.start(DOCK).reach(2.0).tick().accept()
+    call = story.called()
+    story.command(ev.PAUSE).attach().ends(True, call=call).command(ev.RESUME)
+    assert (story.state, story.status.last_command_accepted) == (State.COMPLETED, True)
+
+
+def test_resume_at_a_station_docks_again(story):
+    story.start(CHARGE).reach(2.0).tick().accept()
+    call = story.called()
+    story.command(ev.PAUSE).ends(True, call=call).clear().command(ev.RESUME).tick()
+    assert story.calls() == [("dock", "charger")]
+
+
+def test_resume_before_the_dock_was_reached_drives_there(story):
+    story.start(DOCK).command(ev.PAUSE).clear().command(ev.RESUME)
+    assert (story.state, story.goals(), story.calls()) == (State.RUNNING, [2.0], [])
+
+
+@pytest.mark.parametrize("dock", ["docking", "undocking"])
+def test_emergency_stop_until_release_and_resume(dock, request):
+    story = request.getfixturevalue(dock)
+    state, call = story.state, story.called()
+    story.emergency(True)
+    assert (story.state, story.status.state, story.call) == (State.STOPPED, "PAUSED", None)
+    story.ends(False, "emergency stop (SAFETY_STOP)", call=call, safety_stop=True).command(ev.RESUME)
+    assert story.state is State.STOPPED
+    story.emergency(False).tick(30.0)
+    assert (story.state, story.calls()) == (State.STOPPED, [])
+    story.command(ev.RESUME).tick()
+    assert story.state is state
+    assert len(story.calls()) == 1
+
+
+def test_an_emergency_stop_heard_after_the_result_that_it_caused_still_stops(docking):
+    docking.ends(False, "emergency stop (SAFETY_STOP)", safety_stop=True).tick(1.0)
+    assert docking.state is State.DOCKING
+    docking.emergency(True)
+    assert docking.state is State.STOPPED
+
+
+def test_a_safety_stop_without_an_emergency_stop_fails(docking):
+    docking.ends(False, "held (SAFETY_STOP)", safety_stop=True).tick(docking.params.docking_confirm_s)
+    assert docking.state is State.FAILED
+    assert docking.status.reason == "docking to chair_1 failed: held (SAFETY_STOP)"
+
+
+# --- journal and restart ---------------------------------------------------------------------------------------------
+
+
+def test_an_unwritable_journal_lets_no_docking_begin(story):
+    story.start(DOCK)
+    story.journal.problem = "disk full"
+    story.reach(2.0).tick(1.0)
+    assert (story.state, story.calls()) == (State.PAUSED, [])
+
+
+def test_a_passenger_that_cannot_be_journaled_stops_the_docking(docking):
+    docking.journal.problem = "disk full"
+    docking.attach()
+    assert docking.state is State.PAUSED
+    assert "cancel docking" in docking.log
+    assert docking.kernel.record.passenger_attached
+
+
+def test_an_unwritable_journal_refuses_to_resume_a_docking(docking):
+    call = docking.called()
+    docking.command(ev.PAUSE).ends(False, "cancelled", call=call).clear()
+    docking.journal.problem = "disk full"
+    docking.command(ev.RESUME).tick(1.0)
+    assert (docking.state, docking.calls()) == (State.PAUSED, [])
+    assert not docking.status.last_command_accepted
+
+
+@pytest.mark.parametrize(("attached", "goals"), [(False, []), (True, [4.0])])
+def test_a_restart_while_docking(docking, params, attached, goals):
+    kept = replace(docking.journal.load(), passenger_attached=attached)
+    again = DockStory(params, kept)
+    assert (again.state, again.log) == (State.PAUSED, ["cancel", "cancel all docking"])
+    assert again.status.reason == "restarted while DOCKING at 'w0'; RESUME goes on, ABORT ends the mission"
+    again.tick(60.0)
+    assert (again.calls(), again.goals()) == ([], [])
+    again.at(2.0).command(ev.RESUME).tick()
+    assert again.goals() == goals
+    assert again.calls() == ([] if attached else [("dock", "chair_1")])
+
+
+def test_a_restart_while_undocking_undocks_again(undocking, params):
+    again = DockStory(params, undocking.journal.load()).at(4.0).command(ev.RESUME).tick()
+    assert again.calls() == [("undock", "chair_1")]
+
+
+def test_a_restart_while_paused_in_a_docking_docks_again(docking, params):
+    again = DockStory(params, docking.command(ev.PAUSE).journal.load()).at(2.0).command(ev.RESUME).tick()
+    assert again.calls() == [("dock", "chair_1")]
+
+
+def test_a_dock_that_is_not_known_any_more_is_asked_for_all_the_same(params):
+    mission = make_mission({"dock": "gone"}, "park")
+    story = DockStory(params, Record(State.DOCKING, mission, docking_begun=True)).command(ev.RESUME).tick()
+    assert story.calls() == [("dock", "gone")]
+    story.accept().ends(False, "there is no such dock (UNKNOWN_DOCK)")
+    assert story.state is State.FAILED
+
+
+@pytest.mark.parametrize("state", [State.DOCKING, State.UNDOCKING])
+def test_docking_at_a_waypoint_without_a_dock_makes_no_sense(state):
+    assert problem_of(Record(state, make_mission("park"))).startswith(
+        f"state {state.value} at a waypoint that does not"
+    )
+
+
+# --- what is told ----------------------------------------------------------------------------------------------------
+
+
+def test_the_reason_follows_the_feedback(story):
+    docking = story.start(DOCK, "park").arrive(2.0).tick()
+    assert docking.status.reason == "docking to chair_1: waiting for an answer"
+    docking.accept().feedback("SEARCH")
+    assert (docking.status.state, docking.status.reason) == ("RUNNING", "docking to chair_1: SEARCH")
+    docking.feedback("SERVOING", tries=2)
+    assert docking.status.reason == "docking to chair_1: SERVOING, try 2"
+    assert docking.status.current_waypoint == "w0"
+    docking.given(faults=("COLLISION_IMMINENT",)).tick()
+    assert docking.status.reason == "docking to chair_1: SERVOING, try 2; held by safety: COLLISION_IMMINENT"
+
+
+def test_same_feedback_again_is_not_told_at_10_hz(docking):
+    docking.feedback("SEARCH").clear()
+    for _ in range(100):
+        docking.feedback("SEARCH")
+    assert 9 <= len(docking.statuses) <= 11
+
+
+def test_the_display_through_the_main_job(story):
+    shown: list[int] = []
+
+    def note() -> None:
+        if story.status.display != (shown[-1] if shown else None):
+            shown.append(story.status.display)
+
+    publish = story.publish_status
+    story.publish_status = lambda status: (publish(status), note())
+    pause_s = 3 * story.params.announcement_s
+    story.start("pass", DOCK, "pass", "undock", "park").at(2.0, speed=1.0).tick().tick().reach(4.0).tick().accept()
+    for state in ("APPROACH", "SEARCH", "SERVOING", "FINE_ALIGN", "DOCKED"):
+        story.feedback(state)
+    story.attach().ends(True).tick(pause_s).at(6.0, speed=1.0).tick().reach(8.0).tick().accept()
+    story.feedback("UNLATCHING").tick(pause_s).attach(False).ends(True).tick(pause_s).reach(10.0)
+    assert shown == [
+        Display.NAVIGATING,
+        Display.APPROACHING_CHAIR,
+        Display.DOCKING,
+        Display.DOCKING_COMPLETE,
+        Display.PASSENGER_ONBOARD,
+        Display.TRANSPORT,
+        Display.DESTINATION_REACHED,
+        Display.PASSENGER_DISEMBARK,
+        Display.NAVIGATING,
+        Display.IDLE,
+    ]
+
+
+def test_an_announcement_lasts_its_time(docking):
+    docking.attach().ends(True)
+    begun_s = docking.now_s
+    while docking.status.display == Display.DOCKING_COMPLETE:
+        docking.tick()
+    assert docking.now_s - begun_s == pytest.approx(docking.params.announcement_s, abs=2 * TICK_S)
+    assert docking.status.display == Display.PASSENGER_ONBOARD
+
+
+def test_no_announcement_hides_an_emergency_stop(docking):
+    docking.attach().ends(True).emergency(True)
+    assert docking.status.display == Display.EMERGENCY_STOP
+
+
+def test_an_obstacle_shows_while_docking_but_a_lost_localization_does_not(docking):
+    docking.feedback("SERVOING").given(faults=("LOCALIZATION_LOST",)).tick()
+    assert docking.status.display == Display.DOCKING
+    docking.given(faults=("OBSTACLE_NEAR",)).tick()
+    assert docking.status.display == Display.OBSTACLE
+
+
+@pytest.mark.parametrize(
+    ("state", "display"),
+    [
+        ("APPROACH", Display.APPROACHING_CHAIR),
+        ("SEARCH", Display.DOCKING),
+        ("SERVOING", Display.DOCKING),
+        ("FINE_ALIGN", Display.DOCKING),
+        ("DOCKED", Display.DOCKING_COMPLETE),
+        ("FAILED", Display.DOCKING_FAILED),
+        ("IDLE", Display.IDLE),
+        ("", Display.IDLE),
+    ],
+)
+def test_an_operator_who_docks_without_a_mission_is_shown_too(story, state, display):
+    story.given(docking_state=state).tick()
+    assert story.status.display == display
+
+
+def test_a_station_is_no_chair(story):
+    story.start(CHARGE).tick()
+    assert story.status.display == Display.NAVIGATING
