@@ -14,6 +14,7 @@ from sim.surface import Area
 CLEAR = "clear"
 DEFAULT_ALARM_CODE = 0x4210  # CiA 402: excess temperature of the device
 DEFAULT_PATCH_SIZE_M = 2.0
+LARGEST_SHIFT_M = 5.0
 DRIVE_JOINTS = tuple(JOINTS[axis] for axis in DRIVE_AXES)
 ONLY = ("",)  # a kind with one target, which needs no name
 
@@ -29,6 +30,7 @@ class FaultKind:
     what: in words; targets: names accepted as target, None for free text that ``change`` judges.
     value: what the value means, bounded by low and high; ``default`` replaces 0 where 0 means nothing.
     change: raises the fault with a value, ends it with None; returns what it did in words.
+    lasts: until it is cleared; otherwise it happens once and there is nothing to clear.
     """
 
     name: str
@@ -39,6 +41,7 @@ class FaultKind:
     low: float = 0.0
     high: float = 0.0
     default: float = 0.0
+    lasts: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +138,35 @@ def _wheelchair(sim: Simulation, target: str, value: float | None) -> str:
     return f"wheelchair latched, passenger of {value:g} kg"
 
 
+def _latch_stuck(sim: Simulation, target: str, value: float | None) -> str:
+    sim.world.latch.stuck = value is not None
+    return "the latch does not move"
+
+
+def _latch_no_confirm(sim: Simulation, target: str, value: float | None) -> str:
+    sim.world.latch.set_no_confirm(value is not None)
+    return "the latch never says that it is closed"
+
+
+def _latch_opens(sim: Simulation, target: str, value: float | None) -> str:
+    sim.world.latch.fail_open(value is not None)
+    return "the latch has let go"
+
+
+def _chair_moved(sim: Simulation, target: str, value: float | None) -> str:
+    try:
+        along, across, turn = (float(part) for part in target.split(","))
+    except ValueError:
+        raise FaultRefused(f"chair_moved: target must be 'dx,dy,dyaw' in m and degrees, is {target!r}") from None
+    if not (abs(along) <= LARGEST_SHIFT_M and abs(across) <= LARGEST_SHIFT_M and abs(turn) <= 180.0):
+        raise FaultRefused(f"chair_moved: at most {LARGEST_SHIFT_M:g} m and 180 degrees, not {target!r}")
+    try:
+        sim.world.move_wheelchair(along, across, math.radians(turn))
+    except ValueError as error:
+        raise FaultRefused(f"chair_moved: {error}") from None
+    return f"the wheelchair is moved by {along:g} m ahead, {across:g} m to its left, {turn:g} degrees"
+
+
 _FRICTION = ("friction coefficient", 0.01, 2.0, 0.1)
 _ALARM, _FACTOR = ("alarm code", 1.0, 65535.0, DEFAULT_ALARM_CODE), ("factor", 0.0, 1000.0, 10.0)
 
@@ -144,9 +176,10 @@ def _row(
     what: str,
     targets: tuple[str, ...] | None = ONLY,
     value: tuple[str, float, float, float] = ("none", 0.0, 0.0, 0.0),
+    lasts: bool = True,
 ) -> FaultKind:
     name, low, high, default = value
-    return FaultKind(change.__name__.lstrip("_"), what, targets, name, change, low, high, default)
+    return FaultKind(change.__name__.lstrip("_"), what, targets, name, change, low, high, default, lasts)
 
 
 FAULT_KINDS: tuple[FaultKind, ...] = (
@@ -160,7 +193,11 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     _row(_imu_noise, "the inertial unit is noisier", ONLY, _FACTOR),
     _row(_estop_button, "the emergency stop button", ONLY, ("1 pressed, 0 released", 0.0, 1.0, 0.0)),
     _row(_engine_stall, "the motion engine stops cycling"),
-    _row(_wheelchair, "no fault: latches the wheelchair to the robot", ONLY, ("passenger, kg", 0.0, 1000.0, 0.0)),
+    _row(_latch_stuck, "the latch of the wheelchair does not move"),
+    _row(_latch_no_confirm, "the latch moves, but its closed input stays 0"),
+    _row(_latch_opens, "the latch loses its closed input, lets go at once and stays open"),
+    _row(_chair_moved, "shifts the standing wheelchair by dx,dy,dyaw (m, degrees) in its own frame", None, lasts=False),
+    _row(_wheelchair, "no fault: the wheelchair hangs on the latch at once", ONLY, ("passenger, kg", 0.0, 1e3, 0.0)),
 )
 
 BY_NAME: dict[str, FaultKind] = {kind.name: kind for kind in FAULT_KINDS}
@@ -203,8 +240,8 @@ class Faults:
 
     def _note(self, row: FaultKind, target: str, amount: float, duration_s: float) -> None:
         until_s = self._sim.time_s + duration_s if duration_s > 0.0 else math.inf
-        if row.name == "estop_button" and amount <= 0.5:
-            self._active.pop((row.name, target), None)  # a released button is no fault
+        if not row.lasts or (row.name == "estop_button" and amount <= 0.5):
+            self._active.pop((row.name, target), None)  # it has happened; and a released button is no fault
         else:
             self._active[row.name, target] = ActiveFault(row.name, target, until_s)
         self._plan()

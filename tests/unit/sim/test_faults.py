@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from robot_stack.core.docks import load_docks
+from robot_stack.core.geometry import Pose2
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback
 from sim import drive_loops as loops
 from sim.faults import BY_NAME, FAULT_KINDS, FaultRefused, Faults
@@ -21,9 +23,10 @@ from .bench import DRIVE_RAD_PER_COUNT, PARAMS, ROBOT
 class Rig:
     """A simulation with faults and a bus master that only listens."""
 
-    def __init__(self) -> None:
+    def __init__(self, wheelchair_pose: Pose2 | None = None) -> None:
         file = load_world("flat")
-        self.sim = Simulation(ROBOT, PARAMS, Setup(file, 1, file.start.pose(), wheelchair=True))
+        setup = Setup(file, 1, file.start.pose(), wheelchair=True, wheelchair_pose=wheelchair_pose)
+        self.sim = Simulation(ROBOT, PARAMS, setup)
         self.faults = Faults(self.sim)
         self.out, self.inp = DriveCommands.zeros(8, 8), DriveFeedback.zeros(8, 8)
         self.cycles, self.lost, self.samples = 0, 0, 0
@@ -168,6 +171,83 @@ def test_wheelchair_is_latched_and_let_go(rig: Rig) -> None:
     assert not rig.sim.world.attached
 
 
+@pytest.fixture
+def docked() -> Rig:
+    """The robot before a standing chair, where the latch can take it."""
+    made = Rig(wheelchair_pose=load_docks().docks["chair_1"].dock_pose.pose().inverse())
+    made.run(0.05)
+    return made
+
+
+def close(rig: Rig, duration_s: float = 0.8) -> None:
+    rig.out.outputs[ROBOT.latch.byte] = 1 << ROBOT.latch.close_output_bit
+    rig.run(duration_s)
+
+
+def latch_inputs(rig: Rig) -> tuple[int, int]:
+    """Closed, open."""
+    value = int(rig.inp.inputs[ROBOT.latch.byte])
+    return value >> ROBOT.latch.closed_input_bit & 1, value >> ROBOT.latch.open_input_bit & 1
+
+
+def test_a_stuck_latch_does_not_move(docked: Rig) -> None:
+    docked.faults.inject("latch_stuck")
+    close(docked)
+    assert latch_inputs(docked) == (0, 1)
+    assert not docked.sim.world.attached
+    docked.faults.inject("clear", "latch_stuck")
+    close(docked)
+    assert latch_inputs(docked) == (1, 0)
+
+
+def test_a_latch_that_does_not_confirm_holds_all_the_same(docked: Rig) -> None:
+    docked.faults.inject("latch_no_confirm")
+    close(docked)
+    assert docked.sim.world.attached
+    assert latch_inputs(docked) == (0, 0)
+    docked.faults.inject("clear")
+    docked.run(0.01)
+    assert latch_inputs(docked) == (1, 0)
+
+
+def test_a_latch_that_opens_lets_the_chair_go_and_stays_open(docked: Rig) -> None:
+    close(docked)
+    docked.faults.inject("latch_opens")
+    docked.run(0.01)
+    assert not docked.sim.world.attached
+    assert latch_inputs(docked) == (0, 1)
+    close(docked)
+    assert latch_inputs(docked) == (0, 1), "closing again does not help"
+    docked.faults.inject("clear", "latch_opens")
+    close(docked)
+    assert latch_inputs(docked) == (1, 0)
+
+
+def test_the_standing_chair_is_moved_in_its_own_frame(docked: Rig) -> None:
+    docked.faults.inject("chair_moved", "0.3,0,90")
+    docked.run(0.25)
+    docked.faults.inject("chair_moved", "0,0.2,0")
+    docked.run(0.25)
+    pose = docked.sim.world.wheelchair_pose()
+    assert pose is not None
+    # From (0.95, 0): 0.3 ahead, then turned by 90 degrees its left is -x.
+    assert pose[:2, 3] == pytest.approx([0.95 + 0.3 - 0.2, 0.0], abs=2e-3)
+    assert math.degrees(math.atan2(pose[1, 0], pose[0, 0])) == pytest.approx(90.0, abs=0.1)
+    docked.run(0.5)
+    later = docked.sim.world.wheelchair_pose()
+    assert later is not None
+    assert later[:2, 3] == pytest.approx(pose[:2, 3], abs=1e-3), "it stands again"
+    assert docked.faults.active == (), "it has happened; there is nothing to clear"
+
+
+def test_a_chair_that_hangs_on_the_latch_or_stands_nowhere_is_not_moved(docked: Rig, rig: Rig) -> None:
+    close(docked)
+    with pytest.raises(FaultRefused, match="hangs on the latch"):
+        docked.faults.inject("chair_moved", "0.1,0,0")
+    with pytest.raises(FaultRefused, match="no wheelchair stands here"):
+        rig.faults.inject("chair_moved", "0.1,0,0")
+
+
 def test_a_passenger_too_heavy_is_refused(rig: Rig) -> None:
     with pytest.raises(FaultRefused, match=r"passenger_mass_kg must be in 0\.\.120"):
         rig.faults.inject("wheelchair", value=121.0)
@@ -190,6 +270,9 @@ def test_a_passenger_too_heavy_is_refused(rig: Rig) -> None:
         (("slip_patch", "1,2,3", 0.1), "x,y,length,width"),
         (("slip_patch", "1,2,nan,1", 0.1), "two sizes above 0"),
         (("slip_patch", "1,2,-1,1", 0.1), "two sizes above 0"),
+        (("chair_moved", "0.1,0"), "dx,dy,dyaw"),
+        (("chair_moved", "nan,0,0"), "at most 5 m"),
+        (("chair_moved", "0,0,200"), "180 degrees"),
         (("clear", "meteor"), "no fault 'meteor'"),
     ],
 )
