@@ -19,7 +19,7 @@ EMERGENCY_STOP = Topic(
     "/emergency_stop",
     "std_msgs/msg/Bool",
     qos.LATCHED,
-    ("emergency_stop_button", "touch_ui", "mission_manager", "supervisor", OPERATOR_TOOL),
+    ("emergency_stop_button", "touch_ui", "mission_manager", "docking_controller", "supervisor", OPERATOR_TOOL),
     (EVERY_NODE,),
     "true: stop at once; false: a request to release, which the safety monitor alone grants",
     queue=10,  # a true that is followed by a false at once must still be seen
@@ -339,7 +339,7 @@ VELOCITY_LIMIT = Topic(
     "custom_msgs/msg/VelocityLimit",
     qos.LATCHED,
     ("safety_monitor",),
-    ("swerve_controller", "navigation_controller"),
+    ("swerve_controller", "navigation_controller", "docking_controller"),
     "the smallest limit in force and its reason; 0 is a stop",
 )
 

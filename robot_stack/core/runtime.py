@@ -32,6 +32,15 @@ def runtime_dir() -> Path:
     return folder
 
 
+def state_dir() -> Path:
+    """The folder of this domain for what outlives a reboot: ``$XDG_STATE_HOME/robot_stack/domain-<id>``.
+
+    The XDG default is ``~/.local/state``. The folder need not exist yet.
+    """
+    state_home = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(state_home) / "robot_stack" / f"domain-{ros_domain_id()}"
+
+
 def _shared_memory() -> Path:
     memory = Path("/dev/shm")
     return memory if os.access(memory, os.W_OK) else Path("/tmp")

@@ -10,10 +10,10 @@ from std_msgs.msg import Bool
 from robot_stack.contract import topics
 from robot_stack.ros.node import StackNode, run
 from robot_stack.safety.button import Contact, EmergencyButton
-from robot_stack.safety.nodes.engine_view import EngineView
 from robot_stack.safety.params import ButtonParams
 from robot_stack.safety.timing import age_s
 from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.view import EngineView
 
 
 class EmergencyStopButton(StackNode):

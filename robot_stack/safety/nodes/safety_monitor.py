@@ -17,9 +17,9 @@ from robot_stack.safety.arbiter import Verdict
 from robot_stack.safety.inputs import STANDSTILL, Axis, DriveReading, ImuSample, SpeedLimit
 from robot_stack.safety.latch_store import LatchStore
 from robot_stack.safety.monitor import Memory, SafetyMonitor
-from robot_stack.safety.nodes.engine_view import EngineView
 from robot_stack.safety.params import SafetyParams
 from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.view import EngineView
 
 LATCH_FILE = "safety_latch.json"
 

@@ -1,6 +1,5 @@
-"""The motion engine's status, followed in a thread of its own: a device that never commands.
-
-Opening a device may block while an engine is starting or hanging, which no executor may wait for.
+"""The motion engine followed in a thread of its own: opening a device, or a call, may block while an engine starts or
+hangs, which no executor may wait for.
 """
 
 from __future__ import annotations
@@ -20,7 +19,10 @@ _RETRY_S = 0.2
 
 
 class EngineView:
-    """Calls ``on_status`` at ``poll_hz`` in its thread: the present status, or None while there is none to trust."""
+    """Calls ``on_status`` at ``poll_hz`` in its thread: the present status, or None while there is none to trust.
+
+    ``engine`` is for calls from within ``on_status``; the device belongs to that thread.
+    """
 
     def __init__(self, name: str, poll_hz: float, on_status: Callable[[StatusSnapshot | None], None]) -> None:
         self._name = name
@@ -32,6 +34,11 @@ class EngineView:
         self._polled = threading.Event()
         self._polled_at_s = -math.inf
         self._thread = threading.Thread(target=self._follow, name=f"{name} engine view", daemon=True)
+
+    @property
+    def engine(self) -> MotionEngine | None:
+        """The open device, None while there is none."""
+        return self._engine
 
     def start(self) -> None:
         self._thread.start()

@@ -1,0 +1,49 @@
+"""Has the robot touched something? Pushing takes more effort of the wheels than rolling."""
+
+from __future__ import annotations
+
+import math
+
+from robot_stack.docking.params import ContactParams
+
+
+class ContactWatch:
+    """Compares the wheels' force along the approach with that of free rolling just before.
+
+    Free rolling includes the slope and the drives' friction, so what is watched is only what the dock adds.
+    """
+
+    def __init__(self, params: ContactParams) -> None:
+        self._params = params
+        self.reset()
+
+    def reset(self) -> None:
+        self._force_n = math.nan
+        self._free_n = math.nan
+        self._moving_s = 0.0
+
+    @property
+    def excess_n(self) -> float:
+        """Force above free rolling, 0 while that is not known."""
+        excess = self._force_n - self._free_n
+        return excess if math.isfinite(excess) else 0.0
+
+    def update(self, force_n: float, distance_m: float, moving_in: bool, dt_s: float) -> bool:
+        """Takes the wheels' force along the approach, N. Returns True on contact.
+
+        distance_m: before the dock pose. moving_in: the robot is commanded towards it.
+        """
+        p = self._params
+        if not math.isfinite(force_n) or not dt_s > 0.0:
+            return False
+        keep = math.exp(-dt_s / p.time_constant_s)
+        self._force_n = force_n if math.isnan(self._force_n) else keep * self._force_n + (1.0 - keep) * force_n
+        self._moving_s = self._moving_s + dt_s if moving_in else 0.0
+        if self._moving_s < p.settle_s:  # starting costs effort of its own
+            return False
+        if distance_m > p.watch_below_m or math.isnan(self._free_n):
+            slow = math.exp(-dt_s / (5.0 * p.time_constant_s))
+            free = self._force_n if math.isnan(self._free_n) else self._free_n
+            self._free_n = slow * free + (1.0 - slow) * self._force_n
+            return False
+        return self.excess_n > p.force_n

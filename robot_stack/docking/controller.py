@@ -1,0 +1,336 @@
+"""The docking controller: asked to dock or undock, it says at every tick what the robot shall do.
+
+Which state follows which is in ``states``; what is done in a state is one class of ``phases``; what must be watched in
+every state is in ``guard``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.core.docks import Dock
+from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from robot_stack.docking.eyes import Eyes
+from robot_stack.docking.guard import Guard, held
+from robot_stack.docking.latch import LatchCommand, LatchKeeper
+from robot_stack.docking.learning import Correction, learnt
+from robot_stack.docking.params import DockingParams
+from robot_stack.docking.phases.latching import BackingOff, Latched, Latching, LookingOnce, Unlatching
+from robot_stack.docking.phases.search import Search
+from robot_stack.docking.phases.servoing import FineAlign, Servoing
+from robot_stack.docking.phases.staging import BackToStaging, DriveToStaging
+from robot_stack.docking.results import Code, DockCode, Failure, Result, UndockCode
+from robot_stack.docking.sighting import Marker
+from robot_stack.docking.situation import Output, Situation, Step, View
+from robot_stack.docking.states import State, Trigger, target_of
+
+_WAYS = {"front": 1.0, "rear": -1.0}
+_LET_GO = "the latch has let go of the wheelchair by itself"
+
+
+def _errors(base: Pose2 | None) -> tuple[float, float]:
+    """(distance to the dock pose, yaw to turn by), NaN while unknown."""
+    return (math.nan, math.nan) if base is None else (math.hypot(base.x, base.y), -base.yaw)
+
+
+class Phase(Protocol):
+    def tick(self, view: View) -> Step: ...
+
+
+class _Idle:
+    """No job. ``text`` says how the last one ended."""
+
+    def __init__(self, text: str = "idle") -> None:
+        self._text = text
+
+    def tick(self, view: View) -> Step:
+        return Step(self._text)
+
+
+class DockingController:
+    """One job at a time. Times are ROS time.
+
+    mountings: (4, 4) optical frame in base_link by camera frame. corrections: by dock id, as learnt before.
+    """
+
+    def __init__(
+        self,
+        params: DockingParams,
+        mountings: Mapping[str, NDArray[np.float64]],
+        corrections: Mapping[str, Correction] | None = None,
+    ) -> None:
+        self._params = params
+        self.corrections = dict(corrections or {})
+        self.eyes = Eyes(params.target, mountings)
+        self._keeper = LatchKeeper()
+        self._guard = Guard(params, undocking=False)
+        self._state = State.IDLE
+        self._phase: Phase = _Idle()
+        self._dock_id = ""
+        self._dock: Dock | None = None
+        self._undocking = False
+        self._tries = 0
+        self._now_s = math.nan
+        self._commanded = ZERO_TWIST
+        self._distance_m = 0.0
+        self._text = "idle"
+
+    @property
+    def state(self) -> State:
+        return self._state
+
+    @property
+    def busy(self) -> bool:
+        """A docking or undocking is under way."""
+        return not isinstance(self._phase, (_Idle, Latched))
+
+    @property
+    def dock_id(self) -> str:
+        """The dock of the present or the last job, empty before any."""
+        return self._dock_id
+
+    # --- requests ----------------------------------------------------------------------------------------------------
+
+    def dock(self, dock_id: str, dock: Dock, *, approach_only: bool = False) -> Result | None:
+        """Begins to dock. Returns the refusal, None if it has begun."""
+        if self.busy:
+            return Result(DockCode.BUSY, f"busy: {self._text}")
+        if self._keeper.attached:
+            return Result(DockCode.ALREADY_ATTACHED, "a wheelchair is attached already")
+        if self._keeper.attached is None:
+            return Result(DockCode.LATCH_FAILED, "the latch's inputs cannot be read")
+        self._dock_id, self._dock = dock_id, dock
+        self._undocking, self._tries, self._distance_m = False, 1, 0.0
+        self._guard = Guard(self._params, undocking=False)
+        self.eyes.look_for(dock, self.corrections.get(dock_id, Correction()))
+        self._enter(Trigger.DOCK, DriveToStaging(dock.staging.pose(), self._params.staging, only=approach_only))
+        return None
+
+    def undock(self, situation: Situation) -> Result | None:
+        """Begins to undock. Returns the refusal, None if it has begun."""
+        refusal = self._undock_refusal(situation)
+        if refusal is not None:
+            return refusal
+        self._undocking, self._tries, self._distance_m = True, 1, 0.0
+        self._guard = Guard(self._params, undocking=True)
+        if self._dock is not None:
+            self.eyes.look_for(self._dock, self.corrections.get(self._dock_id, Correction()))
+        self._enter(Trigger.UNDOCK, Unlatching(self._params.latch, has_latch=bool(self._keeper.attached)))
+        return None
+
+    def _undock_refusal(self, situation: Situation) -> Result | None:
+        p, twist, safety = self._params.undock, situation.twist, situation.safety
+        if self.busy:
+            return Result(UndockCode.BUSY, f"busy: {self._text}")
+        if not self._keeper.attached and self._state is not State.DOCKED:
+            return Result(UndockCode.NOT_ATTACHED, "nothing is attached")
+        if safety.emergency or not safety.known:
+            return Result(UndockCode.SAFETY_STOP, "emergency stop" if safety.known else "no fresh /safety/status")
+        if twist is None or twist.speed() > p.standing_mps or abs(twist.omega) > p.standing_radps:
+            return Result(UndockCode.ROBOT_MOVING, "the robot moves" if twist else "no fresh /odom")
+        if "SLOPE" in safety.faults:
+            return Result(UndockCode.SLOPE_TOO_STEEP, "the slope is above 5 deg")
+        return None
+
+    def cancel(self) -> Result | None:
+        """Ends the job with the robot standing; None if there is none."""
+        if not self.busy:
+            return None
+        code = UndockCode.CANCELED if self._undocking else DockCode.CANCELED
+        self._enter(Trigger.CANCELLED, self._resting_phase("cancelled"))
+        return self._result(code, "cancelled", None)
+
+    # --- what arrives ------------------------------------------------------------------------------------------------
+
+    def on_odometry(self, stamp_s: float, pose: Pose2) -> None:
+        """Takes base_link in odom, which must be finite."""
+        self.eyes.on_odometry(stamp_s, pose)
+
+    def on_markers(self, markers: Sequence[Marker]) -> None:
+        """Takes the markers of all cameras' newest images."""
+        self.eyes.on_markers(markers)
+
+    # --- tick --------------------------------------------------------------------------------------------------------
+
+    def tick(self, situation: Situation) -> Output:
+        """One step. Never returns a twist that is not finite."""
+        dt_s = situation.now_s - self._now_s
+        self._now_s = situation.now_s
+        dt_s = min(dt_s, self._params.motion.longest_step_s) if dt_s > 0.0 else 0.0
+        let_go = self._watch_latch(situation)
+        view = self._view(situation, dt_s)
+        failure = self._guard.check(situation, self._state, dt_s) if self.busy else None
+        if failure is not None:
+            step = Step(failure.reason, ZERO_TWIST, Trigger.TRY_FAILED, failure)
+        elif self.busy and held(situation):
+            step = Step("stopped by safety", ZERO_TWIST)
+        else:
+            step = self._phase.tick(view)
+        output = self._act(step, view)
+        return replace(output, emergency=True) if let_go else output
+
+    def _act(self, step: Step, view: View) -> Output:
+        was_driven = isinstance(self._phase, DriveToStaging)
+        self._text = step.text
+        if isinstance(self._phase, BackingOff):
+            self._distance_m = self._phase.distance_m
+        result = self._advance(step, view)
+        finite = step.twist is None or step.twist.is_finite()
+        twist = step.twist if finite else ZERO_TWIST
+        self._commanded = twist or ZERO_TWIST
+        position_m, yaw_rad = _errors(view.base)
+        return Output(
+            state=self._state,
+            text=self._text,
+            twist=twist,
+            latch=self._latch(step, view),
+            attached=self._keeper.attached,
+            position_error_m=position_m,
+            yaw_error_rad=yaw_rad,
+            progress=self._progress(position_m),
+            tries=self._tries,
+            distance_m=self._distance_m,
+            goal=step.goal,
+            cancel_goal=was_driven and not isinstance(self._phase, DriveToStaging),
+            result=result,
+        )
+
+    def _latch(self, step: Step, view: View) -> LatchCommand:
+        """Open hooks before the dock is near: what the last job left may be in the way."""
+        inputs, before = view.situation.latch, self._state in (State.APPROACH, State.SEARCH)
+        if before and self.busy and inputs.known and not inputs.open and not self._keeper.attached:
+            return LatchCommand.OPEN
+        return step.latch
+
+    def _advance(self, step: Step, view: View) -> Result | None:
+        """Goes where the step leads. Returns the result if the job is over."""
+        phase = self._phase
+        if isinstance(phase, Latching) and phase.closed:
+            self._phase = LookingOnce(self._params.latch)
+            self.eyes.count_from(self._now_s + self._params.latch.learn_after_s)
+        elif isinstance(phase, LookingOnce) and phase.finished:
+            return self._docked(view)
+        if step.trigger is None:
+            return None
+        if step.failure is not None and step.trigger is not Trigger.LOST:
+            return self._give_up(step.failure, view)
+        if step.trigger in (Trigger.STAGED_ONLY, Trigger.CLEAR):
+            if step.trigger is Trigger.CLEAR:
+                self._keeper.released()
+            self._enter(step.trigger, _Idle())
+            return self._result(DockCode.NONE, "", view)
+        self._enter(step.trigger, self._next_phase(step.trigger))
+        return None
+
+    def _next_phase(self, trigger: Trigger) -> Phase:
+        p = self._params
+        if trigger is Trigger.UNLATCHED:
+            return BackingOff(p.undock, p.motion)
+        if trigger in (Trigger.STAGED, Trigger.LOST):
+            last = self.eyes.dock_pose_in_odom() if trigger is Trigger.LOST else None
+            if trigger is Trigger.STAGED:
+                self._guard.begin_try()
+            self.eyes.forget()
+            return Search(last, p.search, p.motion)
+        if trigger is Trigger.FOUND:
+            return Servoing(p)
+        if trigger is Trigger.NEAR:
+            assert isinstance(self._phase, Servoing)
+            return FineAlign(self._phase.follower, p)
+        assert trigger is Trigger.ALIGNED
+        assert self._dock is not None
+        return Latching(self._dock, p.latch)
+
+    def _give_up(self, failure: Failure, view: View) -> Result | None:
+        """The job, or only this try."""
+        if failure.final or self._undocking or self._tries >= self._params.tries:
+            self._enter(Trigger.GAVE_UP, self._resting_phase(failure.reason))
+            return self._result(failure.code, failure.reason, view)
+        assert self._dock is not None
+        back = self.eyes.dock_pose_in_odom()
+        phase: Phase = DriveToStaging(self._dock.staging.pose(), self._params.staging, only=False)
+        if back is not None and self._state is not State.APPROACH:
+            phase = BackToStaging(back, self._params.staging, self._params.motion)
+        self._tries += 1
+        self.eyes.forget()
+        self._enter(Trigger.TRY_FAILED, phase)
+        self._text = f"try {self._tries}: {failure.reason}"
+        return None
+
+    def _docked(self, view: View) -> Result:
+        assert self._dock is not None
+        problem = self._learn(self._dock) if self._dock.kind == "wheelchair" else ""
+        self._phase = Latched("docked" + (f"; nothing learnt: {problem}" if problem else ""))
+        return self._result(DockCode.NONE, "", view)
+
+    def _learn(self, dock: Dock) -> str:
+        """Improves the dock's correction; returns why not, else an empty text."""
+        p = self._params.latch
+        before = self.corrections.get(self._dock_id, Correction())
+        found = learnt(
+            before,
+            self.eyes.sightings,
+            dock.dock_pose.pose(),
+            p.learn_share,
+            p.largest_correction_m,
+            p.largest_correction_rad,
+        )
+        if not isinstance(found, Correction):
+            return found
+        self.corrections[self._dock_id] = found
+        return ""
+
+    # --- small things ------------------------------------------------------------------------------------------------
+
+    def _watch_latch(self, situation: Situation) -> bool:
+        """True if the latch has let go of a wheelchair that it should hold: the robot must stop for good."""
+        may_open = (self._undocking and self.busy) or (isinstance(self._phase, Latching) and self._phase.opening)
+        let_go = self._keeper.update(situation.latch, may_open=may_open)
+        if let_go:
+            self._state, self._phase = State.FAILED, _Idle(_LET_GO)
+        elif self._keeper.attached and not self.busy and self._state is State.IDLE:
+            self._enter(Trigger.ATTACHED, Latched("docked"))
+        return let_go
+
+    def _view(self, situation: Situation, dt_s: float) -> View:
+        dock_pose = None if self._undocking else self.eyes.dock_pose_in_odom()
+        base = None
+        if dock_pose is not None and situation.odom is not None:
+            base = situation.odom.relative_to(dock_pose)
+        return View(
+            situation=situation,
+            dt_s=dt_s,
+            base=base,
+            estimate=self.eyes.estimate,
+            seen_ago_s=situation.now_s - self.eyes.seen_s,
+            sightings=len(self.eyes.sightings),
+            moved=self.eyes.moved,
+            way=1.0 if self._dock is None else _WAYS[self._dock.camera],
+            commanded=self._commanded,
+        )
+
+    def _resting_phase(self, text: str) -> Phase:
+        return Latched(text) if self._keeper.attached else _Idle(text)
+
+    def _enter(self, trigger: Trigger, phase: Phase) -> None:
+        self._state = target_of(self._state, trigger)
+        self._phase = phase
+        self.eyes.count_from(self._now_s)
+
+    def _progress(self, position_error_m: float) -> float:
+        """1 at the dock pose, 0 at staging and before."""
+        if self._state is State.DOCKED:
+            return 1.0
+        if not math.isfinite(position_error_m) or self._state not in (State.SERVOING, State.FINE_ALIGN):
+            return 0.0
+        return max(0.0, 1.0 - position_error_m / self._params.staging.distance_m)
+
+    def _result(self, code: Code, reason: str, view: View | None) -> Result:
+        position_m, yaw_rad = _errors(None if view is None else view.base)
+        return Result(code, reason, position_m, yaw_rad, self._tries, self._distance_m)

@@ -1,0 +1,97 @@
+"""The latch: what is commanded, what its inputs say, and whether it did as told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class LatchCommand(Enum):
+    """Outputs of the latch. HOLD (both off) leaves it as it is."""
+
+    HOLD = "hold"
+    CLOSE = "close"
+    OPEN = "open"
+
+
+@dataclass(frozen=True, slots=True)
+class LatchInputs:
+    """Both inputs, and whether the engine could be read at all."""
+
+    known: bool = False
+    closed: bool = False
+    open: bool = False
+
+
+class Motion(Enum):
+    """State of one movement of the latch."""
+
+    MOVING = "moving"
+    CONFIRMED = "confirmed"
+    FAILED = "failed"
+
+
+class LatchMotion:
+    """One movement of the latch, from the command to its confirmation."""
+
+    def __init__(self, command: LatchCommand, now_s: float, timeout_s: float) -> None:
+        self._wanted = command
+        self._deadline_s = now_s + timeout_s
+        self.state = Motion.MOVING
+
+    @property
+    def command(self) -> LatchCommand:
+        """The outputs: on while it moves, off once it has arrived or given up."""
+        return self._wanted if self.state is Motion.MOVING else LatchCommand.HOLD
+
+    def update(self, inputs: LatchInputs, now_s: float) -> Motion:
+        if self.state is Motion.MOVING:
+            if inputs.known and self._arrived(inputs):
+                self.state = Motion.CONFIRMED
+            elif not now_s <= self._deadline_s:
+                self.state = Motion.FAILED
+        return self.state
+
+    def _arrived(self, inputs: LatchInputs) -> bool:
+        if self._wanted is LatchCommand.CLOSE:
+            return inputs.closed and not inputs.open
+        return inputs.open and not inputs.closed
+
+    def problem(self, inputs: LatchInputs) -> str:
+        """Why it failed, in words."""
+        verb = "close" if self._wanted is LatchCommand.CLOSE else "open"
+        if not inputs.known:
+            return f"the latch did not {verb}: the engine's inputs cannot be read"
+        return f"the latch did not {verb}: inputs closed={int(inputs.closed)}, open={int(inputs.open)}"
+
+
+class LatchKeeper:
+    """Whether a wheelchair is attached, by what the inputs have said.
+
+    A closed latch attaches. It is the backing off that detaches: until the robot is clear, the passenger counts.
+    """
+
+    def __init__(self) -> None:
+        self.attached: bool | None = None
+        self._told = False
+
+    def released(self) -> None:
+        """The robot is clear of the wheelchair."""
+        self.attached = False
+
+    def update(self, inputs: LatchInputs, *, may_open: bool) -> bool:
+        """Follows the inputs. Returns True, once, if the latch lets go although nobody asked it to.
+
+        may_open: the robot is undocking, or a latch that was not confirmed is opened again.
+        """
+        if not inputs.known:
+            return False
+        closed = inputs.closed and not inputs.open
+        if closed and not may_open:
+            self.attached, self._told = True, False
+        elif self.attached is None:
+            self.attached = False
+        elif self.attached and not closed and not may_open and not self._told:
+            self._told = True
+            return True
+        return False

@@ -1,0 +1,230 @@
+"""docking_controller: the actions /docking/dock and /docking/undock, /docking/status, /docking/cmd_vel, the latch."""
+
+from __future__ import annotations
+
+import math
+
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from std_msgs.msg import Bool
+
+from custom_msgs.msg import ArucoDetectionArray, SafetyStatus
+from robot_stack.contract import frames, topics
+from robot_stack.core.camera import mounting
+from robot_stack.core.docks import load_docks
+from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2, exp_se2
+from robot_stack.docking.controller import DockingController
+from robot_stack.docking.latch import LatchCommand
+from robot_stack.docking.nodes.corrections import CorrectionsFile
+from robot_stack.docking.nodes.docking_actions import DockingActions
+from robot_stack.docking.nodes.latch_io import LatchIo
+from robot_stack.docking.nodes.messages import markers, safety, status, wheel_force
+from robot_stack.docking.params import DockingParams
+from robot_stack.docking.results import DockCode, Result, UndockCode
+from robot_stack.docking.situation import Output, Situation
+from robot_stack.ros.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg, twist_stamped
+from robot_stack.ros.node import StackNode, run
+
+assert topics.DOCKING_CMD_VEL.rate_hz is not None
+assert topics.DOCKING_STATUS.rate_hz is not None
+_TICK_HZ = topics.DOCKING_CMD_VEL.rate_hz
+_TICKS_PER_STATUS = round(_TICK_HZ / topics.DOCKING_STATUS.rate_hz)
+
+
+class DockingNode(StackNode):
+    """Stores inputs in callbacks; one tick asks the kernel and does what it says."""
+
+    def __init__(self) -> None:
+        super().__init__("docking_controller", DockingParams)
+        self._docks = load_docks()
+        self._file = CorrectionsFile(self.params.corrections_file)
+        corrections, problem = self._file.load()
+        if problem:
+            self.get_logger().error(f"nothing learnt before is used: {problem}")
+        cameras = {frame: mounting(self.robot, frame) for frame in (frames.FRONT_CAMERA, frames.REAR_CAMERA)}
+        self._controller = DockingController(self.params, cameras, corrections)
+        self._known_corrections = dict(corrections)
+        self._latch = LatchIo(self.robot.latch, self.params.engine_poll_hz)
+        self._owns_motion = self._asserted = False
+        self._attached: bool | None = None
+        self._ticks = 0
+        self._advertise()
+        self._odom = self.subscribe(topics.ODOM, self._on_odometry)
+        self._pose = self.subscribe(topics.CURRENT_POSE)
+        self._detections = self.subscribe(topics.ARUCO_DETECTIONS, self._on_detections)
+        self._joints = self.subscribe(topics.JOINT_STATES)
+        self._plan = self.subscribe(topics.PLAN)
+        self._limit = self.subscribe(topics.VELOCITY_LIMIT)
+        self._actions = DockingActions(self, self._begin_dock, self._begin_undock)
+        self.every(_TICK_HZ, self._tick)
+
+    def _advertise(self) -> None:
+        self._status = self.advertise(topics.DOCKING_STATUS)
+        self._cmd_vel = self.advertise(topics.DOCKING_CMD_VEL)
+        self._passenger = self.advertise(topics.PASSENGER_ATTACHED)
+        self._goal = self.advertise(topics.GOAL_POSE)
+        self._stop = self.advertise(topics.EMERGENCY_STOP)
+
+    # --- inputs ------------------------------------------------------------------------------------------------------
+
+    def _on_odometry(self, message: Odometry) -> None:
+        pose, stamp_s = pose_from_msg(message.pose.pose), time_to_s(message.header.stamp)
+        if pose.is_finite() and twist_from_msg(message.twist.twist).is_finite():
+            self._controller.on_odometry(stamp_s, pose)
+        else:
+            self.get_logger().error("/odom refused: it is not finite", throttle_duration_sec=1.0)
+
+    def _on_detections(self, message: ArucoDetectionArray) -> None:
+        self._controller.on_markers(markers(message))
+
+    def _begin_dock(self, dock_id: str, approach_only: bool) -> Result | None:
+        dock = self._docks.docks.get(dock_id)
+        if dock is None:
+            return Result(DockCode.UNKNOWN_DOCK, f"no dock {dock_id!r}; there are {', '.join(self._docks.docks)}")
+        return self._controller.dock(dock_id, dock, approach_only=approach_only)
+
+    def _begin_undock(self, dock_id: str) -> Result | None:
+        known = self._controller.dock_id
+        if dock_id and known and dock_id != known:
+            return Result(UndockCode.NOT_ATTACHED, f"docked at {known!r}, not at {dock_id!r}")
+        return self._controller.undock(self._situation())
+
+    # --- tick --------------------------------------------------------------------------------------------------------
+
+    def _tick(self) -> None:
+        output = self._controller.tick(self._situation())
+        self._latch.command(output.latch)
+        self._move(output)
+        self._send_goal(output)
+        self._tell_attached(output)
+        if output.emergency:
+            self._assert_stop()
+        self._ticks += 1
+        if self._ticks % _TICKS_PER_STATUS == 0:
+            self._status.publish(status(output, self._controller.eyes.visible_markers, self.stamp()))
+            self._actions.tell(output)
+            self._tell(output)
+        self._end_jobs(output)
+
+    def _situation(self) -> Situation:
+        now_s = self.now_s()
+        odom, twist = self._odometry(now_s)
+        limit = self._limit.latest
+        pose = self._pose.latest if self._pose.fresh() else None
+        plan = self._plan.latest
+        images_s = 0.0 if self._detections.latest is None else time_to_s(self._detections.latest.header.stamp)
+        return Situation(
+            now_s=now_s,
+            located=None if pose is None else _finite(pose_from_msg(pose.pose)),
+            odom=odom,
+            twist=twist,
+            safety=safety(
+                self.safety_status_input.latest,
+                self.safety_status_input.fresh(),
+                self.emergency_stop,
+                math.inf if limit is None else limit.max_linear_velocity,
+            ),
+            images_fresh=self._detections.fresh() and now_s - images_s <= self.params.detections_timeout_s,
+            latch=self._latch.inputs,
+            force_n=wheel_force(self._joints.latest if self._joints.fresh() else None, self.robot.wheel_radius_m),
+            plan_end=pose_from_msg(plan.poses[-1].pose) if plan is not None and plan.poses else None,
+        )
+
+    def _odometry(self, now_s: float) -> tuple[Pose2 | None, Twist2 | None]:
+        """(base_link in odom now, its twist), (None, None) while /odom is stale."""
+        message = self._odom.latest
+        if message is None or not self._odom.fresh():
+            return None, None
+        pose, twist = pose_from_msg(message.pose.pose), twist_from_msg(message.twist.twist)
+        if not (pose.is_finite() and twist.is_finite()):
+            return None, None
+        ahead_s = min(max(now_s - time_to_s(message.header.stamp), 0.0), self.params.motion.max_extrapolation_s)
+        return pose.compose(exp_se2(twist, ahead_s)), twist
+
+    # --- outputs -----------------------------------------------------------------------------------------------------
+
+    def _move(self, output: Output) -> None:
+        """Commands while docking owns the motion, and one last zero when it gives it up."""
+        if output.twist is not None or self._owns_motion:
+            self._command(output.twist or ZERO_TWIST)
+        self._owns_motion = output.twist is not None
+
+    def _command(self, twist: Twist2) -> None:
+        self._cmd_vel.publish(twist_stamped(twist, frames.BASE_LINK, self.stamp()))
+
+    def _send_goal(self, output: Output) -> None:
+        if output.goal is not None:
+            self._goal.publish(pose_stamped(output.goal, frames.MAP, self.stamp()))
+        elif output.cancel_goal:
+            self._goal.publish(PoseStamped())
+
+    def _tell_attached(self, output: Output) -> None:
+        if output.attached is not None and output.attached != self._attached:
+            self._attached = output.attached
+            self._passenger.publish(Bool(data=output.attached))
+
+    def _assert_stop(self) -> None:
+        self.get_logger().error("emergency stop: the latch has let go of the wheelchair by itself")
+        self._asserted = True
+        self._stop.publish(Bool(data=True))
+
+    def _end_jobs(self, output: Output) -> None:
+        result = output.result
+        if result is None and self._actions.cancel_requested:
+            result = self._controller.cancel()
+            self._command(ZERO_TWIST)
+            self._latch.command(LatchCommand.HOLD)
+        if result is None:
+            return
+        self.get_logger().info(f"ended: {result.code.name}{': ' if result.reason else ''}{result.reason}")
+        self._actions.end(result)
+        if self._controller.corrections != self._known_corrections:
+            self._known_corrections = dict(self._controller.corrections)
+            problem = self._file.save(self._known_corrections)
+            if problem:
+                self.get_logger().error(problem)
+
+    def on_emergency_stop(self) -> None:
+        if self._owns_motion:
+            self._command(ZERO_TWIST)
+
+    def _on_safety_status(self, message: SafetyStatus) -> None:
+        was_stopped = self.emergency_stop
+        super()._on_safety_status(message)
+        if self._asserted and was_stopped and not self.emergency_stop:
+            # Both keys have released: a node that starts later must not be stopped by this old message.
+            self._asserted = False
+            self._stop.publish(Bool(data=False))
+
+    def safe_output(self) -> None:
+        if self._owns_motion:
+            self._command(ZERO_TWIST)
+
+    def destroy_node(self) -> None:
+        self._latch.close()
+        super().destroy_node()
+
+    def _tell(self, output: Output) -> None:
+        inputs = self._latch.inputs
+        known = inputs.known
+        self.set_health(known, output.text if known else "waiting for the engine's inputs")
+        self.report.values = {
+            "state": output.state.value,
+            "doing": output.text,
+            "try": str(output.tries),
+            "latch": f"closed={int(inputs.closed)} open={int(inputs.open)}" if known else "unknown",
+            "latch problem": self._latch.problem,
+            "learnt": ", ".join(f"{name} ({item.dockings})" for name, item in self._controller.corrections.items()),
+        }
+
+
+def _finite(pose: Pose2) -> Pose2 | None:
+    return pose if pose.is_finite() else None
+
+
+def main() -> None:
+    run(DockingNode)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""To the staging pose: by navigation the first time, straight back from the dock after a failed try."""
+
+from __future__ import annotations
+
+import math
+
+from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
+from robot_stack.docking.motion import Follower, Point, from_base, straight_to
+from robot_stack.docking.params import MotionParams, StagingParams
+from robot_stack.docking.results import DockCode, Failure
+from robot_stack.docking.situation import Step, View
+from robot_stack.docking.states import Trigger
+
+
+class DriveToStaging:
+    """Navigation drives; this sends the goal and judges arrival by the pose in map."""
+
+    def __init__(self, staging: Pose2, params: StagingParams, *, only: bool) -> None:
+        self._staging = staging
+        self._params = params
+        self._done = Trigger.STAGED_ONLY if only else Trigger.STAGED
+        self._elapsed_s = 0.0
+        self._lost_s = 0.0
+        self._since_goal_s = math.inf
+
+    def tick(self, view: View) -> Step:
+        self._elapsed_s += view.dt_s
+        self._since_goal_s += view.dt_s
+        pose = view.situation.located
+        self._lost_s = 0.0 if pose is not None else self._lost_s + view.dt_s
+        if self._lost_s > self._params.no_pose_s:
+            return _failed(Failure(DockCode.LOCALIZATION_LOST, "no /current_pose on the way to staging", final=True))
+        if self._elapsed_s > self._params.timeout_s:
+            return _failed(Failure(DockCode.STAGING_FAILED, f"not at staging after {self._params.timeout_s:.0f} s"))
+        if pose is not None and self._arrived(pose) and _standing(view.situation.twist, self._params):
+            return Step("at staging", trigger=self._done)
+        return Step("driving to staging", goal=self._goal(view.situation.plan_end))
+
+    def _arrived(self, pose: Pose2) -> bool:
+        off = self._staging.relative_to(pose)
+        return math.hypot(off.x, off.y) <= self._params.arrival_m and abs(off.yaw) <= self._params.arrival_rad
+
+    def _goal(self, plan_end: Pose2 | None) -> Pose2 | None:
+        """The goal, unless navigation's plan already ends there or it was asked a moment ago."""
+        known = plan_end is not None and plan_end.distance_to(self._staging) < 1e-3
+        if known or self._since_goal_s < self._params.goal_every_s:
+            return None
+        self._since_goal_s = 0.0
+        return self._staging
+
+
+class BackToStaging:
+    """Backwards along the dock's axis on odometry, in the frame of the dock pose as it was believed at the start."""
+
+    def __init__(self, dock_pose_in_odom: Pose2, staging: StagingParams, motion: MotionParams) -> None:
+        self._frame = dock_pose_in_odom
+        self._staging, self._motion = staging, motion
+        self._follower: Follower | None = None
+        self._elapsed_s = 0.0
+
+    def tick(self, view: View) -> Step:
+        self._elapsed_s += view.dt_s
+        odom = view.situation.odom
+        if self._elapsed_s > self._staging.timeout_s:
+            return _failed(
+                Failure(DockCode.STAGING_FAILED, f"not back at staging after {self._staging.timeout_s:.0f} s")
+            )
+        if odom is None:
+            return Step("waiting for odometry", ZERO_TWIST)
+        pose = odom.relative_to(self._frame)
+        if self._follower is None:
+            goal = Pose2(-view.way * self._staging.distance_m, 0.0, 0.0)
+            start = Point(pose, from_base(view.commanded, pose.yaw))
+            self._follower = Follower(straight_to(start, goal, self._motion), self._motion)
+        twist = self._follower.step(pose, view.dt_s)
+        if self._follower.finished:
+            return Step("back at staging", ZERO_TWIST, Trigger.STAGED)
+        return Step("backing off to staging", twist)
+
+
+def _standing(twist: Twist2 | None, params: StagingParams) -> bool:
+    return twist is not None and twist.speed() <= params.standing_mps and abs(twist.omega) <= params.standing_radps
+
+
+def _failed(failure: Failure) -> Step:
+    return Step(failure.reason, trigger=Trigger.TRY_FAILED, failure=failure)

@@ -1,0 +1,76 @@
+"""From marker poses in a camera to the dock's pose seen from the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.core.docks import Dock
+from robot_stack.core.geometry import Pose2
+
+# ArucoDetection.quality_score = 1 / (1 + (s / 0.01 m)^2), at most 0.2 where the orientation is ambiguous.
+_QUALITY_SCALE_M = 0.01
+_AMBIGUOUS = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """One entry of /docking/aruco_detections. pose: (4, 4) marker in the camera's optical frame, m."""
+
+    stamp_s: float
+    camera_frame: str
+    marker_id: int
+    pose: NDArray[np.float64]
+    quality: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """The dock as one image shows it: its pose in base_link, standard deviation of the position, m.
+
+    yaw_known is False where the board is so far or frontal that its orientation is ambiguous.
+    """
+
+    stamp_s: float
+    dock: Pose2
+    sigma_m: float
+    yaw_known: bool
+    markers: int
+
+
+def sighting(markers: Sequence[Marker], dock: Dock, mounting: NDArray[np.float64]) -> Sighting | None:
+    """The sighting of ``dock`` in one image; None if the image shows none of its markers or their poses are unusable.
+
+    markers: of one image, any dock's. mounting: (4, 4) camera in base_link.
+
+    The detector solves the pose of a board from all its corners jointly, so its best entry stands for all of them. The
+    board's middle is projected on the ground, not the dock's origin below it: an error in the camera's pitch would move
+    that by its height.
+    """
+    own = [item for item in markers if item.marker_id in dock.markers and _usable(item)]
+    if not own:
+        return None
+    best = max(own, key=lambda item: item.quality)
+    board = mounting @ best.pose @ np.linalg.inv(dock.markers[best.marker_id].pose())
+    middle = board @ np.array([*np.mean([(m.x_m, m.y_m, m.z_m) for m in dock.markers.values()], axis=0), 1.0])
+    seen = Pose2(float(middle[0]), float(middle[1]), math.atan2(board[1, 0], board[0, 0]))
+    offset = np.mean([(m.x_m, m.y_m) for m in dock.markers.values()], axis=0)
+    pose = seen.compose(Pose2(-float(offset[0]), -float(offset[1]), 0.0))
+    sigma_m = _QUALITY_SCALE_M * math.sqrt(1.0 / min(best.quality, 1.0) - 1.0)
+    return Sighting(best.stamp_s, pose, sigma_m, best.quality > _AMBIGUOUS, len(own)) if pose.is_finite() else None
+
+
+def _usable(marker: Marker) -> bool:
+    pose = marker.pose
+    rotation = pose[:3, :3]
+    return bool(
+        math.isfinite(marker.quality)
+        and marker.quality > 0.0
+        and math.isfinite(marker.stamp_s)
+        and np.isfinite(pose).all()
+        and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3)
+    )

@@ -1,0 +1,103 @@
+"""What the docking controller knows at a tick, and what it wants done."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.docking.latch import LatchCommand, LatchInputs
+from robot_stack.docking.results import Failure, Result
+from robot_stack.docking.states import State, Trigger
+from robot_stack.docking.target import Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Safety:
+    """What the safety monitor says. stopped: no motion is allowed, without being an emergency."""
+
+    known: bool = False
+    emergency: bool = False
+    stopped: bool = False
+    faults: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """The world at one tick.
+
+    now_s: ROS time. located: base_link in map, None while stale. odom, twist: base_link in odom now and its velocity,
+    None while /odom is stale. images_fresh: detections come, from images that are new. force_n: the wheels' force
+    along base_link's x. plan_end: the end of navigation's plan.
+    """
+
+    now_s: float
+    located: Pose2 | None = None
+    odom: Pose2 | None = None
+    twist: Twist2 | None = None
+    safety: Safety = field(default_factory=Safety)
+    images_fresh: bool = False
+    latch: LatchInputs = field(default_factory=LatchInputs)
+    force_n: float = math.nan
+    plan_end: Pose2 | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A situation as a phase sees it.
+
+    base: base_link in the frame of the dock pose by the present estimate, None without one or without odometry.
+    base is also None in phases that have no dock. seen_ago_s: since the image of the last accepted sighting.
+    sightings: accepted since the phase began. moved: the dock was found elsewhere. way: +1 docks forwards, -1
+    backwards. commanded: the last command, base_link.
+    """
+
+    situation: Situation
+    dt_s: float
+    base: Pose2 | None
+    estimate: Estimate | None
+    seen_ago_s: float
+    sightings: int
+    moved: bool
+    way: float
+    commanded: Twist2
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What a phase wants.
+
+    twist: command in base_link; None: docking does not own the motion. trigger: the phase is over. failure: why, for
+    TRY_FAILED and GAVE_UP. goal: staging pose to send to navigation now. latch: outputs.
+    """
+
+    text: str
+    twist: Twist2 | None = None
+    trigger: Trigger | None = None
+    failure: Failure | None = None
+    goal: Pose2 | None = None
+    latch: LatchCommand = LatchCommand.HOLD
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """One tick of the controller.
+
+    attached: what /passenger_attached must say; None while nothing is known. cancel_goal: navigation shall have no
+    goal. result: of the docking or undocking that has just ended. emergency: the robot must stop for good.
+    """
+
+    state: State
+    text: str
+    twist: Twist2 | None
+    latch: LatchCommand
+    attached: bool | None
+    position_error_m: float
+    yaw_error_rad: float
+    progress: float
+    tries: int
+    distance_m: float = 0.0
+    goal: Pose2 | None = None
+    cancel_goal: bool = False
+    result: Result | None = None
+    emergency: bool = False
