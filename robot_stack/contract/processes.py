@@ -58,7 +58,7 @@ PROCESSES: tuple[Process, ...] = (
     _process("lidar_driver", None, _CRITICAL, "LiDAR sweeps"),
     _process(
         "camera_driver",
-        None,
+        "sim.nodes.camera_driver",
         _LIMITING,
         "simulated front and rear cameras; a real driver publishes the same topics",
         system=System.SIMULATION,
@@ -67,7 +67,7 @@ PROCESSES: tuple[Process, ...] = (
     _process("battery_driver", None, _LIMITING, "battery of a real robot; the simulation brings its own"),
     _process("perception_pipeline", None, _CRITICAL, "obstacle points"),
     _process("costmap_server", None, _LIMITING, "local costmap"),
-    _process("aruco_detector", None, _LIMITING, "markers in the camera images"),
+    _process("aruco_detector", "robot_stack.docking.nodes.aruco_detector", _LIMITING, "markers in the camera images"),
     _process("docking_controller", None, _LIMITING, "docking and undocking"),
     _process("ehmi_bridge", None, _OPTIONAL, "external display over a serial line"),
     _process("touch_ui", None, _OPTIONAL, "touch screen"),

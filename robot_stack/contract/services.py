@@ -20,6 +20,13 @@ INJECT_FAULT = Service(
     "raises or clears a simulated fault",
     System.SIMULATION,
 )
+INJECT_CAMERA_FAULT = Service(
+    "/sim/inject_camera_fault",
+    "custom_msgs/srv/InjectFault",
+    "camera_driver",
+    "raises or clears a fault of a simulated camera, or of what it looks at",
+    System.SIMULATION,
+)
 
 ENGINE_SET_DEVICE = Service(
     "/wmx/engine/set_device",

@@ -1,6 +1,6 @@
 """Everything behind the boards: sky, ground and solids, ray-cast at a fraction of the resolution and enlarged.
 
-It is a backdrop: plausible light, edges and squares that a detector has to reject. Geometry that matters is the boards'.
+A backdrop only: plausible light, edges, and squares that a detector has to reject.
 """
 
 from __future__ import annotations

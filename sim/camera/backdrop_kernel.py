@@ -8,7 +8,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-F32, F64 = NDArray[np.float32], NDArray[np.float64]
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
 
 _FAR = 1.0e4
 _HAZE_M = 120.0
@@ -20,7 +21,7 @@ _AMBIENT, _DIRECT = 0.55, 0.60
 @numba.njit(cache=True, inline="always")
 def _noise(x: float, y: float, texture: F32) -> float:
     size = texture.shape[0]
-    return texture[int(math.floor(y)) & (size - 1), int(math.floor(x)) & (size - 1)]
+    return texture[math.floor(y) & (size - 1), math.floor(x) & (size - 1)]
 
 
 @numba.njit(cache=True, inline="always")

@@ -13,7 +13,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-F32, F64 = NDArray[np.float32], NDArray[np.float64]
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
 BACKGROUND = np.float32(-1.0)
 # Beyond the image plane's edge of use: a ray that does not meet the panel's front.
 _GRAZING = 1e-9
@@ -130,7 +131,7 @@ def draw_panel(
             if hidden and wm != 0.0 and depth[row // divisor, column // divisor] < middle[9] / wm - 0.03:
                 continue
             if not even:
-                # A shift of its own for each pixel: what the finite number of samples leaves does not add up along edges.
+                # Each pixel shifts the samples: what their finite number leaves does not add up along edges.
                 mixed = (row * 1973 + column * 9277) & 0xFFFF
                 mixed = (mixed * 26699 + 12345) & 0xFFFF
                 shift_x = mixed / 65536.0
@@ -143,7 +144,6 @@ def draw_panel(
                     x, y = top_x + sy * (low_x - top_x), top_y + sy * (low_y - top_y)
                     if moving:
                         part = samples[k, 2]
-                        w = 0.0
                         for j in range(10):
                             early_j = early[j]
                             middle[j] = early_j + part * (late[j] - early_j)

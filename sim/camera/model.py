@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -15,7 +16,7 @@ from robot_stack.core.camera import Intrinsics
 from sim.camera.params import CameraParams, load_camera_params
 
 Array = NDArray[np.float64]
-_UNDISTORT_STEPS = 15
+_UNDISTORT_STEPS = 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,18 +62,32 @@ def _direction(random: np.random.Generator) -> Array:
 
 
 def undistort(intrinsics: Intrinsics, pixels: Array) -> Array:
-    """(..., 2) pixels to (..., 2) normalized coordinates x/z, y/z of their rays, to about 1e-10."""
-    k1, k2, p1, p2, k3 = intrinsics.distortion
-    xd = (pixels[..., 0] - intrinsics.cx) / intrinsics.fx
-    yd = (pixels[..., 1] - intrinsics.cy) / intrinsics.fy
-    x, y = xd.copy(), yd.copy()
-    for _ in range(_UNDISTORT_STEPS):
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        dx = 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-        dy = p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-        x, y = (xd - dx) / radial, (yd - dy) / radial
-    return np.stack([x, y], axis=-1)
+    """(..., 2) pixels to (..., 2) normalized coordinates x/z, y/z of their rays, to about 1e-12."""
+    flat = np.ascontiguousarray(pixels, dtype=float).reshape(-1, 2)
+    out = np.empty_like(flat)
+    i = intrinsics
+    _undistort(flat, np.array([i.fx, i.fy, i.cx, i.cy, *i.distortion]), out)
+    return out.reshape(np.shape(pixels))
+
+
+@numba.njit(cache=True)
+def _undistort(pixels: Array, numbers: Array, out: Array) -> None:
+    """The distortion's inverse by fixed-point steps, which shrink the error tenfold or better each."""
+    fx, fy, cx, cy, k1, k2, p1, p2, k3 = numbers
+    for n in range(pixels.shape[0]):
+        xd, yd = (pixels[n, 0] - cx) / fx, (pixels[n, 1] - cy) / fy
+        x, y = xd, yd
+        for _ in range(_UNDISTORT_STEPS):
+            r2 = x * x + y * y
+            radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+            dx = 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+            dy = p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+            new_x, new_y = (xd - dx) / radial, (yd - dy) / radial
+            step = abs(new_x - x) + abs(new_y - y)
+            x, y = new_x, new_y
+            if step < 1e-12:
+                break
+        out[n, 0], out[n, 1] = x, y
 
 
 def project(intrinsics: Intrinsics, points: Array) -> Array:
