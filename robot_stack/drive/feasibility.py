@@ -77,9 +77,12 @@ def follow(
             )
             angles[i] = wrapped(angles[i] + step)
         error = turn - step
-        along = speed * math.cos(error) if abs(error) < QUARTER_TURN else 0.0
+        if abs(error) < QUARTER_TURN:
+            along, slip = speed * math.cos(error), speed * abs(math.sin(error))
+        else:
+            along, slip = 0.0, speed  # within the hysteresis beyond 90 degrees the wheel stands: all of it is slip
         new_speed = senses[i] * along
-        if speed * abs(math.sin(error)) > limits.slip_tolerance_mps or abs(new_speed - speeds[i]) > speed_change:
+        if slip > limits.slip_tolerance_mps or abs(new_speed - speeds[i]) > speed_change:
             return states, False
         speeds[i] = new_speed
     return _states(angles, rates, senses, speeds), True

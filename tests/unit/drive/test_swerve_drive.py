@@ -6,7 +6,7 @@ import itertools
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
@@ -130,6 +130,15 @@ def test_tiny_wish_is_none():
 
 
 @given(st.lists(twists, min_size=1, max_size=5), st.sampled_from([EMPTY, WITH_PASSENGER]))
+@example(  # a wheel within the hysteresis beyond 90 degrees stands, so that all of its speed is slip
+    [
+        Twist2(0.30078125, 0.0, 0.0),
+        Twist2(-0.421875, 0.0, 0.0),
+        Twist2(0.0, -0.365234375, 1.17578125),
+        Twist2(-1.0, -1.5, 2.0),
+    ],
+    WITH_PASSENGER,
+)
 @settings(deadline=None, max_examples=80)
 def test_modules_are_never_asked_for_the_impossible(wishes: list[Twist2], limits: MotionLimits):
     story = Story(measured=None)  # the set points alone, without the cosine for a lagging axis
