@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,9 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robot_stack.cli.errors import WRONG_USE, CommandError
+from robot_stack.cli.safety import Timeout
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from robot_stack.core.docks import Docks
     from robot_stack.docking.tools.page import Page, Paper
@@ -71,3 +74,46 @@ def _write_pdf(path: Path, pages: Sequence[Page]) -> None:
                 file.savefig(draw(page))
     except OSError as error:
         raise CommandError(f"{path} cannot be written: {error.strerror or error}") from None
+
+
+@docking.command()
+def replay(
+    recording: Annotated[Path, typer.Argument(help="Folder of a recording, or one of its .mcap files.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", help="Folder of the pictures; by default docking_<recording> here.")
+    ] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the numbers into this file.")] = None,
+) -> None:
+    """Show why a docking failed: states, errors, markers, safety, a verdict in words, plots and images."""
+    from robot_stack.cli.docking_replay import replay_recording
+
+    replay_recording(recording, output, json_file)
+
+
+@docking.command()
+def status(
+    once: Annotated[bool, typer.Option("--once", help="Print the status now and return.")] = False,
+    timeout_s: Timeout = 5.0,
+) -> None:
+    """Follow /docking/status in one line until Ctrl-C."""
+    from robot_stack.cli.nodes.docking_status import watch_docking
+
+    try:
+        with contextlib.suppress(KeyboardInterrupt):
+            watch_docking(_shower(), timeout_s, follow=not once)
+    except TimeoutError as error:
+        raise CommandError(str(error)) from None
+
+
+def _shower() -> Callable[[str, str], None]:
+    """Rewrites one line of a terminal; elsewhere prints a line whenever the state changes."""
+    last: list[str] = []
+
+    def show(state: str, line: str) -> None:
+        if sys.stdout.isatty():
+            print(f"\r\x1b[K{line}", end="", flush=True)
+        elif [state] != last:
+            print(line, flush=True)
+        last[:] = [state]
+
+    return show

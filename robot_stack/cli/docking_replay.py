@@ -1,0 +1,135 @@
+"""What ``robot-stack docking replay`` does: read, judge, print, draw."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from robot_stack.cli.errors import CommandError
+from robot_stack.cli.recordings import read_messages, recording_files
+from robot_stack.contract import topics
+from robot_stack.core.config import load
+from robot_stack.core.docks import load_docks
+from robot_stack.docking.params import DockingParams
+from robot_stack.docking.tools.collector import TOPICS, Collector, Waits
+from robot_stack.docking.tools.plots import course
+from robot_stack.docking.tools.report import lines, numbers
+from robot_stack.docking.tools.shots import strip
+from robot_stack.docking.tools.trace import Trace
+from robot_stack.docking.tools.verdict import Limits
+
+_DPI = 120
+
+
+def replay_recording(recording: Path, output: Path | None, json_file: Path | None) -> None:
+    """Raises CommandError if there is nothing to tell or no place for the pictures."""
+    params = load(DockingParams, "docking_controller")
+    files = recording_files(recording)
+    folder = output if output is not None else Path(f"docking_{recording.absolute().stem}")
+    _make_folder(folder)
+    traces, damages = _collect(files, params)
+    for damage in damages:
+        print(f"warning: {damage}; what follows stops there", file=sys.stderr)
+    limits, docks = _limits(params), load_docks()
+    found = [numbers(trace, limits, docks) for trace in traces]
+    for number, (trace, docking) in enumerate(zip(traces, found, strict=True), 1):
+        docking["pictures"] = _draw(folder, number, trace, limits, docking["verdict"], docks.marker_size_m)
+        print("\n".join(lines(number, docking, _date(trace.start_s))))
+        print("  pictures: " + ", ".join(docking["pictures"]))
+    if json_file is not None:
+        document = {"recording": str(recording), "damages": damages, "dockings": found}
+        _writing(json_file, lambda: json_file.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8"))
+
+
+def _collect(files: Sequence[Path], params: DockingParams) -> tuple[list[Trace], list[str]]:
+    """(dockings, damages of files). Raises CommandError without any docking."""
+    latch = params.latch
+    # The controller closes the latch, waits for its contact, and looks at the board once more.
+    collector = Collector(Waits(latch_s=latch.confirm_timeout_s + latch.learn_s + 1.0))
+    damages = []
+    with _Progress(files) as progress:
+        for file in files:
+            for item in read_messages(file, TOPICS, progress):
+                if isinstance(item, str):
+                    damages.append(item)
+                else:
+                    collector.feed(item.topic, item.at_s, item.decode)
+            progress.next(file)
+    traces = collector.finish()
+    if not traces:
+        heard = f"{collector.statuses} messages" if collector.statuses else "nothing"
+        cut = f"; {damages[0]}" if damages else ""
+        raise CommandError(f"there is no docking in the recording ({heard} on {topics.DOCKING_STATUS.name}){cut}")
+    return traces, damages
+
+
+def _limits(params: DockingParams) -> Limits:
+    return Limits(
+        aligned_m=params.servo.aligned_m,
+        aligned_rad=params.servo.aligned_rad,
+        lost_s=params.servo.hold_after_s,
+        silent_s=topics.FRONT_IMAGE.stale_s or params.detections_timeout_s,
+        jump_m=params.target.jump_m,
+    )
+
+
+class _Progress:
+    """A bar on the terminal; silent elsewhere."""
+
+    def __init__(self, files: Sequence[Path]) -> None:
+        from rich.console import Console
+        from rich.progress import Progress
+
+        self._bar = Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty())
+        self._task = self._bar.add_task("reading", total=sum(file.stat().st_size for file in files))
+        self._before = 0
+
+    def __enter__(self) -> _Progress:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.stop()
+
+    def __call__(self, position: int) -> None:
+        self._bar.update(self._task, completed=self._before + position)
+
+    def next(self, file: Path) -> None:
+        self._before += file.stat().st_size
+        self(0)
+
+
+def _draw(folder: Path, number: int, trace: Trace, limits: Limits, verdict: str, marker_size_m: float) -> list[str]:
+    plot = folder / f"docking_{number}.png"
+    title = f"docking {number}, {_date(trace.start_s)}: {verdict}"
+    _writing(plot, lambda: course(trace, limits, title).savefig(plot, dpi=_DPI))
+    images = strip(trace, marker_size_m)
+    if images is None:
+        return [str(plot)]
+    picture = folder / f"docking_{number}_images.png"
+    _writing(picture, lambda: picture.write_bytes(bytes(cv2.imencode(".png", images)[1])))
+    return [str(plot), str(picture)]
+
+
+def _make_folder(folder: Path) -> None:
+    _writing(folder, lambda: folder.mkdir(parents=True, exist_ok=True))
+    probe = folder / ".writable"
+    _writing(folder, probe.touch)
+    probe.unlink()
+
+
+def _writing(path: Path, write: Callable[[], Any]) -> None:
+    try:
+        write()
+    except OSError as error:
+        raise CommandError(f"{path} cannot be written: {error.strerror or error}") from None
+
+
+def _date(at_s: float) -> str:
+    return time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(at_s))

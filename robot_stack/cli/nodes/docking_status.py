@@ -1,0 +1,43 @@
+"""Hears /docking/status for ``robot-stack docking status``."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from custom_msgs.msg import DockingStatus
+from robot_stack.cli.nodes.operator import Operator
+from robot_stack.contract import topics
+from robot_stack.docking.tools.status_line import describe, silent
+
+_SILENT = "SILENT"
+
+
+def watch_docking(show: Callable[[str, str], None], timeout_s: float, follow: bool) -> None:
+    """Calls ``show(state, line)`` with each status until interrupted, or once. Raises TimeoutError without any."""
+    heard: list[DockingStatus] = []
+    with Operator() as operator:
+        operator.subscribe(topics.DOCKING_STATUS, heard.append)
+        if not operator.wait(lambda: heard, timeout_s):
+            raise TimeoutError("no /docking/status: is the stack running?")
+        heard_s = time.monotonic()
+        while True:
+            if heard:
+                message = heard[-1]
+                heard.clear()
+                heard_s = time.monotonic()
+                show(
+                    message.state,
+                    describe(
+                        message.state,
+                        message.position_error,
+                        message.orientation_error,
+                        message.visible_markers_count,
+                        message.convergence_progress,
+                    ),
+                )
+            else:
+                show(_SILENT, silent(time.monotonic() - heard_s))
+            if not follow:
+                return
+            operator.wait(lambda: heard, topics.DOCKING_STATUS.stale_s)

@@ -1,0 +1,73 @@
+"""Reads recordings one message after the other, as far as they are whole. Changes nothing in them."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Collection, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import zstandard
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC
+from mcap_ros2.decoder import DecoderFactory
+
+from robot_stack.cli.errors import WRONG_USE, CommandError
+from robot_stack.recording.recovery import recorded_files
+
+# What reading a file that was cut off or damaged can raise.
+_DAMAGED = (McapError, ValueError, EOFError, struct.error, zstandard.ZstdError)
+
+
+class Recorded(NamedTuple):
+    """A message: time of reception in s since the epoch; ``decode`` makes an object with the fields of its type."""
+
+    topic: str
+    at_s: float
+    decode: Callable[[], Any]
+
+
+def recording_files(path: Path) -> list[Path]:
+    """The MCAP files of a recording's folder, or the one file. Raises CommandError."""
+    try:
+        files = [path / name for name in recorded_files(path)] if path.is_dir() else [path]
+        if not files:
+            raise CommandError(f"{path} is no recording: there is no .mcap file in it", WRONG_USE)
+        for file in files:
+            with open(file, "rb") as opened:
+                if opened.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+                    raise CommandError(f"{file} is no recording: it does not begin as an MCAP file", WRONG_USE)
+    except OSError as error:
+        raise CommandError(f"{path} cannot be read: {error.strerror or error}", WRONG_USE) from None
+    return files
+
+
+def read_messages(path: Path, topics: Collection[str], progress: Callable[[int], None]) -> Iterator[Recorded | str]:
+    """Messages of ``topics`` in one file, in order of reception; a text at last if the file is cut off or damaged.
+
+    progress: told how many bytes of the file are read, now and then.
+    """
+    factory = DecoderFactory()
+    schemas: dict[int, Schema] = {}
+    wanted: dict[int, tuple[str, Callable[[bytes], Any]]] = {}
+    with open(path, "rb") as file:
+        try:
+            # Chunks' checksums tell a damaged file from a strange message.
+            for count, record in enumerate(StreamReader(file, validate_crcs=True).records):
+                if isinstance(record, Message) and record.channel_id in wanted:
+                    topic, decoder = wanted[record.channel_id]
+                    yield Recorded(topic, 1e-9 * record.log_time, partial(decoder, record.data))
+                elif isinstance(record, Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, Channel) and record.topic in topics:
+                    found = factory.decoder_for(record.message_encoding, schemas.get(record.schema_id))
+                    if found is not None:
+                        wanted[record.id] = (record.topic, found)
+                if count % 1000 == 0:
+                    progress(file.tell())
+        except _DAMAGED as error:
+            why = str(error) or type(error).__name__
+            yield f"{path} is cut off or damaged after {file.tell() / 1e6:.1f} MB ({why})"

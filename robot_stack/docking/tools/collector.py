@@ -1,0 +1,264 @@
+"""Cuts a stream of recorded messages into dockings, in one pass.
+
+Messages are whatever has the fields of the ROS type. They come with a function that decodes them, called only for those
+that matter: of the images, one around each change of state.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from robot_stack.contract import topics
+from robot_stack.contract.frames import FRONT_CAMERA, REAR_CAMERA
+from robot_stack.docking.states import State
+from robot_stack.docking.tools.shots import ShotAlbum, jpeg_of
+from robot_stack.docking.tools.trace import Effort, Lens, Limit, Marker, Safety, Shot, Speed, Status, Trace
+
+Decode = Callable[[], Any]
+
+DETECTOR = "aruco_detector"
+CONTROLLER = "docking_controller"
+_REST = frozenset({State.IDLE.value, State.FAILED.value})
+_DOCKED = State.DOCKED.value
+_CAMERAS = {
+    topics.FRONT_IMAGE.name: FRONT_CAMERA,
+    topics.REAR_IMAGE.name: REAR_CAMERA,
+    topics.FRONT_CAMERA_INFO.name: FRONT_CAMERA,
+    topics.REAR_CAMERA_INFO.name: REAR_CAMERA,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Waits:
+    """latch_s: a docking that stands in DOCKED for longer has succeeded. tail_s: looked at after the end of one."""
+
+    latch_s: float
+    tail_s: float = 1.0
+
+
+class Collector:
+    """Feed it every message of ``TOPICS`` in the order of reception, then ask for ``finish``."""
+
+    def __init__(self, waits: Waits) -> None:
+        self._waits = waits
+        self._done: list[Trace] = []
+        self._open: Trace | None = None
+        self._state = ""
+        self._docked_s = math.inf
+        self._safety: Safety | None = None
+        self._limit: Limit | None = None
+        self._said = ""
+        self._lenses: dict[str, Lens] = {}
+        self._images: dict[str, tuple[float, Decode]] = {}
+        self._album = ShotAlbum()
+        self.statuses = 0
+        self._last_s = -math.inf
+
+    def feed(self, topic: str, at_s: float, decode: Decode) -> None:
+        self._last_s = max(self._last_s, at_s)
+        trace = self._open
+        if trace is not None and trace.after and at_s > trace.end_s + self._waits.tail_s:
+            self._close()
+        _HANDLERS[topic](self, topic, at_s, decode)
+
+    def finish(self) -> list[Trace]:
+        """Every docking of the recording, also one that it cuts off."""
+        if self._open is not None:
+            if not self._open.after:
+                self._settle(self._open)
+            self._close()
+        return self._done
+
+    def _settle(self, trace: Trace) -> None:
+        """The recording ends before the docking does; DOCKED counts as its end."""
+        if self._state == _DOCKED:
+            trace.after, trace.end_s = _DOCKED, min(self._docked_s, self._last_s)
+        else:
+            trace.end_s = trace.statuses[-1].at_s
+
+    def _close(self) -> None:
+        assert self._open is not None
+        self._open.shots = self._album.take(self._open.camera())
+        self._done.append(self._open)
+        self._open = None
+
+    # --- what decides about beginning and end
+
+    def _on_status(self, _: str, at_s: float, decode: Decode) -> None:
+        message = decode()
+        self.statuses += 1
+        before, state = self._state, str(message.state)
+        self._state = state
+        if self._begins(before, state):
+            self._begin(at_s, before)
+        trace = self._open
+        if trace is None:
+            return
+        trace.statuses.append(
+            Status(
+                at_s,
+                state,
+                float(message.position_error),
+                float(message.orientation_error),
+                int(message.visible_markers_count),
+                float(message.convergence_progress),
+            )
+        )
+        if state != before:
+            self._photograph(state, at_s)
+        if not trace.after:
+            self._judge_end(trace, before, state, at_s)
+
+    def _begins(self, before: str, state: str) -> bool:
+        """SERVOING out of DOCKED is an undocking, and an undocking that the recording begins in looks like it."""
+        if state in _REST or state == _DOCKED:
+            return False
+        if self._open is not None and not self._open.after:
+            return False
+        return state == State.APPROACH.value if before == _DOCKED else before in _REST or before == ""
+
+    def _begin(self, at_s: float, before: str) -> None:
+        if self._open is not None:
+            self._close()
+        trace = Trace(at_s, before, lenses=self._lenses, seen={})
+        trace.safety += [self._safety] if self._safety else []
+        trace.limits += [self._limit] if self._limit else []
+        self._open = trace
+        self._docked_s = math.inf
+
+    def _judge_end(self, trace: Trace, before: str, state: str, at_s: float) -> None:
+        if state == _DOCKED:
+            self._docked_s = at_s if before != _DOCKED else self._docked_s
+            if at_s - self._docked_s > self._waits.latch_s:
+                self._end(trace, _DOCKED, self._docked_s)
+        elif state in _REST:
+            self._end(trace, state, at_s)
+        elif before == _DOCKED and state == State.SERVOING.value:
+            self._end(trace, _DOCKED, self._docked_s)  # undocked at once
+
+    def _end(self, trace: Trace, state: str, at_s: float) -> None:
+        trace.after, trace.end_s = state, at_s
+
+    def _on_passenger(self, _: str, at_s: float, decode: Decode) -> None:
+        trace = self._open
+        if trace is not None and not trace.after and self._state == _DOCKED and decode().data:
+            trace.latched = True
+            self._end(trace, _DOCKED, at_s)
+
+    # --- what belongs to it
+
+    def _photograph(self, state: str, at_s: float) -> None:
+        for camera, (stamp_s, decode) in self._images.items():
+            image = decode()
+            jpeg = jpeg_of(image)
+            if jpeg is not None:
+                exposed_s = _stamp_s(image.header)
+                self._album.add(Shot(at_s, exposed_s or stamp_s, camera, state, jpeg))
+
+    def _on_image(self, topic: str, at_s: float, decode: Decode) -> None:
+        self._images[_CAMERAS[topic]] = (at_s, decode)
+
+    def _on_camera_info(self, topic: str, at_s: float, decode: Decode) -> None:
+        camera = _CAMERAS[topic]
+        if camera not in self._lenses:
+            message = decode()
+            self._lenses[camera] = Lens(tuple(map(float, message.k)), tuple(map(float, message.d)))
+        self._heard(camera, at_s)
+
+    def _heard(self, source: str, at_s: float) -> None:
+        if self._open is not None:
+            self._open.seen.setdefault(source, []).append(at_s)
+
+    def _on_detections(self, _: str, at_s: float, decode: Decode) -> None:
+        self._heard(DETECTOR, at_s)
+        if self._open is None:
+            return
+        for item in decode().detections:
+            p, q = item.pose.position, item.pose.orientation
+            self._open.markers.append(
+                Marker(
+                    at_s,
+                    _stamp_s(item.header),
+                    str(item.camera_frame),
+                    int(item.marker_id),
+                    float(item.quality_score),
+                    (float(p.x), float(p.y), float(p.z)),
+                    (float(q.x), float(q.y), float(q.z), float(q.w)),
+                )
+            )
+
+    def _on_safety(self, _: str, at_s: float, decode: Decode) -> None:
+        message = decode()
+        faults = tuple(str(code) for code in message.active_faults)
+        self._safety = Safety(at_s, str(message.safety_state), faults, bool(message.emergency_stop_active))
+        if self._open is not None:
+            self._open.safety.append(self._safety)
+
+    def _on_limit(self, _: str, at_s: float, decode: Decode) -> None:
+        message = decode()
+        linear, angular = float(message.max_linear_velocity), float(message.max_angular_velocity)
+        self._limit = Limit(at_s, linear, angular, str(message.reason))
+        if self._open is not None:
+            self._open.limits.append(self._limit)
+
+    def _on_command(self, _: str, at_s: float, decode: Decode) -> None:
+        if self._open is not None:
+            self._open.commanded.append(_speed(at_s, decode().twist))
+
+    def _on_odometry(self, _: str, at_s: float, decode: Decode) -> None:
+        if self._open is not None:
+            self._open.driven.append(_speed(at_s, decode().twist.twist))
+
+    def _on_joints(self, _: str, at_s: float, decode: Decode) -> None:
+        if self._open is not None:
+            efforts = [abs(float(value)) for value in decode().effort]
+            if efforts:
+                self._open.efforts.append(Effort(at_s, max(efforts)))
+
+    def _on_diagnostics(self, _: str, at_s: float, decode: Decode) -> None:
+        if self._open is None:
+            return
+        for status in decode().status:
+            if status.name == CONTROLLER:
+                self._say(at_s, f"{CONTROLLER}: {status.message}")
+
+    def _on_mission(self, _: str, at_s: float, decode: Decode) -> None:
+        if self._open is not None and (reason := str(decode().reason)):
+            self._say(at_s, f"mission: {reason}")
+
+    def _say(self, at_s: float, text: str) -> None:
+        assert self._open is not None
+        who = text.split(":")[0]
+        last = next((said for _, said in reversed(self._open.said) if said.startswith(f"{who}:")), "")
+        if text != last:
+            self._open.said.append((at_s, text))
+
+
+def _stamp_s(header: Any) -> float:
+    return float(header.stamp.sec) + 1e-9 * float(header.stamp.nanosec)
+
+
+def _speed(at_s: float, twist: Any) -> Speed:
+    return Speed(at_s, float(twist.linear.x), float(twist.linear.y), float(twist.angular.z))
+
+
+_HANDLERS: dict[str, Callable[[Collector, str, float, Decode], None]] = {
+    topics.DOCKING_STATUS.name: Collector._on_status,
+    topics.PASSENGER_ATTACHED.name: Collector._on_passenger,
+    topics.FRONT_IMAGE.name: Collector._on_image,
+    topics.REAR_IMAGE.name: Collector._on_image,
+    topics.FRONT_CAMERA_INFO.name: Collector._on_camera_info,
+    topics.REAR_CAMERA_INFO.name: Collector._on_camera_info,
+    topics.ARUCO_DETECTIONS.name: Collector._on_detections,
+    topics.SAFETY_STATUS.name: Collector._on_safety,
+    topics.VELOCITY_LIMIT.name: Collector._on_limit,
+    topics.DOCKING_CMD_VEL.name: Collector._on_command,
+    topics.ODOM.name: Collector._on_odometry,
+    topics.JOINT_STATES.name: Collector._on_joints,
+    topics.DIAGNOSTICS.name: Collector._on_diagnostics,
+    topics.MISSION_STATUS.name: Collector._on_mission,
+}
+TOPICS = frozenset(_HANDLERS)
