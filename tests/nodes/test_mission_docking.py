@@ -1,0 +1,224 @@
+"""The mission manager with a docking controller of its own on real DDS: one that helps, fails, hangs, dies."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from std_msgs.msg import Bool
+
+from custom_msgs.action import Dock, Undock
+from robot_stack.contract import topics
+from robot_stack.core.geometry import Pose2
+from robot_stack.mission.journal import SqliteJournal
+from robot_stack.mission.states import State
+from tests.support.docking import FakeDocking
+from tests.support.processes import NodeProcess
+from tests.support.waiting import wait_for
+
+from .test_mission_manager import World, settle
+
+TRANSPORT = """
+id: transport
+name: {en: Transport, ja: 搬送, zh: 接送}
+home: {x: 0.0, y: 0.0, yaw: 0.0}
+waypoints:
+  - {name: chair, x: 2.0, y: 0.0, yaw: 0.0, action: {dock: chair_1}}
+  - {name: there, x: 4.0, y: 0.0, yaw: 0.0, action: undock}
+  - {name: bay, x: 6.0, y: 0.0, yaw: 0.0, action: park}
+"""
+
+
+class DockWorld(World):
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        (self.missions / "transport.yaml").write_text(TRANSPORT, encoding="utf-8")
+        self.docking: FakeDocking | None = None
+
+    def serve(self) -> FakeDocking:
+        self.docking = FakeDocking()
+        return self.docking
+
+    def begin(self) -> None:
+        """The mission begins and the robot stands at the chair."""
+        assert self.command("START_MISSION", "transport").last_command_accepted, self.status.last.reason
+        self.goal(2.0)
+        self.pose = Pose2(2.0, 0.0, 0.0)
+
+    def reason(self, text: str, deadline_s: float = 20.0):
+        return self.status.wait(lambda s: text in s.reason, f"{text!r} in the reason", deadline_s)
+
+    def close(self) -> None:
+        if self.docking is not None:
+            self.docking.close()
+        super().close()
+
+
+@pytest.fixture
+def world(ros_domain: int, tmp_path: Path):
+    made = DockWorld(tmp_path)
+    yield made
+    made.close()
+
+
+def test_the_wheelchair_is_fetched_carried_and_put_down(world):
+    docking = world.serve()
+    world.launch()
+    world.begin()
+    world.reason("docking to chair_1: SERVOING")
+    world.state("RUNNING", "there")
+    assert world.status.last.passenger_attached
+    world.goal(4.0)
+    world.pose = Pose2(4.0, 0.0, 0.0)
+    world.state("RUNNING", "bay")
+    world.pose = Pose2(6.0, 0.0, 0.0)
+    done = world.state("COMPLETED")
+    assert (done.waypoints_completed, done.passenger_attached) == (3, False)
+    assert docking.goals == [("dock", "chair_1"), ("undock", "chair_1")]
+    assert {message.state_num for message in world.display.messages} >= {21, 22, 23, 26, 27, 1}
+
+
+def test_a_failure_ends_the_mission_with_its_code_and_words(world):
+    docking = world.serve()
+    docking.error = (Dock.Result.MARKERS_NOT_FOUND, "no marker in sight")
+    world.launch()
+    world.begin()
+    failed = world.state("FAILED")
+    assert failed.reason == "docking to chair_1 failed: no marker in sight (MARKERS_NOT_FOUND)"
+    world.display.wait(lambda message: message.state_num == 28, "docking failed on the display")
+    assert docking.goals == [("dock", "chair_1")]
+
+
+def test_a_rejected_goal_ends_the_mission(world):
+    world.serve().rejects = True
+    world.launch()
+    world.begin()
+    assert world.state("FAILED").reason == "docking to chair_1 failed: the goal was rejected"
+
+
+def test_nobody_there(world):
+    world.launch("docking_wait_s:=1.5")
+    world.begin()
+    world.reason("docking to chair_1: waiting for docking_controller")
+    assert world.state("FAILED").reason == "docking to chair_1 failed: waited 2 s in vain for docking_controller"
+
+
+def test_a_docking_that_hangs_is_cancelled(world):
+    docking = world.serve()
+    docking.hangs = True
+    world.launch("docking_timeout_s:=1.5")
+    world.begin()
+    assert world.state("FAILED").reason == "docking to chair_1 failed: no result within 2 s"
+    wait_for(lambda: docking.cancelled, "the goal cancelled")
+
+
+@pytest.mark.parametrize("stop", ["PAUSE", "EMERGENCY_STOP"])
+def test_a_stop_cancels_and_resume_docks_again_after_a_slow_end(world, stop):
+    docking = world.serve()
+    docking.hangs, docking.cancel_s = True, 1.0
+    world.launch()
+    world.begin()
+    world.reason("docking to chair_1: FINE_ALIGN")
+    assert world.command(stop).state == "PAUSED"
+    wait_for(lambda: docking.cancelled, "the goal cancelled")
+    if stop == "EMERGENCY_STOP":
+        world.safety_says("EMERGENCY_STOP", "ESTOP_PRESSED")
+        assert not world.command("RESUME").last_command_accepted
+        world.peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
+        world.safety_says("NORMAL")
+    docking.hangs = False
+    wait_for(lambda: world.command("RESUME").last_command_accepted, "resumed")
+    world.state("RUNNING", "there")
+    assert docking.goals == [("dock", "chair_1"), ("dock", "chair_1")]
+
+
+def test_abort_cancels_the_undocking_and_keeps_the_passenger(world):
+    docking = world.serve()
+    world.launch()
+    world.begin()
+    world.state("RUNNING", "there")
+    docking.hangs = True
+    world.pose = Pose2(4.0, 0.0, 0.0)
+    world.reason("undocking from chair_1: FINE_ALIGN")
+    aborted = world.command("ABORT")
+    assert (aborted.state, aborted.passenger_attached) == ("ABORTED", True)
+    wait_for(lambda: docking.cancelled, "the goal cancelled")
+
+
+def test_a_failed_undocking_ends_the_mission(world):
+    docking = world.serve()
+    world.launch()
+    world.begin()
+    world.state("RUNNING", "there")
+    docking.error = (Undock.Result.UNLATCH_FAILED, "")
+    world.pose = Pose2(4.0, 0.0, 0.0)
+    failed = world.state("FAILED")
+    assert failed.reason == "undocking from chair_1 failed: UNLATCH_FAILED"
+    assert failed.passenger_attached
+
+
+def served(world: World, start: Callable[..., NodeProcess]) -> NodeProcess:
+    """A docking controller in a process of its own, in which no goal ends by itself."""
+    server = start("docking", command=[sys.executable, "-m", "tests.support.docking", "hang"])
+    server.wait_output("serving")
+    return server
+
+
+def test_a_docking_controller_that_is_killed(world, start):
+    server = served(world, start)
+    world.launch()
+    world.begin()
+    world.reason("docking to chair_1: FINE_ALIGN")
+    server.signal(signal.SIGKILL)
+    failed = world.state("FAILED")
+    assert failed.reason in (
+        "docking to chair_1 failed: docking_controller is gone",
+        "docking to chair_1 failed: docking_controller has been silent for 3 s",
+    )
+
+
+def test_a_docking_controller_that_is_killed_and_back_at_once_does_not_know_the_goal(world, start):
+    server = served(world, start)
+    world.launch("docking_silence_s:=30.0")
+    world.begin()
+    world.reason("docking to chair_1: FINE_ALIGN")
+    server.signal(signal.SIGKILL)
+    server.wait()
+    served(world, start)
+    failed = world.state("FAILED")
+    assert failed.reason.startswith("docking to chair_1 failed: docking_controller "), failed.reason
+
+
+def test_a_mission_manager_killed_while_docking_comes_back_paused_and_cancels_what_goes_on(world):
+    docking = world.serve()
+    docking.hangs = True
+    world.launch()
+    world.begin()
+    world.reason("docking to chair_1: FINE_ALIGN")
+    world.kill()
+    assert SqliteJournal(world.journal).load().state is State.DOCKING
+    docking.hangs = False
+    world.launch()
+    status = world.status.wait(lambda s: s.state == "PAUSED", "PAUSED")
+    assert status.reason.startswith("restarted while DOCKING at 'chair'")
+    wait_for(lambda: docking.cancelled, "the goal of the one that died cancelled")
+    settle(world.status, 0.5)
+    assert len(docking.goals) == 1, "nothing begins by itself"
+    assert world.command("RESUME").last_command_accepted
+    world.state("RUNNING", "there")
+    assert docking.goals == [("dock", "chair_1"), ("dock", "chair_1")]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_cancels_the_docking(world, number):
+    docking = world.serve()
+    docking.hangs = True
+    node = world.launch()
+    world.begin()
+    world.reason("docking to chair_1: FINE_ALIGN")
+    node.signal(number)
+    assert node.wait() == 0
+    wait_for(lambda: docking.cancelled, "the goal cancelled")
