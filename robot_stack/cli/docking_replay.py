@@ -33,10 +33,10 @@ def replay_recording(recording: Path, output: Path | None, json_file: Path | Non
     files = recording_files(recording)
     folder = output if output is not None else Path(f"docking_{recording.absolute().stem}")
     _make_folder(folder)
-    traces, damages = _collect(files, params)
+    traces, damages = collect(files, params)
     for damage in damages:
         print(f"warning: {damage}; what follows stops there", file=sys.stderr)
-    limits, docks = _limits(params), load_docks()
+    limits, docks = limits_of(params), load_docks()
     found = [numbers(trace, limits, docks) for trace in traces]
     for number, (trace, docking) in enumerate(zip(traces, found, strict=True), 1):
         docking["pictures"] = _draw(folder, number, trace, limits, docking["verdict"], docks.marker_size_m)
@@ -47,7 +47,7 @@ def replay_recording(recording: Path, output: Path | None, json_file: Path | Non
         _writing(json_file, lambda: json_file.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8"))
 
 
-def _collect(files: Sequence[Path], params: DockingParams) -> tuple[list[Trace], list[str]]:
+def collect(files: Sequence[Path], params: DockingParams) -> tuple[list[Trace], list[str]]:
     """(dockings, damages of files). Raises CommandError without any docking."""
     latch = params.latch
     # The controller closes the latch, waits for its contact, and looks at the board once more.
@@ -69,7 +69,7 @@ def _collect(files: Sequence[Path], params: DockingParams) -> tuple[list[Trace],
     return traces, damages
 
 
-def _limits(params: DockingParams) -> Limits:
+def limits_of(params: DockingParams) -> Limits:
     return Limits(
         aligned_m=params.servo.aligned_m,
         aligned_rad=params.servo.aligned_rad,

@@ -1,0 +1,274 @@
+"""robot-stack docking replay: what it says of recordings in which something is known to be wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import cv2
+import pytest
+
+from robot_stack.cli.docking_replay import collect, limits_of, replay_recording
+from robot_stack.cli.errors import CommandError
+from robot_stack.cli.recordings import recording_files
+from robot_stack.contract import topics
+from robot_stack.core.config import load
+from robot_stack.core.docks import load_docks
+from robot_stack.docking.params import DockingParams
+from robot_stack.docking.tools.report import numbers
+from tests.unit.docking.tools.bags import Story, make, success
+
+PARAMS = load(DockingParams, "docking_controller")
+DOCKS = load_docks()
+
+
+@pytest.fixture
+def story(tmp_path: Path) -> Story:
+    return Story(tmp_path / "ride")
+
+
+def dockings(folder: Path) -> list[dict]:
+    traces, _ = collect(recording_files(folder), PARAMS)
+    return [numbers(trace, limits_of(PARAMS), DOCKS) for trace in traces]
+
+
+def fail_by_lost_markers(story: Story) -> None:
+    story.run("IDLE", 1.0)
+    story.run("APPROACH", 2.0)
+    story.run("SEARCH", 1.0)
+    story.run("SERVOING", 3.0, 0.4, 0.02)
+    story.markers = 0
+    story.run("SERVOING", 5.0)
+    story.run("SEARCH", 3.0)
+    story.run("FAILED", 1.5)
+
+
+def test_a_success(story):
+    success(story)
+    (docking,) = dockings(story.close())
+    assert docking["success"]
+    assert docking["dock"] == "chair_1"
+    assert docking["camera"] == "front_camera"
+    assert docking["verdict"] == "docked after 13.0 s with 0.8 mm and 0.06 deg, passenger attached"
+    states = {item["state"]: item["duration_s"] for item in docking["states"]}
+    assert list(states) == ["APPROACH", "SEARCH", "SERVOING", "FINE_ALIGN", "DOCKED"]
+    assert list(states.values()) == pytest.approx([2.0, 1.0, 5.0, 4.0, 1.0], abs=1e-3)
+    assert docking["errors"]["least_m"] == pytest.approx(0.0008, rel=1e-4)
+    assert docking["effort_max_nm"] == 3.5
+    assert docking["speed"]["driven_max_mps"] == pytest.approx(0.12)
+    assert docking["causes"] == docking["other_findings"] == docking["safety"] == docking["limits"] == []
+
+
+def test_lost_markers(story):
+    fail_by_lost_markers(story)
+    (docking,) = dockings(story.close())
+    assert not docking["success"]
+    assert docking["verdict"] == "failed in SEARCH after 14.0 s: markers lost for 8.0 s from t=6.0 s"
+    assert docking["markers"]["blind_share"] == pytest.approx(82 / 122, abs=0.02)
+
+
+def test_no_marker_at_all(story):
+    story.markers = 0
+    story.run("IDLE", 0.5)
+    story.run("APPROACH", 1.0)
+    story.run("SEARCH", 4.0)
+    story.run("FAILED", 1.0)
+    (docking,) = dockings(story.close())
+    assert docking["dock"] is None
+    assert docking["verdict"] == "failed in SEARCH after 5.0 s: no marker was found for 4.0 s from t=1.0 s"
+
+
+def test_a_silent_camera(story):
+    story.run("IDLE", 1.0)
+    story.run("APPROACH", 1.0)
+    story.run("SERVOING", 3.0, 0.3)
+    story.camera = False
+    story.run("SERVOING", 2.0)
+    story.run("FAILED", 1.0)
+    (docking,) = dockings(story.close())
+    assert docking["verdict"] == "failed in SERVOING after 6.0 s: front camera silent for 2.1 s from t=3.9 s"
+    assert [item["text"] for item in docking["causes"][1:]] == ["markers lost for 2.0 s from t=4.0 s"]
+
+
+def test_an_error_that_does_not_converge(story):
+    story.run("IDLE", 0.5)
+    story.run("SERVOING", 2.0, 0.1, 0.01)
+    story.run("FINE_ALIGN", 3.0, 0.0031, 0.007)
+    story.run("FAILED", 1.0)
+    (docking,) = dockings(story.close())
+    assert docking["verdict"] == (
+        "failed in FINE_ALIGN after 5.0 s: error did not converge: 3.1 mm and 0.40 deg, best 3.1 mm and 0.40 deg, "
+        "needed 2 mm and 0.3 deg"
+    )
+
+
+def test_a_latch_that_does_not_confirm_and_a_second_try(story):
+    story.run("IDLE", 0.5)
+    story.run("FINE_ALIGN", 1.0, 0.001, 0.001)
+    story.run("DOCKED", 2.0)
+    story.run("APPROACH", 2.0)
+    story.run("FINE_ALIGN", 1.0, 0.001, 0.001)
+    story.run("DOCKED", 2.0)
+    story.run("FAILED", 1.0)
+    (docking,) = dockings(story.close())
+    assert docking["tries"] == 2
+    assert (
+        docking["verdict"] == "failed in DOCKED after 8.0 s: the latch did not confirm: DOCKED for 2.0 s from t=6.0 s"
+    )
+    assert [item["text"] for item in docking["other_findings"]] == [
+        "the latch did not confirm: DOCKED for 2.0 s from t=1.0 s"
+    ]
+
+
+def test_an_emergency_stop_comes_before_what_follows_from_it(story):
+    story.run("IDLE", 0.5)
+    story.run("SERVOING", 2.0, 0.1)
+    story.emergency, story.faults = True, ("ESTOP_PRESSED",)
+    story.write(topics.VELOCITY_LIMIT, reason="ESTOP_PRESSED")
+    story.run("SERVOING", 1.0)
+    story.run("FAILED", 1.0)
+    (docking,) = dockings(story.close())
+    assert docking["verdict"] == (
+        "failed in SERVOING after 3.0 s: emergency stop (ESTOP_PRESSED) for 1.0 s from t=2.0 s"
+    )
+    assert [item["text"] for item in docking["causes"][1:]] == ["safety stop ESTOP_PRESSED for 1.0 s from t=2.0 s"]
+    assert {(item["code"], item["from_s"], item["to_s"]) for item in docking["safety"]} == {
+        ("ESTOP_PRESSED", 2.0, 3.0),
+        ("emergency stop", 2.0, 3.0),
+    }
+    assert docking["limits"][0]["linear_mps"] == 0.0
+
+
+def test_a_limit_and_a_fault_of_before_are_told_from_the_start_on(story):
+    story.faults = ("IMU_TIMEOUT",)
+    story.write(topics.VELOCITY_LIMIT, max_linear_velocity=0.5, reason="IMU_TIMEOUT")
+    story.run("IDLE", 3.0)
+    story.run("APPROACH", 2.0)
+    story.run("IDLE", 1.0)
+    (docking,) = dockings(story.close())
+    assert docking["verdict"].startswith("ended in APPROACH after 2.0 s without failing")
+    assert docking["limits"] == [
+        {
+            "value": None,
+            "from_s": 0.0,
+            "to_s": 2.0,
+            "duration_s": 2.0,
+            "linear_mps": 0.5,
+            "angular_radps": 0.0,
+            "reason": "IMU_TIMEOUT",
+        }
+    ]
+    assert docking["safety"][0]["from_s"] == 0.0
+
+
+def test_a_dock_that_moves(story):
+    story.run("IDLE", 0.5)
+    story.run("FINE_ALIGN", 2.0, 0.02)
+    story.error_m = 0.22
+    story.run("FINE_ALIGN", 0.5)
+    story.run("FAILED", 1.0)
+    (docking,) = dockings(story.close())
+    assert docking["verdict"] == (
+        "failed in FINE_ALIGN after 2.5 s: the dock moved, or its pose jumped: error +200 mm at t=2.0 s"
+    )
+
+
+def test_what_others_said(story):
+    story.run("IDLE", 0.5)
+    story.run("SERVOING", 1.0)
+    words = make("diagnostic_msgs/msg/DiagnosticStatus", name="docking_controller", message="MARKERS_LOST")
+    story.write(topics.DIAGNOSTICS, status=[words])
+    story.run("FAILED", 0.5)
+    story.write(topics.MISSION_STATUS, reason="docking failed")
+    story.run("FAILED", 2.0)
+    story.write(topics.MISSION_STATUS, reason="much later")
+    (docking,) = dockings(story.close())
+    assert [item["text"] for item in docking["said"]] == ["docking_controller: MARKERS_LOST", "mission: docking failed"]
+
+
+def test_two_dockings_and_an_undocking(story):
+    fail_by_lost_markers(story)
+    story.markers, story.error_m = 4, 1.0
+    success(story)
+    story.run("SERVOING", 3.0)  # backs off from the opened latch
+    story.run("IDLE", 2.0)
+    found = dockings(story.close())
+    assert [item["success"] for item in found] == [False, True]
+    assert found[1]["start_s"] - found[0]["start_s"] == pytest.approx(16.5, abs=0.05)
+
+
+def test_a_recording_that_ends_and_one_that_begins_in_the_middle(story):
+    story.run("SERVOING", 3.0, 0.2)
+    (docking,) = dockings(story.close())
+    assert docking["begins_before_recording"]
+    assert docking["ended_in"] is None
+    assert docking["verdict"].startswith("the recording ends in SERVOING after 2.9 s: error did not converge")
+
+
+@pytest.mark.parametrize("share", [0.25, 0.4])
+def test_a_truncated_file_is_told_as_far_as_it_goes(story, tmp_path, share):
+    story.chunk_bytes = 5_000
+    fail_by_lost_markers(story)
+    story.close()
+    (file,) = story.folder.glob("*.mcap")
+    os.truncate(file, int(share * file.stat().st_size))
+    before = file.read_bytes()
+    traces, damages = collect(recording_files(story.folder), PARAMS)
+    assert len(traces) == 1
+    assert traces[0].after == ""
+    assert len(damages) == 1
+    assert damages[0].startswith(f"{file} is cut off or damaged after ")
+    assert file.read_bytes() == before, "nothing is repaired behind the operator's back"
+
+
+# --- the whole command -----------------------------------------------------------------------------------------------
+
+
+def test_pictures_text_and_numbers(tmp_path, capsys):
+    story = Story(tmp_path / "ride", images=True)
+    fail_by_lost_markers(story)
+    replay_recording(story.close(), tmp_path / "pictures", tmp_path / "numbers.json")
+    shown = capsys.readouterr().out
+    assert "docking 1: chair_1, 2023-11-14 22:13:21 UTC, 14.0 s, 1 try" in shown
+    assert "verdict: failed in SEARCH after 14.0 s: markers lost for 8.0 s from t=6.0 s" in shown
+    assert "marker 3: 40 detections, quality median 0.90, least 0.90" in shown
+    document = json.loads((tmp_path / "numbers.json").read_text())
+    assert document["dockings"][0]["images"] == 5  # APPROACH, SEARCH, SERVOING, SEARCH, FAILED
+    plot = cv2.imread(str(tmp_path / "pictures" / "docking_1.png"))
+    assert min(plot.shape[:2]) > 1000
+    images = cv2.imread(str(tmp_path / "pictures" / "docking_1_images.png"))
+    assert images.shape == (3 * (360 + 26), 2 * 640, 3)
+    # Marker 0 stands 1 m straight ahead: 135 px wide around the image's middle; half of that here, under the label.
+    third = images[386:772, :640]
+    left, top = 639.5 / 2 - 67.5 / 2, 26 + 359.5 / 2 - 67.5 / 2
+    for x, y in ((left, top + 33), (left + 67.5, top + 33), (left + 33, top), (left + 33, top + 67.5)):
+        spot = third[round(y) - 2 : round(y) + 3, round(x) - 2 : round(x) + 3].reshape(-1, 3).astype(int)
+        assert (spot[:, 1] - spot[:, 0]).max() > 80, f"green at {x:.0f}, {y:.0f}"
+
+
+def refusal(recording: Path, output: Path) -> str:
+    with pytest.raises(CommandError) as caught:
+        replay_recording(recording, output, None)
+    return str(caught.value)
+
+
+def test_what_is_no_recording(tmp_path):
+    assert "cannot be read: No such file" in refusal(tmp_path / "nowhere", tmp_path / "out")
+    (tmp_path / "empty").mkdir()
+    assert "is no recording: there is no .mcap file in it" in refusal(tmp_path / "empty", tmp_path / "out")
+    (tmp_path / "letter.mcap").write_text("Dear Sir or Madam")
+    assert "does not begin as an MCAP file" in refusal(tmp_path / "letter.mcap", tmp_path / "out")
+
+
+def test_no_docking_in_it(story, tmp_path):
+    story.run("IDLE", 1.0)
+    text = refusal(story.close(), tmp_path / "out")
+    assert text == "there is no docking in the recording (10 messages on /docking/status)"
+
+
+def test_an_output_that_cannot_be_written(story, tmp_path):
+    fail_by_lost_markers(story)
+    assert "/proc/pictures cannot be written" in refusal(story.close(), Path("/proc/pictures"))
+    (tmp_path / "file").touch()
+    assert "cannot be written: File exists" in refusal(story.folder, tmp_path / "file")
