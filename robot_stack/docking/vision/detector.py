@@ -77,12 +77,28 @@ class MarkerDetector:
         """Forgets all earlier images."""
         self._tracks.clear()
 
+    def warm_up(self) -> None:
+        """Compiles what is compiled at the first use, so that the first image is not late by seconds."""
+        blank = np.zeros((64, 64), np.uint8)
+        square = np.array([[[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]])
+        blank[:] = 255
+        blank[20:44, 20:44] = 0
+        camera = np.array([60.0, 60.0, 31.5, 31.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+        corners = undistort_points(camera, distort_points(camera, square[0])).reshape(1, 4, 2)
+        sides = fit_sides(blank, camera, corners, self._widths_px, self._limits)
+        board = self._boards.of(-1)
+        seen = marker_sides(-1, board, sides[0], corners[0], 60.0, self._params.edges)
+        if seen is not None:
+            board_pose([seen], None, self._params.pose)
+
     def detect(self, image: Image, intrinsics: Intrinsics, camera_frame: str) -> tuple[MarkerObservation, ...]:
         """The markers in an image (height, width) of grey levels, in order of their ids.
 
         Raises ValueError, naming what is wrong, for an image or intrinsics that cannot be used.
         """
         _check(image, intrinsics)
+        if not image.flags.carray:  # padded rows or read-only: compiled code is made for one kind of array (0.1 ms)
+            image = image.copy()
         track = self._tracks.setdefault(camera_frame, _Track())
         found = self._find(image, track)
         camera = camera_vector(intrinsics)
@@ -162,12 +178,14 @@ def _projected(corners: Array, pose: BoardPose, camera: Array) -> Array:
     """(4, 2) px of (4, 3) corners in the board's frame; NaN behind the camera."""
     points = corners @ pose.rotation.T + pose.translation
     depth = np.where(points[:, 2:] > 1e-3, points[:, 2:], np.nan)
-    return distort_points(camera, points[:, :2] / depth)
+    pixels: Array = distort_points(camera, points[:, :2] / depth)
+    return pixels
 
 
 def _check(image: Image, intrinsics: Intrinsics) -> None:
-    if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
-        raise ValueError(f"image: must be an array of uint8, is {getattr(image, 'dtype', type(image).__name__)}")
+    kind = getattr(image, "dtype", type(image).__name__)
+    if kind != np.uint8:
+        raise ValueError(f"image: must be an array of uint8, is {kind}")
     if image.shape != (intrinsics.height, intrinsics.width):
         raise ValueError(
             f"image: shape is {image.shape}, intrinsics say (height, width) = ({intrinsics.height}, {intrinsics.width})"

@@ -58,7 +58,7 @@ def _distort(camera: Array, x: float, y: float) -> tuple[float, float]:
 
 @_compiled
 def _undistort(camera: Array, u: float, v: float) -> tuple[float, float]:
-    """Pixels to normalised coordinates by fixed-point iteration; 1e-12 after 20 steps at the distortion of such lenses."""
+    """Pixels to normalised coordinates by fixed-point iteration, to 1e-12 where the lens is ordinary."""
     xd, yd = (u - camera[2]) / camera[0], (v - camera[3]) / camera[1]
     x, y = xd, yd
     for _ in range(20):
@@ -114,16 +114,16 @@ def _step_position(profile: Array, half: int) -> tuple[float, float]:
     """(offset of the step from the window's middle in px, positive outwards; contrast white - black)."""
     plateau = 3 if half >= 6 else 2
     n = 2 * half + 1
-    dark, bright, total = 0.0, 0.0, 0.0
+    dark = bright = total = 0.0
     for k in range(plateau):
-        dark += profile[k]
-        bright += profile[n - 1 - k]
+        dark += float(profile[k])
+        bright += float(profile[n - 1 - k])
     dark, bright = dark / plateau, bright / plateau
     contrast = bright - dark
     if not contrast > 0.0:
         return 0.0, 0.0
     for k in range(n):
-        total += profile[k] - dark
+        total += float(profile[k]) - dark
     return (half + 0.5) * _STEP_PX - total / contrast * _STEP_PX, contrast
 
 
@@ -135,8 +135,8 @@ def _robust_line(u: Array, v: Array, n: int, floor: float) -> tuple[float, float
     slopes = np.empty(n - m)
     for i in range(n - m):
         slopes[i] = (v[i + m] - v[i]) / (u[i + m] - u[i])
-    b = np.median(slopes)
-    a = np.median(v[:n] - b * u[:n])
+    b = float(np.median(slopes))
+    a = float(np.median(v[:n] - b * u[:n]))
     sigma, weight_sum = floor, 0.0
     for _ in range(5):
         sigma = max(_MAD_TO_SIGMA * np.median(np.abs(v[:n] - a - b * u[:n])), floor)

@@ -6,6 +6,7 @@ and compared. Markers that contradict the others are left out.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.docking.vision.board import Board, gauss_points
-from robot_stack.docking.vision.edges import C, COUNT, NX, SCATTER
+from robot_stack.docking.vision.edges import COUNT, NX, SCATTER, C
 from robot_stack.docking.vision.params import EdgeParams, PoseParams
 from robot_stack.docking.vision.solve import residuals, solve
 
@@ -61,12 +62,12 @@ class BoardPose:
         """Standard deviation (m) of the position of a point (3,) of the board: root of the summed variances."""
         q = self.rotation @ place
         jacobian = np.c_[np.array([[0.0, q[2], -q[1]], [-q[2], 0.0, q[0]], [q[1], -q[0], 0.0]]), np.eye(3)]
-        return float(np.sqrt(max(np.trace(jacobian @ self.covariance @ jacobian.T), 0.0)))
+        return math.sqrt(max(float(np.trace(jacobian @ self.covariance @ jacobian.T)), 0.0))
 
     def sigma_about(self, axis: Array) -> float:
         """Standard deviation (rad) of the rotation about an axis (3,) of the board."""
         a = self.rotation @ axis
-        return float(np.sqrt(max(a @ self.covariance[:3, :3] @ a, 0.0)))
+        return math.sqrt(max(float(a @ self.covariance[:3, :3] @ a), 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +81,7 @@ class _Refined:
 def marker_sides(
     marker_id: int, board: Board, sides: Array, corners: Array, focal_px: float, params: EdgeParams
 ) -> MarkerSides | None:
-    """What :func:`fit_sides` found of one marker, (4, 5) and (4, 2), as input of a pose; None with less than 3 sides."""
+    """A marker's (4, 5) of :func:`fit_sides` and (4, 2) corners as input of a pose; None with less than 3 sides."""
     good = sides[:, COUNT] > 0.0
     if good.sum() < 3 or not np.isfinite(corners).all():
         return None
@@ -125,7 +126,7 @@ def _judged(
     if rivals and previous is not None:
         best = min([best, *rivals], key=lambda item: _angle(item.rotation, previous))
     try:
-        covariance = np.linalg.inv(best.information) * scale
+        covariance: Array = np.linalg.inv(best.information).astype(np.float64) * scale
     except np.linalg.LinAlgError:
         return None
     if not np.isfinite(covariance).all():
@@ -142,10 +143,7 @@ def _solutions(markers: Sequence[MarkerSides]) -> list[_Refined]:
     )
     found: list[_Refined] = []
     for rotation, translation in _starts(markers):
-        try:
-            refined = _Refined(*solve(points, lines, weights, rotation, translation))
-        except np.linalg.LinAlgError:
-            continue
+        refined = _Refined(*solve(points, lines, weights, rotation, translation))
         if np.isfinite(refined.cost) and np.isfinite(refined.translation).all() and _faces(refined, markers[0]):
             found.append(refined)
     found.sort(key=lambda item: item.cost)

@@ -66,11 +66,13 @@ class MarkerSearch:
         part = image[region.y0 : region.y1, region.x0 : region.x1]
         if shrink > 1:
             size = ((region.x1 - region.x0) // shrink, (region.y1 - region.y0) // shrink)
-            part = cv2.resize(part[: size[1] * shrink, : size[0] * shrink], size, interpolation=cv2.INTER_AREA)
+            shrunk = cv2.resize(part[: size[1] * shrink, : size[0] * shrink], size, interpolation=cv2.INTER_AREA)
+            part = np.asarray(shrunk, dtype=np.uint8)
         self._set(attempt, region.longer_px)
         corners, ids, _ = self._detector.detectMarkers(part)
+        numbers = np.ravel(np.asarray(ids if len(corners) else []))
         found: dict[int, Array] = {}
-        for marker, quad in zip([] if ids is None else np.ravel(ids), corners, strict=True):
+        for marker, quad in zip(numbers, corners, strict=True):
             place = (quad.reshape(4, 2).astype(np.float64) + 0.5) * shrink - 0.5 + (region.x0, region.y0)
             other = found.get(int(marker))
             if other is None or _area(place) > _area(other):

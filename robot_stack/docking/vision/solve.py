@@ -30,10 +30,72 @@ def _compiled(function: Any) -> Any:
 def _rotation(w: Array) -> Array:
     """exp of a rotation vector (Rodrigues)."""
     angle = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
-    k = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
-    if angle < 1e-9:
-        return np.eye(3) + k
-    return np.eye(3) + math.sin(angle) / angle * k + (1.0 - math.cos(angle)) / (angle * angle) * (k @ k)
+    first, second = 1.0, 0.5
+    if angle > 1e-6:
+        first, second = math.sin(angle) / angle, (1.0 - math.cos(angle)) / (angle * angle)
+    turn = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            turn[i, j] = second * w[i] * w[j]
+        turn[i, i] += 1.0 - second * angle * angle
+    turn[0, 1] -= first * w[2]
+    turn[0, 2] += first * w[1]
+    turn[1, 0] += first * w[2]
+    turn[1, 2] -= first * w[0]
+    turn[2, 0] -= first * w[1]
+    turn[2, 1] += first * w[0]
+    return turn
+
+
+@_compiled
+def _product(a: Array, b: Array) -> Array:
+    """(3, 3) a b."""
+    out = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                out[i, j] += a[i, k] * b[k, j]
+    return out
+
+
+@_compiled
+def _apply(rotation: Array, point: Array) -> tuple[float, float, float]:
+    """rotation point."""
+    x, y, z = point[0], point[1], point[2]
+    return (
+        rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z,
+        rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z,
+        rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z,
+    )
+
+
+@_compiled
+def _solve_normal(h: Array, g: Array, out: Array) -> bool:
+    """out = -h^-1 g by Cholesky's decomposition; False if h is not positive definite."""
+    n = h.shape[0]
+    low = np.zeros((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            total = h[i, j]
+            for k in range(j):
+                total -= low[i, k] * low[j, k]
+            if i == j:
+                if not total > 0.0:
+                    return False
+                low[i, i] = math.sqrt(total)
+            else:
+                low[i, j] = total / low[j, j]
+    for i in range(n):
+        total = -g[i]
+        for k in range(i):
+            total -= low[i, k] * out[k]
+        out[i] = total / low[i, i]
+    for i in range(n - 1, -1, -1):
+        total = out[i]
+        for k in range(i + 1, n):
+            total -= low[k, i] * out[k]
+        out[i] = total / low[i, i]
+    return True
 
 
 @_compiled
@@ -41,9 +103,10 @@ def residuals(points: Array, lines: Array, weights: Array, rotation: Array, tran
     """(n,) distances of projected points from their lines in standard deviations; NaN behind the camera."""
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
-        p = rotation @ points[i] + translation
-        if p[2] > 1e-6:
-            out[i] = weights[i] * ((lines[i, 0] * p[0] + lines[i, 1] * p[1]) / p[2] - lines[i, 2])
+        qx, qy, qz = _apply(rotation, points[i])
+        px, py, pz = qx + translation[0], qy + translation[1], qz + translation[2]
+        if pz > 1e-6:
+            out[i] = weights[i] * ((lines[i, 0] * px + lines[i, 1] * py) / pz - lines[i, 2])
         else:
             out[i] = np.nan
     return out
@@ -69,13 +132,13 @@ def _normal_equations(
     h, g = np.zeros((6, 6)), np.zeros(6)
     row = np.empty(6)
     for i in range(points.shape[0]):
-        q = rotation @ points[i]
-        p = q + translation
-        along = (lines[i, 0] * p[0] + lines[i, 1] * p[1]) / p[2]
+        qx, qy, qz = _apply(rotation, points[i])
+        pz = qz + translation[2]
+        along = (lines[i, 0] * (qx + translation[0]) + lines[i, 1] * (qy + translation[1])) / pz
         r = weights[i] * (along - lines[i, 2])
-        scale = weights[i] / p[2]
+        scale = weights[i] / pz
         dx, dy, dz = scale * lines[i, 0], scale * lines[i, 1], -scale * along
-        row[0], row[1], row[2] = q[1] * dz - q[2] * dy, q[2] * dx - q[0] * dz, q[0] * dy - q[1] * dx
+        row[0], row[1], row[2] = qy * dz - qz * dy, qz * dx - qx * dz, qx * dy - qy * dx
         row[3], row[4], row[5] = dx, dy, dz
         robust = 1.0 if abs(r) <= _HUBER else _HUBER / abs(r)
         for j in range(6):
@@ -99,13 +162,15 @@ def solve(
     if not cost < np.inf:
         return rotation, translation, np.inf, h
     damping = 1e-4
+    step = np.zeros(6)
     for _ in range(_ITERATIONS):
         h, g = _normal_equations(points, lines, weights, rotation, translation)
         damped = h.copy()
         for j in range(6):
             damped[j, j] += damping * h[j, j] + 1e-12
-        step = np.linalg.solve(damped, -g)
-        new_rotation = _rotation(step[:3]) @ rotation
+        if not _solve_normal(damped, g, step):
+            break
+        new_rotation = _product(_rotation(step[:3]), rotation)
         new_translation = translation + step[3:]
         new_cost = _huber(residuals(points, lines, weights, new_rotation, new_translation))
         if new_cost <= cost:

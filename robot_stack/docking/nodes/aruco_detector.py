@@ -1,0 +1,144 @@
+"""aruco_detector: camera images to /docking/aruco_detections, one array for the exposures of both cameras."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from typing import Any
+
+import cv2
+from sensor_msgs.msg import CameraInfo, Image
+
+from custom_msgs.msg import ArucoDetection, ArucoDetectionArray, DockingStatus
+from robot_stack.contract import frames, topics
+from robot_stack.core.camera import Intrinsics
+from robot_stack.core.config import ConfigError
+from robot_stack.core.docks import load_docks
+from robot_stack.docking.nodes.aruco_messages import detections, grey_image, intrinsics_of
+from robot_stack.docking.vision.detector import MarkerDetector
+from robot_stack.docking.vision.pairing import Attention, Exposure, ExposurePairs
+from robot_stack.docking.vision.params import ArucoDetectorParams
+from robot_stack.ros.conversions import time_to_s
+from robot_stack.ros.inputs import Input
+from robot_stack.ros.node import StackNode, run
+
+_CAMERAS = {
+    frames.FRONT_CAMERA: (topics.FRONT_IMAGE, topics.FRONT_CAMERA_INFO),
+    frames.REAR_CAMERA: (topics.REAR_IMAGE, topics.REAR_CAMERA_INFO),
+}
+_DETECTING = (DockingStatus.APPROACH, DockingStatus.SEARCH, DockingStatus.SERVOING, DockingStatus.FINE_ALIGN)
+# How often it is looked whether an image has waited long enough: the delay with one camera dead grows by this at most.
+_LOOK_HZ = 100.0
+
+
+class ArucoDetector(StackNode):
+    """Detects while docking is on its way, and publishes empty arrays otherwise."""
+
+    def __init__(self) -> None:
+        super().__init__("aruco_detector", ArucoDetectorParams)
+        cv2.setNumThreads(1)  # more threads cost more than they gain, and the other core has work
+        try:
+            self._detector = MarkerDetector(load_docks(), self.params.detector)
+        except ValueError as error:
+            raise ConfigError(f"config/docks.yaml: {error}") from error
+        self._detector.warm_up()
+        assert topics.ARUCO_DETECTIONS.rate_hz is not None
+        self._period_s = 1.0 / topics.ARUCO_DETECTIONS.rate_hz
+        self._pairs: ExposurePairs[Image] = ExposurePairs(
+            tuple(_CAMERAS), same_s=0.5 * self._period_s, wait_s=self.params.pair_wait_s
+        )
+        self._attention = Attention(self.params.idle_camera_every)
+        self._intrinsics: dict[str, Intrinsics] = {}
+        self._complaints: dict[str, str] = {}
+        self._on = False
+        self._published_s = self.steady_s()
+        self._images: dict[str, Input] = {}
+        self._output = self.advertise(topics.ARUCO_DETECTIONS)
+        self._status = self.subscribe(topics.DOCKING_STATUS)
+        for camera, (image, info) in _CAMERAS.items():
+            self.subscribe(info, partial(self._on_info, camera))
+            self._images[camera] = self.subscribe(image, partial(self._on_image, camera))
+        self.set_health(False, "waiting for images")
+        self.every(_LOOK_HZ, self._look)
+
+    def _on_info(self, camera: str, message: CameraInfo) -> None:
+        try:
+            self._intrinsics[camera] = intrinsics_of(message)
+            self._complaints.pop(f"{camera} info", None)
+        except ValueError as error:
+            self._intrinsics.pop(camera, None)
+            self._complaints[f"{camera} info"] = f"{camera} camera_info: {error}"
+
+    def _on_image(self, camera: str, message: Image) -> None:
+        stamp_s = time_to_s(message.header.stamp)
+        new = self._pairs.add(Exposure(camera, stamp_s, self.steady_s(), message))
+        self._complain(
+            f"{camera} stamp", "" if new else f"{camera} image: stamp {stamp_s:.3f} s is not newer than the last"
+        )
+        self._look()
+
+    def _look(self) -> None:
+        now_s = self.steady_s()
+        alive = frozenset(camera for camera, entry in self._images.items() if entry.fresh())
+        exposures = self._pairs.take(now_s, alive)
+        # Without images the rate is kept by empty arrays of stamp zero; a late image is given a period more.
+        if not exposures and now_s - self._published_s < self._period_s * (2.0 if alive else 1.0):
+            return
+        self._published_s = max(self._published_s + self._period_s, now_s - self._period_s) if not exposures else now_s
+        self._switch()
+        began_s = time.perf_counter()
+        output = ArucoDetectionArray()
+        for exposure in exposures:
+            output.detections += self._detect(exposure) if self._on else []
+        output.detections.sort(key=lambda item: item.marker_id)
+        if exposures:
+            output.header.stamp = max(exposures, key=lambda item: item.stamp_s).item.header.stamp
+        self._output.publish(output)
+        self._tell(alive, output, 1e3 * (time.perf_counter() - began_s))
+
+    def _switch(self) -> None:
+        status = self._status.latest
+        on = self.params.always_on or (self._status.fresh() and status.state in _DETECTING)
+        if on and not self._on:
+            self._detector.reset()
+            self._attention.reset()
+        self._on = on
+
+    def _detect(self, exposure: Exposure[Any]) -> list[ArucoDetection]:
+        camera, message = exposure.camera, exposure.item
+        intrinsics = self._intrinsics.get(camera)
+        if intrinsics is None or not self._attention.wants(camera):
+            return []
+        try:
+            observations = self._detector.detect(grey_image(message), intrinsics, camera)
+        except ValueError as error:
+            self._complain(f"{camera} image", f"{camera} image: {error}")
+            return []
+        self._complain(f"{camera} image", "")
+        if observations:
+            self._attention.saw(camera)
+        return detections(observations, camera, message.header.stamp)
+
+    def _complain(self, about: str, text: str) -> None:
+        if text:
+            self._complaints[about] = text
+        else:
+            self._complaints.pop(about, None)
+
+    def _tell(self, alive: frozenset[str], output: ArucoDetectionArray, taken_ms: float) -> None:
+        silent = [f"no images of {camera}" for camera in _CAMERAS if camera not in alive]
+        blind = [f"no camera_info of {camera}" for camera in sorted(alive) if camera not in self._intrinsics]
+        faults = ["waiting for images"] if not alive else [*silent, *blind, *self._complaints.values()]
+        self.set_health(
+            not faults, "; ".join(faults) or ("detecting" if self._on else "idle: docking needs no markers")
+        )
+        self.report.values["detect_ms"] = f"{taken_ms:.2f}" if self._on else "off"
+        self.report.values["markers"] = ", ".join(str(item.marker_id) for item in output.detections) or "none"
+
+
+def main() -> None:
+    run(ArucoDetector)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""Between camera messages and the marker detector's values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from numpy.typing import NDArray
+from sensor_msgs.msg import CameraInfo, Image
+
+from custom_msgs.msg import ArucoDetection
+from robot_stack.core.camera import Intrinsics
+from robot_stack.docking.vision.detector import MarkerObservation
+
+
+def grey_image(message: Image) -> NDArray[np.uint8]:
+    """(height, width) view of a mono8 message's bytes, nothing copied. Raises ValueError naming the field."""
+    if message.encoding != "mono8":
+        raise ValueError(f"encoding is {message.encoding!r}, must be 'mono8'")
+    if message.step < message.width or message.width == 0 or message.height == 0:
+        raise ValueError(f"step is {message.step}, size {message.width} x {message.height}")
+    needed = message.step * message.height
+    if len(message.data) < needed:
+        raise ValueError(f"data has {len(message.data)} bytes, step x height is {needed}")
+    rows = np.frombuffer(message.data, np.uint8, count=needed).reshape(message.height, message.step)
+    return rows[:, : message.width]
+
+
+def intrinsics_of(message: CameraInfo) -> Intrinsics:
+    """Raises ValueError naming the field that cannot be used."""
+    if message.distortion_model != "plumb_bob" or len(message.d) != 5:
+        raise ValueError(
+            f"distortion_model is {message.distortion_model!r} with {len(message.d)} coefficients, "
+            "must be 'plumb_bob' with 5"
+        )
+    k, d = message.k, message.d
+    if not (np.isfinite(k).all() and np.isfinite(d).all() and k[0] > 0.0 and k[4] > 0.0):
+        raise ValueError(f"k or d cannot be used: {list(k)}, {list(d)}")
+    return Intrinsics(message.width, message.height, k[0], k[4], k[2], k[5], (d[0], d[1], d[2], d[3], d[4]))
+
+
+def detections(observations: Iterable[MarkerObservation], camera_frame: str, stamp: Time) -> list[ArucoDetection]:
+    """One message for each marker, stamped with the exposure."""
+    return [_detection(item, camera_frame, stamp) for item in observations]
+
+
+def _detection(observation: MarkerObservation, camera_frame: str, stamp: Time) -> ArucoDetection:
+    message = ArucoDetection(marker_id=observation.marker_id, camera_frame=camera_frame)
+    message.header.stamp, message.header.frame_id = stamp, camera_frame
+    message.quality_score = float(observation.quality)
+    position, orientation = message.pose.position, message.pose.orientation
+    position.x, position.y, position.z = (float(value) for value in observation.pose[:3, 3])
+    orientation.x, orientation.y, orientation.z, orientation.w = _quaternion(observation.pose[:3, :3])
+    return message
+
+
+def _quaternion(rotation: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """(x, y, z, w) of a (3, 3) rotation: from the row of the largest component, w >= 0 (Shepperd's method)."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
+    squares = np.array([1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i, 1.0 + a + e + i])
+    products = np.array(
+        [
+            [squares[0], b + d, c + g, h - f],
+            [b + d, squares[1], f + h, c - g],
+            [c + g, f + h, squares[2], d - b],
+            [h - f, c - g, d - b, squares[3]],
+        ]
+    )
+    row = products[int(np.argmax(squares))]
+    x, y, z, w = (row / np.linalg.norm(row) * (1.0 if row[3] >= 0.0 else -1.0)).tolist()
+    return x, y, z, w
