@@ -200,11 +200,11 @@ def test_a_mission_manager_killed_while_docking_comes_back_paused_and_cancels_wh
     world.reason("docking to chair_1: FINE_ALIGN")
     world.kill()
     assert SqliteJournal(world.journal).load().state is State.DOCKING
-    docking.hangs = False
     world.launch()
     status = world.status.wait(lambda s: s.state == "PAUSED", "PAUSED")
     assert status.reason.startswith("restarted while DOCKING at 'chair'")
     wait_for(lambda: docking.cancelled, "the goal of the one that died cancelled")
+    docking.hangs = False
     settle(world.status, 0.5)
     assert len(docking.goals) == 1, "nothing begins by itself"
     assert world.command("RESUME").last_command_accepted

@@ -35,7 +35,7 @@ waypoints:
   - {name: second, x: 4.0, y: 1.0, yaw: 0.5, action: {wait: 0.5}}
   - {name: last, x: 4.0, y: 3.0, yaw: 0.0, action: park}
 """
-DOCKING = MISSION.replace("id: ride", "id: docking").replace("{wait: 0.5}", "{dock: chair_1}")
+DOCKING = MISSION.replace("id: ride", "id: docking").replace("{wait: 0.5}", "{dock: chair_9}")
 MALFORMED = MISSION.replace("x: 4.0, y: 1.0", "x: .nan, y: 1.0").replace("id: ride", "id: malformed")
 
 
@@ -184,7 +184,7 @@ def test_pause_resume_and_abort(world):
         ("START_MISSION", "nowhere", "there is no mission 'nowhere'; known: docking, malformed, ride"),
         ("START_MISSION", "../missions/ride", "there is no mission"),
         ("START_MISSION", "", "there is no mission ''"),
-        ("START_MISSION", "docking", "waypoint 'second' of 'docking' asks to dock"),
+        ("START_MISSION", "docking", "waypoint 'second' of 'docking': there is no dock 'chair_9'; known: "),
         ("START_MISSION", "malformed", "malformed.yaml: waypoint 2 'second': x: Input should be a finite number"),
         ("RESUME", "", "RESUME refused"),
         ("LAUNCH", "", "unknown command"),
