@@ -86,7 +86,8 @@ class KernelStack:
         self._messages: list[tuple[int, int, Task]] = []
         self._order = itertools.count()
         self._tasks: list[tuple[int, int, Task]] = []
-        self._hardware = _Hardware(robot, self.sim)
+        self.robot = robot
+        self.hardware = _Hardware(robot, self.sim)
         self.drive = _Drive(robot, setup.attached_at_start)
         self.localizer = _localizer(robot, setup.start)
         params = navigation or load(NavigationParams, "navigation_controller")
@@ -94,12 +95,12 @@ class KernelStack:
         self.navigation = NavigationController(params, robot, frames.MAP)
         self.navigation.set_passenger(setup.attached_at_start)
         self.samples: list[Sample] = []
-        self._every(topics.JOINT_STATES.rate_hz, self._joint_states)
-        self._every(topics.WHEEL_COMMANDS.rate_hz, self._drive_tick)
-        self._every(topics.CURRENT_POSE.rate_hz, self._localization_tick)
-        self._every(topics.CMD_VEL.rate_hz, self._navigation_tick)
-        if not self.run(lambda: self._hardware.session.ready, _READY_LIMIT_S):
-            raise RuntimeError(f"the engine is not ready: {self._hardware.session.state.text}")
+        self.every(topics.JOINT_STATES.rate_hz, self._joint_states)
+        self.every(topics.WHEEL_COMMANDS.rate_hz, self._drive_tick)
+        self.every(topics.CURRENT_POSE.rate_hz, self._localization_tick)
+        self.every(topics.CMD_VEL.rate_hz, self._navigation_tick)
+        if not self.run(lambda: self.hardware.session.ready, _READY_LIMIT_S):
+            raise RuntimeError(f"the engine is not ready: {self.hardware.session.state.text}")
 
     @property
     def time_s(self) -> float:
@@ -138,13 +139,18 @@ class KernelStack:
         while self._messages and self._messages[0][0] <= steps:
             heapq.heappop(self._messages)[2]()
 
-    def _every(self, rate_hz: float | None, task: Task) -> None:
+    def every(self, rate_hz: float | None, task: Task) -> None:
+        """Calls ``task`` at this rate, at a phase drawn from the seed."""
         assert rate_hz is not None
         period = round(1.0 / (rate_hz * _STEP_S))
         self._tasks.append((period, int(self._random.integers(period)), task))
 
     def _send(self, deliver: Task) -> None:
-        heapq.heappush(self._messages, (self.sim.world.steps + self._transport_steps, next(self._order), deliver))
+        self.after(self._transport_steps * _STEP_S, deliver)
+
+    def after(self, delay_s: float, task: Task) -> None:
+        """Calls ``task`` once, after so much simulated time."""
+        heapq.heappush(self._messages, (self.sim.world.steps + round(delay_s / _STEP_S), next(self._order), task))
 
     # --- nodes -------------------------------------------------------------------------------------------------------
 
@@ -154,7 +160,7 @@ class KernelStack:
         self._send(lambda: self.localizer.on_imu(gyro))
 
     def _joint_states(self) -> None:
-        encoders = self._hardware.tick(self.time_s)
+        encoders = self.hardware.tick(self.time_s)
         if encoders is not None:
             self._send(lambda: self._odometry(encoders))
 
@@ -171,13 +177,17 @@ class KernelStack:
         def deliver() -> None:
             self.localizer.on_odometry(reading, self.time_s)
             self.poses.on_odometry(stamp_s, odometry.pose, odometry.twist, self.time_s)
+            self.on_odometry(stamp_s, odometry)
 
         self._send(deliver)
+
+    def on_odometry(self, stamp_s: float, odometry: Odometry) -> None:
+        """For what else listens to odometry."""
 
     def _drive_tick(self) -> None:
         modules = self.drive.tick(self.time_s)
         if modules is not None:
-            self._send(lambda: self._hardware.command(modules))
+            self._send(lambda: self.hardware.command(modules))
 
     def _localization_tick(self) -> None:
         estimate = self.localizer.estimate(self.time_s)
@@ -192,7 +202,7 @@ class KernelStack:
         located, problem = self.poses.located(self.time_s, self.time_s)
         output = self.navigation.tick(Situation(self.time_s, located, problem))
         self.samples.append(Sample(self.time_s, output, self.navigation.path, located, *self.truth()))
-        self._send(lambda: self.drive.on_command(output.twist, self.time_s))
+        self._send(lambda: self.drive.on_command(Source.NAVIGATION, output.twist, self.time_s))
 
 
 class _Hardware:
@@ -211,7 +221,7 @@ class _Hardware:
             Ecat=lambda _: Ecat(local.api),
             read_status=lambda *_: local.api.snapshot(),
         )
-        engine = MotionEngine(library, local.api)
+        self.engine = engine = MotionEngine(library, local.api)
         self.session = EngineSession(lambda: engine, session_settings(params.session))
 
     def tick(self, now_s: float) -> Encoders | None:
@@ -237,6 +247,7 @@ class _Drive:
         self._drive = SwerveDrive(positions, module_limits(params.module, robot), drive_settings(params.drive, robot))
         self._arbiter = Arbiter(params.command_timeout_s)
         self._odometry = SwerveOdometry(positions, odometry_settings(params.odometry, robot))
+        self._robot = robot
         self._limits = motion_limits(robot.motion(passenger))
         self._standing = params.standing
         self._measured: Four | None = None
@@ -248,8 +259,11 @@ class _Drive:
         self.odometry = self._odometry.update(encoders)
         return self.odometry
 
-    def on_command(self, twist: Twist2, now_s: float) -> None:
-        self._arbiter.command(Source.NAVIGATION, twist, now_s)
+    def on_command(self, source: Source, twist: Twist2, now_s: float) -> None:
+        self._arbiter.command(source, twist, now_s)
+
+    def set_passenger(self, attached: bool) -> None:
+        self._limits = motion_limits(self._robot.motion(attached))
 
     def tick(self, now_s: float) -> ModuleSetPoints | None:
         """What to command the modules; None before the first encoders."""
