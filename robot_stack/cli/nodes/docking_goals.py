@@ -1,0 +1,81 @@
+"""An operator's docking goal: sent, followed, cancelled when asked to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+
+from robot_stack.cli.nodes.operator import Operator
+from robot_stack.contract import topics
+from robot_stack.contract.model import Action, ContractViolation
+from robot_stack.ros.interfaces import interface_class
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a goal ended; reason is empty on success."""
+
+    success: bool
+    reason: str
+
+
+def follow_action(row: Action, goal: dict[str, Any], tell: Callable[[Any], None], timeout_s: float) -> Ended:
+    """Sends a goal, calls ``tell`` with each feedback, and returns its end.
+
+    KeyboardInterrupt cancels the goal; then its end is waited for, at most ``timeout_s`` from the interrupt on.
+    Raises TimeoutError if nobody offers the action within ``timeout_s``, does not answer, or does not end it.
+    """
+    if topics.OPERATOR_TOOL not in row.clients:
+        raise ContractViolation(f"{topics.OPERATOR_TOOL} may not ask for {row.name}")
+    action = interface_class(row.type)
+    with Operator() as operator:
+        client = ActionClient(operator.node, action, row.name)
+        try:
+            if not operator.wait(client.server_is_ready, timeout_s):
+                raise TimeoutError(f"no {row.server} offers {row.name}: is it running?")
+            answer = client.send_goal_async(action.Goal(**goal), feedback_callback=lambda m: tell(m.feedback))
+            return _follow(operator, row, answer, timeout_s)
+        finally:
+            client.destroy()
+
+
+def _follow(operator: Operator, row: Action, answer: Any, timeout_s: float) -> Ended:
+    try:
+        handle = _accepted(operator, row, answer, timeout_s)
+        if handle is None:
+            return Ended(False, f"{row.server} rejected the goal")
+        result = handle.get_result_async()
+        operator.wait(result.done, None)
+    except KeyboardInterrupt:
+        # A goal that was sent may be accepted at any moment: its end is waited for all the same.
+        handle = _accepted(operator, row, answer, timeout_s)
+        if handle is None:
+            return Ended(False, f"{row.server} rejected the goal")
+        result = handle.get_result_async()
+        handle.cancel_goal_async()
+        if not operator.wait(result.done, timeout_s):
+            raise TimeoutError(f"{row.server} does not end the cancelled goal: stop the robot") from None
+    return _end(result.result())
+
+
+def _accepted(operator: Operator, row: Action, answer: Any, timeout_s: float) -> Any:
+    """The accepted goal's handle, None if it was rejected. Raises TimeoutError without an answer."""
+    if not operator.wait(answer.done, timeout_s):
+        raise TimeoutError(f"{row.server} does not answer")
+    handle = answer.result()
+    return handle if handle.accepted else None
+
+
+def _end(answer: Any) -> Ended:
+    result = answer.result
+    if result.success and answer.status == GoalStatus.STATUS_SUCCEEDED:
+        return Ended(True, "")
+    if answer.status == GoalStatus.STATUS_UNKNOWN:
+        return Ended(False, "the goal is not known any more")
+    return Ended(
+        False, f"{result.reason} (error {result.error_code})" if result.reason else f"error {result.error_code}"
+    )
