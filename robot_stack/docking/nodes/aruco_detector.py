@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from functools import partial
-from typing import Any
+from typing import NamedTuple
 
 import cv2
+from builtin_interfaces.msg import Time
 from sensor_msgs.msg import CameraInfo, Image
 
 from custom_msgs.msg import ArucoDetection, ArucoDetectionArray, DockingStatus
@@ -16,7 +17,7 @@ from robot_stack.core.config import ConfigError
 from robot_stack.core.docks import load_docks
 from robot_stack.docking.nodes.aruco_messages import detections, grey_image, intrinsics_of
 from robot_stack.docking.vision.detector import MarkerDetector
-from robot_stack.docking.vision.pairing import Attention, Exposure, ExposurePairs
+from robot_stack.docking.vision.pairing import Attention, Exposure, ExposureSets
 from robot_stack.docking.vision.params import ArucoDetectorParams
 from robot_stack.ros.conversions import time_to_s
 from robot_stack.ros.inputs import Input
@@ -29,6 +30,14 @@ _CAMERAS = {
 _DETECTING = (DockingStatus.APPROACH, DockingStatus.SEARCH, DockingStatus.SERVOING, DockingStatus.FINE_ALIGN)
 # How often it is looked whether an image has waited long enough: the delay with one camera dead grows by this at most.
 _LOOK_HZ = 100.0
+
+
+class _Seen(NamedTuple):
+    """What one image showed."""
+
+    stamp: Time
+    detections: list[ArucoDetection]
+    taken_ms: float
 
 
 class ArucoDetector(StackNode):
@@ -44,10 +53,8 @@ class ArucoDetector(StackNode):
         self._detector.warm_up()
         assert topics.ARUCO_DETECTIONS.rate_hz is not None
         self._period_s = 1.0 / topics.ARUCO_DETECTIONS.rate_hz
-        self._pairs: ExposurePairs[Image] = ExposurePairs(
-            tuple(_CAMERAS), same_s=0.5 * self._period_s, wait_s=self.params.pair_wait_s
-        )
-        self._attention = Attention(self.params.idle_camera_every)
+        self._sets: ExposureSets[_Seen] = ExposureSets(tuple(_CAMERAS), self._period_s, self.params.pair_wait_s)
+        self._attention = Attention(tuple(_CAMERAS), self.params.idle_camera_every)
         self._intrinsics: dict[str, Intrinsics] = {}
         self._complaints: dict[str, str] = {}
         self._on = False
@@ -70,42 +77,25 @@ class ArucoDetector(StackNode):
             self._complaints[f"{camera} info"] = f"{camera} camera_info: {error}"
 
     def _on_image(self, camera: str, message: Image) -> None:
-        stamp_s = time_to_s(message.header.stamp)
-        new = self._pairs.add(Exposure(camera, stamp_s, self.steady_s(), message))
-        self._complain(
-            f"{camera} stamp", "" if new else f"{camera} image: stamp {stamp_s:.3f} s is not newer than the last"
-        )
+        received_s, stamp_s = self.steady_s(), time_to_s(message.header.stamp)
+        new = self._sets.is_new(camera, stamp_s)
+        self._complain(f"{camera} stamp", "" if new else f"{camera} image: stamp is not newer than the last")
+        if new:
+            self._switch()
+            began_s = time.perf_counter()
+            found = self._detect(camera, message) if self._on else []
+            taken_ms = 1e3 * (time.perf_counter() - began_s)
+            self._sets.add(Exposure(camera, stamp_s, received_s, _Seen(message.header.stamp, found, taken_ms)))
         self._look()
 
-    def _look(self) -> None:
-        now_s = self.steady_s()
-        alive = frozenset(camera for camera, entry in self._images.items() if entry.fresh())
-        exposures = self._pairs.take(now_s, alive)
-        # Without images the rate is kept by empty arrays of stamp zero; a late image is given a period more.
-        if not exposures and now_s - self._published_s < self._period_s * (2.0 if alive else 1.0):
-            return
-        self._published_s = max(self._published_s + self._period_s, now_s - self._period_s) if not exposures else now_s
-        self._switch()
-        began_s = time.perf_counter()
-        output = ArucoDetectionArray()
-        for exposure in exposures:
-            output.detections += self._detect(exposure) if self._on else []
-        output.detections.sort(key=lambda item: item.marker_id)
-        if exposures:
-            output.header.stamp = max(exposures, key=lambda item: item.stamp_s).item.header.stamp
-        self._output.publish(output)
-        self._tell(alive, output, 1e3 * (time.perf_counter() - began_s))
-
     def _switch(self) -> None:
-        status = self._status.latest
-        on = self.params.always_on or (self._status.fresh() and status.state in _DETECTING)
+        on = self.params.always_on or (self._status.fresh() and self._status.latest.state in _DETECTING)
         if on and not self._on:
             self._detector.reset()
             self._attention.reset()
         self._on = on
 
-    def _detect(self, exposure: Exposure[Any]) -> list[ArucoDetection]:
-        camera, message = exposure.camera, exposure.item
+    def _detect(self, camera: str, message: Image) -> list[ArucoDetection]:
         intrinsics = self._intrinsics.get(camera)
         if intrinsics is None or not self._attention.wants(camera):
             return []
@@ -118,6 +108,21 @@ class ArucoDetector(StackNode):
         if observations:
             self._attention.saw(camera)
         return detections(observations, camera, message.header.stamp)
+
+    def _look(self) -> None:
+        now_s = self.steady_s()
+        alive = frozenset(camera for camera, entry in self._images.items() if entry.fresh())
+        exposures = self._sets.take(now_s, alive, self._attention.leading)
+        # Without images the rate is kept by empty arrays of stamp zero; a late image is given a period more.
+        if not exposures and now_s - self._published_s < self._period_s * (2.0 if alive else 1.0):
+            return
+        self._published_s = now_s if exposures else max(self._published_s + self._period_s, now_s - self._period_s)
+        output = ArucoDetectionArray()
+        output.detections = sorted((item for seen in exposures for item in seen.item.detections), key=_marker_id)
+        if exposures:
+            output.header.stamp = max(exposures, key=lambda item: item.stamp_s).item.stamp
+        self._output.publish(output)
+        self._tell(alive, output, sum(seen.item.taken_ms for seen in exposures))
 
     def _complain(self, about: str, text: str) -> None:
         if text:
@@ -134,6 +139,10 @@ class ArucoDetector(StackNode):
         )
         self.report.values["detect_ms"] = f"{taken_ms:.2f}" if self._on else "off"
         self.report.values["markers"] = ", ".join(str(item.marker_id) for item in output.detections) or "none"
+
+
+def _marker_id(entry: ArucoDetection) -> int:
+    return int(entry.marker_id)
 
 
 def main() -> None:

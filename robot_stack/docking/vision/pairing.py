@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -13,7 +14,7 @@ _CLOCK_RESTART_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Exposure(Generic[ItemT]):
-    """One image: camera frame, time of exposure, time of reception (steady) and whatever goes with it."""
+    """One image: camera, time of exposure, time of reception (steady) and what was made of it."""
 
     camera: str
     stamp_s: float
@@ -21,65 +22,73 @@ class Exposure(Generic[ItemT]):
     item: ItemT
 
 
-class ExposurePairs(Generic[ItemT]):
-    """Images that wait for those of the other cameras, triggered at the same time. Each leaves once."""
+class ExposureSets(Generic[ItemT]):
+    """Gathers one image of each camera; each image leaves once, or is replaced by its camera's next.
 
-    def __init__(self, cameras: tuple[str, ...], same_s: float, wait_s: float) -> None:
-        """same_s: stamps of one exposure differ by less. wait_s: an image waits no longer."""
+    One camera leads: its image is kept waiting only for others that are due. So cameras that are triggered together
+    leave together, and with cameras at other phases the leading one's image leaves at once, beside the others' newest.
+    """
+
+    def __init__(self, cameras: tuple[str, ...], period_s: float, wait_s: float) -> None:
+        """period_s: of the cameras. wait_s: the leading camera's image waits no longer."""
         self._cameras = cameras
-        self._same_s = same_s
+        self._period_s = period_s
         self._wait_s = wait_s
         self._pending: dict[str, Exposure[ItemT]] = {}
         self._last_stamp_s: dict[str, float] = {}
+        self._taken_s = -math.inf
 
-    def add(self, exposure: Exposure[ItemT]) -> bool:
-        """Takes an image; False if it is no newer than this camera's last."""
-        last_s = self._last_stamp_s.get(exposure.camera)
-        if last_s is not None and last_s - _CLOCK_RESTART_S < exposure.stamp_s <= last_s:
-            return False
+    def is_new(self, camera: str, stamp_s: float) -> bool:
+        """False for an image that is no newer than its camera's last."""
+        last_s = self._last_stamp_s.get(camera)
+        return last_s is None or not last_s - _CLOCK_RESTART_S < stamp_s <= last_s
+
+    def add(self, exposure: Exposure[ItemT]) -> None:
         self._last_stamp_s[exposure.camera] = exposure.stamp_s
         self._pending[exposure.camera] = exposure
-        return True
 
-    def take(self, now_s: float, alive: frozenset[str]) -> tuple[Exposure[ItemT], ...]:
-        """The images of one exposure, in the cameras' order, once no other is worth waiting for; else nothing.
-
-        alive: the cameras that are sending. An image that is left behind by a newer exposure of another camera goes
-        with it: its own stamp tells its time.
-        """
+    def take(self, now_s: float, alive: frozenset[str], leading: str) -> tuple[Exposure[ItemT], ...]:
+        """The images that leave now, in the cameras' order. alive: the cameras that are sending."""
         if not self._pending:
             return ()
-        waiting = self._pending.values()
-        newest_s = max(item.stamp_s for item in waiting)
-        complete = all(
-            camera in self._pending and newest_s - self._pending[camera].stamp_s < self._same_s
-            for camera in self._cameras
-            if camera in alive
-        )
-        if not complete and now_s - min(item.received_s for item in waiting) < self._wait_s:
+        lead = self._pending.get(leading if leading in alive else next(iter(self._pending)))
+        if lead is None:  # not dead yet: nobody waits for it more than once
+            due = now_s - self._taken_s >= self._period_s + self._wait_s
+        else:
+            due = alive <= self._pending.keys() or now_s - lead.received_s >= self._wait_s
+        if not due:
             return ()
         taken = tuple(self._pending[camera] for camera in self._cameras if camera in self._pending)
         self._pending.clear()
+        self._taken_s = now_s
         return taken
 
 
 class Attention:
-    """Spends less on a camera without markers while another one sees some."""
+    """Which camera matters: the one that shows markers. Others are searched less often meanwhile."""
 
-    def __init__(self, idle_every: int) -> None:
+    def __init__(self, cameras: tuple[str, ...], idle_every: int) -> None:
         self._idle_every = idle_every
-        self._since_seen: dict[str, int] = {}
+        self._cameras = cameras
+        self.reset()
+
+    def reset(self) -> None:
+        self._without = dict.fromkeys(self._cameras, 0)
+        self.leading = self._cameras[0]
 
     def wants(self, camera: str) -> bool:
         """True if this image of a camera shall be searched. Asked once for each image."""
-        count = self._since_seen.get(camera, 0)
-        self._since_seen[camera] = count + 1
-        elsewhere = any(other != camera and since <= 1 for other, since in self._since_seen.items())
+        count = self._without[camera]
+        self._without[camera] = count + 1
+        elsewhere = any(other != camera and self._sees(other) for other in self._cameras)
         return count < self._idle_every or not elsewhere or count % self._idle_every == 0
 
     def saw(self, camera: str) -> None:
         """The image of a camera showed a marker."""
-        self._since_seen[camera] = 0
+        self._without[camera] = 0
+        if not self._sees(self.leading):
+            self.leading = camera
 
-    def reset(self) -> None:
-        self._since_seen.clear()
+    def _sees(self, camera: str) -> bool:
+        # The image after the last with a marker may be on its way: one without does not count yet.
+        return self._without[camera] <= 1

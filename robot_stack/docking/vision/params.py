@@ -86,8 +86,8 @@ class DetectorParams(Config):
 class ArucoDetectorParams(Config):
     """Everything the node can be told.
 
-    always_on: detects whatever docking does. pair_wait_s: an image waits this long for the other camera's of the same
-    exposure. idle_camera_every: while the other camera sees markers, a camera without is searched in every so manieth
+    always_on: detects whatever docking does. pair_wait_s: the image of the camera that shows markers waits no longer
+    for the other's. idle_camera_every: while the other camera sees markers, one without is searched in every so manieth
     image.
     """
 
