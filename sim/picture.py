@@ -27,6 +27,7 @@ from robot_stack.core.config import ConfigError
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.robot import load_robot
 from sim.parameters import load_sim_params
+from sim.picture_figures import paint_boards, paint_passenger
 from sim.rig import Rig, TwistController
 from sim.world import Setup, World
 from sim.worldfile import load_world
@@ -34,7 +35,8 @@ from sim.worldfile import load_world
 Image = NDArray[np.uint8]
 _SUPERSAMPLING = 4
 _SHADOW_PIXELS = 8192
-_TURNS_DEG = {"behind": 35.0, "ahead": 140.0}
+_TURNS_DEG = {"behind": 35.0, "ahead": 140.0, "beside": 80.0}
+_CHAIR_AHEAD_M = 0.45  # middle of robot and chair together
 _ROUTE_COLOR = (0.95, 0.55, 0.10, 1.0)
 
 
@@ -49,10 +51,12 @@ class View:
 
 
 def beside(world: World, turn_deg: float) -> View:
-    """The robot from close by; 0 degrees is from behind it, 180 from ahead."""
-    truth = world.truth()
-    x, y, _ = truth.position_m
-    return View((x, y, 0.35), 3.2, math.degrees(truth.pose().yaw) + turn_deg, -18.0)
+    """The robot, and the wheelchair it holds, from close by; 0 degrees is from behind, 180 from ahead."""
+    pose = world.truth().pose()
+    if world.attached:
+        middle = pose.compose(Pose2(_CHAIR_AHEAD_M, 0.0, 0.0))
+        return View((middle.x, middle.y, 0.45), 3.9, math.degrees(pose.yaw) + turn_deg, -18.0)
+    return View((pose.x, pose.y, 0.35), 3.2, math.degrees(pose.yaw) + turn_deg, -18.0)
 
 
 def from_above(world: World) -> View:
@@ -77,6 +81,8 @@ def render(world: World, view: View, width: int, height: int, route: Sequence[tu
     with mujoco.Renderer(world.model, height, width) as renderer:
         renderer.update_scene(world.data, camera, options)
         _paint(renderer.scene, route)
+        paint_boards(renderer.scene, world)
+        paint_passenger(renderer.scene, world)
         return np.array(renderer.render())
 
 

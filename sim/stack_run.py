@@ -65,7 +65,7 @@ def _settings(scenario: Scenario, folder: Path) -> list[str]:
         f"sim_world.start_y_m={start.y}",
         f"sim_world.start_yaw_rad={start.yaw}",
         f"sim_world.attached_at_start={'false' if passenger is None else 'true'}",
-        f"sim_world.passenger_mass_kg={passenger or 0.0}",
+        *([] if passenger is None else [f"sim_world.passenger_mass_kg={passenger}"]),
         f"localization.start_x_m={start.x}",
         f"localization.start_y_m={start.y}",
         f"localization.start_yaw_rad={start.yaw}",

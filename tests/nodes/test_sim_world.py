@@ -13,6 +13,8 @@ import pytest
 from custom_msgs.srv import InjectFault
 from robot_stack.contract import services, topics
 from robot_stack.contract.frames import DRIVE_AXES, JOINTS
+from robot_stack.core.docks import load_docks
+from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import load_robot
 from robot_stack.ros.conversions import time_to_s
 from robot_stack.wmx import MotionEngine, connect
@@ -20,6 +22,7 @@ from robot_stack.wmx.api.values import Profile, Velocity_VelCommand
 from tests.support.peer import Heard, Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
+from tf2_msgs.msg import TFMessage
 
 ROBOT = load_robot()
 
@@ -154,10 +157,47 @@ def test_other_speeds_run_on_the_clock(start: Callable[..., NodeProcess], peer: 
     assert abs(time_to_s(truth.last.header.stamp) - times[-1]) < 0.2
 
 
+def places(message: TFMessage) -> dict[str, tuple[float, float, float]]:
+    """Position of each body, m in map."""
+    found = {}
+    for body in message.transforms:
+        assert body.header.frame_id == "map"
+        place = body.transform.translation
+        found[body.child_frame_id] = (place.x, place.y, place.z)
+    return found
+
+
+def test_bodies_are_robot_chair_and_stations_with_the_stamp_of_the_truth(
+    start: Callable[..., NodeProcess], peer: Peer
+) -> None:
+    chair = {"wheelchair_x_m": 3.0, "wheelchair_y_m": -1.0, "wheelchair_yaw_rad": 0.5}
+    start("sim_world", *option(world="yard", **chair))
+    truth, bodies = peer.listen(topics.SIM_GROUND_TRUTH), peer.listen(topics.SIM_BODIES)
+    seen = bodies.wait(lambda message: len(message.transforms) == 3, "three bodies")
+    found = places(seen)
+    assert list(found) == ["base_link", "wheelchair", "charger"]
+    assert found["wheelchair"] == pytest.approx((3.0, -1.0, 0.0), abs=1e-3)
+    assert found["charger"] == pytest.approx((-3.45, 0.0, 0.0), abs=1e-9)
+    turn = seen.transforms[1].transform.rotation
+    assert 2.0 * np.arctan2(turn.z, turn.w) == pytest.approx(0.5, abs=1e-3)
+    wait_for(lambda: len(bodies.items) > 20, "bodies")
+    stamps = {time_to_s(message.header.stamp) for message in truth.messages}
+    mine = [{time_to_s(body.header.stamp) for body in message.transforms} for message in bodies.messages]
+    assert all(len(each) == 1 for each in mine)
+    shared = sum(each <= stamps for each in mine)
+    assert shared > 0.8 * len(mine), "the same moment as the ground truth's, lost messages apart"
+    gaps = np.diff([each.pop() for each in mine])
+    assert np.median(gaps) == pytest.approx(0.02, abs=0.005)
+
+
 def test_start_pose_and_chair_are_parameters(start: Callable[..., NodeProcess], peer: Peer) -> None:
     options = {"world": "flat", "start_x_m": 2.0, "start_y_m": -1.0, "start_yaw_rad": 1.5, "attached_at_start": "true"}
     start("sim_world", *option(**options))
-    truth = peer.listen(topics.SIM_GROUND_TRUTH)
+    truth, bodies = peer.listen(topics.SIM_GROUND_TRUTH), peer.listen(topics.SIM_BODIES)
+    chair = bodies.wait(lambda message: "wheelchair" in places(message), "the wheelchair").transforms[1].transform
+    ahead = load_docks().docks["chair_1"].dock_pose.pose().inverse()
+    hanging = Pose2(2.0, -1.0, 1.5).compose(ahead)
+    assert (chair.translation.x, chair.translation.y) == pytest.approx((hanging.x, hanging.y), abs=0.01)
     pose = truth.wait(lambda message: True, "ground truth").pose.pose
     assert (pose.position.x, pose.position.y) == pytest.approx((2.0, -1.0), abs=0.01)
     assert 2.0 * np.arctan2(pose.orientation.z, pose.orientation.w) == pytest.approx(1.5, abs=0.01)
@@ -169,6 +209,7 @@ def test_start_pose_and_chair_are_parameters(start: Callable[..., NodeProcess], 
         ("world:=moon", "no world 'moon'"),
         ("speed:=0.0", "speed: Input should be greater than 0"),
         ("seed:=-1", "seed"),
+        ("wheelchair_x_m:=1.0", "are given together or not at all"),
         ("wrold:=flat", "wrold: is not a known parameter"),
     ],
 )
