@@ -21,7 +21,7 @@ from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from custom_msgs.msg import MissionStatus, UICommand
+from custom_msgs.msg import DockingStatus, MissionStatus, UICommand
 from robot_stack.bench.nodes.meter import Meter
 from robot_stack.contract import topics
 from robot_stack.core.config import config_dir
@@ -57,7 +57,7 @@ def test_help_names_every_verb_and_imports_no_ros() -> None:
     shown = cli("--help").stdout
     for verb in ("up", "down", "status", "restart", "run", "mission", "estop", "reset", "topics", "record"):
         assert f" {verb} " in shown
-    for verb in ("doctor", "bench", "scenario"):
+    for verb in ("doctor", "bench", "scenario", "docking"):
         assert f" {verb} " in shown
 
 
@@ -287,6 +287,59 @@ def test_mission_without_a_manager(ros_domain: int) -> None:
     done = cli("mission", "pause", "--timeout", "1")
     assert done.returncode == 1
     assert "no mission manager answers: is the stack running?" in done.stderr
+
+
+# --- docking ----------------------------------------------------------------------------------------------------------
+
+
+def test_docking_status(peer: Peer) -> None:
+    status = DockingStatus(state="SERVOING", position_error=0.1234, orientation_error=-0.01, visible_markers_count=4)
+    peer.repeat(topics.DOCKING_STATUS, lambda: status, 10.0)
+    done = cli("docking", "status", "--once")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "SERVOING, 123.4 mm, -0.57 deg, 4 markers, 0%\n"
+
+
+def test_docking_status_tells_each_state_and_a_silence(peer: Peer, start: Callable[..., Any]) -> None:
+    status = DockingStatus(state="SEARCH", visible_markers_count=1)
+    peer.repeat(topics.DOCKING_STATUS, lambda: status, 10.0)
+    watching = start(command=[sys.executable, "-m", "robot_stack.cli", "docking", "status"])
+    watching.wait_output("SEARCH, 0.0 mm, +0.00 deg, 1 marker, 0%")
+    status.state, status.position_error = "FAILED", float("nan")
+    watching.wait_output("FAILED, +0.00 deg, 1 marker")
+    peer.silence(topics.DOCKING_STATUS)
+    watching.wait_output("no /docking/status for")
+    watching.signal(signal.SIGINT)
+    assert watching.wait() == 0
+
+
+def test_docking_without_a_stack(ros_domain: int) -> None:
+    done = cli("docking", "status", "--timeout", "1")
+    assert done.returncode == 1
+    assert done.stderr == "error: no /docking/status: is the stack running?\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("markers --pdf /proc/boards.pdf", "/proc/boards.pdf cannot be written"),
+        ("markers --pdf boards.pdf --dock nowhere", "there is no dock 'nowhere'; known docks: chair_1, charger"),
+        ("markers --pdf boards.pdf --paper a9", "a9"),
+        ("replay /nowhere --output /tmp", "/nowhere cannot be read"),
+    ],
+)
+def test_wrong_use_of_docking(arguments: str, message: str) -> None:
+    done = cli("docking", *arguments.split())
+    assert done.returncode in (1, 2)
+    assert message in done.stderr
+
+
+def test_marker_boards_are_printed(tmp_path: Path) -> None:
+    done = cli("docking", "markers", "--pdf", str(tmp_path / "boards.pdf"), "--dock", "chair_1")
+    assert done.returncode == 0, done.stderr
+    pdf = (tmp_path / "boards.pdf").read_bytes()
+    assert pdf.count(b"/Type /Page\n") + pdf.count(b"/Type /Page ") == 5
+    assert pdf.count(b"/MediaBox [ 0 0 595.27559") == 5  # A4: 210 mm
 
 
 # --- topics -----------------------------------------------------------------------------------------------------------

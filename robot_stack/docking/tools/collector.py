@@ -50,7 +50,6 @@ class Collector:
         self._docked_s = math.inf
         self._safety: Safety | None = None
         self._limit: Limit | None = None
-        self._said = ""
         self._lenses: dict[str, Lens] = {}
         self._images: dict[str, tuple[float, Decode]] = {}
         self._album = ShotAlbum()
@@ -84,6 +83,7 @@ class Collector:
         self._open.shots = self._album.take(self._open.camera())
         self._done.append(self._open)
         self._open = None
+        self._images = {}  # images are recorded only while the robot docks: the next docking has its own
 
     # --- what decides about beginning and end
 
@@ -108,7 +108,9 @@ class Collector:
             )
         )
         if state != before:
-            self._photograph(state, at_s)
+            self._photograph(f"{state} begins", at_s)
+        elif len(trace.statuses) > 1 and trace.statuses[-2].visible and not trace.statuses[-1].visible:
+            self._photograph("no marker any more", at_s)
         if not trace.after:
             self._judge_end(trace, before, state, at_s)
 
@@ -150,13 +152,13 @@ class Collector:
 
     # --- what belongs to it
 
-    def _photograph(self, state: str, at_s: float) -> None:
+    def _photograph(self, why: str, at_s: float) -> None:
         for camera, (stamp_s, decode) in self._images.items():
             image = decode()
             jpeg = jpeg_of(image)
             if jpeg is not None:
                 exposed_s = _stamp_s(image.header)
-                self._album.add(Shot(at_s, exposed_s or stamp_s, camera, state, jpeg))
+                self._album.add(Shot(at_s, exposed_s or stamp_s, camera, why, jpeg))
 
     def _on_image(self, topic: str, at_s: float, decode: Decode) -> None:
         self._images[_CAMERAS[topic]] = (at_s, decode)

@@ -78,7 +78,7 @@ def _tile(shot: Shot, trace: Trace, marker_size_m: float) -> Image:
     scale = _WIDTH / image.shape[1]
     small = cv2.resize(image, (_WIDTH, round(image.shape[0] * scale)), interpolation=cv2.INTER_AREA)
     before_ms = 1000.0 * (shot.at_s - shot.stamp_s)
-    label = f"{shot.at_s - trace.start_s:.1f} s, {shot.state} begins (image {before_ms:.0f} ms before), {shot.camera}"
+    label = f"{shot.at_s - trace.start_s:.1f} s, {shot.why} (image {before_ms:.0f} ms before), {shot.camera}"
     bar = np.zeros((_LABEL_HEIGHT, _WIDTH, 3), np.uint8)
     cv2.putText(bar, label, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, _WHITE, 1, cv2.LINE_AA)
     return np.asarray(np.vstack([bar, small]), dtype=np.uint8)

@@ -69,12 +69,12 @@ class Effort:
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A camera image around a change of state, as JPEG."""
+    """A camera image of a moment worth seeing, as JPEG. at_s: the moment, stamp_s: the exposure, why: what happened."""
 
     at_s: float
     stamp_s: float
     camera: str
-    state: str
+    why: str
     jpeg: bytes
 
 

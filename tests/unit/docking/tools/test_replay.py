@@ -234,7 +234,7 @@ def test_pictures_text_and_numbers(tmp_path, capsys):
     assert "verdict: failed in SEARCH after 14.0 s: markers lost for 8.0 s from t=6.0 s" in shown
     assert "marker 3: 40 detections, quality median 0.90, least 0.90" in shown
     document = json.loads((tmp_path / "numbers.json").read_text())
-    assert document["dockings"][0]["images"] == 5  # APPROACH, SEARCH, SERVOING, SEARCH, FAILED
+    assert document["dockings"][0]["images"] == 6  # five states and the loss of the markers
     plot = cv2.imread(str(tmp_path / "pictures" / "docking_1.png"))
     assert min(plot.shape[:2]) > 1000
     images = cv2.imread(str(tmp_path / "pictures" / "docking_1_images.png"))
