@@ -104,6 +104,16 @@ def battery_critical(now: Snapshot, params: SafetyParams, held: SafetyAction) ->
     return _emptier(now, _refilled(params.battery_critical, params, held), _LIMIT, _degraded(params))
 
 
+def camera_timeout(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+    """A docking that is guided by images does not get them. The docking controller ends it; nobody else is slower."""
+    late = [
+        f"{name}: {_for_s(age_s)}"
+        for name, age_s in now.cameras.items()
+        if not age_s <= stale_s(topics.FRONT_CAMERA_INFO)
+    ]
+    return _present(_WARN, ", ".join(late)) if late else CLEAR
+
+
 CONDITIONS: Mapping[str, Condition] = {
     "ESTOP_PRESSED": estop_pressed,
     "DRIVE_FAULT": drive_fault,
@@ -111,6 +121,7 @@ CONDITIONS: Mapping[str, Condition] = {
     "TILT": tilt,
     "LOCALIZATION_LOST": localization_lost,
     "IMU_TIMEOUT": imu_timeout,
+    "CAMERA_TIMEOUT": camera_timeout,
     "NODE_DEAD": node_dead,
     "SLOPE": slope,
     "BATTERY_LOW": battery_low,

@@ -100,6 +100,7 @@ class Snapshot:
     quality: newest localization quality, [0, 1].
     pose_jump_m: largest distance between two consecutive poses since the last snapshot.
     battery: newest state of charge, [0, 1].
+    cameras: age of the newest image by the topic of its camera; empty unless a docking is guided by images.
     """
 
     uptime_s: float
@@ -118,3 +119,4 @@ class Snapshot:
     battery_age_s: float
     battery: float
     processes: Mapping[str, ProcessAge]
+    cameras: Mapping[str, float]

@@ -12,7 +12,11 @@ from robot_stack.safety.drive_watch import DriveWatch
 from robot_stack.safety.inputs import DriveReading, ImuSample, ProcessAge, Snapshot
 from robot_stack.safety.params import SafetyParams
 from robot_stack.safety.timing import age_s
-from robot_stack.safety.watches import EstopWatch, ImuWatch, Latest, PoseWatch, WheelWatch
+from robot_stack.safety.watches import CameraWatch, EstopWatch, ImuWatch, Latest, PoseWatch, WheelWatch
+
+CAMERAS = (topics.FRONT_CAMERA_INFO, topics.REAR_CAMERA_INFO)
+# States of /docking/status in which images guide the robot.
+_GUIDED = ("SEARCH", "SERVOING", "FINE_ALIGN")
 
 
 class Observation:
@@ -38,6 +42,7 @@ class Observation:
         self._imu = ImuWatch(up, motion, params.imu_min_mps2, params.imu_max_mps2, params.imu_max_radps)
         self._pose = PoseWatch()
         self._quality, self._battery = Latest(0.0, 1.0), Latest(0.0, 1.0)
+        self._cameras = CameraWatch([topic.name for topic in CAMERAS])
 
     def emergency_stop(self, pressed: bool, now_s: float) -> None:
         self.estop.received(pressed, now_s)
@@ -67,6 +72,14 @@ class Observation:
         """State of charge, [0, 1]."""
         self._battery.received(charge, now_s)
 
+    def docking(self, state: str, now_s: float) -> None:
+        """State of ``/docking/status``."""
+        self._cameras.docking(state in _GUIDED, now_s)
+
+    def camera(self, topic: str, now_s: float) -> None:
+        """A ``camera_info`` of ``CAMERAS``: it comes with each image."""
+        self._cameras.received(topic, now_s)
+
     def snapshot(self, emergency: bool, now_s: float) -> Snapshot:
         """Everything as it is now. Events (a short press, a jump) appear in one snapshot only.
 
@@ -95,6 +108,7 @@ class Observation:
                 name: ProcessAge(criticality, age_s(now_s, self._heard_s.get(name)))
                 for name, criticality in self._criticality.items()
             },
+            cameras=self._cameras.ages_s(now_s, stale_s(topics.DOCKING_STATUS)),
         )
 
     def _complete(self) -> bool:

@@ -149,6 +149,41 @@ def joint_states_problem(names: Sequence[str], position: Sequence[float], veloci
     return ""
 
 
+class CameraWatch:
+    """Age of the cameras' newest images, while a docking looks at its markers.
+
+    ``/docking/status`` does not say which camera the dock is seen with, so that all of them have to be there.
+    """
+
+    def __init__(self, cameras: Sequence[str]) -> None:
+        self._at_s: dict[str, float | None] = dict.fromkeys(cameras)
+        self._status_at_s: float | None = None
+        self._since_s: float | None = None
+
+    def docking(self, looking: bool, now_s: float) -> None:
+        """A docking status. looking: in its state the docking is guided by images."""
+        self._status_at_s = now_s
+        if not looking:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = now_s
+
+    def received(self, camera: str, now_s: float) -> None:
+        self._at_s[camera] = now_s
+
+    def ages_s(self, now_s: float, stale_s: float) -> dict[str, float]:
+        """Camera -> seconds since its newest image, or since the docking began to look if that is later.
+
+        Empty while no docking looks, also when its status is older than ``stale_s``: then nobody moves by images.
+        """
+        if self._since_s is None or age_s(now_s, self._status_at_s) > stale_s:
+            return {}
+        since_s = self._since_s
+        return {
+            name: age_s(now_s, since_s if at_s is None else max(at_s, since_s)) for name, at_s in self._at_s.items()
+        }
+
+
 class ImuWatch:
     """Age of the last sample that says something new, and the inclination that follows from all of them."""
 

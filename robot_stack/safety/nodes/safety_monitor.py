@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from sensor_msgs.msg import BatteryState, Imu, JointState
+from sensor_msgs.msg import BatteryState, CameraInfo, Imu, JointState
 from std_msgs.msg import Bool, Float32
 
-from custom_msgs.msg import Heartbeat, SafetyStatus, VelocityLimit
+from custom_msgs.msg import DockingStatus, Heartbeat, SafetyStatus, VelocityLimit
 from robot_stack.contract import frames, services, topics
 from robot_stack.core.runtime import runtime_dir
 from robot_stack.ros.node import StackNode, run
@@ -17,6 +18,7 @@ from robot_stack.safety.arbiter import Verdict
 from robot_stack.safety.inputs import STANDSTILL, Axis, DriveReading, ImuSample, SpeedLimit
 from robot_stack.safety.latch_store import LatchStore
 from robot_stack.safety.monitor import Memory, SafetyMonitor
+from robot_stack.safety.observation import CAMERAS
 from robot_stack.safety.params import SafetyParams
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.view import EngineView
@@ -44,6 +46,9 @@ class SafetyMonitorNode(StackNode):
         self.subscribe(topics.BATTERY_STATE, self._on_battery)
         self.subscribe(topics.HEARTBEAT, self._on_heartbeat)
         self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
+        self.subscribe(topics.DOCKING_STATUS, self._on_docking)
+        for camera in CAMERAS:
+            self.subscribe(camera, partial(self._on_camera, camera.name))
         self.serve(services.SAFETY_RESET, self._on_reset)
         self.every(self.params.tick_hz, self._tick)
         assert topics.SAFETY_STATUS.rate_hz is not None
@@ -85,6 +90,12 @@ class SafetyMonitorNode(StackNode):
 
     def _on_heartbeat(self, message: Heartbeat) -> None:
         self._monitor.observation.heartbeat(message.node, self.steady_s())
+
+    def _on_docking(self, message: DockingStatus) -> None:
+        self._monitor.observation.docking(message.state, self.steady_s())
+
+    def _on_camera(self, topic: str, _: CameraInfo) -> None:
+        self._monitor.observation.camera(topic, self.steady_s())
 
     def _on_engine(self, status: StatusSnapshot | None) -> None:
         """In the thread of the view: one assignment, which the next step picks up."""

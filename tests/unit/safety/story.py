@@ -49,6 +49,8 @@ class Story:
         self.pose_m: tuple[float, float] | None = (1.0, 2.0)
         self.quality: float | None = 0.9
         self.battery: float | None = 0.8
+        self.docking: str | None = None
+        self.cameras: list[str] = []
         self.beating: set[str] = set(self.params.expected_processes)
 
     def healthy(self) -> Story:
@@ -135,6 +137,11 @@ class Story:
             inputs.quality(self.quality, now_s)
         if self.battery is not None:
             inputs.battery(self.battery, now_s)
+
+        if self.docking is not None:
+            inputs.docking(self.docking, now_s)
+        for camera in self.cameras:
+            inputs.camera(camera, now_s)
 
     def _imu_sample(self, tilt_rad: float) -> ImuSample:
         noise = 0.0 if self.imu_frozen else 1e-9 * (1 + self.ticks)

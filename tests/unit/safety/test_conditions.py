@@ -34,6 +34,7 @@ WELL = Snapshot(
     battery_age_s=0.0,
     battery=1.0,
     processes={},
+    cameras={},
 )
 
 
@@ -64,6 +65,7 @@ def test_never_more_severe_than_the_contract_says(code: str) -> None:
         "quality_age_s": math.inf,
         "battery": 0.0,
         "processes": {"a": ProcessAge(Criticality.CRITICAL, math.inf)},
+        "cameras": {"/a": math.inf},
     }
     assert find(code, **worst).action is faults.BY_CODE[code].action
 
@@ -208,3 +210,15 @@ def test_battery_that_says_nothing() -> None:
     assert find("BATTERY_LOW", battery_age_s=5.0) == find("BATTERY_CRITICAL", battery_age_s=5.0) == CLEAR
     assert find("BATTERY_LOW", battery_age_s=5.1) == present(WARN, "/battery_state: silent for 5.10 s")
     assert find("BATTERY_CRITICAL", battery_age_s=5.1, battery=0.01) == UNKNOWN
+
+
+# --- cameras ---------------------------------------------------------------------------------------------------------
+
+
+def test_cameras_that_are_late() -> None:
+    assert find("CAMERA_TIMEOUT", cameras={"/front": 0.5, "/rear": 0.0}) == CLEAR
+    assert find("CAMERA_TIMEOUT", WARN, cameras={"/front": 0.5, "/rear": 0.5}) == CLEAR
+    late = find("CAMERA_TIMEOUT", cameras={"/front": 0.51, "/rear": 0.5})
+    assert late == present(WARN, "/front: silent for 0.51 s")
+    both = find("CAMERA_TIMEOUT", cameras={"/front": math.inf, "/rear": math.nan})
+    assert both == present(WARN, "/front: never received, /rear: silent for nan s")

@@ -417,6 +417,64 @@ def test_heartbeats_of_strangers_are_no_concern() -> None:
     story.run(2.0).expect(NORMAL, ())
 
 
+# --- cameras ---------------------------------------------------------------------------------------------------------
+
+FRONT, REAR = "/sensors/camera/front/camera_info", "/sensors/camera/rear/camera_info"
+
+
+@pytest.mark.parametrize("state", ["SEARCH", "SERVOING", "FINE_ALIGN"])
+@pytest.mark.parametrize("silent", [FRONT, REAR])
+def test_camera_that_falls_silent_while_docking_is_told(state: str, silent: str) -> None:
+    story = Story().healthy()
+    story.docking, story.cameras = state, [FRONT, REAR]
+    story.run(2.0).expect(NORMAL, ())
+    story.cameras = [camera for camera in (FRONT, REAR) if camera != silent]
+    story.before(0.5).expect(NORMAL, ())
+    story.past().expect(DEGRADED, ["CAMERA_TIMEOUT"], action=SafetyAction.WARN, linear_mps=1.5)
+    assert story.monitor.details["CAMERA_TIMEOUT"] == f"{silent}: silent for 0.51 s"
+    story.run(5.0).expect(DEGRADED, ["CAMERA_TIMEOUT"])
+    story.cameras = [FRONT, REAR]
+    story.tick().expect(NORMAL, ())
+
+
+@pytest.mark.parametrize("state", ["IDLE", "APPROACH", "DOCKED", "FAILED"])
+def test_cameras_are_missed_only_while_they_guide(state: str) -> None:
+    story = Story().healthy()
+    story.docking = state
+    story.run(3.0).expect(NORMAL, ())
+    story.docking = "SEARCH"
+    story.run(2.0).expect(DEGRADED, ["CAMERA_TIMEOUT"])
+    story.docking = state
+    story.tick().expect(NORMAL, ())
+
+
+def test_cameras_have_half_a_second_to_come_once_docking_looks() -> None:
+    """Images from before count no more than none: a camera may have been switched on for this docking."""
+    story = Story().healthy()
+    story.cameras = [FRONT]
+    story.run(1.0)
+    story.cameras = []
+    story.run(3.0)
+    story.docking = "SEARCH"
+    story.tick().before(0.5).expect(NORMAL, ())
+    story.docking = "SERVOING"  # the time goes on counting from the first look
+    story.past().expect(DEGRADED, ["CAMERA_TIMEOUT"])
+    story.docking = "IDLE"
+    story.tick()
+    story.docking = "SEARCH"
+    story.tick().before(0.5).expect(NORMAL, ())
+    story.past().expect(DEGRADED, ["CAMERA_TIMEOUT"])
+
+
+def test_docking_that_fell_silent_misses_no_camera() -> None:
+    story = Story().healthy()
+    story.docking = "SEARCH"
+    story.run(1.0).expect(DEGRADED, ["CAMERA_TIMEOUT"])
+    story.docking = None
+    story.before(0.5).expect(DEGRADED, ["CAMERA_TIMEOUT"])
+    story.past().expect(NORMAL, ())
+
+
 # --- battery ---------------------------------------------------------------------------------------------------------
 
 
