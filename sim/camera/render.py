@@ -9,24 +9,23 @@ from numpy.typing import NDArray
 from robot_stack.core.docks import Docks
 from sim.camera.backdrop import Backdrop
 from sim.camera.conditions import CLEAR, Conditions
-from sim.camera.kernels import draw_panel, expose
+from sim.camera.kernels import draw_panel
 from sim.camera.lens import Drops, glare_map
-from sim.camera.model import TrueCamera, corner_rays, project
+from sim.camera.model import TrueCamera, corner_rays
 from sim.camera.motion import Motion
 from sim.camera.panels import Panel, build_panels
 from sim.camera.params import CameraParams
 from sim.camera.scenery import Scenery
+from sim.camera.sensor import expose
+from sim.camera.view import View
 
 Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]
 
-_SAMPLES = 32  # places in a pixel that an edge crosses: 1/32 of its area
+_SAMPLES = 64  # places in a pixel where edges meet
 _MAP_STEPS = 9  # moments of a picture at which poses are taken; linear in between
 _BANK = 1 << 19
-_NEAR_M = 0.02
-_WIDEST_R2 = 2.5  # of a corner's squared normalized radius: beyond, distortion is no longer one-to-one
-_MARGIN_PX = 4.0
-_NO_DEPTH = np.zeros((0, 0), np.float32)
+_QUAD_EDGES = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
 
 
 class Renderer:
@@ -47,6 +46,7 @@ class Renderer:
         self._camera, self._params, self._random = camera, params, random
         self._size = (camera.intrinsics.height, camera.intrinsics.width)
         self._rays = corner_rays(camera.intrinsics)
+        self._view = View(camera.intrinsics)
         self._panels = build_panels(docks, params.board)
         self._backdrop = Backdrop(camera.intrinsics, params, scenery or Scenery())
         self._seed = int(random.integers(1 << 31))
@@ -62,8 +62,7 @@ class Renderer:
         boards = {name: track.at(times) for name, track in motion.boards.items()}
         middle = len(times) // 2
         poses = {name: poses[middle] for name, poses in boards.items()}
-        depth = self._backdrop.draw(cameras[middle], poses, self._image)
-        self._image *= np.float32(self._white(conditions))
+        depth = self._backdrop.draw(cameras[middle], poses, self._white(conditions), self._image)
         for panel in self._panels:
             if panel.dock in boards:
                 self._draw(panel, cameras, boards[panel.dock] @ panel.pose, conditions, depth)
@@ -82,7 +81,7 @@ class Renderer:
         self, panel: Panel, cameras: Array, panels: Array, conditions: Conditions, depth: NDArray[np.float32]
     ) -> None:
         inside = np.linalg.inv(panels) @ cameras  # the camera in the panel's frame
-        window = self._window(panel, inside)
+        window, farthest_m = self._window(panel, inside)
         if window is None:
             return
         maps = _maps(inside)
@@ -106,6 +105,7 @@ class Renderer:
             board.dirt,
             depth,
             self._params.backdrop.divisor,
+            farthest_m,
         )
         self._blur(window, float(np.linalg.norm(inside[len(inside) // 2, :3, 3])), conditions)
 
@@ -125,26 +125,19 @@ class Renderer:
             light[5:] = [edge.depth, np.cos(edge.angle_rad), np.sin(edge.angle_rad), edge.offset_m, edge.softness_m]
         return np.array(light)
 
-    def _window(self, panel: Panel, inside: Array) -> NDArray[np.int64] | None:
-        """Rows and columns that the panel can touch; None if it is out of view."""
-        height, width = self._size
-        everything = np.array([0, height, 0, width])
-        places = []
+    def _window(self, panel: Panel, inside: Array) -> tuple[NDArray[np.int64] | None, float]:
+        """Rows and columns that the panel can touch, None if it is out of view; depth of its farthest corner, m."""
+        windows, farthest_m = [], 0.0
         for view in (inside[0], inside[len(inside) // 2], inside[-1]):
             corners = (panel.corners() - view[:3, 3]) @ view[:3, :3]  # in the optical frame
-            if corners[:, 2].max() < _NEAR_M:
-                return None
-            flat = corners[:, :2] / np.maximum(corners[:, 2:], _NEAR_M)
-            if corners[:, 2].min() < _NEAR_M or (flat**2).sum(axis=1).max() > _WIDEST_R2:
-                return everything
-            places.append(project(self._camera.intrinsics, corners))
-        spots = np.concatenate(places)
-        low, high = np.floor(spots.min(axis=0) - _MARGIN_PX), np.ceil(spots.max(axis=0) + _MARGIN_PX)
-        left, top = np.clip(low, 0, [width, height]).astype(int)
-        right, bottom = np.clip(high, 0, [width, height]).astype(int)
-        if right <= left or bottom <= top:
-            return None
-        return np.array([top, bottom, left, right])
+            farthest_m = max(farthest_m, float(corners[:, 2].max()))
+            window = self._view.window(corners, _QUAD_EDGES)
+            if window is not None:
+                windows.append(window)
+        if not windows:
+            return None, farthest_m
+        low, high = np.min(windows, axis=0), np.max(windows, axis=0)
+        return np.array([low[0], high[1], low[2], high[3]]), farthest_m
 
     def _blur(self, window: NDArray[np.int64], distance_m: float, conditions: Conditions) -> None:
         """Point spread of the lens over the panel's part of the picture; what lies around it is soft already."""
