@@ -14,7 +14,7 @@ from robot_stack.mission.model import Kind, Mission
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.perform import JournalError, Performer
 from robot_stack.mission.record import Record
-from robot_stack.mission.states import State
+from robot_stack.mission.states import AT_DOCK, State
 
 TICK_S = 0.1
 DOCKS = {"chair_1": "wheelchair", "charger": "station"}
@@ -138,6 +138,43 @@ class Story:
         self.log.clear()
         self.statuses.clear()
         return self
+
+
+class DockStory(Story):
+    """A story with a docking controller that does what the test says."""
+
+    def calls(self) -> list[tuple[str, str]]:
+        """(dock or undock, dock id) of every docking goal sent so far."""
+        return [entry for entry in self.log if isinstance(entry, tuple) and entry[0] in ("dock", "undock")]
+
+    def attach(self, attached: bool = True) -> DockStory:
+        return self.happens(ev.PassengerChanged(attached))
+
+    def arrive(self, x: float) -> DockStory:
+        """Reaches a dock's waypoint; no docking goal has been sent yet."""
+        self.at(x)
+        for _ in range(20):
+            if self.state in AT_DOCK:
+                return self
+            self.tick()
+        raise AssertionError(f"still {self.state} at {x}")
+
+    def accept(self) -> DockStory:
+        return self.happens(ev.DockingAccepted(self.call)).tick()
+
+    def feedback(self, state: str, tries: int = 1, call: int | None = None) -> DockStory:
+        return self.happens(ev.DockingFeedback(call or self.call, state, tries)).tick()
+
+    def ends(self, success: bool, reason: str = "", call: int | None = None, safety_stop: bool = False) -> DockStory:
+        return self.happens(ev.DockingEnded(call or self.call, success, reason, safety_stop)).tick()
+
+    def docks(self) -> DockStory:
+        """A docking that succeeds."""
+        return self.accept().attach().ends(True)
+
+    def called(self) -> int:
+        assert self.call is not None, "no docking goal"
+        return self.call
 
 
 @pytest.fixture

@@ -8,14 +8,22 @@ from hypothesis import strategies as st
 from robot_stack.core.config import load
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.mission import events as ev
+from robot_stack.mission.model import Kind
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.record import problem_of
-from robot_stack.mission.states import ACTIVE, UNDER_WAY, State, Trigger, target_of
+from robot_stack.mission.states import ACTIVE, AT_DOCK, UNDER_WAY, State, Trigger, target_of
 
 from .conftest import Story, make_mission
 
 PARAMS = load(MissionParams, "mission_manager")
-MISSIONS = [make_mission("pass", {"wait": 0.3}, "park"), make_mission("undock"), None]
+DOCK = {"dock": "chair_1"}
+MISSIONS = [
+    make_mission("pass", {"wait": 0.3}, "park"),
+    make_mission(DOCK, "undock", "park"),
+    make_mission({"dock": "charger"}),
+    make_mission("undock"),
+    None,
+]
 
 coordinates = st.sampled_from([0.0, 1.6, 2.0, 4.0, 6.0, float("nan"), float("inf"), -1e9])
 poses = st.none() | st.builds(Pose2, coordinates, st.just(0.0), st.sampled_from([0.0, 3.0, float("nan")]))
@@ -28,6 +36,15 @@ changes = st.one_of(
     st.fixed_dictionaries({"faults": faults}),
     st.fixed_dictionaries({"battery": st.sampled_from([0.8, 0.1, float("nan")])}),
     st.fixed_dictionaries({"plan_end": poses}),
+    st.fixed_dictionaries(
+        {"docking_served": st.booleans(), "docking_state": st.sampled_from(["", "IDLE", "SERVOING"])}
+    ),
+)
+calls = st.integers(0, 4)
+docking = st.one_of(
+    st.builds(ev.DockingAccepted, calls),
+    st.builds(ev.DockingFeedback, calls, st.sampled_from(["APPROACH", "FINE_ALIGN", "DOCKED", "?"]), st.integers(0, 3)),
+    st.builds(ev.DockingEnded, calls, st.booleans(), st.sampled_from(["", "why"]), st.booleans()),
 )
 names = st.sampled_from([*ev.COMMANDS, "", "fly"])
 commands = st.builds(ev.Command, names, st.sampled_from(MISSIONS), st.just("unknown"))
@@ -36,6 +53,8 @@ happenings = st.one_of(
     st.builds(ev.EmergencyStopBegan),
     st.builds(ev.NavigationAppeared),
     st.builds(ev.PassengerChanged, st.booleans()),
+    docking,
+    st.builds(ev.Tick),
     st.builds(ev.Tick),
 )
 durations = st.sampled_from([0.0, 0.1, 0.1, 0.4, 20.0, -50.0])
@@ -53,11 +72,48 @@ class Watched(Story):
         assert self.journal.records[-1].state is State.RUNNING, "the journal knew first"
         assert pose.is_finite()
 
+    def start_docking(self, call: int, kind: Kind, dock_id: str) -> None:
+        super().start_docking(call, kind, dock_id)
+        assert self.state is (State.DOCKING if kind is Kind.DOCK else State.UNDOCKING)
+        assert not self.inputs.emergency_stop
+        assert self.journal.records[-1].state is self.state, "the journal knew first"
+        assert call > max(self.started, default=0), "no number is used twice"
+        assert not self.started - self.ended, "one goal at a time"
+        assert self.goal is None, "two masters"
+        self.started.add(call)
+
+    def happens(self, event: ev.Event) -> Story:
+        if isinstance(event, ev.DockingEnded):
+            self.ended.add(event.call)
+        if isinstance(event, ev.Tick) and not self.inputs.docking_served:
+            self.ended |= self.started  # they died with the docking controller
+        return super().happens(event)
+
+    def __init__(self, *args) -> None:
+        self.started: set[int] = set()
+        self.ended: set[int] = set()
+        super().__init__(*args)
+
+
+def at_dock(story: Story) -> None:
+    """Docking has begun: what chance alone seldom comes to."""
+    story.start(DOCK, "undock", "park").reach(2.0)
+    assert story.state is State.DOCKING
+
+
+def at_undock(story: Story) -> None:
+    story.happens(ev.PassengerChanged(True)).start("undock", DOCK).reach(2.0)
+    assert story.state is State.UNDOCKING
+
+
+openings = st.sampled_from([lambda story: None, at_dock, at_undock])
+
 
 @settings(max_examples=300, deadline=None)
-@given(steps)
-def test_no_goal_without_a_running_mission(script):
+@given(openings, steps)
+def test_no_goal_without_a_running_mission(opening, script):
     story = Watched(PARAMS)
+    opening(story)
     for dt_s, change, event, problem in script:
         story.now_s += dt_s
         story.journal.problem = problem
@@ -66,6 +122,8 @@ def test_no_goal_without_a_running_mission(script):
         story.happens(event)
         if story.state not in UNDER_WAY:
             assert story.goal is None, f"a goal is left behind in {story.state}"
+        if story.state not in AT_DOCK:
+            assert story.call is None or story.call in story.ended, f"a docking is left behind in {story.state}"
         if isinstance(event, ev.Tick) and story.inputs.emergency_stop:
             assert story.state not in UNDER_WAY
             assert story.state is not State.PAUSED
@@ -76,9 +134,10 @@ def test_no_goal_without_a_running_mission(script):
 
 
 @settings(max_examples=200, deadline=None)
-@given(steps, st.integers(0, 59))
-def test_power_loss_at_any_moment_comes_back_standing(script, cut):
+@given(openings, steps, st.integers(0, 59))
+def test_power_loss_at_any_moment_comes_back_standing(opening, script, cut):
     story = Story(PARAMS)
+    opening(story)
     for dt_s, change, event, problem in script[:cut]:
         story.now_s += dt_s
         story.journal.problem = problem
@@ -86,6 +145,7 @@ def test_power_loss_at_any_moment_comes_back_standing(script, cut):
     kept = story.journal.load()
     again = Story(PARAMS, kept)
     assert again.goal is None
+    assert again.call is None
     assert again.state is (State.PAUSED if kept.state in ACTIVE else State.IDLE)
     assert again.kernel.record.passenger_attached == kept.passenger_attached
     if again.state is State.PAUSED:
@@ -93,9 +153,10 @@ def test_power_loss_at_any_moment_comes_back_standing(script, cut):
 
 
 @settings(max_examples=200, deadline=None)
-@given(steps)
-def test_what_is_told_is_in_range(script):
+@given(openings, steps)
+def test_what_is_told_is_in_range(opening, script):
     story = Story(PARAMS)
+    opening(story)
     for dt_s, change, event, problem in script:
         story.now_s += dt_s
         story.journal.problem = problem
