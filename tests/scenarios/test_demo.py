@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import psutil
@@ -20,14 +21,18 @@ Demo = Callable[..., NodeProcess]
 
 
 @pytest.fixture
-def demo(start: Callable[..., NodeProcess], tmp_path: Path) -> Demo:
-    """``demo("--mission", ID)`` starts it with its results below tmp_path."""
+def demo(start: Callable[..., NodeProcess], tmp_path: Path) -> Iterator[Demo]:
+    """``demo("--mission", ID)`` starts it with its results below tmp_path. A stack that it leaves behind is ended: the
+    supervisor is a process of its own, which does not end with a demo that had to be killed.
+    """
 
     def run(*arguments: str) -> NodeProcess:
         command = [sys.executable, "-m", "sim.demo", "--output", str(tmp_path / "results"), *arguments]
         return start("demo", command=command)
 
-    return run
+    yield run
+    with contextlib.suppress(NotRunning):
+        client.stop()
 
 
 def stack_processes() -> list[int]:
