@@ -76,6 +76,10 @@ def run(engine: LocalEngine, duration_s: float) -> None:
         engine._sim.step()
 
 
+def held(engine: LocalEngine) -> bool:
+    return engine._sim.world.attached
+
+
 def bits(engine: LocalEngine) -> tuple[int, int]:
     """Closed, open, as a client of the engine reads them."""
     read = [engine.io.GetInBit(LATCH.byte, bit) for bit in (LATCH.closed_input_bit, LATCH.open_input_bit)]
@@ -84,14 +88,14 @@ def bits(engine: LocalEngine) -> tuple[int, int]:
 
 
 def test_the_engines_io_closes_and_opens_it(engine: LocalEngine) -> None:
-    world, io = engine._sim.world, engine.io
+    io = engine.io
     assert bits(engine) == (0, 1)
     assert io.SetOutBit(LATCH.byte, LATCH.close_output_bit, 1) == ErrorCode.PyNone
     run(engine, 0.5 * TIMES.travel_s)
     assert bits(engine) == (0, 0), "on its way"
-    assert not world.attached
+    assert not held(engine)
     run(engine, 0.5 * TIMES.travel_s + MARGIN_S)
-    assert world.attached
+    assert held(engine)
     assert bits(engine) == (0, 0), "caught, not yet drawn in"
     run(engine, TIMES.draw_in_s + MARGIN_S)
     assert bits(engine) == (1, 0)
@@ -101,10 +105,10 @@ def test_the_engines_io_closes_and_opens_it(engine: LocalEngine) -> None:
     io.SetOutBit(LATCH.byte, LATCH.open_output_bit, 1)
     run(engine, 0.5 * TIMES.travel_s)
     assert bits(engine) == (0, 0)
-    assert world.attached, "held until the hooks are open"
+    assert held(engine), "held until the hooks are open"
     run(engine, 0.5 * TIMES.travel_s + MARGIN_S)
     assert bits(engine) == (0, 1)
-    assert not world.attached
+    assert not held(engine)
 
 
 @pytest.mark.parametrize(
@@ -209,7 +213,7 @@ def test_trouble_drops_no_chair(engine: LocalEngine, trouble: Callable[[LocalEng
     engine.io.SetOutBit(LATCH.byte, LATCH.close_output_bit, 0)
     trouble(engine)
     run(engine, 1.0)
-    assert engine._sim.world.attached
+    assert held(engine)
     assert engine._sim.world.latch.closed
 
 
