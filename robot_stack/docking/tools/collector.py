@@ -14,8 +14,18 @@ from typing import Any
 from robot_stack.contract import topics
 from robot_stack.contract.frames import FRONT_CAMERA, REAR_CAMERA
 from robot_stack.docking.states import State
+from robot_stack.docking.tools.samples import (
+    effort_of,
+    lens_of,
+    limit_of,
+    marker_of,
+    safety_of,
+    speed_of,
+    stamp_s,
+    status_of,
+)
 from robot_stack.docking.tools.shots import ShotAlbum, jpeg_of
-from robot_stack.docking.tools.trace import Effort, Lens, Limit, Marker, Safety, Shot, Speed, Status, Trace
+from robot_stack.docking.tools.trace import Lens, Limit, Safety, Shot, Trace
 
 Decode = Callable[[], Any]
 
@@ -51,6 +61,7 @@ class Collector:
         self._safety: Safety | None = None
         self._limit: Limit | None = None
         self._lenses: dict[str, Lens] = {}
+        self._sources: set[str] = set()
         self._images: dict[str, tuple[float, Decode]] = {}
         self._album = ShotAlbum()
         self.statuses = 0
@@ -97,16 +108,7 @@ class Collector:
         trace = self._open
         if trace is None:
             return
-        trace.statuses.append(
-            Status(
-                at_s,
-                state,
-                float(message.position_error),
-                float(message.orientation_error),
-                int(message.visible_markers_count),
-                float(message.convergence_progress),
-            )
-        )
+        trace.statuses.append(status_of(at_s, message))
         if state != before:
             self._photograph(f"{state} begins", at_s)
         elif len(trace.statuses) > 1 and trace.statuses[-2].visible and not trace.statuses[-1].visible:
@@ -125,7 +127,8 @@ class Collector:
     def _begin(self, at_s: float, before: str) -> None:
         if self._open is not None:
             self._close()
-        trace = Trace(at_s, before, lenses=self._lenses, seen={})
+        # Who was heard before and falls silent is missed from the start on.
+        trace = Trace(at_s, before, lenses=self._lenses, seen={source: [] for source in self._sources})
         trace.safety += [self._safety] if self._safety else []
         trace.limits += [self._limit] if self._limit else []
         self._open = trace
@@ -153,12 +156,12 @@ class Collector:
     # --- what belongs to it
 
     def _photograph(self, why: str, at_s: float) -> None:
-        for camera, (stamp_s, decode) in self._images.items():
+        for camera, (received_s, decode) in self._images.items():
             image = decode()
             jpeg = jpeg_of(image)
             if jpeg is not None:
-                exposed_s = _stamp_s(image.header)
-                self._album.add(Shot(at_s, exposed_s or stamp_s, camera, why, jpeg))
+                exposed_s = stamp_s(image.header)
+                self._album.add(Shot(at_s, exposed_s or received_s, camera, why, jpeg))
 
     def _on_image(self, topic: str, at_s: float, decode: Decode) -> None:
         self._images[_CAMERAS[topic]] = (at_s, decode)
@@ -166,11 +169,11 @@ class Collector:
     def _on_camera_info(self, topic: str, at_s: float, decode: Decode) -> None:
         camera = _CAMERAS[topic]
         if camera not in self._lenses:
-            message = decode()
-            self._lenses[camera] = Lens(tuple(map(float, message.k)), tuple(map(float, message.d)))
+            self._lenses[camera] = lens_of(decode())
         self._heard(camera, at_s)
 
     def _heard(self, source: str, at_s: float) -> None:
+        self._sources.add(source)
         if self._open is not None:
             self._open.seen.setdefault(source, []).append(at_s)
 
@@ -178,47 +181,29 @@ class Collector:
         self._heard(DETECTOR, at_s)
         if self._open is None:
             return
-        for item in decode().detections:
-            p, q = item.pose.position, item.pose.orientation
-            self._open.markers.append(
-                Marker(
-                    at_s,
-                    _stamp_s(item.header),
-                    str(item.camera_frame),
-                    int(item.marker_id),
-                    float(item.quality_score),
-                    (float(p.x), float(p.y), float(p.z)),
-                    (float(q.x), float(q.y), float(q.z), float(q.w)),
-                )
-            )
+        self._open.markers += [marker_of(at_s, item) for item in decode().detections]
 
     def _on_safety(self, _: str, at_s: float, decode: Decode) -> None:
-        message = decode()
-        faults = tuple(str(code) for code in message.active_faults)
-        self._safety = Safety(at_s, str(message.safety_state), faults, bool(message.emergency_stop_active))
+        self._safety = safety_of(at_s, decode())
         if self._open is not None:
             self._open.safety.append(self._safety)
 
     def _on_limit(self, _: str, at_s: float, decode: Decode) -> None:
-        message = decode()
-        linear, angular = float(message.max_linear_velocity), float(message.max_angular_velocity)
-        self._limit = Limit(at_s, linear, angular, str(message.reason))
+        self._limit = limit_of(at_s, decode())
         if self._open is not None:
             self._open.limits.append(self._limit)
 
     def _on_command(self, _: str, at_s: float, decode: Decode) -> None:
         if self._open is not None:
-            self._open.commanded.append(_speed(at_s, decode().twist))
+            self._open.commanded.append(speed_of(at_s, decode().twist))
 
     def _on_odometry(self, _: str, at_s: float, decode: Decode) -> None:
         if self._open is not None:
-            self._open.driven.append(_speed(at_s, decode().twist.twist))
+            self._open.driven.append(speed_of(at_s, decode().twist.twist))
 
     def _on_joints(self, _: str, at_s: float, decode: Decode) -> None:
-        if self._open is not None:
-            efforts = [abs(float(value)) for value in decode().effort]
-            if efforts:
-                self._open.efforts.append(Effort(at_s, max(efforts)))
+        if self._open is not None and (effort := effort_of(at_s, decode())) is not None:
+            self._open.efforts.append(effort)
 
     def _on_diagnostics(self, _: str, at_s: float, decode: Decode) -> None:
         if self._open is None:
@@ -237,14 +222,6 @@ class Collector:
         last = next((said for _, said in reversed(self._open.said) if said.startswith(f"{who}:")), "")
         if text != last:
             self._open.said.append((at_s, text))
-
-
-def _stamp_s(header: Any) -> float:
-    return float(header.stamp.sec) + 1e-9 * float(header.stamp.nanosec)
-
-
-def _speed(at_s: float, twist: Any) -> Speed:
-    return Speed(at_s, float(twist.linear.x), float(twist.linear.y), float(twist.angular.z))
 
 
 _HANDLERS: dict[str, Callable[[Collector, str, float, Decode], None]] = {

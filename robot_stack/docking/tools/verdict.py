@@ -159,6 +159,12 @@ def _lost(trace: Trace, limits: Limits) -> list[Finding]:
     return [_since(trace, spell, text) for spell in blind if spell.value and spell.duration_s > limits.lost_s]
 
 
+def _no_camera(trace: Trace, _: Limits) -> list[Finding]:
+    if trace.markers or any(camera in trace.seen for camera in (FRONT_CAMERA, REAR_CAMERA)):
+        return []
+    return [Finding(0.0, trace.end_s - trace.start_s, "no camera is in the recording")]
+
+
 def _silent_controller(trace: Trace, limits: Limits) -> list[Finding]:
     quiet = silences([item.at_s for item in trace.statuses], trace.start_s, trace.end_s, limits.silent_s)
     return [_since(trace, spell, "docking controller silent") for spell in quiet]
@@ -172,6 +178,7 @@ _RULES: tuple[Callable[[Trace, Limits], list[Finding]], ...] = (
     _unlatched,
     _moved,
     _lost,
+    _no_camera,
     _silent_controller,
 )
 

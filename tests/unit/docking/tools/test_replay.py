@@ -91,6 +91,29 @@ def test_a_silent_camera(story):
     assert [item["text"] for item in docking["causes"][1:]] == ["markers lost for 2.0 s from t=4.0 s"]
 
 
+def test_a_camera_that_was_silent_from_the_start(story):
+    story.run("IDLE", 1.0)
+    story.camera = False
+    story.run("IDLE", 3.0)
+    story.run("APPROACH", 2.0)
+    story.run("SEARCH", 2.0)
+    story.run("FAILED", 1.0)
+    (docking,) = dockings(story.close())
+    assert docking["verdict"] == "failed in SEARCH after 4.0 s: front camera silent for 4.0 s from t=0.0 s"
+
+
+def test_a_recording_without_cameras_says_so(story):
+    story.camera = False
+    story.run("IDLE", 1.0)
+    story.run("SEARCH", 2.0)
+    story.run("FAILED", 1.0)
+    (docking,) = dockings(story.close())
+    assert [item["text"] for item in docking["causes"]] == [
+        "no marker was found for 2.0 s from t=0.0 s",
+        "no camera is in the recording",
+    ]
+
+
 def test_an_error_that_does_not_converge(story):
     story.run("IDLE", 0.5)
     story.run("SERVOING", 2.0, 0.1, 0.01)
