@@ -68,7 +68,12 @@ PROCESSES: tuple[Process, ...] = (
     _process("perception_pipeline", None, _CRITICAL, "obstacle points"),
     _process("costmap_server", None, _LIMITING, "local costmap"),
     _process("aruco_detector", "robot_stack.docking.nodes.aruco_detector", _LIMITING, "markers in the camera images"),
-    _process("docking_controller", None, _LIMITING, "docking and undocking"),
+    _process(
+        "docking_controller",
+        "robot_stack.docking.nodes.docking_controller",
+        _LIMITING,
+        "docking and undocking, and the latch",
+    ),
     _process("ehmi_bridge", None, _OPTIONAL, "external display over a serial line"),
     _process("touch_ui", None, _OPTIONAL, "touch screen"),
     _process("system_monitor", None, _OPTIONAL, "robot status and computer health"),

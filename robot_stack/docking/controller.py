@@ -202,11 +202,13 @@ class DockingController:
         )
 
     def _latch(self, step: Step, view: View) -> LatchCommand:
-        """Open hooks before the dock is near: what the last job left may be in the way."""
-        inputs, before = view.situation.latch, self._state in (State.APPROACH, State.SEARCH)
-        if before and self.busy and inputs.known and not inputs.open and not self._keeper.attached:
-            return LatchCommand.OPEN
-        return step.latch
+        before = self.busy and self._state in (State.APPROACH, State.SEARCH)
+        return LatchCommand.OPEN if before and self._must_open(view) else step.latch
+
+    def _must_open(self, view: View) -> bool:
+        """Hooks that the last job left closed would be in the dock's way."""
+        inputs = view.situation.latch
+        return inputs.known and not inputs.open and not self._keeper.attached
 
     def _advance(self, step: Step, view: View) -> Result | None:
         """Goes where the step leads. Returns the result if the job is over."""
@@ -216,7 +218,7 @@ class DockingController:
             self.eyes.count_from(self._now_s + self._params.latch.learn_after_s)
         elif isinstance(phase, LookingOnce) and phase.finished:
             return self._docked(view)
-        if step.trigger is None:
+        if step.trigger is None or (step.trigger is Trigger.FOUND and self._must_open(view)):
             return None
         if step.failure is not None and step.trigger is not Trigger.LOST:
             return self._give_up(step.failure, view)
@@ -309,7 +311,8 @@ class DockingController:
             base=base,
             estimate=self.eyes.estimate,
             seen_ago_s=situation.now_s - self.eyes.seen_s,
-            sightings=len(self.eyes.sightings),
+            sightings=self.eyes.sightings,
+            board=self.eyes.board(situation.now_s, self._params.servo.hold_after_s),
             moved=self.eyes.moved,
             way=1.0 if self._dock is None else _WAYS[self._dock.camera],
             commanded=self._commanded,

@@ -28,6 +28,7 @@ class Eyes:
         self._dock: Dock | None = None
         self._correction = Correction()
         self._newest_s = -math.inf
+        self._newest: Pose2 | None = None
         self._count_from_s = -math.inf
         self._uncorrected: list[Pose2] = []
         self.seen_s = -math.inf
@@ -54,6 +55,10 @@ class Eyes:
     def sightings(self) -> list[Pose2]:
         """The dock in base_link as seen in the images since ``count_from``, without the correction."""
         return self._uncorrected
+
+    def board(self, now_s: float, within_s: float) -> Pose2 | None:
+        """The dock in base_link as the newest image shows it, whatever was expected; None if that is older."""
+        return self._newest if now_s - self._newest_s <= within_s else None
 
     @property
     def estimate(self) -> Estimate | None:
@@ -88,11 +93,10 @@ class Eyes:
         base = self._odometry.at(seen.stamp_s)
         if base is None:
             return
-        self._newest_s = seen.stamp_s
+        self._newest_s, self._newest = seen.stamp_s, seen.dock
         verdict = self._target.see(replace(seen, dock=self._correction.apply(seen.dock)), base)
         self.moved = self.moved or verdict is Seen.MOVED
-        if verdict is not Seen.ACCEPTED:
-            return
-        self.seen_s = seen.stamp_s
-        if seen.stamp_s >= self._count_from_s:
-            self._uncorrected.append(seen.dock)
+        if verdict is Seen.ACCEPTED:
+            self.seen_s = seen.stamp_s
+            if seen.stamp_s >= self._count_from_s:
+                self._uncorrected.append(seen.dock)

@@ -73,7 +73,7 @@ class LatchKeeper:
 
     def __init__(self) -> None:
         self.attached: bool | None = None
-        self._told = False
+        self._holding = False
 
     def released(self) -> None:
         """The robot is clear of the wheelchair."""
@@ -87,11 +87,10 @@ class LatchKeeper:
         if not inputs.known:
             return False
         closed = inputs.closed and not inputs.open
+        let_go = self._holding and not closed and not may_open
         if closed and not may_open:
-            self.attached, self._told = True, False
+            self.attached = True
         elif self.attached is None:
             self.attached = False
-        elif self.attached and not closed and not may_open and not self._told:
-            self._told = True
-            return True
-        return False
+        self._holding = closed
+        return let_go

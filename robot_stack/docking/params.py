@@ -143,6 +143,8 @@ class UndockParams(Config):
     timeout_s: Positive
     blocked_s: Positive
     blocked_m: Positive
+    follows_after_m: Positive
+    follows_share: Share
 
 
 class DockingParams(Config):

@@ -9,12 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_stack.core.docks import Dock
+from robot_stack.core.docks import Dock, MarkerPlace
 from robot_stack.core.geometry import Pose2
 
 # ArucoDetection.quality_score = 1 / (1 + (s / 0.01 m)^2), at most 0.2 where the orientation is ambiguous.
 _QUALITY_SCALE_M = 0.01
-_AMBIGUOUS = 0.2
+_AMBIGUOUS = 0.2 + 1e-3  # the message's float32 rounds 0.2 up
+_ORTHONORMAL = 1e-3
+_EYE = np.eye(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,21 +58,20 @@ def sighting(markers: Sequence[Marker], dock: Dock, mounting: NDArray[np.float64
         return None
     best = max(own, key=lambda item: item.quality)
     board = mounting @ best.pose @ np.linalg.inv(dock.markers[best.marker_id].pose())
-    middle = board @ np.array([*np.mean([(m.x_m, m.y_m, m.z_m) for m in dock.markers.values()], axis=0), 1.0])
+    x_m, y_m, z_m = (sum(values) / len(values) for values in zip(*map(_place, dock.markers.values()), strict=True))
+    middle = board @ np.array([x_m, y_m, z_m, 1.0])
     seen = Pose2(float(middle[0]), float(middle[1]), math.atan2(board[1, 0], board[0, 0]))
-    offset = np.mean([(m.x_m, m.y_m) for m in dock.markers.values()], axis=0)
-    pose = seen.compose(Pose2(-float(offset[0]), -float(offset[1]), 0.0))
+    pose = seen.compose(Pose2(-x_m, -y_m, 0.0))
     sigma_m = _QUALITY_SCALE_M * math.sqrt(1.0 / min(best.quality, 1.0) - 1.0)
     return Sighting(best.stamp_s, pose, sigma_m, best.quality > _AMBIGUOUS, len(own)) if pose.is_finite() else None
 
 
+def _place(marker: MarkerPlace) -> tuple[float, float, float]:
+    return marker.x_m, marker.y_m, marker.z_m
+
+
 def _usable(marker: Marker) -> bool:
-    pose = marker.pose
-    rotation = pose[:3, :3]
-    return bool(
-        math.isfinite(marker.quality)
-        and marker.quality > 0.0
-        and math.isfinite(marker.stamp_s)
-        and np.isfinite(pose).all()
-        and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3)
-    )
+    if not (0.0 < marker.quality < math.inf and math.isfinite(marker.stamp_s) and np.isfinite(marker.pose).all()):
+        return False
+    rotation = marker.pose[:3, :3]
+    return bool(np.abs(rotation @ rotation.T - _EYE).max() < _ORTHONORMAL)

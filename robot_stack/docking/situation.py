@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from robot_stack.core.geometry import Pose2, Twist2
@@ -47,9 +48,9 @@ class View:
     """A situation as a phase sees it.
 
     base: base_link in the frame of the dock pose by the present estimate, None without one or without odometry.
-    base is also None in phases that have no dock. seen_ago_s: since the image of the last accepted sighting.
-    sightings: accepted since the phase began. moved: the dock was found elsewhere. way: +1 docks forwards, -1
-    backwards. commanded: the last command, base_link.
+    seen_ago_s: since the image of the last accepted sighting. sightings: the dock in base_link, as accepted since the
+    phase began, oldest first. board: the dock in base_link as the newest image shows it, None without a recent one.
+    moved: the dock was found elsewhere. way: +1 docks forwards, -1 backwards. commanded: the last command, base_link.
     """
 
     situation: Situation
@@ -57,7 +58,8 @@ class View:
     base: Pose2 | None
     estimate: Estimate | None
     seen_ago_s: float
-    sightings: int
+    sightings: Sequence[Pose2]
+    board: Pose2 | None
     moved: bool
     way: float
     commanded: Twist2

@@ -18,7 +18,6 @@ class Seen(Enum):
     ACCEPTED = "accepted"
     JUMPED = "refused: it jumps against odometry"
     MOVED = "the dock has moved"
-    NO_ODOMETRY = "no odometry of its time"
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from robot_stack.core.camera import Intrinsics, camera_file, load_intrinsics, mo
 from robot_stack.core.config import load
 from robot_stack.core.docks import Dock, load_docks
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, exp_se2, quaternion_from_yaw
+from robot_stack.core.robot import load_robot
 from robot_stack.docking.controller import DockingController
 from robot_stack.docking.latch import LatchCommand, LatchInputs
 from robot_stack.docking.learning import Correction, learnt
@@ -34,7 +35,7 @@ from robot_stack.drive.odometry import Odometry
 from robot_stack.navigation.goal import GoalRequest
 from sim.bench.kernel_stack import KernelStack
 from sim.camera.conditions import CLEAR, Conditions
-from sim.camera.history import BASE, BodyHistory
+from sim.camera.history import BodyHistory
 from sim.camera.model import draw_camera
 from sim.camera.motion import Motion
 from sim.camera.params import load_camera_params
@@ -57,8 +58,9 @@ Light = Callable[[float], Conditions]
 
 @dataclass(frozen=True, slots=True)
 class DockingSample:
-    """One tick of the docking controller, and what was true: base_link beside the dock pose (along m, across m, yaw rad)
-    and the force between robot and chair, N.
+    """One tick of the docking controller, and what was true.
+
+    error: base_link beside the dock pose, along m, across m, yaw rad. contact_n: force between robot and wheelchair.
     """
 
     time_s: float
@@ -68,8 +70,10 @@ class DockingSample:
 
 
 class DockingStack(KernelStack):
-    """``dock_id`` is docked to by ``run_docking``. light: the conditions of the pictures by time. camera_seed: draws the
-    true camera, 0 for one that is as calibrated.
+    """``dock_id`` is docked to by ``run_docking``.
+
+    light: the conditions of the pictures by time. camera_seed: draws the true camera. located_by: what the localization
+    makes of the pose that it would tell.
     """
 
     def __init__(
@@ -226,11 +230,8 @@ class Eye:
     """A true camera, what the stack believes of it, and the detector behind it."""
 
     def __init__(self, dock: Dock, setup: Setup, camera_seed: int) -> None:
-        robot_camera = {"front": frames.FRONT_CAMERA, "rear": frames.REAR_CAMERA}[dock.camera]
-        from robot_stack.core.robot import load_robot
-
         docks, params = load_docks(), load_camera_params()
-        self.frame = robot_camera
+        self.frame = {"front": frames.FRONT_CAMERA, "rear": frames.REAR_CAMERA}[dock.camera]
         self.dock = dock
         self._calibrated: Intrinsics = load_intrinsics(camera_file(self.frame))
         self.nominal: Array = mounting(load_robot(), self.frame)
@@ -248,7 +249,7 @@ class Eye:
 
     def taught(self, docks_id: str, params: DockingParams, pictures: int = 12) -> dict[str, Correction]:
         """What an earlier latched docking leaves: the correction learnt at the dock pose itself."""
-        base = np.linalg.inv(np.eye(4))
+        base: Array = np.eye(4)
         dock = _planar(self.dock.dock_pose.pose().inverse())
         seen = []
         for _ in range(pictures):
@@ -273,6 +274,3 @@ def _planar(pose: Pose2) -> Array:
     matrix[:2, :2] = [[c, -s], [s, c]]
     matrix[:2, 3] = pose.x, pose.y
     return matrix
-
-
-__all__ = ["BASE", "DockingSample", "DockingStack", "Eye"]

@@ -71,7 +71,7 @@ class LookingOnce:
 
     def tick(self, view: View) -> Step:
         self._elapsed_s += view.dt_s
-        self.finished = view.sightings >= self._params.learn_sightings or self._elapsed_s > self._params.learn_s
+        self.finished = len(view.sightings) >= self._params.learn_sightings or self._elapsed_s > self._params.learn_s
         return Step("docked" if self.finished else "latched; looking at the board once more", ZERO_TWIST)
 
 
@@ -116,6 +116,7 @@ class BackingOff:
         self._elapsed_s = 0.0
         self._best_m = 0.0
         self._stuck_s = 0.0
+        self._board_m: float | None = None  # distance of the board at the start
         self.distance_m = 0.0
 
     def tick(self, view: View) -> Step:
@@ -149,7 +150,17 @@ class BackingOff:
             return Failure(UndockCode.BLOCKED, where, final=True)
         if self._elapsed_s > p.timeout_s:
             return Failure(UndockCode.TIMEOUT, f"not clear after {p.timeout_s:.0f} s", final=True)
-        if view.moved:
+        if self._dock_follows(view):
             reason = f"the dock follows the robot after {self.distance_m:.2f} m: the latch still holds it"
             return Failure(UndockCode.UNLATCH_FAILED, reason, final=True)
         return None
+
+    def _dock_follows(self, view: View) -> bool:
+        """The board, if it is seen, does not stay behind."""
+        if view.board is None:
+            return False
+        if self._board_m is None:
+            self._board_m = abs(view.board.x) - self.distance_m
+        behind_m = abs(view.board.x) - self._board_m
+        p = self._params
+        return self.distance_m > p.follows_after_m and behind_m < p.follows_share * self.distance_m

@@ -24,7 +24,7 @@ class Search:
         self._turned_rad = 0.0
 
     def tick(self, view: View) -> Step:
-        if view.sightings >= self._params.sightings:
+        if len(view.sightings) >= self._params.sightings:
             return Step("markers found", ZERO_TWIST, Trigger.FOUND)
         self._looked_s += view.dt_s
         odom, twist = view.situation.odom, view.situation.twist

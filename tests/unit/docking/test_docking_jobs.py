@@ -1,0 +1,533 @@
+"""Dockings and undockings as they should go, and everything that may come between."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.docking.latch import LatchCommand
+from robot_stack.docking.results import DockCode, UndockCode
+from robot_stack.docking.situation import Safety
+from robot_stack.docking.states import State
+from tests.unit.docking.bench import Bench, Faults, emergency, params, stopped
+
+SEEING = (State.SEARCH, State.SERVOING, State.FINE_ALIGN)
+
+
+def began(bench: Bench) -> Bench:
+    assert bench.begin() is None
+    return bench
+
+
+def begun_far() -> Bench:
+    """In APPROACH: navigation still drives."""
+    bench = Bench()
+    bench.at_staging = False
+    return began(bench)
+
+
+def stands(bench: Bench) -> bool:
+    """The robot has been told to stand, and by nobody else it will be moved."""
+    return all(abs(value) < 1e-12 for twist in bench.commands for value in (twist.vx, twist.vy, twist.omega))
+
+
+def board(bench: Bench) -> tuple[float, float]:
+    """(distance, bearing) of the dock from the robot."""
+    seen = bench.dock_in_odom.relative_to(bench.base)
+    return math.hypot(seen.x, seen.y), math.atan2(seen.y, seen.x)
+
+
+# --- as it should go --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["chair_1", "charger"])
+def test_a_docking_passes_its_states_in_order(name: str) -> None:
+    way = 1.0 if name == "chair_1" else -1.0
+    bench = began(Bench(name, start=Pose2(-way * 1.5, 0.3, 0.2), noise_m=0.0002))
+    result = bench.run_to_end()
+    assert result.success
+    assert result.tries == 1
+    assert bench.states[1:] == [State.SEARCH, State.SERVOING, State.FINE_ALIGN, State.DOCKED]
+    assert math.hypot(bench.error.x, bench.error.y) < 0.002
+    assert abs(bench.error.yaw) < math.radians(0.3)
+    assert bench.outputs[-1].attached is (name == "chair_1")
+
+
+def test_a_docking_ends_within_its_time() -> None:
+    bench = began(Bench(start=Pose2(-1.5, 0.5, 0.35)))
+    start_s = bench.now_s
+    bench.run_to_end()
+    assert bench.now_s - start_s < 30.0
+
+
+@settings(max_examples=8, deadline=None)
+@given(
+    x=st.floats(-2.0, -1.0),
+    y=st.floats(-0.5, 0.5),
+    yaw=st.floats(-0.35, 0.35),
+    noise_m=st.floats(0.0, 0.0005),
+    dock_yaw=st.floats(-3.1, 3.1),
+)
+def test_from_anywhere_around_staging_it_docks_smoothly(
+    x: float, y: float, yaw: float, noise_m: float, dock_yaw: float
+) -> None:
+    bench = began(Bench(start=Pose2(x, y, yaw), noise_m=noise_m, dock_in_odom=Pose2(1.0, 2.0, dock_yaw)))
+    assert bench.run_to_end().success
+    twists = [output.twist for output in bench.outputs if output.twist is not None]
+    motion = params().motion
+    fastest = math.hypot(motion.along_mps, motion.across_mps) + motion.max_correction_mps
+    assert max(twist.speed() for twist in twists) <= fastest + 1e-9
+    near = [o for o in bench.outputs if o.twist is not None and o.state is State.FINE_ALIGN]
+    assert max(o.twist.speed() for o in near if o.twist) <= motion.final_mps + motion.max_correction_mps + 1e-9
+    assert all(twist.is_finite() for twist in twists)
+
+
+def test_no_motion_is_commanded_without_a_job() -> None:
+    bench = Bench()
+    bench.run(lambda: False, 2.0)
+    assert all(output.twist is None for output in bench.outputs)
+    bench.docked()
+    count = len(bench.outputs)
+    bench.run(lambda: False, 5.0)
+    assert all(output.twist is None for output in bench.outputs[count:])
+
+
+def test_approach_only_ends_at_staging() -> None:
+    bench = begun_far()
+    bench.controller.cancel()
+    assert bench.controller.dock("chair_1", bench.dock, approach_only=True) is None
+    bench.run(lambda: False, 1.0)
+    assert bench.goals[-1] == bench.dock.staging.pose()
+    bench.at_staging = True
+    assert bench.run_to_end().success
+    assert bench.state is State.IDLE
+    assert bench.outputs[-1].cancel_goal
+
+
+def test_the_goal_is_repeated_until_navigation_has_it() -> None:
+    bench = begun_far()
+    bench.run(lambda: False, 5.0)
+    assert len(bench.goals) == 3  # at once, after 2 s and after 4 s
+
+
+def test_undocking_backs_off_straight_and_then_detaches() -> None:
+    bench = Bench(noise_m=0.0002).docked()
+    before = bench.base
+    assert bench.controller.undock(bench.situation()) is None
+    result = bench.run_to_end()
+    assert result.success
+    assert result.distance_m == pytest.approx(0.5, abs=0.02)
+    moved = bench.base.relative_to(before)
+    assert (moved.x, moved.y, moved.yaw) == pytest.approx((-0.5, 0.0, 0.0), abs=0.02)
+    assert bench.outputs[-1].attached is False
+    attached = [output.attached for output in bench.outputs]
+    assert attached[-2] is True  # until the robot is clear, the passenger counts
+    assert bench.state is State.IDLE
+
+
+def test_from_a_station_it_leaves_forwards_without_a_latch() -> None:
+    bench = Bench("charger", start=Pose2(1.5, 0.0, 0.0)).docked()
+    before = bench.base
+    assert bench.controller.undock(bench.situation()) is None
+    assert bench.run_to_end().success
+    assert bench.base.relative_to(before).x == pytest.approx(0.5, abs=0.02)
+    assert {output.latch for output in bench.outputs} == {LatchCommand.HOLD}
+
+
+def test_a_latch_found_closed_means_a_passenger() -> None:
+    bench = Bench()
+    bench.latch_position = 8
+    bench.step()
+    assert bench.state is State.DOCKED
+    assert bench.outputs[-1].attached is True
+    assert bench.controller.undock(bench.situation()) is None
+    assert bench.run_to_end().success
+
+
+# --- refusals ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_second_job_is_refused() -> None:
+    bench = began(Bench())
+    again = bench.begin()
+    assert again is not None
+    assert again.code is DockCode.BUSY
+    other = bench.controller.undock(bench.situation())
+    assert other is not None
+    assert other.code is UndockCode.BUSY
+
+
+def test_docking_with_a_wheelchair_attached_is_refused() -> None:
+    result = Bench().docked().begin()
+    assert result is not None
+    assert result.code is DockCode.ALREADY_ATTACHED
+
+
+def test_docking_with_an_unreadable_latch_is_refused() -> None:
+    bench = Bench(faults=Faults(latch_dead=True))
+    result = bench.begin()
+    assert result is not None
+    assert result.code is DockCode.LATCH_FAILED
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        ({"twist": None}, UndockCode.ROBOT_MOVING),
+        ({"safety": Safety(known=True, faults=("SLOPE",))}, UndockCode.SLOPE_TOO_STEEP),
+        ({"safety": emergency()}, UndockCode.SAFETY_STOP),
+        ({"safety": Safety()}, UndockCode.SAFETY_STOP),
+    ],
+)
+def test_undocking_is_refused(change: dict[str, object], code: UndockCode) -> None:
+    bench = Bench().docked()
+    result = bench.controller.undock(replace(bench.situation(), **change))  # type: ignore[arg-type]
+    assert result is not None
+    assert result.code is code
+    assert bench.outputs[-1].latch is LatchCommand.HOLD
+
+
+def test_undocking_from_nothing_is_refused() -> None:
+    bench = Bench()
+    result = bench.controller.undock(bench.situation())
+    assert result is not None
+    assert result.code is UndockCode.NOT_ATTACHED
+
+
+# --- what may come between --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("state", [State.APPROACH, *SEEING, State.DOCKED])
+def test_an_emergency_stop_ends_a_docking_in_every_state(state: State) -> None:
+    bench = begun_far() if state is State.APPROACH else began(Bench())
+    bench.reach(state)
+    bench.safety = emergency()
+    result = bench.run_to_end(1.0)
+    assert result.code is DockCode.SAFETY_STOP
+    assert bench.state is State.FAILED
+    bench.run(lambda: False, 1.0)
+    assert stands(bench)
+    assert bench.outputs[-1].text == "emergency stop"
+    assert bench.outputs[-1].latch is LatchCommand.HOLD
+
+
+@pytest.mark.parametrize("phase", ["opening", "backing off"])
+def test_an_emergency_stop_ends_an_undocking_with_the_passenger_still_counted(phase: str) -> None:
+    bench = Bench().docked()
+    bench.controller.undock(bench.situation())
+    assert bench.run(lambda: phase in bench.outputs[-1].text)
+    bench.safety = emergency()
+    assert bench.run_to_end(1.0).code is UndockCode.SAFETY_STOP
+    bench.run(lambda: False, 1.0)
+    assert stands(bench)
+    assert bench.outputs[-1].attached is True
+    assert not any(output.emergency for output in bench.outputs)
+    bench.safety = Safety(known=True)
+    bench.step()
+    assert bench.controller.undock(bench.situation()) is None  # what was begun can be finished
+    assert bench.run_to_end().success
+
+
+@pytest.mark.parametrize("state", SEEING)
+def test_a_dead_camera_ends_a_docking(state: State) -> None:
+    bench = Bench()
+    if state is State.SEARCH:
+        bench.faults.blind = True
+    began(bench)
+    bench.reach(state)
+    bench.faults.camera_dead = True
+    assert bench.run_to_end(2.0).code is DockCode.CAMERA_TIMEOUT
+    assert bench.state is State.FAILED
+    bench.run(lambda: False, 1.0)
+    assert stands(bench)
+
+
+def test_the_safety_monitors_camera_timeout_ends_a_docking() -> None:
+    bench = began(Bench())
+    bench.reach(State.SERVOING)
+    bench.safety = Safety(known=True, faults=("CAMERA_TIMEOUT",))
+    assert bench.run_to_end(1.0).code is DockCode.CAMERA_TIMEOUT
+
+
+@pytest.mark.parametrize("state", [State.SERVOING, State.FINE_ALIGN])
+def test_markers_out_of_sight_for_a_second_only_make_it_wait(state: State) -> None:
+    bench = began(Bench())
+    bench.reach(state)
+    bench.faults.blind = True
+    bench.run(lambda: False, 1.0)
+    assert bench.outputs[-1].text == "markers out of sight"
+    assert stands(bench)
+    bench.faults.blind = False
+    assert bench.run_to_end().success
+    assert bench.outputs[-1].tries == 1
+
+
+def test_markers_lost_for_long_are_searched_for_away_from_the_dock() -> None:
+    bench = began(Bench())
+    bench.reach(State.FINE_ALIGN)
+    bench.faults.blind = True
+    bench.reach(State.SEARCH, 6.0)
+    turned = bench.run(lambda: abs(bench.commands[-1].omega) > 0.3, 20.0)
+    assert turned
+    assert -bench.error.x >= params().search.clear_m - 0.05  # a robot that turns beside the dock would hit it
+    bench.faults.blind = False
+    assert bench.run_to_end().success
+
+
+def test_markers_that_are_nowhere_end_after_three_searches_of_one_turn() -> None:
+    bench = Bench()
+    bench.faults.blind = True
+    began(bench)
+    result = bench.run_to_end()
+    assert result.code is DockCode.MARKERS_NOT_FOUND
+    assert result.tries == 3
+    turned = sum(abs(output.twist.omega) * 0.05 for output in bench.outputs if output.twist)
+    assert turned <= 3 * (2.0 * math.pi + 0.15)  # the measured rate lags two ticks behind, the end one more
+    bench.run(lambda: False, 0.5)
+    assert stands(bench)
+
+
+def test_a_dock_that_is_moved_is_docked_to_in_another_try() -> None:
+    bench = began(Bench())
+    bench.reach(State.FINE_ALIGN)
+    bench.dock_in_odom = bench.dock_in_odom.compose(Pose2(0.0, 0.2, 0.0))
+    assert bench.run(lambda: "moved" in bench.outputs[-1].text, 3.0)
+    result = bench.run_to_end()
+    assert result.success
+    assert result.tries == 2
+    assert math.hypot(bench.error.x, bench.error.y) < 0.002
+
+
+def test_a_dock_that_keeps_moving_is_given_up() -> None:
+    bench = began(Bench())
+
+    def shift() -> bool:
+        if bench.state is State.FINE_ALIGN and bench.outputs[-2].state is not State.FINE_ALIGN:
+            bench.dock_in_odom = bench.dock_in_odom.compose(Pose2(0.0, 0.2, 0.0))
+        return bool(bench.results)
+
+    assert bench.run(shift, 300.0)
+    assert bench.results[-1].code is DockCode.DOCK_MOVED
+    assert bench.state is State.FAILED
+
+
+def test_a_sighting_that_jumps_once_is_refused() -> None:
+    bench = began(Bench())
+    bench.reach(State.SERVOING)
+    bench.run(lambda: False, 2.0)
+    truth = bench.dock_in_odom
+    bench.dock_in_odom = truth.compose(Pose2(0.3, 0.3, 0.0))
+    bench.step()
+    bench.step()
+    bench.dock_in_odom = truth
+    result = bench.run_to_end()
+    assert result.success
+    assert result.tries == 1
+
+
+def test_a_latch_that_does_not_confirm_is_opened_again_and_given_up_after_three_tries() -> None:
+    bench = Bench()
+    bench.faults.no_confirm = True
+    began(bench)
+    result = bench.run_to_end()
+    assert result.code is DockCode.LATCH_FAILED
+    assert result.tries == 3
+    assert "closed=0" in result.reason
+    assert bench.state is State.FAILED
+    assert bench.outputs[-1].attached is False
+    assert bench.latch_position == 0
+    bench.run(lambda: False, 0.5)
+    assert stands(bench)
+
+
+def test_a_latch_that_neither_closes_nor_opens_ends_at_once_because_it_may_hold() -> None:
+    bench = began(Bench())
+    bench.reach(State.DOCKED)
+    assert bench.run(lambda: bench.latch_position == 4)
+    bench.faults.latch_stuck = True
+    result = bench.run_to_end()
+    assert result.code is DockCode.LATCH_FAILED
+    assert result.tries == 1
+    assert "did not open" in result.reason
+
+
+def test_hooks_left_closed_are_opened_before_the_dock() -> None:
+    bench = Bench()
+    bench.faults.no_confirm = True
+    bench.latch_position = 8
+    began(bench)
+    bench.run(lambda: False, 1.0)
+    assert bench.latch_position == 0
+    bench.faults.no_confirm = False
+    assert bench.run_to_end().success
+
+
+def test_a_latch_that_lets_go_by_itself_asks_for_an_emergency_stop_once() -> None:
+    bench = Bench().docked()
+    bench.latch_position = 3
+    bench.run(lambda: False, 2.0)
+    assert sum(output.emergency for output in bench.outputs) == 1
+    assert bench.state is State.FAILED
+    assert bench.outputs[-1].attached is True
+    assert "let go" in bench.outputs[-1].text
+
+
+def test_an_engine_that_cannot_be_read_changes_nothing_about_the_passenger() -> None:
+    bench = Bench().docked()
+    bench.faults.latch_dead = True
+    bench.run(lambda: False, 5.0)
+    assert bench.outputs[-1].attached is True
+    assert not any(output.emergency for output in bench.outputs)
+
+
+def test_contact_ends_a_try() -> None:
+    bench = began(Bench())
+    bench.reach(State.FINE_ALIGN)
+    bench.run(lambda: -bench.error.x < 0.05)
+    bench.faults.force_n = 60.0
+    assert bench.run(lambda: "touched" in bench.outputs[-1].text, 2.0)
+    bench.faults.force_n = 12.0
+    result = bench.run_to_end()
+    assert result.success
+    assert result.tries == 2
+
+
+def test_a_slope_is_no_contact() -> None:
+    bench = Bench()
+    bench.faults.force_n = 60.0  # 3 deg with 120 kg, all the way
+    assert began(bench).run_to_end().tries == 1
+
+
+def test_a_robot_that_cannot_move_gives_up() -> None:
+    bench = began(Bench())
+    bench.reach(State.SERVOING)
+    bench.faults.stuck_wheels = True
+    assert bench.run_to_end(600.0).code in (DockCode.NOT_CONVERGED, DockCode.STAGING_FAILED)
+
+
+def test_a_safety_stop_makes_it_wait_and_go_on() -> None:
+    bench = began(Bench())
+    bench.reach(State.SERVOING)
+    bench.run(lambda: False, 2.0)
+    bench.safety = stopped()
+    bench.run(lambda: False, 4.0)
+    assert stands(bench)
+    assert bench.outputs[-1].text == "stopped by safety"
+    bench.safety = Safety(known=True)
+    assert bench.run_to_end().success
+
+
+@pytest.mark.parametrize("safety", [stopped(), Safety()])
+def test_a_safety_stop_that_lasts_ends_the_docking(safety: Safety) -> None:
+    bench = began(Bench())
+    bench.reach(State.SERVOING)
+    bench.safety = safety
+    result = bench.run_to_end(params().safety_hold_s + 1.0)
+    assert result.code is DockCode.SAFETY_STOP
+    assert ("COLLISION_IMMINENT" in result.reason) is safety.known
+
+
+def test_no_odometry_stops_the_robot_and_then_the_docking() -> None:
+    bench = began(Bench())
+    bench.reach(State.SERVOING)
+    bench.run(lambda: False, 2.0)
+    bench.faults.odometry_dead = True
+    bench.step()
+    bench.step()
+    assert stands(bench) or bench.commands[-1].speed() == 0.0
+    assert bench.run_to_end(2.0).code is DockCode.LOCALIZATION_LOST
+
+
+def test_no_pose_on_the_way_to_staging_ends_the_docking() -> None:
+    bench = begun_far()
+    bench.faults.located = False
+    assert bench.run_to_end(10.0).code is DockCode.LOCALIZATION_LOST
+
+
+def test_a_staging_pose_that_is_not_reached_ends_the_docking() -> None:
+    bench = begun_far()
+    result = bench.run_to_end(400.0)
+    assert result.code is DockCode.STAGING_FAILED
+    assert result.tries == 3
+
+
+@pytest.mark.parametrize("state", [State.APPROACH, *SEEING, State.DOCKED])
+def test_a_cancelled_docking_leaves_the_robot_standing(state: State) -> None:
+    bench = begun_far() if state is State.APPROACH else began(Bench())
+    bench.reach(state)
+    result = bench.controller.cancel()
+    assert result is not None
+    assert result.code is DockCode.CANCELED
+    bench.run(lambda: False, 1.0)
+    assert bench.state is State.IDLE
+    assert stands(bench)
+    assert bench.controller.cancel() is None
+
+
+def test_far_from_the_dock_bearing_and_range_are_enough() -> None:
+    bench = Bench(start=Pose2(-3.0, 0.8, 0.3))
+    bench.faults.quality = float(np.float32(0.2))  # the orientation is ambiguous
+    bench.run(lambda: False, 0.5)
+    began(bench)
+    bench.reach(State.SERVOING)
+    assert bench.run(lambda: bench.outputs[-1].text == "approaching on bearing and range", 1.0)
+    assert bench.run(lambda: board(bench)[0] < params().servo.bearing_distance_m + 0.1, params().servo.timeout_s)
+    assert abs(board(bench)[1]) < 0.05  # the camera looks at it
+    assert board(bench)[0] > params().servo.bearing_distance_m - 0.05
+
+
+def test_a_wheelchair_that_follows_stops_the_undocking() -> None:
+    bench = Bench().docked()
+    assert bench.controller.undock(bench.situation()) is None
+    bench.reach(State.SERVOING)
+    beside = bench.dock_in_odom.relative_to(bench.base)
+
+    def drag() -> bool:
+        bench.dock_in_odom = bench.base.compose(beside)
+        return bool(bench.results[1:])
+
+    assert bench.run(drag, 20.0)
+    assert bench.results[-1].code is UndockCode.UNLATCH_FAILED
+    assert "follows" in bench.results[-1].reason
+    assert bench.outputs[-1].attached is True
+    bench.run(lambda: False, 0.5)
+    assert stands(bench)
+
+
+def test_a_latch_that_does_not_open_keeps_everything_as_it_is() -> None:
+    bench = Bench().docked()
+    bench.faults.latch_stuck = True
+    before = bench.base
+    assert bench.controller.undock(bench.situation()) is None
+    assert bench.run_to_end().code is UndockCode.UNLATCH_FAILED
+    assert bench.base == before
+    assert bench.outputs[-1].attached is True
+    assert bench.outputs[-1].latch is LatchCommand.HOLD
+
+
+def test_a_robot_that_cannot_back_off_says_blocked() -> None:
+    bench = Bench().docked()
+    assert bench.controller.undock(bench.situation()) is None
+    bench.reach(State.SERVOING)
+    bench.faults.stuck_wheels = True
+    assert bench.run_to_end(20.0).code is UndockCode.BLOCKED
+
+
+def test_time_that_stands_still_or_runs_back_moves_nothing() -> None:
+    bench = began(Bench())
+    bench.reach(State.SERVOING)
+    bench.run(lambda: False, 1.0)
+    for now_s in (bench.now_s, bench.now_s - 50.0, math.nan):
+        output = bench.controller.tick(replace(bench.situation(), now_s=now_s))
+        assert output.twist is None or output.twist.is_finite()
+
+
+def test_what_a_latched_docking_taught_is_used_by_the_next() -> None:
+    bench = Bench().docked()
+    assert bench.controller.corrections["chair_1"].dockings == 1
