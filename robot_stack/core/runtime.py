@@ -46,14 +46,19 @@ def _shared_memory() -> Path:
     return memory if os.access(memory, os.W_OK) else Path("/tmp")
 
 
+def lock_path(name: str) -> Path:
+    """The file of a lock. It holds the process id of whoever took it last."""
+    return runtime_dir() / "locks" / f"{name}.lock"
+
+
 def hold_lock(name: str) -> IO[str]:
     """Takes the lock ``<name>.lock`` of the runtime folder until the process ends, however it ends.
 
     Returns the open file: the lock lives as long as it. Raises AlreadyRunning with the holder's process id.
     """
-    folder = runtime_dir() / "locks"
-    folder.mkdir(exist_ok=True)
-    file = open(folder / f"{name}.lock", "a+", encoding="ascii")  # noqa: SIM115 - the lock must outlive this function
+    path = lock_path(name)
+    path.parent.mkdir(exist_ok=True)
+    file = open(path, "a+", encoding="ascii")  # noqa: SIM115 - the lock must outlive this function
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:

@@ -15,7 +15,7 @@ from typing import Any
 
 import psutil
 
-from robot_stack.core.runtime import ros_domain_id, runtime_dir
+from robot_stack.core.runtime import lock_path, ros_domain_id
 from robot_stack.core.wheels_env import ros_environment
 from robot_stack.supervisor import orphans, segments
 from robot_stack.supervisor.control import NotRunning, ask
@@ -177,7 +177,7 @@ def _stop_by_force(supervisor: psutil.Process | None, patience_s: float) -> dict
 
 def _supervisor() -> psutil.Process | None:
     """The process that holds the supervisor's lock, if it lives."""
-    path = runtime_dir() / "locks" / f"{LOCK_NAME}.lock"
+    path = lock_path(LOCK_NAME)
     with contextlib.suppress(OSError, ValueError, psutil.Error):
         process = psutil.Process(int(path.read_text(encoding="ascii")))
         # Ids are given again: after a crash the number in the file may be somebody else's.

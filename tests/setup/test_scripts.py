@@ -73,6 +73,29 @@ def test_missing_compiler_is_named_with_advice() -> None:
     assert "no C++ compiler (/no/such/compiler)" in result.stderr
 
 
+@pytest.mark.parametrize(
+    ("codes", "code", "said"),
+    [
+        ([0], 0, []),
+        ([1, 0], 0, ["2 FAILED, listed above; once more those", "2 passed only when repeated"]),
+        ([1, 1], 1, ["2 FAILED, listed above; once more those"]),
+    ],
+)
+def test_failed_tests_are_repeated_once_and_aloud(tmp_path: Path, codes: list[int], code: int, said: list[str]) -> None:
+    """The stage "tests" of launch_scripts/test, with a Python that ends with ``codes``, one at each call."""
+    stage = re.search(r"^tests\(\) \{$.*?^\}$", (SCRIPTS / "test").read_text(), re.DOTALL | re.MULTILINE)
+    assert stage is not None
+    cache = tmp_path / ".pytest_cache" / "v" / "cache"
+    cache.mkdir(parents=True)
+    (cache / "lastfailed").write_text('{\n  "tests/a.py::one": true,\n  "tests/b.py::two": true\n}')
+    (tmp_path / "codes").write_text("".join(f"{item}\n" for item in codes))
+    fake = 'python() { local c; c=$(head -n 1 codes); sed -i 1d codes; return "$c"; }'
+    script = f"set -uo pipefail\n{fake}\n{stage[0]}\ntests some/test.py\n"
+    done = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, [line.removeprefix("== tests: ") for line in done.stdout.splitlines()]) == (code, said)
+    assert (tmp_path / "codes").read_text() == ""  # neither fewer calls nor more
+
+
 @pytest.mark.parametrize("script", sorted(path for path in SCRIPTS.iterdir() if path.is_file()), ids=lambda p: p.name)
 def test_launch_scripts_are_thin(script: Path) -> None:
     assert len(script.read_text().splitlines()) < 40

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from robot_stack.core.runtime import AlreadyRunning, hold_lock, ros_domain_id, runtime_dir
+from robot_stack.core.runtime import AlreadyRunning, hold_lock, lock_path, ros_domain_id, runtime_dir
 
 
 @pytest.fixture(autouse=True)
@@ -23,6 +23,11 @@ def test_lock_is_exclusive_and_names_its_holder() -> None:
             hold_lock("node")
         hold_lock("other").close()
     hold_lock("node").close()
+
+
+def test_lock_file_names_its_holder() -> None:
+    with hold_lock("node"):
+        assert lock_path("node").read_text(encoding="ascii") == str(os.getpid())
 
 
 def test_lock_dies_with_its_process() -> None:
