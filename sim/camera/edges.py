@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 BESIDE = -1.0  # label of a place beside the panel
-_MOMENTS = 8  # of the exposure, at which a moving edge is integrated
+_SMALL_SHIFT = 1e-3  # px: an edge that moves less stands still
 
 
 @numba.njit(cache=True)
@@ -49,6 +49,33 @@ def half_plane(middle: float, across: float, down: float) -> float:
 
 
 @numba.njit(cache=True)
+def _summed(middle: float, a: float, b: float) -> float:
+    """Integral of ``half_plane`` over the value in the middle from minus infinity, slopes a >= b >= 0."""
+    if middle > 0.0:  # the share and that of the other side add up to one
+        return middle + _summed_below(-middle, a, b)
+    return _summed_below(middle, a, b)
+
+
+@numba.njit(cache=True)
+def _summed_below(middle: float, a: float, b: float) -> float:
+    outer, inner = 0.5 * (a + b), 0.5 * (a - b)
+    if middle <= -outer:
+        return 0.0
+    if middle <= -inner:
+        return (middle + outer) ** 3 / (6.0 * a * b)
+    return b * b / (6.0 * a) + 0.5 * (middle + inner) + 0.5 * (middle * middle - inner * inner) / a
+
+
+@numba.njit(cache=True)
+def moving_half_plane(middle: float, shift: float, across: float, down: float) -> float:
+    """Mean of ``half_plane`` while the value in the middle goes evenly from ``middle`` to ``middle + shift``."""
+    a, b = max(abs(across), abs(down)), min(abs(across), abs(down))
+    if abs(shift) <= _SMALL_SHIFT * a:
+        return half_plane(middle + 0.5 * shift, across, down)
+    return (_summed(middle + shift, a, b) - _summed(middle, a, b)) / shift
+
+
+@numba.njit(cache=True)
 def _beyond(places: F64, edge: float, moving: bool) -> float:
     """Share of a pixel and its exposure in which a coordinate is above ``edge``. places: (2, 4) at the corners."""
     p = places[0]
@@ -58,10 +85,7 @@ def _beyond(places: F64, edge: float, moving: bool) -> float:
         return half_plane(middle, across, down)
     q = places[1]
     shift = 0.25 * (q[0] + q[1] + q[2] + q[3]) - edge - middle
-    total = 0.0
-    for k in range(_MOMENTS):
-        total += half_plane(middle + (k + 0.5) / _MOMENTS * shift, across, down)
-    return total / _MOMENTS
+    return moving_half_plane(middle, shift, across, down)
 
 
 @numba.njit(cache=True)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.camera.edges import half_plane
+from sim.camera.edges import half_plane, moving_half_plane
 from sim.camera.model import corner_rays, project, undistort
 from sim.camera.motion import Motion
 from tests.unit.sim.camera.bench import (
@@ -92,6 +92,14 @@ def test_share_of_a_pixel_beyond_an_edge(middle: float, across: float, down: flo
     part = (np.arange(100) + 0.5) / 100 - 0.5
     counted = (middle + across * part[None, :] + down * part[:, None] > 0.0).mean()
     assert half_plane(middle, across, down) == pytest.approx(counted, abs=0.012)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(-1.0, 1.0), st.floats(-3.0, 3.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_share_of_a_pixel_beyond_a_moving_edge(middle: float, shift: float, across: float, down: float) -> None:
+    moments = (np.arange(400) + 0.5) / 400
+    summed = np.mean([half_plane(middle + part * shift, across, down) for part in moments])
+    assert moving_half_plane(middle, shift, across, down) == pytest.approx(summed, abs=0.01)
 
 
 def test_share_of_a_pixel_by_hand() -> None:
