@@ -42,8 +42,8 @@ class DemoError(Exception):
 
 def main() -> int:
     options = _options()
-    # SIGTERM ends the demo as Ctrl-C does: with the stack stopped.
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    # SIGTERM ends the demo as Ctrl-C does, with the stack stopped, also where a shell has SIGINT ignored.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         mission = MissionLibrary(config_dir() / "missions").find(options.mission)
         load_world(options.world)

@@ -19,6 +19,7 @@ from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import topics
 from robot_stack.contract.model import Action, ContractViolation, SafetyState, Service, Topic
 from robot_stack.core.health import InputHealth, InputState
+from robot_stack.core.pauses import PauseBudget
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.core.runtime import hold_lock
 from robot_stack.core.stop_latch import StopLatch
@@ -26,9 +27,6 @@ from robot_stack.ros.inputs import Input
 from robot_stack.ros.interfaces import interface_class, qos_profile
 from robot_stack.ros.parameters import load_parameters, refuse_overrides
 from robot_stack.ros.report import Loop, Report
-
-# A pause of the own process is no silence of the others. Longer ones count from here on: then a stop is right.
-_LONGEST_PAUSE_S = 0.25
 
 
 class StackNode(Node):
@@ -51,6 +49,7 @@ class StackNode(Node):
         self._health = InputHealth()
         self._paused_s = 0.0
         self._pauses = 0
+        self._pause_budget = PauseBudget(time.monotonic())
         self._stop_latch = StopLatch()
         self.report = Report(self)
         self._subscribe_safety()
@@ -120,7 +119,7 @@ class StackNode(Node):
     def on_pause(self, late_s: float) -> None:
         """The executor noticed that this process did not run for so long."""
         self._pauses += 1
-        self._paused_s += min(late_s, _LONGEST_PAUSE_S)
+        self._paused_s += self._pause_budget.excuse(late_s, time.monotonic())
         self.report.values["held up"] = f"{self._pauses} times, last {late_s:.2f} s"
 
     # --- health ------------------------------------------------------------------------------------------------------

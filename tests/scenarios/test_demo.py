@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -83,6 +84,19 @@ def test_interrupt_during_the_start_stops_everything(demo: Demo) -> None:
     process.signal(signal.SIGINT)
     assert process.wait(20.0) == 130
     assert_gone(pids)
+
+
+def test_sigterm_ends_it_even_where_sigint_is_ignored(tmp_path: Path) -> None:
+    """As under a shell that has started it in the background."""
+    script = (
+        "import signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+        "from sim import demo; demo.client.refuse_second = lambda: None\n"
+        "demo._ride = lambda *_: signal.raise_signal(signal.SIGTERM)\n"
+        f"sys.argv = ['demo', '--output', {str(tmp_path)!r}]\n"
+        "raise SystemExit(demo.main())"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "\ndemo: interrupted; the stack is stopped\n")
 
 
 def test_mission_that_cannot_be_driven_is_refused(demo: Demo) -> None:

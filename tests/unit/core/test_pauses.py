@@ -1,0 +1,50 @@
+"""Excused pauses: short ones wholly, long ones in part, many of them never enough to hide a silence."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_stack.core.pauses import LONGEST_S, SHARE, PauseBudget
+
+
+def test_a_short_pause_is_excused_wholly_and_a_long_one_in_part() -> None:
+    assert PauseBudget(10.0).excuse(0.12, 11.0) == 0.12
+    assert PauseBudget(10.0).excuse(0.6, 11.0) == LONGEST_S
+
+
+def test_pauses_one_after_the_other_use_the_budget_up() -> None:
+    budget = PauseBudget(0.0)
+    assert budget.excuse(0.2, 0.2) == 0.2
+    assert budget.excuse(0.2, 0.4) == pytest.approx(0.05)
+    assert budget.excuse(0.2, 0.6) == 0.0
+
+
+def test_the_budget_fills_while_the_process_runs() -> None:
+    budget = PauseBudget(0.0)
+    assert budget.excuse(0.25, 0.25) == 0.25
+    assert budget.excuse(0.2, 0.85) == pytest.approx(0.1)  # 0.4 s of running, a quarter of it
+    assert budget.excuse(0.25, 9.0) == 0.25
+
+
+@pytest.mark.parametrize("late_s", [0.0, -1.0, math.nan])
+def test_what_is_no_pause_is_not_excused(late_s: float) -> None:
+    assert PauseBudget(0.0).excuse(late_s, 1.0) == 0.0
+
+
+def test_time_that_runs_backwards_excuses_nothing() -> None:
+    assert PauseBudget(5.0).excuse(0.1, 4.0) == 0.0
+    assert PauseBudget(5.0).excuse(0.1, math.nan) == 0.0
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 2.0), st.floats(0.0, 2.0)), max_size=40))
+def test_no_sequence_of_pauses_hides_a_silence(stretches: list[tuple[float, float]]) -> None:
+    """(time of running, pause after it): what is excused stays below a share of all time, plus one pause."""
+    budget, now_s, excused_s = PauseBudget(0.0), 0.0, 0.0
+    for ran_s, late_s in stretches:
+        now_s += ran_s + late_s
+        excused_s += budget.excuse(late_s, now_s)
+        assert excused_s <= LONGEST_S + SHARE * now_s + 1e-9
