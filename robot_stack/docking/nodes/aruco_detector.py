@@ -100,7 +100,9 @@ class ArucoDetector(StackNode):
         if intrinsics is None or not self._attention.wants(camera):
             return []
         try:
-            observations = self._detector.detect(grey_image(message), intrinsics, camera)
+            observations = self._detector.detect(
+                grey_image(message), intrinsics, camera, time_to_s(message.header.stamp)
+            )
         except ValueError as error:
             self._complain(f"{camera} image", f"{camera} image: {error}")
             return []

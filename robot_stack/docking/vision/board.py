@@ -28,10 +28,10 @@ class Board:
 
 
 def gauss_points(corners: Array) -> Array:
-    """(8, 3) Gauss points of the four sides of a marker with (4, 3) corners, two for each side."""
+    """(8, d) Gauss points of the four sides of a marker with (4, d) corners, two for each side."""
     following = np.roll(corners, -1, axis=0)
     middle, along = 0.5 * (corners + following), following - corners
-    return np.stack([middle - _GAUSS * along, middle + _GAUSS * along], axis=1).reshape(8, 3)
+    return np.stack([middle - _GAUSS * along, middle + _GAUSS * along], axis=1).reshape(8, -1)
 
 
 class Boards:

@@ -9,10 +9,18 @@ from numpy.typing import NDArray
 
 from robot_stack.core.camera import Intrinsics
 from robot_stack.core.docks import Docks
-from robot_stack.docking.vision.board import Board, Boards
+from robot_stack.docking.vision.board import Board, Boards, gauss_points
 from robot_stack.docking.vision.edges import camera_vector, distort_points, fit_sides, undistort_points
 from robot_stack.docking.vision.params import DetectorParams
-from robot_stack.docking.vision.pose import BoardPose, MarkerSides, board_pose, group_by_board, marker_sides
+from robot_stack.docking.vision.pose import (
+    STILL,
+    BoardPose,
+    MarkerSides,
+    board_pose,
+    marker_sides,
+    refined_pose,
+    twist_between,
+)
 from robot_stack.docking.vision.search import MarkerSearch, Region, around, whole
 
 Array = NDArray[np.float64]
@@ -41,6 +49,16 @@ class MarkerObservation:
     corners_px: Array
 
 
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """A board in the last image that showed it. stamp_s: None if the image had none. twist: (6,) rad/s, m/s."""
+
+    board: Board
+    pose: BoardPose
+    stamp_s: float | None
+    twist: Array
+
+
 @dataclass(slots=True)
 class _Track:
     """What the last images of one camera showed. sides_px: the smallest marker's side, px."""
@@ -49,7 +67,7 @@ class _Track:
     side_px: float = 0.0
     images: int = 0
     misses: int = 0
-    rotations: dict[str, Array] = field(default_factory=dict)
+    known: dict[str, _Known] = field(default_factory=dict)
 
 
 class MarkerDetector:
@@ -87,33 +105,55 @@ class MarkerDetector:
         corners = undistort_points(camera, distort_points(camera, square[0])).reshape(1, 4, 2)
         sides = fit_sides(blank, camera, corners, self._widths_px, self._limits)
         board = self._boards.of(-1)
-        seen = marker_sides(-1, board, sides[0], corners[0], 60.0, self._params.edges)
+        seen = marker_sides(-1, board, sides[0], corners[0], np.zeros(8), 60.0, self._params.edges)
         if seen is not None:
-            board_pose([seen], None, self._params.pose)
+            board_pose([seen], None, STILL, self._params.pose)
 
-    def detect(self, image: Image, intrinsics: Intrinsics, camera_frame: str) -> tuple[MarkerObservation, ...]:
+    def detect(
+        self, image: Image, intrinsics: Intrinsics, camera_frame: str, stamp_s: float | None = None
+    ) -> tuple[MarkerObservation, ...]:
         """The markers in an image (height, width) of grey levels, in order of their ids.
 
+        stamp_s: time of the middle row's exposure. With it the motion since the last image is known, and what a
+        rolling shutter makes of it is undone; poses are those at the stamp.
         Raises ValueError, naming what is wrong, for an image or intrinsics that cannot be used.
         """
-        _check(image, intrinsics)
+        _check(image, intrinsics, stamp_s)
         if not image.flags.carray:  # padded rows or read-only: compiled code is made for one kind of array (0.1 ms)
             image = image.copy()
         track = self._tracks.setdefault(camera_frame, _Track())
-        found = self._find(image, track)
         camera = camera_vector(intrinsics)
+        found = self._find(image, track)
         boards = {marker: self._boards.of(marker) for marker in found}
-        observations: list[MarkerObservation] = []
-        poses: dict[str, tuple[Board, BoardPose]] = {}
         seen = self._fit(image, camera, found, boards)
-        for name, markers in group_by_board({marker: boards[marker] for marker in seen}).items():
-            board = boards[markers[0]]
-            pose = board_pose([seen[marker] for marker in markers], track.rotations.get(name), self._params.pose)
-            if pose is not None:
-                poses[name] = (board, pose)
-                observations += [self._observation(seen[marker], board, pose, camera) for marker in pose.used]
-        self._follow(image, track, camera, poses)
+        observations: list[MarkerObservation] = []
+        known: dict[str, _Known] = {}
+        for board in {boards[marker].name: boards[marker] for marker in seen}.values():
+            markers = [item for marker, item in seen.items() if marker in board.corners]
+            now = self._solve(board, markers, track.known.get(board.name), stamp_s)
+            if now is not None:
+                known[board.name] = now
+                observations += [self._observation(seen[marker], board, now.pose, camera) for marker in now.pose.used]
+        self._follow(image, track, camera, known)
         return tuple(sorted(observations, key=lambda item: item.marker_id))
+
+    def _solve(
+        self, board: Board, markers: list[MarkerSides], last: _Known | None, stamp_s: float | None
+    ) -> _Known | None:
+        """The pose of a board, with its motion since the last image undone."""
+        shutter, params = self._params.shutter, self._params.pose
+        twist = STILL if last is None else last.twist
+        pose = board_pose(markers, None if last is None else last.pose.rotation, twist, params)
+        if pose is None:
+            return None
+        if last is None or stamp_s is None or last.stamp_s is None or shutter.row_time_s == 0.0:
+            return _Known(board, pose, stamp_s, STILL)
+        gap_s = stamp_s - last.stamp_s
+        twist = twist_between(last.pose, pose, gap_s) if 0.0 < gap_s <= shutter.longest_gap_s else STILL
+        if np.linalg.norm(twist[:3]) > shutter.fastest_radps or np.linalg.norm(twist[3:]) > shutter.fastest_mps:
+            twist = STILL
+        better = refined_pose(pose, markers, twist, params)
+        return _Known(board, better or pose, stamp_s, twist)
 
     def _find(self, image: Image, track: _Track) -> dict[int, Array]:
         """Corners by marker id: where the markers were, else, or from time to time, in the whole image."""
@@ -134,11 +174,19 @@ class MarkerDetector:
             return {}
         corners = undistort_points(camera, np.concatenate(list(found.values()))).reshape(-1, 4, 2)
         sides = fit_sides(image, camera, corners, self._widths_px, self._limits)
-        fitted = {
-            marker: marker_sides(marker, boards[marker], sides[i], corners[i], camera[0], self._params.edges)
-            for i, marker in enumerate(found)
-        }
-        return {marker: item for marker, item in fitted.items() if item is not None}
+        seen: dict[int, MarkerSides] = {}
+        for i, marker in enumerate(found):
+            late_s = self._late_s(corners[i], camera, image.shape[0])
+            item = marker_sides(marker, boards[marker], sides[i], corners[i], late_s, camera[0], self._params.edges)
+            if item is not None:
+                seen[marker] = item
+        return seen
+
+    def _late_s(self, corners: Array, camera: Array, rows: int) -> Array:
+        """(8,) how much later than the middle row the Gauss points of a marker's sides are exposed, s."""
+        pixels = distort_points(camera, gauss_points(corners))
+        late_s: Array = (pixels[:, 1] - 0.5 * (rows - 1)) * self._params.shutter.row_time_s
+        return late_s
 
     def _observation(self, seen: MarkerSides, board: Board, pose: BoardPose, camera: Array) -> MarkerObservation:
         place = board.places[seen.marker_id]
@@ -156,22 +204,22 @@ class MarkerDetector:
             distort_points(camera, seen.corners),
         )
 
-    def _follow(self, image: Image, track: _Track, camera: Array, poses: dict[str, tuple[Board, BoardPose]]) -> None:
+    def _follow(self, image: Image, track: _Track, camera: Array, known: dict[str, _Known]) -> None:
         """Where to look in the next image: around all markers of the boards that were seen."""
         search = self._params.search
-        if not poses:
+        if not known:
             track.misses += 1
             track.region = None
             if track.misses >= search.forget_after:
-                track.rotations.clear()
+                track.known.clear()
             return
         track.misses = 0
         quads = [
-            _projected(corners, pose, camera) for board, pose in poses.values() for corners in board.corners.values()
+            _projected(corners, item.pose, camera) for item in known.values() for corners in item.board.corners.values()
         ]
         track.region = around(np.concatenate(quads), search.region_margin_share, search.region_margin_px, image)
         track.side_px = min(float(np.linalg.norm(quad - np.roll(quad, -1, axis=0), axis=1).min()) for quad in quads)
-        track.rotations = {name: pose.rotation for name, (_, pose) in poses.items()}
+        track.known = known
 
 
 def _projected(corners: Array, pose: BoardPose, camera: Array) -> Array:
@@ -182,7 +230,7 @@ def _projected(corners: Array, pose: BoardPose, camera: Array) -> Array:
     return pixels
 
 
-def _check(image: Image, intrinsics: Intrinsics) -> None:
+def _check(image: Image, intrinsics: Intrinsics, stamp_s: float | None) -> None:
     kind = getattr(image, "dtype", type(image).__name__)
     if kind != np.uint8:
         raise ValueError(f"image: must be an array of uint8, is {kind}")
@@ -194,3 +242,5 @@ def _check(image: Image, intrinsics: Intrinsics) -> None:
         raise ValueError("intrinsics: must be finite")
     if not (intrinsics.fx > 0.0 and intrinsics.fy > 0.0):
         raise ValueError(f"intrinsics: focal lengths must be positive, are {intrinsics.fx} and {intrinsics.fy}")
+    if stamp_s is not None and not np.isfinite(stamp_s):
+        raise ValueError(f"stamp_s: must be finite, is {stamp_s}")

@@ -32,6 +32,7 @@ NX, NY, C, SCATTER, COUNT = range(5)
 _STEP_PX = 0.5
 _CELLS = 6.0  # 4 x 4 bits and the black border on both sides
 _MAX_SAMPLES = 64
+_COARSE_SAMPLES = 24
 _MAX_WINDOW = 64
 _TUKEY = 4.685  # 95 % efficiency on normal errors
 _MAD_TO_SIGMA = 1.4826
@@ -160,7 +161,9 @@ def _robust_line(u: Array, v: Array, n: int, floor: float) -> tuple[float, float
 
 
 @_compiled
-def _fit_side(image: Any, camera: Array, a: Array, b: Array, half: int, limits: Array, out: Array) -> None:
+def _fit_side(
+    image: Any, camera: Array, a: Array, b: Array, half: int, samples: int, limits: Array, out: Array
+) -> None:
     """One side from corner a to corner b (normalised, clockwise in the image). Leaves ``out`` alone without an edge.
 
     limits: least contrast (grey levels), least share of the side's median contrast, least share of samples, share of
@@ -173,7 +176,7 @@ def _fit_side(image: Any, camera: Array, a: Array, b: Array, half: int, limits: 
     dx, dy = (b[0] - a[0]) / length, (b[1] - a[1]) / length
     nx, ny = dy, -dx
     pixels = length * camera[0]
-    wanted = int(min(float(_MAX_SAMPLES), max(12.0, pixels)))
+    wanted = int(min(float(samples), max(12.0, pixels)))
     along, across, contrasts = np.empty(wanted), np.empty(wanted), np.empty(wanted)
     profile = np.empty(_MAX_WINDOW + 1)
     found = 0
@@ -254,11 +257,12 @@ def fit_sides(image: Any, camera: Array, corners: Array, widths_px: Array, limit
     """
     sides = np.zeros((corners.shape[0], 4, 5))
     for marker in range(corners.shape[0]):
-        for width_px in widths_px:
+        for turn, width_px in enumerate(widths_px):
+            samples = _COARSE_SAMPLES if turn == 0 else _MAX_SAMPLES
             for k in range(4):
+                following = (k + 1) % 4
                 half = _half_window(camera, corners[marker], k, width_px)
-                _fit_side(
-                    image, camera, corners[marker, k], corners[marker, (k + 1) % 4], half, limits, sides[marker, k]
-                )
+                a, b = corners[marker, k], corners[marker, following]
+                _fit_side(image, camera, a, b, half, samples, limits, sides[marker, k])
             _intersect(sides[marker], corners[marker])
     return sides

@@ -58,13 +58,27 @@ class EdgeParams(Config):
     systematic_px: Positive
 
 
+class ShutterParams(Config):
+    """Rolling shutter. row_time_s: from one row to the next, 0 for a global shutter; stamps mean the middle row.
+
+    The board's motion is taken from its poses in two images no farther apart than longest_gap_s; one that is faster
+    than fastest_mps or fastest_radps is none.
+    """
+
+    row_time_s: Annotated[float, Field(ge=0.0, le=1e-4)]
+    longest_gap_s: Positive
+    fastest_mps: Positive
+    fastest_radps: Positive
+
+
 class PoseParams(Config):
     """Pose of a board.
 
     outlier_sigmas: a marker this far from where the others put it is left out, if that lowers the rest's mean square
-    error by outlier_gain. ambiguous_cost: two poses whose squared errors, in variances, differ by less cannot be told
-    apart. ambiguous_sigma_rad: neither can an orientation known no better than this. quality_half_sigma_m: standard
-    deviation of the position at quality 0.5. ambiguous_quality: the most an ambiguous pose gets.
+    error by outlier_gain; so is a side, if enough others are left. ambiguous_cost: two poses whose squared errors, in
+    variances, differ by less cannot be told apart. ambiguous_sigma_rad: neither can an orientation known no better than
+    this. quality_half_sigma_m: standard deviation of the position at quality 0.5. ambiguous_quality: the most an
+    ambiguous pose gets.
     """
 
     outlier_sigmas: Positive
@@ -80,6 +94,7 @@ class DetectorParams(Config):
 
     search: SearchParams
     edges: EdgeParams
+    shutter: ShutterParams
     pose: PoseParams
 
 

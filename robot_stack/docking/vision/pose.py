@@ -1,14 +1,14 @@
 """Pose of a board from the fitted sides of its visible markers.
 
 A square seen from far away looks the same from two sides (the two solutions of a plane's pose, IPPE): both are refined
-and compared. Markers that contradict the others are left out.
+and compared. Markers, and single sides, that contradict the others are left out.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -21,19 +21,31 @@ from robot_stack.docking.vision.solve import residuals, solve
 
 Array = NDArray[np.float64]
 
+STILL = np.zeros(6)
+"""The twist of a board that does not move in the camera frame."""
+
 _FLAT_M = 1e-6
-# Two refined poses that turn by less are one; markers are hardly seen at all at more than 85 deg.
+# Two refined poses that turn by less are one.
 _SAME_POSE_RAD = 0.01
+# A second solution this much worse than the first, from the corners alone, is not worth refining: normalised, share.
+_CLEARLY_WORSE, _CLEARLY_WORSE_SHARE = 1e-3, 10.0
+# Rows of equations that must be left when sides are dropped: four more than unknowns.
+_LEAST_ROWS = 10
 
 
 @dataclass(frozen=True, slots=True)
 class MarkerSides:
-    """One marker as seen: (n, 3) model points with (n, 3) lines and (n,) weights, and (4, 3) / (4, 2) corners."""
+    """One marker as seen.
+
+    points: (n, 3) of the model, that must lie on the (n, 3) lines, with weights (n,) and (n,) seconds that their image
+    rows are late. model_corners, corners: (4, 3) and (4, 2) normalised.
+    """
 
     marker_id: int
     points: Array
     lines: Array
     weights: Array
+    late_s: Array
     model_corners: Array
     corners: Array
 
@@ -71,6 +83,38 @@ class BoardPose:
 
 
 @dataclass(frozen=True, slots=True)
+class _Rows:
+    """The equations of several markers."""
+
+    points: Array
+    lines: Array
+    weights: Array
+    late_s: Array
+    twist: Array
+
+    @classmethod
+    def of(cls, markers: Sequence[MarkerSides], twist: Array) -> _Rows:
+        points, lines, weights, late_s = (
+            np.concatenate([getattr(marker, name) for marker in markers])
+            for name in ("points", "lines", "weights", "late_s")
+        )
+        return cls(points, lines, weights, late_s, twist)
+
+    def errors(self, pose: _Refined) -> Array:
+        """(n,) in standard deviations."""
+        found: Array = residuals(
+            self.points, self.lines, self.weights, self.late_s, self.twist, pose.rotation, pose.translation
+        )
+        return found
+
+    def refine(self, rotation: Array, translation: Array) -> _Refined:
+        return _Refined(*solve(self.points, self.lines, self.weights, self.late_s, self.twist, rotation, translation))
+
+    def without(self, dropped: NDArray[np.bool_]) -> _Rows:
+        return replace(self, weights=np.where(dropped, 0.0, self.weights))
+
+
+@dataclass(frozen=True, slots=True)
 class _Refined:
     rotation: Array
     translation: Array
@@ -79,73 +123,119 @@ class _Refined:
 
 
 def marker_sides(
-    marker_id: int, board: Board, sides: Array, corners: Array, focal_px: float, params: EdgeParams
+    marker_id: int, board: Board, sides: Array, corners: Array, late_s: Array, focal_px: float, params: EdgeParams
 ) -> MarkerSides | None:
-    """A marker's (4, 5) of :func:`fit_sides` and (4, 2) corners as input of a pose; None with less than 3 sides."""
+    """A marker's (4, 5) of :func:`fit_sides` and (4, 2) corners as input of a pose; None with less than 3 sides.
+
+    late_s: (8,) of the two Gauss points of each side.
+    """
     good = sides[:, COUNT] > 0.0
     if good.sum() < 3 or not np.isfinite(corners).all():
         return None
     variance = 2.0 * sides[good, SCATTER] ** 2 / sides[good, COUNT] + (params.systematic_px / focal_px) ** 2
     points = gauss_points(board.corners[marker_id])
+    rows = np.repeat(good, 2)
     return MarkerSides(
         marker_id,
-        np.ascontiguousarray(points[np.repeat(good, 2)]),
+        np.ascontiguousarray(points[rows]),
         np.repeat(sides[good][:, NX : C + 1], 2, axis=0),
         np.repeat(1.0 / np.sqrt(variance), 2),
+        late_s[rows],
         board.corners[marker_id],
         corners,
     )
 
 
-def board_pose(markers: Sequence[MarkerSides], previous: Array | None, params: PoseParams) -> BoardPose | None:
+def board_pose(
+    markers: Sequence[MarkerSides], previous: Array | None, twist: Array, params: PoseParams
+) -> BoardPose | None:
     """The pose that fits all markers but those which contradict the others; None if there is none.
 
-    previous: (3, 3) rotation in the last image, which decides between two equally good ones.
+    previous: (3, 3) rotation in the last image, which decides between two equally good ones. twist: (6,) of the board
+    in the camera frame, rad/s and m/s.
     """
     kept = list(markers)
-    solutions = _solutions(kept)
-    while len(kept) > 1 and solutions and _contradicted(solutions[0], kept, params):
-        options = [(marker, _solutions([other for other in kept if other is not marker])) for marker in kept]
+    solutions = _solutions(kept, twist)
+    while len(kept) > 1 and solutions and _contradicted(solutions[0], kept, twist, params):
+        options = [(marker, _solutions([other for other in kept if other is not marker], twist)) for marker in kept]
         options = [option for option in options if option[1]]
         if not options:
             break
         worst, remaining = min(options, key=lambda option: option[1][0].cost)
         rest = [marker for marker in kept if marker is not worst]
-        if _mean_square(remaining[0], rest) * params.outlier_gain > _mean_square(solutions[0], kept):
+        if _mean_square(remaining[0], rest, twist) * params.outlier_gain > _mean_square(solutions[0], kept, twist):
             break
         kept, solutions = rest, remaining
-    return _judged(kept, solutions, previous, params) if solutions else None
+    return _judged(kept, solutions, previous, twist, params) if solutions else None
+
+
+def refined_pose(pose: BoardPose, markers: Sequence[MarkerSides], twist: Array, params: PoseParams) -> BoardPose | None:
+    """A pose again, from the markers it used, with a better known twist."""
+    kept = [marker for marker in markers if marker.marker_id in pose.used]
+    rows = _Rows.of(kept, twist)
+    return _finished(rows, rows.refine(pose.rotation, pose.translation), pose.ambiguous, pose.used, params)
+
+
+def twist_between(first: BoardPose, second: BoardPose, gap_s: float) -> Array:
+    """(6,) mean twist of the board in the camera frame, rad/s and m/s."""
+    turn, _ = cv2.Rodrigues(second.rotation @ first.rotation.T)
+    rate = turn.ravel() / gap_s
+    middle = 0.5 * (first.translation + second.translation)
+    speed = (second.translation - first.translation) / gap_s - np.cross(rate, middle)
+    return np.concatenate([rate, speed])
 
 
 def _judged(
-    kept: Sequence[MarkerSides], solutions: Sequence[_Refined], previous: Array | None, params: PoseParams
+    kept: Sequence[MarkerSides], solutions: Sequence[_Refined], previous: Array | None, twist: Array, params: PoseParams
 ) -> BoardPose | None:
     best = solutions[0]
-    scale = max(1.0, _mean_square(best, kept))
+    scale = max(1.0, _mean_square(best, kept, twist))
     rivals = [other for other in solutions[1:] if (other.cost - best.cost) / scale < params.ambiguous_cost]
     if rivals and previous is not None:
         best = min([best, *rivals], key=lambda item: _angle(item.rotation, previous))
+    used = tuple(marker.marker_id for marker in kept)
+    return _finished(_Rows.of(kept, twist), best, bool(rivals), used, params)
+
+
+def _finished(
+    rows: _Rows, best: _Refined, ambiguous: bool, used: tuple[int, ...], params: PoseParams
+) -> BoardPose | None:
+    """Leaves out sides that contradict, and gives the covariance."""
+    best, rows = _without_bad_sides(rows, best, params)
+    if not math.isfinite(best.cost):
+        return None
+    errors = rows.errors(best)
+    freedom = max(int((rows.weights > 0.0).sum()) - 6, 1)
     try:
-        covariance: Array = np.linalg.inv(best.information).astype(np.float64) * scale
+        covariance: Array = np.linalg.inv(best.information).astype(np.float64) * max(
+            1.0, float(errors @ errors) / freedom
+        )
     except np.linalg.LinAlgError:
         return None
-    if not np.isfinite(covariance).all():
+    if not (np.isfinite(covariance).all() and np.isfinite(best.translation).all()):
         return None
-    vague = float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])) > params.ambiguous_sigma_rad
-    used = tuple(marker.marker_id for marker in kept)
-    return BoardPose(best.rotation, best.translation, covariance, bool(rivals) or vague, used)
+    vague = math.sqrt(float(np.linalg.eigvalsh(covariance[:3, :3])[-1])) > params.ambiguous_sigma_rad
+    return BoardPose(best.rotation, best.translation, covariance, ambiguous or vague, used)
 
 
-def _solutions(markers: Sequence[MarkerSides]) -> list[_Refined]:
+def _without_bad_sides(rows: _Rows, best: _Refined, params: PoseParams) -> tuple[_Refined, _Rows]:
+    """Drops the sides far from where the rest puts them, by the scatter of all, while enough are left."""
+    for _ in range(3):
+        errors = np.abs(rows.errors(best)).reshape(-1, 2).max(axis=1)
+        limit = params.outlier_sigmas * max(1.0, 1.4826 * float(np.median(errors)))
+        bad = np.repeat((errors > limit) | (rows.weights[::2] == 0.0), 2)
+        if bad.sum() == (rows.weights == 0.0).sum() or len(bad) - bad.sum() < _LEAST_ROWS:
+            break
+        rows = rows.without(bad)
+        best = rows.refine(best.rotation, best.translation)
+    return best, rows
+
+
+def _solutions(markers: Sequence[MarkerSides], twist: Array) -> list[_Refined]:
     """The distinct refined poses, best first."""
-    points, lines, weights = (
-        np.concatenate([getattr(marker, name) for marker in markers]) for name in ("points", "lines", "weights")
-    )
-    found: list[_Refined] = []
-    for rotation, translation in _starts(markers):
-        refined = _Refined(*solve(points, lines, weights, rotation, translation))
-        if np.isfinite(refined.cost) and np.isfinite(refined.translation).all() and _faces(refined, markers[0]):
-            found.append(refined)
+    rows = _Rows.of(markers, twist)
+    refined = [rows.refine(rotation, translation) for rotation, translation in _starts(markers)]
+    found = [item for item in refined if math.isfinite(item.cost) and _faces(item, markers[0])]
     found.sort(key=lambda item: item.cost)
     return [item for i, item in enumerate(found) if i == 0 or _angle(item.rotation, found[0].rotation) > _SAME_POSE_RAD]
 
@@ -161,11 +251,13 @@ def _starts(markers: Sequence[MarkerSides]) -> list[tuple[Array, Array]]:
     flat = (model - middle) @ axes.T
     method = cv2.SOLVEPNP_IPPE if np.abs(flat[:, 2]).max() < _FLAT_M else cv2.SOLVEPNP_SQPNP
     try:
-        _, turns, shifts, _ = cv2.solvePnPGeneric(flat, seen, np.eye(3), None, flags=method)
+        _, turns, shifts, errors = cv2.solvePnPGeneric(flat, seen, np.eye(3), None, flags=method)
     except cv2.error:  # degenerate corners
         return []
-    starts = []
-    for turn, shift in zip(turns, shifts, strict=True):
+    starts: list[tuple[Array, Array]] = []
+    for turn, shift, error in zip(turns, shifts, np.ravel(errors), strict=True):
+        if starts and error > max(_CLEARLY_WORSE, _CLEARLY_WORSE_SHARE * float(np.ravel(errors)[0])):
+            continue
         rotation = np.ascontiguousarray(cv2.Rodrigues(turn)[0] @ axes)
         translation = shift.ravel() - rotation @ middle
         if np.isfinite(rotation).all() and np.isfinite(translation).all():
@@ -181,25 +273,17 @@ def _faces(pose: _Refined, marker: MarkerSides) -> bool:
     return bool(normal @ middle < 0.0)
 
 
-def _contradicted(pose: _Refined, markers: Sequence[MarkerSides], params: PoseParams) -> bool:
+def _contradicted(pose: _Refined, markers: Sequence[MarkerSides], twist: Array, params: PoseParams) -> bool:
     """True if some marker lies where this pose does not put it."""
-    return any(_mean_square(pose, [marker]) > params.outlier_sigmas**2 for marker in markers)
+    return any(_mean_square(pose, [marker], twist) > params.outlier_sigmas**2 for marker in markers)
 
 
-def _mean_square(pose: _Refined, markers: Sequence[MarkerSides]) -> float:
-    """Squared error in variances; for a whole pose divided by its degrees of freedom."""
-    errors = np.concatenate([residuals(m.points, m.lines, m.weights, pose.rotation, pose.translation) for m in markers])
-    return float(errors @ errors / max(len(errors) - (6 if len(errors) > 6 else 0), 1))
+def _mean_square(pose: _Refined, markers: Sequence[MarkerSides], twist: Array) -> float:
+    """Squared error in variances; of several markers divided by its degrees of freedom."""
+    errors = _Rows.of(markers, twist).errors(pose)
+    return float(errors @ errors / max(len(errors) - (6 if len(markers) > 1 else 0), 1))
 
 
 def _angle(a: Array, b: Array) -> float:
     """Angle (rad) between two rotations."""
-    return float(np.arccos(np.clip(0.5 * (np.trace(a.T @ b) - 1.0), -1.0, 1.0)))
-
-
-def group_by_board(boards: Mapping[int, Board]) -> dict[str, list[int]]:
-    """Marker ids by the name of their board, both in order."""
-    groups: dict[str, list[int]] = {}
-    for marker in sorted(boards):
-        groups.setdefault(boards[marker].name, []).append(marker)
-    return groups
+    return math.acos(min(max(0.5 * (float(np.trace(a.T @ b)) - 1.0), -1.0), 1.0))

@@ -4,7 +4,9 @@ A line fitted to evenly spread edge samples is known best, and independently, at
 half its length from the middle, each with the variance 2 s^2 / n. The model's points there must lie on the line; so
 nothing of the samples is lost, and a side is used even where its neighbour cannot be seen.
 
-A pose is (R, t): x_camera = R x_object + t. Small changes (w, d) act as exp(w) R x + t + d.
+A pose is (R, t): x_camera = R x_object + t. Small changes (w, d) act as exp(w) R x + t + d. With a rolling shutter a
+point is seen by its row's time: ``late`` seconds after the pose's, at x + late (w x x + u) for the twist (w, u) of the
+object in the camera frame.
 """
 
 from __future__ import annotations
@@ -99,12 +101,25 @@ def _solve_normal(h: Array, g: Array, out: Array) -> bool:
 
 
 @_compiled
-def residuals(points: Array, lines: Array, weights: Array, rotation: Array, translation: Array) -> Array:
+def _moved(p: tuple[float, float, float], late: float, twist: Array) -> tuple[float, float, float]:
+    """A point of the camera frame, moved on by a twist for a short time."""
+    x, y, z = p
+    return (
+        x + late * (twist[1] * z - twist[2] * y + twist[3]),
+        y + late * (twist[2] * x - twist[0] * z + twist[4]),
+        z + late * (twist[0] * y - twist[1] * x + twist[5]),
+    )
+
+
+@_compiled
+def residuals(
+    points: Array, lines: Array, weights: Array, late: Array, twist: Array, rotation: Array, translation: Array
+) -> Array:
     """(n,) distances of projected points from their lines in standard deviations; NaN behind the camera."""
     out = np.empty(points.shape[0])
     for i in range(points.shape[0]):
         qx, qy, qz = _apply(rotation, points[i])
-        px, py, pz = qx + translation[0], qy + translation[1], qz + translation[2]
+        px, py, pz = _moved((qx + translation[0], qy + translation[1], qz + translation[2]), late[i], twist)
         if pz > 1e-6:
             out[i] = weights[i] * ((lines[i, 0] * px + lines[i, 1] * py) / pz - lines[i, 2])
         else:
@@ -126,15 +141,15 @@ def _huber(r: Array) -> float:
 
 @_compiled
 def _normal_equations(
-    points: Array, lines: Array, weights: Array, rotation: Array, translation: Array
+    points: Array, lines: Array, weights: Array, late: Array, twist: Array, rotation: Array, translation: Array
 ) -> tuple[Array, Array]:
     """Gauss-Newton's H (6, 6) and gradient (6,), with Huber's weights."""
     h, g = np.zeros((6, 6)), np.zeros(6)
     row = np.empty(6)
     for i in range(points.shape[0]):
         qx, qy, qz = _apply(rotation, points[i])
-        pz = qz + translation[2]
-        along = (lines[i, 0] * (qx + translation[0]) + lines[i, 1] * (qy + translation[1])) / pz
+        px, py, pz = _moved((qx + translation[0], qy + translation[1], qz + translation[2]), late[i], twist)
+        along = (lines[i, 0] * px + lines[i, 1] * py) / pz
         r = weights[i] * (along - lines[i, 2])
         scale = weights[i] / pz
         dx, dy, dz = scale * lines[i, 0], scale * lines[i, 1], -scale * along
@@ -150,21 +165,22 @@ def _normal_equations(
 
 @_compiled
 def solve(
-    points: Array, lines: Array, weights: Array, rotation: Array, translation: Array
+    points: Array, lines: Array, weights: Array, late: Array, twist: Array, rotation: Array, translation: Array
 ) -> tuple[Array, Array, float, Array]:
     """Refines a pose.
 
     points: (n, 3) in the object's frame, m. lines: (n, 3) unit normal and distance in normalised coordinates. weights:
-    (n,) 1 / standard deviation. Returns (R (3, 3), t (3,), Huber cost, H (6, 6)); the cost is infinite without success.
+    (n,) 1 / standard deviation. late: (n,) s. twist: (6,) of the object in the camera frame, rad/s and m/s. Returns
+    (R (3, 3), t (3,), Huber cost, H (6, 6)); the cost is infinite without success.
     """
-    cost = _huber(residuals(points, lines, weights, rotation, translation))
+    cost = _huber(residuals(points, lines, weights, late, twist, rotation, translation))
     h = np.zeros((6, 6))
     if not cost < np.inf:
         return rotation, translation, np.inf, h
     damping = 1e-4
     step = np.zeros(6)
     for _ in range(_ITERATIONS):
-        h, g = _normal_equations(points, lines, weights, rotation, translation)
+        h, g = _normal_equations(points, lines, weights, late, twist, rotation, translation)
         damped = h.copy()
         for j in range(6):
             damped[j, j] += damping * h[j, j] + 1e-12
@@ -172,7 +188,7 @@ def solve(
             break
         new_rotation = _product(_rotation(step[:3]), rotation)
         new_translation = translation + step[3:]
-        new_cost = _huber(residuals(points, lines, weights, new_rotation, new_translation))
+        new_cost = _huber(residuals(points, lines, weights, late, twist, new_rotation, new_translation))
         if new_cost <= cost:
             gain = cost - new_cost
             rotation, translation, cost = new_rotation, new_translation, new_cost
@@ -183,5 +199,5 @@ def solve(
             damping *= 10.0
             if damping > 1e9:
                 break
-    h, _ = _normal_equations(points, lines, weights, rotation, translation)
+    h, _ = _normal_equations(points, lines, weights, late, twist, rotation, translation)
     return rotation, translation, cost, h
