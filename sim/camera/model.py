@@ -36,7 +36,7 @@ def draw_camera(
     Intrinsics are drawn uniformly within their limits; the mounting is off by exactly its limits, in random directions.
     """
     limits = params.tolerances
-    focal, aspect, cx, cy = random.uniform(-1.0, 1.0, 4)
+    focal, aspect, cx, cy = random.uniform(-1.0, 1.0, 4).tolist()
     bends = random.uniform(-1.0, 1.0, 5) * np.array(limits.distortion)
     scale = 1.0 + limits.focal_length * focal
     k1, k2, p1, p2, k3 = (np.array(calibrated.distortion) + bends).tolist()
