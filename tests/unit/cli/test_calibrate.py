@@ -90,7 +90,7 @@ def test_it_finds_the_true_camera_and_writes_it(folder: Path, tmp_path: Path) ->
 
 def test_too_few_pictures_no_board_and_other_sizes_are_refused(pictures: dict[str, np.ndarray]) -> None:
     few = dict(list(pictures.items())[:3])
-    with pytest.raises(CalibrationError, match="only 3 of 3 pictures show the 9 x 6 .*; 8 are needed"):
+    with pytest.raises(CalibrationError, match=r"only 3 of 3 pictures show the 9 x 6 .*; 8 are needed"):
         calibrate(few, PARAMS)
     with pytest.raises(CalibrationError, match="no picture of 1 shows the 9 x 6 board"):
         calibrate({"empty": np.full((720, 1280), 128, np.uint8)}, PARAMS)
