@@ -92,8 +92,15 @@ def background(intrinsics: Intrinsics = CAMERA) -> Array:
     return np.full((intrinsics.height, intrinsics.width), _GREY)
 
 
-def draw(image: Array, marker: int, pose: Array, intrinsics: Intrinsics = CAMERA, size_m: float = SIZE_M) -> None:
-    """Draws a marker at (4, 4) ``pose`` in the camera frame."""
+def draw(
+    image: Array,
+    marker: int,
+    pose: Array,
+    intrinsics: Intrinsics = CAMERA,
+    size_m: float = SIZE_M,
+    rows: tuple[int, int] | None = None,
+) -> None:
+    """Draws a marker at (4, 4) ``pose`` in the camera frame, into some rows only if told."""
     cell = size_m / 6.0
     plane = pose[:3, [0, 1, 3]] @ np.diag([cell, cell, 1.0])
     k = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy, *intrinsics.distortion])
@@ -103,6 +110,8 @@ def draw(image: Array, marker: int, pose: Array, intrinsics: Intrinsics = CAMERA
     high = np.ceil(pixels.max(axis=0) + 3.0)
     size = [intrinsics.width, intrinsics.height]
     box = np.r_[np.clip(low, 0, size), np.clip(high, 0, size)].astype(np.int64)
+    if rows is not None:
+        box[[1, 3]] = np.clip(box[[1, 3]], *rows)
     bits = np.frombuffer(_bits(marker), np.uint8)
     _draw(image, box, k, np.linalg.inv(plane), bits, _BLACK, _WHITE, _FINE)
 

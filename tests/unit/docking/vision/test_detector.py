@@ -19,6 +19,7 @@ from tests.unit.docking.vision.images import (
     CLEAN,
     USUAL,
     Array,
+    Image,
     background,
     draw,
     facing,
@@ -80,7 +81,7 @@ def test_noise_and_blur_stay_within_these_errors_and_within_the_sigma_told(
 ) -> None:
     random = np.random.default_rng(7)
     ratios = []
-    for seed in range(6):
+    for seed in range(4):
         tilt = random.uniform(-0.43, 0.43)
         board = facing(distance_m, tilt, 0.3 * tilt, *(0.04 * distance_m * random.uniform(-1.0, 1.0, 2)))
         seen = detector.detect(picture(DOCK, board, USUAL, seed), CAMERA, FRAME)
@@ -114,7 +115,7 @@ def test_a_marker_at_the_wrong_place_is_left_out(detector: MarkerDetector) -> No
 
 
 def test_one_small_frontal_marker_is_ambiguous_and_says_so(detector: MarkerDetector) -> None:
-    board = facing(4.0, yaw_rad=0.05, pitch_rad=0.03)
+    board = facing(4.5, yaw_rad=0.03, pitch_rad=0.02)
     seen = detector.detect(picture(DOCK, board, USUAL, 3, without=(1, 2, 3)), CAMERA, FRAME)
     assert ids(seen) == [0]
     assert seen[0].ambiguous
@@ -134,21 +135,20 @@ def test_a_marker_of_no_dock_has_its_own_pose(detector: MarkerDetector) -> None:
 
 
 def test_the_rolling_shutter_of_a_moving_camera_is_undone_from_the_second_image_on(detector: MarkerDetector) -> None:
-    # Each row of these images is taken from that row's own pose, at 0.3 m/s and 0.2 rad/s.
+    # Every 15 rows of these images are taken from their own pose, at 0.3 m/s and 0.2 rad/s.
     row_time_s = PARAMS.shutter.row_time_s
     uncorrected = MarkerDetector(DOCKS, PARAMS)
 
     def board_at(time_s: float) -> Array:
         return facing(1.0 - 0.3 * time_s, 0.3 + 0.2 * time_s, 0.05, 0.1, 0.1)
 
-    def rolled(stamp_s: float) -> np.ndarray:
-        rows = np.arange(CAMERA.height)
-        bands = np.array_split(rows, 24)
-        image = np.empty((CAMERA.height, CAMERA.width), np.uint8)
-        for band in bands:
-            late_s = (band.mean() - 0.5 * (CAMERA.height - 1)) * row_time_s
-            image[band] = picture(DOCK, board_at(stamp_s + late_s), CLEAN)[band]
-        return image
+    def rolled(stamp_s: float) -> Image:
+        image = background()
+        for top in range(0, CAMERA.height, 15):
+            board = board_at(stamp_s + (top + 7.0 - 0.5 * (CAMERA.height - 1)) * row_time_s)
+            for marker, place in DOCK.markers.items():
+                draw(image, marker, board @ place.pose(), rows=(top, top + 15))
+        return finish(image, CLEAN, np.random.default_rng(0))
 
     images = [(stamp_s, rolled(stamp_s)) for stamp_s in (0.0, 0.1)]
     for stamp_s, image in images:
@@ -193,7 +193,7 @@ def test_wrong_intrinsics_and_stamps_are_refused_by_name(detector: MarkerDetecto
         detector.detect(image, CAMERA, FRAME, math.inf)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(
     st.floats(0.5, 3.5), st.floats(-1.2, 1.2), st.floats(-0.6, 0.6), st.floats(-0.5, 0.5), st.floats(-0.3, 0.3),
     st.integers(0, 2**31),
