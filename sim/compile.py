@@ -1,9 +1,13 @@
-"""Compiles the inner loops of engine and drives for later starts: ``python -m sim.compile``."""
+"""Compiles the inner loops of engine, drives and marker detector for later starts: ``python -m sim.compile``."""
 
 from __future__ import annotations
 
+from robot_stack.core.config import load
+from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import IDENTITY
 from robot_stack.core.robot import load_robot
+from robot_stack.docking.vision.detector import MarkerDetector
+from robot_stack.docking.vision.params import ArucoDetectorParams
 from robot_stack.wmx.config import load_engine_config
 from robot_stack.wmx.simulated.engine import Engine
 from sim.parameters import load_sim_params
@@ -20,6 +24,7 @@ def compile_loops() -> None:
     simulation.engine_cycle = Engine(load_engine_config(), simulation.world.drives).cycle
     for _ in range(_CYCLES):
         simulation.step()
+    MarkerDetector(load_docks(), load(ArucoDetectorParams, "aruco_detector").detector).warm_up()
 
 
 if __name__ == "__main__":

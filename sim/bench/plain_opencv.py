@@ -28,8 +28,8 @@ class PlainOpenCv:
     def detect(self, image: NDArray[np.uint8]) -> Array | None:
         """(4, 4) dock in the camera frame."""
         corners, ids, _ = self._detector.detectMarkers(image)
-        numbers = np.ravel(np.asarray(ids)) if len(corners) else []
-        known = [(int(n), quad) for n, quad in zip(numbers, corners, strict=True) if int(n) in self._corners]
+        numbers = [int(number) for number in np.ravel(np.asarray(ids if len(corners) else []))]
+        known = [(number, quad) for number, quad in zip(numbers, corners, strict=True) if number in self._corners]
         if not known:
             return None
         model = np.concatenate([self._corners[number] for number, _ in known]) @ self._axes.T

@@ -104,7 +104,7 @@ class ArucoDetector(StackNode):
                 grey_image(message), intrinsics, camera, time_to_s(message.header.stamp)
             )
         except ValueError as error:
-            self._complain(f"{camera} image", f"{camera} image: {error}")
+            self._complain(f"{camera} image", f"{camera} {error}")
             return []
         self._complain(f"{camera} image", "")
         if observations:
