@@ -79,7 +79,7 @@ def calibrate(pictures: Mapping[str, Grey], params: CharucoParams) -> Calibratio
     names, points, corners = [], [], []
     for name, picture in pictures.items():
         found, ids = detector.detectBoard(picture)[:2]
-        if ids is not None and len(ids) >= params.min_corners:
+        if np.size(ids) >= params.min_corners:  # None counts as one
             names.append(name)
             points.append(places[np.ravel(ids)].reshape(-1, 1, 3))
             corners.append(np.asarray(found, np.float32).reshape(-1, 1, 2))
@@ -90,9 +90,15 @@ def calibrate(pictures: Mapping[str, Grey], params: CharucoParams) -> Calibratio
     )
     if not (np.isfinite(k).all() and np.isfinite(d).all()):
         raise CalibrationError("the calibration did not converge: the pictures are too much alike")
-    d = [float(value) for value in np.ravel(d)[:5]]
+    bends = [float(value) for value in np.ravel(d)[:5]]
     intrinsics = Intrinsics(
-        size[0], size[1], float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2]), (d[0], d[1], d[2], d[3], d[4])
+        size[0],
+        size[1],
+        float(k[0, 0]),
+        float(k[1, 1]),
+        float(k[0, 2]),
+        float(k[1, 2]),
+        (bends[0], bends[1], bends[2], bends[3], bends[4]),
     )
     errors = {name: float(value) for name, value in zip(names, np.ravel(each), strict=True)}
     return Calibration(intrinsics, float(error), errors, tuple(float(value) for value in np.ravel(sigmas)[:9]))

@@ -68,7 +68,7 @@ class Backdrop:
 
     def _cast(self, camera: Array, boards: Mapping[str, Array]) -> None:
         parts = self._scenery.placed(boards)
-        inverse = np.linalg.inv(parts.poses) if len(parts.poses) else parts.poses
+        inverse = np.asarray(np.linalg.inv(parts.poses) if len(parts.poses) else parts.poses, dtype=np.float64)
         windows = self._windows(camera, parts.poses, parts.shapes)
         cast_backdrop(
             self._rays, camera, inverse, parts.shapes, windows, self._sun, self._texture, self._grey, self._depth

@@ -21,7 +21,7 @@ _AMBIENT, _DIRECT = 0.55, 0.60
 @numba.njit(cache=True, inline="always")
 def _noise(x: float, y: float, texture: F32) -> float:
     size = texture.shape[0]
-    return texture[math.floor(y) & (size - 1), math.floor(x) & (size - 1)]
+    return float(texture[math.floor(y) & (size - 1), math.floor(x) & (size - 1)])
 
 
 @numba.njit(cache=True, inline="always")
@@ -69,7 +69,7 @@ def _enter_cylinder(o: F64, d: F64, half: F64) -> float:
     s = (-b - math.sqrt(root)) / a
     if s <= 0.0 or abs(o[2] + s * d[2]) > half[2]:
         return _FAR
-    return s
+    return float(s)
 
 
 @numba.njit(cache=True)

@@ -5,7 +5,8 @@ u = (a . r) / (c . r), v = (b . r) / (c . r) with r = (x, y, 1); depth = -o_z / 
 -o_z. They are given at equal steps of time and are linear in between.
 
 The corners of the pixels are labelled with the reflectance found there, in runs that are known to stay within one cell.
-A pixel whose corners agree shows that reflectance; any other lies on an edge (``edges``).
+A pixel whose corners agree shows that reflectance; any other lies on an edge (``edges``). numba's cache looks at this
+file only: a change of ``edges`` needs one here, or an empty cache.
 """
 
 from __future__ import annotations
@@ -142,7 +143,7 @@ def _shade(
     """Grey levels of a reflectance under light that varies over the panel, through the dirt on it."""
     u, v, there = _place(x, y, h)
     if not there:
-        return value * light[0]
+        return float(value * light[0])
     du, dv = u - light[3], v - light[4]
     bright = light[0] * max(0.0, 1.0 + light[1] * du + light[2] * dv)
     if light[5] > 0.0:
@@ -152,7 +153,7 @@ def _shade(
         bright *= 1.0 - light[5] * min(1.0, max(0.0, part))
     if dirt.shape[0] > 0:
         value = _dirty(u, v, value, grids, n, dirt, soil)
-    return value * bright
+    return float(value * bright)
 
 
 @numba.njit(cache=True)
@@ -210,7 +211,7 @@ def draw_panel(
             nearest = np.float32(np.inf)
             for k in range(col0 // divisor, min(col1 // divisor + 1, depth.shape[1])):
                 nearest = min(nearest, depth[hidden_row, k])
-            hidden = nearest < farthest_m - _HIDDEN_M
+            hidden = bool(nearest < farthest_m - _HIDDEN_M)
         i = 0
         while i < count - 1:
             value = labels[above, 0, i]

@@ -51,7 +51,8 @@ class Drops:
             self._drops[index] = self._new_drop()
         count = int(np.ceil(share * _MOST_DROPS))
         height, width = self._size
-        small = cv2.resize(image, (width // _SMALL_IMAGE, height // _SMALL_IMAGE), interpolation=cv2.INTER_AREA)
+        size = (width // _SMALL_IMAGE, height // _SMALL_IMAGE)
+        small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
         for column, row, radius in self._drops[:count]:
             _draw_drop(image, small, int(column), int(row), int(radius))
 
@@ -84,4 +85,5 @@ def _draw_drop(image: F32, small: F32, column: int, row: int, radius: int) -> No
 def _drop_shape(radius: int) -> F32:
     """(2 r + 1, 2 r + 1) opacity: full inside, soft at the rim."""
     rows, columns = np.mgrid[-radius : radius + 1, -radius : radius + 1]
-    return np.clip(1.2 * (radius - np.hypot(rows, columns)) / (0.3 * radius + 1.0), 0.0, 1.0).astype(np.float32)
+    shape = np.clip(1.2 * (radius - np.hypot(rows, columns)) / (0.3 * radius + 1.0), 0.0, 1.0)
+    return np.asarray(shape, dtype=np.float32)

@@ -106,4 +106,4 @@ def _blotches(marker: int, share: float, seed: int) -> NDArray[np.float32]:
     rough = cv2.GaussianBlur(random.standard_normal(mask.shape).astype(np.float32), (0, 0), DIRT_PIXELS / 12)
     level = np.quantile(rough, 1.0 - share)
     soft = 0.25 * float(rough.std())
-    return np.clip(0.5 + (rough - level) / soft, 0.0, 1.0).astype(np.float32)
+    return np.asarray(np.clip(0.5 + (rough - level) / soft, 0.0, 1.0), dtype=np.float32)

@@ -42,9 +42,11 @@ def sliding(base: np.ndarray, left_mps: float) -> Track:
     )
 
 
-def left_edge(picture: np.ndarray, base: np.ndarray, rows: range, beside: np.ndarray | float = 0.0) -> np.ndarray:
+def left_edge(
+    picture: np.ndarray, base: np.ndarray, rows: range, beside: np.ndarray | float = 0.0, camera: TrueCamera = CAMERA
+) -> np.ndarray:
     """Columns of marker 0's left side in rows of a picture; looked for ``beside`` where a still camera sees it."""
-    curve = project_on(CAMERA, marker_sides(0)[3], BOARD, base)
+    curve = project_on(camera, marker_sides(0)[3], BOARD, base)
     order = np.argsort(curve[:, 1])
     wanted = np.interp(rows, curve[order, 1], curve[order, 0]) + beside
     return np.array([edge_in_line(picture[row].astype(float), round(x)) for row, x in zip(rows, wanted, strict=True)])
@@ -61,14 +63,14 @@ def test_a_yawing_camera_shears_the_board() -> None:
     track = turning(base, rate)
     moved = view.render(Motion(7.0, Track(track.times_s + 7.0, track.poses), {"chair_1": still(BOARD)}))
     rows = range(110, 270)
-    column = left_edge(calm, base, rows)
+    column = left_edge(calm, base, rows, camera=pinhole)
     # A turn to the left moves what is seen to the right: f (1 + x^2) per rad, x the column's normalized coordinate;
     # and the camera, 0.35 m ahead of the turning point, to the left: f / distance per metre, 0.65 m from the board.
     x = (column.mean() - CAMERA.intrinsics.cx) / CAMERA.intrinsics.fx
     per_rad = CAMERA.intrinsics.fx * (1.0 + x * x + 0.35 / 0.65)
     expected = rate * (np.array(rows) - 359.5) * row_s * per_rad
     assert abs(expected[0]) > 5.0
-    shift = left_edge(moved, base, rows, np.round(expected)) - column
+    shift = left_edge(moved, base, rows, np.round(expected), pinhole) - column
     assert shift == pytest.approx(expected, rel=0.005, abs=0.03)
     fitted = np.polyfit(rows, shift, 1)[0]
     assert fitted == pytest.approx(rate * row_s * per_rad, rel=0.01)
