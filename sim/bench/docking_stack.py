@@ -244,7 +244,7 @@ class Eye:
     def look(self, motion: Motion, conditions: Conditions) -> list[Marker]:
         """The markers in one picture."""
         image = self._renderer.render(motion, conditions)
-        found = self._detector.detect(image, self._calibrated, self.frame)
+        found = self._detector.detect(image, self._calibrated, self.frame, motion.time_s)
         return [Marker(motion.time_s, self.frame, item.marker_id, item.pose, item.quality) for item in found]
 
     def taught(self, docks_id: str, params: DockingParams, pictures: int = 12) -> dict[str, Correction]:

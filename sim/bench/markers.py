@@ -20,7 +20,8 @@ from robot_stack.core.robot import load_robot
 from robot_stack.docking.vision.detector import MarkerDetector
 from robot_stack.docking.vision.params import ArucoDetectorParams
 from sim.bench.plain_opencv import PlainOpenCv
-from sim.camera.conditions import CLEAR, Conditions, Glare, Shadow
+from sim.bench.weather import BAD, clear
+from sim.camera.conditions import Conditions
 from sim.camera.model import TrueCamera, load_camera_params, project
 from sim.camera.motion import Motion, Track, still
 from sim.camera.render import Renderer
@@ -80,9 +81,9 @@ def run(poses: int = 60, bad_poses: int = 30, seed: int = 1) -> tuple[dict[str, 
     cv2.setNumThreads(1)
     try:
         bench = _Bench(seed)
-        clean = {m: [bench.read(shot) for shot in bench.shots(m, poses, _clear)] for m in _SPEEDS_MPS}
+        clean = {m: [bench.read(shot) for shot in bench.shots(m, poses, clear)] for m in _SPEEDS_MPS}
         plain = [bench.read_plain(reading.shot) for reading in clean[1.0]]
-        bad = {name: _bad_readings(bench, draw, bad_poses) for name, draw in _BAD.items()}
+        bad = {name: _bad_readings(bench, draw, bad_poses) for name, draw in BAD.items()}
     finally:
         cv2.setNumThreads(threads)
     return _figures(clean, plain, bad), _conditions(poses, bad_poses, seed)
@@ -184,42 +185,6 @@ def _drive(base: Array, speed_mps: float, random: np.random.Generator) -> Track:
         pose[:2, 3] += np.array([speed_mps, side]) * at_s
         poses.append(pose)
     return Track(times, np.array(poses))
-
-
-def _clear(_: np.random.Generator, __: Intrinsics) -> Conditions:
-    return CLEAR
-
-
-def _glare(random: np.random.Generator, camera: Intrinsics) -> Conditions:
-    u, v = random.uniform(0.0, camera.width), random.uniform(0.0, camera.height)
-    return Conditions(glare=Glare(u, v, random.uniform(60.0, 200.0), random.uniform(20.0, 60.0)))
-
-
-def _rain(random: np.random.Generator, _: Intrinsics) -> Conditions:
-    return Conditions(rain=random.uniform(0.2, 0.7), illumination=0.5)
-
-
-def _blur(random: np.random.Generator, _: Intrinsics) -> Conditions:
-    return Conditions(blur_px=random.uniform(0.8, 2.0))
-
-
-def _dirt(random: np.random.Generator, _: Intrinsics) -> Conditions:
-    dirty = random.permutation(4)[: random.integers(1, 4)]
-    return Conditions(dirt={int(marker): random.uniform(0.05, 0.4) for marker in dirty})
-
-
-def _shadow(random: np.random.Generator, _: Intrinsics) -> Conditions:
-    return Conditions(
-        shadow=Shadow(
-            random.uniform(-0.25, 0.25),
-            random.uniform(0.0, 2.0 * math.pi),
-            random.choice([0.0, 0.03]),
-            random.uniform(0.5, 0.85),
-        )
-    )
-
-
-_BAD = {"glare": _glare, "rain": _rain, "blur": _blur, "dirt": _dirt, "shadow": _shadow}
 
 
 def _bad_readings(

@@ -12,16 +12,9 @@ from robot_stack.core.docks import Docks
 from robot_stack.docking.vision.board import Board, Boards, gauss_points
 from robot_stack.docking.vision.edges import camera_vector, distort_points, fit_sides, undistort_points
 from robot_stack.docking.vision.params import DetectorParams
-from robot_stack.docking.vision.pose import (
-    STILL,
-    BoardPose,
-    MarkerSides,
-    board_pose,
-    marker_sides,
-    refined_pose,
-    twist_between,
-)
+from robot_stack.docking.vision.pose import STILL, BoardPose, board_pose, refined_pose, twist_between
 from robot_stack.docking.vision.search import MarkerSearch, Region, around, whole
+from robot_stack.docking.vision.sides import MarkerSides, marker_sides
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
