@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 BESIDE = -1.0  # label of a place beside the panel
+_FLAT = 1e-30  # slopes whose products would not be numbers any more
 _SMALL_SHIFT = 1e-3  # px: an edge that moves less stands still
 
 
@@ -40,7 +41,7 @@ def half_plane(middle: float, across: float, down: float) -> float:
     if a < b:
         a, b = b, a
     reach = 0.5 * (a + b) - abs(middle)
-    if reach <= 0.0:
+    if reach <= _FLAT:
         return 1.0 if middle > 0.0 else 0.0
     if abs(middle) <= 0.5 * (a - b):
         return 0.5 + middle / a
@@ -59,9 +60,9 @@ def _summed(middle: float, a: float, b: float) -> float:
 @numba.njit(cache=True)
 def _summed_below(middle: float, a: float, b: float) -> float:
     outer, inner = 0.5 * (a + b), 0.5 * (a - b)
-    if middle <= -outer:
+    if middle <= -outer or a <= _FLAT:
         return 0.0
-    if middle <= -inner:
+    if middle <= -inner and b > _FLAT:
         return (middle + outer) ** 3 / (6.0 * a * b)
     return b * b / (6.0 * a) + 0.5 * (middle + inner) + 0.5 * (middle * middle - inner * inner) / a
 
