@@ -71,7 +71,7 @@ def _summed_below(middle: float, a: float, b: float) -> float:
 def moving_half_plane(middle: float, shift: float, across: float, down: float) -> float:
     """Mean of ``half_plane`` while the value in the middle goes evenly from ``middle`` to ``middle + shift``."""
     a, b = max(abs(across), abs(down)), min(abs(across), abs(down))
-    if abs(shift) <= _SMALL_SHIFT * a:
+    if abs(shift) <= _SMALL_SHIFT * max(a, abs(middle)):
         return half_plane(middle + 0.5 * shift, across, down)
     return (_summed(middle + shift, a, b) - _summed(middle, a, b)) / shift
 

@@ -6,7 +6,7 @@ u = (a . r) / (c . r), v = (b . r) / (c . r) with r = (x, y, 1); depth = -o_z / 
 
 The corners of the pixels are labelled with the reflectance found there, in runs that are known to stay within one cell.
 A pixel whose corners agree shows that reflectance; any other lies on an edge (``edges``). numba's cache looks at this
-file only: a change of ``edges`` needs one here, or an emptied cache.
+file only: a change of ``edges`` needs one here, or an empty cache.
 """
 
 from __future__ import annotations
