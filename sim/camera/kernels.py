@@ -15,6 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.camera.dirt import soiled
 from sim.camera.edges import BESIDE, many_edges, one_edge
 
 F32 = NDArray[np.float32]
@@ -121,22 +122,6 @@ def _corner_places(ray0: F32, ray1: F32, column: int, early: F64, late: F64, u: 
 
 
 @numba.njit(cache=True)
-def _dirty(u: float, v: float, value: float, grids: F64, n: int, dirt: F32, dirt_reflectance: float) -> float:
-    """Reflectance with the dirt at a place mixed in, bilinear in the masks."""
-    size = dirt.shape[1]
-    for m in range(grids.shape[0]):
-        i = (u - grids[m, 0]) * grids[m, 2] / n * size - 0.5
-        j = (grids[m, 1] - v) * grids[m, 2] / n * size - 0.5
-        if 0.0 <= i < size - 1 and 0.0 <= j < size - 1:
-            k, q = int(i), int(j)
-            a, b = i - k, j - q
-            upper = dirt[m, q, k] * (1.0 - a) + dirt[m, q, k + 1] * a
-            lower = dirt[m, q + 1, k] * (1.0 - a) + dirt[m, q + 1, k + 1] * a
-            return float(value + (upper * (1.0 - b) + lower * b) * (dirt_reflectance - value))
-    return value
-
-
-@numba.njit(cache=True)
 def _shade(
     value: float, x: float, y: float, pixel: float, h: F64, light: F64, grids: F64, n: int, dirt: F32, soil: float
 ) -> float:
@@ -152,7 +137,7 @@ def _shade(
         part = (light[6] * du + light[7] * dv - light[8]) / soft + 0.5
         bright *= 1.0 - light[5] * min(1.0, max(0.0, part))
     if dirt.shape[0] > 0:
-        value = _dirty(u, v, value, grids, n, dirt, soil)
+        value = soiled(u, v, value, grids, n, dirt, soil)
     return float(value * bright)
 
 
