@@ -17,13 +17,15 @@ from pathlib import Path
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NAME = 15
+# mlockall(2): what is mapped now and later, each page from when it is first touched.
+_MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
     """How to start one process.
 
-    niceness: as in nice(2). realtime_priority: of SCHED_RR, 0 for none.
+    niceness: as in nice(2). realtime_priority: of SCHED_RR, 0 for none. lock_memory: no page of it is given up.
     stop_grace_s: time between SIGINT and SIGKILL when the supervisor has died.
     """
 
@@ -34,6 +36,7 @@ class Start:
     log: Path
     niceness: int
     realtime_priority: int
+    lock_memory: bool
     stop_grace_s: float
 
 
@@ -44,6 +47,8 @@ def run(start: Start) -> None:
     _write_to(start.log)
     _show_as(start.name)
     _go_first(start.niceness, start.realtime_priority)
+    if start.lock_memory:
+        _keep_in_memory()
     os.environ.update(start.environment)
     sys.argv = [start.name, *start.arguments]
     orphaned = threading.Event()
@@ -67,6 +72,14 @@ def _go_first(niceness: int, realtime_priority: int) -> None:
     # Where the kernel groups processes by session (sched(7), autogroup), nice values count inside a session only.
     with contextlib.suppress(OSError):
         Path("/proc/self/autogroup").write_text(str(niceness), encoding="ascii")
+
+
+def _keep_in_memory() -> None:
+    """A kernel that reclaims memory nobody has used for a while would make the next use of it wait for a disk.
+
+    Without the privilege (CAP_IPC_LOCK or LimitMEMLOCK) that stays so.
+    """
+    ctypes.CDLL(None).mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT)
 
 
 def _die_with_the_forkserver() -> None:

@@ -48,6 +48,7 @@ class Fleet:
             log=self._run_dir / f"{process.name}.log",
             niceness=self._params.niceness[process.criticality],
             realtime_priority=self._params.realtime_priority[process.criticality],
+            lock_memory=self._params.lock_memory[process.criticality],
             stop_grace_s=self._params.terminate_s,
         )
         forked = self._context.Process(target=child.run, args=(start,), name=process.name)

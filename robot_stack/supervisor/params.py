@@ -28,6 +28,7 @@ class SupervisorParams(Config):
     keep_runs: log folders kept; older ones are deleted at the next start.
     niceness: of the processes by criticality, as in nice(2); below 0 needs a privilege and is left out without it.
     realtime_priority: by criticality, of SCHED_RR; 0 is none. Left out without the privilege.
+    lock_memory: by criticality: its pages stay in memory, as in mlockall(2). Left out without the privilege.
     """
 
     hang_after_s: Positive
@@ -39,11 +40,12 @@ class SupervisorParams(Config):
     keep_runs: Annotated[int, Field(ge=1)]
     niceness: dict[Criticality, Annotated[int, Field(ge=-20, le=19)]]
     realtime_priority: dict[Criticality, Annotated[int, Field(ge=0, le=99)]]
+    lock_memory: dict[Criticality, bool]
     backoff: dict[Criticality, Backoff]
 
     @model_validator(mode="after")
     def _complete(self) -> SupervisorParams:
-        for name in ("backoff", "niceness", "realtime_priority"):
+        for name in ("backoff", "niceness", "realtime_priority", "lock_memory"):
             absent = [item.value for item in Criticality if item not in getattr(self, name)]
             if absent:
                 raise ValueError(f"{name}: {', '.join(absent)} missing")
