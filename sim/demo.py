@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import signal
 import sys
 import time
@@ -15,12 +16,13 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from robot_stack.core.config import ConfigError, config_dir
+from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
 from robot_stack.mission.library import MissionError, MissionLibrary
-from robot_stack.mission.model import Mission
+from robot_stack.mission.model import Kind, Mission
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import NotRunning
-from sim.ride import Figures, Ride, figures
+from sim.ride import Carriage, Figures, Ride, carriage, figures
 from sim.worldfile import load_world
 
 _READY_S = 60.0
@@ -65,8 +67,11 @@ def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
         settings=[
             f"sim_world.world={options.world}",
             f"sim_world.seed={options.seed}",
-            # A journal of its own: this ride neither meets nor leaves an unfinished mission.
+            f"camera_driver.world={options.world}",
+            f"camera_driver.seed={options.seed}",
+            # Files of its own: this ride neither meets nor leaves an unfinished mission, nor what another robot learnt.
             f"mission_manager.journal_file={folder / 'mission.db'}",
+            f"docking_controller.corrections_file={folder / 'docking_corrections.yaml'}",
         ],
         log_dir=folder / "logs",
     )
@@ -102,7 +107,7 @@ def _drive(mission: Mission) -> tuple[Ride, Any, int]:
             now_s, last = rider.now_s(), rider.ride.samples[-1]
             if now_s - last.time_s > _SILENCE_S:
                 raise DemoError("the world has fallen silent")
-            if last.speed_mps > _MOVING_MPS or delays.overcome():
+            if last.speed_mps > _MOVING_MPS or rider.docking_now() or delays.overcome():
                 progress_s = now_s
             if now_s - progress_s > _PATIENCE_S:
                 raise DemoError(f"no progress for {_PATIENCE_S:.0f} s: {describe(rider)}")
@@ -184,12 +189,13 @@ class Display:
 def describe(rider: Any) -> str:
     """One line: time, waypoint, distance, speed, safety."""
     mission, safety, last = rider.mission, rider.safety, rider.ride.samples[-1]
+    docking = rider.docking.state if rider.docking is not None else "IDLE"
+    doing = f"  {docking}" if docking not in ("IDLE", "DOCKED") else "  with passenger" if docking == "DOCKED" else ""
     state = safety.safety_state + (f" ({', '.join(safety.active_faults)})" if safety.active_faults else "")
     advice = "; `robot-stack reset`, then `robot-stack mission resume`" if safety.emergency_stop_active else ""
-    return (
-        f"{rider.now_s():5.0f} s  {mission.state:<8} {mission.waypoints_completed}/{mission.total_waypoints} "
-        f"to {mission.current_waypoint or '-':<12} {rider.moved_m:6.1f} m  {last.speed_mps:4.2f} m/s  {state}{advice}"
-    )
+    way = f"{mission.waypoints_completed}/{mission.total_waypoints} to {mission.current_waypoint or '-':<12}"
+    motion = f"{rider.moved_m:6.1f} m  {last.speed_mps:4.2f} m/s"
+    return f"{rider.now_s():5.0f} s  {mission.state:<8} {way} {motion}  {state}{doing}{advice}"
 
 
 def _report(options: argparse.Namespace, mission: Mission, folder: Path, ride: Ride, outcome: Any) -> int:
@@ -197,14 +203,17 @@ def _report(options: argparse.Namespace, mission: Mission, folder: Path, ride: R
 
     goal = mission.waypoints[-1].pose
     found = figures(ride, goal)
+    carried = carriage(ride, _dock_pose(mission), _destination(mission))
     waypoints: list[tuple[str, Pose2]] = [(item.name, item.pose) for item in mission.waypoints]
     draw_map(folder / "map.png", load_world(options.world), ride, waypoints)
     draw_course(folder / "course.png", ride)
     arrived = outcome.state == "COMPLETED"
     result = {"mission": mission.id, "world": options.world, "seed": options.seed, "state": outcome.state}
-    result |= {"reason": outcome.reason, "figures": asdict(found)}
+    result |= {"reason": outcome.reason, "figures": asdict(found), "wheelchair": carried and asdict(carried)}
     (folder / "figures.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
     print(result_line(arrived, outcome.reason, found))
+    if carried is not None and math.isfinite(carried.docked_mm):
+        print(carriage_line(carried))
     for name in ("map.png", "course.png", "figures.json"):
         print(f"  {folder / name}")
     return 0 if arrived else 1
@@ -218,6 +227,27 @@ def result_line(arrived: bool, reason: str, found: Figures) -> str:
         f"off the goal by {1e3 * found.final_error_m:.0f} mm and {found.final_error_deg:.1f} deg, "
         f"off the plan by {1e3 * found.tracking_rms_m:.0f} mm rms, {1e3 * found.tracking_max_m:.0f} mm at most"
     )
+
+
+def carriage_line(carried: Carriage) -> str:
+    """What became of the wheelchair, in one line."""
+    return (
+        f"wheelchair: docked to {carried.docked_mm:.1f} mm and {carried.docked_deg:.2f} deg before the latch closed, "
+        f"carried {carried.carried_m:.1f} m, put down {1e3 * carried.beside_m:.0f} mm and {carried.beside_deg:.1f} deg "
+        "beside its place"
+    )
+
+
+def _destination(mission: Mission) -> Pose2 | None:
+    """Where the mission puts the wheelchair down, base_link in map."""
+    return next((item.pose for item in mission.waypoints if item.action.kind is Kind.UNDOCK), None)
+
+
+def _dock_pose(mission: Mission) -> Pose2:
+    docks = load_docks().docks
+    names = [item.action.dock_id for item in mission.waypoints if item.action.kind is Kind.DOCK]
+    dock = docks[names[0]] if names else next(iter(docks.values()))
+    return dock.dock_pose.pose()
 
 
 def _stop() -> None:
@@ -243,7 +273,7 @@ def _folder(output: Path) -> Path:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="demo", description="Starts the stack in the simulation and rides a mission.")
-    parser.add_argument("--mission", default="yard_tour", help="a mission of config/missions/")
+    parser.add_argument("--mission", default="wheelchair_transport", help="a mission of config/missions/")
     parser.add_argument("--world", default="yard", help="a world of config/worlds/")
     parser.add_argument("--seed", type=int, default=1, help="of the simulation's noise")
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder for plots and figures")

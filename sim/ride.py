@@ -30,9 +30,14 @@ class Sample:
 
 @dataclass(slots=True)
 class Ride:
-    """Everything noted of a ride. ``plans``: time of each plan in s and its points; empty plans cancel."""
+    """Everything noted of a ride. ``plans``: time of each plan in s and its points; empty plans cancel.
+
+    wheelchair: time in s and true pose in map of its dock frame. docking: time in s and state, where it changed.
+    """
 
     samples: list[Sample] = field(default_factory=list)
+    wheelchair: list[tuple[float, Pose2]] = field(default_factory=list)
+    docking: list[tuple[float, str]] = field(default_factory=list)
     estimates: list[tuple[float, Pose2]] = field(default_factory=list)
     plans: list[tuple[float, Line]] = field(default_factory=list)
 
@@ -64,6 +69,46 @@ def figures(ride: Ride, goal: Pose2) -> Figures:
         final_error_deg=math.degrees(abs(wrap_angle(last.pose.yaw - goal.yaw))),
         tracking_rms_m=float(np.sqrt(np.mean(errors_m**2))) if errors_m.size else math.nan,
         tracking_max_m=float(errors_m.max()) if errors_m.size else math.nan,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Carriage:
+    """What became of the wheelchair. Errors by ground truth; NaN where there was no docking.
+
+    docked_mm, docked_deg: base_link beside the dock pose when the controller said DOCKED, before the latch drew it in.
+    carried_m: way of the wheelchair. beside_m, beside_deg: where it stands at the end, from where it should.
+    """
+
+    docked_mm: float
+    docked_deg: float
+    carried_m: float
+    beside_m: float
+    beside_deg: float
+
+
+def carriage(ride: Ride, dock_pose: Pose2, destination: Pose2 | None) -> Carriage | None:
+    """What became of the wheelchair; None if this world has none.
+
+    dock_pose: base_link in the dock frame. destination: base_link in map where the wheelchair is put down.
+    """
+    if not ride.wheelchair:
+        return None
+    chairs = [pose for _, pose in ride.wheelchair]
+    docked_s = next((time_s for time_s, state in ride.docking if state == "DOCKED"), math.nan)
+    docked = beside = Pose2(math.nan, math.nan, math.nan)
+    if math.isfinite(docked_s):
+        robot = min(ride.samples, key=lambda sample: abs(sample.time_s - docked_s)).pose
+        chair = min(ride.wheelchair, key=lambda item: abs(item[0] - docked_s))[1]
+        docked = robot.relative_to(chair.compose(dock_pose))
+    if destination is not None:
+        beside = chairs[-1].relative_to(destination.compose(dock_pose.inverse()))
+    return Carriage(
+        docked_mm=1e3 * math.hypot(docked.x, docked.y),
+        docked_deg=math.degrees(abs(docked.yaw)),
+        carried_m=sum(a.distance_to(b) for a, b in itertools.pairwise(chairs)),
+        beside_m=math.hypot(beside.x, beside.y),
+        beside_deg=math.degrees(abs(beside.yaw)),
     )
 
 

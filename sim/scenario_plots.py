@@ -31,7 +31,7 @@ def draw_all(folder: Path, world: WorldFile, notes: Notes) -> list[Path]:
 
 def _ride(notes: Notes) -> Ride:
     samples = [Sample(moment.time_s, moment.pose, moment.twist.speed()) for moment in notes.moments]
-    return Ride(samples, notes.estimates, notes.plans)
+    return Ride(samples, estimates=notes.estimates, plans=notes.plans)
 
 
 def _draw_speed(path: Path, notes: Notes) -> None:

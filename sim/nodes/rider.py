@@ -11,13 +11,16 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
 
-from custom_msgs.msg import MissionStatus, SafetyStatus, UICommand
+from custom_msgs.msg import DockingStatus, MissionStatus, SafetyStatus, UICommand
 from robot_stack.cli.nodes.operator import Operator
 from robot_stack.contract import topics
+from robot_stack.core.geometry import Pose2, yaw_from_quaternion
 from robot_stack.ros.conversions import pose_from_msg
 from sim.ride import Ride, Sample
+from tf2_msgs.msg import TFMessage
 
 _ANSWER_S = 10.0
+_WHEELCHAIR = "wheelchair"  # its frame in /sim/bodies
 
 
 class Rider:
@@ -27,6 +30,7 @@ class Rider:
         self.ride = Ride()
         self.mission: MissionStatus | None = None
         self.safety: SafetyStatus | None = None
+        self.docking: DockingStatus | None = None
         self.moved_m = 0.0
         self._begun_s = time.monotonic()
         self._operator = Operator()
@@ -37,6 +41,8 @@ class Rider:
             (topics.SIM_GROUND_TRUTH, self._on_truth),
             (topics.CURRENT_POSE, self._on_pose),
             (topics.PLAN, self._on_plan),
+            (topics.SIM_BODIES, self._on_bodies),
+            (topics.DOCKING_STATUS, self._on_docking),
         ):
             self._operator.subscribe(row, callback)
 
@@ -48,6 +54,10 @@ class Rider:
 
     def now_s(self) -> float:
         return time.monotonic() - self._begun_s
+
+    def docking_now(self) -> bool:
+        """A docking is under way, in which the robot may stand for a while."""
+        return self.docking is not None and self.docking.state not in ("IDLE", "DOCKED", "FAILED")
 
     def wait(self, condition: Callable[[], Any], timeout_s: float | None) -> bool:
         """Takes notes until the condition holds (True) or the time is over (False)."""
@@ -70,7 +80,8 @@ class Rider:
         self._begun_s = time.monotonic()
         here = self.ride.samples[-1]
         self.ride = Ride(
-            [Sample(0.0, here.pose, here.speed_mps)], [], [(0.0, line) for _, line in self.ride.plans[-1:]]
+            samples=[Sample(0.0, here.pose, here.speed_mps)],
+            plans=[(0.0, line) for _, line in self.ride.plans[-1:]],
         )
         self.moved_m = 0.0
 
@@ -101,6 +112,18 @@ class Rider:
             last = samples[-1].pose
             self.moved_m += math.hypot(pose.x - last.x, pose.y - last.y)
         samples.append(Sample(self.now_s(), pose, math.hypot(linear.x, linear.y)))
+
+    def _on_bodies(self, message: TFMessage) -> None:
+        for item in message.transforms:
+            if item.child_frame_id == _WHEELCHAIR:
+                q, p = item.transform.rotation, item.transform.translation
+                pose = Pose2(p.x, p.y, yaw_from_quaternion(q.x, q.y, q.z, q.w))
+                self.ride.wheelchair.append((self.now_s(), pose))
+
+    def _on_docking(self, message: DockingStatus) -> None:
+        if self.docking is None or self.docking.state != message.state:
+            self.ride.docking.append((self.now_s(), message.state))
+        self.docking = message
 
     def _on_pose(self, message: PoseStamped) -> None:
         self.ride.estimates.append((self.now_s(), pose_from_msg(message.pose)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from functools import partial
 from typing import NamedTuple
@@ -58,6 +59,7 @@ class ArucoDetector(StackNode):
         self._intrinsics: dict[str, Intrinsics] = {}
         self._complaints: dict[str, str] = {}
         self._on = False
+        self._wanted_s = -math.inf
         self._published_s = self.steady_s()
         self._images: dict[str, Input] = {}
         self._output = self.advertise(topics.ARUCO_DETECTIONS)
@@ -89,11 +91,21 @@ class ArucoDetector(StackNode):
         self._look()
 
     def _switch(self) -> None:
-        on = self.params.always_on or (self._status.fresh() and self._status.latest.state in _DETECTING)
+        on = self.params.always_on or self._wanted()
         if on and not self._on:
             self._detector.reset()
             self._attention.reset()
         self._on = on
+
+    def _wanted(self) -> bool:
+        """Docking is on its way, or has just ended at the dock."""
+        if not self._status.fresh():
+            return False
+        state, now_s = self._status.latest.state, self.steady_s()
+        if state in _DETECTING:
+            self._wanted_s = now_s
+            return True
+        return state == DockingStatus.DOCKED and now_s - self._wanted_s <= self.params.linger_s
 
     def _detect(self, camera: str, message: Image) -> list[ArucoDetection]:
         intrinsics = self._intrinsics.get(camera)

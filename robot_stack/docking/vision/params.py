@@ -101,12 +101,13 @@ class DetectorParams(Config):
 class ArucoDetectorParams(Config):
     """Everything the node can be told.
 
-    always_on: detects whatever docking does. pair_wait_s: the image of the camera that shows markers waits no longer
-    for the other's. idle_camera_every: while the other camera sees markers, one without is searched in every so manieth
-    image.
+    always_on: detects whatever docking does. linger_s: so long also after DOCKED was reached, when the board is looked
+    at once more to learn from it. pair_wait_s: the image of the camera that shows markers waits no longer for the
+    other's. idle_camera_every: while the other camera sees markers, one without is searched in every so manieth image.
     """
 
     always_on: bool
+    linger_s: Annotated[float, Field(ge=0.0, le=10.0)]
     pair_wait_s: Annotated[float, Field(gt=0.0, le=0.1)]
     idle_camera_every: Count
     detector: DetectorParams
