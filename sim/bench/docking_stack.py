@@ -97,6 +97,7 @@ class DockingStack(KernelStack):
         self._owned = False
         self._force_n = math.nan
         self.docking: list[DockingSample] = []
+        self.contact_max_n = 0.0  # before the latch closed
         self.result: Result | None = None
         self.safety = Safety(known=True)
         self.camera_dead = False
@@ -105,6 +106,10 @@ class DockingStack(KernelStack):
         self.every(topics.FRONT_IMAGE.rate_hz, self._expose)
         self.every(topics.JOINT_STATES.rate_hz, self._measure_force)
         self.every(topics.DOCKING_CMD_VEL.rate_hz, self._docking_tick)
+
+    def teach(self) -> None:
+        """Gives the controller what an earlier docking to the closed latch leaves."""
+        self.controller.corrections = self._eye.taught(self.dock_id, self.params)
 
     # --- jobs --------------------------------------------------------------------------------------------------------
 
@@ -124,6 +129,8 @@ class DockingStack(KernelStack):
     # --- camera ------------------------------------------------------------------------------------------------------
 
     def _bodies_tick(self) -> None:
+        if not self.sim.world.attached:
+            self.contact_max_n = max(self.contact_max_n, self.sim.world.contact_force_n())
         self._bodies.add(self.time_s, {name: matrix_of(pose) for name, pose in self.sim.world.bodies()})
 
     def _expose(self) -> None:
