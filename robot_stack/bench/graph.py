@@ -83,7 +83,7 @@ class Finding:
     def rate_error(self) -> float:
         """The greatest relative error of a sender's rate; 0 for a topic without a rate or a publisher."""
         expected_hz, rates_hz = self.expected_hz, self.seen.traffic.rates_hz
-        if expected_hz is None or self.row.rate_hz is None or not self.seen.publishers:
+        if expected_hz is None or self.row.rate_hz is None or not self.seen.publishers or self.row.on_demand:
             return 0.0
         if len(rates_hz) == len(self.seen.publishers):
             return max(abs(rate_hz / self.row.rate_hz - 1.0) for rate_hz in rates_hz)
@@ -117,7 +117,7 @@ def judge(row: Topic, seen: Seen, nodes: frozenset[str], tolerance: float) -> Fi
         return Finding(row, seen, Verdict.WRONG, tuple(problems))
     if not seen.publishers:
         return Finding(row, seen, Verdict.NOT_RUN, ())
-    quiet = row.rate_hz is None and seen.traffic.age_s is None
+    quiet = (row.rate_hz is None or row.on_demand) and seen.traffic.age_s is None
     return Finding(row, seen, Verdict.QUIET if quiet else Verdict.OK, ())
 
 
@@ -157,7 +157,7 @@ def _stranger_problems(row: Topic, seen: Seen) -> list[str]:
 
 def _traffic_problems(finding: Finding, tolerance: float) -> list[str]:
     expected_hz, traffic = finding.expected_hz, finding.seen.traffic
-    if expected_hz is None:
+    if expected_hz is None or finding.row.on_demand:
         return []
     if traffic.age_s is None:
         return ["advertised, but nothing is sent"]

@@ -151,6 +151,7 @@ DOCKING_CMD_VEL = Topic(
     "velocity in base_link while docking owns the motion",
     rate_hz=20.0,
     stale_s=0.2,
+    on_demand=True,
 )
 TELEOP_CMD_VEL = Topic(
     "/teleop/cmd_vel",
@@ -161,6 +162,7 @@ TELEOP_CMD_VEL = Topic(
     "velocity in base_link from a person's hand; highest of the three command sources",
     rate_hz=20.0,
     stale_s=0.2,
+    on_demand=True,
 )
 
 # --- pose and navigation ------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -157,6 +157,8 @@ class DockingParams(Config):
     detections_timeout_s: Positive
     engine_poll_hz: Positive
     corrections_file: str
+    language: Literal["en", "ja", "zh"]
+    ehmi_volume: Annotated[int, Field(ge=0, le=10)]
     target: TargetParams
     motion: MotionParams
     staging: StagingParams

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from std_msgs.msg import Bool
 
 from custom_msgs.msg import ArucoDetectionArray, SafetyStatus
 from robot_stack.contract import frames, topics
@@ -18,11 +16,12 @@ from robot_stack.docking.latch import LatchCommand
 from robot_stack.docking.nodes.corrections import CorrectionsFile
 from robot_stack.docking.nodes.docking_actions import DockingActions
 from robot_stack.docking.nodes.latch_io import LatchIo
-from robot_stack.docking.nodes.messages import markers, safety, status, wheel_force
+from robot_stack.docking.nodes.messages import markers, safety, wheel_force
+from robot_stack.docking.nodes.outputs import DockingOutputs
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.results import DockCode, Result, UndockCode
 from robot_stack.docking.situation import Output, Situation
-from robot_stack.ros.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg, twist_stamped
+from robot_stack.ros.conversions import pose_from_msg, time_to_s, twist_from_msg
 from robot_stack.ros.node import StackNode, run
 
 assert topics.DOCKING_CMD_VEL.rate_hz is not None
@@ -38,17 +37,14 @@ class DockingNode(StackNode):
         super().__init__("docking_controller", DockingParams)
         self._docks = load_docks()
         self._file = CorrectionsFile(self.params.corrections_file)
-        corrections, problem = self._file.load()
+        self._corrections, problem = self._file.load()
         if problem:
             self.get_logger().error(f"nothing learnt before is used: {problem}")
         cameras = {frame: mounting(self.robot, frame) for frame in (frames.FRONT_CAMERA, frames.REAR_CAMERA)}
-        self._controller = DockingController(self.params, cameras, corrections)
-        self._known_corrections = dict(corrections)
+        self._controller = DockingController(self.params, cameras, self._corrections)
         self._latch = LatchIo(self.robot.latch, self.params.engine_poll_hz)
-        self._owns_motion = self._asserted = False
-        self._attached: bool | None = None
+        self._outputs = DockingOutputs(self, self.params)
         self._ticks = 0
-        self._advertise()
         self._odom = self.subscribe(topics.ODOM, self._on_odometry)
         self._pose = self.subscribe(topics.CURRENT_POSE)
         self._detections = self.subscribe(topics.ARUCO_DETECTIONS, self._on_detections)
@@ -57,13 +53,6 @@ class DockingNode(StackNode):
         self._limit = self.subscribe(topics.VELOCITY_LIMIT)
         self._actions = DockingActions(self, self._begin_dock, self._begin_undock)
         self.every(_TICK_HZ, self._tick)
-
-    def _advertise(self) -> None:
-        self._status = self.advertise(topics.DOCKING_STATUS)
-        self._cmd_vel = self.advertise(topics.DOCKING_CMD_VEL)
-        self._passenger = self.advertise(topics.PASSENGER_ATTACHED)
-        self._goal = self.advertise(topics.GOAL_POSE)
-        self._stop = self.advertise(topics.EMERGENCY_STOP)
 
     # --- inputs ------------------------------------------------------------------------------------------------------
 
@@ -76,6 +65,15 @@ class DockingNode(StackNode):
 
     def _on_detections(self, message: ArucoDetectionArray) -> None:
         self._controller.on_markers(markers(message))
+
+    def _on_safety_status(self, message: SafetyStatus) -> None:
+        was_stopped = self.emergency_stop
+        super()._on_safety_status(message)
+        if was_stopped and not self.emergency_stop:
+            self._outputs.released()
+
+    def on_emergency_stop(self) -> None:
+        self._outputs.stand()
 
     def _begin_dock(self, dock_id: str, approach_only: bool) -> Result | None:
         dock = self._docks.docks.get(dock_id)
@@ -94,14 +92,10 @@ class DockingNode(StackNode):
     def _tick(self) -> None:
         output = self._controller.tick(self._situation())
         self._latch.command(output.latch)
-        self._move(output)
-        self._send_goal(output)
-        self._tell_attached(output)
-        if output.emergency:
-            self._assert_stop()
+        self._outputs.act(output)
         self._ticks += 1
         if self._ticks % _TICKS_PER_STATUS == 0:
-            self._status.publish(status(output, self._controller.eyes.visible_markers, self.stamp()))
+            self._outputs.tell(output, self._controller.eyes.visible_markers)
             self._actions.tell(output)
             self._tell(output)
         self._end_jobs(output)
@@ -109,13 +103,12 @@ class DockingNode(StackNode):
     def _situation(self) -> Situation:
         now_s = self.now_s()
         odom, twist = self._odometry(now_s)
-        limit = self._limit.latest
-        pose = self._pose.latest if self._pose.fresh() else None
-        plan = self._plan.latest
+        limit, plan = self._limit.latest, self._plan.latest
+        pose = pose_from_msg(self._pose.latest.pose) if self._pose.fresh() else None
         images_s = 0.0 if self._detections.latest is None else time_to_s(self._detections.latest.header.stamp)
         return Situation(
             now_s=now_s,
-            located=None if pose is None else _finite(pose_from_msg(pose.pose)),
+            located=pose if pose is not None and pose.is_finite() else None,
             odom=odom,
             twist=twist,
             safety=safety(
@@ -141,64 +134,26 @@ class DockingNode(StackNode):
         ahead_s = min(max(now_s - time_to_s(message.header.stamp), 0.0), self.params.motion.max_extrapolation_s)
         return pose.compose(exp_se2(twist, ahead_s)), twist
 
-    # --- outputs -----------------------------------------------------------------------------------------------------
-
-    def _move(self, output: Output) -> None:
-        """Commands while docking owns the motion, and one last zero when it gives it up."""
-        if output.twist is not None or self._owns_motion:
-            self._command(output.twist or ZERO_TWIST)
-        self._owns_motion = output.twist is not None
-
-    def _command(self, twist: Twist2) -> None:
-        self._cmd_vel.publish(twist_stamped(twist, frames.BASE_LINK, self.stamp()))
-
-    def _send_goal(self, output: Output) -> None:
-        if output.goal is not None:
-            self._goal.publish(pose_stamped(output.goal, frames.MAP, self.stamp()))
-        elif output.cancel_goal:
-            self._goal.publish(PoseStamped())
-
-    def _tell_attached(self, output: Output) -> None:
-        if output.attached is not None and output.attached != self._attached:
-            self._attached = output.attached
-            self._passenger.publish(Bool(data=output.attached))
-
-    def _assert_stop(self) -> None:
-        self.get_logger().error("emergency stop: the latch has let go of the wheelchair by itself")
-        self._asserted = True
-        self._stop.publish(Bool(data=True))
-
     def _end_jobs(self, output: Output) -> None:
         result = output.result
         if result is None and self._actions.cancel_requested:
             result = self._controller.cancel()
-            self._command(ZERO_TWIST)
+            self._outputs.command(ZERO_TWIST)
             self._latch.command(LatchCommand.HOLD)
         if result is None:
             return
         self.get_logger().info(f"ended: {result.code.name}{': ' if result.reason else ''}{result.reason}")
         self._actions.end(result)
-        if self._controller.corrections != self._known_corrections:
-            self._known_corrections = dict(self._controller.corrections)
-            problem = self._file.save(self._known_corrections)
+        if self._controller.corrections != self._corrections:
+            self._corrections = dict(self._controller.corrections)
+            problem = self._file.save(self._corrections)
             if problem:
                 self.get_logger().error(problem)
 
-    def on_emergency_stop(self) -> None:
-        if self._owns_motion:
-            self._command(ZERO_TWIST)
-
-    def _on_safety_status(self, message: SafetyStatus) -> None:
-        was_stopped = self.emergency_stop
-        super()._on_safety_status(message)
-        if self._asserted and was_stopped and not self.emergency_stop:
-            # Both keys have released: a node that starts later must not be stopped by this old message.
-            self._asserted = False
-            self._stop.publish(Bool(data=False))
+    # --- end ---------------------------------------------------------------------------------------------------------
 
     def safe_output(self) -> None:
-        if self._owns_motion:
-            self._command(ZERO_TWIST)
+        self._outputs.stand()
 
     def destroy_node(self) -> None:
         self._latch.close()
@@ -206,20 +161,15 @@ class DockingNode(StackNode):
 
     def _tell(self, output: Output) -> None:
         inputs = self._latch.inputs
-        known = inputs.known
-        self.set_health(known, output.text if known else "waiting for the engine's inputs")
+        self.set_health(inputs.known, output.text if inputs.known else "waiting for the engine's inputs")
         self.report.values = {
             "state": output.state.value,
             "doing": output.text,
             "try": str(output.tries),
-            "latch": f"closed={int(inputs.closed)} open={int(inputs.open)}" if known else "unknown",
+            "latch": f"closed={int(inputs.closed)} open={int(inputs.open)}" if inputs.known else "unknown",
             "latch problem": self._latch.problem,
             "learnt": ", ".join(f"{name} ({item.dockings})" for name, item in self._controller.corrections.items()),
         }
-
-
-def _finite(pose: Pose2) -> Pose2 | None:
-    return pose if pose.is_finite() else None
 
 
 def main() -> None:

@@ -126,6 +126,12 @@ def test_topic_of_every_node_is_expected_from_each_at_its_rate() -> None:
     assert judge(topics.HEARTBEAT, fewer, NODES, 0.1).problems == ("not published by imu_driver",)
 
 
+def test_a_topic_on_demand_may_be_silent() -> None:
+    never = replace(healthy(topics.DOCKING_CMD_VEL, "docking_controller"), traffic=Traffic(0, 4.0, None))
+    finding = judge(topics.DOCKING_CMD_VEL, never, NODES | {"docking_controller"}, 0.1)
+    assert (finding.verdict, finding.rate_error) == (Verdict.QUIET, 0.0)
+
+
 def test_silent_publisher_is_named() -> None:
     never = replace(healthy(topics.ODOM, "swerve_controller"), traffic=Traffic(0, 4.0, None))
     assert judge(topics.ODOM, never, NODES, 0.1).problems == ("advertised, but nothing is sent",)

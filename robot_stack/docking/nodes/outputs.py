@@ -1,0 +1,85 @@
+"""What the docking controller publishes: motion, goals, status, the passenger, and what people are told."""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import PoseStamped
+from std_msgs.msg import Bool
+
+from custom_msgs.msg import EHMIState
+from robot_stack.contract import frames, topics
+from robot_stack.core.geometry import ZERO_TWIST, Twist2
+from robot_stack.docking.nodes.messages import status
+from robot_stack.docking.params import DockingParams
+from robot_stack.docking.situation import Output
+from robot_stack.docking.states import State
+from robot_stack.ros.conversions import pose_stamped, twist_stamped
+from robot_stack.ros.node import StackNode
+
+_DISPLAYS = {
+    State.APPROACH: EHMIState.APPROACHING_CHAIR,
+    State.SEARCH: EHMIState.DOCKING,
+    State.SERVOING: EHMIState.DOCKING,
+    State.FINE_ALIGN: EHMIState.DOCKING,
+    State.DOCKED: EHMIState.DOCKING_COMPLETE,
+    State.FAILED: EHMIState.DOCKING_FAILED,
+}
+
+
+class DockingOutputs:
+    """Publishers of the node ``docking_controller``, and what they have said last."""
+
+    def __init__(self, node: StackNode, params: DockingParams) -> None:
+        self._node, self._params = node, params
+        self._status = node.advertise(topics.DOCKING_STATUS)
+        self._cmd_vel = node.advertise(topics.DOCKING_CMD_VEL)
+        self._passenger = node.advertise(topics.PASSENGER_ATTACHED)
+        self._goal = node.advertise(topics.GOAL_POSE)
+        self._stop = node.advertise(topics.EMERGENCY_STOP)
+        self._ehmi = node.advertise(topics.EHMI_STATE_COMMAND)
+        self._owns_motion = self._asserted = False
+        self._attached: bool | None = None
+        self._shown: int | None = None
+
+    def act(self, output: Output) -> None:
+        """Everything that must not wait: motion, goal, passenger, stop."""
+        if output.twist is not None or self._owns_motion:  # and one last zero when docking gives the motion up
+            self.command(output.twist or ZERO_TWIST)
+        self._owns_motion = output.twist is not None
+        if output.goal is not None:
+            self._goal.publish(pose_stamped(output.goal, frames.MAP, self._node.stamp()))
+        elif output.cancel_goal:
+            self._goal.publish(PoseStamped())
+        if output.attached is not None and output.attached != self._attached:
+            self._attached = output.attached
+            self._passenger.publish(Bool(data=output.attached))
+        if output.emergency:
+            self._node.get_logger().error(f"emergency stop: {output.text}")
+            self._asserted = True
+            self._stop.publish(Bool(data=True))
+
+    def tell(self, output: Output, visible_markers: int) -> None:
+        """/docking/status, and the external display where no mission manager speaks to it: it shall hear one voice."""
+        stamp = self._node.stamp()
+        self._status.publish(status(output, visible_markers, stamp))
+        display = _DISPLAYS.get(output.state)
+        if display is None or display == self._shown:
+            return
+        self._shown = display
+        if not self._node.count_publishers(topics.MISSION_STATUS.name):
+            message = EHMIState(state_num=display, language=self._params.language, volume=self._params.ehmi_volume)
+            message.header.stamp = stamp
+            self._ehmi.publish(message)
+
+    def command(self, twist: Twist2) -> None:
+        self._cmd_vel.publish(twist_stamped(twist, frames.BASE_LINK, self._node.stamp()))
+
+    def stand(self) -> None:
+        """Zero at once, if docking owns the motion."""
+        if self._owns_motion:
+            self.command(ZERO_TWIST)
+
+    def released(self) -> None:
+        """Both keys have released: a node that starts later must not be stopped by our old message."""
+        if self._asserted:
+            self._asserted = False
+            self._stop.publish(Bool(data=False))

@@ -1,0 +1,109 @@
+"""The whole stack with a wheelchair in front of it, as tests dock, disturb and watch it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from rclpy.action import ActionClient
+
+from custom_msgs.action import Dock, Undock
+from custom_msgs.srv import InjectFault
+from robot_stack.contract import actions, services, topics
+from robot_stack.core.docks import load_docks
+from robot_stack.core.geometry import Pose2, yaw_from_quaternion
+from robot_stack.ros.conversions import pose_from_msg
+from tests.support.stack import StackUnderTest
+from tests.support.waiting import wait_for
+
+DOCK = "chair_1"
+DOCKING_S = 60.0  # one try takes 20 s; on a slow machine more
+
+
+class Goal:
+    """A goal of one of the docking actions. ``states``: of its feedback, in order."""
+
+    def __init__(self, client: ActionClient, goal: Any) -> None:
+        self.states: list[str] = []
+        self.result: Any = None
+        self._sent = client.send_goal_async(goal, feedback_callback=self._on_feedback)
+        wait_for(self._sent.done, "an answer to the goal")
+        self.handle = self._sent.result()
+        assert self.handle.accepted
+        self.handle.get_result_async().add_done_callback(self._on_result)
+
+    def _on_feedback(self, message: Any) -> None:
+        if not self.states or self.states[-1] != message.feedback.state:
+            self.states.append(message.feedback.state)
+
+    def _on_result(self, future: Any) -> None:
+        self.result = future.result().result
+
+    def wait(self, deadline_s: float = DOCKING_S) -> Any:
+        wait_for(lambda: self.result is not None, f"the result; states so far {self.states}", deadline_s)
+        return self.result
+
+
+class DockingStackUnderTest(StackUnderTest):
+    """The robot starts near the staging pose of the dock and believes to stand at it exactly."""
+
+    def __init__(self, logs: Path, start: Pose2, *settings: str) -> None:
+        self.dock = load_docks().docks[DOCK]
+        staging = self.dock.staging.pose()
+        chair = staging.compose(Pose2(1.5, 0.0, 0.0)).compose(self.dock.dock_pose.pose().inverse())
+        place = staging.compose(start)
+        super().__init__(
+            logs,
+            "sim_world.world=flat",
+            "camera_driver.world=flat",
+            *_pose("sim_world.start", place),
+            *_pose("sim_world.wheelchair", chair),
+            *_pose("localization.start", staging),
+            *settings,
+        )
+        self.status = self.peer.listen(topics.DOCKING_STATUS)
+        self.docking_command = self.peer.listen(topics.DOCKING_CMD_VEL)
+        self.passenger = self.peer.listen(topics.PASSENGER_ATTACHED)
+        self.bodies = self.peer.listen(topics.SIM_BODIES)
+        self._dock = ActionClient(self.peer.node, Dock, actions.DOCK.name)
+        self._undock = ActionClient(self.peer.node, Undock, actions.UNDOCK.name)
+        wait_for(lambda: self._dock.server_is_ready() and self._undock.server_is_ready(), "the docking actions")
+        self.status.wait(lambda _: True, "a docking status")
+
+    def begin_docking(self) -> Goal:
+        return Goal(self._dock, Dock.Goal(dock_id=DOCK))
+
+    def begin_undocking(self) -> Goal:
+        return Goal(self._undock, Undock.Goal())
+
+    def reach(self, state: str, deadline_s: float = DOCKING_S) -> None:
+        self.status.wait(lambda message: message.state == state, f"docking state {state}", deadline_s)
+
+    def inject_camera(self, kind: str, target: str = "", value: float = 0.0, duration_s: float = 0.0) -> None:
+        request = InjectFault.Request(kind=kind, target=target, value=value, duration_s=duration_s)
+        answer = self.peer.call(services.INJECT_CAMERA_FAULT, request)
+        assert answer.success, answer.message
+
+    def make_ready(self) -> None:
+        self.inject_camera("clear")
+        super().make_ready()
+
+    def error(self) -> tuple[float, float]:
+        """(m, rad) of base_link beside the dock pose of the true wheelchair."""
+        frames = {item.child_frame_id: item.transform for item in self.bodies.last.transforms}
+        chair, robot = (_planar(frames[name]) for name in ("wheelchair", "base_link"))
+        off = robot.relative_to(chair.compose(self.dock.dock_pose.pose()))
+        return math.hypot(off.x, off.y), abs(off.yaw)
+
+    def at(self) -> Pose2:
+        return pose_from_msg(self.truth.last.pose.pose)
+
+
+def _pose(prefix: str, pose: Pose2) -> list[str]:
+    return [f"{prefix}_x_m={pose.x}", f"{prefix}_y_m={pose.y}", f"{prefix}_yaw_rad={pose.yaw}"]
+
+
+def _planar(transform: Any) -> Pose2:
+    q, p = transform.rotation, transform.translation
+    return Pose2(p.x, p.y, yaw_from_quaternion(q.x, q.y, q.z, q.w))
