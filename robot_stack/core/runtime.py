@@ -32,13 +32,15 @@ def runtime_dir() -> Path:
     return folder
 
 
-def state_dir() -> Path:
-    """The folder of this domain for what outlives a reboot: ``$XDG_STATE_HOME/robot_stack/domain-<id>``.
+def state_home() -> Path:
+    """The user's folder for what outlives a reboot: ``$XDG_STATE_HOME/robot_stack``, else in ``~/.local/state``."""
+    home = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(home) / "robot_stack"
 
-    The XDG default is ``~/.local/state``. The folder need not exist yet.
-    """
-    state_home = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(state_home) / "robot_stack" / f"domain-{ros_domain_id()}"
+
+def state_dir() -> Path:
+    """The part of :func:`state_home` that belongs to this ROS domain. It need not exist yet."""
+    return state_home() / f"domain-{ros_domain_id()}"
 
 
 def _shared_memory() -> Path:

@@ -18,7 +18,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from robot_stack.core.geometry import Pose2
-from robot_stack.core.runtime import ros_domain_id
+from robot_stack.core.runtime import state_dir
 from robot_stack.mission.model import Mission
 from robot_stack.mission.perform import JournalDamaged, JournalError
 from robot_stack.mission.record import Record, problem_of
@@ -42,9 +42,8 @@ _PRUNE = f"DELETE FROM history WHERE number <= (SELECT max(number) FROM history)
 
 
 def default_journal_path() -> Path:
-    """``$XDG_STATE_HOME/robot_stack/domain-<id>/mission.db``; the XDG default is ``~/.local/state``."""
-    state_home = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(state_home) / "robot_stack" / f"domain-{ros_domain_id()}" / "mission.db"
+    """``mission.db`` in the state folder of this domain."""
+    return state_dir() / "mission.db"
 
 
 class SqliteJournal:

@@ -8,12 +8,13 @@ import shutil
 from datetime import datetime
 from pathlib import Path
 
+from robot_stack.core.runtime import state_home
+
 _RUN = re.compile(r"\d{8}-\d{6}(-\d+)?-domain-\d+")
 
 
 def default_log_dir() -> Path:
-    state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(state) / "robot_stack" / "logs"
+    return state_home() / "logs"
 
 
 def new_run(log_dir: Path, domain: int, now: datetime, keep_runs: int) -> Path:

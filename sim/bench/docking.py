@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import multiprocessing
 import os
+import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -75,7 +76,7 @@ def run(
         raise BenchError(f"runs must be at least 1 and untaught_every at least 2, are {runs} and {untaught_every}")
     trials = [draw(seed + k, taught=k % untaught_every != 0) for k in range(runs)]
     with multiprocessing.get_context("spawn").Pool(workers or os.cpu_count()) as pool:
-        outcomes = list(pool.imap_unordered(dock, trials))
+        outcomes = _counted(pool.imap_unordered(dock, trials), runs)
     figures = {**_figures([o for o in outcomes if o.trial.taught]), **_all(outcomes)}
     untaught = [o for o in outcomes if not o.trial.taught and math.isfinite(o.error_mm)]
     if untaught:
@@ -92,6 +93,16 @@ def run(
         "failures": [{**asdict(o.trial), "code": o.code, "reason": o.reason} for o in outcomes if not o.success],
         "time": "simulated, from the staging pose to the closed latch and what it taught",
     }
+
+
+def _counted(outcomes: Iterable[Outcome], runs: int) -> list[Outcome]:
+    """All outcomes; a terminal shows how many there are, because 200 runs take ten minutes."""
+    done: list[Outcome] = []
+    for outcome in outcomes:
+        done.append(outcome)
+        if sys.stderr.isatty():
+            print(f"\r{len(done)} of {runs} runs", end="\n" if len(done) == runs else "", file=sys.stderr, flush=True)
+    return done
 
 
 def draw(seed: int, *, taught: bool) -> Trial:

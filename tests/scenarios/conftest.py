@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.support.domains import held_domain
+from tests.support.environment import stack_environment
 
 if TYPE_CHECKING:
     from tests.support.stack import StackUnderTest
@@ -18,22 +16,12 @@ if TYPE_CHECKING:
 @pytest.fixture(scope="module")
 def module_stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StackUnderTest]:
     folder = tmp_path_factory.mktemp("stack")
-    with held_domain() as domain, pytest.MonkeyPatch.context() as monkeypatch:
-        runtime = Path(f"/dev/shm/robot_stack_test-{domain}")
-        shutil.rmtree(runtime, ignore_errors=True)
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        monkeypatch.setenv("ROS_LOG_DIR", str(folder / "ros_log"))
-        monkeypatch.setenv("XDG_STATE_HOME", str(folder / "state"))
-        monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(runtime))
-        from robot_stack.ros import transport
+    with stack_environment(folder):
         from tests.support.stack import StackUnderTest
 
-        transport.apply()
-        stack = StackUnderTest(folder / "logs", "sim_world.world=flat")
+        stack = StackUnderTest(folder / "logs", "sim_world.world=flat", "camera_driver.world=flat")
         yield stack
         stack.close()
-        shutil.rmtree(runtime, ignore_errors=True)
 
 
 @pytest.fixture

@@ -6,15 +6,13 @@ Every state's reaction to every fault is tested tick by tick in tests/unit/docki
 from __future__ import annotations
 
 import math
-import shutil
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from robot_stack.core.geometry import Pose2
-from tests.support.domains import held_domain
+from tests.support.environment import stack_environment
 from tests.support.waiting import wait_for
 
 if TYPE_CHECKING:
@@ -26,23 +24,13 @@ pytestmark = pytest.mark.timeout(240)
 @pytest.fixture(scope="module")
 def module_docking(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DockingStackUnderTest]:
     folder = tmp_path_factory.mktemp("docking")
-    with held_domain() as domain, pytest.MonkeyPatch.context() as monkeypatch:
-        runtime = Path(f"/dev/shm/robot_stack_test-{domain}")
-        shutil.rmtree(runtime, ignore_errors=True)
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        monkeypatch.setenv("ROS_LOG_DIR", str(folder / "ros_log"))
-        monkeypatch.setenv("XDG_STATE_HOME", str(folder / "state"))
-        monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(runtime))
-        from robot_stack.ros import transport
+    with stack_environment(folder):
         from tests.support.docking_stack import DockingStackUnderTest
 
-        transport.apply()
         start = Pose2(0.2, 0.3, math.radians(10.0))
         stack = DockingStackUnderTest(folder / "logs", start, "docking_controller.tries=2")
         yield stack
         stack.close()
-        shutil.rmtree(runtime, ignore_errors=True)
 
 
 @pytest.fixture
