@@ -158,7 +158,7 @@ def stack_of(trial: Trial) -> DockingStack:
         slope_rad=trial.slope_rad,
         slope_direction_rad=trial.slope_direction_rad,
     )
-    return DockingStack(setup, _DOCK, light_of(trial), camera_seed=trial.seed, located_by=lambda _: staging)
+    return DockingStack(setup, _DOCK, light_of(trial), located_by=lambda _: staging)
 
 
 def dock_nominal() -> Pose2:

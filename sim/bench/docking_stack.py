@@ -52,6 +52,7 @@ _SEARCHED_S = 0.035  # transfer of the image, search, transfer of the detections
 _IMAGE_TIMEOUT_S = 0.5
 _FIRST_TICKS_S = 1.0  # the latch's inputs are known by then
 _CHAIR = "wheelchair"
+_CAMERAS = (frames.FRONT_CAMERA, frames.REAR_CAMERA)
 _SEARCHING = (State.APPROACH, State.SEARCH, State.SERVOING, State.FINE_ALIGN, State.DOCKED)
 Light = Callable[[float], Conditions]
 
@@ -72,8 +73,7 @@ class DockingSample:
 class DockingStack(KernelStack):
     """``dock_id`` is docked to by ``run_docking``.
 
-    light: the conditions of the pictures by time. camera_seed: draws the true camera. located_by: what the localization
-    makes of the pose that it would tell.
+    light: the conditions of the pictures by time. located_by: what the localization makes of the pose that it would tell.
     """
 
     def __init__(
@@ -81,7 +81,6 @@ class DockingStack(KernelStack):
         setup: Setup,
         dock_id: str,
         light: Light = lambda _: CLEAR,
-        camera_seed: int = 0,
         corrections: Mapping[str, Correction] | None = None,
         located_by: Callable[[Pose2], Pose2] = lambda pose: pose,
     ) -> None:
@@ -89,7 +88,7 @@ class DockingStack(KernelStack):
         docks = load_docks()
         self.dock_id, self.dock = dock_id, docks.docks[dock_id]
         self._light, self._located_by = light, located_by
-        self._eye = Eye(self.dock, setup, camera_seed)
+        self._eye = Eye(self.dock, setup)
         self.params = load(DockingParams, "docking_controller")
         self.controller = DockingController(self.params, {self._eye.frame: self._eye.nominal}, corrections)
         self._bodies = BodyHistory()
@@ -236,13 +235,14 @@ class DockingStack(KernelStack):
 class Eye:
     """A true camera, what the stack believes of it, and the detector behind it."""
 
-    def __init__(self, dock: Dock, setup: Setup, camera_seed: int) -> None:
+    def __init__(self, dock: Dock, setup: Setup) -> None:
         docks, params = load_docks(), load_camera_params()
         self.frame = {"front": frames.FRONT_CAMERA, "rear": frames.REAR_CAMERA}[dock.camera]
         self.dock = dock
         self._calibrated: Intrinsics = load_intrinsics(camera_file(self.frame))
         self.nominal: Array = mounting(load_robot(), self.frame)
-        random = np.random.default_rng([setup.seed, camera_seed])
+        # As the node camera_driver draws its cameras: the same seed is the same camera.
+        random = np.random.default_rng([setup.seed, _CAMERAS.index(self.frame)])
         camera = draw_camera(self.frame, self._calibrated, self.nominal, params, random)
         scenery = build_scenery(solids(setup.world), docks)
         self._renderer = Renderer(camera, docks, params, random, scenery)

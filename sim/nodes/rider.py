@@ -52,6 +52,11 @@ class Rider:
     def __exit__(self, *_: object) -> None:
         self._operator.__exit__()
 
+    @property
+    def operator(self) -> Operator:
+        """Whose node listens and speaks."""
+        return self._operator
+
     def now_s(self) -> float:
         return time.monotonic() - self._begun_s
 
