@@ -73,7 +73,7 @@ class DockingSample:
 class DockingStack(KernelStack):
     """``dock_id`` is docked to by ``run_docking``.
 
-    light: the conditions of the pictures by time. located_by: what the localization makes of the pose that it would tell.
+    light: the conditions of the pictures by time. located_by: makes of a pose what the localization shall tell instead.
     """
 
     def __init__(

@@ -18,7 +18,7 @@ _ANSWER_S = 20.0
 
 @dataclass(frozen=True, slots=True)
 class LiveOutcome:
-    """Errors: base_link beside the dock pose at DOCKED, before the latch drew it in. Time from the goal's acceptance."""
+    """Errors: base_link beside the dock pose at DOCKED, before the latch drew it in. time_s: of the action."""
 
     success: bool
     code: int

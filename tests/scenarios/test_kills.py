@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from typing import TYPE_CHECKING
 
 import pytest
 
+from robot_stack.supervisor.control import ask
 from tests.support.waiting import wait_for
 
 if TYPE_CHECKING:
@@ -82,3 +84,32 @@ def test_a_mission_survives_its_manager_and_waits_for_a_person(stack: StackUnder
     stack.wait_safety("NORMAL")
     stack.command_until("RESUME", "RUNNING")
     stack.mission.wait(lambda m: m.state == "COMPLETED", "the mission is completed", 60.0)
+
+
+def test_a_pause_of_the_whole_machine_is_no_fault(stack: StackUnderTest) -> None:
+    stack.drive_at(0.4)
+    count = len(stack.safety.items)
+    pause(stack, 0.12)
+    wait_for(lambda: len(stack.safety.items) > count + 15, "the safety monitor's status after the pause")
+    assert not [m.active_faults for m in stack.safety.messages[count:] if m.safety_state == "EMERGENCY_STOP"]
+    wait_for(lambda: stack.speed_mps > 0.3, "the robot goes on")
+
+
+def test_a_longer_pause_ends_in_a_stop_that_an_operator_can_release(stack: StackUnderTest) -> None:
+    stack.drive_at(0.4)
+    pause(stack, 0.8)
+    stack.wait_safety("EMERGENCY_STOP")
+    stack.wait_stands(5.0)
+    stack.let_go()
+    stack.release()
+    stack.wait_safety("NORMAL")
+
+
+def pause(stack: StackUnderTest, seconds: float) -> None:
+    """All processes of the stack stand still for so long, as on a virtual machine that is held."""
+    pids = [int(item["pid"]) for item in ask("status")["processes"]]
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    time.sleep(seconds)
+    for pid in pids:
+        os.kill(pid, signal.SIGCONT)
