@@ -9,11 +9,16 @@ import threading
 import time
 from collections.abc import Callable
 
+from robot_stack.core.pauses import PauseBudget
 from robot_stack.wmx import EngineError, MotionEngine, connect
 from robot_stack.wmx.axes import StatusSnapshot
 
 # A process that was held up runs its threads in any order: so long the executor lets this one go first.
 _CATCH_UP_S = 0.005
+# A thread that did not run for so long was held up, and with it perhaps the whole machine: the engine's status is then
+# as old as the pause, until the engine has run again. So long it is given before it counts as silent.
+_HELD_UP_S = 0.03
+_PATIENCE_S = 0.05
 # A device that cannot be opened or read is tried anew this often.
 _RETRY_S = 0.2
 
@@ -56,9 +61,16 @@ class EngineView:
             self._thread.join(timeout=2.0)
 
     def _follow(self) -> None:
-        due_s = time.monotonic()
+        due_s = before_s = patient_until_s = time.monotonic()
+        pauses = PauseBudget(due_s)
         while not self._end.is_set():
-            self._on_status(self._read())
+            now_s = time.monotonic()
+            late_s, before_s = now_s - before_s - self._period_s, now_s
+            if late_s > _HELD_UP_S:
+                patient_until_s = now_s + min(_PATIENCE_S, pauses.excuse(late_s, now_s))
+            status = self._read()
+            if status is not None or now_s >= patient_until_s:
+                self._on_status(status)
             self._polled_at_s = time.monotonic()
             self._polled.set()
             if self._engine is None:
