@@ -103,6 +103,8 @@ class DockingController:
             return Result(DockCode.BUSY, f"busy: {self._text}")
         if self._keeper.attached:
             return Result(DockCode.ALREADY_ATTACHED, "a wheelchair is attached already")
+        if self._state is State.DOCKED:
+            return Result(DockCode.ALREADY_ATTACHED, f"docked at {self._dock_id!r}: undock first")
         if self._keeper.attached is None:
             return Result(DockCode.LATCH_FAILED, "the latch's inputs cannot be read")
         self._dock_id, self._dock = dock_id, dock
@@ -163,6 +165,7 @@ class DockingController:
         dt_s = situation.now_s - self._now_s
         self._now_s = situation.now_s
         dt_s = min(dt_s, self._params.motion.longest_step_s) if dt_s > 0.0 else 0.0
+        was_busy = self.busy
         let_go = self._watch_latch(situation)
         view = self._view(situation, dt_s)
         failure = self._guard.check(situation, self._state, dt_s) if self.busy else None
@@ -173,7 +176,10 @@ class DockingController:
         else:
             step = self._phase.tick(view)
         output = self._act(step, view)
-        return replace(output, emergency=True) if let_go else output
+        if not let_go:
+            return output
+        ended = self._result(DockCode.LATCH_FAILED, _LET_GO, view) if was_busy else None
+        return replace(output, emergency=True, result=ended)
 
     def _act(self, step: Step, view: View) -> Output:
         was_driven = isinstance(self._phase, DriveToStaging)
@@ -296,7 +302,7 @@ class DockingController:
         let_go = self._keeper.update(situation.latch, may_open=may_open)
         if let_go:
             self._state, self._phase = State.FAILED, _Idle(_LET_GO)
-        elif self._keeper.attached and not self.busy and self._state is State.IDLE:
+        elif self._keeper.holding and not self.busy and self._state is State.IDLE:
             self._enter(Trigger.ATTACHED, Latched("docked"))
         return let_go
 

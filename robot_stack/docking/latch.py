@@ -73,7 +73,7 @@ class LatchKeeper:
 
     def __init__(self) -> None:
         self.attached: bool | None = None
-        self._holding = False
+        self.holding = False  # as the inputs said last
 
     def released(self) -> None:
         """The robot is clear of the wheelchair."""
@@ -87,10 +87,10 @@ class LatchKeeper:
         if not inputs.known:
             return False
         closed = inputs.closed and not inputs.open
-        let_go = self._holding and not closed and not may_open
+        let_go = self.holding and not closed and not may_open
         if closed and not may_open:
             self.attached = True
         elif self.attached is None:
             self.attached = False
-        self._holding = closed
+        self.holding = closed
         return let_go

@@ -51,7 +51,7 @@ def _rows(sources: tuple[State, ...], trigger: Trigger, target: State) -> tuple[
 
 
 TRANSITIONS: tuple[Transition, ...] = (
-    *_rows(_RESTING, Trigger.DOCK, State.APPROACH),
+    *_rows((State.IDLE, State.FAILED), Trigger.DOCK, State.APPROACH),
     *_rows((State.APPROACH,), Trigger.STAGED, State.SEARCH),
     *_rows((State.APPROACH,), Trigger.STAGED_ONLY, State.IDLE),
     *_rows((State.SEARCH,), Trigger.FOUND, State.SERVOING),

@@ -378,6 +378,40 @@ def test_a_latch_that_lets_go_by_itself_asks_for_an_emergency_stop_once() -> Non
     assert "let go" in bench.outputs[-1].text
 
 
+def test_a_latch_that_lets_go_before_the_docking_has_ended_ends_it() -> None:
+    bench = began(Bench())
+    assert bench.run(lambda: "once more" in bench.outputs[-1].text)
+    bench.latch_position = 3
+    result = bench.run_to_end(1.0)
+    assert result.code is DockCode.LATCH_FAILED
+    assert sum(output.emergency for output in bench.outputs) == 1
+    assert bench.state is State.FAILED
+    assert stands(bench)
+
+
+def test_an_undocking_that_is_cancelled_on_its_way_is_not_docked_and_can_be_finished() -> None:
+    bench = Bench().docked()
+    assert bench.controller.undock(bench.situation()) is None
+    bench.reach(State.SERVOING)
+    bench.run(lambda: False, 1.0)
+    result = bench.controller.cancel()
+    assert result is not None
+    assert result.code is UndockCode.CANCELED
+    bench.run(lambda: False, 1.0)
+    assert bench.state is State.IDLE
+    assert stands(bench)
+    assert bench.outputs[-1].attached is True
+    assert bench.controller.undock(bench.situation()) is None
+    assert bench.run_to_end().success
+
+
+def test_at_a_station_another_docking_needs_an_undocking_first() -> None:
+    result = Bench("charger", start=Pose2(1.5, 0.0, 0.0)).docked().begin()
+    assert result is not None
+    assert result.code is DockCode.ALREADY_ATTACHED
+    assert "charger" in result.reason
+
+
 def test_an_engine_that_cannot_be_read_changes_nothing_about_the_passenger() -> None:
     bench = Bench().docked()
     bench.faults.latch_dead = True
