@@ -13,12 +13,13 @@ FILES = {
     "U": "tests/unit/safety/test_stories.py",
     "N": "tests/nodes/test_safety_monitor.py",
     "B": "tests/nodes/test_emergency_stop_button.py",
+    "D": "tests/unit/docking/test_docking_jobs.py",
 }
 TEXT = (ROOT / "docs" / "safety.md").read_text()
 HAZARDS = TEXT.split("## Hazards")[1].split("## The two keys")[0]
 CLAIMS = [
     (FILES[where], name)
-    for where, names in re.findall(r"\b([UNB]) ((?:`[^`]+`(?:, )?)+)", HAZARDS.split("|---|---|---|---|---|")[1])
+    for where, names in re.findall(r"\b([UNBD]) ((?:`[^`]+`(?:, )?)+)", HAZARDS.split("|---|---|---|---|---|")[1])
     for name in re.findall(r"`([^`\[]+)[^`]*`", names)
 ]
 
