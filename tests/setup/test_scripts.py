@@ -82,15 +82,14 @@ def test_missing_compiler_is_named_with_advice() -> None:
     ],
 )
 def test_failed_tests_are_repeated_once_and_aloud(tmp_path: Path, codes: list[int], code: int, said: list[str]) -> None:
-    """The stage "tests" of launch_scripts/test, with a Python that ends with ``codes``, one at each call."""
-    stage = re.search(r"^tests\(\) \{$.*?^\}$", (SCRIPTS / "test").read_text(), re.DOTALL | re.MULTILINE)
-    assert stage is not None
-    cache = tmp_path / ".pytest_cache" / "v" / "cache"
+    """``tests`` of launch_scripts/lib/tests.sh, with a Python that ends with ``codes``, one at each call."""
+    functions = (SCRIPTS / "lib" / "tests.sh").read_text()
+    cache = tmp_path / ".pytest_cache" / "timed" / "v" / "cache"
     cache.mkdir(parents=True)
     (cache / "lastfailed").write_text('{\n  "tests/a.py::one": true,\n  "tests/b.py::two": true\n}')
     (tmp_path / "codes").write_text("".join(f"{item}\n" for item in codes))
     fake = 'python() { local c; c=$(head -n 1 codes); sed -i 1d codes; return "$c"; }'
-    script = f"set -uo pipefail\n{fake}\n{stage[0]}\ntests some/test.py\n"
+    script = f"set -uo pipefail\n{fake}\n{functions}\ntests timed some/test.py\n"
     done = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, [line.removeprefix("== tests: ") for line in done.stdout.splitlines()]) == (code, said)
     assert (tmp_path / "codes").read_text() == ""  # neither fewer calls nor more
