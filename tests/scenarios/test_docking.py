@@ -89,6 +89,7 @@ def test_a_controller_that_dies_with_a_wheelchair_comes_back_holding_it(docking:
     assert docking.status.last.state == "DOCKED", "this story goes on from the one before"
     pid = docking.kill("docking_controller")
     docking.wait_restarted("docking_controller", pid)
+    docking.forget_dead("docking_controller")
     docking.reach("DOCKED", 10.0)
     wait_for(lambda: docking.passenger.last.data is True, "a passenger aboard")
     before = docking.at()

@@ -80,6 +80,15 @@ class DockingStackUnderTest(StackUnderTest):
     def reach(self, state: str, deadline_s: float = DOCKING_S) -> None:
         self.status.wait(lambda message: message.state == state, f"docking state {state}", deadline_s)
 
+    def forget_dead(self, node: str) -> None:
+        """Waits until DDS has noticed that a killed process is gone: what is sent to it before is lost."""
+
+        def alone() -> bool:
+            infos = self.peer.node.get_publishers_info_by_topic(topics.DOCKING_STATUS.name)
+            return [info.node_name for info in infos] == [node] and self._dock.server_is_ready()
+
+        wait_for(alone, f"the killed {node} to be forgotten", 40.0)
+
     def inject_camera(self, kind: str, target: str = "", value: float = 0.0, duration_s: float = 0.0) -> None:
         request = InjectFault.Request(kind=kind, target=target, value=value, duration_s=duration_s)
         answer = self.peer.call(services.INJECT_CAMERA_FAULT, request)
