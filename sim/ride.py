@@ -36,10 +36,10 @@ class Ride:
     """
 
     samples: list[Sample] = field(default_factory=list)
-    wheelchair: list[tuple[float, Pose2]] = field(default_factory=list)
-    docking: list[tuple[float, str]] = field(default_factory=list)
     estimates: list[tuple[float, Pose2]] = field(default_factory=list)
     plans: list[tuple[float, Line]] = field(default_factory=list)
+    wheelchair: list[tuple[float, Pose2]] = field(default_factory=list)
+    docking: list[tuple[float, str]] = field(default_factory=list)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -99,8 +100,13 @@ def test_sigterm_ends_it_even_where_sigint_is_ignored(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (130, "\ndemo: interrupted; the stack is stopped\n")
 
 
-def test_mission_that_cannot_be_driven_is_refused(demo: Demo) -> None:
-    process = demo("--mission", "wheelchair_transport")
+def test_mission_that_cannot_be_driven_is_refused(demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = shutil.copytree(ROOT / "config", tmp_path / "config")
+    mission = (config / "missions" / "wheelchair_transport.yaml").read_text()
+    wrong = mission.replace("id: wheelchair_transport", "id: no_such_dock").replace("chair_1", "chair_9")
+    (config / "missions" / "no_such_dock.yaml").write_text(wrong)
+    monkeypatch.setenv("ROBOT_STACK_CONFIG", str(config))
+    process = demo("--mission", "no_such_dock")
     assert process.wait(90.0) == 1
     assert "demo: the mission was refused: " in process.output()
     assert stack_processes() == []

@@ -271,7 +271,7 @@ def test_a_result_that_never_comes(docking):
     assert docking.state is State.DOCKING
     docking.tick(1.0)
     assert docking.state is State.FAILED
-    assert docking.status.reason == "docking to chair_1 failed: no result within 120 s"
+    assert docking.status.reason == "docking to chair_1 failed: no result within 240 s"
     assert "cancel docking" in docking.log
 
 

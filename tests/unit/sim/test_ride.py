@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot_stack.core.geometry import Pose2
-from sim.ride import Ride, Sample, distance_m, distance_to_line_m, figures, tracking_errors_m
+from sim.ride import Ride, Sample, carriage, distance_m, distance_to_line_m, figures, tracking_errors_m
 from sim.ride_plots import draw_course, draw_map
 from sim.worldfile import load_world
 
@@ -85,3 +85,21 @@ def test_plots_are_drawn(tmp_path: Path) -> None:
     draw_course(tmp_path / "course.png", ride)
     for name in ("map.png", "course.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_became_of_the_wheelchair() -> None:
+    dock_pose = Pose2(-0.95, 0.0, 0.0)
+    ride = Ride(
+        [Sample(0.0, Pose2(0.0, 0.0, 0.0), 0.0), Sample(10.0, Pose2(1.052, 0.0, 0.0), 0.0)],
+        wheelchair=[(0.0, Pose2(2.0, 0.0, 0.0)), (10.0, Pose2(2.0, 0.0, 0.0)), (20.0, Pose2(5.0, 0.1, 0.0))],
+        docking=[(9.0, "FINE_ALIGN"), (10.0, "DOCKED"), (19.0, "IDLE")],
+    )
+    found = carriage(ride, dock_pose, Pose2(4.05, 0.0, 0.0))
+    assert found is not None
+    assert found.docked_mm == pytest.approx(2.0)
+    assert found.carried_m == pytest.approx(math.hypot(3.0, 0.1))
+    assert found.beside_m == pytest.approx(0.1)
+    assert carriage(Ride(), dock_pose, None) is None
+    never = carriage(Ride(wheelchair=ride.wheelchair), dock_pose, None)
+    assert never is not None
+    assert math.isnan(never.docked_mm)
