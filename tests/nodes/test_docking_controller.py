@@ -35,6 +35,7 @@ class Bench:
         self._dock = ActionClient(peer.node, Dock, actions.DOCK.name)
         self._undock = ActionClient(peer.node, Undock, actions.UNDOCK.name)
         start("sim_world")
+        start("swerve_hardware_interface")  # starts the engine's bus, without which no input can be read
         self.process = start("docking_controller")
         for row, make in (
             (topics.ODOM, self._odometry),
