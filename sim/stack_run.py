@@ -18,6 +18,7 @@ from robot_stack.supervisor.control import NotRunning
 from sim.nodes.scenario_runner import ScenarioNode
 from sim.notes import Notes, motion_figures
 from sim.scenario import Event, Scenario
+from sim.settings import pose_settings
 
 _READY_S = 60.0
 _HEARD_S = 20.0
@@ -61,14 +62,10 @@ def _settings(scenario: Scenario, folder: Path) -> list[str]:
     return [
         f"sim_world.world={scenario.world}",
         f"sim_world.seed={scenario.seed}",
-        f"sim_world.start_x_m={start.x}",
-        f"sim_world.start_y_m={start.y}",
-        f"sim_world.start_yaw_rad={start.yaw}",
+        *pose_settings("sim_world.start", start),
         f"sim_world.attached_at_start={'false' if passenger is None else 'true'}",
         *([] if passenger is None else [f"sim_world.passenger_mass_kg={passenger}"]),
-        f"localization.start_x_m={start.x}",
-        f"localization.start_y_m={start.y}",
-        f"localization.start_yaw_rad={start.yaw}",
+        *pose_settings("localization.start", start),
         # A journal of its own: this run neither meets nor leaves an unfinished mission.
         f"mission_manager.journal_file={folder / 'mission.db'}",
         *scenario.settings,

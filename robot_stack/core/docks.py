@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from robot_stack.contract.frames import FRONT_CAMERA, REAR_CAMERA
 from robot_stack.core.config import Config, load
 from robot_stack.core.geometry import Pose2
 
@@ -60,6 +61,11 @@ class Dock(Config):
     staging: Place
     dock_pose: Place
     markers: Annotated[dict[MarkerId, MarkerPlace], Field(min_length=1)]
+
+    @property
+    def camera_frame(self) -> str:
+        """Frame of the camera that sees its markers."""
+        return FRONT_CAMERA if self.camera == "front" else REAR_CAMERA
 
 
 class Docks(Config):

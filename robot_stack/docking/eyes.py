@@ -84,7 +84,7 @@ class Eyes:
         """Takes the markers of all cameras' newest images."""
         if self._dock is None:
             return
-        frame = f"{self._dock.camera}_camera"
+        frame = self._dock.camera_frame
         own = [item for item in markers if item.camera_frame == frame]
         seen = sighting(own, self._dock, self._mountings[frame])
         self.visible_markers = 0 if seen is None else seen.markers

@@ -10,8 +10,8 @@ from pathlib import Path
 from robot_stack.bench.framework import Aim
 from robot_stack.bench.stack import running_stack
 from robot_stack.core.docks import load_docks
-from robot_stack.core.geometry import Pose2
 from sim.bench.docking import Trial, dock, dock_nominal, draw
+from sim.settings import pose_settings
 
 NAME = "docking_live"
 AIMS = {"live_success_pct": Aim(">=", 100.0), "live_err_mm_max": Aim("<", 4.0)}
@@ -67,9 +67,5 @@ def _settings(trial: Trial, folder: Path) -> list[str]:
         f"sim_world.passenger_mass_kg={trial.passenger_kg}",
         f"mission_manager.journal_file={folder / 'mission.db'}",
         f"docking_controller.corrections_file={folder / 'corrections.yaml'}",
-        *(line for name, pose in places.items() for line in _pose(name, pose)),
+        *(line for name, pose in places.items() for line in pose_settings(name, pose)),
     ]
-
-
-def _pose(prefix: str, pose: Pose2) -> list[str]:
-    return [f"{prefix}_x_m={pose.x}", f"{prefix}_y_m={pose.y}", f"{prefix}_yaw_rad={pose.yaw}"]

@@ -43,7 +43,7 @@ from sim.camera.render import Renderer
 from sim.camera.scenery import build_scenery
 from sim.terrain import solids
 from sim.wheelchair import matrix_of
-from sim.world import Setup
+from sim.world import Setup, on_ground
 
 Array = NDArray[np.float64]
 _BODY_RATE_HZ = 100.0
@@ -237,7 +237,7 @@ class Eye:
 
     def __init__(self, dock: Dock, setup: Setup) -> None:
         docks, params = load_docks(), load_camera_params()
-        self.frame = {"front": frames.FRONT_CAMERA, "rear": frames.REAR_CAMERA}[dock.camera]
+        self.frame = dock.camera_frame
         self.dock = dock
         self._calibrated: Intrinsics = load_intrinsics(camera_file(self.frame))
         self.nominal: Array = mounting(load_robot(), self.frame)
@@ -257,7 +257,7 @@ class Eye:
     def taught(self, docks_id: str, params: DockingParams, pictures: int = 12) -> dict[str, Correction]:
         """What an earlier latched docking leaves: the correction learnt at the dock pose itself."""
         base: Array = np.eye(4)
-        dock = _planar(self.dock.dock_pose.pose().inverse())
+        dock = matrix_of(on_ground(self.dock.dock_pose.pose().inverse()))
         seen = []
         for _ in range(pictures):
             found = sighting(self.look(Motion.still(base, {docks_id: dock}), CLEAR), self.dock, self.nominal)
@@ -273,11 +273,3 @@ class Eye:
             p.largest_correction_rad,
         )
         return {docks_id: result} if isinstance(result, Correction) else {}
-
-
-def _planar(pose: Pose2) -> Array:
-    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-    matrix = np.eye(4)
-    matrix[:2, :2] = [[c, -s], [s, c]]
-    matrix[:2, 3] = pose.x, pose.y
-    return matrix

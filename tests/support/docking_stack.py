@@ -14,6 +14,7 @@ from robot_stack.contract import actions, services, topics
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2, yaw_from_quaternion
 from robot_stack.ros.conversions import pose_from_msg
+from sim.settings import pose_settings
 from tests.support.stack import StackUnderTest
 from tests.support.waiting import wait_for
 
@@ -57,9 +58,9 @@ class DockingStackUnderTest(StackUnderTest):
             logs,
             "sim_world.world=flat",
             "camera_driver.world=flat",
-            *_pose("sim_world.start", place),
-            *_pose("sim_world.wheelchair", chair),
-            *_pose("localization.start", staging),
+            *pose_settings("sim_world.start", place),
+            *pose_settings("sim_world.wheelchair", chair),
+            *pose_settings("localization.start", staging),
             *settings,
         )
         self.status = self.peer.listen(topics.DOCKING_STATUS)
@@ -107,10 +108,6 @@ class DockingStackUnderTest(StackUnderTest):
 
     def at(self) -> Pose2:
         return pose_from_msg(self.truth.last.pose.pose)
-
-
-def _pose(prefix: str, pose: Pose2) -> list[str]:
-    return [f"{prefix}_x_m={pose.x}", f"{prefix}_y_m={pose.y}", f"{prefix}_yaw_rad={pose.yaw}"]
 
 
 def _planar(transform: Any) -> Pose2:

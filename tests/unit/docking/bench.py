@@ -48,7 +48,7 @@ def planar(pose: Pose2) -> np.ndarray:
 
 def markers_at(dock_in_base: Pose2, dock: Dock, stamp_s: float, quality: float = 0.999) -> list[Marker]:
     """What a perfect camera of the robot sees of a dock."""
-    frame = f"{dock.camera}_camera"
+    frame = dock.camera_frame
     camera_from_base = np.linalg.inv(CAMERAS[frame])
     board = camera_from_base @ planar(dock_in_base)
     return [Marker(stamp_s, frame, name, board @ place.pose(), quality) for name, place in dock.markers.items()]
