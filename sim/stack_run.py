@@ -65,7 +65,7 @@ def _settings(scenario: Scenario, folder: Path) -> list[str]:
         *pose_settings("sim_world.start", start),
         f"sim_world.attached_at_start={'false' if passenger is None else 'true'}",
         *([] if passenger is None else [f"sim_world.passenger_mass_kg={passenger}"]),
-        *pose_settings("localization.start", start),
+        *pose_settings("ndt_localization.start", start),
         # A journal of its own: this run neither meets nor leaves an unfinished mission.
         f"mission_manager.journal_file={folder / 'mission.db'}",
         *scenario.settings,

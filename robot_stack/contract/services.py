@@ -27,6 +27,13 @@ INJECT_CAMERA_FAULT = Service(
     "raises or clears a fault of a simulated camera, or of what it looks at",
     System.SIMULATION,
 )
+INJECT_LIDAR_FAULT = Service(
+    "/sim/inject_lidar_fault",
+    "custom_msgs/srv/InjectFault",
+    "lidar_driver",
+    "raises or clears a fault of the simulated LiDAR",
+    System.SIMULATION,
+)
 
 ENGINE_SET_DEVICE = Service(
     "/wmx/engine/set_device",

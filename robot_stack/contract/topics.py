@@ -39,7 +39,15 @@ PASSENGER_ATTACHED = Topic(
     "std_msgs/msg/Bool",
     qos.LATCHED,
     ("docking_controller", TEST_TOOL),
-    ("swerve_controller", "safety_monitor", "ehmi_bridge", "mission_manager", "navigation_controller"),
+    (
+        "swerve_controller",
+        "safety_monitor",
+        "ehmi_bridge",
+        "mission_manager",
+        "navigation_controller",
+        "perception_pipeline",
+        "costmap_server",
+    ),
     "a wheelchair with its passenger is latched to the robot",
 )
 HEARTBEAT = Topic(
@@ -76,7 +84,7 @@ TF = Topic(
     "/tf",
     "tf2_msgs/msg/TFMessage",
     qos.TF,
-    ("localization", "swerve_controller"),
+    ("ndt_localization", "swerve_controller"),
     ("perception_pipeline", "costmap_server", "rviz"),
     "map->odom from localization (10 Hz), odom->base_link from the swerve controller (50 Hz)",
 )
@@ -115,7 +123,14 @@ ODOM = Topic(
     "nav_msgs/msg/Odometry",
     qos.SENSOR,
     ("swerve_controller",),
-    ("localization", "navigation_controller", "docking_controller", "perception_pipeline", "mission_manager"),
+    (
+        "ndt_localization",
+        "navigation_controller",
+        "docking_controller",
+        "perception_pipeline",
+        "costmap_server",
+        "mission_manager",
+    ),
     "wheel odometry, odom -> base_link, with covariance",
     rate_hz=50.0,
     stale_s=0.2,
@@ -170,7 +185,7 @@ CURRENT_POSE = Topic(
     "/current_pose",
     "geometry_msgs/msg/PoseStamped",
     qos.SENSOR,
-    ("localization",),
+    ("ndt_localization",),
     ("navigation_controller", "mission_manager", "docking_controller", "safety_monitor", "system_monitor", "touch_ui"),
     "base_link in map",
     rate_hz=10.0,
@@ -180,7 +195,7 @@ LOCALIZATION_QUALITY = Topic(
     "/localization/quality",
     "std_msgs/msg/Float32",
     qos.SENSOR,
-    ("localization",),
+    ("ndt_localization",),
     ("safety_monitor", "system_monitor"),
     "[0, 1]",
     rate_hz=10.0,
@@ -191,7 +206,7 @@ INITIAL_POSE = Topic(
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     qos.COMMAND,
     ("touch_ui", OPERATOR_TOOL, "rviz"),
-    ("localization",),
+    ("ndt_localization",),
     "start or correction of the pose in map",
 )
 GOAL_POSE = Topic(
@@ -210,6 +225,14 @@ PLAN = Topic(
     ("touch_ui", "mission_manager", "docking_controller"),
     "path to the current goal in map; empty without a goal",
 )
+NAVIGATION_STATUS = Topic(
+    "/navigation/status",
+    "std_msgs/msg/String",
+    qos.LATCHED,
+    ("navigation_controller",),
+    ("mission_manager", "touch_ui"),
+    "internal: what navigation does or why it gave up, for people; nobody's decision depends on it",
+)
 
 # --- sensors and perception ---------------------------------------------------------------------------------------
 IMU = Topic(
@@ -217,7 +240,7 @@ IMU = Topic(
     "sensor_msgs/msg/Imu",
     qos.SENSOR,
     ("imu_driver",),
-    ("localization", "safety_monitor", "perception_pipeline"),
+    ("ndt_localization", "safety_monitor", "perception_pipeline"),
     "at base_link",
     rate_hz=100.0,
     stale_s=0.1,
@@ -227,7 +250,7 @@ LIDAR_POINTS = Topic(
     "sensor_msgs/msg/PointCloud2",
     qos.SENSOR,
     ("lidar_driver",),
-    ("perception_pipeline", "localization", "safety_monitor"),
+    ("perception_pipeline", "ndt_localization", "safety_monitor"),
     "full sweep, about 150k points: x y z intensity ring time",
     rate_hz=10.0,
     stale_s=0.5,
@@ -288,7 +311,17 @@ OBSTACLES = Topic(
     qos.SENSOR,
     ("perception_pipeline",),
     ("costmap_server", "safety_monitor"),
-    "obstacle points without ground, 0.1-2.0 m above it",
+    "obstacle points without ground, 0.1-2.0 m above it; base_link at the stamp, which is the newest point's time",
+    rate_hz=20.0,
+    stale_s=0.3,
+)
+FREE_SPACE = Topic(
+    "/perception/free_space",
+    "sensor_msgs/msg/LaserScan",
+    qos.SENSOR,
+    ("perception_pipeline",),
+    ("costmap_server",),
+    "internal: with each obstacle cloud, how far the ground has been seen free in each direction; 0: not seen",
     rate_hz=20.0,
     stale_s=0.3,
 )
@@ -323,6 +356,17 @@ DOCKING_STATUS = Topic(
     "state and errors of the docking",
     rate_hz=10.0,
     stale_s=0.5,
+)
+DOCKING_TARGET = Topic(
+    "/docking/target",
+    "geometry_msgs/msg/PoseStamped",
+    qos.STATUS,
+    ("docking_controller",),
+    ("safety_monitor",),
+    "internal: the dock's frame in base_link while SERVOING or FINE_ALIGN: what is no obstacle then",
+    rate_hz=10.0,
+    stale_s=0.3,
+    on_demand=True,
 )
 
 # --- safety -------------------------------------------------------------------------------------------------------
@@ -532,8 +576,8 @@ SIM_BODIES = Topic(
     "tf2_msgs/msg/TFMessage",
     qos.SENSOR,
     ("sim_world",),
-    ("camera_driver", TEST_TOOL, OPERATOR_TOOL),
-    "true poses of base_link, wheelchair and station boards in map: what a simulated camera looks at",
+    ("camera_driver", "lidar_driver", TEST_TOOL, OPERATOR_TOOL),
+    "true poses of base_link, wheelchair, station boards and people in map: what a simulated sensor looks at",
     rate_hz=50.0,
     stale_s=0.2,
     system=_SIM,

@@ -29,7 +29,7 @@ class Localization(StackNode):
     """Predicts with every odometry message and publishes at the contract's rate."""
 
     def __init__(self) -> None:
-        super().__init__("localization", LocalizationParams)
+        super().__init__("ndt_localization", LocalizationParams)
         motion = self.robot.empty
         self._localizer = Localizer(self.params, motion.max_speed_mps, motion.max_yaw_rate_radps)
         self._pose = self.advertise(topics.CURRENT_POSE)

@@ -1,4 +1,4 @@
-"""Parameters of the localization node, ``config/localization.yaml``."""
+"""Parameters of the node ndt_localization, ``config/ndt_localization.yaml``."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ def _settings(trial: Trial, folder: Path) -> list[str]:
     places = {
         "sim_world.start": staging.compose(trial.start),
         "sim_world.wheelchair": dock_nominal().compose(trial.chair),
-        "localization.start": staging,
+        "ndt_localization.start": staging,
     }
     return [
         "sim_world.world=flat",

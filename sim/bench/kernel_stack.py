@@ -278,7 +278,7 @@ class _Drive:
 
 def _localizer(robot: Robot, start: Pose2) -> Localizer:
     given = {"start_x_m": start.x, "start_y_m": start.y, "start_yaw_rad": start.yaw}
-    params = load(LocalizationParams, "localization", given)
+    params = load(LocalizationParams, "ndt_localization", given)
     return Localizer(params, robot.empty.max_speed_mps, robot.empty.max_yaw_rate_radps)
 
 

@@ -84,7 +84,7 @@ ROBOT = (
         1,
         50.0,
         ("swerve_controller",),
-        ("navigation_controller", "localization"),
+        ("navigation_controller", "ndt_localization"),
     ),
     Documented(
         "/cmd_vel",
@@ -103,7 +103,7 @@ ROBOT = (
         VOLATILE,
         1,
         10.0,
-        ("localization",),
+        ("ndt_localization",),
         ("navigation_controller", "mission_manager", "touch_ui"),
     ),
     Documented(
@@ -124,7 +124,7 @@ ROBOT = (
         1,
         10.0,
         ("lidar_driver",),
-        ("perception_pipeline", "localization"),
+        ("perception_pipeline", "ndt_localization"),
     ),
     Documented(
         "/perception/obstacles",
@@ -197,7 +197,7 @@ ROBOT = (
         1,
         100.0,
         ("imu_driver",),
-        ("perception_pipeline", "localization"),
+        ("perception_pipeline", "ndt_localization"),
     ),
     Documented(
         "/sensors/camera/front/image_raw",
@@ -223,7 +223,7 @@ ROBOT = (
 
 # Interfaces that the robot needs beyond the documented ones.
 ADDITIONS = (
-    Documented("/tf", "tf2_msgs/msg/TFMessage", R, VOLATILE, 100, None, ("localization", "swerve_controller")),
+    Documented("/tf", "tf2_msgs/msg/TFMessage", R, VOLATILE, 100, None, ("ndt_localization", "swerve_controller")),
     Documented("/tf_static", "tf2_msgs/msg/TFMessage", R, LATCHED, 1, None, ("imu_driver",)),
     Documented(
         "/docking/cmd_vel",
@@ -249,7 +249,14 @@ ADDITIONS = (
         "/swerve/cmd_vel_limited", "geometry_msgs/msg/TwistStamped", B, VOLATILE, 1, 20.0, ("swerve_controller",)
     ),
     Documented(
-        "/localization/quality", "std_msgs/msg/Float32", B, VOLATILE, 1, 10.0, ("localization",), ("safety_monitor",)
+        "/localization/quality",
+        "std_msgs/msg/Float32",
+        B,
+        VOLATILE,
+        1,
+        10.0,
+        ("ndt_localization",),
+        ("safety_monitor",),
     ),
     Documented(
         "/initialpose",
@@ -259,7 +266,7 @@ ADDITIONS = (
         1,
         None,
         ("touch_ui", "rviz"),
-        ("localization",),
+        ("ndt_localization",),
     ),
     Documented("/battery_state", "sensor_msgs/msg/BatteryState", B, VOLATILE, 1, 1.0, ("battery_driver",)),
     Documented("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", R, VOLATILE, 10, 1.0, (EVERY,)),
@@ -481,7 +488,7 @@ def test_process_names_are_unique_and_lead_their_nodes() -> None:
 
 
 def test_the_chain_that_moves_the_robot_is_critical() -> None:
-    for name in ("swerve_hardware_interface", "swerve_controller", "safety_monitor", "localization"):
+    for name in ("swerve_hardware_interface", "swerve_controller", "safety_monitor", "ndt_localization"):
         assert processes.BY_NAME[name].criticality is Criticality.CRITICAL
 
 

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.timeout(180)
 
 @pytest.mark.parametrize(
     "name",
-    ["swerve_hardware_interface", "swerve_controller", "emergency_stop_button", "safety_monitor", "localization"],
+    ["swerve_hardware_interface", "swerve_controller", "emergency_stop_button", "safety_monitor", "ndt_localization"],
 )
 def test_a_critical_process_is_killed_and_the_robot_stands(stack: StackUnderTest, name: str) -> None:
     stack.drive_at(0.6)

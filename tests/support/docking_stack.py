@@ -60,7 +60,7 @@ class DockingStackUnderTest(StackUnderTest):
             "camera_driver.world=flat",
             *pose_settings("sim_world.start", place),
             *pose_settings("sim_world.wheelchair", chair),
-            *pose_settings("localization.start", staging),
+            *pose_settings("ndt_localization.start", staging),
             *settings,
         )
         self.status = self.peer.listen(topics.DOCKING_STATUS)

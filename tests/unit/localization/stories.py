@@ -19,7 +19,7 @@ PERFECT = (1e-8, 1e-8, 1e-8)
 
 
 def params(**overrides: object) -> LocalizationParams:
-    return load(LocalizationParams, "localization", overrides)
+    return load(LocalizationParams, "ndt_localization", overrides)
 
 
 def reading(stamp_s: float, pose: Pose2 = IDENTITY, twist: Twist2 = ZERO_TWIST, **changes: object) -> OdometryReading:

@@ -63,7 +63,7 @@ def test_rows_that_cannot_be(rows: tuple[str, ...], complaint: str) -> None:
     [
         (("nobody",), "nobody is not a process of the contract"),
         (("safety_monitor",), "safety_monitor cannot watch itself"),
-        (("localization", "localization"), "localization is listed twice"),
+        (("ndt_localization", "ndt_localization"), "ndt_localization is listed twice"),
     ],
 )
 def test_processes_that_cannot_be(names: tuple[str, ...], complaint: str) -> None:

@@ -67,7 +67,7 @@ def test_the_same_seed_gives_the_same_figures() -> None:
         ({"events": [{"at_s": 1}]}, "exactly one of fault"),
         ({"events": [{"at_s": 1, "estop": True, "reset": True}]}, "exactly one of fault"),
         ({"events": [{"at_s": 1, "estop": True, "value": 2}]}, "belong to a fault"),
-        ({"events": [{"at_s": 1, "kill": "localization"}]}, "kill localization needs kind: stack"),
+        ({"events": [{"at_s": 1, "kill": "ndt_localization"}]}, "kill ndt_localization needs kind: stack"),
         ({"expect": [{"figure": "distance_m"}]}, "one of above, below, equals"),
         ({"speeed": 2}, "speeed"),
     ],

@@ -56,7 +56,7 @@ class Gyro:
 
 @pytest.fixture
 def node(start: Callable[..., NodeProcess], peer: Peer) -> NodeProcess:
-    process = start("localization", "-p", "start_x_m:=2.0", "-p", "start_yaw_rad:=1.0")
+    process = start("ndt_localization", "-p", "start_x_m:=2.0", "-p", "start_yaw_rad:=1.0")
     peer.wait_matched(topics.ODOM)
     peer.wait_matched(topics.IMU)
     return process
@@ -171,6 +171,6 @@ def test_nan_odometry_is_named_and_stops_the_pose(node: NodeProcess, peer: Peer)
 
 
 def test_illegal_parameter_stops_the_start(start: Callable[..., NodeProcess]) -> None:
-    process = start("localization", "-p", "quality.odometry_silent_s:=0.05")
+    process = start("ndt_localization", "-p", "quality.odometry_silent_s:=0.05")
     assert process.wait() == 2
     assert "odometry_fresh_s must be smaller than odometry_silent_s" in process.output()

@@ -1,0 +1,39 @@
+"""The layouts of point clouds: structured arrays that are also the bytes of a PointCloud2.
+
+Both are in the frame and at the stamp that whoever passes them names.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Points = npt.NDArray[np.void]
+
+# One return of a LiDAR. x, y, z in m, sensor frame at the moment of this very point (not de-skewed); intensity 0-255;
+# ring: laser, 0 = lowest; time: s relative to the cloud's stamp, which is its newest point's time, so never positive.
+SWEEP = np.dtype(
+    {
+        "names": ["x", "y", "z", "intensity", "ring", "time"],
+        "formats": ["<f4", "<f4", "<f4", "<f4", "<u2", "<f4"],
+        "offsets": [0, 4, 8, 12, 16, 20],
+        "itemsize": 24,
+    }
+)
+
+# One obstacle point, m.
+XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
+
+
+def xyz_of(points: Points) -> npt.NDArray[np.float32]:
+    """(n, 3) view of x, y, z of a structured array that begins with them; no copy."""
+    width = points.dtype.itemsize // 4
+    flat: npt.NDArray[np.float32] = np.ascontiguousarray(points).view(np.float32)
+    return flat.reshape(len(points), width)[:, :3]
+
+
+def points_from_xyz(xyz_m: npt.NDArray[Any]) -> Points:
+    """(n,) of ``XYZ`` from (n, 3) coordinates."""
+    return np.ascontiguousarray(xyz_m, dtype=np.float32).view(XYZ).reshape(-1)

@@ -1,0 +1,1 @@
+"""The local costmap: marking, clearing, decay, inflation."""

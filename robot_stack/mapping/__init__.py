@@ -1,0 +1,1 @@
+"""From a recorded ride to a site's map."""

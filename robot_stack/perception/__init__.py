@@ -1,0 +1,1 @@
+"""From LiDAR sweeps to obstacles: crop, de-skew, ground removal, filtering."""

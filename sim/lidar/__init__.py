@@ -1,0 +1,1 @@
+"""The simulated LiDAR: ray casting, surfaces, noise and faults."""
