@@ -20,6 +20,7 @@ from robot_stack.recording.background import BackgroundWriter, disk_use
 from robot_stack.recording.images import IMAGE_TYPE, DockingWatch, Thinning
 from robot_stack.recording.params import RecorderParams
 from robot_stack.recording.recovery import recover_all
+from robot_stack.recording.sweeps import SweepChoice
 from robot_stack.recording.writer import BagWriter, Format, topic_info
 from robot_stack.ros.interfaces import interface_class, qos_profile
 from robot_stack.ros.node import StackNode, run
@@ -41,7 +42,11 @@ class Recorder(StackNode):
         self._writer = _open(self.folder, rows, self.params)
         images = [row for row in rows if row.type == IMAGE_TYPE]
         self._images = _Images(self, images) if images else None
-        self._row_subscriptions = [self.record(row, self.on_message) for row in rows if row not in images]
+        self._sweeps = SweepChoice(self.params.sweeps, self.params.sweep_rate_hz)
+        rows = [row for row in rows if row not in images and self._sweeps.subscribes(row)]
+        self._row_subscriptions = [
+            self.record(row, self._on_sweep if self._sweeps.thins(row) else self.on_message) for row in rows
+        ]
         self.every(1.0, self._watch)
         self._watch()
 
@@ -54,6 +59,10 @@ class Recorder(StackNode):
         # The sender's clock is the system's; beside a simulated clock its stamp would be of another time.
         sent_ns = 0 if self.get_clock().ros_time_is_active else info["source_timestamp"]
         self._writer.add(topic, log_ns, sent_ns or log_ns, data)
+
+    def _on_sweep(self, topic: str, data: bytes, info: Any) -> None:
+        if self._sweeps.wants(topic, self.now_s()):
+            self.on_message(topic, data, info)
 
     def _watch(self) -> None:
         counts = self._writer.counts()
@@ -127,9 +136,10 @@ class _Images:
 def _selected(params: RecorderParams) -> list[Topic]:
     """The rows to record. Raises ConfigError for a pattern that fits no topic, and if none is left."""
     rows = topics.of_system(*params.systems)
-    for field in ("include", "exclude"):
+    # What another machine has may be left out here as well.
+    for field, known in (("include", rows), ("exclude", topics.TOPICS)):
         for pattern in getattr(params, field):
-            if not any(fnmatchcase(row.name, pattern) for row in rows):
+            if not any(fnmatchcase(row.name, pattern) for row in known):
                 raise ConfigError(f"recorder: {field}: {pattern!r} fits no topic of the contract")
     chosen = [row for row in rows if _fits(row, params.include) and not _fits(row, params.exclude)]
     if not chosen:

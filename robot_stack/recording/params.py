@@ -27,6 +27,8 @@ class RecorderParams(Config):
     images: Literal["docking", "always", "never"]
     image_rate_hz: Annotated[float, Field(gt=0.0, le=100.0)]
     image_tail_s: Annotated[float, Field(ge=1.0, le=60.0)]
+    sweeps: Literal["thinned", "always", "never"]
+    sweep_rate_hz: Annotated[float, Field(gt=0.0, le=100.0)]
     queue_mb: Annotated[float, Field(ge=1.0, le=1024.0)]
 
     @model_validator(mode="after")

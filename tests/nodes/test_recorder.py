@@ -118,7 +118,8 @@ def test_what_was_sent_is_what_is_read(studio):
         channels = {channel.topic for channel in reader.get_summary().channels.values()}
     assert [decoded.mission_name for *_, decoded in rows] == ["走行"] * 50
     assert all(before_ns <= row[2].publish_time <= row[2].log_time <= time.time_ns() for row in rows)
-    assert channels == {row.name for row in topics.of_system(System.ROBOT, System.SIMULATION)}
+    recorded_rows = {row.name for row in topics.of_system(System.ROBOT, System.SIMULATION)}
+    assert channels == recorded_rows - {topics.LIDAR_HALF_SWEEP.name}
 
 
 def test_latched_messages_sent_before_are_recorded(studio):
@@ -144,7 +145,7 @@ def test_excluded_topics_are_not_there(studio):
 
 
 def test_point_clouds_arrive_whole(studio):
-    node = studio.launch("include:=['/sensors/lidar/points']")
+    node = studio.launch("include:=['/sensors/lidar/points']", "sweeps:=always")
     studio.wait_ready()
     studio.peer.wait_matched(topics.LIDAR_POINTS)
     cloud = PointCloud2(height=1, width=150_000, point_step=16, row_step=2_400_000, data=bytes(range(240)) * 10_000)
@@ -157,6 +158,21 @@ def test_point_clouds_arrive_whole(studio):
         clouds = [reader.deserialize(data, connection.msgtype) for connection, _, data in reader.messages()]
     assert len(clouds) == 5
     assert bytes(clouds[4].data) == bytes(cloud.data)
+
+
+def test_sweeps_are_thinned(studio):
+    node = studio.launch("include:=['/sensors/lidar/points']")
+    studio.wait_ready()
+    sent = []
+    studio.peer.repeat(topics.LIDAR_POINTS, lambda: sent.append(1) or PointCloud2(), 10.0)
+    studio.peer.wait_matched(topics.LIDAR_POINTS)
+    wait_for(lambda: int(studio.value("messages") or 0) >= 4, "sweeps recorded")
+    node.signal(signal.SIGINT)
+    assert node.wait() == 0
+    with AnyReader([studio.output / "ride"]) as reader:
+        times_s = [1e-9 * at_ns for _, at_ns, _ in reader.messages()]
+    assert len(times_s) <= 0.5 * len(sent), "2 Hz of 10 Hz"
+    assert (times_s[-1] - times_s[0]) / (len(times_s) - 1) > 0.4
 
 
 class Cameras:

@@ -1,0 +1,28 @@
+"""Which of the LiDAR's sweeps are recorded: all of them make 36 MB/s, a map needs two a second."""
+
+from __future__ import annotations
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import Topic
+from robot_stack.recording.images import Thinning
+
+_ROWS = (topics.LIDAR_POINTS, topics.LIDAR_HALF_SWEEP)
+
+
+class SweepChoice:
+    """mode: ``always``, ``never``, or ``thinned`` to ``rate_hz`` sweeps per second of each topic. Other rows pass."""
+
+    def __init__(self, mode: str, rate_hz: float) -> None:
+        self._mode = mode
+        self._thinning = Thinning(rate_hz)
+
+    def subscribes(self, row: Topic) -> bool:
+        """False for sweeps that nobody would write: receiving them would cost as much."""
+        return self._mode != "never" or row not in _ROWS
+
+    def thins(self, row: Topic) -> bool:
+        """True if ``wants`` decides about this row's messages."""
+        return self._mode == "thinned" and row in _ROWS
+
+    def wants(self, topic: str, now_s: float) -> bool:
+        return self._thinning.wants(topic, now_s)
