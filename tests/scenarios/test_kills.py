@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from typing import TYPE_CHECKING
 
 import pytest
 
-from robot_stack.supervisor.control import ask
 from tests.support.waiting import wait_for
 
 if TYPE_CHECKING:
@@ -20,7 +18,7 @@ pytestmark = pytest.mark.timeout(180)
 
 @pytest.mark.parametrize(
     "name",
-    ["swerve_hardware_interface", "swerve_controller", "emergency_stop_button", "safety_monitor", "ndt_localization"],
+    ["swerve_hardware_interface", "swerve_controller", "safety_monitor", "ndt_localization"],
 )
 def test_a_critical_process_is_killed_and_the_robot_stands(stack: StackUnderTest, name: str) -> None:
     stack.drive_at(0.6)
@@ -34,6 +32,19 @@ def test_a_critical_process_is_killed_and_the_robot_stands(stack: StackUnderTest
     stack.drive_at(0.3)
 
 
+def test_a_killed_button_comes_back_and_stops_the_robot(stack: StackUnderTest) -> None:
+    """It may be back before its silence has lasted the second that NODE_DEAD takes; a press must not be missed."""
+    stack.drive_at(0.6)
+    pid = stack.kill("emergency_stop_button")
+    stack.inject("estop_button", value=1.0)
+    stack.wait_restarted("emergency_stop_button", pid)
+    stack.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
+    stack.wait_stands(6.0)
+    stack.let_go()
+    stack.inject("estop_button", value=0.0)
+    stack.release()
+
+
 @pytest.mark.parametrize("name", ["navigation_controller", "mission_manager"])
 def test_another_process_hangs_and_the_robot_is_slow(stack: StackUnderTest, name: str) -> None:
     # Stopped and not killed: a killed one is back before its silence lasts the second that NODE_DEAD takes.
@@ -45,18 +56,6 @@ def test_another_process_hangs_and_the_robot_is_slow(stack: StackUnderTest, name
     finally:
         os.kill(pid, signal.SIGCONT)
     stack.wait_safety("NORMAL", deadline_s=20.0)
-
-
-def test_the_world_and_its_engine_are_killed(stack: StackUnderTest) -> None:
-    stack.drive_at(0.6)
-    pid = stack.kill("sim_world")
-    stack.wait_safety("EMERGENCY_STOP", "DRIVE_FAULT")
-    stack.let_go()
-    stack.wait_restarted("sim_world", pid)
-    stack.truth.wait(lambda _: True, "ground truth")
-    stack.release()
-    stack.wait_safety("NORMAL", deadline_s=30.0)
-    stack.drive_at(0.3)
 
 
 def test_a_latched_stop_survives_the_monitor(stack: StackUnderTest) -> None:
@@ -84,32 +83,3 @@ def test_a_mission_survives_its_manager_and_waits_for_a_person(stack: StackUnder
     stack.wait_safety("NORMAL")
     stack.command_until("RESUME", "RUNNING")
     stack.mission.wait(lambda m: m.state == "COMPLETED", "the mission is completed", 60.0)
-
-
-def test_a_pause_of_the_whole_machine_is_no_fault(stack: StackUnderTest) -> None:
-    stack.drive_at(0.4)
-    count = len(stack.safety.items)
-    pause(stack, 0.12)
-    wait_for(lambda: len(stack.safety.items) > count + 15, "the safety monitor's status after the pause")
-    assert not [m.active_faults for m in stack.safety.messages[count:] if m.safety_state == "EMERGENCY_STOP"]
-    wait_for(lambda: stack.speed_mps > 0.3, "the robot goes on")
-
-
-def test_a_longer_pause_ends_in_a_stop_that_an_operator_can_release(stack: StackUnderTest) -> None:
-    stack.drive_at(0.4)
-    pause(stack, 0.8)
-    stack.wait_safety("EMERGENCY_STOP")
-    stack.wait_stands(5.0)
-    stack.let_go()
-    stack.release()
-    stack.wait_safety("NORMAL")
-
-
-def pause(stack: StackUnderTest, seconds: float) -> None:
-    """All processes of the stack stand still for so long, as on a virtual machine that is held."""
-    pids = [int(item["pid"]) for item in ask("status")["processes"]]
-    for pid in pids:
-        os.kill(pid, signal.SIGSTOP)
-    time.sleep(seconds)
-    for pid in pids:
-        os.kill(pid, signal.SIGCONT)

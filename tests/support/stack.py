@@ -20,18 +20,27 @@ from robot_stack.supervisor.control import ask
 from tests.support.peer import Peer
 from tests.support.waiting import wait_for
 
+# Most stories are told in simulated time, a little slower than real time: a machine that is busy for a moment then
+# holds the world up instead of looking like a sensor that fell silent. The world makes up for no delay, so that it is
+# never faster than this either.
+PACED = 0.8
+_NO_CATCHING_UP = "sim_world.catch_up_s=0.005"
 # Slower than this counts as standing: physics never rests at exactly 0.
 STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
 
 
 class StackUnderTest:
-    """Started by the supervisor like any other; listened to and disturbed by a peer outside the contract."""
+    """Started by the supervisor like any other; listened to and disturbed by a peer outside the contract.
 
-    def __init__(self, logs: Path, *settings: str) -> None:
+    speed: of the simulated world; 1.0 lives on the system clock, as on a robot.
+    """
+
+    def __init__(self, logs: Path, *settings: str, speed: float = PACED) -> None:
         self.logs = logs
+        paced = () if speed == 1.0 else (_NO_CATCHING_UP,)
         try:
-            client.start(client.Launch("sim", settings=settings, log_dir=logs), 90.0)
+            client.start(client.Launch("sim", settings=(*settings, *paced), speed=speed, log_dir=logs), 90.0)
         except client.StartError:
             client.stop()
             raise
@@ -69,12 +78,15 @@ class StackUnderTest:
         wait_for(lambda: self.stands, "the robot stands", deadline_s)
 
     def wait_safety(self, state: str, fault: str = "", deadline_s: float = 10.0) -> Any:
-        what = f"safety state {state} {fault}"
-        return self.safety.wait(
-            lambda message: message.safety_state == state and (not fault or fault in message.active_faults),
-            what,
-            deadline_s,
-        )
+        try:
+            return self.safety.wait(
+                lambda message: message.safety_state == state and (not fault or fault in message.active_faults),
+                f"safety state {state} {fault}",
+                deadline_s,
+            )
+        except AssertionError as error:
+            last = self.safety.last
+            raise AssertionError(f"{error}; it is {last.safety_state} {list(last.active_faults)}") from None
 
     def process(self, name: str) -> dict[str, Any]:
         return next(item for item in ask("status")["processes"] if item["name"] == name)

@@ -1,0 +1,72 @@
+"""What only shows on the system clock: pauses of the machine, and a world that dies, which would stop /clock too."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pytest
+
+from robot_stack.supervisor.control import ask
+from tests.support.environment import stack_environment
+from tests.support.waiting import wait_for
+
+if TYPE_CHECKING:
+    from tests.support.stack import StackUnderTest
+
+pytestmark = pytest.mark.timeout(180)
+
+
+@pytest.fixture(scope="module")
+def module_stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StackUnderTest]:
+    folder = tmp_path_factory.mktemp("stack")
+    with stack_environment(folder):
+        from tests.support.stack import StackUnderTest
+
+        stack = StackUnderTest(folder / "logs", "sim_world.world=flat", "camera_driver.world=flat", speed=1.0)
+        yield stack
+        stack.close()
+
+
+def test_a_pause_of_the_whole_machine_is_no_fault(stack: StackUnderTest) -> None:
+    stack.drive_at(0.4)
+    count = len(stack.safety.items)
+    pause(stack, 0.12)
+    wait_for(lambda: len(stack.safety.items) > count + 15, "the safety monitor's status after the pause")
+    assert not [m.active_faults for m in stack.safety.messages[count:] if m.safety_state == "EMERGENCY_STOP"]
+    wait_for(lambda: stack.speed_mps > 0.3, "the robot goes on")
+
+
+def test_a_longer_pause_ends_in_a_stop_that_an_operator_can_release(stack: StackUnderTest) -> None:
+    stack.drive_at(0.4)
+    pause(stack, 0.8)
+    stack.wait_safety("EMERGENCY_STOP")
+    stack.wait_stands(5.0)
+    stack.let_go()
+    stack.release()
+    stack.wait_safety("NORMAL")
+
+
+def pause(stack: StackUnderTest, seconds: float) -> None:
+    """All processes of the stack stand still for so long, as on a virtual machine that is held."""
+    pids = [int(item["pid"]) for item in ask("status")["processes"]]
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    time.sleep(seconds)
+    for pid in pids:
+        os.kill(pid, signal.SIGCONT)
+
+
+def test_the_world_and_its_engine_are_killed(stack: StackUnderTest) -> None:
+    stack.drive_at(0.6)
+    pid = stack.kill("sim_world")
+    stack.wait_safety("EMERGENCY_STOP", "DRIVE_FAULT")
+    stack.let_go()
+    stack.wait_restarted("sim_world", pid)
+    stack.truth.wait(lambda _: True, "ground truth")
+    stack.release()
+    stack.wait_safety("NORMAL", deadline_s=30.0)
+    stack.drive_at(0.3)
