@@ -1,0 +1,1 @@
+"""Matching of LiDAR sweeps against a map of normal distributions (P2D-NDT)."""

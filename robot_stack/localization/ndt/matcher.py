@@ -1,0 +1,168 @@
+"""Registration of a subsampled sweep against a map, coarse to fine, with score, covariance and what went wrong."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.site_map import Cells
+from robot_stack.localization.ndt import kernels
+from robot_stack.localization.ndt.field import Field, field_of, merged, structure_of
+from robot_stack.localization.ndt.params import MatchParams
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """What came out.
+
+    pose: (4, 4) base_link in map. covariance: (6, 6) of [translation m, rotation rad] in the axes of map; infinite
+    where nothing holds the pose. score: share of the points above the ground that the map explains, 0 with fewer than
+    one. structure: how many such points. converged: the last, finest level did. reversals: steps of it that went back
+    against the one before: the search swings between two answers.
+    """
+
+    pose: Floats
+    covariance: Floats
+    score: float
+    structure: int
+    converged: bool
+    iterations: int
+    reversals: int
+
+    @property
+    def planar(self) -> Pose2:
+        return planar(self.pose)
+
+    @property
+    def planar_covariance(self) -> Floats:
+        """(3, 3) of x, y, yaw, m2, m rad, rad2."""
+        rows = [0, 1, 5]
+        return self.covariance[np.ix_(rows, rows)]
+
+    @property
+    def tilt_rad(self) -> float:
+        return math.acos(max(-1.0, min(1.0, float(self.pose[2, 2]))))
+
+
+def planar(pose: Floats) -> Pose2:
+    """x, y and yaw of a (4, 4) pose."""
+    return Pose2(float(pose[0, 3]), float(pose[1, 3]), math.atan2(float(pose[1, 0]), float(pose[0, 0])))
+
+
+def pose_of(planar_pose: Pose2, z_m: float, up: Floats) -> Floats:
+    """(4, 4) pose with a yaw, and roll and pitch so that ``up`` (3,), the vertical in base_link, is upright in map."""
+    pose = np.eye(4)
+    roll, pitch = math.atan2(up[1], up[2]), math.atan2(-up[0], math.hypot(up[1], up[2]))
+    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
+    cy, sy = math.cos(planar_pose.yaw), math.sin(planar_pose.yaw)
+    pose[:3, :3] = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    pose[:3, 3] = planar_pose.x, planar_pose.y, z_m
+    return pose
+
+
+class NdtMatcher:
+    """Matches against one map. Holds no state between matches, so several threads may use one.
+
+    Raises ValueError for a map without usable cells.
+    """
+
+    def __init__(self, cells: Cells, params: MatchParams) -> None:
+        self._params = params
+        structure = structure_of(cells, params.structure_height_m)
+        self.levels: list[Field] = [
+            field_of(merged(structure if it.structure else cells, it.cell_m), params.min_cell_points, it.blur_m)
+            for it in params.levels
+        ]
+        self._mixture = [_mixture(field.size_m, params.outlier_share) for field in self.levels]
+
+    @property
+    def fine(self) -> Field:
+        return self.levels[-1]
+
+    def ground_m(self, x_m: float, y_m: float) -> float:
+        """Height of the ground in the map, NaN where it knows none."""
+        field = self.fine
+        ix = math.floor(x_m / field.size_m) - int(field.corner[0])
+        iy = math.floor(y_m / field.size_m) - int(field.corner[1])
+        inside = 0 <= ix < field.ground.shape[0] and 0 <= iy < field.ground.shape[1]
+        return float(field.ground[ix, iy]) if inside else math.nan
+
+    def match(self, points: Floats, guess: Floats, up: Floats, off_m: float) -> Match:
+        """points: (n, 3) in base_link. guess: (4, 4). up: (3,) vertical in base_link. off_m: how far off the guess may be.
+
+        Raises ValueError for points, a guess or a vertical that are not finite or of another shape.
+        """
+        _check(points, guess, up)
+        rotation, position = np.ascontiguousarray(guess[:3, :3]), np.ascontiguousarray(guess[:3, 3])
+        p, iterations, converged, reversals = self._params, 0, False, 0
+        first = max((i for i, level in enumerate(p.levels) if level.reach_m >= off_m), default=0)
+        standing = np.ascontiguousarray(points[points @ guess[2, :3] > p.structure_height_m])
+        for level, field, (d1, d2) in list(zip(p.levels, self.levels, self._mixture, strict=True))[first:]:
+            loose = 1.0 if field is self.fine else 10.0  # a coarse level only has to come near
+            prior = np.array([*up, 1.0 / p.tilt_sigma_rad**2, guess[2, 3], level.structure / p.height_sigma_m**2])
+            limits = np.array(
+                [p.max_iterations, p.max_step_m, p.max_turn_rad, loose * p.converged_m, loose * p.converged_rad]
+            )
+            _, steps, converged, reversals = kernels.newton(
+                standing if level.structure else points, rotation, position, field, d1, d2, prior, limits
+            )
+            iterations += steps
+        return self._judged(points, rotation, position, bool(converged), iterations, int(reversals))
+
+    def _judged(
+        self, points: Floats, rotation: Floats, position: Floats, converged: bool, iterations: int, reversals: int
+    ) -> Match:
+        p, information = self._params, np.empty((6, 6))
+        structure, explained = kernels.judge(
+            points, rotation, position, self.fine, p.structure_height_m, p.explained_sigmas**2, information
+        )
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = rotation, position
+        information[3, 3] += 1.0 / p.tilt_sigma_rad**2
+        information[4, 4] += 1.0 / p.tilt_sigma_rad**2
+        return Match(
+            pose=pose,
+            covariance=self._covariance(information),
+            score=explained / max(structure, 1),
+            structure=int(structure),
+            converged=converged and bool(np.isfinite(pose).all()),
+            iterations=iterations,
+            reversals=reversals,
+        )
+
+    def _covariance(self, information: Floats) -> Floats:
+        p = self._params
+        value, vector = np.linalg.eigh(information)
+        # Directions that nothing holds: 100 m, 100 rad, which no gate takes for knowledge.
+        spread = vector @ np.diag(1.0 / np.maximum(value, 1e-4)) @ vector.T
+        least = np.array([p.position_sigma_m] * 3 + [p.yaw_sigma_rad] * 3) ** 2
+        covariance: Floats = p.covariance_scale**2 * 0.5 * (spread + spread.T) + np.diag(least)
+        return covariance
+
+
+def _mixture(size_m: float, outlier_share: float) -> tuple[float, float]:
+    """d1 and d2 of the Gaussian that stands for a normal distribution with uniform outliers (Magnusson 2009, 6.10)."""
+    c1, c2 = 10.0 * (1.0 - outlier_share), outlier_share / size_m**3
+    d3 = -math.log(c2)
+    d1 = -math.log(c1 + c2) - d3
+    d2 = -2.0 * math.log((-math.log(c1 * math.exp(-0.5) + c2) - d3) / d1)
+    return d1, d2
+
+
+def _check(points: Floats, guess: Floats, up: Floats) -> None:
+    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        raise ValueError("points must be (n, 3) and finite")
+    if guess.shape != (4, 4) or not np.isfinite(guess).all():
+        raise ValueError("guess must be a finite (4, 4) pose")
+    if up.shape != (3,) or not np.isfinite(up).all():
+        raise ValueError("up must be (3,) and finite")

@@ -1,0 +1,147 @@
+"""Parameters of matching, gates and search: section ``ndt`` of ``config/ndt_localization.yaml``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from robot_stack.core.config import Config
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Count = Annotated[int, Field(ge=1)]
+
+
+class CloudParams(Config):
+    """What of a sweep is matched. sweep_s: how long before its stamp a sweep may have begun."""
+
+    voxel_m: Positive
+    min_range_m: Positive
+    max_range_m: Positive
+    min_points: Count
+    sweep_s: Positive
+
+
+class LevelParams(Config):
+    """One resolution of the map.
+
+    cell_m: edge of its cells, those of the map are merged to it. blur_m: added to every cell's spread, so that thin walls
+    pull from afar. reach_m: how far off a guess may be. structure: only what stands above the ground is matched, and the
+    height is held: ground says nothing about x, y and yaw, but outnumbers what does.
+    """
+
+    cell_m: Positive
+    blur_m: NotNegative
+    reach_m: Positive
+    structure: bool
+
+
+class MatchParams(Config):
+    """The objective and Newton's method.
+
+    levels: coarse to fine, with falling reach; a match begins where the guess is within reach, and ends at the last.
+    covariance_scale: by how much the errors found are larger than those of independent points (standard deviations);
+    the sigmas are the least that a match is trusted to.
+    """
+
+    levels: Annotated[list[LevelParams], Field(min_length=1)]
+    min_cell_points: Annotated[int, Field(ge=3)]
+    outlier_share: Annotated[float, Field(gt=0.0, lt=1.0)]
+    max_iterations: Count
+    max_step_m: Positive
+    max_turn_rad: Positive
+    converged_m: Positive
+    converged_rad: Positive
+    tilt_sigma_rad: Positive
+    height_sigma_m: Positive
+    structure_height_m: Positive
+    explained_sigmas: Positive
+    covariance_scale: Positive
+    position_sigma_m: Positive
+    yaw_sigma_rad: Positive
+
+    @model_validator(mode="after")
+    def _coarse_to_fine(self) -> MatchParams:
+        reach = [level.reach_m for level in self.levels]
+        if reach != sorted(reach, reverse=True):
+            raise ValueError("levels must be in the order of falling reach_m")
+        if self.levels[-1].structure or self.levels[-1].blur_m != 0.0:
+            raise ValueError("the last of levels must have all points and blur_m 0")
+        return self
+
+
+class GateParams(Config):
+    """Which matches correct the pose, and when the pose is given up.
+
+    reach_sigmas: how many standard deviations of the prediction the first level of a match must reach; the yaw's count
+    at reach_radius_m.
+    rejected_until_lost: matches refused one after the other. accepted_until_sure: matches accepted one after the other
+    before a pose found anew counts; sure_position_m, sure_yaw_rad: how little they may correct then.
+    """
+
+    min_score: Share
+    min_structure_points: Count
+    max_reversals: Count
+    max_jump_m: Positive
+    max_jump_rad: Positive
+    max_sigma_m: Positive
+    max_tilt_rad: Positive
+    reach_sigmas: Positive
+    reach_radius_m: Positive
+    rejected_until_lost: Count
+    accepted_until_sure: Count
+    sure_position_m: Positive
+    sure_yaw_rad: Positive
+    frozen_sweeps: Count
+
+
+class SearchParams(Config):
+    """Looking for the pose when it is lost: first near the last one, then in the whole map."""
+
+    near_radius_m: Positive
+    step_m: Positive
+    yaw_steps: Annotated[int, Field(ge=8)]
+    points: Annotated[int, Field(ge=50)]
+    candidates: Annotated[int, Field(ge=2)]
+    min_score: Share
+    ambiguous_ratio: Share
+    apart_m: Positive
+    apart_rad: Positive
+    position_sigma_m: Positive
+    yaw_sigma_rad: Positive
+
+
+class MatchQualityParams(Config):
+    """What matches do to ``/localization/quality``.
+
+    The score (explained share of the structure) counts 0 at zero_score, 1 at full_score; the age of the last accepted
+    match 1 up to fresh_s, 0 from stale_s on. unsure: the most while a pose found anew is not confirmed.
+    """
+
+    zero_score: Share
+    full_score: Share
+    fresh_s: Positive
+    stale_s: Positive
+    unsure: Share
+
+    @model_validator(mode="after")
+    def _ordered(self) -> MatchQualityParams:
+        if self.zero_score >= self.full_score:
+            raise ValueError("zero_score must be smaller than full_score")
+        if self.fresh_s >= self.stale_s:
+            raise ValueError("fresh_s must be smaller than stale_s")
+        return self
+
+
+class NdtParams(Config):
+    """start_position_sigma_m, start_yaw_sigma_rad: how far off the start pose may be where there is a map."""
+
+    start_position_sigma_m: Positive
+    start_yaw_sigma_rad: Positive
+    cloud: CloudParams
+    match: MatchParams
+    gate: GateParams
+    search: SearchParams
+    quality: MatchQualityParams
