@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from robot_stack.contract import topics
 from robot_stack.contract.model import Criticality, SafetyAction, Topic
 from robot_stack.safety.inputs import CLEAR, Finding, Level, Snapshot, SpeedLimit
+from robot_stack.safety.outlook import speed_limit_mps
 
 if TYPE_CHECKING:
     from robot_stack.safety.params import SafetyParams
@@ -114,11 +115,57 @@ def camera_timeout(now: Snapshot, params: SafetyParams, held: SafetyAction) -> F
     return _present(_WARN, ", ".join(late)) if late else CLEAR
 
 
+def lidar_timeout(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+    """No new sweep, a frozen or covered sensor included."""
+    if now.lidar_age_s <= stale_s(topics.LIDAR_POINTS):
+        return CLEAR
+    return _present(_STOP, f"/sensors/lidar/points: {now.lidar_problem or _for_s(now.lidar_age_s)}")
+
+
+def obstacles_timeout(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+    """Nobody says what is around the robot."""
+    if now.obstacles_age_s <= stale_s(topics.OBSTACLES):
+        return CLEAR
+    return _present(_STOP, f"/perception/obstacles: {now.obstacles_problem or _for_s(now.obstacles_age_s)}")
+
+
+def collision_imminent(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+    """Too late to do anything but brake, or too near to set out in that direction."""
+    outlook, p = now.outlook, params.collision
+    if outlook is None:
+        return _UNKNOWN
+    time_s = p.stop_s + (p.hysteresis_s if held else 0.0)
+    clearance_m = p.stop_clearance_m + (p.hysteresis_m if held else 0.0)
+    if outlook.moving.time_s < time_s:
+        return _present(_STOP, f"collision in {outlook.moving.time_s:.1f} s")
+    if outlook.clearance_m < clearance_m:
+        return _present(_STOP, f"obstacle {outlook.clearance_m:.2f} m ahead")
+    return CLEAR
+
+
+def obstacle_near(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+    """Something is in the way: the nearer the slower."""
+    outlook, p = now.outlook, params.collision
+    if outlook is None:
+        return _UNKNOWN
+    time_s = p.near_s + (p.hysteresis_s if held else 0.0)
+    clearance_m = p.near_clearance_m + (p.hysteresis_m if held else 0.0)
+    if not (outlook.time_s < time_s or outlook.clearance_m < clearance_m):
+        return CLEAR
+    linear_mps = speed_limit_mps(outlook.clearance_m, p, outlook.brake_mps2)
+    limit = SpeedLimit(linear_mps, max(p.slowest_radps, linear_mps / outlook.reach_m))
+    return _present(_LIMIT, f"obstacle {outlook.clearance_m:.2f} m ahead", limit)
+
+
 CONDITIONS: Mapping[str, Condition] = {
     "ESTOP_PRESSED": estop_pressed,
     "DRIVE_FAULT": drive_fault,
     "JOINT_STATES_TIMEOUT": joint_states_timeout,
     "TILT": tilt,
+    "COLLISION_IMMINENT": collision_imminent,
+    "OBSTACLE_NEAR": obstacle_near,
+    "LIDAR_TIMEOUT": lidar_timeout,
+    "OBSTACLES_TIMEOUT": obstacles_timeout,
     "LOCALIZATION_LOST": localization_lost,
     "IMU_TIMEOUT": imu_timeout,
     "CAMERA_TIMEOUT": camera_timeout,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from robot_stack.contract.model import Criticality, SafetyAction
+from robot_stack.safety.outlook import Outlook
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +102,7 @@ class Snapshot:
     pose_jump_m: largest distance between two consecutive poses since the last snapshot.
     battery: newest state of charge, [0, 1].
     cameras: age of the newest image by the topic of its camera; empty unless a docking is guided by images.
+    outlook: what the robot's motion leads to; None while the obstacles are not known.
     """
 
     uptime_s: float
@@ -120,3 +122,8 @@ class Snapshot:
     battery: float
     processes: Mapping[str, ProcessAge]
     cameras: Mapping[str, float]
+    lidar_age_s: float
+    lidar_problem: str
+    obstacles_age_s: float
+    obstacles_problem: str
+    outlook: Outlook | None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from robot_stack.contract import faults, topics
@@ -37,6 +38,7 @@ class SafetyMonitor:
 
     passenger: the newest ``/passenger_attached``. Never received means none aboard, because only the node that latches
     a chair publishes there; once true, silence keeps it true.
+    nearest_obstacle_m: from the footprint at the last step; infinite without an obstacle, NaN while nobody knows.
     """
 
     def __init__(self, params: SafetyParams, robot: Robot, memory: Memory, now_s: float) -> None:
@@ -45,13 +47,22 @@ class SafetyMonitor:
         # A latch that this configuration cannot judge is held by the row that every configuration has.
         latched = {code if code in params.rows else ESTOP_PRESSED for code in memory.latched}
         self._rows = [Row(fault, fault.code in latched) for fault in faults.FAULTS if fault.code in params.rows]
-        self.passenger = memory.passenger
-        self.observation = Observation(params, robot.wheel_radius_m, now_s)
+        self.observation = Observation(params, robot, now_s, memory.passenger)
+        self.nearest_obstacle_m = math.nan
 
     @property
     def rows(self) -> tuple[str, ...]:
         """Codes of the rows that are evaluated, in the order of the contract."""
         return tuple(row.code for row in self._rows)
+
+    @property
+    def passenger(self) -> bool:
+        """The newest ``/passenger_attached``."""
+        return self.observation.passenger
+
+    @passenger.setter
+    def passenger(self, attached: bool) -> None:
+        self.observation.passenger = attached
 
     @property
     def emergency(self) -> bool:
@@ -71,6 +82,7 @@ class SafetyMonitor:
     def step(self, now_s: float) -> Verdict:
         """Judges every row on what is known now."""
         snapshot = self.observation.snapshot(self.emergency, now_s)
+        self.nearest_obstacle_m = math.nan if snapshot.outlook is None else snapshot.outlook.nearest_m
         for row in self._rows:
             row.update(CONDITIONS[row.code](snapshot, self._params, row.action), now_s)
         return arbitrate(self._active(), self._own, self._with_passenger if self.passenger else None)

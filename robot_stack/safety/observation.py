@@ -3,34 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
+
+from numpy.typing import NDArray
 
 from robot_stack.contract import processes, topics
 from robot_stack.contract.model import Criticality
+from robot_stack.core.robot import Footprint, Robot
 from robot_stack.safety.attitude import PlanarAcceleration, UpDirection
+from robot_stack.safety.collision import outline_of
+from robot_stack.safety.commands import CommandWatch
 from robot_stack.safety.conditions import stale_s
 from robot_stack.safety.drive_watch import DriveWatch
 from robot_stack.safety.inputs import DriveReading, ImuSample, ProcessAge, Snapshot
+from robot_stack.safety.lidar_watch import LidarWatch
+from robot_stack.safety.outlook import Outlook, look_ahead
 from robot_stack.safety.params import SafetyParams
+from robot_stack.safety.reckoning import DeadReckoning, Modules
+from robot_stack.safety.surroundings import Surroundings
 from robot_stack.safety.timing import age_s
 from robot_stack.safety.watches import CameraWatch, EstopWatch, ImuWatch, Latest, PoseWatch, WheelWatch
 
 CAMERAS = (topics.FRONT_CAMERA_INFO, topics.REAR_CAMERA_INFO)
 # States of /docking/status in which images guide the robot.
 _GUIDED = ("SEARCH", "SERVOING", "FINE_ALIGN")
+# States in which the robot moves into the dock, whose own parts are no obstacle then.
+_LAST_WAY = ("SERVOING", "FINE_ALIGN")
 
 
 class Observation:
-    """The inputs and their history. All times are steady seconds at reception."""
+    """The inputs and their history. All times are steady seconds at reception.
 
-    def __init__(self, params: SafetyParams, wheel_radius_m: float, now_s: float) -> None:
+    passenger: the footprint in force is the one with the wheelchair.
+    """
+
+    def __init__(self, params: SafetyParams, robot: Robot, now_s: float, passenger: bool = False) -> None:
         self._started_s = now_s
+        self.passenger = passenger
         self._settle_s = params.startup_settle_s
         self._criticality = {name: processes.BY_NAME[name].criticality for name in params.expected_processes}
         self._heard_s: dict[str, float] = {}
         motion = PlanarAcceleration(params.kinematic_filter_s, params.kinematic_max_mps2)
         up = UpDirection(params.attitude_time_constant_s, params.attitude_settle_s, params.attitude_max_gap_s)
         self.estop = EstopWatch()
-        self.wheels = WheelWatch(wheel_radius_m, params.standstill_mps, motion)
+        reckoning = DeadReckoning(params.obstacles.max_latency_s)
+        modules = Modules(robot.module_positions_m(), robot.wheel_radius_m)
+        self.wheels = WheelWatch(modules, params.standstill_mps, motion, reckoning)
         self.drive = DriveWatch(
             silence_s=params.drive_silence_s,
             servo_off_s=params.drive_servo_off_s,
@@ -43,6 +61,11 @@ class Observation:
         self._pose = PoseWatch()
         self._quality, self._battery = Latest(0.0, 1.0), Latest(0.0, 1.0)
         self._cameras = CameraWatch([topic.name for topic in CAMERAS])
+        self.lidar = LidarWatch(params.lidar)
+        self.commands = CommandWatch(stale_s(topics.CMD_VEL_LIMITED))
+        self.surroundings = Surroundings(params.obstacles, reckoning, robot.lidar_xyz_m)
+        self._last_way_s: float | None = None
+        self._collision, self._robot = params.collision, robot
 
     def emergency_stop(self, pressed: bool, now_s: float) -> None:
         self.estop.received(pressed, now_s)
@@ -75,10 +98,15 @@ class Observation:
     def docking(self, state: str, now_s: float) -> None:
         """State of ``/docking/status``."""
         self._cameras.docking(state in _GUIDED, now_s)
+        self._last_way_s = now_s if state in _LAST_WAY else None
 
     def camera(self, topic: str, now_s: float) -> None:
         """A ``camera_info`` of ``CAMERAS``: it comes with each image."""
         self._cameras.received(topic, now_s)
+
+    def obstacles(self, points: NDArray[Any], latency_s: float, now_s: float) -> None:
+        """Obstacle points, (n, 3) m in base_link ``latency_s`` ago."""
+        self.surroundings.received(points, latency_s, outline_of(self._footprint()), now_s)
 
     def snapshot(self, emergency: bool, now_s: float) -> Snapshot:
         """Everything as it is now. Events (a short press, a jump) appear in one snapshot only.
@@ -109,7 +137,31 @@ class Observation:
                 for name, criticality in self._criticality.items()
             },
             cameras=self._cameras.ages_s(now_s, stale_s(topics.DOCKING_STATUS)),
+            lidar_age_s=self.lidar.age_s(now_s),
+            lidar_problem=self.lidar.problem,
+            obstacles_age_s=self.surroundings.age_s(now_s),
+            obstacles_problem=self.surroundings.problem,
+            outlook=self._outlook(now_s),
         )
+
+    def _outlook(self, now_s: float) -> Outlook | None:
+        if not self.surroundings.age_s(now_s) <= stale_s(topics.OBSTACLES):
+            return None
+        docking = age_s(now_s, self._last_way_s) <= stale_s(topics.DOCKING_STATUS)
+        footprint = self._footprint()
+        return look_ahead(
+            self.surroundings.points(docking, stale_s(topics.DOCKING_TARGET), now_s),
+            outline_of(footprint),
+            outline_of(footprint, self._collision.margin_m),
+            self.wheels.twist(now_s, stale_s(topics.JOINT_STATES)),
+            self.commands.driven(now_s),
+            self.commands.wished(now_s),
+            self._collision,
+            self._robot.emergency_deceleration_mps2,
+        )
+
+    def _footprint(self) -> Footprint:
+        return self._robot.footprint_with_chair if self.passenger else self._robot.footprint
 
     def _complete(self) -> bool:
         """Every critical process has been heard. Until then the machine is starting, and busy with it."""

@@ -12,6 +12,7 @@ from pydantic import Field, field_validator, model_validator
 from robot_stack.contract import faults, processes
 from robot_stack.core.config import Config
 from robot_stack.safety.conditions import CONDITIONS
+from robot_stack.safety.obstacle_params import CollisionParams, LidarParams, ObstacleParams
 
 Positive = Annotated[float, Field(gt=0.0)]
 Degrees = Annotated[float, Field(gt=0.0, lt=90.0)]
@@ -62,6 +63,10 @@ class SafetyParams(Config):
     slope_limit_radps: Positive
     degraded_limit_mps: Positive
     degraded_limit_radps: Positive
+
+    collision: CollisionParams
+    obstacles: ObstacleParams
+    lidar: LidarParams
 
     @field_validator("rows")
     @classmethod

@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from dataclasses import astuple
 
 from robot_stack.contract.frames import DRIVE_AXES, JOINTS, STEER_AXES
+from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.safety.attitude import PlanarAcceleration, UpDirection
 from robot_stack.safety.inputs import ImuSample
+from robot_stack.safety.reckoning import DeadReckoning, Modules
 from robot_stack.safety.timing import Hold, age_s
 
 _MODULE_AXES = tuple(zip(DRIVE_AXES, STEER_AXES, strict=True))
@@ -87,10 +89,13 @@ class PoseWatch:
 class WheelWatch:
     """Age of the joint states, and what they say about the robot's motion."""
 
-    def __init__(self, wheel_radius_m: float, standstill_mps: float, motion: PlanarAcceleration) -> None:
-        self._wheel_radius_m = wheel_radius_m
+    def __init__(
+        self, modules: Modules, standstill_mps: float, motion: PlanarAcceleration, reckoning: DeadReckoning
+    ) -> None:
+        self._modules = modules
         self._standstill_mps = standstill_mps
         self._motion = motion
+        self._reckoning = reckoning
         self._at_s: float | None = None
         self._fastest_mps = math.inf
         self._still_for = Hold()
@@ -107,15 +112,12 @@ class WheelWatch:
             return
         index = {name: i for i, name in enumerate(names)}
         order = [index[name] for name in JOINTS]
-        modules = [
-            (self._wheel_radius_m * velocity[order[drive]], position[order[steer]]) for drive, steer in _MODULE_AXES
-        ]
+        speeds = [self._modules.wheel_radius_m * velocity[order[drive]] for drive, _ in _MODULE_AXES]
+        twist = self._modules.twist(speeds, [position[order[steer]] for _, steer in _MODULE_AXES])
         self._at_s = now_s
-        self._fastest_mps = max(abs(speed) for speed, _ in modules)
-        # The modules lie symmetrically around base_link: the mean of their velocities is its own, without any turn.
-        vx = sum(speed * math.cos(angle) for speed, angle in modules) / len(modules)
-        vy = sum(speed * math.sin(angle) for speed, angle in modules) / len(modules)
-        self._motion.update(vx, vy, now_s)
+        self._fastest_mps = max(abs(speed) for speed in speeds)
+        self._motion.update(twist.vx, twist.vy, now_s)
+        self._reckoning.update(twist, now_s)
         self.still_for_s(now_s, math.inf)
 
     def up(self, complete: bool, now_s: float, stale_s: float, settle_s: float) -> bool:
@@ -129,6 +131,11 @@ class WheelWatch:
 
     def age_s(self, now_s: float) -> float:
         return age_s(now_s, self._at_s)
+
+    def twist(self, now_s: float, stale_s: float) -> Twist2:
+        """The measured twist of base_link; zero while the robot stands or nobody knows."""
+        known = self.age_s(now_s) <= stale_s
+        return self._reckoning.twist if known and self._fastest_mps >= self._standstill_mps else ZERO_TWIST
 
     def still_for_s(self, now_s: float, stale_s: float) -> float | None:
         """For how long every wheel has been below the standstill speed; None while one is faster or nobody knows."""

@@ -318,7 +318,7 @@ def test_a_drive_that_never_comes_up_is_never_normal(start: Start, peer: Peer, e
     [
         ("tilt_stop_deg:=1e9", "tilt_stop_deg"),
         ("rows:=[TILT]", "ESTOP_PRESSED must be among the rows"),
-        ("rows:=[ESTOP_PRESSED, LIDAR_TIMEOUT]", "LIDAR_TIMEOUT has no condition yet"),
+        ("rows:=[ESTOP_PRESSED, OVERHEAT]", "OVERHEAT has no condition yet"),
         ("expected_processes:=[nobody]", "nobody is not a process"),
         ("no_such:=1", "no_such"),
     ],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import Any
 
@@ -18,6 +17,7 @@ from robot_stack.safety.arbiter import Verdict
 from robot_stack.safety.inputs import STANDSTILL, Axis, DriveReading, ImuSample, SpeedLimit
 from robot_stack.safety.latch_store import LatchStore
 from robot_stack.safety.monitor import Memory, SafetyMonitor
+from robot_stack.safety.nodes.surroundings_inputs import SurroundingsInputs
 from robot_stack.safety.observation import CAMERAS
 from robot_stack.safety.params import SafetyParams
 from robot_stack.wmx.axes import StatusSnapshot
@@ -49,6 +49,7 @@ class SafetyMonitorNode(StackNode):
         self.subscribe(topics.DOCKING_STATUS, self._on_docking)
         for camera in CAMERAS:
             self.subscribe(camera, partial(self._on_camera, camera.name))
+        SurroundingsInputs(self, lambda: self._monitor.observation, self.params.lidar.sample)
         self.serve(services.SAFETY_RESET, self._on_reset)
         self.every(self.params.tick_hz, self._tick)
         assert topics.SAFETY_STATUS.rate_hz is not None
@@ -167,7 +168,7 @@ class SafetyMonitorNode(StackNode):
         message = SafetyStatus(
             safety_state=self._verdict.state.name,
             active_faults=list(self._verdict.faults),
-            min_obstacle_distance=math.nan,
+            min_obstacle_distance=self._monitor.nearest_obstacle_m,
             emergency_stop_active=self._monitor.emergency,
         )
         message.header.stamp, message.header.frame_id = self.stamp(), frames.BASE_LINK

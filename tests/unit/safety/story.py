@@ -11,19 +11,27 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robot_stack.contract.frames import JOINTS
 from robot_stack.contract.model import SafetyAction, SafetyState
 from robot_stack.core.config import load
+from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.robot import load_robot
 from robot_stack.safety.arbiter import Verdict
+from robot_stack.safety.conditions import CONDITIONS
 from robot_stack.safety.inputs import Axis, DriveReading, ImuSample
 from robot_stack.safety.monitor import Memory, ResetAnswer, SafetyMonitor
 from robot_stack.safety.params import SafetyParams
 
 ROBOT = load_robot()
-PARAMS = load(SafetyParams, "safety_monitor")
+PARAMS = load(SafetyParams, "safety_monitor", {"rows": tuple(CONDITIONS)})
 TICK_S = 0.01
 G = 9.81
+_BEARINGS = np.linspace(-math.pi, math.pi, 90)
+SWEEP = np.stack([8.0 * np.cos(_BEARINGS), 8.0 * np.sin(_BEARINGS), 0.0 * _BEARINGS], axis=1).astype(np.float32)
+NOTHING = np.empty((0, 3), np.float32)
 GOOD_AXIS = Axis(servo_on=True, amp_alarm=False, following_error=False)
 
 
@@ -51,6 +59,12 @@ class Story:
         self.battery: float | None = 0.8
         self.docking: str | None = None
         self.cameras: list[str] = []
+        self.sweep: NDArray[np.float32] | None = SWEEP
+        self.sweep_frozen = False
+        self.obstacles: NDArray[np.float32] | None = NOTHING
+        self.driven: Twist2 | None = ZERO_TWIST
+        self.wish: Twist2 | None = None
+        self.dock: Pose2 | None = None
         self.beating: set[str] = set(self.params.expected_processes)
 
     def healthy(self) -> Story:
@@ -142,6 +156,22 @@ class Story:
             inputs.docking(self.docking, now_s)
         for camera in self.cameras:
             inputs.camera(camera, now_s)
+        if self.driven is not None:
+            inputs.commands.limited(self.driven, now_s)
+        if self.wish is not None:
+            inputs.commands.wish("/cmd_vel", self.wish, now_s)
+        if self.dock is not None:
+            inputs.surroundings.dock(self.dock, 0.0, now_s)
+        if self.ticks % 5 == 0:
+            self._feed_surroundings()
+
+    def _feed_surroundings(self) -> None:
+        inputs, now_s = self.monitor.observation, self.now_s
+        if self.sweep is not None:
+            noise = 0.0 if self.sweep_frozen else 1e-6 * self.ticks
+            inputs.lidar.received(self.sweep * np.float32(1.0 + noise), 50 * len(self.sweep), now_s)
+        if self.obstacles is not None:
+            inputs.obstacles(self.obstacles, 0.0, now_s)
 
     def _imu_sample(self, tilt_rad: float) -> ImuSample:
         noise = 0.0 if self.imu_frozen else 1e-9 * (1 + self.ticks)

@@ -10,13 +10,16 @@ import pytest
 
 from robot_stack.contract import faults, topics
 from robot_stack.contract.model import Criticality, SafetyAction
+from robot_stack.safety.collision import FREE, Approach
 from robot_stack.safety.conditions import CONDITIONS, stale_s
 from robot_stack.safety.inputs import CLEAR, Finding, Level, ProcessAge, Snapshot, SpeedLimit
+from robot_stack.safety.outlook import Outlook
 from tests.unit.safety.story import PARAMS
 
 NONE, WARN, LIMIT, STOP, EMERGENCY = SafetyAction
 SLOPE_LIMIT, DEGRADED_LIMIT = SpeedLimit(0.3, 0.3), SpeedLimit(0.5, 0.5)
 UNKNOWN = Finding(Level.UNKNOWN)
+FREE_WAY = Outlook(FREE, FREE, math.inf, reach_m=0.5, brake_mps2=2.0)
 WELL = Snapshot(
     uptime_s=100.0,
     estop="",
@@ -35,6 +38,11 @@ WELL = Snapshot(
     battery=1.0,
     processes={},
     cameras={},
+    lidar_age_s=0.0,
+    lidar_problem="",
+    obstacles_age_s=0.0,
+    obstacles_problem="",
+    outlook=FREE_WAY,
 )
 
 
@@ -66,6 +74,9 @@ def test_never_more_severe_than_the_contract_says(code: str) -> None:
         "battery": 0.0,
         "processes": {"a": ProcessAge(Criticality.CRITICAL, math.inf)},
         "cameras": {"/a": math.inf},
+        "lidar_age_s": math.inf,
+        "obstacles_age_s": math.inf,
+        "outlook": replace(FREE_WAY, moving=Approach(0.0, 0.0)),
     }
     assert find(code, **worst).action is faults.BY_CODE[code].action
 

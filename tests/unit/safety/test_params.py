@@ -48,7 +48,7 @@ def test_a_missing_number_is_refused(name: str) -> None:
     ("rows", "complaint"),
     [
         (("ESTOP_PRESSED", "NO_SUCH"), "NO_SUCH is not a fault of the contract"),
-        (("ESTOP_PRESSED", "LIDAR_TIMEOUT"), "LIDAR_TIMEOUT has no condition yet; there are ESTOP_PRESSED"),
+        (("ESTOP_PRESSED", "OVERHEAT"), "OVERHEAT has no condition yet; there are ESTOP_PRESSED"),
         (("TILT",), "ESTOP_PRESSED must be among the rows"),
         (("ESTOP_PRESSED", "TILT", "TILT"), "TILT is listed twice"),
     ],

@@ -10,6 +10,7 @@ import pytest
 from robot_stack.contract.frames import JOINTS
 from robot_stack.safety.attitude import PlanarAcceleration, UpDirection, Vector3
 from robot_stack.safety.inputs import ImuSample
+from robot_stack.safety.reckoning import DeadReckoning, Modules
 from robot_stack.safety.watches import EstopWatch, ImuWatch, Latest, PoseWatch, WheelWatch, joint_states_problem
 
 STILL = ImuSample(0.0, 0.0, 9.81, 0.0, 0.0, 0.0)
@@ -98,7 +99,8 @@ def test_pose_that_is_none(bad: tuple[float, float]) -> None:
 
 def _wheels(standstill_mps: float = 0.05) -> tuple[WheelWatch, PlanarAcceleration]:
     motion = PlanarAcceleration(0.1, 100.0)
-    return WheelWatch(0.1, standstill_mps, motion), motion
+    modules = Modules(((0.3, 0.2), (0.3, -0.2), (-0.3, 0.2), (-0.3, -0.2)), 0.1)
+    return WheelWatch(modules, standstill_mps, motion, DeadReckoning(0.3)), motion
 
 
 def _states(drive_radps: list[float], steer_rad: list[float]) -> tuple[list[float], list[float]]:

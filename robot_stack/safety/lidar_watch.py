@@ -1,0 +1,49 @@
+"""Does the LiDAR see? Judged on a few of the points of each sweep."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.safety.obstacle_params import LidarParams
+from robot_stack.safety.timing import age_s
+
+
+class LidarWatch:
+    """Age of the last sweep that shows the world: a frozen or covered sensor is a silent one."""
+
+    def __init__(self, params: LidarParams) -> None:
+        self._params = params
+        self._last = np.empty((0, 3), np.float32)
+        self._at_s: float | None = None
+        self.problem = "never received"
+
+    def received(self, sample: NDArray[np.float32], of: int, now_s: float) -> None:
+        """A sweep of ``of`` points, of which ``sample`` (m, 3) are looked at: m, sensor frame. Keeps the array."""
+        self.problem = self._problem(sample, of)
+        self._last = sample
+        if not self.problem:
+            self._at_s = now_s
+
+    def refused(self, problem: str) -> None:
+        """A message that is no sweep."""
+        self.problem = problem
+
+    def age_s(self, now_s: float) -> float:
+        return age_s(now_s, self._at_s)
+
+    def _problem(self, sample: NDArray[np.float32], of: int) -> str:
+        p = self._params
+        ranges = np.sqrt(np.square(sample, dtype=np.float64).sum(axis=1))
+        valid = sample[(ranges >= p.min_range_m) & (ranges <= p.max_range_m)]  # false for what is not finite
+        returns = round(of * len(valid) / max(len(sample), 1))
+        if returns < p.min_returns:
+            return f"covered: {returns} returns, at least {p.min_returns} needed"
+        bearing = np.arctan2(valid[:, 1], valid[:, 0]) / (2.0 * math.pi) + 0.5
+        share = len(np.unique(np.floor(bearing * p.sectors) % p.sectors)) / p.sectors
+        if share < p.min_sector_share:
+            return f"covered: returns from {share:.0%} of all directions, at least {p.min_sector_share:.0%} needed"
+        # The noise of a living sensor never repeats a whole sweep.
+        return "frozen" if np.array_equal(sample, self._last, equal_nan=True) else ""

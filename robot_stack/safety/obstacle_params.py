@@ -1,0 +1,105 @@
+"""Parameters of the rows that look at the surroundings: part of ``config/safety_monitor.yaml``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from robot_stack.core.config import Config
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+
+
+class CollisionParams(Config):
+    """When a motion is too near, and how fast it may be.
+
+    Above the thresholds by the hysteresis a row that was raised is gone. The limit lets the robot reach the obstacle in
+    ``approach_s`` at the earliest and stop at ``stop_clearance_m`` after ``reaction_s``; it is never less than the
+    slowest speeds, because standing still is what COLLISION_IMMINENT is for.
+    """
+
+    margin_m: NotNegative
+    stop_s: Positive
+    stop_clearance_m: Positive
+    near_s: Positive
+    near_clearance_m: Positive
+    hysteresis_s: Positive
+    hysteresis_m: Positive
+    approach_s: Positive
+    reaction_s: Positive
+    slowest_mps: Positive
+    slowest_radps: Positive
+    step_mps: Positive
+    rest_mps: Positive
+    rest_radps: Positive
+
+    @model_validator(mode="after")
+    def _in_order(self) -> CollisionParams:
+        if not self.stop_s < self.approach_s < self.near_s:
+            raise ValueError("stop_s, approach_s, near_s must grow in this order")
+        if not self.margin_m < self.stop_clearance_m < self.near_clearance_m:
+            raise ValueError("margin_m, stop_clearance_m, near_clearance_m must grow in this order")
+        return self
+
+
+class BlindParams(Config):
+    """What is remembered of obstacles that are too low and too near to be seen."""
+
+    lowest_ray_deg: Annotated[float, Field(gt=-90.0, lt=0.0)]
+    ray_margin_m: NotNegative
+    radius_m: Positive
+    cell_m: Positive
+    sightings: Annotated[int, Field(ge=1)]
+    memory_s: Positive
+    memory_m: Positive
+
+
+class VolumeParams(Config):
+    """In the dock's frame, m: x from rear to front, |y| from inner to outer, z up to top."""
+
+    rear_m: float
+    front_m: float
+    inner_m: NotNegative
+    outer_m: Positive
+    top_m: Positive
+
+    @model_validator(mode="after")
+    def _has_room(self) -> VolumeParams:
+        if not (self.rear_m < self.front_m and self.inner_m < self.outer_m):
+            raise ValueError("rear_m must be less than front_m, inner_m less than outer_m")
+        return self
+
+
+class ExclusionParams(Config):
+    """What belongs to a dock: its body with whoever sits there, and what reaches out of it to the robot."""
+
+    body: VolumeParams
+    rails: VolumeParams
+
+
+class ObstacleParams(Config):
+    """How obstacle clouds are kept."""
+
+    window_s: Positive
+    max_latency_s: Positive
+    blind: BlindParams
+    exclusion: ExclusionParams
+
+
+class LidarParams(Config):
+    """When a sweep counts as one: judged on ``sample`` of its points."""
+
+    sample: Annotated[int, Field(ge=64)]
+    min_range_m: Positive
+    max_range_m: Positive
+    min_returns: Annotated[int, Field(ge=1)]
+    sectors: Annotated[int, Field(ge=4)]
+    min_sector_share: Annotated[float, Field(gt=0.0, le=1.0)]
+
+    @model_validator(mode="after")
+    def _in_order(self) -> LidarParams:
+        if not self.min_range_m < self.max_range_m:
+            raise ValueError("min_range_m must be less than max_range_m")
+        return self
