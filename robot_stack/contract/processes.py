@@ -71,7 +71,7 @@ PROCESSES: tuple[Process, ...] = (
     ),
     _process("imu_driver", None, _CRITICAL, "IMU of a real robot; the simulation brings its own"),
     _process("battery_driver", None, _LIMITING, "battery of a real robot; the simulation brings its own"),
-    _process("perception_pipeline", None, _CRITICAL, "obstacle points"),
+    _process("perception_pipeline", "robot_stack.perception.node", _CRITICAL, "obstacle points"),
     _process("costmap_server", None, _LIMITING, "local costmap"),
     _process("aruco_detector", "robot_stack.docking.nodes.aruco_detector", _LIMITING, "markers in the camera images"),
     _process(

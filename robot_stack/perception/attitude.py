@@ -1,0 +1,22 @@
+"""Roll and pitch from an orientation."""
+
+from __future__ import annotations
+
+import math
+
+from robot_stack.perception.deskew import Attitude
+
+_UNIT_TOLERANCE = 0.01
+
+
+def attitude_of(x: float, y: float, z: float, w: float) -> Attitude | None:
+    """Roll and pitch of a quaternion, base_link to an upright frame; None if it is no unit quaternion.
+
+    A sensor without orientation sends zeros, and one that is broken NaN.
+    """
+    norm2 = x * x + y * y + z * z + w * w
+    if not abs(norm2 - 1.0) < _UNIT_TOLERANCE:
+        return None
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = math.asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))
+    return Attitude(roll, pitch)

@@ -1,0 +1,149 @@
+"""The motion during a sweep taken out: every point as if seen at the newest point's moment."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.core.geometry import IDENTITY, Pose2, Twist2, exp_se2
+from robot_stack.core.pose_history import PoseHistory
+from robot_stack.perception.params import DeskewParams
+
+Float = NDArray[np.float32]
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Attitude:
+    """Roll and pitch of base_link against gravity, rad (yaw, then pitch about y, then roll about x)."""
+
+    roll_rad: float
+    pitch_rad: float
+
+    def matrix(self) -> Matrix:
+        """(3, 3): base_link to its levelled frame (z against gravity, same heading)."""
+        cr, sr = math.cos(self.roll_rad), math.sin(self.roll_rad)
+        cp, sp = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
+        return np.array([[cp, sp * sr, sp * cr], [0.0, cr, -sr], [-sp, cp * sr, cp * cr]])
+
+
+LEVEL = Attitude(0.0, 0.0)
+
+
+class Motion:
+    """Where base_link was in the last second: odometry in the plane, roll and pitch from the inertial unit."""
+
+    def __init__(self, params: DeskewParams) -> None:
+        self._params = params
+        self._poses = PoseHistory(params.history_s)
+        self._twist = Twist2(0.0, 0.0, 0.0)
+        self._attitudes: deque[tuple[float, Attitude]] = deque()
+
+    def on_odometry(self, stamp_s: float, pose: Pose2, twist: Twist2) -> str:
+        """Takes a reading; why not, an empty text if it did."""
+        if not (math.isfinite(stamp_s) and pose.is_finite() and twist.is_finite()):
+            return "/odom is not finite"
+        newest = self._poses.newest
+        if newest is not None and newest.stamp_s - stamp_s > self._params.history_s:
+            self._poses.clear()  # the clock was started anew
+        if self._poses.add(stamp_s, pose):
+            self._twist = twist
+        return ""
+
+    def on_attitude(self, stamp_s: float, attitude: Attitude) -> None:
+        """Takes a reading that is newer than the newest; one that is not finite or older is left out."""
+        if not all(map(math.isfinite, (stamp_s, attitude.roll_rad, attitude.pitch_rad))):
+            return
+        items = self._attitudes
+        if items and items[-1][0] - stamp_s > self._params.history_s:
+            items.clear()
+        if not items or stamp_s > items[-1][0]:
+            items.append((stamp_s, attitude))
+        while items[-1][0] - items[0][0] > self._params.history_s:
+            items.popleft()
+
+    def problem(self, stamp_s: float) -> str:
+        """Why the motion at ``stamp_s`` is not known; empty if it is."""
+        newest = self._poses.newest
+        if newest is None:
+            return "no /odom yet"
+        age_s = stamp_s - newest.stamp_s
+        if age_s > self._params.odometry_silent_s:
+            return f"/odom is {age_s:.2f} s older than the sweep, limit {self._params.odometry_silent_s} s"
+        return ""
+
+    def pose_at(self, stamp_s: float) -> Pose2:
+        """base_link in odom; beyond the readings the newest twist goes on. Needs a reading."""
+        newest = self._poses.newest
+        if newest is None:
+            return IDENTITY
+        if stamp_s >= newest.stamp_s:
+            return newest.pose.compose(exp_se2(self._twist, stamp_s - newest.stamp_s))
+        pose = self._poses.at(stamp_s)
+        return newest.pose.compose(exp_se2(self._twist, stamp_s - newest.stamp_s)) if pose is None else pose
+
+    def attitude_at(self, stamp_s: float) -> Attitude | None:
+        """Interpolated; the newest holds for ``attitude_silent_s``. None if it is not known."""
+        items = self._attitudes
+        if not items or abs(stamp_s - items[-1][0]) > max(self._params.attitude_silent_s, self._params.longest_s):
+            return None
+        if stamp_s >= items[-1][0]:
+            return items[-1][1] if stamp_s - items[-1][0] <= self._params.attitude_silent_s else None
+        for (after_s, after), (before_s, before) in pairwise(reversed(items)):
+            if before_s <= stamp_s:
+                share = (stamp_s - before_s) / (after_s - before_s)
+                return Attitude(
+                    before.roll_rad + share * (after.roll_rad - before.roll_rad),
+                    before.pitch_rad + share * (after.pitch_rad - before.pitch_rad),
+                )
+        return items[0][1]
+
+    def steps(self, stamp_s: float, oldest_s: float) -> Float:
+        """(k, 3, 4): base_link at stamp_s - i * step_s to base_link at ``stamp_s``, back to ``oldest_s`` <= 0."""
+        count = max(2, math.ceil(-oldest_s / self._params.step_s - 1e-6) + 1)
+        end, level = self.pose_at(stamp_s), self.attitude_at(stamp_s) or LEVEL
+        inverse = level.matrix().T
+        found = np.zeros((count, 3, 4), dtype=np.float32)
+        for i in range(count):
+            at_s = stamp_s - i * self._params.step_s
+            step = self.pose_at(at_s).relative_to(end)
+            attitude = self.attitude_at(at_s) or level
+            c, s = math.cos(step.yaw), math.sin(step.yaw)
+            turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            found[i, :, :3] = inverse @ turn @ attitude.matrix()
+            found[i, :2, 3] = step.x, step.y  # the wheels roll in the robot's own plane
+        return found
+
+
+def deskew(xyz: Float, times: Float, steps: Float, step_s: float) -> Float:
+    """(m, 3) in base_link at the stamp.
+
+    xyz: (m, 3) in base_link at each point's moment; times: (m,) s relative to the stamp, <= 0; steps: as
+    ``Motion.steps`` gives, ``step_s`` apart. Between steps the matrices are interpolated; older points take the oldest.
+    """
+    moved = np.empty_like(xyz)
+    _deskew(xyz, times, steps, np.float32(step_s), moved)
+    return moved
+
+
+@numba.njit(cache=True)
+def _deskew(xyz: Float, times: Float, steps: Float, step_s: Any, moved: Float) -> None:
+    last = len(steps) - 1
+    for i in range(len(xyz)):
+        at = -times[i] / step_s
+        at = min(max(at, np.float32(0.0)), np.float32(last))
+        k = min(int(at), last - 1)
+        share = at - np.float32(k)
+        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+        for row in range(3):
+            a, b = steps[k, row], steps[k + 1, row]
+            near = a[0] * x + a[1] * y + a[2] * z + a[3]
+            far = b[0] * x + b[1] * y + b[2] * z + b[3]
+            moved[i, row] = near + share * (far - near)

@@ -1,0 +1,294 @@
+"""Which points are ground: a profile of each direction, followed outwards from the wheels.
+
+Ground is what can be reached from the wheels without climbing or falling more steeply than a ramp. Every direction
+keeps a cone of heights that this allows: it opens with the distance and closes on each cell of ground found in it. A
+cell above the cone is a step or an obstacle, whatever its height: so a kerb of 5 cm is seen where its cells are short
+enough to make it steeper than a ramp. A cell below the cone is ground that has fallen away. Heights are along gravity.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.core.robot import Robot
+from robot_stack.perception.params import FreeSpaceParams, GroundParams
+from robot_stack.perception.polar import PolarGrid, Sorted
+
+Float = NDArray[np.float32]
+Int = NDArray[np.int32]
+Bytes = NDArray[np.uint8]
+
+# What a cell is.
+EMPTY, FLOOR, STEP, TALL, DROP = 0, 1, 2, 3, 4
+# What a point is. LOW: too high for ground, too low for an obstacle, and no kerb. HIGH: above the robot.
+UNKNOWN, GROUND, KERB, OBSTACLE, LOW, HIGH = 0, 1, 2, 3, 4, 5
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """kind: (sectors, rings) of the cells' kinds; ground_m: the ground's height there (last seen, where it is hidden).
+
+    free_m: (sectors,) distance from the sensor to which ground was seen without a gap or an obstacle, 0: not at all.
+    drop_m: (sectors,) distance from the sensor to the edge of a drop-off, 0: none; drop_height_m: the ground before it.
+    """
+
+    kind: Bytes
+    ground_m: Float
+    free_m: Float
+    drop_m: Float
+    drop_height_m: Float
+
+
+def seeds(robot: Robot, level: NDArray[Any], origin: tuple[float, float], grid: PolarGrid) -> tuple[Float, Float]:
+    """(sectors,) distances from the sensor to the border of the wheels' rectangle, and the ground's height there.
+
+    The wheels stand on it. level: (3, 3) base_link to levelled; origin: the sensor in the levelled frame.
+    """
+    angles = (np.arange(grid.sectors) + 0.5) * (2.0 * math.pi / grid.sectors) - math.pi
+    x0, y0 = robot.lidar_xyz_m[0], robot.lidar_xyz_m[1]
+    half_x, half_y = 0.5 * robot.wheelbase_m, 0.5 * robot.track_m
+    c, s = np.cos(angles), np.sin(angles)
+    with np.errstate(divide="ignore"):
+        to_x = (np.sign(c) * half_x - x0) / c
+        to_y = (np.sign(s) * half_y - y0) / s
+    distance = np.maximum(np.minimum(np.where(c == 0, np.inf, to_x), np.where(s == 0, np.inf, to_y)), 0.0)
+    x, y = x0 + distance * c, y0 + distance * s
+    turned = np.stack([x, y, np.zeros_like(x)], axis=1) @ np.asarray(level).T
+    away = np.hypot(turned[:, 0] - origin[0], turned[:, 1] - origin[1])
+    return away.astype(np.float32), turned[:, 2].astype(np.float32)
+
+
+def follow(
+    points: Sorted,
+    grid: PolarGrid,
+    start: tuple[Float, Float],
+    sensor_height_m: float,
+    params: GroundParams,
+    free: FreeSpaceParams,
+) -> Profile:
+    """The ground in every direction. sensor_height_m: in the levelled frame, above base_link's origin."""
+    shape = (grid.sectors, grid.rings)
+    kind, ground = np.zeros(shape, np.uint8), np.zeros(shape, np.float32)
+    free_m, drop_m, drop_z = (np.zeros(grid.sectors, np.float32) for _ in range(3))
+    numbers = np.array(
+        [
+            math.tan(math.radians(params.max_slope_deg)),
+            params.range_sigma_m,
+            params.step_tolerance_m,
+            params.drop_tolerance_m,
+            params.drop_min_m,
+            params.drop_points_min,
+            params.lateral_cone_m,
+            params.wall_extent_m,
+            params.wall_foot_m,
+            params.kerb_height_m,
+            params.edge_range_m,
+            free.first_ground_m,
+            free.ring_spacing_rad,
+            free.gap_factor,
+            free.gap_m,
+            sensor_height_m,
+            params.kerb_gap_m,
+            params.kerb_rise_m,
+        ],
+        dtype=np.float32,
+    )
+    cells = points.cells
+    _follow(
+        cells.low, cells.height_m, cells.distance_m, cells.top_m, grid.edges_m, *start, numbers,
+        kind, ground, free_m, drop_m, drop_z,
+    )  # fmt: skip
+    return Profile(kind, ground, free_m, drop_m, drop_z)
+
+
+def classify(points: Sorted, profile: Profile, sensor_height_m: float, params: GroundParams) -> tuple[Bytes, Float]:
+    """(n,) what each point is, and (n,) its height above the local ground, m."""
+    labels, height = np.empty(len(points.cell), np.uint8), np.empty(len(points.cell), np.float32)
+    numbers = np.array(
+        [
+            params.point_tolerance_m,
+            3.0 * params.range_sigma_m,
+            params.kerb_point_m,
+            params.obstacle_min_m,
+            params.obstacle_max_m,
+            sensor_height_m,
+            math.tan(math.radians(params.max_slope_deg)),
+        ],
+        dtype=np.float32,
+    )
+    _classify(
+        points.cell, points.height_m, points.distance_m, points.cells.distance_m.ravel(), profile.kind.ravel(),
+        profile.ground_m.ravel(), numbers, labels, height,
+    )  # fmt: skip
+    return labels, height
+
+
+@numba.njit(cache=True)
+def _follow(
+    low: Int,
+    height: Float,
+    distance: Float,
+    top: Float,
+    edges: Float,
+    seed_d: Float,
+    seed_z: Float,
+    p: Float,
+    kind: Bytes,
+    ground: Float,
+    free: Float,
+    drop: Float,
+    drop_z: Float,
+) -> None:
+    sectors, rings = low.shape
+    slope, sigma, step_tolerance, drop_tolerance, drop_min, drop_points = p[0], p[1], p[2], p[3], p[4], p[5]
+    lateral, extent, foot, kerb_height, edge_range = p[6], p[7], p[8], p[9], p[10]
+    first_ground, spacing, gap_factor, gap, sensor = p[11], p[12], p[13], p[14], p[15]
+    zero = np.float32(0.0)
+    upper, lower = seed_z.copy(), seed_z.copy()  # the cone, at the radius ``at``
+    at = seed_d.copy()
+    last_z, last_d = seed_z.copy(), seed_d.copy()  # the last ground
+    seen = np.zeros(sectors, np.bool_)  # ground beyond the seed
+    open_way = np.ones(sectors, np.bool_)
+    fallen = np.zeros(sectors, np.int32)  # points below the cone, not believed yet
+    fallen_z, fallen_d = np.zeros(sectors, np.float32), np.zeros(sectors, np.float32)
+    anything = np.zeros(sectors, np.bool_)  # any point beyond the last ground
+    for k in range(rings):
+        inner, outer = edges[k], edges[k + 1]
+        middle = np.float32(0.5) * (inner + outer)
+        width = middle * np.float32(2.0 * math.pi / sectors)
+        for s in range(sectors):
+            if outer <= seed_d[s]:
+                continue
+            grown = slope * max(middle - at[s], zero)
+            upper[s] += grown
+            lower[s] -= grown
+            at[s] = max(at[s], middle)
+            ground[s, k] = last_z[s]
+            n = low[s, k]
+            if n == 0:
+                continue
+            anything[s] = True
+            if upper[s] - lower[s] > lateral:
+                _ask_neighbours(s, sectors, upper, lower, at, seed_d, slope * width)
+            z, d = height[s, k], distance[s, k]
+            # Range noise seen at the angle of incidence: along the ray, so little of it is height.
+            noise = np.float32(3.0) * sigma * (sensor - z) / max(d, np.float32(0.5)) / math.sqrt(np.float32(n))
+            noise = min(abs(noise), np.float32(3.0) * sigma)
+            past = slope * (d - middle)
+            above = z - (upper[s] + past)
+            below = (lower[s] - past) - z
+            wide = upper[s] - lower[s] > np.float32(0.5) * lateral
+            wall = top[s, k] - z > extent and wide and z - last_z[s] > foot
+            if above > step_tolerance + noise or wall:
+                kind[s, k] = STEP if z - last_z[s] <= kerb_height and not wall else TALL
+                open_way[s] = False
+                continue
+            if below > drop_tolerance + noise:
+                # The first cell below is remembered; the second one beside it is believed.
+                kind[s, k] = DROP
+                if fallen[s] == 0 or abs(z - fallen_z[s]) > slope * (d - fallen_d[s]) + np.float32(0.1):
+                    if fallen[s] == 0:
+                        fallen_d[s] = d
+                    fallen_z[s] = z
+                fallen[s] += n
+                ground[s, k] = z
+                if fallen[s] >= drop_points and last_z[s] - z >= drop_min:
+                    if drop[s] == zero and open_way[s]:
+                        drop[s] = _edge(last_d[s], last_z[s], d, z, sensor, seen[s])
+                        drop_z[s] = last_z[s]
+                    open_way[s] = False
+                    upper[s], lower[s], last_z[s], last_d[s] = z, z, z, d
+                    fallen[s] = 0
+                continue
+            kind[s, k] = FLOOR
+            ground[s, k] = z
+            upper[s] = min(upper[s], z)
+            lower[s] = min(max(lower[s], z), upper[s])
+            if open_way[s]:
+                ring_gap = (last_d[s] * last_d[s] + sensor * sensor) / sensor * spacing
+                limit = gap + gap_factor * ring_gap if seen[s] else first_ground
+                if d - last_d[s] <= limit:
+                    free[s] = d
+                else:
+                    open_way[s] = False
+            last_z[s], last_d[s] = z, d
+            seen[s] = True
+            fallen[s] = 0
+            anything[s] = False
+    for s in range(sectors):
+        # Ground that ends near the robot with nothing at all behind it: no sensor loses all of that.
+        if seen[s] and not anything[s] and open_way[s] and last_d[s] < edge_range:
+            drop[s], drop_z[s] = last_d[s], last_z[s]
+
+
+@numba.njit(cache=True)
+def _ask_neighbours(s: int, sectors: int, upper: Float, lower: Float, at: Float, seed_d: Float, rise: Any) -> None:
+    """Where a sector has not seen ground for long, its neighbours' ground narrows the cone."""
+    for step in (-1, 1):
+        other = (s + step) % sectors
+        if at[other] <= seed_d[other]:
+            continue
+        if upper[other] - lower[other] > np.float32(0.5) * (upper[s] - lower[s]):
+            continue
+        high, deep = upper[other] + rise, lower[other] - rise
+        if deep <= upper[s] and high >= lower[s]:
+            upper[s], lower[s] = min(upper[s], high), max(lower[s], deep)
+
+
+@numba.njit(cache=True)
+def _edge(last_d: Any, last_z: Any, d: Any, z: Any, sensor: Any, seen: bool) -> Any:
+    """Where the ground ends between the last ground and the first point below: the ray to that passed over the edge.
+
+    At the latest where the ray crosses the ground's level; if ground was seen just before, there.
+    """
+    latest = d * (sensor - last_z) / max(sensor - z, np.float32(1e-3))
+    if latest <= last_d:
+        return last_d
+    if seen:
+        return last_d + min(latest - last_d, np.float32(0.05))
+    return latest
+
+
+@numba.njit(cache=True)
+def _classify(
+    cell: Int,
+    z: Float,
+    distance: Float,
+    cell_distance: Float,
+    kind: Bytes,
+    ground: Float,
+    p: Float,
+    labels: Bytes,
+    height: Float,
+) -> None:
+    tolerance, three_sigma, kerb_min, low, high, sensor, slope = p[0], p[1], p[2], p[3], p[4], p[5], p[6]
+    for i in range(len(cell)):
+        c = cell[i]
+        if c < 0:
+            labels[i], height[i] = UNKNOWN, np.float32(0.0)
+            continue
+        h = z[i] - ground[c]
+        height[i] = h
+        what = kind[c]
+        if what == FLOOR or what == DROP:
+            limit = tolerance + three_sigma * min(
+                abs(sensor - ground[c]) / max(distance[i], np.float32(0.5)), np.float32(1.0)
+            )
+            limit += np.float32(0.8) * slope * abs(distance[i] - cell_distance[c])
+            if h <= limit:
+                labels[i] = GROUND
+                continue
+        if h > high:
+            labels[i] = HIGH
+        elif h >= low:
+            labels[i] = OBSTACLE
+        elif what == STEP and h >= kerb_min:
+            labels[i] = KERB
+        else:
+            labels[i] = LOW
