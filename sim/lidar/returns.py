@@ -1,0 +1,82 @@
+"""The compiled sensor model: from what each beam meets to what the sensor says of it."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.lidar.kernels import NO_HIT
+from sim.lidar.shapes import F64, I64
+
+F32 = NDArray[np.float32]
+U32 = NDArray[np.uint32]
+U8 = NDArray[np.uint8]
+
+# Order of the numbers in ``model``.
+MIN_M, MAX_M, NOISE_M, TEN_PERCENT_M, LOST, MIXED, MIXED_STEP_M, INTENSITY_NOISE, WET_LOST = range(9)
+MODEL_SIZE = 9
+_FULL_SCALE = 255.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def returns(
+    azimuths: F64,
+    elevations: F64,
+    times_s: F64,
+    ranges: F64,
+    hits: I64,
+    cosines: F64,
+    label_of: U8,
+    reflectivity_of: F32,
+    wet_hit: int,
+    model: F64,
+    normals: F32,
+    uniforms: F32,
+    words: F32,
+    integers: U32,
+    labels: U8,
+) -> int:
+    """Writes the points in the order of firing, ring by ring; how many there are.
+
+    ranges, hits, cosines: (c, r) from ``kernels.cast``. normals, uniforms: at least 3 c r each. words, integers: the
+    same memory, (c r, 6): x y z intensity ring time. labels: (c r,).
+    """
+    count, draw = 0, 0
+    ring_cos, ring_sin = np.cos(elevations), np.sin(elevations)
+    gain = model[TEN_PERCENT_M] ** 2 / 0.1
+    for c in range(len(azimuths)):
+        cos_a, sin_a, time_s = math.cos(azimuths[c]), math.sin(azimuths[c]), np.float32(times_s[c])
+        for r in range(len(elevations)):
+            draw += 3
+            far, hit = ranges[c, r], hits[c, r]
+            if hit == NO_HIT:
+                continue
+            light = reflectivity_of[hit] * cosines[c, r]
+            signal = light * gain / (far * far)
+            # Half of the returns are there at signal 1, nearly all at 3, nearly none at 1/3.
+            if uniforms[draw] * (1.0 + signal * signal) > signal * signal or uniforms[draw + 1] < model[LOST]:
+                continue
+            if hit == wet_hit and uniforms[draw + 2] < model[WET_LOST]:
+                continue
+            if c > 0 and hits[c - 1, r] != NO_HIT:
+                step = ranges[c - 1, r] - far
+                if abs(step) > model[MIXED_STEP_M] and uniforms[draw + 2] < model[MIXED] and hits[c - 1, r] != hit:
+                    far += step * uniforms[draw + 1]
+            far += model[NOISE_M] * normals[draw]
+            if far < model[MIN_M] or far > model[MAX_M]:
+                continue
+            flat = far * ring_cos[r]
+            words[count, 0] = flat * cos_a
+            words[count, 1] = flat * sin_a
+            words[count, 2] = far * ring_sin[r]
+            words[count, 3] = min(
+                _FULL_SCALE, max(0.0, _FULL_SCALE * light + model[INTENSITY_NOISE] * normals[draw + 1])
+            )
+            integers[count, 4] = r
+            words[count, 5] = time_s
+            labels[count] = label_of[hit]
+            count += 1
+    return count

@@ -1,0 +1,84 @@
+"""Everything the LiDAR can see, as arrays: the world's solids, wet ground, pits, and what moves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.lidar import labels
+from sim.lidar.bodies import chair_shapes, person_shapes
+from sim.lidar.kernels import FIRST_SOLID
+from sim.lidar.params import LidarParams
+from sim.lidar.shapes import BOX, CYLINDER, F64, Shape, ShapeArrays, pack
+from sim.parameters import Wheelchair
+from sim.terrain import Solid, solids
+from sim.worldfile import WorldFile
+
+WHEELCHAIR = "wheelchair"
+PERSON_PREFIX = "person_"
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """movers: names of the bodies that carry shapes, as in /sim/bodies. rects: see ``kernels.cast``.
+
+    label, reflectivity: by number of what a beam met.
+    """
+
+    shapes: ShapeArrays
+    movers: tuple[str, ...]
+    rects: F64
+    label: NDArray[np.uint8]
+    reflectivity: NDArray[np.float32]
+
+
+def build_scene(
+    world: WorldFile,
+    params: LidarParams,
+    chair: Wheelchair,
+    *,
+    people: Iterable[str] = (),
+    passenger: bool = True,
+) -> Scene:
+    """people: names of the bodies that are persons. passenger: somebody sits in the wheelchair."""
+    shine = params.reflectivity
+    fixed = [_shape(solid, params) for solid in solids(world) if solid.kind != "patch"]
+    names = tuple(people)
+    carried = [chair_shapes(chair, shine.chair, passenger=passenger), *(person_shapes(shine.person) for _ in names)]
+    shapes = pack(fixed, carried)
+    ground = [labels.GROUND, labels.GROUND, labels.PIT]
+    light = [shine.ground, params.wet.reflectivity, shine.ground]
+    assert len(ground) == FIRST_SOLID
+    return Scene(
+        shapes=shapes,
+        movers=(WHEELCHAIR, *names),
+        rects=_rects(world, params),
+        label=np.concatenate([np.array(ground, np.uint8), shapes.label]),
+        reflectivity=np.concatenate([np.array(light, np.float32), shapes.reflectivity]),
+    )
+
+
+def _shape(solid: Solid, params: LidarParams) -> Shape:
+    light = float(getattr(params.reflectivity, solid.kind))
+    if solid.shape == "cylinder":
+        radius, half_height = solid.size_m
+        return Shape(CYLINDER, solid.centre_m, (radius, radius, half_height), labels.OF_KIND[solid.kind], light)
+    x, y, z = solid.size_m
+    kind, label = BOX, labels.OF_KIND[solid.kind]
+    return Shape(kind, solid.centre_m, (x, y, z), label, light, solid.yaw_rad, solid.pitch_rad)
+
+
+def _rects(world: WorldFile, params: LidarParams) -> F64:
+    wet = [patch for patch in world.patches if patch.friction < params.wet.friction_below]
+    rows = [(*_placed(item), 0.0) for item in wet]
+    return np.array(rows, float).reshape(-1, 7)
+
+
+def _placed(item: object) -> tuple[float, ...]:
+    x, y, yaw = item.x_m, item.y_m, item.yaw_rad  # type: ignore[attr-defined]
+    half = (0.5 * item.length_m, 0.5 * item.width_m)  # type: ignore[attr-defined]
+    return (x, y, math.cos(yaw), math.sin(yaw), *half)

@@ -1,0 +1,165 @@
+"""The simulated LiDAR: sweeps and half sweeps from timed poses, without ROS and as fast as one likes.
+
+    scene = build_scene(world, params, sim_params.wheelchair, people=("person_anna",))
+    lidar = Lidar(scene, params, robot, seed)
+    sweep = lidar.sweep(base_track, stamp_s, {"person_anna": track})
+
+Frames: tracks hold base_link, wheelchair and people in map; points are in the frame ``lidar``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from robot_stack.core.point_cloud import SWEEP, Points
+from robot_stack.core.robot import Robot
+from sim.camera.motion import Track
+from sim.lidar import returns as model
+from sim.lidar.kernels import BLOCK, WET_HIT, cast
+from sim.lidar.params import LidarParams
+from sim.lidar.scene import Scene
+from sim.lidar.shapes import F64
+
+_BELOW_EVERYTHING_M = -1.0e3
+_BANK = 1 << 19
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """points: ``SWEEP`` records, times relative to stamp_s, which is when the last column fired. labels: (n,)."""
+
+    stamp_s: float
+    points: Points
+    labels: NDArray[np.uint8]
+
+
+class Lidar:
+    """One sensor. seed: its true mounting and its noise."""
+
+    def __init__(self, scene: Scene, params: LidarParams, robot: Robot, seed: int) -> None:
+        self.scene, self.params = scene, params
+        beams = params.beams
+        random = np.random.default_rng(seed)
+        self.mounting = _mounting(robot, params, random)
+        self._random = random
+        self._azimuths = np.radians(beams.start_azimuth_deg) - 2.0 * np.pi * np.arange(beams.columns) / beams.columns
+        self._elevations = np.radians(np.linspace(beams.lowest_deg, beams.highest_deg, beams.rings))
+        self._normals = random.standard_normal(_bank_size(beams.columns * beams.rings), dtype=np.float32)
+        self._uniforms = random.random(len(self._normals), dtype=np.float32)
+        self._model = _model(params)
+        shape = (beams.columns, beams.rings)
+        self._ranges, self._cosines = np.empty(shape), np.empty(shape)
+        self._hits = np.empty(shape, np.int64)
+
+    @property
+    def columns(self) -> int:
+        return self.params.beams.columns
+
+    @property
+    def column_s(self) -> float:
+        """From one column to the next, s."""
+        return self.params.beams.period_s / self.columns
+
+    def sweep(self, base: Track, stamp_s: float, movers: Mapping[str, Track] | None = None) -> Sweep:
+        """A full turn whose last column fires at stamp_s."""
+        return self.part(base, stamp_s, 0, self.columns, movers)
+
+    def half_sweep(self, base: Track, stamp_s: float, half: int, movers: Mapping[str, Track] | None = None) -> Sweep:
+        """Half 0 or 1 of a turn; its last column fires at stamp_s."""
+        middle = self.columns // 2
+        first, last = ((0, middle), (middle, self.columns))[half]
+        return self.part(base, stamp_s, first, last, movers)
+
+    def part(
+        self, base: Track, stamp_s: float, first: int, last: int, movers: Mapping[str, Track] | None = None
+    ) -> Sweep:
+        """Columns first to last - 1 of a turn; column last - 1 fires at stamp_s. Movers without a track are absent."""
+        times = (np.arange(first, last) - (last - 1)) * self.column_s
+        ranges, hits, cosines = self.ranges(base, stamp_s + times, first, last, movers or {})
+        count = ranges.size
+        points, labels = np.zeros(count, SWEEP), np.empty(count, np.uint8)
+        skip = int(self._random.integers(0, len(self._normals) - 3 * count - 3))
+        used = model.returns(
+            self._azimuths[first:last],
+            self._elevations,
+            times,
+            ranges,
+            hits,
+            cosines,
+            self.scene.label,
+            self.scene.reflectivity,
+            WET_HIT,
+            self._model,
+            self._normals[skip:],
+            self._uniforms[skip:],
+            points.view(np.float32).reshape(count, 6),
+            points.view(np.uint32).reshape(count, 6),
+            labels,
+        )
+        return Sweep(stamp_s, points[:used], labels[:used])
+
+    def ranges(
+        self, base: Track, times_s: F64, first: int, last: int, movers: Mapping[str, Track]
+    ) -> tuple[F64, NDArray[np.int64], F64]:
+        """Exact range (inf: nothing), number of what was met, cosine: (columns, rings) each, valid until the next call."""
+        poses = base.at(times_s) @ self.mounting
+        block_times = times_s[np.minimum(np.arange(0, last - first, BLOCK) + BLOCK // 2, last - first - 1)]
+        place = np.zeros((len(block_times), len(self.scene.movers), 3))
+        place[:, :, 2] = _BELOW_EVERYTHING_M
+        turned = np.tile(np.eye(3), (len(block_times), len(self.scene.movers), 1, 1))
+        for index, name in enumerate(self.scene.movers):
+            if name in movers:
+                track = movers[name].at(block_times)
+                place[:, index], turned[:, index] = track[:, :3, 3], track[:, :3, :3]
+        shapes, count = self.scene.shapes, last - first
+        ranges, hits, cosines = self._ranges[:count], self._hits[:count], self._cosines[:count]
+        cast(
+            self._azimuths[first:last],
+            self._elevations,
+            np.ascontiguousarray(poses[:, :3, 3]),
+            np.ascontiguousarray(poses[:, :3, :3]),
+            self.params.ranging.max_m,
+            self.scene.rects,
+            shapes.kind,
+            shapes.mover,
+            shapes.centre_m,
+            shapes.rotation,
+            shapes.half_m,
+            place,
+            turned,
+            ranges,
+            hits,
+            cosines,
+        )
+        return ranges, hits, cosines
+
+
+def _bank_size(beams: int) -> int:
+    """Numbers for one sweep and room to begin anywhere."""
+    return max(4 * beams, _BANK)
+
+
+def _mounting(robot: Robot, params: LidarParams, random: np.random.Generator) -> F64:
+    """(4, 4) true pose of the sensor in base_link."""
+    towards, axis = random.standard_normal(3), random.standard_normal(3)
+    pose = np.eye(4)
+    shift = params.mounting.position_m * random.random() * towards / np.linalg.norm(towards)
+    pose[:3, 3] = np.array(robot.lidar_xyz_m) + shift
+    angle = params.mounting.rotation_rad * random.random()
+    pose[:3, :3] = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix()
+    return pose
+
+
+def _model(params: LidarParams) -> F64:
+    ranging = params.ranging
+    numbers = np.zeros(model.MODEL_SIZE)
+    numbers[model.MIN_M], numbers[model.MAX_M], numbers[model.NOISE_M] = ranging.min_m, ranging.max_m, ranging.noise_m
+    numbers[model.TEN_PERCENT_M], numbers[model.LOST] = ranging.range_at_ten_percent_m, ranging.lost_share
+    numbers[model.MIXED], numbers[model.MIXED_STEP_M] = ranging.mixed_share, ranging.mixed_step_m
+    numbers[model.INTENSITY_NOISE], numbers[model.WET_LOST] = ranging.intensity_noise, params.wet.lost_share
+    return numbers

@@ -1,0 +1,65 @@
+"""Boxes and upright cylinders as the arrays that the ray caster walks over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+BOX, CYLINDER = 0, 1
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """One solid in the frame of what carries it: half sizes (box) or radius, radius, half height (cylinder), m.
+
+    Turned by yaw about z, then by pitch about its new y. label: ``sim.lidar.labels``.
+    """
+
+    kind: int
+    centre_m: tuple[float, float, float]
+    half_m: tuple[float, float, float]
+    label: int
+    reflectivity: float
+    yaw_rad: float = 0.0
+    pitch_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeArrays:
+    """(n,) shapes. mover: which mover carries it, -1: the map. rotation: (n, 3, 3) from the shape to what carries it."""
+
+    kind: I64
+    mover: I64
+    centre_m: F64
+    rotation: F64
+    half_m: F64
+    label: NDArray[np.uint8]
+    reflectivity: NDArray[np.float32]
+
+
+def pack(fixed: Iterable[Shape], carried: Sequence[Sequence[Shape]]) -> ShapeArrays:
+    """Shapes of the map, then those of mover 0, mover 1 and so on."""
+    items = [(-1, shape) for shape in fixed]
+    items += [(index, shape) for index, shapes in enumerate(carried) for shape in shapes]
+    return ShapeArrays(
+        kind=np.array([shape.kind for _, shape in items], np.int64),
+        mover=np.array([mover for mover, _ in items], np.int64),
+        centre_m=np.array([shape.centre_m for _, shape in items], float).reshape(-1, 3),
+        rotation=np.array([_rotation(shape) for _, shape in items], float).reshape(-1, 3, 3),
+        half_m=np.array([shape.half_m for _, shape in items], float).reshape(-1, 3),
+        label=np.array([shape.label for _, shape in items], np.uint8),
+        reflectivity=np.array([shape.reflectivity for _, shape in items], np.float32),
+    )
+
+
+def _rotation(shape: Shape) -> F64:
+    c, s = math.cos(shape.yaw_rad), math.sin(shape.yaw_rad)
+    cp, sp = math.cos(shape.pitch_rad), math.sin(shape.pitch_rad)
+    return np.array([[c * cp, -s, c * sp], [s * cp, c, s * sp], [-sp, 0.0, cp]])
