@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_stack.core.geometry import Pose2
+from robot_stack.core.geometry import IDENTITY, Pose2
+from robot_stack.core.pose_history import PoseHistory
 from robot_stack.localization.filter import Array, PoseFilter, Step
 from robot_stack.localization.gyro import GyroIncrement, GyroIntegrator, ImuSample
 from robot_stack.localization.history import Correction, DelayedFilter
@@ -68,6 +69,8 @@ class Localizer:
         self._odometry_fault = ""
         self._imu_fault = ""
         self._slipping = False
+        # Where base_link went by wheels and gyro alone: corrections do not make it jump.
+        self.travelled = PoseHistory(params.history_s)
 
     def start_covariance(self) -> Array:
         """(3, 3) covariance of x, y, yaw of a pose that somebody gives by hand."""
@@ -141,12 +144,17 @@ class Localizer:
         self._standing = self._standstill.step(increment.motion, increment.dt_s, gyro)
         variance = (0.0, 0.0, 0.0) if self._standing else increment.variance
         step = Step(increment.stamp_s, increment.dt_s, increment.motion, variance, gyro, self._standing)
+        before, gone = self._filter.state().pose, self.travelled.newest
         self._slipping = self._filter.predict(step)
+        moved = self._filter.state().pose.relative_to(before)
+        self.travelled.add(increment.stamp_s, (gone.pose if gone else IDENTITY).compose(moved))
         self._gyro_used = gyro is not None
 
     def _hold(self, increment: Increment) -> None:
         self._standing = False
         self._standstill.clear()
+        self.travelled.clear()
+        self.travelled.add(increment.stamp_s, IDENTITY)
         self._pose_filter.grow(increment.variance)
         self._filter.start(increment.stamp_s)
 

@@ -1,16 +1,26 @@
-"""localization: /odom and /sensors/imu to /current_pose, /localization/quality and the transform map -> odom."""
+"""ndt_localization: /odom, /sensors/imu and, where there is a map, /sensors/lidar/points to the pose in map.
+
+Out come /current_pose, /localization/quality and the transform map -> odom.
+"""
 
 from __future__ import annotations
 
+import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import Imu
+from sensor_msgs.msg import Imu, PointCloud2
 from std_msgs.msg import Float32
 
 from robot_stack.contract import frames, topics
+from robot_stack.core.config import ConfigError
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.point_cloud import SWEEP
+from robot_stack.core.site_map import load_map
 from robot_stack.localization.gyro import ImuSample
 from robot_stack.localization.localizer import Estimate, Localizer, planar_covariance, usable_covariance
+from robot_stack.localization.map_localizer import MapLocalizer
+from robot_stack.localization.ndt.solver import SweepSolver
+from robot_stack.localization.nodes.matching_thread import MatchingThread
 from robot_stack.localization.odometry import OdometryReading, Variances
 from robot_stack.localization.params import LocalizationParams
 from robot_stack.ros.conversions import (
@@ -22,6 +32,7 @@ from robot_stack.ros.conversions import (
     twist_from_msg,
 )
 from robot_stack.ros.node import StackNode, run
+from robot_stack.ros.point_cloud import points_of
 from tf2_msgs.msg import TFMessage
 
 
@@ -31,21 +42,46 @@ class Localization(StackNode):
     def __init__(self) -> None:
         super().__init__("ndt_localization", LocalizationParams)
         motion = self.robot.empty
-        self._localizer = Localizer(self.params, motion.max_speed_mps, motion.max_yaw_rate_radps)
+        self._thread: MatchingThread | None = None
+        self._map: MapLocalizer | None = None
+        self._localizer: Localizer
+        if self.params.map:
+            solver = self._solver()
+            self._localizer = self._map = MapLocalizer(
+                self.params, motion.max_speed_mps, motion.max_yaw_rate_radps, solver.matcher
+            )
+            self._thread = MatchingThread(solver)
+        else:
+            self._localizer = Localizer(self.params, motion.max_speed_mps, motion.max_yaw_rate_radps)
         self._pose = self.advertise(topics.CURRENT_POSE)
         self._quality = self.advertise(topics.LOCALIZATION_QUALITY)
         self._tf = self.advertise(topics.TF)
         self._imu = self.subscribe(topics.IMU, self._on_imu)
         self._odom = self.subscribe(topics.ODOM, self._on_odometry)
         self.subscribe(topics.INITIAL_POSE, self._on_initial_pose)
+        if self._map is not None:
+            self.subscribe(topics.LIDAR_POINTS, self._on_sweep)
         self.set_health(False, "waiting for /odom")
         assert topics.CURRENT_POSE.rate_hz is not None
         self.every(topics.CURRENT_POSE.rate_hz, self._tick)
+
+    def _solver(self) -> SweepSolver:
+        site = load_map(self.params.map)
+        try:
+            solver = SweepSolver(site.cells, self.params.ndt, self.robot.lidar_xyz_m)
+        except ValueError as error:
+            raise ConfigError(f"map {self.params.map!r}: {error}") from error
+        self.get_logger().info(f"map {site.name}: {len(site.cells.key)} cells of {site.cells.size_m} m")
+        return solver
 
     def _on_imu(self, message: Imu) -> None:
         rate, acceleration = message.angular_velocity, message.linear_acceleration
         signature = (rate.x, rate.y, rate.z, acceleration.x, acceleration.y, acceleration.z)
         self._localizer.on_imu(ImuSample(time_to_s(message.header.stamp), rate.z, signature))
+        if self._map is not None and message.orientation_covariance[0] >= 0.0:  # negative: the unit has none
+            q = message.orientation
+            up = (2.0 * (q.x * q.z - q.w * q.y), 2.0 * (q.y * q.z + q.w * q.x), 1.0 - 2.0 * (q.x * q.x + q.y * q.y))
+            self._map.on_up(np.array(up))
 
     def _on_odometry(self, message: Odometry) -> None:
         reading = OdometryReading(
@@ -56,6 +92,30 @@ class Localization(StackNode):
             _planar_variances(message.twist.covariance),
         )
         self._localizer.on_odometry(reading, self.steady_s())
+        self._match()
+
+    def _on_sweep(self, message: PointCloud2) -> None:
+        assert self._map is not None
+        try:
+            sweep = points_of(message, SWEEP)
+        except ValueError as error:
+            self.get_logger().error(f"/sensors/lidar/points refused: {error}", throttle_duration_sec=1.0)
+            return
+        same_layout = sweep.dtype.fields == SWEEP.fields and sweep.dtype.itemsize == SWEEP.itemsize
+        self._map.on_sweep(sweep if same_layout else sweep.astype(SWEEP), time_to_s(message.header.stamp))
+        self._match()
+
+    def _match(self) -> None:
+        """Takes what the thread has finished, and gives it the next sweep."""
+        if self._map is None or self._thread is None:
+            return
+        answer = self._thread.take()
+        if answer is not None:
+            self._map.answer(answer, self.steady_s())
+        if not self._thread.busy():
+            question = self._map.question()
+            if question is not None:
+                self._thread.ask(question)
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         pose, problem = _given_pose(message)
@@ -69,6 +129,7 @@ class Localization(StackNode):
         self.get_logger().info(f"/initialpose taken: x {pose.x:.2f} m, y {pose.y:.2f} m, yaw {pose.yaw:.3f} rad")
 
     def _tick(self) -> None:
+        self._match()
         estimate = self._localizer.estimate(self.steady_s())
         self._quality.publish(Float32(data=estimate.quality))
         if estimate.pose is not None and estimate.map_to_odom is not None:
@@ -86,6 +147,15 @@ class Localization(StackNode):
             "gyro bias": f"{estimate.gyro_bias_radps:.5f} rad/s",
             "standing": str(estimate.standing),
         }
+        if self._map is not None:
+            match = self._map.match
+            self.report.values["map"] = self._map.confidence.value
+            self.report.values["match"] = "none" if match is None else f"{match.score:.2f}, {match.iterations} steps"
+
+    def destroy_node(self) -> None:
+        if self._thread is not None:
+            self._thread.end()
+        super().destroy_node()
 
 
 def _planar_variances(covariance: list[float]) -> Variances:

@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from robot_stack.core.config import Config
+from robot_stack.localization.ndt.params import NdtParams
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
@@ -70,8 +71,12 @@ class QualityParams(Config):
 
 
 class LocalizationParams(Config):
-    """Everything the node can be told."""
+    """Everything the node can be told.
 
+    map: name of a folder in config/maps, or its path; empty: odometry and gyro alone.
+    """
+
+    map: str
     start_x_m: float
     start_y_m: float
     start_yaw_rad: float
@@ -83,3 +88,4 @@ class LocalizationParams(Config):
     gyro: GyroParams
     standstill: StandstillParams
     quality: QualityParams
+    ndt: NdtParams

@@ -19,8 +19,8 @@ def subsample(
 ) -> Floats:
     """(m, 3) centroids of the voxels of ``sweep`` (SWEEP, sensor frame), in base_link at the sweep's stamp.
 
-    lidar_xyz_m: (3,) sensor in base_link, not turned. motion: (k, 4) rows [time s, x m, y m, yaw rad]: base_link at that
-    time relative to the stamp, in base_link at the stamp; times rise. Points that are not finite, nearer than
+    lidar_xyz_m: (3,) sensor in base_link, not turned. motion: (k, 4) rows [time s, x m, y m, yaw rad]: base_link at
+    that time relative to the stamp, in base_link at the stamp; times rise. Points that are not finite, nearer than
     min_range_m (in the plane: the robot itself) or farther than max_range_m are left out. A voxel's points are seen
     within milliseconds of each other, so its centroid is moved by its mean time instead of every point by its own.
     Raises ValueError for a sweep of another layout and for motion that is not finite.
@@ -32,7 +32,8 @@ def subsample(
     if not len(sweep):
         return np.empty((0, 3))
     flat = np.ascontiguousarray(sweep).view(np.float32).reshape(len(sweep), _WORDS)
-    return _subsample(flat, lidar_xyz_m, motion, voxel_m, min_range_m, max_range_m)  # type: ignore[no-any-return]
+    points: Floats = _subsample(flat, lidar_xyz_m, motion, voxel_m, min_range_m, max_range_m)
+    return points
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]

@@ -24,14 +24,14 @@ _PACKED = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
 class Field(NamedTuple):
     """Cells in the map frame; all arrays are what the compiled kernels read.
 
-    size_m: edge of a voxel. corner: (3,) int64, key of the voxel at index (0, 0, 0). index: (nx, ny, nz) int32, row of
+    size_m: edge of a voxel. corner: (3,) int64, key of the voxel at index (0, 0, 0). rows: (nx, ny, nz) int32, row of
     a voxel's cell or -1. mean: (n, 3) m. inverse: (n, 6) inverse covariance [xx, xy, xz, yy, yz, zz], 1/m2. normal:
     (n, 6) its part along the thin directions. ground: (nx, ny) m, lowest mean of the column, NaN where nothing is.
     """
 
     size_m: float
     corner: npt.NDArray[np.int64]
-    index: npt.NDArray[np.int32]
+    rows: npt.NDArray[np.int32]
     mean: Floats
     inverse: Floats
     normal: Floats

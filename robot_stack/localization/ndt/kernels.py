@@ -1,7 +1,8 @@
 """The compiled part of P2D-NDT (Magnusson 2009, chapter 6): score, gradient, Hessian, and Newton's method with them.
 
-A pose moves by increments delta (6,) [translation m, rotation rad], both in the axes of map, the rotation about base_link's
-origin: x -> exp(rotation) R x + t + translation. Derivatives are taken at delta = 0, where they are exact and short.
+A pose moves by increments delta (6,) [translation m, rotation rad], both in the axes of map, the rotation about the
+origin of base_link: x -> exp(rotation) R x + t + translation. Derivatives are taken at delta = 0, where they are exact
+and short.
 All of it lives in one file: numba's cache does not notice changes in other ones.
 """
 
@@ -23,7 +24,7 @@ _DZ = np.array([0, 0, 0, 0, 0, 1, -1])
 def score_only(points, rotation, position, field, d1, d2):
     """The objective, to be minimised: d1 < 0 times the sum of exp(-d2/2 m2) over points and cells around them."""
     total = 0.0
-    nx, ny, nz = field.index.shape
+    nx, ny, nz = field.rows.shape
     scale = 1.0 / field.size_m
     for i in range(points.shape[0]):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -37,7 +38,7 @@ def score_only(points, rotation, position, field, d1, d2):
             jx, jy, jz = ix + _DX[k], iy + _DY[k], iz + _DZ[k]
             if jx < 0 or jy < 0 or jz < 0 or jx >= nx or jy >= ny or jz >= nz:
                 continue
-            cell = field.index[jx, jy, jz]
+            cell = field.rows[jx, jy, jz]
             if cell < 0:
                 continue
             qx, qy, qz = wx - field.mean[cell, 0], wy - field.mean[cell, 1], wz - field.mean[cell, 2]
@@ -57,7 +58,7 @@ def derivatives(points, rotation, position, field, d1, d2, gradient, hessian):
     gradient[:] = 0.0
     hessian[:] = 0.0
     total = 0.0
-    nx, ny, nz = field.index.shape
+    nx, ny, nz = field.rows.shape
     scale = 1.0 / field.size_m
     h = np.zeros((6, 6))
     for i in range(points.shape[0]):
@@ -77,7 +78,7 @@ def derivatives(points, rotation, position, field, d1, d2, gradient, hessian):
             jx, jy, jz = ix + _DX[k], iy + _DY[k], iz + _DZ[k]
             if jx < 0 or jy < 0 or jz < 0 or jx >= nx or jy >= ny or jz >= nz:
                 continue
-            cell = field.index[jx, jy, jz]
+            cell = field.rows[jx, jy, jz]
             if cell < 0:
                 continue
             qx, qy, qz = wx - field.mean[cell, 0], wy - field.mean[cell, 1], wz - field.mean[cell, 2]
@@ -179,9 +180,9 @@ def _prior_cost(rotation, position, prior):
 def newton(points, rotation, position, field, d1, d2, prior, limits):
     """Minimises the objective plus what is known beforehand; moves rotation and position in place.
 
-    prior: (6,) vertical in base_link (3), its weight 1/rad2, height m, its weight 1/m2. limits: [iterations, longest step m, longest turn rad, step m and turn rad below
-    which it has converged]. Returns (objective, iterations, converged, reversals): reversals counts steps that went
-    back against the one before.
+    prior: (6,) vertical in base_link (3), its weight 1/rad2, height m, its weight 1/m2. limits: [iterations, longest
+    step m, longest turn rad, step m and turn rad below which it has converged]. Returns (objective, iterations,
+    converged, reversals): reversals counts steps that went back against the one before.
     """
     gradient, hessian = np.empty(6), np.empty((6, 6))
     last = np.zeros(6)
@@ -209,6 +210,7 @@ def newton(points, rotation, position, field, d1, d2, prior, limits):
         step *= shrink
         slope = gradient @ step
         size, accepted = 1.0, False
+        new_rotation, new_position, new_score = rotation, position, score
         for _ in range(6):
             new_rotation = turned(rotation, size * step[3:])
             new_position = position + size * step[:3]
@@ -245,7 +247,7 @@ def judge(points, rotation, position, field, above_ground_m, explained2, informa
     """
     information[:] = 0.0
     structure, explained = 0, 0
-    nx, ny, nz = field.index.shape
+    nx, ny, nz = field.rows.shape
     scale = 1.0 / field.size_m
     j = np.zeros((3, 6))
     j[0, 0] = j[1, 1] = j[2, 2] = 1.0
@@ -263,7 +265,7 @@ def judge(points, rotation, position, field, above_ground_m, explained2, informa
             jx, jy, jz = ix + _DX[k], iy + _DY[k], iz + _DZ[k]
             if jx < 0 or jy < 0 or jz < 0 or jx >= nx or jy >= ny or jz >= nz:
                 continue
-            cell = field.index[jx, jy, jz]
+            cell = field.rows[jx, jy, jz]
             if cell < 0:
                 continue
             q = w - field.mean[cell]
@@ -285,3 +287,37 @@ def judge(points, rotation, position, field, above_ground_m, explained2, informa
             j[2, 3], j[2, 4] = p[1], -p[0]
             information += j.T @ (a @ j)
     return structure, explained
+
+
+@numba.njit(cache=True, nogil=True)
+def correlate(points, field, places, yaws, scores):
+    """Writes scores (places, yaws): mean over points of exp(-m2 / 2) of the cell they fall into.
+
+    points: (n, 3) m, levelled, in base_link. places: (k, 3) x, y, z in map.
+    """
+    nx, ny, nz = field.rows.shape
+    scale = 1.0 / field.size_m
+    for a in range(yaws.shape[0]):
+        c, s = np.cos(yaws[a]), np.sin(yaws[a])
+        for k in range(places.shape[0]):
+            total = 0.0
+            for i in range(points.shape[0]):
+                wx = c * points[i, 0] - s * points[i, 1] + places[k, 0]
+                wy = s * points[i, 0] + c * points[i, 1] + places[k, 1]
+                wz = points[i, 2] + places[k, 2]
+                ix = int(np.floor(wx * scale)) - field.corner[0]
+                iy = int(np.floor(wy * scale)) - field.corner[1]
+                iz = int(np.floor(wz * scale)) - field.corner[2]
+                if ix < 0 or iy < 0 or iz < 0 or ix >= nx or iy >= ny or iz >= nz:
+                    continue
+                cell = field.rows[ix, iy, iz]
+                if cell < 0:
+                    continue
+                qx, qy, qz = wx - field.mean[cell, 0], wy - field.mean[cell, 1], wz - field.mean[cell, 2]
+                h = field.inverse[cell]
+                m2 = (
+                    h[0] * qx * qx + h[3] * qy * qy + h[5] * qz * qz
+                    + 2.0 * (h[1] * qx * qy + h[2] * qx * qz + h[4] * qy * qz)
+                )  # fmt: skip
+                total += np.exp(-0.5 * m2)
+            scores[k, a] = total / points.shape[0]

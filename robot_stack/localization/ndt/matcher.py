@@ -89,6 +89,15 @@ class NdtMatcher:
     def fine(self) -> Field:
         return self.levels[-1]
 
+    @property
+    def wide(self) -> Field:
+        """The coarsest level but one: what a search correlates with."""
+        return self.levels[min(1, len(self.levels) - 1)]
+
+    def standing(self, points: Floats, up: Floats) -> Floats:
+        """The points (n, 3) that stand above the ground that base_link stands on."""
+        return np.ascontiguousarray(points[points @ up > self._params.structure_height_m])
+
     def ground_m(self, x_m: float, y_m: float) -> float:
         """Height of the ground in the map, NaN where it knows none."""
         field = self.fine
@@ -98,7 +107,7 @@ class NdtMatcher:
         return float(field.ground[ix, iy]) if inside else math.nan
 
     def match(self, points: Floats, guess: Floats, up: Floats, off_m: float) -> Match:
-        """points: (n, 3) in base_link. guess: (4, 4). up: (3,) vertical in base_link. off_m: how far off the guess may be.
+        """points: (n, 3) in base_link. guess: (4, 4), perhaps off_m off. up: (3,) vertical in base_link.
 
         Raises ValueError for points, a guess or a vertical that are not finite or of another shape.
         """
@@ -106,7 +115,7 @@ class NdtMatcher:
         rotation, position = np.ascontiguousarray(guess[:3, :3]), np.ascontiguousarray(guess[:3, 3])
         p, iterations, converged, reversals = self._params, 0, False, 0
         first = max((i for i, level in enumerate(p.levels) if level.reach_m >= off_m), default=0)
-        standing = np.ascontiguousarray(points[points @ guess[2, :3] > p.structure_height_m])
+        standing = self.standing(points, guess[2, :3])
         for level, field, (d1, d2) in list(zip(p.levels, self.levels, self._mixture, strict=True))[first:]:
             loose = 1.0 if field is self.fine else 10.0  # a coarse level only has to come near
             prior = np.array([*up, 1.0 / p.tilt_sigma_rad**2, guess[2, 3], level.structure / p.height_sigma_m**2])

@@ -27,9 +27,9 @@ class CloudParams(Config):
 class LevelParams(Config):
     """One resolution of the map.
 
-    cell_m: edge of its cells, those of the map are merged to it. blur_m: added to every cell's spread, so that thin walls
-    pull from afar. reach_m: how far off a guess may be. structure: only what stands above the ground is matched, and the
-    height is held: ground says nothing about x, y and yaw, but outnumbers what does.
+    cell_m: edge of its cells, those of the map are merged to it. blur_m: added to every cell's spread, so that thin
+    walls pull from afar. reach_m: how far off a guess may be. structure: only what stands above the ground is matched,
+    and the height is held: ground says nothing about x, y and yaw, but outnumbers what does.
     """
 
     cell_m: Positive

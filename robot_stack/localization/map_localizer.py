@@ -1,0 +1,198 @@
+"""Localization against a map: matches of LiDAR sweeps correct the filter of odometry and gyro, late but at their time.
+
+The matching itself takes milliseconds, a search seconds: ``question`` hands out what is to be computed, anywhere, and
+``answer`` takes the result.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from robot_stack.core.geometry import IDENTITY, Pose2
+from robot_stack.core.point_cloud import Points
+from robot_stack.localization.filter import Array
+from robot_stack.localization.history import Correction
+from robot_stack.localization.localizer import Estimate, Localizer
+from robot_stack.localization.ndt.gate import Confidence, ConfidenceLadder, problem_of
+from robot_stack.localization.ndt.matcher import Match, NdtMatcher, pose_of
+from robot_stack.localization.ndt.search import Region
+from robot_stack.localization.ndt.solver import Answer, Question
+from robot_stack.localization.odometry import OdometryEvent, OdometryReading
+from robot_stack.localization.params import LocalizationParams
+
+_KNOT_S = 0.01
+# How far a refused match lets the filter doubt itself, m and rad: if the next ones insist, they are believed.
+_DOUBT = (0.03**2, 0.03**2, 0.01**2)
+_FINGERPRINT_POINTS = 64
+
+
+class MapLocalizer(Localizer):
+    """A localizer with a map. See :class:`Localizer` for the other arguments."""
+
+    def __init__(
+        self, params: LocalizationParams, max_speed_mps: float, max_yaw_rate_radps: float, matcher: NdtMatcher
+    ) -> None:
+        self._ndt = params.ndt
+        super().__init__(params, max_speed_mps, max_yaw_rate_radps)
+        self._matcher = matcher
+        self._ladder = ConfidenceLadder(params.ndt)
+        self._up = np.array([0.0, 0.0, 1.0])
+        self._z_m = math.nan
+        self._sweep: tuple[float, Points] | None = None
+        self._fingerprint = b""
+        self._repeats = 0
+        self._epoch = 0
+        self._searched_near = False
+        self._asked_s = -math.inf
+        self._problem = ""
+        self.match: Match | None = None
+
+    @property
+    def confidence(self) -> Confidence:
+        return self._ladder.state
+
+    def start_covariance(self) -> Array:
+        position, yaw = self._ndt.start_position_sigma_m**2, self._ndt.start_yaw_sigma_rad**2
+        return np.diag([position, position, yaw])
+
+    def on_up(self, up: Array) -> None:
+        """up: (3,) the vertical in base_link as the IMU sees it; what is not a unit vector is left out."""
+        if np.isfinite(up).all() and abs(float(up @ up) - 1.0) < 0.01 and up[2] > 0.0:
+            self._up = up
+
+    def on_odometry(self, reading: OdometryReading, received_s: float) -> OdometryEvent:
+        event = super().on_odometry(reading, received_s)
+        if event in (OdometryEvent.RESTARTED, OdometryEvent.CLOCK_RESTARTED):
+            self._sweep, self._asked_s = None, -math.inf
+            self._epoch += 1
+        return event
+
+    def on_sweep(self, sweep: Points, stamp_s: float) -> None:
+        """sweep: SWEEP, sensor frame, at stamp_s. The newest one waits until odometry reaches its stamp."""
+        fingerprint = sweep[:: max(1, len(sweep) // _FINGERPRINT_POINTS)].tobytes()
+        if len(sweep) and fingerprint == self._fingerprint:
+            self._repeats += 1  # no living sensor repeats itself: nothing new was seen
+            return
+        self._fingerprint, self._repeats = fingerprint, 0
+        if math.isfinite(stamp_s):
+            self._sweep = (stamp_s, sweep)
+
+    def question(self) -> Question | None:
+        """What is to be computed now; each sweep is asked about once."""
+        if self._sweep is None:
+            return None
+        stamp_s, sweep = self._sweep
+        newest = self.travelled.newest
+        if newest is None or newest.stamp_s < stamp_s:
+            return None  # odometry will get there
+        self._sweep = None
+        travelled = self.travelled.at(stamp_s)
+        if travelled is None or stamp_s <= self._asked_s:
+            self._problem = "sweep is older than the odometry that is known"
+            return None
+        self._asked_s = stamp_s
+        state = self._filter.state()
+        predicted = state.pose.compose(travelled.relative_to(newest.pose))
+        z_m = self._z_m if math.isfinite(self._z_m) else self._matcher.ground_m(predicted.x, predicted.y)
+        gate = self._ndt.gate
+        off_m = gate.reach_sigmas * (state.position_sigma_m + gate.reach_radius_m * state.yaw_sigma_rad)
+        guess = pose_of(predicted, z_m if math.isfinite(z_m) else 0.0, self._up)
+        motion = self._motion(stamp_s, travelled)
+        region = self._region(predicted) if self._ladder.state is Confidence.SEARCHING else None
+        return Question(stamp_s, sweep, motion, guess, self._up, off_m, region, travelled, self._epoch)
+
+    def answer(self, answer: Answer, steady_s: float) -> None:
+        """Takes the answer to an earlier question. steady_s: the steady clock now."""
+        question = answer.question
+        if question.epoch != self._epoch:
+            return
+        searched = self._ladder.state is Confidence.SEARCHING
+        if searched != (question.region is not None):
+            return  # asked before the pose was lost
+        if answer.match is None:
+            self._problem = answer.problem
+            self._searched_near = searched
+            return
+        self.match = answer.match
+        if searched:
+            self._take_up(question, answer.match, steady_s)
+        else:
+            self._weigh(question, answer.match, steady_s)
+
+    def reset(self, pose: Pose2, covariance: Array, stamp_s: float) -> None:
+        super().reset(pose, covariance, stamp_s)
+        self._epoch += 1
+        self._z_m = math.nan
+        self._searched_near = False
+        self._ladder.restart(Confidence.CONFIRMING)
+
+    def estimate(self, steady_s: float) -> Estimate:
+        estimate = super().estimate(steady_s)
+        value = min(estimate.quality * self._ladder.factor(steady_s), self._ladder.cap())
+        return replace(estimate, quality=value, faults=(*estimate.faults, *self._map_faults()))
+
+    def _take_up(self, question: Question, match: Match, steady_s: float) -> None:
+        """A search found the pose: the filter starts anew from it."""
+        search = self._ndt.search
+        sigmas = [search.position_sigma_m, search.position_sigma_m, search.yaw_sigma_rad]
+        newest = self.travelled.newest
+        since = IDENTITY if newest is None else newest.pose.relative_to(question.travelled)
+        self._pose_filter.set_pose(match.planar.compose(since), np.diag(np.square(sigmas)))
+        if not math.isnan(self._filter.stamp_s):
+            self._filter.start(self._filter.stamp_s)
+        self._z_m = float(match.pose[2, 3])
+        self._searched_near, self._problem = False, ""
+        self._ladder.found(match.score, steady_s)
+
+    def _weigh(self, question: Question, match: Match, steady_s: float) -> None:
+        """Corrects by a match if every gate lets it pass."""
+        newest, state = self.travelled.newest, self._filter.state()
+        moved = IDENTITY if newest is None else question.travelled.relative_to(newest.pose)
+        predicted = state.pose.compose(moved)
+        problem = problem_of(match, predicted, state.position_sigma_m, state.yaw_sigma_rad, self._ndt.gate)
+        if not problem:
+            result = self.correct(match.planar, match.planar_covariance, question.stamp_s)
+            if result in (Correction.TOO_OLD, Correction.TOO_NEW):
+                self._problem = f"match came too late: {result.value}"
+                return
+            if result is not Correction.APPLIED:
+                problem = f"match refused: {result.value}"
+                self._doubt()
+        self._problem = problem
+        if problem:
+            self._ladder.refuse()
+            return
+        self._z_m = float(match.pose[2, 3])
+        turn_rad = abs(math.remainder(match.planar.yaw - predicted.yaw, math.tau))
+        self._ladder.accept(match.score, match.planar.distance_to(predicted), turn_rad, steady_s)
+
+    def _doubt(self) -> None:
+        # A good match that the filter cannot believe: the wheels may have slid further than they know.
+        self._pose_filter.grow(_DOUBT)
+        self._filter.start(self._filter.stamp_s)
+
+    def _region(self, predicted: Pose2) -> Region:
+        radius_m = math.inf if self._searched_near else self._ndt.search.near_radius_m
+        return Region(predicted.x, predicted.y, radius_m)
+
+    def _motion(self, stamp_s: float, at_stamp: Pose2) -> Array:
+        """(k, 4) rows of time, x, y, yaw: base_link while the sweep was measured, in base_link at its stamp."""
+        count = round(self._ndt.cloud.sweep_s / _KNOT_S)
+        rows = []
+        for k in range(-count, 1):
+            pose = self.travelled.at(stamp_s + k * _KNOT_S) if k else at_stamp
+            if pose is not None:
+                step = pose.relative_to(at_stamp)
+                rows.append((k * _KNOT_S, step.x, step.y, step.yaw))
+        return np.array(rows)
+
+    def _map_faults(self) -> tuple[str, ...]:
+        faults = [self._problem]
+        if self._ladder.state is not Confidence.TRACKING:
+            faults.append(self._ladder.state.value)
+        if self._repeats >= self._ndt.gate.frozen_sweeps:
+            faults.append(f"/sensors/lidar/points frozen: {self._repeats} equal sweeps")
+        return tuple(fault for fault in faults if fault)

@@ -1,0 +1,93 @@
+"""Looking for the pose in a region of the map or all of it: correlate, match the best places, ask if one is alone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.localization.ndt import kernels
+from robot_stack.localization.ndt.matcher import Match, NdtMatcher, pose_of
+from robot_stack.localization.ndt.params import SearchParams
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """Where to look: within radius_m of (x_m, y_m); an infinite radius is the whole map."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The best pose and, apart from it, the second best; None where nothing came out."""
+
+    best: Match | None
+    second: Match | None
+
+    def clear(self, params: SearchParams) -> bool:
+        """Is the best good, and no other nearly as good?"""
+        if self.best is None or self.best.score < params.min_score:
+            return False
+        return self.second is None or self.second.score < params.ambiguous_ratio * self.best.score
+
+
+def search(matcher: NdtMatcher, points: Floats, up: Floats, region: Region, params: SearchParams) -> Found:
+    """points: (n, 3) in base_link; up: (3,) vertical in base_link. Takes as long as the region is large."""
+    standing = matcher.standing(points, up)
+    places = _places(matcher, region, params.step_m)
+    if len(standing) < 3 or not len(places):
+        return Found(None, None)
+    level = pose_of(Pose2(0.0, 0.0, 0.0), 0.0, up)[:3, :3]
+    chosen = np.linspace(0, len(standing) - 1, min(len(standing), params.points)).astype(np.intp)
+    yaws = np.arange(params.yaw_steps) * (2.0 * math.pi / params.yaw_steps)
+    scores = np.empty((len(places), len(yaws)))
+    kernels.correlate(np.ascontiguousarray(standing[chosen] @ level.T), matcher.wide, places, yaws, scores)
+    matches = []
+    for k, a in _peaks(scores, places, params):
+        guess = pose_of(Pose2(places[k, 0], places[k, 1], float(yaws[a])), float(places[k, 2]), up)
+        matches.append(matcher.match(points, guess, up, params.step_m))
+    usable = sorted((match for match in matches if match.converged), key=lambda match: -match.score)
+    if not usable:
+        return Found(None, None)
+    return Found(usable[0], next((match for match in usable[1:] if _apart(match, usable[0], params)), None))
+
+
+def _places(matcher: NdtMatcher, region: Region, step_m: float) -> Floats:
+    """(k, 3) places of the map with ground, on a grid of step_m."""
+    field = matcher.fine
+    stride = max(1, round(step_m / field.size_m))
+    rows, columns = np.nonzero(np.isfinite(field.ground[::stride, ::stride]))
+    rows, columns = rows * stride, columns * stride
+    x, y = (rows + field.corner[0] + 0.5) * field.size_m, (columns + field.corner[1] + 0.5) * field.size_m
+    near = np.hypot(x - region.x_m, y - region.y_m) <= region.radius_m
+    places: Floats = np.stack([x, y, field.ground[rows, columns]], axis=1)[near]
+    return places
+
+
+def _peaks(scores: Floats, places: Floats, params: SearchParams) -> list[tuple[int, int]]:
+    """The best candidates, none a neighbour of a better one."""
+    taken: list[tuple[int, int]] = []
+    turn = scores.shape[1]
+    for flat in np.argsort(-scores, axis=None)[: 50 * params.candidates]:
+        k, a = divmod(int(flat), turn)
+        if all(
+            np.hypot(*(places[k, :2] - places[j, :2])) > 1.5 * params.step_m or 1 < abs(a - b) < turn - 1
+            for j, b in taken
+        ):
+            taken.append((k, a))
+            if len(taken) == params.candidates:
+                break
+    return taken
+
+
+def _apart(match: Match, other: Match, params: SearchParams) -> bool:
+    a, b = match.planar, other.planar
+    return a.distance_to(b) > params.apart_m or abs(math.remainder(a.yaw - b.yaw, 2.0 * math.pi)) > params.apart_rad
