@@ -7,6 +7,7 @@ import typer
 from robot_stack.cli import bench, dock, doctor, programs, safety, stack, topics
 from robot_stack.cli.calibrate import calibrate
 from robot_stack.cli.docking import docking
+from robot_stack.cli.map import maps
 from robot_stack.cli.mission import mission
 
 app = typer.Typer(
@@ -25,6 +26,7 @@ app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options"
 app.add_typer(mission, name="mission")
 app.add_typer(docking, name="docking")
 app.add_typer(calibrate, name="calibrate")
+app.add_typer(maps, name="map")
 app.command()(dock.dock)
 app.command()(dock.undock)
 app.command()(safety.estop)

@@ -1,0 +1,62 @@
+"""map build, show, check: a site's map from a recorded ride."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robot_stack.cli.errors import NOT_DONE
+
+maps = typer.Typer(help="Maps of sites: build one from a recorded ride, show it, check it.", no_args_is_help=True)
+
+
+@maps.command()
+def build(
+    recording: Annotated[Path, typer.Argument(help="Recording: folder or .mcap of the recorder, or a rosbag2.")],
+    name: Annotated[str, typer.Option(help="Name of the map; its folder is config/maps/NAME.")],
+    output: Annotated[Path | None, typer.Option(help="Folder to put the map's folder into.")] = None,
+    origin: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(help="x m, y m, yaw rad of the robot in the map where the ride begins; by default 0 0 0."),
+    ] = None,
+    plot: Annotated[bool, typer.Option(help="Draw map.png.")] = True,
+) -> None:
+    """Build a map from a recorded ride."""
+    from robot_stack.cli.map_build import build_from_recording
+
+    build_from_recording(recording, name, output, origin, plot)
+
+
+@maps.command()
+def show(
+    name: Annotated[str, typer.Argument(help="Name in config/maps, or a folder.")],
+    picture: Annotated[Path | None, typer.Option(help="Draw the map into this PNG file.")] = None,
+) -> None:
+    """What a map holds and where it came from."""
+    from robot_stack.cli.map_build import lines_of
+    from robot_stack.core.site_map import load_map
+
+    site = load_map(name)
+    for line in lines_of(site):
+        typer.echo(line)
+    if picture is not None:
+        from robot_stack.cli.map_picture import draw_map
+
+        draw_map(site, picture)
+        typer.echo(f"picture: {picture}")
+
+
+@maps.command()
+def check(name: Annotated[str, typer.Argument(help="Name in config/maps, or a folder.")]) -> None:
+    """Check a map's files against their checksums, and whether it can be driven by. Exit code 1 if it cannot."""
+    from robot_stack.cli.map_build import problems_of
+    from robot_stack.core.site_map import load_map
+
+    problems = problems_of(load_map(name))
+    for problem in problems:
+        typer.echo(problem)
+    if problems:
+        raise typer.Exit(NOT_DONE)
+    typer.echo(f"{name}: complete, checksums agree")

@@ -1,0 +1,149 @@
+"""What ``robot-stack map build`` does: read, build, save, draw, report."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from robot_stack.cli.errors import WRONG_USE, CommandError
+from robot_stack.cli.map_picture import draw_map
+from robot_stack.cli.map_recording import read_ride
+from robot_stack.core.config import config_dir, load
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.robot import load_robot
+from robot_stack.core.site_map import FREE, OCCUPIED, SiteMap, save_map
+from robot_stack.mapping.build import Built, build_map
+from robot_stack.mapping.params import MappingParams
+from robot_stack.mapping.report import drift, way_m
+from robot_stack.mapping.ride import Ride, RideError
+
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+_SOURCE = "the recording of a ride"
+
+
+def build_from_recording(
+    recording: Path, name: str, output: Path | None, origin: tuple[float, float, float] | None, plot: bool
+) -> None:
+    """Raises CommandError, ConfigError."""
+    if not _NAME.fullmatch(name):
+        raise CommandError(f"name {name!r}: letters, digits and _ . - only", WRONG_USE)
+    if origin is not None and not np.isfinite(origin).all():
+        raise CommandError(f"origin must be three finite numbers, is {origin}", WRONG_USE)
+    params, robot = load(MappingParams, "mapping"), load_robot()
+    folder = (output if output is not None else config_dir() / "maps") / name
+    start = None if origin is None else Pose2(*origin)
+    with _Bar() as bar:
+        ride, warnings = read_ride(recording, params.sweeps, robot, lambda done, total: bar("reading", done, total))
+        try:
+            built = build_map(ride, params, robot, start, bar)
+        except RideError as error:
+            raise CommandError(f"{recording}: {error}") from None
+    for warning in warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    site = SiteMap(name, built.cells, built.grid, _about(recording, ride, built, start))
+    try:
+        save_map(site, folder)
+    except OSError as error:
+        raise CommandError(f"{folder} cannot be written: {error.strerror or error}") from None
+    if plot:
+        ends = np.array([[built.poses[k, :2, 3] for k in (loop.earlier, loop.later)] for loop in built.loops])
+        draw_map(site, folder / "map.png", built.poses[:, :2, 3], ends)
+    print("\n".join(lines_of(site)))
+    print(f"written: {folder}")
+
+
+def _about(recording: Path, ride: Ride, built: Built, start: Pose2 | None) -> dict[str, Any]:
+    origin = start or Pose2(0.0, 0.0, 0.0)
+    grid, cells = built.grid, built.cells
+    rows, columns = grid.occupancy.shape
+    return {
+        "frame": "map",
+        "made_from": _SOURCE,
+        "recording": recording.absolute().name,
+        "recorded": time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(float(built.stamps_s[0]))),
+        "begins_at": {"x_m": origin.x, "y_m": origin.y, "yaw_rad": origin.yaw},
+        "ride": {
+            "length_m": round(way_m(built.poses), 1),
+            "duration_s": round(float(built.stamps_s[-1] - built.stamps_s[0]), 1),
+            "sweeps": len(ride.sweeps),
+        },
+        "cells": {"size_m": cells.size_m, "count": len(cells.count), "points": int(cells.count.sum())},
+        "grid": {
+            "resolution_m": grid.resolution_m,
+            "width_m": round(columns * grid.resolution_m, 2),
+            "height_m": round(rows * grid.resolution_m, 2),
+            "free_m2": round(float((grid.occupancy == FREE).sum()) * grid.resolution_m**2, 1),
+            "occupied_m2": round(float((grid.occupancy == OCCUPIED).sum()) * grid.resolution_m**2, 1),
+        },
+        "points_left_out_because_they_moved": round(built.moved_share, 5),
+        "drift": drift(built),
+    }
+
+
+def lines_of(site: SiteMap) -> list[str]:
+    """A map in words."""
+    about = site.about
+    ride, grid, found = about.get("ride", {}), about.get("grid", {}), about.get("drift", {})
+    lines = [
+        f"map {site.name}: {len(site.cells.count)} cells of {site.cells.size_m:g} m, "
+        f"grid {grid.get('width_m', '?')} x {grid.get('height_m', '?')} m at {site.grid.resolution_m:g} m, "
+        f"{grid.get('free_m2', '?')} m2 free",
+        f"ride: {ride.get('length_m', '?')} m in {ride.get('duration_s', '?')} s, {ride.get('sweeps', '?')} sweeps, "
+        f"recorded {about.get('recorded', '?')}",
+        f"loops closed: {found.get('loops_closed', '?')}; a loop is missed by at most "
+        f"{found.get('wheel_odometry_worst_loop_m', '?')} m by wheel odometry, "
+        f"{found.get('lidar_odometry_worst_loop_m', '?')} m by LiDAR odometry, "
+        f"{found.get('map_worst_loop_m', '?')} m in the map",
+        f"error at the end of the ride: wheel odometry {found.get('wheel_odometry_end_error_m', '?')} m, "
+        f"LiDAR odometry {found.get('lidar_odometry_end_error_m', '?')} m",
+    ]
+    if found.get("loops_closed") == 0:
+        lines.append("no place was seen twice: the map has the drift of odometry, which nothing here can tell")
+    return lines
+
+
+def problems_of(site: SiteMap) -> list[str]:
+    """What makes a map useless although its files are whole, and what its map.yaml lacks."""
+    problems = []
+    if not len(site.cells.count):
+        problems.append(f"{site.name}: there is no cell in it")
+    if not (site.grid.occupancy == FREE).any():
+        problems.append(f"{site.name}: no part of the grid is free")
+    missing = [key for key in ("frame", "made_from", "begins_at", "ride", "drift") if key not in site.about]
+    if missing:
+        problems.append(f"{site.name}: map.yaml lacks {', '.join(missing)}")
+    return problems
+
+
+class _Bar:
+    """A progress bar on the terminal; silent elsewhere."""
+
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.progress import Progress
+
+        self._bar = Progress(console=Console(stderr=True), disable=not sys.stderr.isatty())
+        self._task: Any = None
+        self._what = ""
+
+    def __enter__(self) -> _Bar:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        if what != self._what:
+            if self._task is not None:
+                self._bar.update(self._task, completed=1, total=1)
+            self._task, self._what = self._bar.add_task(what, total=total), what
+        self._bar.update(self._task, completed=done, total=total)

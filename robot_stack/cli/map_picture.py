@@ -1,0 +1,72 @@
+"""A map as people look at it: the grid, the cells from above, the way, the loops."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_stack.cli.errors import CommandError
+from robot_stack.core.site_map import FREE, OCCUPIED, SiteMap
+
+_DPI = 110
+_GREY = {FREE: 0.97, OCCUPIED: 0.1}
+_UNKNOWN_GREY = 0.78
+_LONGEST_IN = 16.0
+_WALL_FROM_M = 0.1
+
+Places = npt.NDArray[np.float64]
+
+
+def draw_map(site: SiteMap, file: Path, way: Places | None = None, loops: Places | None = None) -> None:
+    """way: (n, 2) m where the robot drove; loops: (n, 2, 2) m places that were recognised. Raises CommandError."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.collections import EllipseCollection, LineCollection
+    from matplotlib.figure import Figure
+
+    grid = site.grid
+    rows, columns = grid.occupancy.shape
+    width_m, height_m = columns * grid.resolution_m, rows * grid.resolution_m
+    scale = _LONGEST_IN / max(width_m, height_m)
+    figure = Figure(figsize=(width_m * scale, height_m * scale + 0.6))
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    shade = np.full(grid.occupancy.shape, _UNKNOWN_GREY)
+    for value, grey in _GREY.items():
+        shade[grid.occupancy == value] = grey
+    x, y = grid.origin_x_m, grid.origin_y_m
+    extent = (x, x + width_m, y, y + height_m)
+    axes.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=0.0, vmax=1.0, interpolation="nearest")
+    widths, heights, angles, colours, places = _ellipses(site)
+    cells = EllipseCollection(
+        widths, heights, angles, units="xy", offsets=places, offset_transform=axes.transData, cmap="viridis", alpha=0.55
+    )
+    cells.set_array(colours)
+    axes.add_collection(cells)
+    if way is not None:
+        axes.plot(way[:, 0], way[:, 1], color="tab:orange", linewidth=1.2, label="ride")
+        axes.plot(*way[0], "o", color="tab:green", label="begin")
+        axes.plot(*way[-1], "s", color="tab:red", label="end")
+    if loops is not None and len(loops):
+        axes.add_collection(LineCollection(list(loops), colors="tab:red", linewidths=1.0, label="loops"))
+    axes.set(xlim=(x, x + width_m), ylim=(y, y + height_m), xlabel="x in map, m", ylabel="y in map, m", aspect="equal")
+    axes.set_title(f"{site.name}: {len(site.cells.count)} cells of {site.cells.size_m:g} m, one deviation; by height")
+    if way is not None:
+        axes.legend(loc="upper right")
+    figure.tight_layout()
+    try:
+        figure.savefig(file, dpi=_DPI)
+    except OSError as error:
+        raise CommandError(f"{file} cannot be written: {error.strerror or error}") from None
+
+
+def _ellipses(site: SiteMap) -> tuple[Places, Places, Places, Places, Places]:
+    """(widths, heights, angles in deg, heights above the map's origin, centres) of cells that stand on the ground."""
+    c = site.cells
+    values, vectors = np.linalg.eigh(c.covariance[:, :2, :2])
+    upright = (c.covariance[:, 2, 2] > 0.05**2) | (c.mean[:, 2] > _WALL_FROM_M)
+    size = 2.0 * np.sqrt(np.maximum(values[upright], 1e-6))
+    angle = np.degrees(np.arctan2(vectors[upright, 1, 1], vectors[upright, 0, 1]))
+    order = np.argsort(c.mean[upright, 2])
+    return size[order, 1], size[order, 0], angle[order], c.mean[upright, 2][order], c.mean[upright, :2][order]

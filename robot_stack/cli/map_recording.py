@@ -1,0 +1,139 @@
+"""Reads what a map is built from out of a recording: MCAP of the recorder, or any rosbag2."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_stack.cli.errors import WRONG_USE, CommandError
+from robot_stack.cli.recordings import Recorded, read_messages, recording_files
+from robot_stack.contract import topics
+from robot_stack.core.config import read_yaml
+from robot_stack.core.geometry import yaw_from_quaternion
+from robot_stack.core.point_cloud import SWEEP, Points
+from robot_stack.core.robot import Robot
+from robot_stack.mapping.collector import Collector
+from robot_stack.mapping.params import Sweeps
+from robot_stack.mapping.ride import Ride, RideError
+
+TOPICS = (topics.LIDAR_POINTS.name, topics.ODOM.name, topics.IMU.name)
+# sensor_msgs/msg/PointField
+_TYPES = {7: "<f4", 8: "<f8", 4: "<u2", 2: "<u1", 6: "<u4"}
+
+
+def read_ride(
+    path: Path, settings: Sweeps, robot: Robot, progress: Callable[[int, int], None]
+) -> tuple[Ride, list[str]]:
+    """(the ride, what was wrong with the files). progress: bytes read, of how many. Raises CommandError."""
+    collector = Collector(settings, robot)
+    warnings: list[str] = []
+    counts = dict.fromkeys(TOPICS, 0)
+    for item in _messages(path, progress):
+        if isinstance(item, str):
+            warnings.append(item)
+            continue
+        counts[item.topic] += 1
+        try:
+            _feed(collector, item)
+        except ValueError as error:
+            raise CommandError(f"{path}: {item.topic}: {error}") from None
+    silent = [topic for topic in (topics.LIDAR_POINTS.name, topics.ODOM.name) if not counts[topic]]
+    damage = f"; {warnings[0]}" if warnings else ""
+    if silent:
+        raise CommandError(f"{path}: no message on {' and '.join(silent)}{damage}")
+    if not counts[topics.IMU.name]:
+        warnings.append(f"{path}: no message on {topics.IMU.name}: slopes and the gyro are missing")
+    try:
+        return collector.finish(), warnings
+    except RideError as error:
+        raise CommandError(f"{path}: {error}{damage}") from None
+
+
+def _messages(path: Path, progress: Callable[[int, int], None]) -> Iterator[Recorded | str]:
+    if _is_sqlite(path):
+        yield from _rosbag(path, progress)
+        return
+    files = recording_files(path)
+    total, before = sum(file.stat().st_size for file in files), 0
+    for file in files:
+        yield from read_messages(file, TOPICS, partial(_shifted, progress, before, total))
+        before += file.stat().st_size
+        progress(before, total)
+
+
+def _shifted(progress: Callable[[int, int], None], before: int, total: int, position: int) -> None:
+    progress(before + position, total)
+
+
+def _is_sqlite(path: Path) -> bool:
+    return path.suffix == ".db3" or (path.is_dir() and any(path.glob("*.db3")))
+
+
+def _rosbag(path: Path, progress: Callable[[int, int], None]) -> Iterator[Recorded | str]:
+    """A rosbag2 in SQLite."""
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.typesys import Stores, get_typestore
+
+    folder = path if path.is_dir() else path.parent
+    read_yaml(folder / "metadata.yaml")
+    try:
+        with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            wanted = [connection for connection in reader.connections if connection.topic in TOPICS]
+            total = sum(connection.msgcount for connection in wanted)
+            for done, (connection, at_ns, data) in enumerate(reader.messages(wanted) if wanted else (), 1):
+                yield Recorded(connection.topic, 1e-9 * at_ns, partial(reader.deserialize, data, connection.msgtype))
+                progress(done, total)
+    except (AnyReaderError, OSError) as error:
+        raise CommandError(f"{path} cannot be read as a rosbag2: {error}", WRONG_USE) from None
+    except Exception as error:  # rosbags names no common base of what a damaged file raises
+        yield f"{path} is damaged ({type(error).__name__}: {error})"
+
+
+def _feed(collector: Collector, item: Recorded) -> None:
+    message = item.decode()
+    stamp_s = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+    if item.topic == topics.ODOM.name:
+        pose = message.pose.pose
+        turn = pose.orientation
+        yaw = yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w)
+        collector.odometry(stamp_s, pose.position.x, pose.position.y, yaw)
+    elif item.topic == topics.IMU.name:
+        # REP 145: -1 in the first place of the covariance says that there is no orientation.
+        there = message.orientation_covariance[0] != -1.0
+        roll, pitch = _tilt(message.orientation) if there else (math.nan, math.nan)
+        collector.imu(stamp_s, roll, pitch, message.angular_velocity.z)
+    else:
+        collector.sweep(stamp_s, points_of(message))
+
+
+def _tilt(q: Any) -> tuple[float, float]:
+    """(roll, pitch) of a quaternion, yaw first in the z-y-x convention."""
+    roll = math.atan2(2.0 * (q.w * q.x + q.y * q.z), 1.0 - 2.0 * (q.x * q.x + q.y * q.y))
+    return roll, math.asin(max(-1.0, min(1.0, 2.0 * (q.w * q.y - q.z * q.x))))
+
+
+def points_of(message: Any) -> Points:
+    """(n,) of layout SWEEP from a decoded PointCloud2. Raises ValueError for one that lacks a field or bytes."""
+    found = {field.name: field for field in message.fields}
+    data = np.frombuffer(bytes(message.data), np.uint8)
+    count, step = message.width * message.height, message.point_step
+    if step == 0 or len(data) != count * step or message.is_bigendian:
+        raise ValueError(f"{len(data)} bytes are not {count} little-endian points of {step} bytes")
+    points = np.zeros(count, SWEEP)
+    assert SWEEP.names is not None
+    for name in ("x", "y", "z", "time"):
+        field = found.get(name)
+        if field is None:
+            raise ValueError(f"field {name} is missing; there are {', '.join(found) or 'none'}")
+        if field.datatype not in _TYPES:
+            raise ValueError(f"field {name} is of type {field.datatype}, not a number that can be read")
+        layout = np.dtype(
+            {"names": [name], "formats": [_TYPES[field.datatype]], "offsets": [field.offset], "itemsize": step}
+        )
+        points[name] = data.view(layout)[name]
+    return points

@@ -1,0 +1,119 @@
+"""Messages of a recording, in the order in which they came, made into a ride."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from robot_stack.core.geometry import wrap_angle
+from robot_stack.core.point_cloud import Points
+from robot_stack.core.robot import Robot
+from robot_stack.mapping.params import Sweeps as Settings
+from robot_stack.mapping.poses import Floats
+from robot_stack.mapping.ride import Ride, RideError, Sweep, Track, deskewed, track
+
+# Of odometry, for one sweep: readings at 50 Hz over its 0.1 s and what came in meanwhile.
+_RECENT = 250
+# A sweep waits this long for the odometry that was measured with it.
+_MOST_WAITING = 20
+
+
+class Collector:
+    """Feed it with everything, then ``finish``. Sweeps are thinned as they come: a ride of an hour fits into memory."""
+
+    def __init__(self, settings: Settings, robot: Robot) -> None:
+        self._settings = settings
+        self._robot = robot
+        self._stamps: list[float] = []
+        self._odometry: list[tuple[float, ...]] = []
+        self._imu_stamps: list[float] = []
+        self._imu: list[tuple[float, ...]] = []
+        self._waiting: deque[tuple[float, Points]] = deque()
+        self._sweeps: list[Sweep] = []
+        self._last: Floats | None = None
+        self.heard = 0
+        self.without_odometry = 0
+        self.empty = 0
+
+    def odometry(self, stamp_s: float, x_m: float, y_m: float, yaw_rad: float) -> None:
+        if not all(map(math.isfinite, (stamp_s, x_m, y_m, yaw_rad))):
+            return
+        if self._odometry:
+            before = self._odometry[-1][2]
+            yaw_rad = before + wrap_angle(yaw_rad - before)
+        self._stamps.append(stamp_s)
+        self._odometry.append((x_m, y_m, yaw_rad))
+        while self._waiting and self._waiting[0][0] <= stamp_s:
+            self._take(*self._waiting.popleft())
+
+    def imu(self, stamp_s: float, roll_rad: float, pitch_rad: float, turn_rate_radps: float) -> None:
+        """roll, pitch NaN where the unit gives no attitude."""
+        self._imu_stamps.append(stamp_s)
+        self._imu.append((roll_rad, pitch_rad, turn_rate_radps))
+
+    def sweep(self, stamp_s: float, points: Points) -> None:
+        """(n,) of layout SWEEP."""
+        self.heard += 1
+        self._waiting.append((stamp_s, points))
+        if len(self._waiting) > _MOST_WAITING:
+            self._waiting.popleft()
+            self.without_odometry += 1
+
+    def finish(self) -> Ride:
+        """Raises RideError."""
+        self.without_odometry += len(self._waiting)
+        self._waiting.clear()
+        self._check()
+        imu = np.asarray(self._imu, np.float64).reshape(-1, 3)
+        stamps = self._imu_stamps
+        return Ride(
+            tuple(self._sweeps),
+            track(self._stamps, self._odometry),
+            track(stamps, [tuple(row) for row in imu[:, :2]] if len(imu) else []) if len(imu) else _nothing(2),
+            track(stamps, [tuple(row) for row in imu[:, 2:]]) if len(imu) else _nothing(1),
+        )
+
+    def _check(self) -> None:
+        s = self._settings
+        if not self.heard:
+            raise RideError("there is no sweep of the LiDAR in the recording")
+        if not self._odometry:
+            raise RideError("there is no odometry in the recording")
+        if len(self._sweeps) < s.fewest:
+            why = f"{self.heard} were recorded"
+            if self.without_odometry:
+                why += f", {self.without_odometry} of them without odometry"
+            if self.empty:
+                why += f", {self.empty} with fewer than {s.fewest_points} points"
+            raise RideError(
+                f"the ride is too short: {len(self._sweeps)} sweeps at places {s.step_m:g} m apart, "
+                f"at least {s.fewest} are needed ({why})"
+            )
+
+    def _take(self, stamp_s: float, points: Points) -> None:
+        s = self._settings
+        recent = Track(np.array(self._stamps[-_RECENT:]), np.array(self._odometry[-_RECENT:]))
+        if np.any(np.diff(recent.stamp_s) <= 0.0):
+            recent = track(self._stamps[-_RECENT:], self._odometry[-_RECENT:])
+        times = points["time"]
+        begin_s = stamp_s + float(times.min(initial=0.0))
+        if not math.isfinite(begin_s) or not recent.covers(begin_s, stamp_s, s.odometry_gap_s):
+            self.without_odometry += 1
+            return
+        here = recent.at(np.array([stamp_s]))[0]
+        if self._last is not None:
+            step = np.abs(here - self._last)
+            if math.hypot(step[0], step[1]) < s.step_m and step[2] < s.step_rad:
+                return
+        sweep = deskewed(points, stamp_s, recent, self._robot, s.nearest_m, s.voxel_m)
+        if len(sweep.points) < s.fewest_points:
+            self.empty += 1
+            return
+        self._sweeps.append(sweep)
+        self._last = here
+
+
+def _nothing(columns: int) -> Track:
+    return Track(np.empty(0), np.empty((0, columns)))

@@ -1,0 +1,80 @@
+"""The 2-D grid for planning: ground that can be driven, what stands on it, steps, and what nobody saw."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, Grid
+from robot_stack.mapping.ground import Bins, Surface
+from robot_stack.mapping.params import GridSettings
+from robot_stack.mapping.poses import Floats
+
+Mask = npt.NDArray[np.bool_]
+# Neighbours that a step is looked for between: along x, along y, and both diagonals.
+_DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
+_OUTER = 3
+
+
+def grid_of(bins: Bins, surface: Surface, driven: Mask, settings: GridSettings) -> Grid:
+    """driven: cells of the surface that the robot stood on, so that nothing can be in them."""
+    middles: Floats = (bins.column.astype(np.float64) + 0.5) * bins.resolution_m
+    above: Floats = bins.height_m - surface.below(middles)
+    i, j = (bins.column - surface.first).T
+    shape = surface.height_m.shape
+    standing = (above >= settings.structure_from_m) & (above <= settings.structure_to_m)
+    count = np.zeros(shape, np.int64)
+    np.add.at(count, (i[standing], j[standing]), bins.count[standing])
+    structure = count >= settings.fewest_structure_points
+    # Seen, but no way leads there: a kerb's top, the floor of a pit.
+    seen = np.zeros(shape, bool)
+    off = (np.abs(above) > settings.step_m) & (above <= settings.structure_to_m)
+    seen[i[off], j[off]] = True
+    blocked = structure | (seen & ~surface.reached) | steps(surface, settings.step_m, settings.slope)
+    occupancy = np.full(shape, UNKNOWN, np.int8)
+    occupancy[surface.reached | driven] = FREE
+    occupancy[blocked & ~driven] = OCCUPIED
+    x, y = (surface.first * surface.resolution_m).tolist()
+    return Grid(surface.resolution_m, x, y, np.ascontiguousarray(occupancy.T))
+
+
+def steps(surface: Surface, step_m: float, slope: float) -> Mask:
+    """Cells in the middle of a step: higher on one side than on the other by more than the slope around explains."""
+    height = np.where(surface.reached, surface.height_m, np.nan)
+    found = np.zeros(height.shape, bool)
+    for direction in _DIRECTIONS:
+        run_m = 2.0 * surface.resolution_m * float(np.hypot(*direction))
+        ahead, behind = _shifted(height, direction, 1), _shifted(height, direction, -1)
+        outer = np.stack([_shifted(height, direction, _OUTER) - ahead, behind - _shifted(height, direction, -_OUTER)])
+        known = np.isfinite(outer)
+        slopes = np.where(known, outer, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        # Without a slope to compare with, what the robot may drive is no step.
+        allowed = np.where(known.any(axis=0), step_m, step_m + slope * run_m)
+        with np.errstate(invalid="ignore"):
+            found |= np.abs(ahead - behind - np.clip(slopes, -slope * run_m, slope * run_m)) > allowed
+    return found
+
+
+def driven_cells(surface: Surface, poses: Floats, half_length_m: float, half_width_m: float) -> Mask:
+    """Cells under a rectangle about each of the (n, 4, 4) poses."""
+    driven = np.zeros(surface.height_m.shape, bool)
+    spacing = 0.5 * surface.resolution_m
+    along = np.arange(-half_length_m, half_length_m + 1e-9, spacing)
+    across = np.arange(-half_width_m, half_width_m + 1e-9, spacing)
+    spots = np.stack([*map(np.ravel, np.meshgrid(along, across)), np.zeros(len(along) * len(across))], axis=1)
+    for pose in poses:
+        places = (spots @ pose[:3, :3].T + pose[:3, 3])[:, :2]
+        index = np.floor(places / surface.resolution_m).astype(np.int64) - surface.first
+        index = index[((index >= 0) & (index < driven.shape)).all(axis=1)]
+        driven[index[:, 0], index[:, 1]] = True
+    return driven
+
+
+def _shifted(values: Floats, direction: tuple[int, int], by: int) -> Floats:
+    """values at each cell plus ``by`` steps, NaN beyond the border."""
+    shifted = np.full(values.shape, np.nan)
+    (a, b), (nx, ny) = (by * direction[0], by * direction[1]), values.shape
+    into = slice(max(0, -a), nx - max(0, a)), slice(max(0, -b), ny - max(0, b))
+    out = slice(max(0, a), nx - max(0, -a)), slice(max(0, b), ny - max(0, -b))
+    shifted[into] = values[out]
+    return shifted

@@ -1,0 +1,117 @@
+"""Parameters of the map builder, ``config/mapping.yaml``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from robot_stack.core.config import Config
+
+Positive = Annotated[float, Field(gt=0.0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class Sweeps(Config):
+    """Which sweeps are used and how many points of each."""
+
+    nearest_m: Positive
+    voxel_m: Annotated[float, Field(ge=0.02, le=0.5)]
+    step_m: Annotated[float, Field(ge=0.0)]
+    step_rad: Annotated[float, Field(ge=0.0)]
+    fewest: Annotated[int, Field(ge=2)]
+    fewest_points: Annotated[int, Field(ge=10)]
+    odometry_gap_s: Positive
+
+
+class LidarOdometry(Config):
+    """KISS-ICP on what stands above the ground."""
+
+    voxel_m: Positive
+    max_range_m: Positive
+    points_per_voxel: Annotated[int, Field(ge=1)]
+    ground_cell_m: Positive
+    above_ground_m: Positive
+    correspondence_m: Positive
+    kernel_m: Positive
+    iterations: Annotated[int, Field(ge=1)]
+    deviation_m: Positive
+    deviation_rad: Positive
+    fewest_points: Annotated[int, Field(ge=1)]
+
+
+class WheelOdometry(Config):
+    """How far wheel odometry, gyro and the attitude's horizon are believed from one sweep to the next."""
+
+    deviation_m: Positive
+    deviation_share: Positive
+    deviation_rad: Positive
+    deviation_rad_per_m: Positive
+    gyro_deviation_radps: Positive
+    standing_mps: Positive
+    standing_radps: Positive
+    standing_s: Positive
+    level_deviation_rad: Positive
+
+
+class Loops(Config):
+    time_apart_s: Positive
+    radius_m: Positive
+    drift_share: Share
+    every_m: Positive
+    window: Annotated[int, Field(ge=0)]
+    voxels_m: Annotated[tuple[float, ...], Field(min_length=1)]
+    fewest_share: Share
+    deviation_m: Positive
+    deviation_rad: Positive
+    robust: Positive
+
+
+class Refinement(Config):
+    rounds: Annotated[int, Field(ge=0)]
+    voxels_m: Annotated[tuple[float, ...], Field(min_length=1)]
+    cell_points: Annotated[int, Field(ge=3)]
+    points: Annotated[int, Field(ge=100)]
+    range_m: Positive
+    deviation_m: Positive
+    deviation_rad: Positive
+    fewest_share: Share
+
+
+class Movers(Config):
+    voxel_m: Positive
+    margin_m: Positive
+    range_m: Positive
+    through_per_hit: Positive
+    fewest_through: Annotated[int, Field(ge=1)]
+    above_ground_m: Positive
+
+
+class CellSize(Config):
+    size_m: Positive
+    fewest_points: Annotated[int, Field(ge=6)]
+    fewest_sweeps: Annotated[int, Field(ge=1)]
+    range_m: Positive
+
+
+class GridSettings(Config):
+    resolution_m: Annotated[float, Field(ge=0.02, le=0.5)]
+    range_m: Positive
+    fewest_ground_points: Annotated[int, Field(ge=1)]
+    ground_band_m: Positive
+    step_m: Positive
+    slope: Positive
+    structure_from_m: Positive
+    structure_to_m: Positive
+    fewest_structure_points: Annotated[int, Field(ge=1)]
+
+
+class MappingParams(Config):
+    sweeps: Sweeps
+    lidar_odometry: LidarOdometry
+    wheel_odometry: WheelOdometry
+    loops: Loops
+    refinement: Refinement
+    movers: Movers
+    cells: CellSize
+    grid: GridSettings

@@ -1,0 +1,127 @@
+"""A sweep laid onto voxel distributions: points to distributions, by Gauss-Newton with a robust weight.
+
+Each point is drawn to the distribution of the voxel it falls into, weighed by its inverse covariance, so that a wall
+holds a point across and lets it slide along. Magnusson, The Three-Dimensional Normal-Distributions Transform, 2009;
+the robust weight is Geman-McClure's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from robot_stack.core.site_map import Cells
+from robot_stack.mapping.cells import voxel_keys
+from robot_stack.mapping.poses import Floats, difference, moved, transform
+
+# A surface is thinner than what the sensor resolves: smaller deviations are not believed. m.
+_THINNEST_M = 0.02
+_ROBUST = 3.0  # deviations at which a point loses half its say
+_SMALL_STEP = 2e-5  # m and rad
+_INLIER = 9.0  # squared deviations
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Distributions to lay sweeps onto: packed voxel keys (sorted), means (n, 3), inverse covariances (n, 3, 3)."""
+
+    size_m: float
+    keys: np.ndarray
+    mean: Floats
+    information: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Alignment:
+    """pose: (4, 4). information: (6, 6) of translation and rotation in the pose's own frame.
+
+    share: [0, 1] of the points that lie within three deviations of a distribution. found: share that met one at all.
+    """
+
+    pose: Floats
+    information: Floats
+    share: float
+    found: float
+
+
+def target_of(cells: Cells) -> Target:
+    values, vectors = np.linalg.eigh(cells.covariance)
+    inverse = 1.0 / np.maximum(values, _THINNEST_M**2)
+    information = np.einsum("nij,nj,nkj->nik", vectors, inverse, vectors)
+    keys = voxel_keys((cells.key + 0.5) * cells.size_m, cells.size_m)
+    order = np.argsort(keys)
+    return Target(cells.size_m, keys[order], cells.mean[order], information[order])
+
+
+def align(
+    points: Floats, targets: Sequence[Target], initial: Floats, held: Floats | None = None, most_iterations: int = 15
+) -> Alignment:
+    """(n, 3) points, from the coarsest target to the finest. held: (6,) weights 1/m2, 1/rad2 that hold ``initial``."""
+    pose = initial
+    held = np.full(6, 1e-6) if held is None else held
+    count = max(len(points), 1)
+    normal, share, found = np.diag(held), 0.0, 0.0
+    for target in targets:
+        for _ in range(most_iterations):
+            at = transform(pose, points)
+            index = _voxels(target, at)
+            normal, pull, inside = _accumulate(points, at, pose[:3, :3], index, target.mean, target.information)
+            share, found = inside / count, float((index >= 0).sum()) / count
+            pull = pull + held * difference(initial, pose)
+            step = np.linalg.solve(normal + np.diag(held), pull)
+            pose = moved(pose, step)
+            if np.abs(step).max() < _SMALL_STEP:
+                break
+    return Alignment(pose, normal, share, found)
+
+
+def _voxels(target: Target, points: Floats) -> np.ndarray:
+    """(n,) row of each point's voxel in the target, -1 for none."""
+    if not len(target.keys):
+        return np.full(len(points), -1, np.int64)
+    keys = voxel_keys(points, target.size_m)
+    row = np.minimum(np.searchsorted(target.keys, keys), len(target.keys) - 1)
+    return np.where(target.keys[row] == keys, row, -1)
+
+
+@numba.njit(cache=True)
+def _accumulate(points, at, rotation, index, mean, information):  # type: ignore[no-untyped-def]
+    """((6, 6) normal matrix, (6,) pull, points within three deviations) of one Gauss-Newton step."""
+    normal, pull, inside = np.zeros((6, 6)), np.zeros(6), 0
+    jacobian = np.zeros((3, 6))
+    for n in range(len(points)):
+        i = index[n]
+        if i < 0:
+            continue
+        d0, d1, d2 = at[n, 0] - mean[i, 0], at[n, 1] - mean[i, 1], at[n, 2] - mean[i, 2]
+        m = information[i]
+        e0 = m[0, 0] * d0 + m[0, 1] * d1 + m[0, 2] * d2
+        e1 = m[1, 0] * d0 + m[1, 1] * d1 + m[1, 2] * d2
+        e2 = m[2, 0] * d0 + m[2, 1] * d1 + m[2, 2] * d2
+        squared = d0 * e0 + d1 * e1 + d2 * e2
+        if squared < _INLIER:
+            inside += 1
+        root = 1.0 / (1.0 + squared / (_ROBUST * _ROBUST))
+        weight = root * root
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        for r in range(3):
+            a, b, c = rotation[r, 0], rotation[r, 1], rotation[r, 2]
+            jacobian[r, 0], jacobian[r, 1], jacobian[r, 2] = a, b, c
+            # -R [p]x
+            jacobian[r, 3] = c * y - b * z
+            jacobian[r, 4] = a * z - c * x
+            jacobian[r, 5] = b * x - a * y
+        for p in range(6):
+            k0 = m[0, 0] * jacobian[0, p] + m[0, 1] * jacobian[1, p] + m[0, 2] * jacobian[2, p]
+            k1 = m[1, 0] * jacobian[0, p] + m[1, 1] * jacobian[1, p] + m[1, 2] * jacobian[2, p]
+            k2 = m[2, 0] * jacobian[0, p] + m[2, 1] * jacobian[1, p] + m[2, 2] * jacobian[2, p]
+            pull[p] -= weight * (jacobian[0, p] * e0 + jacobian[1, p] * e1 + jacobian[2, p] * e2)
+            for q in range(p, 6):
+                normal[p, q] += weight * (k0 * jacobian[0, q] + k1 * jacobian[1, q] + k2 * jacobian[2, q])
+    for p in range(6):
+        for q in range(p):
+            normal[p, q] = normal[q, p]
+    return normal, pull, inside
