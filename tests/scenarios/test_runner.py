@@ -18,6 +18,7 @@ description: Half a metre per second by hand, an emergency stop, the release, an
 kind: stack
 world: flat
 seed: 3
+speed: 0.8
 limit_s: 14
 twists:
   - {at_s: 0.5, vx_mps: 0.5}
