@@ -10,7 +10,7 @@ from sim.inertia import Inertial
 # Collision classes (contype, conaffinity): the robot's own parts never meet, everything else does.
 NO_BITS, WORLD_BITS, ROBOT_BITS, CHAIR_BITS = (0, 0), (1, 6), (2, 5), (4, 3)
 # Geom groups: rays of sensors look at the world and the chair and leave the robot and paint on the ground out.
-WORLD_GROUP, ROBOT_GROUP, CHAIR_GROUP, PAINT_GROUP = 0, 1, 3, 4
+WORLD_GROUP, ROBOT_GROUP, CHAIR_GROUP, PAINT_GROUP, PERSON_GROUP = 0, 1, 3, 4, 5
 
 
 def add_geom(

@@ -5,14 +5,16 @@ Obstacles are geoms of the world body: rays meet them several times faster than 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from robot_stack.contract.frames import MODULES
 from robot_stack.core.robot import Robot
 from sim.chair_model import add_latch, add_wheelchair
-from sim.mjcf import NO_BITS, PAINT_GROUP, WORLD_BITS, WORLD_GROUP, add_geom, number, quaternion, vector
+from sim.mjcf import NO_BITS, PAINT_GROUP, PERSON_GROUP, WORLD_BITS, WORLD_GROUP, add_geom, number, quaternion, vector
 from sim.parameters import SimParams
+from sim.people import HEIGHT_M, RADIUS_M
 from sim.robot_model import Tolerances, add_robot
 from sim.terrain import Solid, solids
 from sim.worldfile import WorldFile
@@ -28,8 +30,18 @@ _COLORS = {
 }
 
 
-def write_mjcf(robot: Robot, params: SimParams, world: WorldFile, tolerances: Tolerances, wheelchair: bool) -> str:
-    """The model as MJCF text. The origin of body ``base`` is base_link's; robot and chair stand at the map's origin."""
+def write_mjcf(
+    robot: Robot,
+    params: SimParams,
+    world: WorldFile,
+    tolerances: Tolerances,
+    wheelchair: bool,
+    people: Sequence[str] = (),
+) -> str:
+    """The model as MJCF text. The origin of body ``base`` is base_link's; robot and chair stand at the map's origin.
+
+    people: names of the bodies that are persons.
+    """
     root = Element("mujoco", model="robot_in_world")
     _options(root, params)
     _assets(root)
@@ -39,6 +51,8 @@ def write_mjcf(robot: Robot, params: SimParams, world: WorldFile, tolerances: To
     if wheelchair:
         add_wheelchair(body, robot, params)
         add_latch(root)
+    for name in people:
+        _person(body, name)
     _actuators(root)
     _sensors(root)
     ElementTree.indent(root)
@@ -99,6 +113,15 @@ def _solid(body: Element, solid: Solid) -> None:
         quat=turned,
         rgba=_COLORS[solid.kind],
     )
+
+
+def _person(body: Element, name: str) -> None:
+    """Goes where the simulation puts it, like somebody whom no robot pushes aside. Origin on the ground."""
+    frame = SubElement(body, "body", name=name, mocap="true")
+    half = 0.5 * HEIGHT_M
+    size = (RADIUS_M, half)
+    place = vector((0.0, 0.0, half))
+    add_geom(frame, name, "cylinder", size, WORLD_BITS, PERSON_GROUP, pos=place, rgba="0.75 0.45 0.25 1")
 
 
 def _actuators(root: Element) -> None:

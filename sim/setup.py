@@ -17,6 +17,7 @@ class Setup:
     wheelchair: a wheelchair is in the model, out of sight if it has no place, and can be attached.
     wheelchair_pose: where it stands instead of the world file's own place (frame of its dock, in map).
     passenger_mass_kg: a passenger in it; attached_at_start latches it to the robot from the first moment.
+    people: whoever walks in the world file is there.
     slope_rad: the whole ground is inclined and rises towards slope_direction_rad in map; map's z stays square to it.
     """
 
@@ -29,6 +30,7 @@ class Setup:
     wheelchair_pose: Pose2 | None = None
     slope_rad: float = 0.0
     slope_direction_rad: float = 0.0
+    people: bool = False
 
     def wheelchair_place(self) -> Pose2 | None:
         """Where the wheelchair stands at the start, if not on the latch."""

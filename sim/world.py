@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -19,11 +18,12 @@ from robot_stack.contract import frames
 from robot_stack.contract.frames import DRIVE_AXES, MODULES
 from robot_stack.core.geometry import Pose2, quaternion_from_yaw, wrap_angle, yaw_from_quaternion
 from robot_stack.core.robot import Robot
+from sim.contacts import CHAIR, ROBOT, Contacts, parts
 from sim.drives import JointIndex, ServoDrives
 from sim.latch import Latch
-from sim.mjcf import CHAIR_GROUP, ROBOT_GROUP
 from sim.model import write_mjcf
 from sim.parameters import SimParams
+from sim.people import Walker, walkers
 from sim.robot_model import Tolerances, torsional_friction_m
 from sim.setup import Setup as Setup
 from sim.surface import Surface
@@ -31,7 +31,8 @@ from sim.wheelchair import Chair, matrix_of
 
 # The ground under the wheels is looked up this often: 3 mm of travel at full speed are less than a contact patch.
 _SURFACE_PERIOD_STEPS = 2
-_ROBOT, _CHAIR = 1, 2
+# People move by at most 15 mm at a time.
+_PEOPLE_PERIOD_STEPS = 10
 WHEELCHAIR = "wheelchair"  # frame id
 
 
@@ -79,7 +80,9 @@ class World:
         machine, drive_noise, self._sensor_seed = seeds
         self.tolerances = draw_tolerances(robot, params, np.random.default_rng(machine))
         wheelchair = setup.has_wheelchair()
-        self.mjcf = write_mjcf(robot, params, setup.world, self.tolerances, wheelchair)
+        self.people = walkers(setup.world.people if setup.people else ())
+        names = [walker.name for walker in self.people]
+        self.mjcf = write_mjcf(robot, params, setup.world, self.tolerances, wheelchair, names)
         self.model = mujoco.MjModel.from_xml_string(self.mjcf)
         self.data = mujoco.MjData(self.model)
         self.model.opt.gravity[:] = setup.gravity_mps2()
@@ -92,7 +95,9 @@ class World:
         self._qpos, self._qvel, self._ctrl = self.data.qpos, self.data.qvel, self.data.ctrl
         self._friction = self.model.dof_frictionloss
         self.steps = 0
-        self._part = _parts(self.model)
+        self._part = parts(self.model)
+        self._contacts = Contacts(self.model, setup.world, [self.model.body(f"{name}_wheel").id for name in MODULES])
+        self._mocap = [int(self.model.body(name).mocapid[0]) for name in names]
         self._stations = [(name, on_ground(place.pose())) for name, place in setup.world.stations.items()]
         self.chair = Chair(robot, params, self.model, self.data, setup.passenger_mass_kg) if wheelchair else None
         self.latch = Latch(params.latch, self.drives, self.chair, self.dt_s)
@@ -113,6 +118,9 @@ class World:
         """One engine cycle of physics. Raises SimulationDiverged."""
         if self.steps % _SURFACE_PERIOD_STEPS == 0:
             self._update_surface()
+        if self.steps % _PEOPLE_PERIOD_STEPS == 0:
+            self._walk(_PEOPLE_PERIOD_STEPS * self.dt_s)
+            self._contacts.note(self.data, self.time_s)
         self.drives.step(self._qpos, self._qvel, self._index, self._ctrl, self._friction)
         self.latch.step()
         if self.chair is not None:
@@ -121,6 +129,21 @@ class World:
         self.steps += 1
         if not math.isfinite(self._qpos[0] + self._qvel[0]):
             raise SimulationDiverged(f"the physics diverged at {self.time_s:.3f} s")
+
+    def _walk(self, dt_s: float) -> None:
+        machine = Pose2(float(self._qpos[0]), float(self._qpos[1]), self._yaw())
+        footprint = self.robot.footprint_with_chair if self.attached else self.robot.footprint
+        for walker, mocap in zip(self.people, self._mocap, strict=True):
+            walker.step(dt_s, machine, footprint)
+            self._put_person(walker, mocap)
+
+    def _put_person(self, walker: Walker, mocap: int) -> None:
+        pose = on_ground(walker.pose())
+        self.data.mocap_pos[mocap], self.data.mocap_quat[mocap] = pose[:3], pose[3:]
+
+    def _yaw(self) -> float:
+        w, x, y, z = (float(v) for v in self._qpos[3:7])
+        return yaw_from_quaternion(x, y, z, w)
 
     def _update_surface(self) -> None:
         if self.surface.is_uniform and self._surface_was_uniform:
@@ -184,10 +207,21 @@ class World:
         for k in range(self.data.ncon):
             contact = self.data.contact[k]
             first, second = (self._part[self.model.geom_bodyid[geom]] for geom in (contact.geom1, contact.geom2))
-            if {first, second} == {_ROBOT, _CHAIR}:
+            if {first, second} == {ROBOT, CHAIR}:
                 mujoco.mj_contactForce(self.model, self.data, k, force)
                 total += math.sqrt(float(force[:3] @ force[:3]))
         return total
+
+    def touching(self) -> tuple[str, ...]:
+        """What robot and wheelchair touch now, apart from ground, ramps and each other: names of solids and people,
+        and of pits with a wheel over them.
+        """
+        return self._contacts.now(self.data)
+
+    @property
+    def touched(self) -> dict[str, float]:
+        """Whatever ``touching`` has told since the start, looked at every 10 ms, and when first, s."""
+        return self._contacts.first_s
 
     # --- wheelchair -----------------------------------------------------------------------------------------------
 
@@ -241,11 +275,12 @@ class World:
         return self.chair
 
     def bodies(self) -> list[tuple[str, NDArray[np.float64]]]:
-        """Frame id and true pose in map of everything that carries or sees markers: (7,) x y z m, w x y z."""
+        """Frame id and true pose in map of whatever moves or carries markers: (7,) x y z m, w x y z."""
         found = [(frames.BASE_LINK, self._qpos[:7].copy())]
         if self.chair is not None and self.chair.in_sight:
             found.append((WHEELCHAIR, self.chair.pose()))
-        return found + self._stations
+        people = [(walker.name, on_ground(walker.pose())) for walker in self.people]
+        return found + self._stations + people
 
     # --- start ----------------------------------------------------------------------------------------------------
 
@@ -257,6 +292,8 @@ class World:
             self.chair.place(place)
         if setup.attached_at_start:
             self.latch.force(closed=True)
+        for walker, mocap in zip(self.people, self._mocap, strict=True):
+            self._put_person(walker, mocap)
         mujoco.mj_forward(self.model, self.data)
 
 
@@ -265,14 +302,6 @@ def draw_tolerances(robot: Robot, params: SimParams, random: np.random.Generator
     radii = robot.wheel_radius_m * (1.0 + params.wheel.radius_tolerance * random.standard_normal(4))
     zeros = params.steering.zero_error_rad * random.standard_normal(4)
     return Tolerances(_four(radii), _four(zeros))
-
-
-def _parts(model: Any) -> NDArray[np.int8]:
-    """(bodies,) which of robot and chair a body belongs to."""
-    part = np.zeros(model.nbody, np.int8)
-    part[model.geom_bodyid[model.geom_group == ROBOT_GROUP]] = _ROBOT
-    part[model.geom_bodyid[model.geom_group == CHAIR_GROUP]] = _CHAIR
-    return part
 
 
 def on_ground(pose: Pose2) -> NDArray[np.float64]:

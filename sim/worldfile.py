@@ -5,6 +5,7 @@ Frame: map, x east, y north, z up, ground at z = 0. Angles in degrees in the fil
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Annotated
 
@@ -78,6 +79,32 @@ class Patch(Placed):
     friction: Friction
 
 
+class Pit(Placed):
+    """A rectangle of ground that lies deeper, with upright sides. Length along its own x.
+
+    Sensors see it; the physics' ground stays level, and ``World.touching`` tells of a wheel that rolls over the edge.
+    """
+
+    length_m: Positive
+    width_m: Positive
+    depth_m: Positive
+
+
+class Person(Config):
+    """Somebody who walks to and fro along a line, from its first point on, and rests at either end."""
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    points_m: Annotated[list[tuple[float, float]], Field(min_length=1)]
+    speed_mps: Annotated[float, Field(gt=0.0, le=3.0)]
+    pause_s: Annotated[float, Field(ge=0.0)] = 0.0
+
+    @model_validator(mode="after")
+    def _goes_on(self) -> Person:
+        if any(a == b for a, b in itertools.pairwise(self.points_m)):
+            raise ValueError("points_m: two points that follow each other are the same")
+        return self
+
+
 class Floor(Config):
     """The part of the ground that the world shows, m."""
 
@@ -115,7 +142,7 @@ class WorldFile(Config):
     """Everything in one world file.
 
     wheelchair: where it stands; stations: marker boards on posts, by name. Both are poses of a dock frame: origin on
-    the ground under the board, x the way a robot approaches.
+    the ground under the board, x the way a robot approaches. surfaces: reflectivity (0-1) of single solids, by name.
     """
 
     note: str
@@ -128,17 +155,26 @@ class WorldFile(Config):
     cylinders: list[Cylinder] = []
     ramps: list[Ramp] = []
     patches: list[Patch] = []
+    pits: list[Pit] = []
+    people: list[Person] = []
+    surfaces: dict[str, Annotated[float, Field(ge=0.0, le=1.0)]] = {}
     routes: dict[str, Route] = {}
     wheelchair: Place | None = None
     stations: dict[str, Place] = {}
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> WorldFile:
-        names = [item.name for item in (*self.solids(), *self.ramps, *self.patches)]
+        names = [item.name for item in (*self.solids(), *self.ramps, *self.patches, *self.pits)]
         names += [*(item.name for item in self.cylinders), *self.stations]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"names used twice: {', '.join(twice)}")
+        persons = [person.name for person in self.people]
+        if len(set(persons)) < len(persons):
+            raise ValueError(f"people: names used twice among {', '.join(persons)}")
+        unknown = sorted(set(self.surfaces) - set(names))
+        if unknown:
+            raise ValueError(f"surfaces: no solid {', '.join(unknown)}")
         return self
 
     def solids(self) -> list[Box]:

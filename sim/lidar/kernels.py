@@ -49,7 +49,7 @@ def cast(
     block of ``BLOCK`` columns. Results, (c, r): range in m (inf: nothing), what was met, cosine of the angle to its
     normal.
     """
-    columns, rings = len(azimuths), len(elevations)
+    columns = len(azimuths)
     ring_cos, ring_sin = np.cos(elevations), np.sin(elevations)
     column_cos, column_sin = np.cos(azimuths), np.sin(azimuths)
     shape = np.empty((3, 3))
@@ -114,7 +114,20 @@ def cast(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _ground(first, last, column_cos, column_sin, ring_cos, ring_sin, origins, rotations, max_m, ranges, hits, cosines):  # type: ignore[no-untyped-def]
+def _ground(
+    first: int,
+    last: int,
+    column_cos: F64,
+    column_sin: F64,
+    ring_cos: F64,
+    ring_sin: F64,
+    origins: F64,
+    rotations: F64,
+    max_m: float,
+    ranges: F64,
+    hits: I64,
+    cosines: F64,
+) -> None:
     for c in range(first, last):
         level = rotations[c, 2, 0] * column_cos[c] + rotations[c, 2, 1] * column_sin[c]
         up, height = rotations[c, 2, 2], origins[c, 2]
@@ -128,7 +141,7 @@ def _ground(first, last, column_cos, column_sin, ring_cos, ring_sin, origins, ro
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _carried(centre, turned, position, rotation, place, shape):  # type: ignore[no-untyped-def]
+def _carried(centre: F64, turned: F64, position: F64, rotation: F64, place: F64, shape: F64) -> None:
     """Pose in map of a shape that a mover carries."""
     for i in range(3):
         place[i] = position[i]
@@ -140,7 +153,19 @@ def _carried(centre, turned, position, rotation, place, shape):  # type: ignore[
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _window(first, last, azimuths, elevations, origins, rotations, place, shape, half, max_m, window):  # type: ignore[no-untyped-def]
+def _window(
+    first: int,
+    last: int,
+    azimuths: F64,
+    elevations: F64,
+    origins: F64,
+    rotations: F64,
+    place: F64,
+    shape: F64,
+    half: F64,
+    max_m: float,
+    window: I64,
+) -> bool:
     """The columns and rings of a block that can meet a box (from, behind, from, behind); False if none."""
     middle = (first + last) // 2
     origin, rotation = origins[middle], rotations[middle]
@@ -177,8 +202,8 @@ def _window(first, last, azimuths, elevations, origins, rotations, place, shape,
     step = (azimuths[first] - azimuths[last - 1]) / max(1, last - 1 - first) if last - first > 1 else 1e-3
     offset = towards - azimuths[middle]
     offset -= 2.0 * math.pi * math.floor(offset / (2.0 * math.pi) + 0.5)
-    window[0] = max(first, int(math.ceil(middle - (offset + left + pad) / step)))
-    window[1] = min(last, int(math.floor(middle - (offset + right - pad) / step)) + 1)
+    window[0] = max(first, math.ceil(middle - (offset + left + pad) / step))
+    window[1] = min(last, math.floor(middle - (offset + right - pad) / step) + 1)
     if window[0] >= window[1]:
         return False
     # sin(elevation) = z / distance, bounded from what is known of both.
@@ -187,13 +212,13 @@ def _window(first, last, azimuths, elevations, origins, rotations, place, shape,
     spacing = (elevations[rings - 1] - elevations[0]) / (rings - 1)
     upper = math.asin(min(1.0, max(-1.0, top))) + pad
     lower = math.asin(min(1.0, max(-1.0, bottom))) - pad
-    window[2] = max(0, int(math.ceil((lower - elevations[0]) / spacing)))
-    window[3] = min(rings, int(math.floor((upper - elevations[0]) / spacing)) + 1)
-    return window[2] < window[3]
+    window[2] = max(0, math.ceil((lower - elevations[0]) / spacing))
+    window[3] = min(rings, math.floor((upper - elevations[0]) / spacing) + 1)
+    return bool(window[2] < window[3])
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _motion(first, last, middle, origins, rotations):  # type: ignore[no-untyped-def]
+def _motion(first: int, last: int, middle: int, origins: F64, rotations: F64) -> tuple[float, float]:
     """How far the sensor goes (m) and turns (rad) between the middle of a block and its ends, at most."""
     step_m, turn = 0.0, 0.0
     for end in (first, last - 1):
@@ -208,7 +233,7 @@ def _motion(first, last, middle, origins, rotations):  # type: ignore[no-untyped
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _distances(origin, place, shape, half):  # type: ignore[no-untyped-def]
+def _distances(origin: F64, place: F64, shape: F64, half: F64) -> tuple[float, float]:
     """From a point to the nearest and to the farthest point of a box, m."""
     near2, far2 = 0.0, 0.0
     for k in range(3):
@@ -223,26 +248,26 @@ def _distances(origin, place, shape, half):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _solid(
-    c,
-    ring_from,
-    ring_to,
-    kind,
-    number,
-    cos_a,
-    sin_a,
-    ring_cos,
-    ring_sin,
-    origin,
-    rotation,
-    place,
-    shape,
-    half,
-    max_m,
-    ranges,
-    hits,
-    cosines,
-):  # type: ignore[no-untyped-def]
-    """One column of beams against one solid, in the solid's own frame: direction = cos(elevation) u + sin(elevation) w."""
+    c: int,
+    ring_from: int,
+    ring_to: int,
+    kind: int,
+    number: int,
+    cos_a: float,
+    sin_a: float,
+    ring_cos: F64,
+    ring_sin: F64,
+    origin: F64,
+    rotation: F64,
+    place: F64,
+    shape: F64,
+    half: F64,
+    max_m: float,
+    ranges: F64,
+    hits: I64,
+    cosines: F64,
+) -> None:
+    """One column of beams against one solid, in its own frame: direction = cos(elevation) u + sin(elevation) w."""
     ox = oy = oz = ux = uy = uz = wx = wy = wz = 0.0
     for i in range(3):
         away = origin[i] - place[i]
@@ -272,12 +297,14 @@ def _solid(
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
-def _safe(value):  # type: ignore[no-untyped-def]
+def _safe(value: float) -> float:
     return value if abs(value) > _TINY else _TINY
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
-def _enter_box(ox, oy, oz, dx, dy, dz, hx, hy, hz):  # type: ignore[no-untyped-def]
+def _enter_box(
+    ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, hx: float, hy: float, hz: float
+) -> tuple[float, float]:
     """Where a ray enters a box, and the cosine to the face's normal; inf if it misses or begins inside."""
     ix, iy, iz = 1.0 / _safe(dx), 1.0 / _safe(dy), 1.0 / _safe(dz)
     nx, ny, nz = -ox * ix - abs(ix) * hx, -oy * iy - abs(iy) * hy, -oz * iz - abs(iz) * hz
@@ -293,7 +320,9 @@ def _enter_box(ox, oy, oz, dx, dy, dz, hx, hy, hz):  # type: ignore[no-untyped-d
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
-def _enter_cylinder(ox, oy, oz, dx, dy, dz, radius, half_height):  # type: ignore[no-untyped-def]
+def _enter_cylinder(
+    ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, radius: float, half_height: float
+) -> tuple[float, float]:
     """As ``_enter_box`` for an upright cylinder."""
     a = dx * dx + dy * dy
     b = ox * dx + oy * dy
@@ -315,7 +344,20 @@ def _enter_cylinder(ox, oy, oz, dx, dy, dz, radius, half_height):  # type: ignor
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _rect(window, column_cos, column_sin, ring_cos, ring_sin, origins, rotations, max_m, rect, ranges, hits, cosines):  # type: ignore[no-untyped-def]
+def _rect(
+    window: I64,
+    column_cos: F64,
+    column_sin: F64,
+    ring_cos: F64,
+    ring_sin: F64,
+    origins: F64,
+    rotations: F64,
+    max_m: float,
+    rect: F64,
+    ranges: F64,
+    hits: I64,
+    cosines: F64,
+) -> None:
     """Beams that met the ground inside a rectangle: it is wet there, or they fall on into the pit."""
     cx, cy, cos_y, sin_y, half_x, half_y, depth = rect[0], rect[1], rect[2], rect[3], rect[4], rect[5], rect[6]
     for c in range(window[0], window[1]):

@@ -9,6 +9,7 @@ Frames: tracks hold base_link, wheelchair and people in map; points are in the f
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -47,8 +48,9 @@ class Lidar:
         random = np.random.default_rng(seed)
         self.mounting = _mounting(robot, params, random)
         self._random = random
-        self._azimuths = np.radians(beams.start_azimuth_deg) - 2.0 * np.pi * np.arange(beams.columns) / beams.columns
-        self._elevations = np.radians(np.linspace(beams.lowest_deg, beams.highest_deg, beams.rings))
+        start = math.radians(beams.start_azimuth_deg)
+        self._azimuths: F64 = start - 2.0 * np.pi * np.arange(beams.columns) / beams.columns
+        self._elevations: F64 = np.radians(np.linspace(beams.lowest_deg, beams.highest_deg, beams.rings))
         self._normals = random.standard_normal(_bank_size(beams.columns * beams.rings), dtype=np.float32)
         self._uniforms = random.random(len(self._normals), dtype=np.float32)
         self._model = _model(params)
@@ -79,7 +81,7 @@ class Lidar:
         self, base: Track, stamp_s: float, first: int, last: int, movers: Mapping[str, Track] | None = None
     ) -> Sweep:
         """Columns first to last - 1 of a turn; column last - 1 fires at stamp_s. Movers without a track are absent."""
-        times = (np.arange(first, last) - (last - 1)) * self.column_s
+        times = np.arange(first - last + 1, 1, dtype=np.float64) * self.column_s
         ranges, hits, cosines = self.ranges(base, stamp_s + times, first, last, movers or {})
         count = ranges.size
         points, labels = np.zeros(count, SWEEP), np.empty(count, np.uint8)
@@ -106,7 +108,7 @@ class Lidar:
     def ranges(
         self, base: Track, times_s: F64, first: int, last: int, movers: Mapping[str, Track]
     ) -> tuple[F64, NDArray[np.int64], F64]:
-        """Exact range (inf: nothing), number of what was met, cosine: (columns, rings) each, valid until the next call."""
+        """Exact range (inf: nothing), what was met, cosine: (columns, rings) each, valid until the next call."""
         poses = base.at(times_s) @ self.mounting
         block_times = times_s[np.minimum(np.arange(0, last - first, BLOCK) + BLOCK // 2, last - first - 1)]
         place = np.zeros((len(block_times), len(self.scene.movers), 3))

@@ -33,7 +33,7 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class ShapeArrays:
-    """(n,) shapes. mover: which mover carries it, -1: the map. rotation: (n, 3, 3) from the shape to what carries it."""
+    """(n,) shapes. mover: which mover carries it, -1: the map. rotation: (n, 3, 3) from shape to carrier."""
 
     kind: I64
     mover: I64

@@ -44,6 +44,7 @@ class SimWorldParams(Config):
     wheelchair_yaw_rad: float | None
     attached_at_start: bool
     passenger_mass_kg: Annotated[float, Field(ge=0.0)]
+    people: bool
     catch_up_s: Annotated[float, Field(gt=0.0)]
     thread_switch_interval_s: Annotated[float, Field(gt=0.0)]
     clock_start_s: Annotated[float, Field(gt=0.0)]
@@ -64,6 +65,7 @@ class SimWorldParams(Config):
             attached_at_start=self.attached_at_start,
             passenger_mass_kg=self.passenger_mass_kg,
             wheelchair_pose=None if own is None else _either(chair, own),
+            people=self.people,
         )
 
     @model_validator(mode="after")
