@@ -121,7 +121,7 @@ class Observation:
             estop="/emergency_stop is true" if pressed else "",
             drive=self.drive.judge(emergency or pressed, complete, now_s),
             joint_states_up=self.wheels.up(complete, now_s, stale_s(topics.JOINT_STATES), self._settle_s),
-            joint_states_age_s=self.wheels.age_s(now_s),
+            joint_states_age_s=self.wheels.take_silence_s(now_s),
             joint_states_problem=self.wheels.problem,
             imu_age_s=self._imu.age_s(now_s),
             imu_problem=self._imu.problem,

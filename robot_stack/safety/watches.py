@@ -97,6 +97,7 @@ class WheelWatch:
         self._motion = motion
         self._reckoning = reckoning
         self._at_s: float | None = None
+        self._longest_s = 0.0  # silence that has ended since it was taken
         self._fastest_mps = math.inf
         self._still_for = Hold()
         self._fresh_for = Hold()
@@ -114,6 +115,8 @@ class WheelWatch:
         order = [index[name] for name in JOINTS]
         speeds = [self._modules.wheel_radius_m * velocity[order[drive]] for drive, _ in _MODULE_AXES]
         twist = self._modules.twist(speeds, [position[order[steer]] for _, steer in _MODULE_AXES])
+        if self._at_s is not None:
+            self._longest_s = max(self._longest_s, self.age_s(now_s))
         self._at_s = now_s
         self._fastest_mps = max(abs(speed) for speed in speeds)
         self._motion.update(twist.vx, twist.vy, now_s)
@@ -131,6 +134,14 @@ class WheelWatch:
 
     def age_s(self, now_s: float) -> float:
         return age_s(now_s, self._at_s)
+
+    def take_silence_s(self, now_s: float) -> float:
+        """The age, or the longest silence since the last call if that was longer.
+
+        A pause of the whole machine ends with fresh joint states, which may be there before anybody judged their age.
+        """
+        longest_s, self._longest_s = self._longest_s, 0.0
+        return max(longest_s, self.age_s(now_s))
 
     def twist(self, now_s: float, stale_s: float) -> Twist2:
         """The measured twist of base_link; zero while the robot stands or nobody knows."""

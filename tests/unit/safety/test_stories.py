@@ -227,6 +227,14 @@ def test_joint_states_that_stop_latch_after_their_limit() -> None:
     story.expect(NORMAL, ())
 
 
+def test_a_silence_that_ended_before_anybody_looked_latches_too() -> None:
+    """The whole machine pauses: what comes first afterwards are fresh joint states."""
+    story = Story().healthy()
+    story.tick(0.09).expect(NORMAL, ())
+    story.tick(0.11).expect(EMERGENCY)
+    assert "JOINT_STATES_TIMEOUT" in story.verdict.faults
+
+
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_joint_states_that_are_no_numbers_are_none(bad: float) -> None:
     story = Story().healthy()

@@ -182,6 +182,16 @@ def test_bad_joint_states_leave_the_age_growing() -> None:
     assert wheels.problem == "8 names, 8 positions, 7 velocities"
 
 
+def test_the_longest_silence_is_told_once() -> None:
+    wheels, _ = _wheels()
+    states = _states([0.0] * 4, [0.0] * 4)
+    assert wheels.take_silence_s(1.0) == math.inf
+    for now_s in (1.0, 1.5, 1.75):
+        wheels.received(JOINTS, *states, now_s)
+    assert wheels.take_silence_s(2.0) == 0.5
+    assert wheels.take_silence_s(2.0) == 0.25
+
+
 @pytest.mark.parametrize(
     ("steer_rad", "drive_radps", "velocity"),
     [
