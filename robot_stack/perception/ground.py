@@ -17,17 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.core.robot import Robot
+from robot_stack.perception.cells import DROP, FLOOR, GROUND, HIGH, KERB, LOW, OBSTACLE, STEP, TALL, UNKNOWN
 from robot_stack.perception.params import FreeSpaceParams, GroundParams
 from robot_stack.perception.polar import PolarGrid, Sorted
+from robot_stack.perception.steps import look_again
 
 Float = NDArray[np.float32]
 Int = NDArray[np.int32]
 Bytes = NDArray[np.uint8]
-
-# What a cell is.
-EMPTY, FLOOR, STEP, TALL, DROP = 0, 1, 2, 3, 4
-# What a point is. LOW: too high for ground, too low for an obstacle, and no kerb. HIGH: above the robot.
-UNKNOWN, GROUND, KERB, OBSTACLE, LOW, HIGH = 0, 1, 2, 3, 4, 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +91,6 @@ def follow(
             free.gap_factor,
             free.gap_m,
             sensor_height_m,
-            params.kerb_gap_m,
-            params.kerb_rise_m,
         ],
         dtype=np.float32,
     )
@@ -104,6 +99,7 @@ def follow(
         cells.low, cells.height_m, cells.distance_m, cells.top_m, grid.edges_m, *start, numbers,
         kind, ground, free_m, drop_m, drop_z,
     )  # fmt: skip
+    look_again(cells, kind, ground, free_m, free.ring_spacing_rad, params)
     return Profile(kind, ground, free_m, drop_m, drop_z)
 
 
@@ -129,7 +125,7 @@ def classify(points: Sorted, profile: Profile, sensor_height_m: float, params: G
     return labels, height
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _follow(
     low: Int,
     height: Float,
@@ -227,7 +223,7 @@ def _follow(
             drop[s], drop_z[s] = last_d[s], last_z[s]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _ask_neighbours(s: int, sectors: int, upper: Float, lower: Float, at: Float, seed_d: Float, rise: Any) -> None:
     """Where a sector has not seen ground for long, its neighbours' ground narrows the cone."""
     for step in (-1, 1):
@@ -241,7 +237,7 @@ def _ask_neighbours(s: int, sectors: int, upper: Float, lower: Float, at: Float,
             upper[s], lower[s] = min(upper[s], high), max(lower[s], deep)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _edge(last_d: Any, last_z: Any, d: Any, z: Any, sensor: Any, seen: bool) -> Any:
     """Where the ground ends between the last ground and the first point below: the ray to that passed over the edge.
 
@@ -255,7 +251,7 @@ def _edge(last_d: Any, last_z: Any, d: Any, z: Any, sensor: Any, seen: bool) -> 
     return latest
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _classify(
     cell: Int,
     z: Float,

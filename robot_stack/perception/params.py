@@ -68,6 +68,8 @@ class GroundParams(Config):
     kerb_point_m: Positive
     kerb_gap_m: Positive
     kerb_rise_m: Positive
+    kerb_range_m: Positive
+    deck_m: Positive
     edge_range_m: Positive
     obstacle_min_m: Positive
     obstacle_max_m: Positive

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.point_cloud import SWEEP, Points
 from robot_stack.core.robot import Robot
-from robot_stack.perception import ground
+from robot_stack.perception import cells, ground
 from robot_stack.perception.crop import boxes, crop
 from robot_stack.perception.deskew import LEVEL, Attitude, Motion, deskew
 from robot_stack.perception.free_space import free_ranges
@@ -25,7 +25,7 @@ _WARM_COLUMNS = 360
 
 @dataclass(frozen=True, slots=True)
 class Segmented:
-    """xyz: (n, 3) base_link; labels: (n,) of ``ground``; height_m: (n,) above the local ground."""
+    """xyz: (n, 3) base_link; labels: (n,) of ``cells``; height_m: (n,) above the local ground."""
 
     xyz: Float
     labels: NDArray[np.uint8]
@@ -63,13 +63,17 @@ class Pipeline:
         points["x"], points["y"], points["z"] = 2.0 * np.cos(angles), 2.0 * np.sin(angles), 0.0
         points["time"] = np.linspace(-0.05, 0.0, _WARM_COLUMNS)
         self.scene(points, 0.0)
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing was seen before the next sweep."""
         self._last = None
 
     def scene(self, points: Points, stamp_s: float) -> Scene:
         """What the points show; obstacles of the sweep before are kept where this one did not look."""
         xyz, broken = self.points(points, stamp_s)
         seen = self.segment(xyz, self.motion.attitude_at(stamp_s))
-        obstacles = seen.xyz[(seen.labels == ground.OBSTACLE) | (seen.labels == ground.KERB)]
+        obstacles = seen.xyz[(seen.labels == cells.OBSTACLE) | (seen.labels == cells.KERB)]
         params = self._params.obstacles
         obstacles = without_strays(obstacles, params.range_m, params.neighbourhood_m, params.neighbours_min)
         obstacles = np.concatenate([obstacles, self._edges(seen.profile)])
@@ -104,7 +108,7 @@ class Pipeline:
         return xyz.astype(np.float32)
 
     def _with_other_half(self, fresh: Float, profile: ground.Profile, stamp_s: float) -> Float:
-        covered = (profile.kind != ground.EMPTY).any(axis=1)
+        covered = (profile.kind != cells.EMPTY).any(axis=1)
         last, self._last = self._last, (stamp_s, fresh, covered)
         if last is None or not 0.0 < stamp_s - last[0] <= self._params.output.keep_s:
             return fresh
