@@ -129,7 +129,11 @@ class LidarStack(KernelStack):
         super()._imu(sample)
         x, y, z, w = sample.orientation_xyzw
         up = np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
-        self._send(lambda: isinstance(self.localizer, MapLocalizer) and self.localizer.on_up(up))
+        self._send(lambda: self._on_up(up))
+
+    def _on_up(self, up: Array) -> None:
+        if isinstance(self.localizer, MapLocalizer):
+            self.localizer.on_up(up)
 
     def _localization_tick(self) -> None:
         super()._localization_tick()

@@ -1,0 +1,124 @@
+"""A world that is no longer as it was mapped, and people who walk in it. All from a seed; routes stay free."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.camera.motion import Track
+from sim.worldfile import Box, Cylinder, WorldFile
+
+Array = NDArray[np.float64]
+_CLEARANCE_M = 0.15  # beyond a route's own half width
+_TRIES = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """Names of what was taken away, moved, and put there anew."""
+
+    removed: tuple[str, ...]
+    moved: tuple[str, ...]
+    added: tuple[str, ...]
+
+
+def changed_world(world: WorldFile, share: float, seed: int) -> tuple[WorldFile, Changes]:
+    """``share`` of all boxes and cylinders removed or moved, half each, and as many added as were removed."""
+    random = np.random.default_rng(seed)
+    items: list[Box | Cylinder] = [*world.boxes, *world.cylinders]
+    chosen = random.permutation(len(items))[: math.ceil(share * len(items))]
+    removed, moved = chosen[: len(chosen) // 2], chosen[len(chosen) // 2 :]
+    kept = [item for index, item in enumerate(items) if index not in set(chosen.tolist())]
+    new = [_elsewhere(items[int(index)], world, random, 3.0) for index in moved]
+    added = [
+        _elsewhere(items[int(index)].model_copy(update={"name": f"new_{count}"}), world, random, math.inf)
+        for count, index in enumerate(removed)
+    ]
+    everything = [*kept, *new, *added]
+    changed = world.model_copy(
+        update={
+            "boxes": [item for item in everything if isinstance(item, Box)],
+            "cylinders": [item for item in everything if isinstance(item, Cylinder)],
+        }
+    )
+    return changed, Changes(
+        tuple(items[int(index)].name for index in removed),
+        tuple(item.name for item in new),
+        tuple(item.name for item in added),
+    )
+
+
+def walkers(world: WorldFile, count: int, seed: int, duration_s: float) -> dict[str, Track]:
+    """Persons who walk to and fro for 6-10 m beside the routes, 1.2-2.5 m off their middle, at 0.8-1.4 m/s."""
+    random = np.random.default_rng(seed)
+    routes = [np.array(route.points_m, float) for route in world.routes.values()]
+    return {f"person_{index}": _walk(routes[index % len(routes)], random, duration_s) for index in range(count)}
+
+
+def _walk(route: Array, random: np.random.Generator, duration_s: float) -> Track:
+    leg = int(random.integers(len(route) - 1))
+    start, along = route[leg], route[leg + 1] - route[leg]
+    length = float(np.hypot(*along))
+    along = along / length
+    side = random.choice([-1.0, 1.0]) * random.uniform(1.2, 2.5) * np.array([-along[1], along[0]])
+    first = start + along * random.uniform(0.0, length) + side
+    last = first + along * random.uniform(6.0, 10.0)
+    period_s = float(np.hypot(*(last - first))) / random.uniform(0.8, 1.4)
+    times = np.arange(0.0, duration_s + period_s, period_s)
+    # A person turns round within a tenth of a second.
+    knots = np.sort(np.concatenate([times, times[1:] - 0.1]))
+    poses = np.tile(np.eye(4), (len(knots), 1, 1))
+    yaw = math.atan2(along[1], along[0])
+    for index, time_s in enumerate(knots):
+        trip, share = divmod(time_s / period_s + 1e-9, 1.0)
+        share = share if int(trip) % 2 == 0 else 1.0 - share
+        heading = yaw if int(trip) % 2 == 0 else yaw + math.pi
+        poses[index, :2, 3] = first + share * (last - first)
+        poses[index, :2, :2] = [[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]]
+    return Track(knots, poses)
+
+
+def _elsewhere(item: Box | Cylinder, world: WorldFile, random: np.random.Generator, reach_m: float) -> Box | Cylinder:
+    """The same thing at a free place within reach_m of where it stood, or anywhere; where it stood if there is none."""
+    floor = world.floor
+    for _ in range(_TRIES):
+        if math.isfinite(reach_m):
+            x, y = item.x_m + random.uniform(-reach_m, reach_m), item.y_m + random.uniform(-reach_m, reach_m)
+        else:
+            x = random.uniform(floor.min_x_m + 1.0, floor.max_x_m - 1.0)
+            y = random.uniform(floor.min_y_m + 1.0, floor.max_y_m - 1.0)
+        if _free(x, y, _radius(item), world):
+            turn = {"yaw_deg": random.uniform(-180.0, 180.0)} if isinstance(item, Box) else {}
+            return item.model_copy(update={"x_m": x, "y_m": y, **turn})
+    return item
+
+
+def _radius(item: Box | Cylinder) -> float:
+    return item.radius_m if isinstance(item, Cylinder) else 0.5 * math.hypot(item.length_m, item.width_m)
+
+
+def _free(x: float, y: float, radius_m: float, world: WorldFile) -> bool:
+    return all(
+        _distance(x, y, route.points_m) > route.half_width_m + radius_m + _CLEARANCE_M
+        for route in world.routes.values()
+    )
+
+
+def _distance(x: float, y: float, points: Sequence[tuple[float, float]]) -> float:
+    """From (x, y) to a line through points, m."""
+    return min(_to_segment(x, y, a, b) for a, b in _pairs(points))
+
+
+def _pairs(points: Sequence[tuple[float, float]]) -> Iterable[tuple[tuple[float, float], tuple[float, float]]]:
+    return itertools.pairwise(points)
+
+
+def _to_segment(x: float, y: float, a: tuple[float, float], b: tuple[float, float]) -> float:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    share = max(0.0, min(1.0, ((x - a[0]) * dx + (y - a[1]) * dy) / max(dx * dx + dy * dy, 1e-12)))
+    return math.hypot(x - a[0] - share * dx, y - a[1] - share * dy)
