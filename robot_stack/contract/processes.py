@@ -57,7 +57,7 @@ PROCESSES: tuple[Process, ...] = (
     _process("recorder", "robot_stack.recording.node", _OPTIONAL, "every contract topic into MCAP"),
     _process(
         "lidar_driver",
-        None,
+        "sim.nodes.lidar_driver",
         _CRITICAL,
         "simulated LiDAR; a real driver publishes the same topics",
         system=System.SIMULATION,
@@ -72,7 +72,7 @@ PROCESSES: tuple[Process, ...] = (
     _process("imu_driver", None, _CRITICAL, "IMU of a real robot; the simulation brings its own"),
     _process("battery_driver", None, _LIMITING, "battery of a real robot; the simulation brings its own"),
     _process("perception_pipeline", "robot_stack.perception.node", _CRITICAL, "obstacle points"),
-    _process("costmap_server", None, _LIMITING, "local costmap"),
+    _process("costmap_server", "robot_stack.costmap.node", _LIMITING, "local costmap"),
     _process("aruco_detector", "robot_stack.docking.nodes.aruco_detector", _LIMITING, "markers in the camera images"),
     _process(
         "docking_controller",

@@ -40,10 +40,14 @@ class BodyHistory:
     def covers(self, from_s: float, to_s: float) -> bool:
         return len(self._times) >= 2 and self._times[0] <= from_s and to_s <= self._times[-1]
 
+    def tracks(self) -> dict[str, Track]:
+        """What is kept, by body name."""
+        times = np.array(self._times)
+        return {name: Track(times, np.array(poses)) for name, poses in self._poses.items()}
+
     def motion(self, time_s: float, docks: dict[str, str]) -> Motion:
         """The motion around a picture. docks: dock id by body name. Raises KeyError without base_link."""
-        times = np.array(self._times)
-        tracks = {name: Track(times, np.array(poses)) for name, poses in self._poses.items()}
+        tracks = self.tracks()
         boards = {docks[name]: track for name, track in tracks.items() if name in docks}
         return Motion(time_s, tracks[BASE], boards)
 

@@ -15,7 +15,7 @@ import numpy as np
 from sim.lidar.shapes import BOX, F64, I64
 
 BLOCK = 37  # columns
-GROUND_HIT, WET_HIT, PIT_HIT, FIRST_SOLID = 0, 1, 2, 3
+GROUND_HIT, WET_HIT, PIT_HIT, MIRROR_HIT, FIRST_SOLID = 0, 1, 2, 3, 4
 NO_HIT = -1
 _TINY = 1e-12
 # Beside what motion needs: rounding, at the edge of a solid.

@@ -60,6 +60,7 @@ class Wet(Config):
     reflectivity: Share
     lost_share: Share
     mirror_share: Share
+    mirror_reflectivity: Share
 
 
 class Reflectivity(Config):
@@ -76,6 +77,14 @@ class Reflectivity(Config):
     chair: Share
 
 
+class Cover(Config):
+    """What the sensor says of a lens that is covered: so many beams come back from so near, the rest not at all."""
+
+    return_share: Share
+    nearest_m: NotNegative
+    farthest_m: Positive
+
+
 class LidarParams(Config):
     """``config/sim_lidar.yaml``."""
 
@@ -83,6 +92,7 @@ class LidarParams(Config):
     ranging: Ranging
     mounting: Mounting
     wet: Wet
+    cover: Cover
     reflectivity: Reflectivity
 
     def with_columns(self, columns: int) -> LidarParams:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.lidar.kernels import NO_HIT
+from sim.lidar.labels import NEAR
 from sim.lidar.shapes import F64, I64
 
 F32 = NDArray[np.float32]
@@ -17,8 +18,16 @@ U8 = NDArray[np.uint8]
 
 # Order of the numbers in ``model``.
 MIN_M, MAX_M, NOISE_M, TEN_PERCENT_M, LOST, MIXED, MIXED_STEP_M, INTENSITY_NOISE, WET_LOST = range(9)
-MODEL_SIZE = 9
+COVERED, COVER_RETURN, COVER_NEAREST_M, COVER_FARTHEST_M = range(9, 13)
+MODEL_SIZE = 13
 _FULL_SCALE = 255.0
+_COVER_INTENSITY = 5.0
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _write(row: int, far: float, cos_a: float, sin_a: float, cos_e: float, sin_e: float, words: F32) -> None:
+    flat = far * cos_e
+    words[row, 0], words[row, 1], words[row, 2] = flat * cos_a, flat * sin_a, far * sin_e
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -49,9 +58,20 @@ def returns(
     gain = model[TEN_PERCENT_M] ** 2 / 0.1
     for c in range(len(azimuths)):
         cos_a, sin_a, time_s = math.cos(azimuths[c]), math.sin(azimuths[c]), np.float32(times_s[c])
+        # What covers the lens spreads from the front.
+        covered = model[COVERED] > 0.0 and math.acos(min(1.0, max(-1.0, cos_a))) <= math.pi * model[COVERED]
         for r in range(len(elevations)):
             draw += 3
             far, hit = ranges[c, r], hits[c, r]
+            if covered:
+                if uniforms[draw] >= model[COVER_RETURN]:
+                    continue
+                near, span = model[COVER_NEAREST_M], model[COVER_FARTHEST_M] - model[COVER_NEAREST_M]
+                _write(count, near + span * uniforms[draw + 1], cos_a, sin_a, ring_cos[r], ring_sin[r], words)
+                words[count, 3], words[count, 5] = _COVER_INTENSITY, time_s
+                integers[count, 4], labels[count] = r, NEAR
+                count += 1
+                continue
             if hit == NO_HIT:
                 continue
             light = reflectivity_of[hit] * cosines[c, r]
@@ -68,10 +88,7 @@ def returns(
             far += model[NOISE_M] * normals[draw]
             if far < model[MIN_M] or far > model[MAX_M]:
                 continue
-            flat = far * ring_cos[r]
-            words[count, 0] = flat * cos_a
-            words[count, 1] = flat * sin_a
-            words[count, 2] = far * ring_sin[r]
+            _write(count, far, cos_a, sin_a, ring_cos[r], ring_sin[r], words)
             words[count, 3] = min(
                 _FULL_SCALE, max(0.0, _FULL_SCALE * light + model[INTENSITY_NOISE] * normals[draw + 1])
             )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,10 +16,9 @@ from sim.lidar.params import LidarParams
 from sim.lidar.shapes import BOX, CYLINDER, F64, Shape, ShapeArrays, pack
 from sim.parameters import Wheelchair
 from sim.terrain import Solid, solids
-from sim.worldfile import WorldFile
+from sim.worldfile import Patch, Pit, WorldFile
 
 WHEELCHAIR = "wheelchair"
-PERSON_PREFIX = "person_"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +45,12 @@ def build_scene(
 ) -> Scene:
     """people: names of the bodies that are persons. passenger: somebody sits in the wheelchair."""
     shine = params.reflectivity
-    fixed = [_shape(solid, params) for solid in solids(world) if solid.kind != "patch"]
+    fixed = [_shape(solid, params, world.surfaces) for solid in solids(world) if solid.kind != "patch"]
     names = tuple(people)
     carried = [chair_shapes(chair, shine.chair, passenger=passenger), *(person_shapes(shine.person) for _ in names)]
     shapes = pack(fixed, carried)
-    ground = [labels.GROUND, labels.GROUND, labels.PIT]
-    light = [shine.ground, params.wet.reflectivity, shine.ground]
+    ground = [labels.GROUND, labels.GROUND, labels.PIT, labels.MIRROR]
+    light = [shine.ground, params.wet.reflectivity, shine.ground, params.wet.mirror_reflectivity]
     assert len(ground) == FIRST_SOLID
     return Scene(
         shapes=shapes,
@@ -62,8 +61,8 @@ def build_scene(
     )
 
 
-def _shape(solid: Solid, params: LidarParams) -> Shape:
-    light = float(getattr(params.reflectivity, solid.kind))
+def _shape(solid: Solid, params: LidarParams, surfaces: Mapping[str, float]) -> Shape:
+    light = surfaces.get(solid.name, float(getattr(params.reflectivity, solid.kind)))
     if solid.shape == "cylinder":
         radius, half_height = solid.size_m
         return Shape(CYLINDER, solid.centre_m, (radius, radius, half_height), labels.OF_KIND[solid.kind], light)
@@ -74,11 +73,10 @@ def _shape(solid: Solid, params: LidarParams) -> Shape:
 
 def _rects(world: WorldFile, params: LidarParams) -> F64:
     wet = [patch for patch in world.patches if patch.friction < params.wet.friction_below]
-    rows = [(*_placed(item), 0.0) for item in wet]
+    rows = [(*_placed(item), 0.0) for item in wet] + [(*_placed(pit), pit.depth_m) for pit in world.pits]
     return np.array(rows, float).reshape(-1, 7)
 
 
-def _placed(item: object) -> tuple[float, ...]:
-    x, y, yaw = item.x_m, item.y_m, item.yaw_rad  # type: ignore[attr-defined]
-    half = (0.5 * item.length_m, 0.5 * item.width_m)  # type: ignore[attr-defined]
-    return (x, y, math.cos(yaw), math.sin(yaw), *half)
+def _placed(item: Patch | Pit) -> tuple[float, ...]:
+    c, s = math.cos(item.yaw_rad), math.sin(item.yaw_rad)
+    return item.x_m, item.y_m, c, s, 0.5 * item.length_m, 0.5 * item.width_m

@@ -19,13 +19,23 @@ from scipy.spatial.transform import Rotation
 
 from robot_stack.core.point_cloud import SWEEP, Points
 from robot_stack.core.robot import Robot
-from sim.camera.motion import Track
+from sim.camera.motion import Track, still
 from sim.lidar import returns as model
 from sim.lidar.kernels import BLOCK, WET_HIT, cast
 from sim.lidar.params import LidarParams
 from sim.lidar.scene import Scene
 from sim.lidar.shapes import F64
 
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What is wrong with the sensor: noise so many times the usual; share of the circle that is covered, from ahead."""
+
+    noise_factor: float = 1.0
+    covered_share: float = 0.0
+
+
+CLEAR = Conditions()
 _BELOW_EVERYTHING_M = -1.0e3
 _BANK = 1 << 19
 
@@ -37,6 +47,15 @@ class Sweep:
     stamp_s: float
     points: Points
     labels: NDArray[np.uint8]
+
+
+def join(first: Sweep, second: Sweep) -> Sweep:
+    """Two parts that follow each other, as one at the second's stamp."""
+    middle = len(first.points)
+    points = np.empty(middle + len(second.points), SWEEP)  # numpy's concatenate would pack the records
+    points[:middle], points[middle:] = first.points, second.points
+    points["time"][:middle] -= np.float32(second.stamp_s - first.stamp_s)
+    return Sweep(second.stamp_s, points, np.concatenate((first.labels, second.labels)))
 
 
 class Lidar:
@@ -67,23 +86,49 @@ class Lidar:
         """From one column to the next, s."""
         return self.params.beams.period_s / self.columns
 
-    def sweep(self, base: Track, stamp_s: float, movers: Mapping[str, Track] | None = None) -> Sweep:
-        """A full turn whose last column fires at stamp_s."""
-        return self.part(base, stamp_s, 0, self.columns, movers)
+    def warm_up(self) -> None:
+        """Compiles what a sweep calls."""
+        self.sweep(still(np.eye(4)), 0.0)
 
-    def half_sweep(self, base: Track, stamp_s: float, half: int, movers: Mapping[str, Track] | None = None) -> Sweep:
+    def sweep(
+        self,
+        base: Track,
+        stamp_s: float,
+        movers: Mapping[str, Track] | None = None,
+        conditions: Conditions = CLEAR,
+    ) -> Sweep:
+        """A full turn whose last column fires at stamp_s. Movers without a track are absent."""
+        return self.part(base, stamp_s, 0, self.columns, movers, conditions)
+
+    def half_sweep(
+        self,
+        base: Track,
+        stamp_s: float,
+        half: int,
+        movers: Mapping[str, Track] | None = None,
+        conditions: Conditions = CLEAR,
+    ) -> Sweep:
         """Half 0 or 1 of a turn; its last column fires at stamp_s."""
         middle = self.columns // 2
         first, last = ((0, middle), (middle, self.columns))[half]
-        return self.part(base, stamp_s, first, last, movers)
+        return self.part(base, stamp_s, first, last, movers, conditions)
 
     def part(
-        self, base: Track, stamp_s: float, first: int, last: int, movers: Mapping[str, Track] | None = None
+        self,
+        base: Track,
+        stamp_s: float,
+        first: int,
+        last: int,
+        movers: Mapping[str, Track] | None = None,
+        conditions: Conditions = CLEAR,
     ) -> Sweep:
-        """Columns first to last - 1 of a turn; column last - 1 fires at stamp_s. Movers without a track are absent."""
+        """Columns first to last - 1 of a turn; column last - 1 fires at stamp_s."""
         times = np.arange(first - last + 1, 1, dtype=np.float64) * self.column_s
         ranges, hits, cosines = self.ranges(base, stamp_s + times, first, last, movers or {})
         count = ranges.size
+        numbers = self._model.copy()
+        numbers[model.NOISE_M] *= conditions.noise_factor
+        numbers[model.COVERED] = conditions.covered_share
         points, labels = np.zeros(count, SWEEP), np.empty(count, np.uint8)
         skip = int(self._random.integers(0, len(self._normals) - 3 * count - 3))
         used = model.returns(
@@ -96,7 +141,7 @@ class Lidar:
             self.scene.label,
             self.scene.reflectivity,
             WET_HIT,
-            self._model,
+            numbers,
             self._normals[skip:],
             self._uniforms[skip:],
             points.view(np.float32).reshape(count, 6),
@@ -164,4 +209,7 @@ def _model(params: LidarParams) -> F64:
     numbers[model.TEN_PERCENT_M], numbers[model.LOST] = ranging.range_at_ten_percent_m, ranging.lost_share
     numbers[model.MIXED], numbers[model.MIXED_STEP_M] = ranging.mixed_share, ranging.mixed_step_m
     numbers[model.INTENSITY_NOISE], numbers[model.WET_LOST] = ranging.intensity_noise, params.wet.lost_share
+    cover = params.cover
+    numbers[model.COVER_RETURN], numbers[model.COVER_NEAREST_M] = cover.return_share, cover.nearest_m
+    numbers[model.COVER_FARTHEST_M] = cover.farthest_m
     return numbers

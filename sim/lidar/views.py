@@ -13,9 +13,10 @@ from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Robot, load_robot
 from sim.camera.motion import Track, still
 from sim.lidar.params import LidarParams, load_lidar_params
-from sim.lidar.scene import PERSON_PREFIX, WHEELCHAIR, build_scene
+from sim.lidar.scene import WHEELCHAIR, build_scene
 from sim.lidar.sensor import Lidar
 from sim.parameters import SimParams, load_sim_params
+from sim.people import PREFIX
 from sim.worldfile import WorldFile
 
 F64 = NDArray[np.float64]
@@ -39,7 +40,7 @@ def sweep_at(
     """
     params = params or load_lidar_params()
     robot, sim = _machine()
-    persons = {f"{PERSON_PREFIX}{index}": still(_lifted(pose)) for index, pose in enumerate(people)}
+    persons = {f"{PREFIX}{index}": still(_lifted(pose)) for index, pose in enumerate(people)}
     scene = build_scene(world, params, sim.wheelchair, people=persons)
     movers = dict(persons) if chair is None else {**persons, WHEELCHAIR: still(chair)}
     sweep = Lidar(scene, params, robot, seed).sweep(moving(base, twist, params.beams.period_s), 0.0, movers)

@@ -27,6 +27,7 @@ from sim.camera.motion import Motion
 from sim.camera.params import load_camera_params
 from sim.camera.render import Renderer
 from sim.camera.scenery import build_scenery
+from sim.nodes.bodies import matrix_of_transform
 from sim.terrain import solids
 from sim.worldfile import load_world
 from tf2_msgs.msg import TFMessage
@@ -79,7 +80,7 @@ class CameraDriver(StackNode):
         self.every(2.0, self._watch)
 
     def _on_bodies(self, message: TFMessage) -> None:
-        poses = {item.child_frame_id: _matrix(item.transform) for item in message.transforms}
+        poses = {item.child_frame_id: matrix_of_transform(item.transform) for item in message.transforms}
         if BASE not in poses or not all(np.isfinite(pose).all() for pose in poses.values()):
             self.set_health(False, f"{topics.SIM_BODIES.name} without {BASE}, or with poses that are not finite")
             return
@@ -154,17 +155,6 @@ class CameraDriver(StackNode):
 def _dock_by_body(docks: Docks) -> dict[str, str]:
     """Dock ids by the body that carries the board: a station by its own name, the wheelchair by its kind."""
     return {_WHEELCHAIR_BODY if dock.kind == "wheelchair" else name: name for name, dock in docks.docks.items()}
-
-
-def _matrix(transform: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """(4, 4) of a Transform message; not finite where it is no rotation."""
-    t, q = transform.translation, transform.rotation
-    pose = np.eye(4)
-    norm2 = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
-    valid = np.isfinite(norm2) and norm2 > 0.5
-    pose[:3, :3] = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix() if valid else np.nan
-    pose[:3, 3] = t.x, t.y, t.z
-    return pose
 
 
 def _camera_info(calibrated: Intrinsics) -> CameraInfo:

@@ -1,0 +1,61 @@
+"""Half sweeps as they complete, from the poses of the bodies as they come; with ROS around it or without."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.camera.history import BASE, BodyHistory
+from sim.lidar.sensor import CLEAR, Conditions, Lidar, Sweep
+
+F64 = NDArray[np.float64]
+# Stamps of poses are what a clock makes of them.
+_TOLERANCE_S = 2e-4
+
+
+class Sweeper:
+    """Half sweeps at even spaces in time, counted from the first sample on; even numbers complete a turn.
+
+    Poses that come every 20 ms complete a half sweep at once or 10 ms later.
+    """
+
+    def __init__(self, lidar: Lidar) -> None:
+        self.lidar = lidar
+        self._history = BodyHistory()
+        self._half_s = 0.5 * lidar.params.beams.period_s
+        self._phase_s: float | None = None
+        self._next = 1
+
+    def add(self, time_s: float, poses: Mapping[str, F64]) -> None:
+        """(4, 4) poses of all bodies in map at one time. A time that steps back begins anew. Raises KeyError."""
+        if BASE not in poses:
+            raise KeyError(BASE)
+        newest = self._history.newest_s
+        if self._phase_s is None or (newest is not None and time_s < newest):
+            self._phase_s, self._next = time_s, 1
+        self._history.add(time_s, dict(poses))
+
+    def due(self) -> tuple[int, float] | None:
+        """The next half sweep whose end the poses have reached: its number and the time of its last column.
+
+        After a gap the newest one: what a sensor has not sent is gone.
+        """
+        newest = self._history.newest_s
+        if newest is None or self._phase_s is None:
+            return None
+        last = math.floor((newest + _TOLERANCE_S - self._phase_s) / self._half_s)
+        if last < self._next:
+            return None
+        number = last if last > self._next + 1 else self._next
+        self._next = number + 1
+        end_s = self._phase_s + number * self._half_s
+        return (number, end_s) if self._history.covers(end_s - self._half_s, end_s - _TOLERANCE_S) else None
+
+    def take(self, number: int, end_s: float, conditions: Conditions = CLEAR) -> Sweep:
+        """Half sweep ``number``: even numbers complete a turn."""
+        tracks = self._history.tracks()
+        base = tracks.pop(BASE)
+        return self.lidar.half_sweep(base, end_s, 1 - number % 2, tracks, conditions)
