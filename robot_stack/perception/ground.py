@@ -195,7 +195,7 @@ def _follow(
                 fallen[s] += n
                 ground[s, k] = z
                 if fallen[s] >= drop_points and last_z[s] - z >= drop_min:
-                    if drop[s] == zero and open_way[s]:
+                    if drop[s] == zero and open_way[s] and last_d[s] < edge_range:
                         drop[s] = _edge(last_d[s], last_z[s], d, z, sensor, seen[s])
                         drop_z[s] = last_z[s]
                     open_way[s] = False

@@ -137,8 +137,8 @@ def _assign(
         if slot >= np.uint32(len(table)):
             cell[i] = -1
             continue
-        c = np.uint32(min(cell[i], np.int32(sectors - 1)) * np.int32(rings) + table[slot])
-        cell[i] = c
+        cell[i] = min(cell[i], np.int32(sectors - 1)) * np.int32(rings) + table[slot]
+        c = np.uint32(cell[i])  # unsigned: no wrap-around to look after
         z = height[i]
         if z > top[c]:
             top[c] = z
@@ -166,15 +166,14 @@ def _average(
         first, second = lowest[c, 0], lowest[c, 1]
         lowest[c, 0] = second if math.isfinite(second) and second - first > gap else first
     for i in range(len(cell)):
-        c = cell[i]
-        if c < 0:
+        if cell[i] < 0:
             continue
-        c = np.uint32(c)
-        above = height[i] - lowest[c, 0]
+        k = np.uint32(cell[i])
+        above = height[i] - lowest[k, 0]
         if np.float32(0.0) <= above <= band:
-            low[c] += 1
-            mean_z[c] += height[i]
-            mean_d[c] += distance[i]
+            low[k] += 1
+            mean_z[k] += height[i]
+            mean_d[k] += distance[i]
     for c in range(len(low)):
         if low[c]:
             share = np.float32(1.0) / np.float32(low[c])

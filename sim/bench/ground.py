@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -42,8 +43,10 @@ def run(repeats: int = 5, kerb_seeds: int = 5, seed: int = 1, pictures: str = "r
         xyz, rows = _cropped(shot, pipeline, params, mount)
         seen = pipeline.segment(xyz, shot.attitude)
         truth, counts = shot.ground[rows], shot.scored[rows]
-        mine = ours.add(seen.labels == GROUND, truth, counts, lambda: pipeline.segment(xyz, shot.attitude), repeats)
-        other = theirs.add(peer.ground(xyz - mount), truth, counts, lambda: peer.ground(xyz - mount), repeats)
+        mine = ours.add(seen.labels == GROUND, truth, counts)
+        ours.time(partial(pipeline.segment, xyz, shot.attitude), repeats)
+        other = theirs.add(peer.ground(xyz - mount), truth, counts)
+        theirs.time(partial(peer.ground, xyz - mount), repeats)
         places[shot.name] = {"f1": round(mine, 4), "patchworkpp_f1": round(other, 4)}
         if pictures:
             draw(Path(pictures), shot, xyz, seen, truth, counts)
@@ -64,16 +67,18 @@ class _Score:
         self.ms: list[float] = []
         self.points: list[int] = []
 
-    def add(self, found: Mask, truth: Mask, counts: Mask, work: Callable[[], object], repeats: int) -> float:
+    def add(self, found: Mask, truth: Mask, counts: Mask) -> float:
         """F1 of this sweep alone."""
         hits, claimed, true = (int((mask & counts).sum()) for mask in (found & truth, found, truth))
         self.hits, self.claimed, self.true = self.hits + hits, self.claimed + claimed, self.true + true
+        self.points.append(len(found))
+        return 2.0 * hits / max(claimed + true, 1)
+
+    def time(self, work: Callable[[], object], repeats: int) -> None:
         for _ in range(repeats):
             began_s = time.process_time()
             work()
             self.ms.append(1e3 * (time.process_time() - began_s))
-        self.points.append(len(found))
-        return 2.0 * hits / max(claimed + true, 1)
 
     def f1(self) -> float:
         return 2.0 * self.hits / max(self.claimed + self.true, 1)
