@@ -2,9 +2,14 @@
 
 States and what ends them:
 
-    IDLE      no goal                              a goal                            -> HELD or DRIVING
-    HELD      goal, but something forbids to move  permitted and standing            -> DRIVING, planned from rest
-    DRIVING   follows the plan                     end of the plan                   -> ARRIVING
+    IDLE      no goal                              a goal                            -> HELD, DRIVING or FOLLOWING
+    HELD      goal, but something forbids to move  permitted and standing            -> DRIVING or FOLLOWING, from rest
+    DRIVING   the exact motion straight to the     its end                           -> ARRIVING
+              goal, where nothing is near it       something comes near it           -> FOLLOWING
+                                                   forbidden                         -> HELD
+                                                   cancelled, or a refused goal      -> BRAKING
+    FOLLOWING a route among obstacles              the rest of the way is clear      -> DRIVING
+                                                   no way for too long               -> IDLE, given up
                                                    forbidden                         -> HELD
                                                    cancelled, or a refused goal      -> BRAKING
     ARRIVING  the last centimetres by feedback     within tolerance and standing     -> IDLE, goal reached
@@ -24,7 +29,10 @@ from enum import Enum
 import numpy as np
 
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
-from robot_stack.core.robot import Robot
+from robot_stack.core.robot import Footprint, Robot
+from robot_stack.core.site_map import Grid
+from robot_stack.navigation.direct import allowed_speed, is_direct
+from robot_stack.navigation.follower import RouteFollower
 from robot_stack.navigation.goal import GoalRequest, refusal, too_far
 from robot_stack.navigation.limits import NO_LIMIT, MotionLimits, PlanningLimits, SpeedLimit, planning_limits
 from robot_stack.navigation.motion import MotionState, Trajectory, moving
@@ -32,6 +40,7 @@ from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.path import Path, path_of
 from robot_stack.navigation.plan import plan_motion, plan_stop
 from robot_stack.navigation.pose_source import Located
+from robot_stack.navigation.surroundings import Surroundings
 from robot_stack.navigation.tracker import (
     TrackingError,
     begun,
@@ -54,18 +63,23 @@ class NavigationState(Enum):
     IDLE = "idle"
     HELD = "held"
     DRIVING = "driving"
+    FOLLOWING = "following"
     ARRIVING = "arriving"
     BRAKING = "braking"
 
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What a tick knows. located is None while pose or odometry are missing, and ``located_problem`` says why."""
+    """What a tick knows. located is None while pose or odometry are missing, and ``located_problem`` says why.
+
+    blind: why nothing is known of the obstacles around, empty if it is.
+    """
 
     now_s: float
     located: Located | None
     located_problem: str = ""
     emergency_stop: bool = False
+    blind: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +100,7 @@ class Output:
 class NavigationController:
     """One goal at a time. ``path`` is what ``/plan`` shows; it is replaced, never changed, when the plan changes."""
 
-    def __init__(self, params: NavigationParams, robot: Robot, map_frame: str) -> None:
+    def __init__(self, params: NavigationParams, robot: Robot, map_frame: str, grid: Grid | None = None) -> None:
         self._params = params
         self._robot = robot
         self._map_frame = map_frame
@@ -103,6 +117,14 @@ class NavigationController:
         self._twist = ZERO_TWIST
         self._text = "no goal"
         self.path: Path | None = None
+        # What is around the robot: whoever runs the controller feeds the costmaps in.
+        self.around = Surroundings(params, grid)
+        self._follower = RouteFollower(params, self.around)
+        self._narrow_mps = math.inf
+        self._now_s = 0.0
+        self._looked = -1
+        self._since_try_s = 0.0
+        self._located: Located | None = None
 
     @property
     def state(self) -> NavigationState:
@@ -119,6 +141,8 @@ class NavigationController:
         if attached != self._passenger:
             self._passenger = attached
             self._replan_with_limits()
+            if self._state is NavigationState.FOLLOWING and self._located is not None:
+                self._follow(self._located)  # with another footprint
 
     def set_speed_limit(self, limit: SpeedLimit) -> None:
         """The newest limit of the safety monitor; a plan that runs goes on under the new one."""
@@ -135,7 +159,9 @@ class NavigationController:
             self._cancel("goal cancelled")
             return ""
         pose = None if located is None else located.pose
+        self._know(now_s, located)
         problem = refusal(request, self._map_frame, now_s, pose, self._params.goal)
+        problem = problem or self.around.goal_problem(self._footprint(), request.pose)
         if problem:
             self._cancel(f"goal refused: {problem}")
             return problem
@@ -151,6 +177,7 @@ class NavigationController:
         """One step of the control loop. Never returns a twist that is not finite."""
         dt_s = self._step_s(situation.now_s)
         self._since_plan_s += dt_s
+        self._know(situation.now_s, situation.located)
         obstacle = self._obstacle(situation)
         if obstacle and self._state is not NavigationState.IDLE:
             self._hold(obstacle)
@@ -166,8 +193,12 @@ class NavigationController:
             self._text = "waiting to stand still"
             if self._standing(located.twist):
                 self._begin(MotionState(located.pose))
+        if self._state is NavigationState.DRIVING:
+            self._look_ahead(located)
         if self._state in (NavigationState.DRIVING, NavigationState.BRAKING):
             return self._drive(located, dt_s)
+        if self._state is NavigationState.FOLLOWING:
+            return self._follow_on(located, dt_s)
         if self._state is NavigationState.ARRIVING:
             return self._arrive(located, dt_s)
         return self._idle()
@@ -235,6 +266,69 @@ class NavigationController:
         twist = settle_command(self._goal, located.pose, slow, self._params.tracking)
         return Output(twist, self._state, "arriving", self._goal, error)
 
+    # --- among obstacles ---------------------------------------------------------------------------------------------
+
+    def _look_ahead(self, located: Located) -> None:
+        """With each new costmap: is the exact motion still clear, and how fast may it be?"""
+        if self._trajectory is None or self._looked == self.around.costmaps:
+            return
+        self._looked = self.around.costmaps
+        if not self._is_direct(self._trajectory, self._elapsed_s, entering=False):
+            self._follow(located)
+            return
+        cruise_mps = self._robot.motion(self._passenger).max_speed_mps
+        allowed = allowed_speed(
+            self._trajectory, self._elapsed_s, self.around, self._footprint(), self._params, cruise_mps
+        )
+        if allowed != self._narrow_mps:
+            self._narrow_mps = allowed
+            self._replan_with_limits()
+
+    def _follow(self, located: Located) -> None:
+        """Plans a route around what is in the way and follows it, from the last command on."""
+        assert self._goal is not None
+        moves = self._state in (NavigationState.DRIVING, NavigationState.FOLLOWING, NavigationState.BRAKING)
+        self._trajectory, self._state = None, NavigationState.FOLLOWING
+        self._narrow_mps, self._since_try_s = math.inf, 0.0
+        problem = self._follower.begin(self._goal, located, self._footprint(), self._twist if moves else ZERO_TWIST)
+        self._text = problem or "driving along the route"
+        self.path = self._follower.route or _straight(self._goal, located)
+
+    def _follow_on(self, located: Located, dt_s: float) -> Output:
+        assert self._goal is not None
+        limits = self._limits()
+        assert limits is not None  # else the tick had found an obstacle
+        self._since_try_s += dt_s
+        if self._since_try_s >= self._params.follow.direct_interval_s:
+            self._since_try_s = 0.0
+            trajectory = self._motion(moving(located.pose, self._twist), limits)
+            if trajectory is not None and self._is_direct(trajectory, 0.0, entering=True):
+                self._follower.forget()
+                self._run(trajectory, NavigationState.DRIVING, "driving to the goal")
+                return self._drive(located, 0.0)
+        step = self._follower.step(located, limits.cruise, self._footprint(), self._now_s, dt_s)
+        if step.gave_up:
+            self._finish(step.text)
+            return self._idle()
+        self._text = step.text
+        if self._follower.route is not None:
+            self.path = self._follower.route
+        limit = limits.cruise
+        return Output(bounded(step.twist, limit.speed_mps, limit.yaw_rate_radps), self._state, self._text)
+
+    def _is_direct(self, trajectory: Trajectory, from_s: float, *, entering: bool) -> bool:
+        return is_direct(
+            trajectory, from_s, self.around, self._footprint(), self._params, self._now_s, entering=entering
+        )
+
+    def _footprint(self) -> Footprint:
+        return self._robot.footprint_with_chair if self._passenger else self._robot.footprint
+
+    def _know(self, now_s: float, located: Located | None) -> None:
+        self._now_s, self._located = now_s, located
+        if located is not None:
+            self.around.map_to_odom = located.map_to_odom
+
     # --- goals and plans ---------------------------------------------------------------------------------------------
 
     def _take(self, goal: Pose2, located: Located | None) -> None:
@@ -252,6 +346,8 @@ class NavigationController:
         """Where a new plan begins: on the plan that runs, so that the command goes on smoothly, else as measured."""
         if self._state in (NavigationState.DRIVING, NavigationState.BRAKING) and self._trajectory is not None:
             return self._trajectory.at(self._elapsed_s)
+        if self._state is NavigationState.FOLLOWING and located is not None:
+            return moving(located.pose, self._twist)
         return None if located is None else self._measured(located)
 
     def _measured(self, located: Located) -> MotionState:
@@ -267,15 +363,26 @@ class NavigationController:
         if problem:
             self._cancel(f"goal refused: {problem}")
             return False
-        try:
-            trajectory = plan_motion(start, self._goal, limits)
-        except ValueError as error:
-            self._hold(f"no plan: {error}")
+        trajectory = self._motion(start, limits)
+        if trajectory is None:
+            return False
+        drives = same_way and self._state is NavigationState.DRIVING
+        if self._located is not None and not self._is_direct(trajectory, 0.0, entering=not drives):
+            self._follow(self._located)
             return False
         # Another speed leaves a straight way as it is: no need to publish it again.
         keep_path = same_way and self.path is not None and _runs_along(trajectory, self.path)
         self._run(trajectory, NavigationState.DRIVING, "driving to the goal", keep_path=keep_path)
         return True
+
+    def _motion(self, start: MotionState, limits: PlanningLimits) -> Trajectory | None:
+        """The exact motion to the goal; None, and HELD with the reason, if there is none."""
+        assert self._goal is not None
+        try:
+            return plan_motion(start, self._goal, limits)
+        except ValueError as error:
+            self._hold(f"no plan: {error}")
+            return None
 
     def _run(self, trajectory: Trajectory, state: NavigationState, text: str, *, keep_path: bool = False) -> None:
         self._trajectory, self._state, self._text = trajectory, state, text
@@ -304,7 +411,10 @@ class NavigationController:
         limits = self._limits()
         running = self._state is NavigationState.DRIVING and self._trajectory is not None
         now = self._trajectory.at(self._elapsed_s) if running and self._trajectory is not None else None
+        if self._state is NavigationState.FOLLOWING and self._located is not None:
+            now = moving(self._located.pose, self._twist)
         self._goal = None
+        self._follower.forget()
         if now is not None and limits is not None:
             self._run(plan_stop(now, limits.cruise), NavigationState.BRAKING, text)
         elif self._state is not NavigationState.BRAKING:
@@ -312,6 +422,7 @@ class NavigationController:
 
     def _hold(self, text: str) -> None:
         self._trajectory = None
+        self._follower.forget()
         self._text = text
         if self._goal is None:
             self._finish(text)
@@ -330,12 +441,15 @@ class NavigationController:
             return "emergency stop"
         if situation.located is None:
             return situation.located_problem or "pose unknown"
+        if situation.blind:
+            return situation.blind
         if self._limits() is None:
             return "speed limit is zero"
         return ""
 
     def _limits(self) -> PlanningLimits | None:
-        return planning_limits(self._robot.motion(self._passenger), self._speed_limit, self._params.limits)
+        limit = SpeedLimit(min(self._speed_limit.speed_mps, self._narrow_mps), self._speed_limit.yaw_rate_radps)
+        return planning_limits(self._robot.motion(self._passenger), limit, self._params.limits)
 
     def _lost(self, error: TrackingError) -> bool:
         t = self._params.tracking

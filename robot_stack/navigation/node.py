@@ -6,20 +6,23 @@ the drive's arbitration puts any other source before it.
 
 from __future__ import annotations
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import OccupancyGrid, Odometry
 from nav_msgs.msg import Path as PathMessage
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 
 from custom_msgs.msg import VelocityLimit
 from robot_stack.contract import frames, topics
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from robot_stack.core.site_map import load_map
 from robot_stack.navigation.controller import NavigationController, NavigationState, Output, Situation
 from robot_stack.navigation.goal import GoalRequest
 from robot_stack.navigation.limits import SpeedLimit
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.pose_source import PoseSource
+from robot_stack.navigation.warm_up import warm_up
 from robot_stack.ros.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg, twist_to_msg
 from robot_stack.ros.node import StackNode, run
 
@@ -31,17 +34,24 @@ class NavigationNode(StackNode):
         super().__init__("navigation_controller", NavigationParams)
         motion = self.robot.empty
         self._poses = PoseSource(self.params.pose, motion.max_speed_mps, motion.max_yaw_rate_radps)
-        self._controller = NavigationController(self.params, self.robot, frames.MAP)
-        self._problems = {topics.ODOM.name: "", topics.CURRENT_POSE.name: ""}
+        grid = load_map(self.params.map).grid if self.params.map else None
+        self._controller = NavigationController(self.params, self.robot, frames.MAP, grid)
+        if grid is not None or self.params.use_costmap:
+            warm_up(self.params, self.robot)
+        self._problems = {topics.ODOM.name: "", topics.CURRENT_POSE.name: "", topics.LOCAL_COSTMAP.name: ""}
+        self._status_text = ""
         self._shown_path: Path | None = None
         self._plan_shown = False
         self._cmd_vel = self.advertise(topics.CMD_VEL)
         self._plan = self.advertise(topics.PLAN)
+        self._status = self.advertise(topics.NAVIGATION_STATUS)
         self.subscribe(topics.ODOM, self._on_odometry)
         self.subscribe(topics.CURRENT_POSE, self._on_pose)
         self.subscribe(topics.GOAL_POSE, self._on_goal)
         self.subscribe(topics.VELOCITY_LIMIT, self._on_velocity_limit)
         self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
+        if self.params.use_costmap:
+            self.subscribe(topics.LOCAL_COSTMAP, self._on_costmap)
         self._publish_plan()
         assert topics.CMD_VEL.rate_hz is not None
         self.every(topics.CMD_VEL.rate_hz, self._tick)
@@ -76,6 +86,23 @@ class NavigationNode(StackNode):
             self.get_logger().error(f"/goal_pose refused: {problem}")
         self._publish_plan()
 
+    def _on_costmap(self, message: OccupancyGrid) -> None:
+        info = message.info
+        cells = np.frombuffer(message.data, np.int8)
+        if message.header.frame_id != frames.ODOM:
+            problem = f"/local_costmap/costmap frame_id is {message.header.frame_id!r}, must be {frames.ODOM!r}"
+        elif cells.size != info.height * info.width:
+            problem = f"/local_costmap/costmap data has {cells.size} cells, must be {info.height} x {info.width}"
+        else:
+            problem = self._controller.around.on_costmap(
+                time_to_s(message.header.stamp),
+                info.resolution,
+                pose_from_msg(info.origin),
+                cells.reshape(info.height, info.width),
+                self.steady_s(),
+            )
+        self._problems[topics.LOCAL_COSTMAP.name] = problem
+
     def _on_velocity_limit(self, message: VelocityLimit) -> None:
         limit = SpeedLimit(message.max_linear_velocity, message.max_angular_velocity)
         self._controller.set_speed_limit(limit)
@@ -85,8 +112,10 @@ class NavigationNode(StackNode):
 
     def _tick(self) -> None:
         located, problem = self._poses.located(self.now_s(), self.steady_s())
-        problem = "; ".join(filter(None, self._problems.values())) or problem
-        output = self._controller.tick(Situation(self.now_s(), located, problem, self.emergency_stop))
+        blind = self._controller.around.problem(self.steady_s())
+        problem = "; ".join(filter(None, self._problems.values())) or problem or blind
+        situation = Situation(self.now_s(), located, problem, self.emergency_stop, blind)
+        output = self._controller.tick(situation)
         self._cmd_vel.publish(twist_to_msg(output.twist))
         self._publish_plan()
         self._tell(output, problem)
@@ -102,9 +131,15 @@ class NavigationNode(StackNode):
         self._plan.publish(message)
         self._shown_path, self._plan_shown = path, True
 
+    def _publish_status(self, text: str) -> None:
+        if text != self._status_text:
+            self._status.publish(String(data=text))
+            self._status_text = text
+
     def _tell(self, output: Output, missing: str) -> None:
         if output.reached:
             self.get_logger().info(f"goal reached, {1e3 * output.error.distance_m():.0f} mm off")
+        self._publish_status(output.text)
         held = output.state is NavigationState.HELD
         self.set_health(not missing, missing or (f"held: {output.text}" if held else output.text))
         self.report.values = {

@@ -90,8 +90,128 @@ class PoseParams(Config):
     jump_tolerance_rad: Positive
 
 
+class PlannerParams(Config):
+    """The global route. Distances of the footprint's edge, or of cells, from obstacles."""
+
+    search_resolution_m: Positive
+    margin_m: Positive
+    goal_margin_m: Positive
+    prefer_m: Positive
+    near_cost: NotNegative
+    unknown_is_passable: bool
+    unknown_cost: Annotated[float, Field(ge=1.0)]
+    heuristic_weight: Annotated[float, Field(ge=1.0, le=3.0)]
+    heading_bins: Annotated[int, Field(ge=8, le=180)]
+    turn_cost_m_per_rad: Positive
+    rounding: Annotated[int, Field(ge=0, le=50)]
+    escape_m: NotNegative
+    closed_radius_m: Positive
+    tries: Annotated[int, Field(ge=1, le=20)]
+    open_pad_m: Positive
+    open_resolution_m: Positive
+    memory_s: Positive
+
+
+class LocalParams(Config):
+    """The sampling controller. weights: progress, offset, heading, clearance, person, change of offset."""
+
+    seed: int
+    step_s: Positive
+    steps: Annotated[int, Field(ge=5, le=60)]
+    max_offset_m: Positive
+    offsets: Annotated[int, Field(ge=3, le=31)]
+    max_turn_rad: Positive
+    samples: Annotated[int, Field(ge=8, le=512)]
+    rounds: Annotated[int, Field(ge=0, le=5)]
+    elite: Annotated[int, Field(ge=1, le=64)]
+    spread: tuple[Positive, Positive, Positive]
+    hard_margin_m: Positive
+    soft_margin_m: Positive
+    person_margin_m: Positive
+    weights: tuple[Positive, Positive, Positive, Positive, Positive, Positive]
+    governor_margin_m: Positive
+    governor_s: Positive
+
+    @model_validator(mode="after")
+    def _hard_is_nearer(self) -> LocalParams:
+        if self.hard_margin_m >= self.soft_margin_m:
+            raise ValueError("hard_margin_m must be smaller than soft_margin_m")
+        return self
+
+
+class CapParams(Config):
+    """Speed by clearance of the footprint."""
+
+    slow_clearance_m: Positive
+    slow_speed_mps: Positive
+    free_clearance_m: Positive
+    braking_share: Share
+
+    @model_validator(mode="after")
+    def _free_is_farther(self) -> CapParams:
+        if self.slow_clearance_m >= self.free_clearance_m:
+            raise ValueError("slow_clearance_m must be smaller than free_clearance_m")
+        return self
+
+
+class PeopleParams(Config):
+    """Which heaps of the costmap are people, how they are followed, and what is owed to them."""
+
+    min_size_m: Positive
+    max_size_m: Positive
+    min_radius_m: Positive
+    max_radius_m: Positive
+    gate_m: Positive
+    memory_s: Positive
+    position_gain: Share
+    velocity_gain: Share
+    max_speed_mps: Positive
+    walk_speed_mps: Positive
+    walked_m: Positive
+    sightings: Annotated[int, Field(ge=2)]
+    near_m: Positive
+    near_mps: Positive
+    very_near_m: Positive
+    very_near_mps: Positive
+    yield_horizon_s: Positive
+    yield_time_s: Positive
+    yield_gap_m: Positive
+    yield_pace_mps: Positive
+    yield_stop_m: Positive
+
+
+class FollowParams(Config):
+    """Following a route, taking the exact motion to the goal where it is free, and giving up."""
+
+    costmap_timeout_s: Positive
+    ahead_m: Positive
+    direct_margin_m: Positive
+    direct_leave_m: Positive
+    direct_near_m: Positive
+    direct_end_margin_m: Positive
+    direct_any_heading_m: Positive
+    direct_heading_rad: Positive
+    direct_person_m: Positive
+    direct_interval_s: Positive
+    blocked_margin_m: Positive
+    replan_interval_s: Positive
+    stuck_s: Positive
+    stuck_mps: Positive
+    off_route_m: Positive
+    give_up_s: Positive
+
+    @model_validator(mode="after")
+    def _leaves_later_than_it_enters(self) -> FollowParams:
+        if self.direct_leave_m >= self.direct_margin_m:
+            raise ValueError("direct_leave_m must be smaller than direct_margin_m")
+        return self
+
+
 class NavigationParams(Config):
     """Everything the node can be told."""
+
+    map: str
+    use_costmap: bool
 
     plan_spacing_m: Positive
     plan_max_poses: Annotated[int, Field(ge=2)]
@@ -101,3 +221,8 @@ class NavigationParams(Config):
     goal: GoalParams
     tracking: TrackingParams
     pose: PoseParams
+    planner: PlannerParams
+    local: LocalParams
+    caps: CapParams
+    people: PeopleParams
+    follow: FollowParams

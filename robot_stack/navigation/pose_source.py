@@ -9,17 +9,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from robot_stack.core.geometry import Pose2, Twist2, exp_se2
+from robot_stack.core.geometry import IDENTITY, Pose2, Twist2, exp_se2
 from robot_stack.core.pose_history import PoseHistory, StampedPose
 from robot_stack.navigation.params import PoseParams
 
 
 @dataclass(frozen=True, slots=True)
 class Located:
-    """Where the robot is now (map) and how it moves (base_link)."""
+    """Where the robot is now (map) and how it moves (base_link). map_to_odom: pose of the odom frame in map."""
 
     pose: Pose2
     twist: Twist2
+    map_to_odom: Pose2 = IDENTITY
 
 
 class PoseSource:
@@ -76,7 +77,8 @@ class PoseSource:
         if self._map_to_odom is None or newest is None:
             return None, "no /current_pose that fits the stamps of /odom"
         ahead_s = min(max(now_s - newest.stamp_s, 0.0), self._params.max_extrapolation_s)
-        return Located(self._map_to_odom.compose(newest.pose).compose(exp_se2(self._twist, ahead_s)), self._twist), ""
+        pose = self._map_to_odom.compose(newest.pose).compose(exp_se2(self._twist, ahead_s))
+        return Located(pose, self._twist, self._map_to_odom), ""
 
     def _continues(self, last: StampedPose, stamp_s: float, pose: Pose2) -> bool:
         dt_s = stamp_s - last.stamp_s

@@ -1,0 +1,87 @@
+"""Speed along the route: slow in narrow places and near people, standing for somebody who crosses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_stack.core.robot import Footprint
+from robot_stack.navigation.limits import MotionLimits
+from robot_stack.navigation.params import CapParams, PeopleParams
+from robot_stack.navigation.people import Person
+
+Array = npt.NDArray[np.float64]
+_TIME_STEP_S = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Caps:
+    """speed_mps: (n,) along the route. yields: somebody crosses and is let pass."""
+
+    speed_mps: Array
+    yields: bool
+
+
+def narrow_speed(clearance_m: Array, cruise_mps: float, params: CapParams) -> Array:
+    """(n,) the speed that a clearance allows: slow_speed_mps up to slow_clearance_m, cruise from free_clearance_m."""
+    slow = min(params.slow_speed_mps, cruise_mps)
+    speeds: Array = np.interp(clearance_m, (params.slow_clearance_m, params.free_clearance_m), (slow, cruise_mps))
+    return speeds
+
+
+def caps(
+    route: Array,
+    clearance_m: Array,
+    people: tuple[Person, ...],
+    now_s: float,
+    speed_mps: float,
+    limits: MotionLimits,
+    footprint: Footprint,
+    params: CapParams,
+    person: PeopleParams,
+) -> Caps:
+    """route: (n, 4) x, y, yaw, along from the robot on, evenly spaced. speed_mps: of the robot now."""
+    speeds = narrow_speed(clearance_m, limits.speed_mps, params)
+    half_m = 0.5 * footprint.width_m
+    for one in people:
+        x, y = one.at(now_s)
+        gap = np.hypot(route[:, 0] - x, route[:, 1] - y) - one.radius_m - half_m
+        speeds = np.where(gap < person.near_m, np.minimum(speeds, person.near_mps), speeds)
+        speeds = np.where(gap < person.very_near_m, np.minimum(speeds, person.very_near_mps), speeds)
+    stop_m = min(
+        (_conflict(route, one, now_s, speed_mps, footprint, person) for one in people if one.walks), default=np.inf
+    )
+    if np.isfinite(stop_m):
+        speeds = np.where(route[:, 3] >= stop_m, 0.0, speeds)
+    return Caps(
+        _braking(speeds, route[:, 3], params.braking_share * limits.acceleration_mps2), bool(np.isfinite(stop_m))
+    )
+
+
+def _conflict(
+    route: Array, one: Person, now_s: float, speed_mps: float, footprint: Footprint, params: PeopleParams
+) -> float:
+    """Where along the route to stand so that a walking person can pass; inf if they do not meet."""
+    times = np.arange(0.0, params.yield_horizon_s, _TIME_STEP_S)
+    x, y = one.at(now_s)
+    px, py = x + times * one.vx, y + times * one.vy
+    gap = np.hypot(route[:, 0, None] - px, route[:, 1, None] - py) - one.radius_m - 0.5 * footprint.width_m
+    # The robot is at a point from when its front reaches it until its rear has left it.
+    pace = max(speed_mps, params.yield_pace_mps)
+    arrives = (route[:, 3, None] - footprint.front_m) / pace - params.yield_time_s
+    leaves = (route[:, 3, None] - footprint.rear_m) / pace + params.yield_time_s
+    meets = (gap < params.yield_gap_m) & (times >= arrives) & (times <= leaves)
+    # Who is beside or behind the robot already is not let pass by standing in the way.
+    meets &= route[:, 3, None] > footprint.front_m * 0.5
+    where = np.flatnonzero(meets.any(axis=1))
+    return float(route[where[0], 3] - footprint.front_m - params.yield_stop_m) if len(where) else np.inf
+
+
+def _braking(speeds: Array, along: Array, deceleration: float) -> Array:
+    """Slower already before a slow stretch, so that it is reached with its speed."""
+    out = speeds.copy()
+    for i in range(len(out) - 2, -1, -1):
+        out[i] = min(out[i], float(np.sqrt(out[i + 1] ** 2 + 2.0 * deceleration * (along[i + 1] - along[i]))))
+    return out

@@ -1,0 +1,83 @@
+"""May the exact motion straight to the goal be driven, and how fast? Else the route is followed among the obstacles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_stack.core.geometry import wrap_angle
+from robot_stack.core.robot import Footprint
+from robot_stack.navigation.caps import narrow_speed
+from robot_stack.navigation.motion import Trajectory
+from robot_stack.navigation.params import NavigationParams
+from robot_stack.navigation.surroundings import Surroundings
+
+Array = npt.NDArray[np.float64]
+_SPACING_M, _MOST_SAMPLES = 0.1, 300
+_LOOK_S = 2.5
+_SPEED_STEP_MPS = 0.1
+
+
+def is_direct(
+    trajectory: Trajectory,
+    from_s: float,
+    around: Surroundings,
+    footprint: Footprint,
+    params: NavigationParams,
+    now_s: float,
+    *,
+    entering: bool,
+) -> bool:
+    """Whether the rest of the motion from ``from_s`` on is clear of obstacles and people.
+
+    entering: it is not driven yet, which asks for more room, and for a heading that looks where it goes.
+    """
+    if around.free_space:
+        return True
+    poses = sampled(trajectory, from_s, trajectory.duration_s)
+    f, end = params.follow, poses[-1]
+    left = np.hypot(poses[:, 0] - end[0], poses[:, 1] - end[1])
+    if entering and left[0] > f.direct_any_heading_m and not _looks_ahead(poses[0], end, f.direct_heading_rad):
+        return False
+    clear = around.clearance_m(footprint, poses)
+    # A goal near to something may be as near as it is.
+    near_m = min(f.direct_end_margin_m, float(clear[-1]) - 0.02)
+    margin = f.direct_margin_m if entering else f.direct_leave_m
+    needed = np.where(left > f.direct_near_m, margin, near_m)
+    if not bool(np.all(clear >= needed)):
+        return False
+    return around.person_m(poses[left >= left[0] - params.follow.ahead_m], now_s, f.direct_person_m) > f.direct_person_m
+
+
+def allowed_speed(
+    trajectory: Trajectory,
+    from_s: float,
+    around: Surroundings,
+    footprint: Footprint,
+    params: NavigationParams,
+    cruise_mps: float,
+) -> float:
+    """Speed that the room beside the next seconds allows, m/s in steps; infinite where it limits nothing."""
+    if around.free_space:
+        return math.inf
+    poses = sampled(trajectory, from_s, min(from_s + _LOOK_S, trajectory.duration_s))
+    clear = np.array([around.clearance_m(footprint, poses).min()])
+    speed = float(narrow_speed(clear, cruise_mps, params.caps)[0])
+    return (
+        math.inf if speed >= cruise_mps else max(_SPEED_STEP_MPS, _SPEED_STEP_MPS * math.floor(speed / _SPEED_STEP_MPS))
+    )
+
+
+def sampled(trajectory: Trajectory, from_s: float, to_s: float) -> Array:
+    """(n, 3) poses of the motion between two times, about 0.1 m apart at the speed limit of a ride."""
+    duration_s = max(to_s - from_s, 0.0)
+    count = max(2, min(_MOST_SAMPLES, math.ceil(duration_s / _SPACING_M) + 1))
+    states = (trajectory.at(float(time_s)).pose for time_s in np.linspace(from_s, to_s, count))
+    return np.array([(pose.x, pose.y, pose.yaw) for pose in states])
+
+
+def _looks_ahead(start: Array, end: Array, limit_rad: float) -> bool:
+    course = math.atan2(end[1] - start[1], end[0] - start[0])
+    return all(abs(wrap_angle(course - yaw)) <= limit_rad for yaw in (float(start[2]), float(end[2])))

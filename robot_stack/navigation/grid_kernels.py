@@ -1,0 +1,436 @@
+"""Compiled loops of the global planner: distance transform, A*, line of sight, headings.
+
+All compiled functions that call each other live in this file: numba's cache looks at one file only. Grids are (rows,
+columns), row 0 at the lowest y; clearances are metres from a cell's middle to the middle of the nearest occupied cell.
+Exact distance transform: Felzenszwalb and Huttenlocher 2012. Outside a grid nothing is clear.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
+Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
+
+_FAR = 1e12
+
+
+def compiled(function: FunctionT) -> FunctionT:
+    return cast(FunctionT, numba.njit(cache=True, fastmath=False)(function))
+
+
+@compiled
+def _parabolas(values: Floats, out: Floats, where: npt.NDArray[np.int64], bounds: Floats) -> None:
+    """One row of the squared distance transform: the lower envelope of parabolas rooted at ``values``."""
+    n, k = len(values), 0
+    where[0], bounds[0], bounds[1] = 0, -_FAR, _FAR
+    for q in range(1, n):
+        root = values[q] + q * q
+        s = (root - values[where[k]] - where[k] * where[k]) / (2.0 * (q - where[k]))
+        while s <= bounds[k]:
+            k -= 1
+            s = (root - values[where[k]] - where[k] * where[k]) / (2.0 * (q - where[k]))
+        k += 1
+        where[k], bounds[k], bounds[k + 1] = q, s, _FAR
+    k = 0
+    for q in range(n):
+        while bounds[k + 1] < q:
+            k += 1
+        out[q] = (q - where[k]) ** 2 + values[where[k]]
+
+
+@compiled
+def distances(occupied: npt.NDArray[np.bool_], resolution_m: float, most_m: float) -> Singles:
+    """(rows, columns) metres to the nearest occupied cell, at most ``most_m``."""
+    rows, columns = occupied.shape
+    out = np.empty((rows, columns), np.float32)
+    most_cells = most_m / resolution_m + 1.0
+    # Along columns a distance is a count; along rows it takes the envelope.
+    for c in range(columns):
+        gap = most_cells
+        for r in range(rows):
+            gap = 0.0 if occupied[r, c] else min(gap + 1.0, most_cells)
+            out[r, c] = gap
+        gap = most_cells
+        for r in range(rows - 1, -1, -1):
+            gap = 0.0 if occupied[r, c] else min(gap + 1.0, most_cells)
+            out[r, c] = min(out[r, c], np.float32(gap))
+    size = columns + 1
+    values, line = np.empty(columns), np.empty(columns)
+    where, bounds = np.empty(size, np.int64), np.empty(size + 1)
+    for r in range(rows):
+        for c in range(columns):
+            values[c] = float(out[r, c]) ** 2
+        _parabolas(values, line, where, bounds)
+        for c in range(columns):
+            out[r, c] = min(most_m, math.sqrt(line[c]) * resolution_m)
+    return out
+
+
+@compiled
+def clearance_at(field: Singles, resolution_m: float, origin_x: float, origin_y: float, x: float, y: float) -> float:
+    c, r = math.floor((x - origin_x) / resolution_m), math.floor((y - origin_y) / resolution_m)
+    if r < 0 or c < 0 or r >= field.shape[0] or c >= field.shape[1]:
+        return 0.0
+    return float(field[r, c])
+
+
+@compiled
+def footprint_clearance(
+    field: Singles, resolution_m: float, ox: float, oy: float, outline: Floats, pose: Floats, outside_m: float
+) -> float:
+    """Clearance of an oriented outline, metres. outline: (n, 2) in base_link; outside_m: clearance off the grid."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    least = 1e9
+    for i in range(len(outline)):
+        x = pose[0] + cos * outline[i, 0] - sin * outline[i, 1]
+        y = pose[1] + sin * outline[i, 0] + cos * outline[i, 1]
+        c, r = math.floor((x - ox) / resolution_m), math.floor((y - oy) / resolution_m)
+        if 0 <= r < field.shape[0] and 0 <= c < field.shape[1]:
+            least = min(least, float(field[r, c]))
+        else:
+            least = min(least, outside_m)
+    return least
+
+
+@compiled
+def clearances(
+    field: Singles, resolution_m: float, ox: float, oy: float, outline: Floats, poses: Floats, outside_m: float
+) -> Floats:
+    """(n,) of footprint_clearance for (n, 3) poses."""
+    out = np.empty(len(poses))
+    for i in range(len(poses)):
+        out[i] = footprint_clearance(field, resolution_m, ox, oy, outline, poses[i], outside_m)
+    return out
+
+
+@compiled
+def _cell_cost(clear: float, unknown: bool, radius: float, prefer: float, near: float, unknown_cost: float) -> float:
+    """Cost per metre in a cell, >= 1; negative: not to be entered."""
+    if clear < radius:
+        return -1.0
+    cost = unknown_cost if unknown else 1.0
+    if clear < prefer:
+        share = (prefer - clear) / (prefer - radius)
+        cost += near * share * share
+    return cost
+
+
+@compiled
+def _block_cost(
+    field: Singles,
+    unknown: npt.NDArray[np.bool_],
+    factor: int,
+    row: int,
+    column: int,
+    radius: float,
+    prefer: float,
+    near: float,
+    unknown_cost: float,
+) -> float:
+    """Cost of a coarse cell: of its clearest fine cell, so that coarse cells close no gap."""
+    clear, strange = 0.0, False
+    for r in range(row * factor, min((row + 1) * factor, field.shape[0])):
+        for c in range(column * factor, min((column + 1) * factor, field.shape[1])):
+            clear = max(clear, float(field[r, c]))
+            strange = strange or unknown[r, c]
+    return _cell_cost(clear, strange, radius, prefer, near, unknown_cost)
+
+
+@compiled
+def _push(keys: Floats, items: npt.NDArray[np.int64], size: int, key: float, item: int) -> int:
+    i = size
+    while i > 0:
+        parent = (i - 1) >> 1
+        if keys[parent] <= key:
+            break
+        keys[i], items[i] = keys[parent], items[parent]
+        i = parent
+    keys[i], items[i] = key, item
+    return size + 1
+
+
+@compiled
+def _pop(keys: Floats, items: npt.NDArray[np.int64], size: int) -> int:
+    """Removes the root; returns the new size."""
+    size -= 1
+    key, item = keys[size], items[size]
+    i = 0
+    while True:
+        child = 2 * i + 1
+        if child >= size:
+            break
+        if child + 1 < size and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        keys[i], items[i] = keys[child], items[child]
+        i = child
+    keys[i], items[i] = key, item
+    return size
+
+
+@compiled
+def astar(
+    field: Singles,
+    unknown: npt.NDArray[np.bool_],
+    factor: int,
+    start: tuple[int, int],
+    goal: tuple[int, int],
+    radius_m: float,
+    prefer_m: float,
+    near_cost: float,
+    unknown_cost: float,
+    weight: float,
+    blocked: npt.NDArray[np.int64],
+    escape_cells: int,
+) -> npt.NDArray[np.int64]:
+    """(n, 2) coarse cells (row, column) from start to goal, empty if there is no way.
+
+    weight: of the octile heuristic, >= 1. blocked: (m, 3) discs of coarse cells (row, column, radius) not to enter.
+    escape_cells: so near to the start any cell may be entered, at a high cost: to leave a tight spot.
+    """
+    rows = (field.shape[0] + factor - 1) // factor
+    columns = (field.shape[1] + factor - 1) // factor
+    cost = np.full(rows * columns, np.float32(np.nan), np.float32)
+    g = np.full(rows * columns, np.inf)  # in single precision a rounded cost could be improved for ever
+    parent = np.full(rows * columns, -1, np.int32)
+    capacity = 1 << 16
+    keys, items = np.empty(capacity), np.empty(capacity, np.int64)
+    for m in range(len(blocked)):
+        for r in range(max(0, blocked[m, 0] - blocked[m, 2]), min(rows, blocked[m, 0] + blocked[m, 2] + 1)):
+            for c in range(max(0, blocked[m, 1] - blocked[m, 2]), min(columns, blocked[m, 1] + blocked[m, 2] + 1)):
+                if (r - blocked[m, 0]) ** 2 + (c - blocked[m, 1]) ** 2 <= blocked[m, 2] ** 2:
+                    cost[r * columns + c] = -1.0
+    first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
+    g[first] = 0.0
+    parent[first] = first
+    size = _push(keys, items, 0, 0.0, first)
+    diagonal = math.sqrt(2.0)
+    while size > 0:
+        here = items[0]
+        key = keys[0]
+        size = _pop(keys, items, size)
+        if here == last:
+            break
+        row, column = here // columns, here % columns
+        dr, dc = abs(row - goal[0]), abs(column - goal[1])
+        h = max(dr, dc) + (diagonal - 1.0) * min(dr, dc)
+        if key > g[here] + weight * h + 1e-6:
+            continue  # found a better way here since
+        if size + 8 >= capacity:
+            more_keys, more_items = np.empty(2 * capacity), np.empty(2 * capacity, np.int64)
+            more_keys[:size], more_items[:size] = keys[:size], items[:size]
+            keys, items, capacity = more_keys, more_items, 2 * capacity
+        for i in range(-1, 2):
+            for j in range(-1, 2):
+                r, c = row + i, column + j
+                if (i == 0 and j == 0) or r < 0 or c < 0 or r >= rows or c >= columns:
+                    continue
+                there = r * columns + c
+                step = diagonal if i != 0 and j != 0 else 1.0
+                if g[there] <= g[here] + step:
+                    continue
+                if math.isnan(cost[there]):
+                    cost[there] = _block_cost(field, unknown, factor, r, c, radius_m, prefer_m, near_cost, unknown_cost)
+                    close = max(abs(r - start[0]), abs(c - start[1])) <= escape_cells
+                    if cost[there] < 0.0 and close:
+                        cost[there] = 20.0
+                if cost[there] < 0.0:
+                    continue
+                total = g[here] + step * cost[there]
+                if total < g[there] - 1e-6:
+                    g[there] = total
+                    parent[there] = here
+                    dr, dc = abs(r - goal[0]), abs(c - goal[1])
+                    h = max(dr, dc) + (diagonal - 1.0) * min(dr, dc)
+                    size = _push(keys, items, size, total + weight * h, there)
+    if parent[last] < 0:
+        return np.empty((0, 2), np.int64)
+    count = 1
+    at = last
+    while at != first:
+        at = parent[at]
+        count += 1
+    cells = np.empty((count, 2), np.int64)
+    at = last
+    for k in range(count - 1, -1, -1):
+        cells[k, 0], cells[k, 1] = at // columns, at % columns
+        at = parent[at]
+    return cells
+
+
+@compiled
+def line_cost(
+    field: Singles,
+    unknown: npt.NDArray[np.bool_],
+    resolution_m: float,
+    ox: float,
+    oy: float,
+    a: Floats,
+    b: Floats,
+    radius_m: float,
+    prefer_m: float,
+    near_cost: float,
+    unknown_cost: float,
+) -> float:
+    """Cost of the straight line from a to b, metres times cost per metre; negative if it is not clear."""
+    length = math.hypot(b[0] - a[0], b[1] - a[1])
+    steps = max(1, math.ceil(length / resolution_m))
+    total = 0.0
+    for i in range(steps):
+        t = (i + 0.5) / steps
+        c = math.floor((a[0] + t * (b[0] - a[0]) - ox) / resolution_m)
+        r = math.floor((a[1] + t * (b[1] - a[1]) - oy) / resolution_m)
+        if r < 0 or c < 0 or r >= field.shape[0] or c >= field.shape[1]:
+            return -1.0
+        cost = _cell_cost(float(field[r, c]), unknown[r, c], radius_m, prefer_m, near_cost, unknown_cost)
+        if cost < 0.0:
+            return -1.0
+        total += cost * length / steps
+    return total
+
+
+@compiled
+def straighten(
+    field: Singles,
+    unknown: npt.NDArray[np.bool_],
+    resolution_m: float,
+    ox: float,
+    oy: float,
+    points: Floats,
+    radius_m: float,
+    prefer_m: float,
+    near_cost: float,
+    unknown_cost: float,
+    longest: int,
+) -> Floats:
+    """(m, 2) points with straight lines wherever one is clear and costs no more than the steps it replaces.
+
+    points: (n, 2). A step that is not clear itself (out of a tight spot) stays. longest: steps per line.
+    """
+    n = len(points)
+    keep = np.empty(n, np.int64)
+    keep[0] = 0
+    count, anchor = 1, 0
+    while anchor < n - 1:
+        best, along, j = anchor + 1, 0.0, anchor + 1
+        misses = 0
+        while j < n and j - anchor <= longest:
+            step = line_cost(
+                field, unknown, resolution_m, ox, oy, points[j - 1], points[j],
+                radius_m, prefer_m, near_cost, unknown_cost,
+            )  # fmt: skip
+            if step < 0.0:
+                break
+            along += step
+            line = line_cost(
+                field, unknown, resolution_m, ox, oy, points[anchor], points[j],
+                radius_m, prefer_m, near_cost, unknown_cost,
+            )  # fmt: skip
+            if 0.0 <= line <= along * 1.001 + 1e-9:
+                best, misses = j, 0
+            else:
+                misses += 1
+                if misses > 12:
+                    break
+            j += 1
+        keep[count] = best
+        count += 1
+        anchor = best
+    out = np.empty((count, 2))
+    for k in range(count):
+        out[k] = points[keep[k]]
+    return out
+
+
+@compiled
+def relax(
+    field: Singles, resolution_m: float, ox: float, oy: float, points: Floats, radius_m: float, rounds: int
+) -> Floats:
+    """Rounds the corners of (n, 2) points: each moves to its neighbours' middle where that stays clear; ends stay."""
+    out = points.copy()
+    for _ in range(rounds):
+        for i in range(1, len(out) - 1):
+            x, y = 0.5 * (out[i - 1, 0] + out[i + 1, 0]), 0.5 * (out[i - 1, 1] + out[i + 1, 1])
+            here = clearance_at(field, resolution_m, ox, oy, out[i, 0], out[i, 1])
+            there = clearance_at(field, resolution_m, ox, oy, x, y)
+            if there >= radius_m and (there >= here - resolution_m or there > 2.0 * radius_m):
+                out[i, 0], out[i, 1] = x, y
+    return out
+
+
+@compiled
+def headings(
+    free: npt.NDArray[np.bool_], wish: Floats, step_m: Floats, first: int, last: int, turn_cost: float
+) -> npt.NDArray[np.int64]:
+    """The cheapest heading for every point of a way (Viterbi): along the way if that is clear, turning little.
+
+    free: (n, h) is the footprint clear at point i with heading k * 2 pi / h. wish: (n,) course of the way, rad.
+    step_m: (n,) from the point before. first, last: given headings. turn_cost: m per radian.
+    Returns (n,) headings; where that is impossible, (2,) of -1 and the first point that cannot be passed.
+    """
+    n, h = free.shape
+    unit = 2.0 * math.pi / h
+    cost = np.full(h, np.inf)
+    cost[first] = 0.0
+    back = np.zeros((n, h), np.int64)
+    new = np.empty(h)
+    for i in range(1, n):
+        any_free = False
+        new[:] = np.inf
+        for k in range(h):
+            if not free[i, k]:
+                continue
+            here = step_m[i] * (1.0 - math.cos(k * unit - wish[i]))
+            # Turning happens at this point, through headings that are all clear here.
+            for sign in (-1, 1):
+                for turn in range(0 if sign > 0 else 1, h // 2 + 1):
+                    source = (k + sign * turn) % h
+                    if not free[i, source]:
+                        break
+                    total = cost[source] + here + turn_cost * unit * turn
+                    if total < new[k]:
+                        new[k] = total
+                        back[i, k] = source
+            any_free = any_free or new[k] < np.inf
+        if not any_free:
+            return np.array([-1, i])
+        cost[:] = new
+    if cost[last] == np.inf:
+        return np.array([-1, n - 1])
+    out = np.empty(n, np.int64)
+    at = last
+    for i in range(n - 1, 0, -1):
+        out[i] = at
+        at = back[i, at]
+    out[0] = first
+    return out
+
+
+@compiled
+def free_headings(
+    field: Singles, resolution_m: float, ox: float, oy: float, outline: Floats, points: Floats, count: int,
+    margin_m: Floats, reach_m: float,
+) -> npt.NDArray[np.bool_]:  # fmt: skip
+    """(n, count) whether the outline is clear by margin_m (n,) at each point and heading.
+
+    reach_m: largest distance of the outline from base_link: where more is clear, every heading is.
+    """
+    n = len(points)
+    free = np.ones((n, count), np.bool_)
+    pose = np.empty(3)
+    for i in range(n):
+        if clearance_at(field, resolution_m, ox, oy, points[i, 0], points[i, 1]) > reach_m + margin_m[i] + resolution_m:
+            continue
+        for k in range(count):
+            pose[0], pose[1], pose[2] = points[i, 0], points[i, 1], 2.0 * math.pi * k / count
+            free[i, k] = footprint_clearance(field, resolution_m, ox, oy, outline, pose, 0.0) >= margin_m[i]
+    return free

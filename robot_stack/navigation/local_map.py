@@ -1,0 +1,78 @@
+"""The local costmap as the controller uses it: distances to lethal cells, in the costmap's frame.
+
+The map's inflation is for planners that know a circle; here the oriented footprint is checked against lethal cells.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.navigation.grid_kernels import Singles, distances
+from robot_stack.navigation.rollout_kernels import along_poses
+
+Array = npt.NDArray[np.float64]
+LETHAL = 100
+# Farther than this nothing is asked.
+_FAR_M = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class LocalMap:
+    """stamp_s: ROS time. x_m, y_m: corner of cell (0, 0). cells: (rows, columns) int8 as Nav2 means them.
+
+    field: (rows, columns) metres to the nearest lethal cell that stands still.
+    """
+
+    stamp_s: float
+    resolution_m: float
+    x_m: float
+    y_m: float
+    cells: npt.NDArray[np.int8]
+    field: Singles
+
+    def clearance_m(self, outline: Array, poses: Array) -> Array:
+        """(n,) clearance of an outline at (n, 3) poses in the costmap's frame; 10 where the costmap does not reach."""
+        return along_poses(self.field, self.resolution_m, self.x_m, self.y_m, outline, poses)
+
+    def points(self) -> Array:
+        """(n, 2) middles of what stands still, costmap's frame."""
+        rows, columns = np.nonzero(self.field == 0.0)
+        return np.column_stack(
+            (self.x_m + (columns + 0.5) * self.resolution_m, self.y_m + (rows + 0.5) * self.resolution_m)
+        )
+
+    def covers(self, x: Array, y: Array) -> npt.NDArray[np.bool_]:
+        """(n,) whether the costmap knows these points (its frame): inside and not unknown."""
+        rows = np.floor((y - self.y_m) / self.resolution_m).astype(np.int64)
+        columns = np.floor((x - self.x_m) / self.resolution_m).astype(np.int64)
+        inside = (rows >= 0) & (columns >= 0) & (rows < self.cells.shape[0]) & (columns < self.cells.shape[1])
+        known = np.zeros(len(x), np.bool_)
+        known[inside] = self.cells[rows[inside], columns[inside]] >= 0
+        return known
+
+
+def costmap_problem(resolution_m: float, origin: Pose2, size: tuple[int, int], count: int) -> str:
+    """Why a costmap is refused, naming the field; else an empty text. size: (rows, columns)."""
+    if not (math.isfinite(resolution_m) and 0.0 < resolution_m <= 1.0):
+        return f"/local_costmap/costmap info.resolution is {resolution_m}, must be in (0, 1] m"
+    if not origin.is_finite():
+        return f"/local_costmap/costmap info.origin is not finite: {origin}"
+    if abs(origin.yaw) > 1e-3:
+        return f"/local_costmap/costmap info.origin is turned by {origin.yaw:.3f} rad, must be 0"
+    if size[0] < 1 or size[1] < 1 or size[0] * size[1] != count:
+        return f"/local_costmap/costmap data has {count} cells, must be {size[0]} x {size[1]}"
+    return ""
+
+
+def local_map(
+    stamp_s: float, resolution_m: float, origin: Pose2, cells: npt.NDArray[np.int8], moving: npt.NDArray[np.bool_]
+) -> LocalMap:
+    """moving: (rows, columns) lethal cells of what walks: predicted, not avoided where it is."""
+    still = (cells >= LETHAL) & ~moving
+    field = distances(np.ascontiguousarray(still), resolution_m, _FAR_M)
+    return LocalMap(stamp_s, resolution_m, origin.x, origin.y, cells, field)

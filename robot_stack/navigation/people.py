@@ -1,0 +1,125 @@
+"""People in the costmap: person-sized heaps of lethal cells that the map does not know, followed over the costmaps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from robot_stack.navigation.params import PeopleParams
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+_JOINED = np.ones((3, 3), np.int8)
+
+
+@dataclass(frozen=True, slots=True)
+class Person:
+    """In the costmap's frame. x, y: m at stamp_s. vx, vy: m/s. sightings: costmaps that showed it.
+
+    travelled_m: how far from where it was first seen.
+    """
+
+    stamp_s: float
+    x: float
+    y: float
+    vx: float = 0.0
+    vy: float = 0.0
+    radius_m: float = 0.3
+    sightings: int = 1
+    first: tuple[float, float] = (0.0, 0.0)
+    walks: bool = False
+
+    def at(self, time_s: float) -> tuple[float, float]:
+        """Where it will be; what does not walk stays."""
+        ahead_s = time_s - self.stamp_s if self.walks else 0.0
+        return self.x + ahead_s * self.vx, self.y + ahead_s * self.vy
+
+
+class PeopleTracker:
+    """Nearest neighbour and an alpha-beta filter: costmaps come at 5 Hz, people are few and apart."""
+
+    def __init__(self, params: PeopleParams) -> None:
+        self._params = params
+        self.people: tuple[Person, ...] = ()
+
+    def clear(self) -> None:
+        self.people = ()
+
+    def update(self, stamp_s: float, lethal: Mask, known: Mask, resolution_m: float, x_m: float, y_m: float) -> Mask:
+        """Takes a costmap's lethal cells; known: those that the map explains. Returns the cells of what walks."""
+        labels, _ = ndimage.label(lethal, structure=_JOINED)
+        walking = np.zeros_like(lethal)
+        left = list(self.people)
+        now: list[Person] = []
+        for index, window in enumerate(ndimage.find_objects(labels), start=1):
+            heap = labels[window] == index
+            seen = self._seen(stamp_s, heap, known[window], window, resolution_m, x_m, y_m)
+            if seen is None:
+                continue
+            match = self._match(seen, left)
+            if match is not None:
+                left.remove(match)
+                seen = self._filtered(match, seen)
+            now.append(seen)
+            if seen.walks:
+                walking[window] |= heap
+        # One that is hidden for a moment goes on.
+        now += [person for person in left if stamp_s - person.stamp_s <= self._params.memory_s]
+        self.people = tuple(now)
+
+        return walking
+
+    def _seen(
+        self,
+        stamp_s: float,
+        heap: Mask,
+        known: Mask,
+        window: tuple[slice, ...],
+        resolution_m: float,
+        x_m: float,
+        y_m: float,
+    ) -> Person | None:
+        height, width = heap.shape
+        size_m = resolution_m * max(height, width)
+        cells = int(np.count_nonzero(heap))
+        p = self._params
+        if not (p.min_size_m <= size_m <= p.max_size_m) or np.count_nonzero(heap & known) > 0.5 * cells:
+            return None
+        rows, columns = np.nonzero(heap)
+        x = x_m + (window[1].start + float(columns.mean()) + 0.5) * resolution_m
+        y = y_m + (window[0].start + float(rows.mean()) + 0.5) * resolution_m
+        radius_m = max(p.min_radius_m, 0.5 * resolution_m * math.hypot(height, width) * 0.8)
+        return Person(stamp_s, x, y, radius_m=min(radius_m, p.max_radius_m), first=(x, y))
+
+    def _match(self, seen: Person, people: list[Person]) -> Person | None:
+        best, best_m = None, self._params.gate_m
+        for person in people:
+            x, y = person.at(seen.stamp_s)
+            distance_m = math.hypot(seen.x - x, seen.y - y)
+            if distance_m < best_m:
+                best, best_m = person, distance_m
+        return best
+
+    def _filtered(self, before: Person, seen: Person) -> Person:
+        p, dt_s = self._params, seen.stamp_s - before.stamp_s
+        if dt_s <= 0.0:
+            return before
+        x, y = before.x + dt_s * before.vx, before.y + dt_s * before.vy
+        dx, dy = seen.x - x, seen.y - y
+        gain = p.velocity_gain / dt_s
+        vx, vy = before.vx + gain * dx, before.vy + gain * dy
+        speed = math.hypot(vx, vy)
+        if speed > p.max_speed_mps:
+            vx, vy = vx * p.max_speed_mps / speed, vy * p.max_speed_mps / speed
+        x, y = x + p.position_gain * dx, y + p.position_gain * dy
+        sightings = before.sightings + 1
+        far = math.hypot(x - before.first[0], y - before.first[1]) >= p.walked_m
+        limit = p.walk_speed_mps * (0.6 if before.walks else 1.0)
+        walks = sightings >= p.sightings and (far or before.walks) and speed >= limit
+        # Who stands again has to walk again before it counts as walking.
+        first = before.first if walks or not before.walks else (x, y)
+        return replace(seen, x=x, y=y, vx=vx, vy=vy, sightings=sightings, first=first, walks=walks)

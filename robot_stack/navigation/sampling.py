@@ -1,0 +1,127 @@
+"""The local controller: a few hundred motions along the route, rolled out and judged; the best is refined and driven.
+
+Cross-entropy optimisation over three numbers (offset beside the route, share of the speed, heading offset): first a
+fixed grid of candidates, standing still among them, then draws around the best. The draws depend on the seed and the
+number of the step alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.robot import Footprint
+from robot_stack.navigation.footprint import outline
+from robot_stack.navigation.grid_kernels import Singles
+from robot_stack.navigation.limits import MotionLimits
+from robot_stack.navigation.local_map import LocalMap
+from robot_stack.navigation.params import LocalParams
+from robot_stack.navigation.rollout_kernels import COLLISION, evaluate, free_time
+
+Array = npt.NDArray[np.float64]
+_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+_TURNS = (-0.35, 0.0, 0.35)
+_SLOWER = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1)
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """twist: to be reached within a step of the rollout. blocked: nothing but standing still is free."""
+
+    twist: Twist2
+    blocked: bool
+    offset_m: float
+
+
+class SamplingController:
+    """Remembers nothing but its last choice, which it prefers a little, and the number of the step."""
+
+    def __init__(self, params: LocalParams) -> None:
+        self._params = params
+        offsets = np.linspace(-params.max_offset_m, params.max_offset_m, params.offsets)
+        grid = [(d, s, 0.0) for d in offsets for s in _SHARES[1:]]
+        grid += [(0.0, s, h) for s in (0.3, 1.0) for h in _TURNS if h]
+        self._grid = np.array([(0.0, 0.0, 0.0), *grid])
+        self._random = np.random.default_rng(params.seed)
+        self._last = np.zeros(3)
+
+    def reset(self) -> None:
+        self._last = np.zeros(3)
+        self._random = np.random.default_rng(self._params.seed)
+
+    def step(
+        self,
+        pose: Pose2,
+        twist: Twist2,
+        route: Array,
+        limits: MotionLimits,
+        footprint: Footprint,
+        local: LocalMap,
+        people: Array,
+    ) -> Choice:
+        """pose: costmap's frame. twist: base_link. route: (n, 5) x, y, yaw, along, speed. people: (m, 5)."""
+        p = self._params
+        at, now = np.array([pose.x, pose.y, pose.yaw]), np.array([twist.vx, twist.vy, twist.omega])
+        bounds = np.array(
+            [limits.speed_mps, limits.yaw_rate_radps, limits.acceleration_mps2, limits.yaw_acceleration_radps2]
+        )
+        edge, box, reach = outline(footprint), _box(footprint), _reach(footprint)
+        place = local.field, local.resolution_m, local.x_m, local.y_m
+        here = float(local.clearance_m(edge, at[None])[0])
+        # A robot that stands nearer than the margin may leave, but not come nearer.
+        hard = min(p.hard_margin_m, here - 0.02)
+
+        def judge(candidates: Array) -> tuple[Array, Array, Array]:
+            result: tuple[Array, Array, Array] = evaluate(
+                candidates, route, at, now, bounds, p.step_s, p.steps, *place, edge, box, reach,
+                hard, p.soft_margin_m, people, p.person_margin_m, np.array(p.weights), float(self._last[0]),
+            )  # fmt: skip
+            return result
+
+        candidates = np.vstack((self._grid, self._last))
+        costs, firsts, _ = judge(candidates)
+        spread = np.array(p.spread)
+        for _ in range(p.rounds):
+            best = candidates[np.argsort(costs)[: p.elite]]
+            drawn = best[self._random.integers(len(best), size=p.samples)]
+            drawn = drawn + spread * self._random.standard_normal((p.samples, 3))
+            drawn[:, 0] = np.clip(drawn[:, 0], -p.max_offset_m, p.max_offset_m)
+            drawn[:, 1] = np.clip(drawn[:, 1], 0.0, 1.0)
+            drawn[:, 2] = np.clip(drawn[:, 2], -p.max_turn_rad, p.max_turn_rad)
+            more_costs, more_firsts, _ = judge(drawn)
+            candidates, costs = np.vstack((candidates, drawn)), np.concatenate((costs, more_costs))
+            firsts, spread = np.vstack((firsts, more_firsts)), 0.5 * spread
+        pick = int(np.argmin(costs))
+        self._last = candidates[pick].copy()
+        standing = bool(self._last[1] < 0.02)
+        wish = Twist2(*map(float, firsts[pick]))
+        if costs[pick] >= 0.4 * COLLISION and people.size == 0:
+            wish, standing = Twist2(0.0, 0.0, 0.0), True
+        return Choice(self._governed(at, wish, place, edge, here), standing, float(self._last[0]))
+
+    def _governed(
+        self, at: Array, wish: Twist2, place: tuple[Singles, float, float, float], edge: Array, here: float
+    ) -> Twist2:
+        """``wish``, slower if it went on unchanged would come too near too soon: what the safety monitor judges by."""
+        p = self._params
+        margin = min(p.governor_margin_m, here - 0.03)
+        slower = wish
+        for share in _SLOWER:
+            slower = wish.scaled(share)
+            twist = np.array([slower.vx, slower.vy, slower.omega])
+            if free_time(*place, edge, at, twist, margin, p.governor_s) >= p.governor_s:
+                return slower
+        return slower
+
+
+def _box(footprint: Footprint) -> Array:
+    """front, rear, half width, middle."""
+    middle = 0.5 * (footprint.front_m + footprint.rear_m)
+    return np.array([footprint.front_m, footprint.rear_m, 0.5 * footprint.width_m, middle])
+
+
+def _reach(footprint: Footprint) -> float:
+    return float(np.hypot(0.5 * (footprint.front_m - footprint.rear_m), 0.5 * footprint.width_m))

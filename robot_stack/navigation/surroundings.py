@@ -1,0 +1,166 @@
+"""What is around the robot: the site's map, the newest costmap, people in it, and obstacles seen a while ago."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_stack.core.geometry import IDENTITY, Pose2
+from robot_stack.core.robot import Footprint
+from robot_stack.core.site_map import Grid
+from robot_stack.navigation.footprint import outline
+from robot_stack.navigation.global_planner import GlobalPlanner, NoWay, goal_problem
+from robot_stack.navigation.local_map import LETHAL, LocalMap, costmap_problem, local_map
+from robot_stack.navigation.params import NavigationParams
+from robot_stack.navigation.path import Path
+from robot_stack.navigation.people import PeopleTracker, Person
+from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid, empty_grid
+
+Array = npt.NDArray[np.float64]
+# Lethal cells this near to an obstacle of the map are that obstacle.
+_SAME_M = 0.30
+_MOST_REMEMBERED = 20_000
+
+
+class Surroundings:
+    """grid: of the site map, None without one. Poses are in map unless they are said to be in odom."""
+
+    def __init__(self, params: NavigationParams, grid: Grid | None) -> None:
+        self._params = params
+        self.grid = None if grid is None else PlanningGrid(grid)
+        self.local: LocalMap | None = None
+        self.costmaps = 0
+        self.map_to_odom: Pose2 = IDENTITY
+        self._received_s = -math.inf
+        self._tracker = PeopleTracker(params.people)
+        self._remembered = np.empty((0, 2))
+        self._remembered_s = np.empty(0)
+
+    @property
+    def seeing(self) -> bool:
+        """The costmap is used."""
+        return self._params.use_costmap
+
+    @property
+    def free_space(self) -> bool:
+        """Nothing is known of any obstacle: every way is clear."""
+        return self.grid is None and not self.seeing
+
+    @property
+    def people(self) -> tuple[Person, ...]:
+        """In odom."""
+        return self._tracker.people
+
+    def problem(self, steady_s: float) -> str:
+        """Why the robot may not move for want of a costmap, else an empty text."""
+        if not self.seeing:
+            return ""
+        limit_s = self._params.follow.costmap_timeout_s
+        if not math.isfinite(self._received_s):
+            return "/local_costmap/costmap never received"
+        if not 0.0 <= steady_s - self._received_s <= limit_s:
+            return f"/local_costmap/costmap silent for more than {limit_s} s"
+        return ""
+
+    def on_costmap(
+        self, stamp_s: float, resolution_m: float, origin: Pose2, cells: npt.NDArray[np.int8], received_s: float
+    ) -> str:
+        """Takes a costmap, (rows, columns), origin in odom. Returns why it was refused, else an empty text."""
+        problem = costmap_problem(resolution_m, origin, cells.shape, cells.size)
+        if problem or not math.isfinite(stamp_s):
+            return problem or "/local_costmap/costmap stamp is not finite"
+        if self.local is not None and stamp_s == self.local.stamp_s:
+            return ""  # nothing new is known: it ages on
+        if self.local is not None and stamp_s < self.local.stamp_s:
+            self._tracker.clear()  # another clock
+        lethal = cells >= LETHAL
+        known = self._explained(lethal, resolution_m, origin)
+        walking = self._tracker.update(stamp_s, lethal, known, resolution_m, origin.x, origin.y)
+        self.local = local_map(stamp_s, resolution_m, origin, cells, walking)
+        self._received_s = received_s
+        self.costmaps += 1
+        self._remember(stamp_s)
+        return ""
+
+    # --- clearances --------------------------------------------------------------------------------------------------
+
+    def to_odom(self, poses: Array) -> Array:
+        """(n, 3) poses in map, expressed in odom."""
+        o = self.map_to_odom.inverse()
+        c, s = math.cos(o.yaw), math.sin(o.yaw)
+        x, y = o.x + c * poses[:, 0] - s * poses[:, 1], o.y + s * poses[:, 0] + c * poses[:, 1]
+        return np.column_stack((x, y, poses[:, 2] + o.yaw))
+
+    def clearance_m(self, footprint: Footprint, poses: Array) -> Array:
+        """(n,) clearance at (n, 3) poses by map and costmap together; people who walk do not count."""
+        edge = outline(footprint)
+        clear = np.full(len(poses), FAR_M)
+        if self.grid is not None:
+            clear = np.minimum(clear, self.grid.clearance_m(edge, poses, known=True))
+        if self.seeing and self.local is not None:
+            clear = np.minimum(clear, self.local.clearance_m(edge, self.to_odom(poses)))
+        return clear
+
+    def person_m(self, poses: Array, now_s: float, within_m: float) -> float:
+        """Least distance of a person to (n, 3) poses; those who walk count from twice as far."""
+        at = self.to_odom(poses)
+        least = math.inf
+        for person in self.people:
+            x, y = person.at(now_s)
+            distance_m = float(np.hypot(at[:, 0] - x, at[:, 1] - y).min())
+            least = min(least, distance_m - (within_m if person.walks else 0.0))
+        return least
+
+    # --- planning ----------------------------------------------------------------------------------------------------
+
+    def goal_problem(self, footprint: Footprint, goal: Pose2) -> str:
+        return "" if self.grid is None else goal_problem(self.grid, footprint, goal, self._params.planner)
+
+    def plan(self, start: Pose2, goal: Pose2, footprint: Footprint) -> Path | NoWay:
+        """A route around all that map and costmap have shown."""
+        grid, p = self.grid, self._params.planner
+        if grid is None:
+            grid = PlanningGrid(empty_grid(start, goal, p.open_pad_m, p.open_resolution_m), bounded=False)
+        grid.lay_over(self._remembered)
+        return GlobalPlanner(grid, p).plan(start, goal, footprint)
+
+    # --- memory ------------------------------------------------------------------------------------------------------
+
+    def _explained(self, lethal: npt.NDArray[np.bool_], resolution_m: float, origin: Pose2) -> npt.NDArray[np.bool_]:
+        """Which lethal cells the map knows."""
+        known = np.zeros_like(lethal)
+        if self.grid is None:
+            return known
+        rows, columns = np.nonzero(lethal)
+        points = np.column_stack((origin.x + (columns + 0.5) * resolution_m, origin.y + (rows + 0.5) * resolution_m))
+        known[rows, columns] = self._near_map(self._to_map(points))
+        return known
+
+    def _near_map(self, points: Array) -> npt.NDArray[np.bool_]:
+        """(n,) whether (n, 2) points in map lie at an obstacle of the map."""
+        assert self.grid is not None
+        dot = np.zeros((1, 2))
+        return self.grid.clearance_m(dot, np.column_stack((points, np.zeros(len(points)))), known=True) < _SAME_M
+
+    def _to_map(self, points: Array) -> Array:
+        o = self.map_to_odom
+        c, s = math.cos(o.yaw), math.sin(o.yaw)
+        return np.column_stack((o.x + c * points[:, 0] - s * points[:, 1], o.y + s * points[:, 0] + c * points[:, 1]))
+
+    def _remember(self, stamp_s: float) -> None:
+        """What the costmap shows replaces what was remembered where it reaches."""
+        assert self.local is not None
+        if len(self._remembered):
+            at = self.to_odom(np.column_stack((self._remembered, np.zeros(len(self._remembered)))))
+            age_s = stamp_s - self._remembered_s
+            keep = ~self.local.covers(at[:, 0], at[:, 1]) & (age_s >= 0.0) & (age_s <= self._params.planner.memory_s)
+            self._remembered, self._remembered_s = self._remembered[keep], self._remembered_s[keep]
+        seen = self._to_map(self.local.points())
+        if self.grid is not None and len(seen):
+            seen = seen[
+                self.grid.clearance_m(np.zeros((1, 2)), np.column_stack((seen, np.zeros(len(seen)))), known=True) > 0.15
+            ]
+        self._remembered = np.concatenate((self._remembered, seen))[-_MOST_REMEMBERED:]
+        self._remembered_s = np.concatenate((self._remembered_s, np.full(len(seen), stamp_s)))[-_MOST_REMEMBERED:]

@@ -1,0 +1,35 @@
+"""Compiles what navigation calls among obstacles, or loads it: before the first goal instead of during it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from robot_stack.core.robot import Robot
+from robot_stack.core.site_map import Grid
+from robot_stack.navigation.controller import NavigationController, Situation
+from robot_stack.navigation.goal import GoalRequest
+from robot_stack.navigation.params import NavigationParams
+from robot_stack.navigation.pose_source import Located
+
+_CELLS, _RESOLUTION_M = 200, 0.05
+
+
+def warm_up(params: NavigationParams, robot: Robot) -> None:
+    """One short story with a wall in the way; nothing of it is kept but the compiled code."""
+    occupancy = np.zeros((100, 100), np.int8)
+    occupancy[40:60, 50] = 100
+    cells = np.zeros((_CELLS, _CELLS), np.int8)
+    cells[80:120, 100] = 100
+    cells[40:44, 40:44] = 100
+    params = params.model_copy(update={"use_costmap": True})
+    controller = NavigationController(params, robot, "map", Grid(0.1, 0.0, 0.0, occupancy))
+    start = Pose2(2.0, 5.0, 0.0)
+    located = Located(start, ZERO_TWIST)
+    controller.around.on_costmap(1.0, _RESOLUTION_M, Pose2(0.0, 0.0, 0.0), cells, 1.0)
+    goal = GoalRequest("map", 0.0, (8.0, 5.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    controller.request(goal, 1.0, located)
+    controller.tick(Situation(1.0, located))
+    cells = np.roll(cells, 2, axis=0)
+    controller.around.on_costmap(1.2, _RESOLUTION_M, Pose2(0.0, 0.0, 0.0), cells, 1.2)
+    controller.tick(Situation(1.05, located))
