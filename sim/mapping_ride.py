@@ -19,49 +19,28 @@ from rich.progress import Progress
 from scipy.spatial.transform import Rotation
 
 from robot_stack.core.config import Config, load
-from robot_stack.core.geometry import Twist2, wrap_angle
+from robot_stack.core.geometry import Pose2, Twist2, wrap_angle
 from robot_stack.drive.arbitration import Source
 from robot_stack.drive.odometry import Odometry
 from sim.bench.kernel_stack import KernelStack
 from sim.camera.motion import Track
 from sim.imu import ImuSample
 from sim.lidar.params import load_lidar_params
-from sim.lidar.scene import PERSON_PREFIX, build_scene
+from sim.lidar.scene import build_scene
 from sim.lidar.sensor import Lidar
 from sim.mapping_tape import Tape
 from sim.parameters import load_sim_params
+from sim.people import RADIUS_M
 from sim.world import Setup
 from sim.worldfile import WorldFile, load_world
 
 F64 = NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0.0)]
-XY = tuple[float, float]
 
 _KNOT_HZ = 100.0
 _KNOTS = 40
-_STUCK_S = 3.0
-_LIMIT_MPS = 0.15  # mean speed below which a ride is given up
-
-
-class Walker(Config):
-    speed_mps: Positive
-    start_s: float
-    points_m: Annotated[tuple[XY, ...], Field(min_length=2)]
-
-    def pose(self, time_s: float) -> F64:
-        """(4, 4) in map: there and back along the points."""
-        points = np.array(self.points_m)
-        legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        total = float(legs.sum())
-        gone = (self.speed_mps * max(0.0, time_s - self.start_s)) % (2.0 * total)
-        back = gone > total
-        along = np.concatenate([[0.0], np.cumsum(legs)])
-        place = 2.0 * total - gone if back else gone
-        leg = min(int(np.searchsorted(along, place, side="right")) - 1, len(legs) - 1)
-        direction = (points[leg + 1] - points[leg]) / legs[leg]
-        x, y = points[leg] + direction * (place - along[leg])
-        yaw = math.atan2(direction[1], direction[0]) + (math.pi if back else 0.0)
-        return _pose3(x, y, yaw)
+_ROOM_M = 0.05
+_LIMIT_MPS = 0.2  # mean speed below which a ride is given up
 
 
 class RideParams(Config):
@@ -74,14 +53,12 @@ class RideParams(Config):
     look_ahead_m: Positive
     stand_s: Annotated[float, Field(ge=0.0)]
     sweep_rate_hz: Positive
-    ways: tuple[str | tuple[XY, ...], ...]
-    people: tuple[Walker, ...]
+    wait_ahead_m: Positive
+    ways: Annotated[tuple[str, ...], Field(min_length=1)]
 
     def way(self, world: WorldFile) -> F64:
         """(n, 2) points in map, every 0.1 m."""
-        corners: list[XY] = []
-        for part in self.ways:
-            corners += list(world.routes[part].points_m if isinstance(part, str) else part)
+        corners = [corner for name in self.ways for corner in world.routes[name].points_m]
         points = np.array(corners, np.float64)
         keep = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6])
         points = points[keep]
@@ -100,11 +77,12 @@ class Ride(KernelStack):
         self.true_poses: list[tuple[float, F64]] = []
         self._knots: deque[tuple[float, F64]] = deque(maxlen=_KNOTS)
         start = world.start.pose()
-        super().__init__(Setup(world, seed=params.seed, start=start))
+        self._people_knots: deque[tuple[float, dict[str, F64]]] = deque(maxlen=_KNOTS)
+        super().__init__(Setup(world, seed=params.seed, start=start, people=True))
         self._start_s = self.time_s
         lidar_params, sim = load_lidar_params(), load_sim_params()
-        self._people = {f"{PERSON_PREFIX}{index}": person for index, person in enumerate(params.people)}
-        scene = build_scene(world, lidar_params, sim.wheelchair, people=self._people)
+        names = [walker.name for walker in self.sim.world.people]
+        scene = build_scene(world, lidar_params, sim.wheelchair, people=names)
         self._lidar = Lidar(scene, lidar_params, self.robot, params.seed)
         self.every(_KNOT_HZ, self._knot)
         self.every(params.sweep_rate_hz, self._sweep)
@@ -135,12 +113,21 @@ class Ride(KernelStack):
         ahead = self._way[self._reached : self._reached + 20]
         self._reached += int(np.argmin(np.linalg.norm(ahead - here, axis=1)))
         goal = self._way[min(self._reached + round(self._ride.look_ahead_m / 0.1), len(self._way) - 1)]
+        if self._somebody_ahead(pose, goal - here):
+            return Twist2(0.0, 0.0, 0.0)
         to_goal = goal - here
         heading = wrap_angle(math.atan2(to_goal[1], to_goal[0]) - pose.yaw)
         left_m = 0.1 * (len(self._way) - self._reached)
         speed = self._ride.speed_mps * min(1.0, max(0.25, math.cos(heading)), 0.2 + left_m)
         omega = max(-self._ride.yaw_rate_radps, min(self._ride.yaw_rate_radps, 1.5 * heading))
         return Twist2(speed * math.cos(heading), speed * math.sin(heading), omega)
+
+    def _somebody_ahead(self, pose: Pose2, to_goal: F64) -> bool:
+        """A person on the strip of ground that the robot is about to drive over."""
+        way = Pose2(pose.x, pose.y, math.atan2(to_goal[1], to_goal[0]))
+        half_m = 0.5 * self.robot.footprint.width_m + RADIUS_M + _ROOM_M
+        seen = [walker.pose().relative_to(way) for walker in self.sim.world.people]
+        return any(0.0 < person.x < self._ride.wait_ahead_m and abs(person.y) < half_m for person in seen)
 
     # --- sensors -----------------------------------------------------------------------------------------------------
 
@@ -157,6 +144,8 @@ class Ride(KernelStack):
         pose[:3, :3] = Rotation.from_quat(truth.quaternion_xyzw).as_matrix()
         pose[:3, 3] = truth.position_m
         self._knots.append((self.time_s, pose))
+        people = {walker.name: _matrix(walker.pose()) for walker in self.sim.world.people}
+        self._people_knots.append((self.time_s, people))
 
     def _sweep(self) -> None:
         if len(self._knots) < _KNOTS:
@@ -164,8 +153,8 @@ class Ride(KernelStack):
         stamp_s, pose = self._knots[-1]
         base = Track(np.array([time for time, _ in self._knots]), np.array([knot for _, knot in self._knots]))
         people = {
-            name: Track(base.times_s, np.array([person.pose(float(time)) for time in base.times_s]))
-            for name, person in self._people.items()
+            name: Track(base.times_s, np.array([places[name] for _, places in self._people_knots]))
+            for name in self._people_knots[-1][1]
         }
         sweep = self._lidar.sweep(base, stamp_s, people)
         self.true_poses.append((stamp_s, pose))
@@ -193,11 +182,11 @@ def record(folder: Path, params: RideParams, truth_file: Path | None = None) -> 
         np.savez_compressed(truth_file, stamp_s=np.array(stamps), pose=np.array(poses))
 
 
-def _pose3(x: float, y: float, yaw: float) -> F64:
-    pose = np.eye(4)
-    pose[:3, :3] = Rotation.from_euler("z", yaw).as_matrix()
-    pose[0, 3], pose[1, 3] = x, y
-    return pose
+def _matrix(pose: Pose2) -> F64:
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_euler("z", pose.yaw).as_matrix()
+    matrix[0, 3], matrix[1, 3] = pose.x, pose.y
+    return matrix
 
 
 def main(arguments: list[str]) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from robot_stack.mapping.lidar_odometry import lidar_odometry
 from robot_stack.mapping.loops import Loop, candidates, close_loops
 from robot_stack.mapping.movers import votes_of
 from robot_stack.mapping.params import MappingParams
-from robot_stack.mapping.poses import Floats, planar, transform, yaw_of
+from robot_stack.mapping.pose_graph import Edges
+from robot_stack.mapping.poses import Floats, inverse, planar, transform, yaw_of
 from robot_stack.mapping.refinement import map_of, onto_map, thinned
 from robot_stack.mapping.ride import Ride, RideError, driven
 from robot_stack.mapping.trajectory import Knowledge
@@ -63,7 +64,7 @@ def build_map(ride: Ride, params: MappingParams, robot: Robot, origin: Pose2 | N
 def _from(poses: Floats, start: Pose2) -> Floats:
     """The same way, begun at ``start``; its slopes stay as they are."""
     first = planar(poses[0, 0, 3], poses[0, 1, 3], float(yaw_of(poses[:1])[0]))
-    return planar(start.x, start.y, start.yaw) @ np.linalg.inv(first) @ poses
+    return planar(start.x, start.y, start.yaw) @ inverse(first) @ poses
 
 
 def _closed(
@@ -99,9 +100,22 @@ def _refined(
     for _ in range(rounds):
         targets = map_of(sweeps, poses, params.refinement)
         tick = _ticks(progress, "fitting sweeps to the map", len(sweeps))
-        fits = onto_map(thin, poses, targets, params.refinement, tick)
+        fits = _begun_at(start, onto_map(thin, poses, targets, params.refinement, tick))
         poses = knowledge.solve(poses, start, loops, [fits])
     return poses
+
+
+def _begun_at(start: Floats, fits: Edges) -> Edges:
+    """The same fits, all moved so that the first sweep's is at ``start`` in place and heading.
+
+    They hold each other firmly: one sweep alone, held at the start, could not pull the others to where it fits.
+    """
+    if not len(fits.second) or fits.second[0] != 0:
+        return fits
+    first = fits.measured[0]
+    level = planar(float(first[0, 3]), float(first[1, 3]), float(yaw_of(first)))
+    level[2, 3] = first[2, 3]
+    return replace(fits, measured=start @ inverse(level) @ fits.measured)
 
 
 def _static(

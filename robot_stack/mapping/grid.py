@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import grey_opening, median_filter
 
 from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, Grid
 from robot_stack.mapping.ground import Bins, Surface
@@ -14,6 +15,8 @@ Mask = npt.NDArray[np.bool_]
 # Neighbours that a step is looked for between: along x, along y, and both diagonals.
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
 _OUTER = 3
+_SURE = 4.0  # deviations of noise
+_MEDIAN = 3
 
 
 def grid_of(bins: Bins, surface: Surface, driven: Mask, settings: GridSettings) -> Grid:
@@ -30,7 +33,7 @@ def grid_of(bins: Bins, surface: Surface, driven: Mask, settings: GridSettings) 
     seen = np.zeros(shape, bool)
     off = (np.abs(above) > settings.step_m) & (above <= settings.structure_to_m)
     seen[i[off], j[off]] = True
-    blocked = structure | (seen & ~surface.reached) | steps(surface, settings.step_m, settings.slope)
+    blocked = structure | (seen & ~surface.reached) | steps(surface, settings) | bumps(bins, surface, settings)
     occupancy = np.full(shape, UNKNOWN, np.int8)
     occupancy[surface.reached | driven] = FREE
     occupancy[blocked & ~driven] = OCCUPIED
@@ -38,9 +41,13 @@ def grid_of(bins: Bins, surface: Surface, driven: Mask, settings: GridSettings) 
     return Grid(surface.resolution_m, x, y, np.ascontiguousarray(occupancy.T))
 
 
-def steps(surface: Surface, step_m: float, slope: float) -> Mask:
-    """Cells in the middle of a step: higher on one side than on the other by more than the slope around explains."""
+def steps(surface: Surface, settings: GridSettings) -> Mask:
+    """Cells in the middle of a step: higher on one side than on the other by more than the slope around explains.
+
+    What few points say has to be a higher step.
+    """
     height = np.where(surface.reached, surface.height_m, np.nan)
+    variance = settings.noise_m**2 / np.maximum(surface.points, 1)
     found = np.zeros(height.shape, bool)
     for direction in _DIRECTIONS:
         run_m = 2.0 * surface.resolution_m * float(np.hypot(*direction))
@@ -49,9 +56,27 @@ def steps(surface: Surface, step_m: float, slope: float) -> Mask:
         known = np.isfinite(outer)
         slopes = np.where(known, outer, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
         # Without a slope to compare with, what the robot may drive is no step.
-        allowed = np.where(known.any(axis=0), step_m, step_m + slope * run_m)
+        least = np.where(known.any(axis=0), settings.step_m, settings.step_m + settings.slope * run_m)
+        noise = np.sqrt(_shifted(variance, direction, 1) + _shifted(variance, direction, -1))
+        climb = settings.slope * run_m
         with np.errstate(invalid="ignore"):
-            found |= np.abs(ahead - behind - np.clip(slopes, -slope * run_m, slope * run_m)) > allowed
+            excess = np.abs(ahead - behind - np.clip(slopes, -climb, climb))
+            found |= excess > np.maximum(least, _SURE * noise)
+    return found
+
+
+def bumps(bins: Bins, surface: Surface, settings: GridSettings) -> Mask:
+    """Columns with a good share of points above the ground around them: kerbs too narrow to have a top of their own."""
+    size = 2 * round(0.5 * settings.bump_width_m / surface.resolution_m) + 1
+    around = grey_opening(median_filter(surface.height_m, _MEDIAN), size=(size, size))
+    i, j = (bins.column - surface.first).T
+    above = bins.height_m - around[i, j]
+    near = np.abs(above) <= settings.structure_from_m + settings.step_m
+    high = near & (above > settings.bump_m)
+    count, points = np.zeros(around.shape), np.zeros(around.shape)
+    np.add.at(count, (i[high], j[high]), bins.count[high])
+    np.add.at(points, (i[near], j[near]), bins.count[near])
+    found: Mask = (count >= settings.fewest_structure_points) & (count >= settings.bump_share * points)
     return found
 
 

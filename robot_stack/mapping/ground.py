@@ -39,13 +39,14 @@ class Bins:
 class Surface:
     """height_m: (columns of x, columns of y) of the ground, everywhere. reached: seen there, and a way leads to it.
 
-    first: (2,) column of entry (0, 0).
+    points: how many made each height; 0 where only the driven way tells it. first: (2,) column of entry (0, 0).
     """
 
     resolution_m: float
     first: Indices
     height_m: Floats
     reached: npt.NDArray[np.bool_]
+    points: Indices
 
     def below(self, points: Floats) -> Floats:
         """(n,) height of the ground under (n, >= 2) points; that of the border outside."""
@@ -74,20 +75,23 @@ def bins_of(clouds: Iterable[Floats], resolution_m: float) -> Bins:
 
 def surface_of(bins: Bins, way: Floats, settings: GridSettings) -> Surface:
     """way: (n, 3) points on the ground that the robot drove over, map. Raises ValueError without any ground."""
-    first, shape, starts, heights = _surfaces(bins, way, settings)
+    first, shape, starts, heights, counts = _surfaces(bins, way, settings)
     seeds = np.floor(way[:, :2] / bins.resolution_m).astype(np.int64) - first
     climb = settings.slope * bins.resolution_m + 0.5 * settings.step_m
-    height = np.full(shape, np.nan)
-    _flood(height, starts, heights, seeds, way[:, 2], climb)
+    height, chosen = np.full(shape, np.nan), np.full(shape, -1)
+    _flood(height, chosen, starts, heights, seeds, way[:, 2], climb)
     reached = np.isfinite(height)
     if not reached.any():
         raise ValueError("no ground was seen under the driven way")
     near = distance_transform_edt(~reached, return_distances=False, return_indices=True)
-    return Surface(bins.resolution_m, first, height[near[0], near[1]], reached)
+    points = np.where(chosen >= 0, np.append(counts, 0)[chosen], 0)
+    return Surface(bins.resolution_m, first, height[near[0], near[1]], reached, points)
 
 
-def _surfaces(bins: Bins, way: Floats, settings: GridSettings) -> tuple[Indices, tuple[int, int], Indices, Floats]:
-    """(first column, shape, (columns + 1,) where each column's surfaces begin, heights of surfaces).
+def _surfaces(
+    bins: Bins, way: Floats, settings: GridSettings
+) -> tuple[Indices, tuple[int, int], Indices, Floats, Indices]:
+    """(first column, shape, (columns + 1,) where each column's surfaces begin, heights of surfaces, their points).
 
     A surface is a run of bins one above the other; its height is the mean of its lowest points.
     """
@@ -103,11 +107,11 @@ def _surfaces(bins: Bins, way: Floats, settings: GridSettings) -> tuple[Indices,
     mean = np.bincount(run[low], bins.count[low] * bins.height_m[low]) / count
     enough = count >= settings.fewest_ground_points
     starts = np.searchsorted(flat[begins][enough], np.arange(shape[0] * shape[1] + 1))
-    return first, (shape[0], shape[1]), starts, mean[enough]
+    return first, (shape[0], shape[1]), starts, mean[enough], count[enough].astype(np.int64)
 
 
 @numba.njit(cache=True)
-def _flood(height, starts, surfaces, seeds, seed_heights, climb):  # type: ignore[no-untyped-def]
+def _flood(height, chosen, starts, surfaces, seeds, seed_heights, climb):  # type: ignore[no-untyped-def]
     """Fills ``height`` from the seeds on, column to column, as long as the next surface is within ``climb``."""
     nx, ny = height.shape
     queue = np.empty(nx * ny, np.int64)
@@ -117,9 +121,10 @@ def _flood(height, starts, surfaces, seeds, seed_heights, climb):  # type: ignor
         if np.isnan(height[i, j]):
             best = _nearest(surfaces, starts[i * ny + j], starts[i * ny + j + 1], seed_heights[n])
             # Where the robot drove there is ground, seen or not.
-            if np.isnan(best) or abs(best - seed_heights[n]) > climb:
-                best = seed_heights[n]
-            height[i, j] = best
+            if best >= 0 and abs(surfaces[best] - seed_heights[n]) <= climb:
+                height[i, j], chosen[i, j] = surfaces[best], best
+            else:
+                height[i, j] = seed_heights[n]
             queue[tail] = i * ny + j
             tail += 1
     while head < tail:
@@ -130,16 +135,16 @@ def _flood(height, starts, surfaces, seeds, seed_heights, climb):  # type: ignor
             if not (0 <= a < nx and 0 <= b < ny) or not np.isnan(height[a, b]):
                 continue
             best = _nearest(surfaces, starts[a * ny + b], starts[a * ny + b + 1], height[i, j])
-            if not np.isnan(best) and abs(best - height[i, j]) <= climb:
-                height[a, b] = best
+            if best >= 0 and abs(surfaces[best] - height[i, j]) <= climb:
+                height[a, b], chosen[a, b] = surfaces[best], best
                 queue[tail] = a * ny + b
                 tail += 1
 
 
 @numba.njit(cache=True)
 def _nearest(surfaces, begin, end, wanted):  # type: ignore[no-untyped-def]
-    best = np.nan
+    best = -1
     for s in range(begin, end):
-        if np.isnan(best) or abs(surfaces[s] - wanted) < abs(best - wanted):
-            best = surfaces[s]
+        if best < 0 or abs(surfaces[s] - wanted) < abs(surfaces[best] - wanted):
+            best = s
     return best

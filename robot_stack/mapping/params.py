@@ -101,6 +101,10 @@ class GridSettings(Config):
     ground_band_m: Positive
     step_m: Positive
     slope: Positive
+    noise_m: Positive
+    bump_m: Positive
+    bump_share: Share
+    bump_width_m: Positive
     structure_from_m: Positive
     structure_to_m: Positive
     fewest_structure_points: Annotated[int, Field(ge=1)]
