@@ -1,0 +1,49 @@
+"""What a place costs by its distance from the nearest obstacle, as Nav2 publishes it in an OccupancyGrid.
+
+100: an obstacle. 99: the footprint touches it whatever its heading (the inscribed circle). 1-98: it may touch it,
+falling exponentially. 0: free.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.core.robot import Footprint
+
+LETHAL, INSCRIBED, HIGHEST = 100, 99, 98
+# Nav2 computes with 252 steps below "inscribed" and shows them as 1-98.
+_STEPS = 252
+_ROUNDING_M = 1e-9
+
+
+def inscribed_m(footprint: Footprint) -> float:
+    """Radius of the largest circle around base_link within the footprint, m."""
+    return min(footprint.front_m, -footprint.rear_m, 0.5 * footprint.width_m)
+
+
+def circumscribed_m(footprint: Footprint) -> float:
+    """Radius of the smallest circle around base_link that holds the footprint, m."""
+    return math.hypot(max(footprint.front_m, -footprint.rear_m), 0.5 * footprint.width_m)
+
+
+def cost(distance_m: float, inscribed_radius_m: float, scaling_per_m: float) -> int:
+    """Cost at a distance from an obstacle's middle, within the inflation radius."""
+    if distance_m == 0.0:
+        return LETHAL
+    if distance_m <= inscribed_radius_m + _ROUNDING_M:
+        return INSCRIBED
+    steps = int(_STEPS * math.exp(-scaling_per_m * (distance_m - inscribed_radius_m)))
+    return 0 if steps == 0 else 1 + (HIGHEST - 1) * (steps - 1) // (_STEPS - 1)
+
+
+def cost_table(footprint: Footprint, beyond_m: float, scaling_per_m: float, resolution_m: float) -> NDArray[np.int8]:
+    """(n,) costs by squared distance in cells, up to ``beyond_m`` farther than the footprint reaches."""
+    cells = (circumscribed_m(footprint) + beyond_m) / resolution_m
+    inside_m = inscribed_m(footprint)
+    return np.array(
+        [cost(math.sqrt(squared) * resolution_m, inside_m, scaling_per_m) for squared in range(int(cells * cells) + 1)],
+        np.int8,
+    )
