@@ -90,12 +90,14 @@ class DockingNode(StackNode):
     # --- tick --------------------------------------------------------------------------------------------------------
 
     def _tick(self) -> None:
-        output = self._controller.tick(self._situation())
+        situation = self._situation()
+        output = self._controller.tick(situation)
         self._latch.command(output.latch)
         self._outputs.act(output)
         self._ticks += 1
         if self._ticks % _TICKS_PER_STATUS == 0:
             self._outputs.tell(output, self._controller.eyes.visible_markers)
+            self._outputs.target(output.state, self._controller.eyes.estimate, situation.odom)
             self._actions.tell(output)
             self._tell(output)
         self._end_jobs(output)

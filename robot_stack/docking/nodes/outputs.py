@@ -7,11 +7,12 @@ from std_msgs.msg import Bool
 
 from custom_msgs.msg import EHMIState
 from robot_stack.contract import frames, topics
-from robot_stack.core.geometry import ZERO_TWIST, Twist2
+from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.docking.nodes.messages import status
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.situation import Output
 from robot_stack.docking.states import State
+from robot_stack.docking.target import Estimate
 from robot_stack.ros.conversions import pose_stamped, twist_stamped
 from robot_stack.ros.node import StackNode
 
@@ -32,6 +33,7 @@ class DockingOutputs:
         self._node, self._params = node, params
         self._status = node.advertise(topics.DOCKING_STATUS)
         self._cmd_vel = node.advertise(topics.DOCKING_CMD_VEL)
+        self._target = node.advertise(topics.DOCKING_TARGET)
         self._passenger = node.advertise(topics.PASSENGER_ATTACHED)
         self._goal = node.advertise(topics.GOAL_POSE)
         self._stop = node.advertise(topics.EMERGENCY_STOP)
@@ -69,6 +71,15 @@ class DockingOutputs:
             message = EHMIState(state_num=display, language=self._params.language, volume=self._params.ehmi_volume)
             message.header.stamp = stamp
             self._ehmi.publish(message)
+
+    def target(self, state: State, dock: Estimate | None, base: Pose2 | None) -> None:
+        """The dock's frame as it is seen from base_link now, while the robot moves into the dock.
+
+        dock, base: both in odom; None while nobody knows.
+        """
+        if state in (State.SERVOING, State.FINE_ALIGN) and dock is not None and base is not None:
+            pose = dock.pose.relative_to(base)
+            self._target.publish(pose_stamped(pose, frames.BASE_LINK, self._node.stamp()))
 
     def command(self, twist: Twist2) -> None:
         self._cmd_vel.publish(twist_stamped(twist, frames.BASE_LINK, self._node.stamp()))
