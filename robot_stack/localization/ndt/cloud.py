@@ -1,5 +1,7 @@
 """From a sweep as the sensor sends it to a few thousand points in base_link at the sweep's stamp."""
 
+# mypy: disable-error-code="no-untyped-def"
+
 from __future__ import annotations
 
 import numba
@@ -37,7 +39,7 @@ def subsample(
 
 
 @numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _subsample(flat, lidar, motion, voxel_m, min_range_m, max_range_m):  # type: ignore[no-untyped-def]
+def _subsample(flat, lidar, motion, voxel_m, min_range_m, max_range_m):
     size = 1 << _TABLE_BITS
     mask = size - 1
     limit = size // 2  # of voxels: a fuller table would be slow, and no sweep needs it

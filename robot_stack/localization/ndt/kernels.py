@@ -1,9 +1,9 @@
-"""The compiled part of P2D-NDT (Magnusson 2009, chapter 6): score, gradient, Hessian, and Newton's method with them.
+"""The compiled part of P2D-NDT (Magnusson 2009, chapter 6): objective, gradient, Hessian, and Newton's method.
 
 A pose moves by increments delta (6,) [translation m, rotation rad], both in the axes of map, the rotation about the
 origin of base_link: x -> exp(rotation) R x + t + translation. Derivatives are taken at delta = 0, where they are exact
 and short.
-All of it lives in one file: numba's cache does not notice changes in other ones.
+Newton's method and what it calls live in one file: numba's cache does not notice changes in other ones.
 """
 
 # mypy: disable-error-code="no-untyped-def, no-untyped-call, untyped-decorator, no-any-return"
@@ -15,48 +15,55 @@ import numpy as np
 
 # Beyond this squared Mahalanobis distance a cell's pull is below 1e-6.
 _FAR2 = 28.0
-_DX = np.array([0, 1, -1, 0, 0, 0, 0])
-_DY = np.array([0, 0, 0, 1, -1, 0, 0])
-_DZ = np.array([0, 0, 0, 0, 0, 1, -1])
+# The voxel of a point and its direct neighbours.
+DX = np.array([0, 1, -1, 0, 0, 0, 0])
+DY = np.array([0, 0, 0, 1, -1, 0, 0])
+DZ = np.array([0, 0, 0, 0, 0, 1, -1])
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def add_turned(h, axx, axy, axz, ayy, ayz, azz, px, py, pz):
+    """Adds J^T a J of one point to the upper half of h, where J = [1 K] and K omega = omega x p."""
+    # a K; the columns of K are (0, -pz, py), (pz, 0, -px), (-py, px, 0).
+    b00, b10, b20 = axz * py - axy * pz, ayz * py - ayy * pz, azz * py - ayz * pz
+    b01, b11, b21 = axx * pz - axz * px, axy * pz - ayz * px, axz * pz - azz * px
+    b02, b12, b22 = axy * px - axx * py, ayy * px - axy * py, ayz * px - axz * py
+    h[0, 0] += axx
+    h[0, 1] += axy
+    h[0, 2] += axz
+    h[1, 1] += ayy
+    h[1, 2] += ayz
+    h[2, 2] += azz
+    h[0, 3] += b00
+    h[1, 3] += b10
+    h[2, 3] += b20
+    h[0, 4] += b01
+    h[1, 4] += b11
+    h[2, 4] += b21
+    h[0, 5] += b02
+    h[1, 5] += b12
+    h[2, 5] += b22
+    h[3, 3] += py * b20 - pz * b10
+    h[3, 4] += py * b21 - pz * b11
+    h[3, 5] += py * b22 - pz * b12
+    h[4, 4] += pz * b01 - px * b21
+    h[4, 5] += pz * b02 - px * b22
+    h[5, 5] += px * b12 - py * b02
 
 
 @numba.njit(cache=True, nogil=True)
-def score_only(points, rotation, position, field, d1, d2):
-    """The objective, to be minimised: d1 < 0 times the sum of exp(-d2/2 m2) over points and cells around them."""
-    total = 0.0
-    nx, ny, nz = field.rows.shape
-    scale = 1.0 / field.size_m
-    for i in range(points.shape[0]):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        wx = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z + position[0]
-        wy = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z + position[1]
-        wz = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z + position[2]
-        ix = int(np.floor(wx * scale)) - field.corner[0]
-        iy = int(np.floor(wy * scale)) - field.corner[1]
-        iz = int(np.floor(wz * scale)) - field.corner[2]
-        for k in range(7):
-            jx, jy, jz = ix + _DX[k], iy + _DY[k], iz + _DZ[k]
-            if jx < 0 or jy < 0 or jz < 0 or jx >= nx or jy >= ny or jz >= nz:
-                continue
-            cell = field.rows[jx, jy, jz]
-            if cell < 0:
-                continue
-            qx, qy, qz = wx - field.mean[cell, 0], wy - field.mean[cell, 1], wz - field.mean[cell, 2]
-            c = field.inverse[cell]
-            m2 = (
-                c[0] * qx * qx + c[3] * qy * qy + c[5] * qz * qz
-                + 2.0 * (c[1] * qx * qy + c[2] * qx * qz + c[4] * qy * qz)
-            )  # fmt: skip
-            if m2 < _FAR2:
-                total += np.exp(-0.5 * d2 * m2)
-    return d1 * total
+def fill_symmetric(upper, full):
+    """Writes the (6, 6) matrix whose upper half is given."""
+    for i in range(6):
+        for j in range(i, 6):
+            full[i, j] = upper[i, j]
+            full[j, i] = upper[i, j]
 
 
 @numba.njit(cache=True, nogil=True)
 def derivatives(points, rotation, position, field, d1, d2, gradient, hessian):
     """The objective; writes its gradient (6,) and Hessian (6, 6) by the increment."""
     gradient[:] = 0.0
-    hessian[:] = 0.0
     total = 0.0
     nx, ny, nz = field.rows.shape
     scale = 1.0 / field.size_m
@@ -75,7 +82,7 @@ def derivatives(points, rotation, position, field, d1, d2, gradient, hessian):
         axx = axy = axz = ayy = ayz = azz = 0.0
         near = False
         for k in range(7):
-            jx, jy, jz = ix + _DX[k], iy + _DY[k], iz + _DZ[k]
+            jx, jy, jz = ix + DX[k], iy + DY[k], iz + DZ[k]
             if jx < 0 or jy < 0 or jz < 0 or jx >= nx or jy >= ny or jz >= nz:
                 continue
             cell = field.rows[jx, jy, jz]
@@ -111,37 +118,16 @@ def derivatives(points, rotation, position, field, d1, d2, gradient, hessian):
         gradient[3] += py * vz - pz * vy
         gradient[4] += pz * vx - px * vz
         gradient[5] += px * vy - py * vx
-        h[0, 0] += axx
-        h[0, 1] += axy
-        h[0, 2] += axz
-        h[1, 1] += ayy
-        h[1, 2] += ayz
-        h[2, 2] += azz
-        # a K, where K omega = omega x p: columns (0, -pz, py), (pz, 0, -px), (-py, px, 0).
-        b00, b10, b20 = axz * py - axy * pz, ayz * py - ayy * pz, azz * py - ayz * pz
-        b01, b11, b21 = axx * pz - axz * px, axy * pz - ayz * px, axz * pz - azz * px
-        b02, b12, b22 = axy * px - axx * py, ayy * px - axy * py, ayz * px - axz * py
-        h[0, 3] += b00
-        h[1, 3] += b10
-        h[2, 3] += b20
-        h[0, 4] += b01
-        h[1, 4] += b11
-        h[2, 4] += b21
-        h[0, 5] += b02
-        h[1, 5] += b12
-        h[2, 5] += b22
-        # K^T a K, and v times the second derivative of exp(omega) p: (e_i p_j + e_j p_i) / 2 - delta_ij p.
+        add_turned(h, axx, axy, axz, ayy, ayz, azz, px, py, pz)
+        # v times the second derivative of exp(omega) p: (e_i p_j + e_j p_i) / 2 - delta_ij p.
         pv = px * vx + py * vy + pz * vz
-        h[3, 3] += py * b20 - pz * b10 + px * vx - pv
-        h[3, 4] += py * b21 - pz * b11 + 0.5 * (px * vy + py * vx)
-        h[3, 5] += py * b22 - pz * b12 + 0.5 * (px * vz + pz * vx)
-        h[4, 4] += pz * b01 - px * b21 + py * vy - pv
-        h[4, 5] += pz * b02 - px * b22 + 0.5 * (py * vz + pz * vy)
-        h[5, 5] += px * b12 - py * b02 + pz * vz - pv
-    for i in range(6):
-        for j in range(i, 6):
-            hessian[i, j] = h[i, j]
-            hessian[j, i] = h[i, j]
+        h[3, 3] += px * vx - pv
+        h[3, 4] += 0.5 * (px * vy + py * vx)
+        h[3, 5] += 0.5 * (px * vz + pz * vx)
+        h[4, 4] += py * vy - pv
+        h[4, 5] += 0.5 * (py * vz + pz * vy)
+        h[5, 5] += pz * vz - pv
+    fill_symmetric(h, hessian)
     return d1 * total
 
 
@@ -171,9 +157,18 @@ def _tilt(rotation, up):
 
 
 @numba.njit(cache=True, nogil=True)
-def _prior_cost(rotation, position, prior):
+def _whole(points, rotation, position, field, d1, d2, prior, gradient, hessian):
+    """The objective and what is known beforehand, with the derivatives of both."""
+    score = derivatives(points, rotation, position, field, d1, d2, gradient, hessian)
     tx, ty = _tilt(rotation, prior)
-    return 0.5 * (prior[3] * (tx * tx + ty * ty) + prior[5] * (position[2] - prior[4]) ** 2)
+    dz = position[2] - prior[4]
+    gradient[2] += prior[5] * dz
+    gradient[3] -= prior[3] * tx
+    gradient[4] -= prior[3] * ty
+    hessian[2, 2] += prior[5]
+    hessian[3, 3] += prior[3]
+    hessian[4, 4] += prior[3]
+    return score + 0.5 * (prior[3] * (tx * tx + ty * ty) + prior[5] * dz * dz)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -187,17 +182,9 @@ def newton(points, rotation, position, field, d1, d2, prior, limits):
     gradient, hessian = np.empty(6), np.empty((6, 6))
     last = np.zeros(6)
     reversals = 0
-    score = 0.0
+    new_gradient, new_hessian = np.empty(6), np.empty((6, 6))
+    score = _whole(points, rotation, position, field, d1, d2, prior, gradient, hessian)
     for iteration in range(int(limits[0])):
-        score = derivatives(points, rotation, position, field, d1, d2, gradient, hessian)
-        tx, ty = _tilt(rotation, prior)
-        score += _prior_cost(rotation, position, prior)
-        gradient[2] += prior[5] * (position[2] - prior[4])
-        gradient[3] -= prior[3] * tx
-        gradient[4] -= prior[3] * ty
-        hessian[2, 2] += prior[5]
-        hessian[3, 3] += prior[3]
-        hessian[4, 4] += prior[3]
         value, vector = np.linalg.eigh(hessian)
         # Made positive definite: across a saddle the step goes down its slope, in flat directions it stays small.
         floor = max(1e-3 * value[5], 1e-6)
@@ -214,8 +201,8 @@ def newton(points, rotation, position, field, d1, d2, prior, limits):
         for _ in range(6):
             new_rotation = turned(rotation, size * step[3:])
             new_position = position + size * step[:3]
-            new_score = score_only(points, new_rotation, new_position, field, d1, d2)
-            new_score += _prior_cost(new_rotation, new_position, prior)
+            # With its derivatives at once: nearly every first try is accepted, and then they are the next step's.
+            new_score = _whole(points, new_rotation, new_position, field, d1, d2, prior, new_gradient, new_hessian)
             if new_score <= score + 1e-4 * size * slope:
                 accepted = True
                 break
@@ -228,96 +215,11 @@ def newton(points, rotation, position, field, d1, d2, prior, limits):
         rotation[:] = new_rotation
         position[:] = new_position
         score = new_score
+        gradient[:] = new_gradient
+        hessian[:] = new_hessian
         if iteration > 0 and step @ last < -0.5 * np.linalg.norm(step) * np.linalg.norm(last):
             reversals += 1
         last = size * step
         if np.linalg.norm(last[:3]) < limits[3] and np.linalg.norm(last[3:]) < limits[4]:
             return score, iteration + 1, True, reversals
     return score, int(limits[0]), False, reversals
-
-
-@numba.njit(cache=True, nogil=True)
-def judge(points, rotation, position, field, above_ground_m, explained2, information):
-    """How well the pose explains the points that stand above the ground; adds up the information on the pose (6, 6).
-
-    Returns (structure points, explained ones). A point stands where it is above_ground_m over the lowest cell of its
-    column, or over base_link where the column is empty. It is explained within a squared Mahalanobis distance of
-    explained2 of a cell around it. information counts every explained point, ground included, along its cell's thin
-    directions only.
-    """
-    information[:] = 0.0
-    structure, explained = 0, 0
-    nx, ny, nz = field.rows.shape
-    scale = 1.0 / field.size_m
-    j = np.zeros((3, 6))
-    j[0, 0] = j[1, 1] = j[2, 2] = 1.0
-    for i in range(points.shape[0]):
-        p = rotation @ points[i]
-        w = p + position
-        ix = int(np.floor(w[0] * scale)) - field.corner[0]
-        iy = int(np.floor(w[1] * scale)) - field.corner[1]
-        iz = int(np.floor(w[2] * scale)) - field.corner[2]
-        ground = position[2]
-        if ix >= 0 and iy >= 0 and ix < nx and iy < ny and not np.isnan(field.ground[ix, iy]):
-            ground = field.ground[ix, iy]
-        best2, best = explained2, -1
-        for k in range(7):
-            jx, jy, jz = ix + _DX[k], iy + _DY[k], iz + _DZ[k]
-            if jx < 0 or jy < 0 or jz < 0 or jx >= nx or jy >= ny or jz >= nz:
-                continue
-            cell = field.rows[jx, jy, jz]
-            if cell < 0:
-                continue
-            q = w - field.mean[cell]
-            c = field.inverse[cell]
-            m2 = (
-                c[0] * q[0] * q[0] + c[3] * q[1] * q[1] + c[5] * q[2] * q[2]
-                + 2.0 * (c[1] * q[0] * q[1] + c[2] * q[0] * q[2] + c[4] * q[1] * q[2])
-            )  # fmt: skip
-            if m2 < best2:
-                best2, best = m2, cell
-        if w[2] > ground + above_ground_m:
-            structure += 1
-            explained += best >= 0
-        if best >= 0:
-            n = field.normal[best]
-            a = np.array([[n[0], n[1], n[2]], [n[1], n[3], n[4]], [n[2], n[4], n[5]]])
-            j[0, 4], j[0, 5] = p[2], -p[1]
-            j[1, 3], j[1, 5] = -p[2], p[0]
-            j[2, 3], j[2, 4] = p[1], -p[0]
-            information += j.T @ (a @ j)
-    return structure, explained
-
-
-@numba.njit(cache=True, nogil=True)
-def correlate(points, field, places, yaws, scores):
-    """Writes scores (places, yaws): mean over points of exp(-m2 / 2) of the cell they fall into.
-
-    points: (n, 3) m, levelled, in base_link. places: (k, 3) x, y, z in map.
-    """
-    nx, ny, nz = field.rows.shape
-    scale = 1.0 / field.size_m
-    for a in range(yaws.shape[0]):
-        c, s = np.cos(yaws[a]), np.sin(yaws[a])
-        for k in range(places.shape[0]):
-            total = 0.0
-            for i in range(points.shape[0]):
-                wx = c * points[i, 0] - s * points[i, 1] + places[k, 0]
-                wy = s * points[i, 0] + c * points[i, 1] + places[k, 1]
-                wz = points[i, 2] + places[k, 2]
-                ix = int(np.floor(wx * scale)) - field.corner[0]
-                iy = int(np.floor(wy * scale)) - field.corner[1]
-                iz = int(np.floor(wz * scale)) - field.corner[2]
-                if ix < 0 or iy < 0 or iz < 0 or ix >= nx or iy >= ny or iz >= nz:
-                    continue
-                cell = field.rows[ix, iy, iz]
-                if cell < 0:
-                    continue
-                qx, qy, qz = wx - field.mean[cell, 0], wy - field.mean[cell, 1], wz - field.mean[cell, 2]
-                h = field.inverse[cell]
-                m2 = (
-                    h[0] * qx * qx + h[3] * qy * qy + h[5] * qz * qz
-                    + 2.0 * (h[1] * qx * qy + h[2] * qx * qz + h[4] * qy * qz)
-                )  # fmt: skip
-                total += np.exp(-0.5 * m2)
-            scores[k, a] = total / points.shape[0]

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.site_map import Cells
-from robot_stack.localization.ndt import kernels
+from robot_stack.localization.ndt import kernels, scoring
 from robot_stack.localization.ndt.field import Field, field_of, merged, structure_of
 from robot_stack.localization.ndt.params import MatchParams
 
@@ -132,7 +132,7 @@ class NdtMatcher:
         self, points: Floats, rotation: Floats, position: Floats, converged: bool, iterations: int, reversals: int
     ) -> Match:
         p, information = self._params, np.empty((6, 6))
-        structure, explained = kernels.judge(
+        structure, explained = scoring.judge(
             points, rotation, position, self.fine, p.structure_height_m, p.explained_sigmas**2, information
         )
         pose = np.eye(4)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robot_stack.core.geometry import Pose2
-from robot_stack.localization.ndt import kernels
+from robot_stack.localization.ndt import scoring
 from robot_stack.localization.ndt.matcher import Match, NdtMatcher, pose_of
 from robot_stack.localization.ndt.params import SearchParams
 
@@ -49,7 +49,7 @@ def search(matcher: NdtMatcher, points: Floats, up: Floats, region: Region, para
     chosen = np.linspace(0, len(standing) - 1, min(len(standing), params.points)).astype(np.intp)
     yaws = np.arange(params.yaw_steps) * (2.0 * math.pi / params.yaw_steps)
     scores = np.empty((len(places), len(yaws)))
-    kernels.correlate(np.ascontiguousarray(standing[chosen] @ level.T), matcher.wide, places, yaws, scores)
+    scoring.correlate(np.ascontiguousarray(standing[chosen] @ level.T), matcher.wide, places, yaws, scores)
     matches = []
     for k, a in _peaks(scores, places, params):
         guess = pose_of(Pose2(places[k, 0], places[k, 1], float(yaws[a])), float(places[k, 2]), up)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.site_map import Cells
-from robot_stack.localization.ndt import cloud, kernels
+from robot_stack.localization.ndt import cloud, kernels, scoring
 from robot_stack.localization.ndt.field import field_of
 from robot_stack.localization.ndt.matcher import Match, NdtMatcher
 from robot_stack.localization.ndt.params import NdtParams
@@ -96,5 +96,5 @@ def warm_up() -> None:
     points, rotation, position, information = middle, np.eye(3), np.zeros(3), np.empty((6, 6))
     prior, limits = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 1.0]), np.array([2.0, 0.1, 0.1, 1e-3, 1e-3])
     kernels.newton(points, rotation, position, field, -1.0, 1.0, prior, limits)
-    kernels.judge(points, rotation, position, field, 0.4, 9.0, information)
-    kernels.correlate(points, field, np.zeros((1, 3)), np.zeros(1), np.empty((1, 1)))
+    scoring.judge(points, rotation, position, field, 0.4, 9.0, information)
+    scoring.correlate(points, field, np.zeros((1, 3)), np.zeros(1), np.empty((1, 1)))

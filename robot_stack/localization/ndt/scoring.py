@@ -1,0 +1,95 @@
+"""Compiled judgement of poses: how well one explains a sweep, how firmly it is held, which places may be right."""
+
+# mypy: disable-error-code="no-untyped-def, no-untyped-call, untyped-decorator, no-any-return"
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from robot_stack.localization.ndt.kernels import DX, DY, DZ, add_turned, fill_symmetric
+
+
+@numba.njit(cache=True, nogil=True)
+def judge(points, rotation, position, field, above_ground_m, explained2, information):
+    """How well the pose explains the points that stand above the ground; adds up the information on the pose (6, 6).
+
+    Returns (structure points, explained ones). A point stands where it is above_ground_m over the lowest cell of its
+    column, or over base_link where the column is empty. It is explained within a squared Mahalanobis distance of
+    explained2 of a cell around it. information counts every explained point, ground included, along its cell's thin
+    directions only.
+    """
+    structure, explained = 0, 0
+    nx, ny, nz = field.rows.shape
+    scale = 1.0 / field.size_m
+    h = np.zeros((6, 6))
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        px = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z
+        py = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z
+        pz = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z
+        wx, wy, wz = px + position[0], py + position[1], pz + position[2]
+        ix = int(np.floor(wx * scale)) - field.corner[0]
+        iy = int(np.floor(wy * scale)) - field.corner[1]
+        iz = int(np.floor(wz * scale)) - field.corner[2]
+        ground = position[2]
+        if ix >= 0 and iy >= 0 and ix < nx and iy < ny and not np.isnan(field.ground[ix, iy]):
+            ground = field.ground[ix, iy]
+        best2, best = explained2, -1
+        for k in range(7):
+            jx, jy, jz = ix + DX[k], iy + DY[k], iz + DZ[k]
+            if jx < 0 or jy < 0 or jz < 0 or jx >= nx or jy >= ny or jz >= nz:
+                continue
+            cell = field.rows[jx, jy, jz]
+            if cell < 0:
+                continue
+            qx, qy, qz = wx - field.mean[cell, 0], wy - field.mean[cell, 1], wz - field.mean[cell, 2]
+            c = field.inverse[cell]
+            m2 = (
+                c[0] * qx * qx + c[3] * qy * qy + c[5] * qz * qz
+                + 2.0 * (c[1] * qx * qy + c[2] * qx * qz + c[4] * qy * qz)
+            )  # fmt: skip
+            if m2 < best2:
+                best2, best = m2, cell
+        if wz > ground + above_ground_m:
+            structure += 1
+            explained += best >= 0
+        if best >= 0:
+            n = field.normal[best]
+            add_turned(h, n[0], n[1], n[2], n[3], n[4], n[5], px, py, pz)
+    fill_symmetric(h, information)
+    return structure, explained
+
+
+@numba.njit(cache=True, nogil=True)
+def correlate(points, field, places, yaws, scores):
+    """Writes scores (places, yaws): mean over points of exp(-m2 / 2) of the cell they fall into.
+
+    points: (n, 3) m, levelled, in base_link. places: (k, 3) x, y, z in map.
+    """
+    nx, ny, nz = field.rows.shape
+    scale = 1.0 / field.size_m
+    for a in range(yaws.shape[0]):
+        c, s = np.cos(yaws[a]), np.sin(yaws[a])
+        for k in range(places.shape[0]):
+            total = 0.0
+            for i in range(points.shape[0]):
+                wx = c * points[i, 0] - s * points[i, 1] + places[k, 0]
+                wy = s * points[i, 0] + c * points[i, 1] + places[k, 1]
+                wz = points[i, 2] + places[k, 2]
+                ix = int(np.floor(wx * scale)) - field.corner[0]
+                iy = int(np.floor(wy * scale)) - field.corner[1]
+                iz = int(np.floor(wz * scale)) - field.corner[2]
+                if ix < 0 or iy < 0 or iz < 0 or ix >= nx or iy >= ny or iz >= nz:
+                    continue
+                cell = field.rows[ix, iy, iz]
+                if cell < 0:
+                    continue
+                qx, qy, qz = wx - field.mean[cell, 0], wy - field.mean[cell, 1], wz - field.mean[cell, 2]
+                h = field.inverse[cell]
+                m2 = (
+                    h[0] * qx * qx + h[3] * qy * qy + h[5] * qz * qz
+                    + 2.0 * (h[1] * qx * qy + h[2] * qx * qz + h[4] * qy * qz)
+                )  # fmt: skip
+                total += np.exp(-0.5 * m2)
+            scores[k, a] = total / points.shape[0]
