@@ -67,12 +67,15 @@ def _find_steps(
                     break
                 node[count] = k
                 count += 1
+        back = 0
         for i in range(1, count - 1):
             k = node[i]
             if kind[s, k] != FLOOR or steps[s, k] > 0:
                 continue
             d0 = distance[s, k]
-            if not _may_rise(s, i, count, node, height, distance, rise, max_gap):
+            while d0 - distance[s, node[back + 1]] >= np.float32(_LINE_M):
+                back += 1
+            if not _may_rise(s, back, i, count, node, height, distance, rise, max_gap):
                 continue
             length = max(np.float32(_LINE_M), np.float32(_RINGS_IN_LINE) * spacing * (d0 * d0 + np.float32(0.5)) * 1.4)
             middle_d, middle_z, tilt, known = _line(s, i, node, low, height, distance, steps, length, slope)
@@ -92,13 +95,12 @@ def _find_steps(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _may_rise(s: int, i: int, count: int, node: Any, height: Float, distance: Float, rise: Any, gap: Any) -> bool:
+def _may_rise(
+    s: int, back: int, i: int, count: int, node: Any, height: Float, distance: Float, rise: Any, gap: Any
+) -> bool:
     """A quick look, with half of the rise and a slope from two cells, that spares most of the work on even ground."""
     k = node[i]
     d0, z0 = distance[s, k], height[s, k]
-    back = i - 1
-    while back > 0 and d0 - distance[s, node[back]] < np.float32(_LINE_M):
-        back -= 1
     before = node[back]
     tilt = (z0 - height[s, before]) / max(d0 - distance[s, before], np.float32(0.05))
     for ahead in range(i + 1, min(i + 3, count)):

@@ -1,0 +1,46 @@
+"""The pipeline with the project's own configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from robot_stack.core.config import load
+from robot_stack.core.point_cloud import Points
+from robot_stack.core.robot import Robot, load_robot
+from robot_stack.perception.params import PerceptionParams
+from robot_stack.perception.pipeline import Pipeline, Scene
+
+
+@pytest.fixture(scope="session")
+def robot() -> Robot:
+    return load_robot()
+
+
+@pytest.fixture(scope="session")
+def params() -> PerceptionParams:
+    return load(PerceptionParams, "perception_pipeline")
+
+
+@pytest.fixture
+def pipeline(robot: Robot, params: PerceptionParams) -> Pipeline:
+    return Pipeline(robot, params)
+
+
+@pytest.fixture
+def look(pipeline: Pipeline) -> Callable[[Points], Scene]:
+    """What a standing robot makes of a sweep."""
+
+    def scene(points: Points) -> Scene:
+        pipeline.forget()
+        return pipeline.scene(points, 0.0)
+
+    return scene
+
+
+def inside(xyz: np.ndarray, x: tuple[float, float], y: tuple[float, float]) -> np.ndarray:
+    """The points within a rectangle in plan."""
+    mask = (xyz[:, 0] >= x[0]) & (xyz[:, 0] <= x[1]) & (xyz[:, 1] >= y[0]) & (xyz[:, 1] <= y[1])
+    return xyz[mask]
