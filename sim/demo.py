@@ -18,13 +18,16 @@ from typing import Any, TextIO
 from robot_stack.core.config import ConfigError, config_dir
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.site_map import map_folder
 from robot_stack.mission.library import MissionError, MissionLibrary
 from robot_stack.mission.model import Kind, Mission
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import NotRunning
 from sim.ride import Carriage, Figures, Ride, carriage, figures
+from sim.settings import pose_settings
 from sim.worldfile import load_world
 
+_WORLDLY = ("sim_world", "camera_driver", "lidar_driver")  # nodes that simulate the world
 _READY_S = 60.0
 _SILENCE_S = 5.0
 _TELL_EVERY_S = 2.0
@@ -62,19 +65,7 @@ def main() -> int:
 
 def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
     print(f"starting the stack in the world {options.world} ...", flush=True)
-    launch = client.Launch(
-        "sim",
-        settings=[
-            f"sim_world.world={options.world}",
-            f"sim_world.seed={options.seed}",
-            f"camera_driver.world={options.world}",
-            f"camera_driver.seed={options.seed}",
-            # Files of its own: this ride neither meets nor leaves an unfinished mission, nor what another robot learnt.
-            f"mission_manager.journal_file={folder / 'mission.db'}",
-            f"docking_controller.corrections_file={folder / 'docking_corrections.yaml'}",
-        ],
-        log_dir=folder / "logs",
-    )
+    launch = client.Launch("sim", _settings(options, folder), speed=options.speed, log_dir=folder / "logs")
     try:
         status = client.start(launch, _READY_S)
         print(f"{len(status['processes'])} processes are ready after {status['ready_after_s']:.1f} s", flush=True)
@@ -84,6 +75,32 @@ def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
     if delays:
         print(f"the safety monitor stopped the robot {delays} times because this machine was too slow")
     return _report(options, mission, folder, ride, outcome)
+
+
+def _settings(options: argparse.Namespace, folder: Path) -> list[str]:
+    start = load_world(options.world).start.pose()
+    off_m, off_rad = options.start_error_m, math.radians(options.start_error_deg)
+    believed = Pose2(start.x + 0.8 * off_m, start.y - 0.6 * off_m, start.yaw + off_rad)
+    name = options.map if options.map is not None else options.world if _has_map(options.world) else ""
+    return [
+        *(f"{node}.world={options.world}" for node in _WORLDLY),
+        *(f"{node}.seed={options.seed}" for node in _WORLDLY),
+        f"ndt_localization.map={name}",
+        f"navigation_controller.map={name}",
+        # Without a map nobody can find out that the robot stands elsewhere.
+        *pose_settings("ndt_localization.start", believed if name else start),
+        # Files of its own: this ride neither meets nor leaves an unfinished mission, nor what another robot learnt.
+        f"mission_manager.journal_file={folder / 'mission.db'}",
+        f"docking_controller.corrections_file={folder / 'docking_corrections.yaml'}",
+    ]
+
+
+def _has_map(name: str) -> bool:
+    try:
+        map_folder(name)
+    except ConfigError:
+        return False
+    return True
 
 
 def _drive(mission: Mission) -> tuple[Ride, Any, int]:
@@ -105,7 +122,7 @@ def _drive(mission: Mission) -> tuple[Ride, Any, int]:
             rider.wait(lambda: False, _REDRAW_EVERY_S)
             display.show(rider)
             now_s, last = rider.now_s(), rider.ride.samples[-1]
-            if now_s - last.time_s > _SILENCE_S:
+            if now_s - rider.heard_s > _SILENCE_S:
                 raise DemoError("the world has fallen silent")
             if last.speed_mps > _MOVING_MPS or rider.docking_now() or delays.overcome():
                 progress_s = now_s
@@ -212,6 +229,7 @@ def _report(options: argparse.Namespace, mission: Mission, folder: Path, ride: R
     result |= {"reason": outcome.reason, "figures": asdict(found), "wheelchair": carried and asdict(carried)}
     (folder / "figures.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
     print(result_line(arrived, outcome.reason, found))
+    print(estimate_line(found, ride.touched))
     if carried is not None and math.isfinite(carried.docked_mm):
         print(carriage_line(carried))
     for name in ("map.png", "course.png", "figures.json"):
@@ -226,6 +244,14 @@ def result_line(arrived: bool, reason: str, found: Figures) -> str:
         f"{head}: {found.distance_m:.1f} m in {found.time_s:.1f} s, up to {found.top_speed_mps:.2f} m/s; "
         f"off the goal by {1e3 * found.final_error_m:.0f} mm and {found.final_error_deg:.1f} deg, "
         f"off the plan by {1e3 * found.tracking_rms_m:.0f} mm rms, {1e3 * found.tracking_max_m:.0f} mm at most"
+    )
+
+
+def estimate_line(found: Figures, touched: tuple[str, ...]) -> str:
+    """What the robot believed, and what it touched."""
+    return (
+        f"believed pose off by {1e3 * found.estimate_rms_m:.0f} mm rms, {1e3 * found.estimate_p95_m:.0f} mm and "
+        f"{found.estimate_p95_deg:.2f} deg p95; touched {', '.join(touched) or 'nothing'}"
     )
 
 
@@ -273,9 +299,13 @@ def _folder(output: Path) -> Path:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="demo", description="Starts the stack in the simulation and rides a mission.")
-    parser.add_argument("--mission", default="wheelchair_transport", help="a mission of config/missions/")
+    parser.add_argument("--mission", default="site_transport", help="a mission of config/missions/")
     parser.add_argument("--world", default="yard", help="a world of config/worlds/")
+    parser.add_argument("--map", default=None, help="a map of config/maps/; the world's own if it has one")
     parser.add_argument("--seed", type=int, default=1, help="of the simulation's noise")
+    parser.add_argument("--speed", type=float, default=None, help="of the world; below 1 on a slow machine")
+    parser.add_argument("--start-error-m", type=float, default=1.0, help="how wrong the believed start is")
+    parser.add_argument("--start-error-deg", type=float, default=10.0, help="how wrong its heading is")
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder for plots and figures")
     return parser.parse_args()
 

@@ -32,6 +32,7 @@ class Sample:
 class Ride:
     """Everything noted of a ride. ``plans``: time of each plan in s and its points; empty plans cancel.
 
+    estimates: the time a pose is of, s, and what the stack believed, in map. touched: what robot or wheelchair touched.
     wheelchair: time in s and true pose in map of its dock frame. docking: time in s and state, where it changed.
     """
 
@@ -40,6 +41,7 @@ class Ride:
     plans: list[tuple[float, Line]] = field(default_factory=list)
     wheelchair: list[tuple[float, Pose2]] = field(default_factory=list)
     docking: list[tuple[float, str]] = field(default_factory=list)
+    touched: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +55,9 @@ class Figures:
     final_error_deg: float
     tracking_rms_m: float
     tracking_max_m: float
+    estimate_rms_m: float
+    estimate_p95_m: float
+    estimate_p95_deg: float
 
 
 def figures(ride: Ride, goal: Pose2) -> Figures:
@@ -61,6 +66,8 @@ def figures(ride: Ride, goal: Pose2) -> Figures:
         raise ValueError("nothing was noted of this ride")
     last = ride.samples[-1]
     errors_m = tracking_errors_m(ride)[:, 1]
+    believed = estimate_errors(ride)
+    known = len(believed) > 0
     return Figures(
         distance_m=distance_m(ride.samples),
         time_s=last.time_s - ride.samples[0].time_s,
@@ -69,6 +76,9 @@ def figures(ride: Ride, goal: Pose2) -> Figures:
         final_error_deg=math.degrees(abs(wrap_angle(last.pose.yaw - goal.yaw))),
         tracking_rms_m=float(np.sqrt(np.mean(errors_m**2))) if errors_m.size else math.nan,
         tracking_max_m=float(errors_m.max()) if errors_m.size else math.nan,
+        estimate_rms_m=float(np.sqrt(np.mean(believed[:, 1] ** 2))) if known else math.nan,
+        estimate_p95_m=float(np.percentile(believed[:, 1], 95.0)) if known else math.nan,
+        estimate_p95_deg=float(np.degrees(np.percentile(believed[:, 2], 95.0))) if known else math.nan,
     )
 
 
@@ -115,6 +125,22 @@ def carriage(ride: Ride, dock_pose: Pose2, destination: Pose2 | None) -> Carriag
 def distance_m(samples: Sequence[Sample]) -> float:
     """Length of the way between the samples."""
     return sum(math.hypot(b.pose.x - a.pose.x, b.pose.y - a.pose.y) for a, b in itertools.pairwise(samples))
+
+
+def estimate_errors(ride: Ride) -> NDArray[np.float64]:
+    """(n, 3): time in s, and how far what was believed is from the truth of that time, m and rad."""
+    times = np.array([sample.time_s for sample in ride.samples])
+    errors = []
+    for time_s, pose in ride.estimates:
+        after = int(np.searchsorted(times, time_s))
+        if not 0 < after < len(times):
+            continue
+        before, behind = ride.samples[after - 1], ride.samples[after]
+        share = (time_s - before.time_s) / max(behind.time_s - before.time_s, 1e-9)
+        step = behind.pose.relative_to(before.pose)
+        truth = before.pose.compose(Pose2(share * step.x, share * step.y, share * step.yaw))
+        errors.append((time_s, truth.distance_to(pose), abs(wrap_angle(pose.yaw - truth.yaw))))
+    return np.asarray(errors, dtype=np.float64).reshape(-1, 3)
 
 
 def tracking_errors_m(ride: Ride) -> NDArray[np.float64]:

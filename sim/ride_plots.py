@@ -11,7 +11,7 @@ import matplotlib as mpl
 import numpy as np
 
 from robot_stack.core.geometry import Pose2
-from sim.ride import Ride, tracking_errors_m
+from sim.ride import Ride, estimate_errors, tracking_errors_m
 from sim.worldfile import Box, WorldFile
 
 mpl.use("Agg")
@@ -46,14 +46,17 @@ def draw_map(path: Path, world: WorldFile, ride: Ride, waypoints: Sequence[tuple
 
 
 def draw_course(path: Path, ride: Ride) -> None:
-    """Speed, and deviation from the plan, over time, as a PNG."""
-    figure, (upper, lower) = plt.subplots(2, 1, figsize=(10.0, 5.5), sharex=True)
+    """Speed, deviation from the plan and error of the believed pose, over time, as a PNG."""
+    figure, (upper, middle, lower) = plt.subplots(3, 1, figsize=(10.0, 7.5), sharex=True)
     upper.plot([s.time_s for s in ride.samples], [s.speed_mps for s in ride.samples], color=_DRIVEN)
     upper.set(ylabel="speed / m/s")
     errors = tracking_errors_m(ride)
-    lower.plot(errors[:, 0], 1e3 * errors[:, 1], ".", markersize=2.0, color=_PLANNED)
-    lower.set(xlabel="time / s", ylabel="distance from the plan / mm")
-    for axes in (upper, lower):
+    middle.plot(errors[:, 0], 1e3 * errors[:, 1], ".", markersize=2.0, color=_PLANNED)
+    middle.set(ylabel="distance from the plan / mm")
+    believed = estimate_errors(ride)
+    lower.plot(believed[:, 0], 1e3 * believed[:, 1], ".", markersize=2.0, color=_DRIVEN)
+    lower.set(xlabel="time / s", ylabel="error of the believed pose / mm")
+    for axes in (upper, middle, lower):
         axes.grid(alpha=0.3)
     _save(figure, path)
 

@@ -134,7 +134,8 @@ def _write_grid(grid: Grid, folder: Path) -> None:
     picture = np.full(grid.occupancy.shape, _SHADES[UNKNOWN], np.uint8)
     for value, shade in _SHADES.items():
         picture[grid.occupancy == value] = shade
-    (folder / _GRID).write_bytes(f"P5\n{picture.shape[1]} {picture.shape[0]}\n255\n".encode() + picture[::-1].tobytes())
+    rows, columns = len(picture), picture.size // len(picture)
+    (folder / _GRID).write_bytes(f"P5\n{columns} {rows}\n255\n".encode() + picture[::-1].tobytes())
     about = {
         "image": _GRID,
         "mode": "trinary",

@@ -15,7 +15,7 @@ from custom_msgs.msg import DockingStatus, MissionStatus, SafetyStatus, UIComman
 from robot_stack.cli.nodes.operator import Operator
 from robot_stack.contract import topics
 from robot_stack.core.geometry import Pose2, yaw_from_quaternion
-from robot_stack.ros.conversions import pose_from_msg
+from robot_stack.ros.conversions import pose_from_msg, time_to_s
 from sim.ride import Ride, Sample
 from tf2_msgs.msg import TFMessage
 
@@ -24,7 +24,10 @@ _WHEELCHAIR = "wheelchair"  # its frame in /sim/bodies
 
 
 class Rider:
-    """A context manager. ``ride`` grows while ``wait`` waits; times count from the start of the mission."""
+    """A context manager. ``ride`` grows while ``wait`` waits; its times count from the start of the mission.
+
+    They are times of the world, which may run slower than the clock on the wall: that one is ``now_s``.
+    """
 
     def __init__(self) -> None:
         self.ride = Ride()
@@ -32,7 +35,9 @@ class Rider:
         self.safety: SafetyStatus | None = None
         self.docking: DockingStatus | None = None
         self.moved_m = 0.0
+        self.heard_s = math.nan  # when the world was heard last, as ``now_s`` counts
         self._begun_s = time.monotonic()
+        self._begun_stamp_s: float | None = None
         self._operator = Operator()
         self._commands = self._operator.advertise(topics.UI_COMMAND)
         for row, callback in (
@@ -60,6 +65,11 @@ class Rider:
     def now_s(self) -> float:
         return time.monotonic() - self._begun_s
 
+    @property
+    def _time_s(self) -> float:
+        """The world's time: that of the newest sample."""
+        return self.ride.samples[-1].time_s if self.ride.samples else 0.0
+
     def docking_now(self) -> bool:
         """A docking is under way, in which the robot may stand for a while."""
         return self.docking is not None and self.docking.state not in ("IDLE", "DOCKED", "FAILED")
@@ -84,6 +94,8 @@ class Rider:
             raise ValueError(self.mission.reason)
         self._begun_s = time.monotonic()
         here = self.ride.samples[-1]
+        assert self._begun_stamp_s is not None
+        self._begun_stamp_s += here.time_s
         self.ride = Ride(
             samples=[Sample(0.0, here.pose, here.speed_mps)],
             plans=[(0.0, line) for _, line in self.ride.plans[-1:]],
@@ -96,9 +108,8 @@ class Rider:
 
     def _command(self, command_type: str, mission_id: str) -> None:
         self.mission = None
-        command = UICommand(command_type=command_type, mission_id=mission_id)
-        command.header.stamp = self._operator.node.get_clock().now().to_msg()
-        self._commands.publish(command)
+        # Without a stamp: the world's time may be another than this node's.
+        self._commands.publish(UICommand(command_type=command_type, mission_id=mission_id))
         if not self.wait(lambda: self.mission and self.mission.last_command == command_type, _ANSWER_S):
             raise TimeoutError(f"the mission manager does not answer {command_type}")
 
@@ -113,26 +124,31 @@ class Rider:
     def _on_truth(self, message: Odometry) -> None:
         pose, linear = pose_from_msg(message.pose.pose), message.twist.twist.linear
         samples = self.ride.samples
+        stamp_s, self.heard_s = time_to_s(message.header.stamp), self.now_s()
+        if self._begun_stamp_s is None:
+            self._begun_stamp_s = stamp_s
         if samples:
             last = samples[-1].pose
             self.moved_m += math.hypot(pose.x - last.x, pose.y - last.y)
-        samples.append(Sample(self.now_s(), pose, math.hypot(linear.x, linear.y)))
+        samples.append(Sample(stamp_s - self._begun_stamp_s, pose, math.hypot(linear.x, linear.y)))
 
     def _on_bodies(self, message: TFMessage) -> None:
         for item in message.transforms:
             if item.child_frame_id == _WHEELCHAIR:
                 q, p = item.transform.rotation, item.transform.translation
                 pose = Pose2(p.x, p.y, yaw_from_quaternion(q.x, q.y, q.z, q.w))
-                self.ride.wheelchair.append((self.now_s(), pose))
+                self.ride.wheelchair.append((self._time_s, pose))
 
     def _on_docking(self, message: DockingStatus) -> None:
         if self.docking is None or self.docking.state != message.state:
-            self.ride.docking.append((self.now_s(), message.state))
+            self.ride.docking.append((self._time_s, message.state))
         self.docking = message
 
     def _on_pose(self, message: PoseStamped) -> None:
-        self.ride.estimates.append((self.now_s(), pose_from_msg(message.pose)))
+        if self._begun_stamp_s is not None:
+            time_s = time_to_s(message.header.stamp) - self._begun_stamp_s
+            self.ride.estimates.append((time_s, pose_from_msg(message.pose)))
 
     def _on_plan(self, message: Path) -> None:
         points = [(item.pose.position.x, item.pose.position.y) for item in message.poses]
-        self.ride.plans.append((self.now_s(), np.array(points, dtype=np.float64).reshape(-1, 2)))
+        self.ride.plans.append((self._time_s, np.array(points, dtype=np.float64).reshape(-1, 2)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot_stack.core.geometry import Pose2
-from sim.ride import Ride, Sample, carriage, distance_m, distance_to_line_m, figures, tracking_errors_m
+from sim.ride import Ride, Sample, carriage, distance_m, distance_to_line_m, estimate_errors, figures, tracking_errors_m
 from sim.ride_plots import draw_course, draw_map
 from sim.worldfile import load_world
 
@@ -32,6 +32,15 @@ def test_distance_to_a_line(point: tuple[float, float], distance: float) -> None
 def test_distance_to_a_line_with_a_repeated_point() -> None:
     line = np.array([[1.0, 1.0], [1.0, 1.0], [2.0, 1.0]])
     assert distance_to_line_m(np.array([1.5, 3.0]), line) == pytest.approx(2.0)
+
+
+def test_a_belief_is_compared_with_the_truth_of_its_own_time() -> None:
+    ride = Ride(
+        along_x((0.0, 0, 0), (1.0, 1, 0)), [(-0.1, Pose2(9, 9, 9)), (0.5, Pose2(0.5, 0.1, 0.2)), (1.1, Pose2(0, 0, 0))]
+    )
+    errors = estimate_errors(ride)
+    assert errors.shape == (1, 3)  # before the first and after the last sample nobody knows the truth
+    assert errors[0] == pytest.approx([0.5, 0.1, 0.2])
 
 
 def test_distance_is_the_length_of_the_way() -> None:
