@@ -85,8 +85,8 @@ def _settings(options: argparse.Namespace, folder: Path) -> list[str]:
     return [
         *(f"{node}.world={options.world}" for node in _WORLDLY),
         *(f"{node}.seed={options.seed}" for node in _WORLDLY),
-        f"ndt_localization.map={name}",
-        f"navigation_controller.map={name}",
+        f'ndt_localization.map="{name}"',
+        f'navigation_controller.map="{name}"',
         # Without a map nobody can find out that the robot stands elsewhere.
         *pose_settings("ndt_localization.start", believed if name else start),
         # Files of its own: this ride neither meets nor leaves an unfinished mission, nor what another robot learnt.
