@@ -12,7 +12,7 @@ import math
 import numba
 import numpy as np
 
-from sim.lidar.shapes import BOX, F64, I64
+from sim.lidar.shapes import BOX, F32, F64, I16, I64
 
 BLOCK = 37  # columns
 GROUND_HIT, WET_HIT, PIT_HIT, MIRROR_HIT, FIRST_SOLID = 0, 1, 2, 3, 4
@@ -37,9 +37,9 @@ def cast(
     half: F64,
     mover_position: F64,
     mover_rotation: F64,
-    ranges: F64,
-    hits: I64,
-    cosines: F64,
+    ranges: F32,
+    hits: I16,
+    cosines: F32,
 ) -> None:
     """First meeting of every beam.
 
@@ -124,9 +124,9 @@ def _ground(
     origins: F64,
     rotations: F64,
     max_m: float,
-    ranges: F64,
-    hits: I64,
-    cosines: F64,
+    ranges: F32,
+    hits: I16,
+    cosines: F32,
 ) -> None:
     for c in range(first, last):
         level = rotations[c, 2, 0] * column_cos[c] + rotations[c, 2, 1] * column_sin[c]
@@ -263,9 +263,9 @@ def _solid(
     shape: F64,
     half: F64,
     max_m: float,
-    ranges: F64,
-    hits: I64,
-    cosines: F64,
+    ranges: F32,
+    hits: I16,
+    cosines: F32,
 ) -> None:
     """One column of beams against one solid, in its own frame: direction = cos(elevation) u + sin(elevation) w."""
     ox = oy = oz = ux = uy = uz = wx = wy = wz = 0.0
@@ -354,9 +354,9 @@ def _rect(
     rotations: F64,
     max_m: float,
     rect: F64,
-    ranges: F64,
-    hits: I64,
-    cosines: F64,
+    ranges: F32,
+    hits: I16,
+    cosines: F32,
 ) -> None:
     """Beams that met the ground inside a rectangle: it is wet there, or they fall on into the pit."""
     cx, cy, cos_y, sin_y, half_x, half_y, depth = rect[0], rect[1], rect[2], rect[3], rect[4], rect[5], rect[6]

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from sim.lidar.kernels import NO_HIT
 from sim.lidar.labels import NEAR
-from sim.lidar.shapes import F64, I64
+from sim.lidar.shapes import F32, F64, I16
 
-F32 = NDArray[np.float32]
 U32 = NDArray[np.uint32]
 U8 = NDArray[np.uint8]
 
@@ -35,9 +34,9 @@ def returns(
     azimuths: F64,
     elevations: F64,
     times_s: F64,
-    ranges: F64,
-    hits: I64,
-    cosines: F64,
+    ranges: F32,
+    hits: I16,
+    cosines: F32,
     label_of: U8,
     reflectivity_of: F32,
     wet_hit: int,

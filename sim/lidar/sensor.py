@@ -23,8 +23,9 @@ from sim.camera.motion import Track, still
 from sim.lidar import returns as model
 from sim.lidar.kernels import BLOCK, WET_HIT, cast
 from sim.lidar.params import LidarParams
+from sim.lidar.poses import poses_at
 from sim.lidar.scene import Scene
-from sim.lidar.shapes import F64
+from sim.lidar.shapes import F32, F64
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +39,7 @@ class Conditions:
 CLEAR = Conditions()
 _BELOW_EVERYTHING_M = -1.0e3
 _BANK = 1 << 19
+_UNMOVED = np.eye(4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +76,8 @@ class Lidar:
         self._uniforms = random.random(len(self._normals), dtype=np.float32)
         self._model = _model(params)
         shape = (beams.columns, beams.rings)
-        self._ranges, self._cosines = np.empty(shape), np.empty(shape)
-        self._hits = np.empty(shape, np.int64)
+        self._ranges, self._cosines = np.empty(shape, np.float32), np.empty(shape, np.float32)
+        self._hits = np.empty(shape, np.int16)
 
     @property
     def columns(self) -> int:
@@ -129,7 +131,7 @@ class Lidar:
         numbers = self._model.copy()
         numbers[model.NOISE_M] *= conditions.noise_factor
         numbers[model.COVERED] = conditions.covered_share
-        points, labels = np.zeros(count, SWEEP), np.empty(count, np.uint8)
+        points, labels = np.empty(count, SWEEP), np.empty(count, np.uint8)
         skip = int(self._random.integers(0, len(self._normals) - 3 * count - 3))
         used = model.returns(
             self._azimuths[first:last],
@@ -152,24 +154,23 @@ class Lidar:
 
     def ranges(
         self, base: Track, times_s: F64, first: int, last: int, movers: Mapping[str, Track]
-    ) -> tuple[F64, NDArray[np.int64], F64]:
+    ) -> tuple[F32, NDArray[np.int16], F32]:
         """Exact range (inf: nothing), what was met, cosine: (columns, rings) each, valid until the next call."""
-        poses = base.at(times_s) @ self.mounting
+        origins, rotations = poses_at(base, times_s, self.mounting)
         block_times = times_s[np.minimum(np.arange(0, last - first, BLOCK) + BLOCK // 2, last - first - 1)]
         place = np.zeros((len(block_times), len(self.scene.movers), 3))
         place[:, :, 2] = _BELOW_EVERYTHING_M
         turned = np.tile(np.eye(3), (len(block_times), len(self.scene.movers), 1, 1))
         for index, name in enumerate(self.scene.movers):
             if name in movers:
-                track = movers[name].at(block_times)
-                place[:, index], turned[:, index] = track[:, :3, 3], track[:, :3, :3]
+                place[:, index], turned[:, index] = poses_at(movers[name], block_times, _UNMOVED)
         shapes, count = self.scene.shapes, last - first
         ranges, hits, cosines = self._ranges[:count], self._hits[:count], self._cosines[:count]
         cast(
             self._azimuths[first:last],
             self._elevations,
-            np.ascontiguousarray(poses[:, :3, 3]),
-            np.ascontiguousarray(poses[:, :3, :3]),
+            origins,
+            rotations,
             self.params.ranging.max_m,
             self.scene.rects,
             shapes.kind,
