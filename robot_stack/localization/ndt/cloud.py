@@ -1,6 +1,6 @@
 """From a sweep as the sensor sends it to a few thousand points in base_link at the sweep's stamp."""
 
-# mypy: disable-error-code="no-untyped-def"
+# mypy: disable-error-code="no-untyped-def, untyped-decorator, no-any-return"
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def subsample(
     return points
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True)
 def _subsample(flat, lidar, motion, voxel_m, min_range_m, max_range_m):
     size = 1 << _TABLE_BITS
     mask = size - 1

@@ -16,6 +16,9 @@ from robot_stack.localization.ndt.params import MatchParams
 
 Floats = npt.NDArray[np.float64]
 
+# How well a cell knows its surface's normal, rad: so much of what holds across a surface seems to hold along it as well.
+_NORMAL_RAD = 0.03
+
 
 @dataclass(frozen=True, slots=True)
 class Match:
@@ -151,7 +154,8 @@ class NdtMatcher:
 
     def _covariance(self, information: Floats) -> Floats:
         p = self._params
-        value, vector = np.linalg.eigh(information)
+        leaked = _NORMAL_RAD**2 * float(np.trace(information[:3, :3]))
+        value, vector = np.linalg.eigh(information - np.diag([leaked, leaked, 0.0, 0.0, 0.0, 0.0]))
         # Directions that nothing holds: 100 m, 100 rad, which no gate takes for knowledge.
         spread = vector @ np.diag(1.0 / np.maximum(value, 1e-4)) @ vector.T
         least = np.array([p.position_sigma_m] * 3 + [p.yaw_sigma_rad] * 3) ** 2
