@@ -40,7 +40,8 @@ Positive = Annotated[float, Field(gt=0.0)]
 _KNOT_HZ = 100.0
 _KNOTS = 40
 _ROOM_M = 0.05
-_LIMIT_MPS = 0.2  # mean speed below which a ride is given up
+_PATIENCE_S, _ASIDE_MPS = 3.0, 0.3
+_LIMIT_MPS = 0.35  # mean speed below which a ride is given up
 
 
 class RideParams(Config):
@@ -73,7 +74,7 @@ class Ride(KernelStack):
     def __init__(self, params: RideParams, world: WorldFile, tape: Tape) -> None:
         self._tape = tape
         self._way, self._reached = params.way(world), 0
-        self._ride, self._start_s = params, 0.0
+        self._ride, self._start_s, self._waiting_since_s = params, 0.0, 0.0
         self.true_poses: list[tuple[float, F64]] = []
         self._knots: deque[tuple[float, F64]] = deque(maxlen=_KNOTS)
         start = world.start.pose()
@@ -113,21 +114,30 @@ class Ride(KernelStack):
         ahead = self._way[self._reached : self._reached + 20]
         self._reached += int(np.argmin(np.linalg.norm(ahead - here, axis=1)))
         goal = self._way[min(self._reached + round(self._ride.look_ahead_m / 0.1), len(self._way) - 1)]
-        if self._somebody_ahead(pose, goal - here):
-            return Twist2(0.0, 0.0, 0.0)
         to_goal = goal - here
+        aside = self._aside(pose, to_goal)
+        if aside is not None:
+            return aside
         heading = wrap_angle(math.atan2(to_goal[1], to_goal[0]) - pose.yaw)
         left_m = 0.1 * (len(self._way) - self._reached)
         speed = self._ride.speed_mps * min(1.0, max(0.25, math.cos(heading)), 0.2 + left_m)
         omega = max(-self._ride.yaw_rate_radps, min(self._ride.yaw_rate_radps, 1.5 * heading))
         return Twist2(speed * math.cos(heading), speed * math.sin(heading), omega)
 
-    def _somebody_ahead(self, pose: Pose2, to_goal: F64) -> bool:
-        """A person on the strip of ground that the robot is about to drive over."""
+    def _aside(self, pose: Pose2, to_goal: F64) -> Twist2 | None:
+        """What to do about a person on the strip of ground ahead: wait, then pass on the other side; None: nobody."""
         way = Pose2(pose.x, pose.y, math.atan2(to_goal[1], to_goal[0]))
         half_m = 0.5 * self.robot.footprint.width_m + RADIUS_M + _ROOM_M
         seen = [walker.pose().relative_to(way) for walker in self.sim.world.people]
-        return any(0.0 < person.x < self._ride.wait_ahead_m and abs(person.y) < half_m for person in seen)
+        ahead = [one for one in seen if 0.0 < one.x < self._ride.wait_ahead_m and abs(one.y) < half_m]
+        if not ahead:
+            self._waiting_since_s = self.time_s
+            return None
+        if self.time_s - self._waiting_since_s < _PATIENCE_S:
+            return Twist2(0.0, 0.0, 0.0)
+        side = -math.copysign(_ASIDE_MPS, min(ahead, key=lambda one: one.x).y)
+        turn = way.yaw - pose.yaw
+        return Twist2(-side * math.sin(turn), side * math.cos(turn), 0.0)
 
     # --- sensors -----------------------------------------------------------------------------------------------------
 

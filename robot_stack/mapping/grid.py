@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import grey_opening, median_filter
+from scipy.ndimage import grey_opening, label, median_filter
 
 from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, Grid
 from robot_stack.mapping.ground import Bins, Surface
@@ -33,12 +33,22 @@ def grid_of(bins: Bins, surface: Surface, driven: Mask, settings: GridSettings) 
     seen = np.zeros(shape, bool)
     off = (np.abs(above) > settings.step_m) & (above <= settings.structure_to_m)
     seen[i[off], j[off]] = True
-    blocked = structure | (seen & ~surface.reached) | steps(surface, settings) | bumps(bins, surface, settings)
+    sure = structure | (seen & ~surface.reached)
+    blocked = sure | _in_groups(sure | steps(surface, settings) | bumps(bins, surface, settings), settings)
     occupancy = np.full(shape, UNKNOWN, np.int8)
     occupancy[surface.reached | driven] = FREE
     occupancy[blocked & ~driven] = OCCUPIED
     x, y = (surface.first * surface.resolution_m).tolist()
     return Grid(surface.resolution_m, x, y, np.ascontiguousarray(occupancy.T))
+
+
+def _in_groups(found: Mask, settings: GridSettings) -> Mask:
+    """Cells that others touch: a kerb is never alone, noise is."""
+    groups, _ = label(found, np.ones((3, 3)))
+    large = np.bincount(groups.ravel()) >= settings.fewest_cells
+    large[0] = False
+    kept: Mask = large[groups]
+    return kept
 
 
 def steps(surface: Surface, settings: GridSettings) -> Mask:

@@ -105,6 +105,7 @@ class GridSettings(Config):
     bump_m: Positive
     bump_share: Share
     bump_width_m: Positive
+    fewest_cells: Annotated[int, Field(ge=1)]
     structure_from_m: Positive
     structure_to_m: Positive
     fewest_structure_points: Annotated[int, Field(ge=1)]
