@@ -142,7 +142,8 @@ def evaluate(
             far = math.hypot(gx, gy)
             towards = wrapped(route[min(at + 3, last), _YAW] + turn - yaw)
             wish = share * min(speed_max, route[at, _SPEED]) * max(0.15, 1.0 - abs(towards) / 1.2)
-            wish = min(wish, math.sqrt(1.4 * acceleration * far), 1.5 * far)
+            left = far + route[last, _ALONG] - route[target, _ALONG]
+            wish = min(wish, math.sqrt(1.4 * acceleration * left), 1.5 * left)
             wx, wy = (wish * gx / far, wish * gy / far) if far > 1e-6 else (0.0, 0.0)
             cos, sin = math.cos(yaw), math.sin(yaw)
             ax, ay = cos * wx + sin * wy - vx, -sin * wx + cos * wy - vy
@@ -174,7 +175,8 @@ def evaluate(
                 cost += 1.0
             elif clear < soft_m:
                 share_near = (soft_m - clear) / (soft_m - hard_m)
-                cost += weights[3] * share_near * share_near
+                # By the metre: who goes slowly past something is not punished for the time it takes.
+                cost += weights[3] * share_near * share_near * math.hypot(vx, vy) * step_s
             if moving:
                 time = (i + 1) * step_s
                 for p in range(len(people)):
