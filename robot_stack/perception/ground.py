@@ -174,8 +174,11 @@ def _follow(
                 _ask_neighbours(s, sectors, upper, lower, at, seed_d, slope * width)
             z, d = height[s, k], distance[s, k]
             # Range noise seen at the angle of incidence: along the ray, so little of it is height.
-            noise = np.float32(3.0) * sigma * (sensor - z) / max(d, np.float32(0.5)) / math.sqrt(np.float32(n))
-            noise = min(abs(noise), np.float32(3.0) * sigma)
+            # A slope adds its own share.
+            incline = abs(sensor - z) / max(d, np.float32(0.5)) + abs(z - seed_z[s]) / max(
+                d - seed_d[s], np.float32(0.5)
+            )
+            noise = np.float32(3.0) * sigma * min(incline, np.float32(1.0)) / math.sqrt(np.float32(n))
             past = slope * (d - middle)
             above = z - (upper[s] + past)
             below = (lower[s] - past) - z

@@ -27,6 +27,7 @@ _RINGS_IN_LINE = 3
 _KNOWN_M = 0.2  # shorter lines say nothing of a slope
 _AHEAD = 8  # cells looked at behind the last ground
 _CONTINUES = 0.6  # of the least slope that a ramp would need: it goes on rising
+_GO_ON_M = 0.2  # looked at behind a rise, at least
 _SMOOTH_M = 0.06
 
 
@@ -39,7 +40,7 @@ def look_again(
     rise, gap, reach = (np.float32(value) for value in (params.kerb_rise_m, params.kerb_gap_m, params.kerb_range_m))
     spacing = np.float32(ring_spacing_rad)
     _find_steps(cells.low, cells.height_m, cells.distance_m, kind, slope, rise, gap, reach, spacing, steps)
-    _take_steps(cells.distance_m, steps, kind, ground, free_m)
+    _take_steps(cells.height_m, cells.distance_m, steps, kind, ground, free_m)
     _find_decks(cells.height_m, cells.distance_m, cells.top_m, slope, np.float32(params.deck_m), kind, ground)
 
 
@@ -79,7 +80,8 @@ def _find_steps(
                 continue
             length = max(np.float32(_LINE_M), np.float32(_RINGS_IN_LINE) * spacing * (d0 * d0 + np.float32(0.5)) * 1.4)
             middle_d, middle_z, tilt, known = _line(s, i, node, low, height, distance, steps, length, slope)
-            if known < np.float32(_KNOWN_M):
+            off = height[s, k] - (middle_z + tilt * (d0 - middle_d))
+            if known < np.float32(_KNOWN_M) or off > np.float32(0.5) * rise:  # it stands above that line already
                 continue
             for ahead in range(i + 1, min(i + 1 + _AHEAD, count)):
                 m = node[ahead]
@@ -152,7 +154,7 @@ def _goes_on(
     for after in range(at + 1, count):
         n = node[after]
         ahead = distance[s, n] - distance[s, m]
-        if ahead < max(np.float32(0.5) * away, np.float32(0.1)):
+        if ahead < max(np.float32(0.5) * away, np.float32(_GO_ON_M)):
             continue
         if ahead > gap:
             return True
@@ -162,21 +164,24 @@ def _goes_on(
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _take_steps(distance: Float, steps: Float, kind: Bytes, ground: Float, free: Float) -> None:
-    """Steps that a direction beside them shows too are believed."""
+def _take_steps(height: Float, distance: Float, steps: Float, kind: Bytes, ground: Float, free: Float) -> None:
+    """Steps are believed if a direction beside them shows something raised there too."""
     sectors, rings = steps.shape
     for s in range(sectors):
         for k in range(rings):
-            if steps[s, k] <= np.float32(0.0):
+            if steps[s, k] <= np.float32(0.0) and kind[s, k] != STEP:
                 continue
             d = distance[s, k]
             believed = False
             for other in (-2, -1, 1, 2):
                 t = (s + other) % sectors
                 for j in range(max(0, k - 4), min(rings, k + 5)):
-                    if steps[t, j] > np.float32(0.0) and abs(distance[t, j] - d) < np.float32(0.25):
+                    raised = steps[t, j] > np.float32(0.0) or kind[t, j] == STEP or kind[t, j] == TALL
+                    if raised and abs(distance[t, j] - d) < np.float32(0.25):
                         believed = True
-            if believed:
+            if not believed and kind[s, k] == STEP:
+                kind[s, k], ground[s, k] = FLOOR, height[s, k]
+            elif believed and steps[s, k] > np.float32(0.0):
                 # What was judged by the cone keeps its height above the last ground.
                 if kind[s, k] == FLOOR:
                     ground[s, k] = ground[s, k] - steps[s, k]
