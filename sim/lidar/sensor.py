@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from robot_stack.core.robot import Robot
 from sim.camera.motion import Track, still
 from sim.lidar import returns as model
 from sim.lidar.kernels import BLOCK, WET_HIT, cast
+from sim.lidar.mirror import mirror
 from sim.lidar.params import LidarParams
 from sim.lidar.poses import poses_at
 from sim.lidar.scene import Scene
@@ -75,6 +77,7 @@ class Lidar:
         self._normals = random.standard_normal(_bank_size(beams.columns * beams.rings), dtype=np.float32)
         self._uniforms = random.random(len(self._normals), dtype=np.float32)
         self._model = _model(params)
+        self._has_wet_ground = bool((scene.rects[:, 6] == 0.0).any())
         shape = (beams.columns, beams.rings)
         self._ranges, self._cosines = np.empty(shape, np.float32), np.empty(shape, np.float32)
         self._hits = np.empty(shape, np.int16)
@@ -155,7 +158,7 @@ class Lidar:
     def ranges(
         self, base: Track, times_s: F64, first: int, last: int, movers: Mapping[str, Track]
     ) -> tuple[F32, NDArray[np.int16], F32]:
-        """Exact range (inf: nothing), what was met, cosine: (columns, rings) each, valid until the next call."""
+        """True range (inf: nothing), what was met, cosine: (columns, rings) each, valid until the next call."""
         origins, rotations = poses_at(base, times_s, self.mounting)
         block_times = times_s[np.minimum(np.arange(0, last - first, BLOCK) + BLOCK // 2, last - first - 1)]
         place = np.zeros((len(block_times), len(self.scene.movers), 3))
@@ -166,13 +169,14 @@ class Lidar:
                 place[:, index], turned[:, index] = poses_at(movers[name], block_times, _UNMOVED)
         shapes, count = self.scene.shapes, last - first
         ranges, hits, cosines = self._ranges[:count], self._hits[:count], self._cosines[:count]
-        cast(
+        beams: tuple[Any, ...] = (
             self._azimuths[first:last],
             self._elevations,
             origins,
             rotations,
             self.params.ranging.max_m,
-            self.scene.rects,
+        )
+        solids: tuple[Any, ...] = (
             shapes.kind,
             shapes.mover,
             shapes.centre_m,
@@ -180,10 +184,12 @@ class Lidar:
             shapes.half_m,
             place,
             turned,
-            ranges,
-            hits,
-            cosines,
         )
+        cast(*beams, self.scene.rects, *solids, ranges, hits, cosines)
+        share = self.params.wet.mirror_share
+        if share > 0.0 and self._has_wet_ground:
+            skip = int(self._random.integers(0, len(self._uniforms) - ranges.size))
+            mirror(*beams, share, self._uniforms[skip:], *solids, ranges, hits, cosines)
         return ranges, hits, cosines
 
 
