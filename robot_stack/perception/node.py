@@ -27,6 +27,8 @@ class PerceptionPipeline(StackNode):
 
     def __init__(self) -> None:
         super().__init__("perception_pipeline", PerceptionParams)
+        assert topics.OBSTACLES.rate_hz is not None
+        self._period_s = 1.0 / topics.OBSTACLES.rate_hz
         self._pipeline = Pipeline(self.robot, self.params)
         self._pipeline.warm_up()
         self._watch = Watch(self.params.watch)
@@ -42,8 +44,6 @@ class PerceptionPipeline(StackNode):
         self._fulls: Input | None = None
         self._driver_since_s = math.inf
         self.set_health(False, f"waiting for {topics.LIDAR_HALF_SWEEP.name}")
-        assert topics.OBSTACLES.rate_hz is not None
-        self._period_s = 1.0 / topics.OBSTACLES.rate_hz
         self.every(2.0 * topics.OBSTACLES.rate_hz, self._tick)
 
     # --- inputs ------------------------------------------------------------------------------------------------------
