@@ -1,0 +1,216 @@
+"""robot-stack map build, show, check: on a small recorded ride, and on everything that is none."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from robot_stack.cli.app import app
+from robot_stack.cli.errors import CommandError
+from robot_stack.cli.map_build import build_from_recording, problems_of
+from robot_stack.cli.map_recording import points_of, read_ride
+from robot_stack.core.config import ConfigError, config_dir
+from robot_stack.core.geometry import ZERO_TWIST
+from robot_stack.core.robot import load_robot
+from robot_stack.core.site_map import FREE, load_map
+from robot_stack.drive.odometry import Odometry
+from sim.imu import ImuSample
+from sim.mapping_tape import Tape
+from tests.unit.mapping import site
+
+ORIGIN = (site.START.x, site.START.y, site.START.yaw)
+
+
+def write_ride(folder, *, sweeps: bool = True, odometry: bool = True, until_s: float = site.DURATION_S) -> None:
+    ride = site.recorded()
+    waiting = iter(ride.sweeps if sweeps else [])
+    upcoming = next(waiting, None)
+    with Tape(folder) as tape:
+        for time_s, pose in ride.odometry:
+            if time_s > until_s:
+                break
+            while upcoming is not None and upcoming[0] <= time_s:
+                tape.sweep(*upcoming)
+                upcoming = next(waiting, None)
+            if odometry:
+                tape.odometry(time_s, Odometry(pose=pose, twist=ZERO_TWIST))
+            rate = site.SPEED_MPS / site.RADIUS_M if time_s > site.STAND_S else 0.0
+            tape.imu(ImuSample(time_s, (0.0, 0.0, 9.81), (0.0, 0.0, rate), (0.0, 0.0, 0.0, 1.0)))
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rides") / "ride"
+    write_ride(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def own_config(tmp_path_factory):
+    """The configuration with a map builder for few points."""
+    folder = tmp_path_factory.mktemp("config") / "config"
+    shutil.copytree(config_dir(), folder, ignore=shutil.ignore_patterns("maps"))
+    (folder / "mapping.yaml").write_text(yaml.safe_dump(site.params().model_dump(mode="json")), encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(recording, own_config, tmp_path_factory):
+    output = tmp_path_factory.mktemp("maps")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROBOT_STACK_CONFIG", str(own_config))
+        build_from_recording(recording, "room", output, ORIGIN, plot=True)
+    return output / "room"
+
+
+def test_a_recording_becomes_a_map(folder):
+    loaded = load_map(str(folder))
+    assert len(loaded.cells.count) > 50
+    assert (loaded.grid.occupancy == FREE).sum() > 500
+    assert loaded.about["begins_at"]["x_m"] == site.START.x
+    assert loaded.about["drift"]["loops_closed"] >= 1
+    assert loaded.about["drift"]["map_worst_loop_m"] < 0.03 < loaded.about["drift"]["wheel_odometry_worst_loop_m"]
+    assert problems_of(loaded) == []
+    assert (folder / "map.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_show_and_check(folder, tmp_path):
+    picture = tmp_path / "again.png"
+    shown = CliRunner().invoke(app, ["map", "show", str(folder), "--picture", str(picture)])
+    assert shown.exit_code == 0, shown.output
+    assert "loops closed" in shown.output
+    assert picture.is_file()
+    checked = CliRunner().invoke(app, ["map", "check", str(folder)])
+    assert checked.exit_code == 0
+    assert "checksums agree" in checked.output
+
+
+def test_a_changed_file_is_noticed(folder, tmp_path):
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    grid = bytearray((copy / "grid.pgm").read_bytes())
+    grid[-1] ^= 0xFF
+    (copy / "grid.pgm").write_bytes(bytes(grid))
+    result = CliRunner().invoke(app, ["map", "check", str(copy)])
+    assert result.exit_code != 0
+    assert isinstance(result.exception, ConfigError)
+    assert "grid.pgm" in str(result.exception)
+
+
+def read(path):
+    return read_ride(path, site.params().sweeps, load_robot(), lambda *_: None)
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        ({"sweeps": False}, "/sensors/lidar/points"),
+        ({"odometry": False}, "/odom"),
+        ({"until_s": 4.0}, "too short"),
+    ],
+)
+def test_rides_that_make_no_map(tmp_path, what, words):
+    write_ride(tmp_path / "ride", **what)
+    with pytest.raises(CommandError, match=words):
+        read(tmp_path / "ride")
+
+
+def test_a_file_that_was_cut_off_gives_what_is_whole(recording, tmp_path):
+    data = (recording / "ride_0.mcap").read_bytes()
+    file = tmp_path / "cut.mcap"
+    file.write_bytes(data[: int(0.8 * len(data))])
+    ride, warnings = read(file)
+    assert len(ride.sweeps) >= site.params().sweeps.fewest
+    assert "cut off or damaged" in warnings[0]
+    file.write_bytes(data[:3000])
+    with pytest.raises(CommandError, match="no message on"):
+        read(file)
+
+
+def test_what_is_no_recording(tmp_path):
+    with pytest.raises(CommandError, match="cannot be read"):
+        read(tmp_path / "nowhere.mcap")
+    file = tmp_path / "text.mcap"
+    file.write_text("no recording", encoding="utf-8")
+    with pytest.raises(CommandError, match="no recording"):
+        read(file)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(CommandError, match="no recording"):
+        read(tmp_path / "empty")
+
+
+def test_a_rosbag2_in_sqlite(recording, tmp_path):
+    """As ros2 bag records it by default: the same ride."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.rosbag2 import Writer
+
+    target = tmp_path / "bag"
+    with AnyReader([recording]) as source, Writer(target, version=9) as writer:
+        made = {c.id: writer.add_connection(c.topic, c.msgtype, typestore=source.typestore) for c in source.connections}
+        for connection, at_ns, data in source.messages():
+            writer.write(made[connection.id], at_ns, data)
+    assert list(target.glob("*.db3"))
+    ride, warnings = read(target)
+    assert not warnings
+    assert len(ride.sweeps) == len(read(recording)[0].sweeps)
+    database = next(target.glob("*.db3"))
+    with sqlite3.connect(database) as connection:
+        connection.execute("DROP TABLE messages")
+    with pytest.raises(CommandError):
+        read(target)
+
+
+@pytest.mark.parametrize("name", ["../up", "", "a b", "/etc"])
+def test_a_name_is_a_name(recording, name, tmp_path):
+    with pytest.raises(CommandError, match="name"):
+        build_from_recording(recording, name, tmp_path, None, plot=False)
+
+
+def test_an_origin_is_finite(recording, tmp_path):
+    with pytest.raises(CommandError, match="origin"):
+        build_from_recording(recording, "room", tmp_path, (0.0, float("nan"), 0.0), plot=False)
+
+
+class Cloud:
+    """A decoded PointCloud2 as little as it can be."""
+
+    def __init__(self, names=("x", "y", "z", "time"), size: int = 32) -> None:
+        self.fields = [Field(name, 4 * number) for number, name in enumerate(names)]
+        self.width, self.height, self.point_step, self.is_bigendian = 2, 1, 16, False
+        self.data = np.arange(8, dtype="<f4").tobytes()[:size]
+
+
+class Field:
+    def __init__(self, name: str, offset: int) -> None:
+        self.name, self.offset, self.datatype = name, offset, 7
+
+
+def test_points_are_found_by_name():
+    points = points_of(Cloud(("time", "z", "y", "x")))
+    assert points["time"].tolist() == [0.0, 4.0]
+    assert points["x"].tolist() == [3.0, 7.0]
+
+
+def test_clouds_that_lack_something():
+    with pytest.raises(ValueError, match="field time is missing"):
+        points_of(Cloud(("x", "y", "z", "t")))
+    with pytest.raises(ValueError, match="31 bytes"):
+        points_of(Cloud(size=31))
+
+
+def test_the_demonstration_site_has_its_map():
+    """Made from a recorded ride; big enough to drive by, small enough to be kept."""
+    loaded = load_map("yard")
+    assert problems_of(loaded) == []
+    assert loaded.about["made_from"] == "the recording of a ride"
+    assert loaded.about["ride"]["length_m"] > 150.0
+    assert loaded.about["drift"]["loops_closed"] >= 5
+    assert loaded.about["drift"]["map_worst_loop_m"] < 0.05
+    assert len(loaded.cells.count) > 1000
+    assert (loaded.grid.occupancy == FREE).sum() * loaded.grid.resolution_m**2 > 600.0
+    assert sum(file.stat().st_size for file in (config_dir() / "maps" / "yard").iterdir()) < 3e6
