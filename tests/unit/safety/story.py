@@ -20,13 +20,12 @@ from robot_stack.core.config import load
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.robot import load_robot
 from robot_stack.safety.arbiter import Verdict
-from robot_stack.safety.conditions import CONDITIONS
 from robot_stack.safety.inputs import Axis, DriveReading, ImuSample
 from robot_stack.safety.monitor import Memory, ResetAnswer, SafetyMonitor
 from robot_stack.safety.params import SafetyParams
 
 ROBOT = load_robot()
-PARAMS = load(SafetyParams, "safety_monitor", {"rows": tuple(CONDITIONS)})
+PARAMS = load(SafetyParams, "safety_monitor")
 TICK_S = 0.01
 G = 9.81
 _BEARINGS = np.linspace(-math.pi, math.pi, 90)

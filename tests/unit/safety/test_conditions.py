@@ -233,3 +233,79 @@ def test_cameras_that_are_late() -> None:
     assert late == present(WARN, "/front: silent for 0.51 s")
     both = find("CAMERA_TIMEOUT", cameras={"/front": math.inf, "/rear": math.nan})
     assert both == present(WARN, "/front: never received, /rear: silent for nan s")
+
+
+# --- surroundings ----------------------------------------------------------------------------------------------------
+
+
+def outlook(moving: Approach = FREE, wanted: Approach = FREE) -> Outlook:
+    return replace(FREE_WAY, moving=moving, wanted=wanted)
+
+
+def test_lidar_and_obstacles_that_fall_silent() -> None:
+    assert find("LIDAR_TIMEOUT", lidar_age_s=0.5, lidar_problem="frozen") == CLEAR
+    assert find("LIDAR_TIMEOUT", lidar_age_s=0.51) == present(STOP, "/sensors/lidar/points: silent for 0.51 s")
+    assert find("LIDAR_TIMEOUT", lidar_age_s=0.6, lidar_problem="frozen") == present(
+        STOP, "/sensors/lidar/points: frozen"
+    )
+    assert find("OBSTACLES_TIMEOUT", obstacles_age_s=0.3, obstacles_problem="junk") == CLEAR
+    assert find("OBSTACLES_TIMEOUT", obstacles_age_s=0.31) == present(STOP, "/perception/obstacles: silent for 0.31 s")
+    assert find("OBSTACLES_TIMEOUT", obstacles_age_s=math.inf, obstacles_problem="junk") == present(
+        STOP, "/perception/obstacles: junk"
+    )
+
+
+@pytest.mark.parametrize("code", ["COLLISION_IMMINENT", "OBSTACLE_NEAR"])
+@pytest.mark.parametrize("held", [NONE, LIMIT, STOP])
+def test_without_obstacles_nobody_can_judge(code: str, held: SafetyAction) -> None:
+    assert find(code, held, outlook=None) == UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ("held", "seen", "expected"),
+    [
+        (NONE, outlook(Approach(1.0, 0.15)), CLEAR),
+        (NONE, outlook(Approach(0.99, 5.0)), present(STOP, "collision in 1.0 s")),
+        (NONE, outlook(Approach(5.0, 0.149)), present(STOP, "obstacle 0.15 m ahead")),
+        (NONE, outlook(wanted=Approach(0.5, 0.15)), CLEAR),  # it is slow first
+        (NONE, outlook(wanted=Approach(9.0, 0.14)), present(STOP, "obstacle 0.14 m ahead")),
+        (STOP, outlook(Approach(1.3, 0.2)), CLEAR),
+        (STOP, outlook(Approach(1.29, 5.0)), present(STOP, "collision in 1.3 s")),
+        (STOP, outlook(Approach(5.0, 0.19)), present(STOP, "obstacle 0.19 m ahead")),
+        (STOP, outlook(wanted=Approach(5.0, 0.19)), present(STOP, "obstacle 0.19 m ahead")),
+    ],
+)
+def test_collision_imminent(held: SafetyAction, seen: Outlook, expected: Finding) -> None:
+    assert find("COLLISION_IMMINENT", held, outlook=seen) == expected
+
+
+def near(clearance_m: float, linear_mps: float, angular_radps: float) -> Finding:
+    return Finding(
+        Level.PRESENT,
+        LIMIT,
+        SpeedLimit(linear_mps, pytest.approx(angular_radps)),
+        f"obstacle {clearance_m:.2f} m ahead",
+    )
+
+
+@pytest.mark.parametrize(
+    ("held", "seen", "expected"),
+    [
+        (NONE, outlook(Approach(3.0, 1.0)), CLEAR),
+        (NONE, outlook(Approach(2.99, 4.0)), near(4.0, 1.6, 3.2)),
+        (NONE, outlook(Approach(9.0, 0.75)), near(0.75, 0.3, 0.6)),
+        (NONE, outlook(Approach(9.0, 9.0), Approach(2.9, 0.5)), near(0.5, 0.2, 0.4)),
+        (NONE, outlook(wanted=Approach(2.9, 4.0)), near(4.0, 1.6, 3.2)),
+        (NONE, outlook(Approach(0.5, 0.0)), near(0.0, 0.05, 0.1)),
+        (LIMIT, outlook(Approach(3.3, 1.05)), CLEAR),
+        (LIMIT, outlook(Approach(3.29, 4.0)), near(4.0, 1.6, 3.2)),
+        (LIMIT, outlook(Approach(9.0, 1.04)), near(1.04, 0.41, 0.82)),
+    ],
+)
+def test_obstacle_near(held: SafetyAction, seen: Outlook, expected: Finding) -> None:
+    found = find("OBSTACLE_NEAR", held, outlook=seen)
+    assert (found.level, found.action, found.detail) == (expected.level, expected.action, expected.detail)
+    assert (found.limit is None) == (expected.limit is None)
+    if found.limit is not None and expected.limit is not None:
+        assert found.limit.linear_mps == pytest.approx(expected.limit.linear_mps)
+        assert found.limit.angular_radps == expected.limit.angular_radps

@@ -6,16 +6,20 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from robot_stack.contract.frames import JOINTS
 from robot_stack.contract.model import SafetyAction, SafetyState
+from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.safety.conditions import CONDITIONS
 from robot_stack.safety.inputs import Axis, DriveReading, ImuSample
 from robot_stack.safety.monitor import Memory, ResetAnswer
-from tests.unit.safety.story import GOOD_AXIS, PARAMS, TICK_S, Story
+from robot_stack.safety.observation import CAMERAS
+from tests.unit.safety.story import GOOD_AXIS, NOTHING, PARAMS, ROBOT, SWEEP, TICK_S, Story
 
-NORMAL, DEGRADED, EMERGENCY = SafetyState.NORMAL, SafetyState.DEGRADED, SafetyState.EMERGENCY_STOP
+NORMAL, DEGRADED, AVOIDANCE, EMERGENCY = SafetyState
 
 
 # --- nothing wrong ---------------------------------------------------------------------------------------------------
@@ -608,3 +612,210 @@ def test_an_acceleration_is_no_slope() -> None:
         story.wheel_radps = speed_mps / 0.0825
         story.monitor.observation.imu(ImuSample(1.5, 0.0, 9.81, 1e-9 * story.ticks, 0.0, 0.0), story.now_s)
         story.tick().expect(NORMAL, ())
+
+
+# --- LIDAR_TIMEOUT, OBSTACLES_TIMEOUT --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("how", ["silent", "frozen", "covered", "not finite"])
+def test_a_lidar_that_sees_nothing_new_stops_the_robot(how: str) -> None:
+    story = Story().healthy()
+    if how == "frozen":
+        story.sweep_frozen = True
+        story.run(0.1)
+    elif how == "silent":
+        story.sweep = None
+    else:
+        story.sweep = np.full_like(SWEEP, 0.1 if how == "covered" else math.nan)
+    story.run(0.4).expect(NORMAL, ())
+    story.run(0.2).expect(DEGRADED, ("LIDAR_TIMEOUT",), linear_mps=0.0, reason="LIDAR_TIMEOUT")
+    story.sweep, story.sweep_frozen = SWEEP, False
+    story.run(0.9).expect(DEGRADED, ("LIDAR_TIMEOUT",)).run(0.25).expect(NORMAL, ())
+
+
+@pytest.mark.parametrize("how", ["silent", "not finite"])
+def test_obstacles_that_nobody_tells_stop_the_robot(how: str) -> None:
+    story = Story().healthy()
+    story.obstacles = None if how == "silent" else np.full((5, 3), math.nan, np.float32)
+    story.run(0.24).expect(NORMAL, ())
+    assert story.monitor.nearest_obstacle_m == math.inf
+    story.run(0.12).expect(DEGRADED, ("OBSTACLES_TIMEOUT",), linear_mps=0.0, reason="OBSTACLES_TIMEOUT")
+    assert math.isnan(story.monitor.nearest_obstacle_m)
+    story.obstacles = NOTHING
+    story.run(0.9).expect(DEGRADED).run(0.25).expect(NORMAL, ())
+    assert story.monitor.nearest_obstacle_m == math.inf
+
+
+def test_surroundings_that_never_came_stop_the_robot() -> None:
+    story = Story()
+    story.sweep = story.obstacles = None
+    story.run(3.0).expect(DEGRADED, ("LIDAR_TIMEOUT", "OBSTACLES_TIMEOUT"), linear_mps=0.0)
+    assert story.monitor.details["LIDAR_TIMEOUT"] == "/sensors/lidar/points: never received"
+    assert story.monitor.details["OBSTACLES_TIMEOUT"] == "/perception/obstacles: never received"
+
+
+def test_clocks_that_run_back_make_the_surroundings_old() -> None:
+    story = Story().healthy()
+    story.now_s -= 50.0
+    story.step()
+    assert {"LIDAR_TIMEOUT", "OBSTACLES_TIMEOUT"} <= set(story.verdict.faults)
+
+
+# --- COLLISION_IMMINENT, OBSTACLE_NEAR -------------------------------------------------------------------------------
+
+AHEAD, BACK = Twist2(0.4, 0.0, 0.0), Twist2(-0.4, 0.0, 0.0)
+
+
+def _wall(x_m: float, width_m: float = 2.0) -> NDArray[np.float32]:
+    ys = np.arange(-0.5 * width_m, 0.5 * width_m + 0.01, 0.05)
+    return np.array([(x_m, y, z) for y in ys for z in (0.3, 1.0)], np.float32)
+
+
+def test_the_nearer_the_slower_and_then_a_stop() -> None:
+    story = Story().healthy()
+    story.driven, story.obstacles = AHEAD, _wall(2.5)
+    story.run(0.1).expect(NORMAL, ())
+    assert story.monitor.nearest_obstacle_m == pytest.approx(2.0)
+    story.obstacles = _wall(1.31)
+    story.run(0.1).expect(AVOIDANCE, ("OBSTACLE_NEAR",), reason="OBSTACLE_NEAR")
+    assert story.verdict.limit.linear_mps == pytest.approx(0.32)
+    story.obstacles = _wall(0.9)
+    story.run(0.1).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
+    assert story.verdict.reason == "COLLISION_IMMINENT"
+    assert story.monitor.details["COLLISION_IMMINENT"] == "collision in 0.9 s"
+
+
+def test_a_robot_that_is_held_stays_held_until_it_wants_something_else() -> None:
+    """No stop-and-go before a wall; another direction is free after half a second."""
+    story = Story().healthy()
+    story.driven, story.wish, story.obstacles = ZERO_TWIST, AHEAD, _wall(0.6)
+    story.run(3.0).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
+    story.wish = BACK
+    story.before(0.5).expect(AVOIDANCE, ("COLLISION_IMMINENT",), linear_mps=0.0).past().expect(NORMAL, ())
+    story.driven = BACK
+    story.run(0.5).expect(NORMAL, ())
+
+
+@pytest.mark.parametrize(
+    "twist", [Twist2(-0.4, 0.0, 0.0), Twist2(0.0, 0.4, 0.0), Twist2(0.0, -0.4, 0.0), Twist2(-0.2, 0.2, 0.0)]
+)
+def test_before_a_wall_every_way_that_does_not_lead_into_it_is_free(twist: Twist2) -> None:
+    story = Story().healthy()
+    story.driven, story.obstacles = twist, _wall(0.58, 3.0)
+    story.run(0.3).expect(NORMAL, ())
+
+
+def test_a_robot_that_stands_near_something_is_no_collision() -> None:
+    story = Story().healthy()
+    story.obstacles = _wall(0.53)
+    story.run(1.0).expect(NORMAL, ())
+    assert story.monitor.nearest_obstacle_m == pytest.approx(0.03)
+
+
+def test_a_gate_of_1_3_m_can_be_passed() -> None:
+    story = Story().healthy()
+    story.driven = AHEAD
+    for x_m in np.arange(3.0, -1.5, -0.05):
+        posts = [
+            (x_m + dx, side * (0.65 + dy), z)
+            for side in (1, -1)
+            for dx in (0.0, 0.2)
+            for dy in (0, 0.1)
+            for z in (1.0, 0.3)
+        ]
+        story.obstacles = np.array(posts, np.float32)
+        story.run(0.05).expect(NORMAL, ())
+    assert story.monitor.nearest_obstacle_m < 3.0
+
+
+def test_a_robot_that_rolls_without_a_command_is_judged_too() -> None:
+    story = Story().healthy()
+    story.obstacles = _wall(0.7)
+    story.wheel_radps = 0.5 / ROBOT.wheel_radius_m
+    story.run(0.1).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
+    story.wheel_radps = 0.9 * PARAMS.standstill_mps / ROBOT.wheel_radius_m  # no more than an encoder's noise
+    story.run(1.0).expect(NORMAL, ())
+
+
+def test_a_silent_drive_is_judged_by_the_command_it_was_given() -> None:
+    story = Story().healthy()
+    story.driven, story.wish, story.obstacles = None, AHEAD, _wall(0.8)
+    story.run(0.3).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
+
+
+def test_the_wheelchair_is_part_of_the_footprint() -> None:
+    story = Story().healthy()
+    story.driven, story.obstacles = AHEAD, _wall(3.0)
+    story.run(0.1).expect(NORMAL, ())
+    story.monitor.passenger = True
+    story.obstacles = _wall(2.21)
+    story.run(0.2).expect(AVOIDANCE, ("OBSTACLE_NEAR",), linear_mps=pytest.approx(0.32))
+    story.obstacles = _wall(1.5)
+    story.run(0.2).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
+
+
+def test_unknown_obstacles_neither_raise_nor_clear_a_collision() -> None:
+    story = Story().healthy()
+    story.driven, story.obstacles = AHEAD, _wall(0.6)
+    story.run(0.1).expect(AVOIDANCE)
+    story.obstacles = None
+    story.run(2.0).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR", "OBSTACLES_TIMEOUT"), linear_mps=0.0)
+
+
+# --- docking ---------------------------------------------------------------------------------------------------------
+
+
+def _chair(board_x_m: float) -> NDArray[np.float32]:
+    """Board with its passenger, both rails and the castors between them, as seen from base_link."""
+    board = [(board_x_m, y, z) for y in np.arange(-0.29, 0.30, 0.05) for z in (0.3, 0.6, 1.2)]
+    rails = [(board_x_m + x, side * 0.31, 0.2) for x in np.arange(-0.45, 0.0, 0.05) for side in (1, -1)]
+    castors = [(board_x_m - 0.2, side * 0.2, 0.14) for side in (1, -1)]
+    return np.array([*board, *rails, *castors], np.float32)
+
+
+@pytest.mark.parametrize("state", ["SERVOING", "FINE_ALIGN"])
+def test_the_last_way_to_the_chair_is_free_and_a_leg_in_it_is_not(state: str) -> None:
+    story = Story().healthy()
+    story.docking, story.cameras = state, [topic.name for topic in CAMERAS]
+    story.driven, story.wheel_radps = Twist2(0.1, 0.0, 0.0), 0.1 / ROBOT.wheel_radius_m
+    for board_x_m in np.arange(1.25, 0.945, -0.005):
+        story.dock, story.obstacles = Pose2(float(board_x_m), 0.0, 0.0), _chair(float(board_x_m))
+        story.run(0.05).expect(NORMAL, ())
+    leg = np.array([(0.6, 0.1, z) for z in (0.3, 0.6, 0.9)], np.float32)
+    story.obstacles = np.concatenate([_chair(0.95), leg])
+    story.run(0.1).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
+    at_a_rail = np.array([(0.6, 0.31, z) for z in (0.2, 0.5, 0.9)], np.float32)
+    story.obstacles = np.concatenate([_chair(0.95), at_a_rail])
+    story.run(0.1).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
+
+
+@pytest.mark.parametrize("why", ["another state", "no target", "silent status"])
+def test_the_chair_is_an_obstacle_unless_it_is_docked_to(why: str) -> None:
+    story = Story().healthy()
+    story.docking, story.cameras = "SERVOING", [topic.name for topic in CAMERAS]
+    story.driven, story.dock, story.obstacles = Twist2(0.1, 0.0, 0.0), Pose2(1.0, 0.0, 0.0), _chair(1.0)
+    story.run(0.5).expect(NORMAL, ())
+    if why == "another state":
+        story.docking = "APPROACH"
+    elif why == "no target":
+        story.dock = None
+    else:
+        story.docking = None
+    story.run(1.0).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
+
+
+@pytest.mark.parametrize("attached", [True, False])
+def test_backing_off_from_the_chair_is_free(attached: bool) -> None:
+    """With its low parts remembered, which the LiDAR on top cannot see; the chair still counts as attached."""
+    story = Story().healthy()
+    story.docking, story.cameras = "FINE_ALIGN", [topic.name for topic in CAMERAS]
+    story.dock, story.obstacles = Pose2(0.95, 0.0, 0.0), _chair(0.95)
+    story.run(1.0).expect(NORMAL, ())
+    story.docking, story.dock, story.monitor.passenger = "APPROACH", None, attached
+    story.wish = story.driven = Twist2(-0.1, 0.0, 0.0)
+    story.wheel_radps = -0.1 / ROBOT.wheel_radius_m
+    for gone_m in np.arange(0.0, 0.5, 0.005):
+        story.obstacles = _chair(0.95 + float(gone_m))
+        story.run(0.05)
+        assert "COLLISION_IMMINENT" not in story.verdict.faults
+        assert story.verdict.limit.linear_mps > 0.0

@@ -1,0 +1,198 @@
+"""When does the moving footprint touch a point? Worked by hand, and against small steps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from robot_stack.core.geometry import Twist2, exp_se2
+from robot_stack.core.robot import Footprint
+from robot_stack.safety.collision import FREE, Approach, Outline, approach, contact_times, outline_of
+
+BODY = Outline(front=0.5, rear=-0.4, half=0.3)
+AHEAD = Twist2(1.0, 0.0, 0.0)
+
+
+def points(*xy: tuple[float, float]) -> NDArray[np.float64]:
+    return np.array([(x, y, 0.5) for x, y in xy]).reshape(-1, 3)
+
+
+def time_to(x: float, y: float, vx: float, vy: float, omega: float, outline: Outline = BODY) -> float:
+    return float(contact_times(points((x, y)), outline, Twist2(vx, vy, omega))[0])
+
+
+def test_the_outline_of_a_footprint() -> None:
+    footprint = Footprint(front_m=1.4, rear_m=-0.5, width_m=0.8)
+    assert outline_of(footprint) == Outline(1.4, -0.5, 0.4, 0.0)
+    widened = outline_of(footprint, 0.1)
+    assert (widened.front, widened.rear, widened.half, widened.margin) == pytest.approx((1.5, -0.6, 0.5, 0.1))
+    assert Outline(1.4, -0.5, 0.4).reach() == pytest.approx(math.hypot(1.4, 0.4))
+    assert Outline(0.3, -0.5, 0.4).reach() == pytest.approx(math.hypot(0.5, 0.4))
+
+
+def test_inside_and_how_far_outside() -> None:
+    around = points((0.5, 0.3), (-0.4, -0.3), (0.51, 0.0), (-0.41, 0.0), (0.0, 0.31), (0.0, -0.31), (0.8, 0.7))
+    assert BODY.contains(around).tolist() == [True, True, False, False, False, False, False]
+    assert BODY.distances(around) == pytest.approx([0.0, 0.0, 0.01, 0.01, 0.01, 0.01, 0.5])
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "vx", "vy", "seconds"),
+    [
+        (2.5, 0.0, 1.0, 0.0, 2.0),
+        (2.5, 0.3, 0.5, 0.0, 4.0),
+        (2.5, 0.31, 1.0, 0.0, math.inf),  # beside the way
+        (2.5, 0.0, -1.0, 0.0, math.inf),  # behind the motion
+        (-1.4, 0.1, -0.5, 0.0, 2.0),
+        (0.0, 1.3, 0.0, 0.5, 2.0),  # sideways
+        (0.2, -0.8, 0.0, -1.0, 0.5),
+        (0.51, 1.0, 0.0, 1.0, math.inf),
+        # diagonal: the corner (0.5, 0.3) meets (1.5, 1.3) head-on, the front edge passes under (1.5, 1.4)
+        (1.5, 1.3, 1.0, 1.0, 1.0),
+        (1.0, 1.3, 1.0, 1.0, 1.0),
+        (1.0, 0.5, 1.0, 1.0, 0.5),
+        (1.5, 0.3, 1.0, 1.0, math.inf),  # passes before the front
+        (1.5, 2.3, 1.0, 1.0, math.inf),
+    ],
+)
+def test_along_a_line(x: float, y: float, vx: float, vy: float, seconds: float) -> None:
+    assert time_to(x, y, vx, vy, 0.0) == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "omega", "seconds"),
+    [
+        # the corner (0.5, 0.3) is 0.5831 m from the middle at 30.96 deg
+        (0.0, math.hypot(0.5, 0.3), 1.0, math.pi / 2 - math.atan2(0.3, 0.5)),
+        (0.0, 0.59, 1.0, math.inf),
+        # at 0.4 m: the left edge at atan2(0.3, sqrt(0.07)) = 48.59 deg meets 90 deg by the corner behind as well
+        (0.0, -0.4, -0.5, (math.pi / 2 - math.asin(0.75)) / 0.5),
+        (0.0, -0.4, 0.5, (math.pi / 2 - math.asin(0.75)) / 0.5),
+        # the rear corner (-0.4, 0.3) turning right
+        (0.0, 0.5, -1.0, math.pi / 2 - math.atan2(0.3, 0.4)),
+    ],
+)
+def test_on_the_spot(x: float, y: float, omega: float, seconds: float) -> None:
+    assert time_to(x, y, 0.0, 0.0, omega) == pytest.approx(seconds)
+
+
+def test_along_a_curve() -> None:
+    """Centre of rotation at (0, 1): a point at (0.9, 1.0) is 0.9 m from it."""
+    quarter = math.pi / 2
+    expected = quarter - math.asin(0.5 / 0.9)  # the front edge lies at that angle from straight below the centre
+    assert time_to(0.9, 1.0, 1.0, 0.0, 1.0) == pytest.approx(expected)
+    assert time_to(0.0, 3.0, 1.0, 0.0, 1.0) == math.inf  # 2 m from the centre, beyond the outer corner's 1.39 m
+    assert time_to(0.0, 1.5, 1.0, 0.0, 1.0) == math.inf  # 0.5 m from it, within the inner edge's 0.7 m
+
+
+def test_a_very_wide_curve_is_a_line() -> None:
+    straight, wide = time_to(4.0, 0.1, 1.0, 0.0, 0.0), time_to(4.0, 0.1, 1.0, 0.0, 0.99e-3)
+    assert wide == straight == pytest.approx(3.5)
+    assert time_to(4.0, 0.1, 1.0, 0.0, 1.01e-3) == pytest.approx(straight, abs=1e-3)
+    assert time_to(4.0, 0.3, 1.0, 0.0, -2e-3) == math.inf  # it is 3 mm beside
+
+
+def test_a_point_at_the_centre_of_rotation_stays_there() -> None:
+    outside = Outline(0.5, -0.4, 0.3)
+    assert time_to(0.0, 1.0, 1.0, 0.0, 1.0, outside) == math.inf
+
+
+TWISTS = st.builds(Twist2, *[st.floats(-1.5, 1.5)] * 3)
+PLACES = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+
+
+@settings(max_examples=60, deadline=None)
+@given(TWISTS, PLACES)
+@example(Twist2(0.5, 0.3, 0.0), (2.0, 1.2))
+@example(Twist2(0.5, 0.3, 1e-3), (2.0, 1.2))
+def test_the_same_as_in_small_steps(twist: Twist2, place: tuple[float, float]) -> None:
+    """The first touch lies between the last step outside and the first step inside."""
+    assume(twist.speed() > 0.05 or abs(twist.omega) > 0.05)
+    assume(BODY.distances(points(place))[0] > 1e-3)
+    exact = time_to(*place, twist.vx, twist.vy, twist.omega)
+    times = np.linspace(0.0, 6.0, 1201)
+    inside = np.array([_within(place, twist, at, shrunk=0.0) for at in times])
+    if not inside.any():
+        # what steps see may miss a corner that is only grazed
+        assert exact > 6.0 - 0.005 or not _within(place, twist, exact + 0.01, shrunk=0.01)
+        return
+    first = int(np.argmax(inside))
+    assert exact <= times[first] + 1e-6
+    assert exact >= times[first - 1] - 1e-6 or _within(place, twist, exact, shrunk=-1e-6)
+
+
+def _within(place: tuple[float, float], twist: Twist2, at_s: float, shrunk: float) -> bool:
+    """Whether the outline, smaller by ``shrunk``, covers a place after a time."""
+    pose = exp_se2(twist, at_s)
+    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+    dx, dy = place[0] - pose.x, place[1] - pose.y
+    smaller = Outline(BODY.front - shrunk, BODY.rear + shrunk, BODY.half - shrunk)
+    return bool(smaller.contains(points((c * dx + s * dy, -s * dx + c * dy)))[0])
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "vx", "vy", "omega", "touched"),
+    [
+        (0.48, 0.0, 1.0, 0.0, 0.0, True),  # in the front margin
+        (0.48, 0.0, -1.0, 0.0, 0.0, False),
+        (0.48, 0.0, 0.0, 1.0, 0.0, False),  # along it
+        (-0.38, 0.0, -1.0, 0.0, 0.0, True),
+        (-0.38, 0.0, 1.0, 0.0, 0.0, False),
+        (0.0, 0.28, 1.0, 0.0, 0.0, False),  # a wall beside: along it,
+        (0.0, 0.28, 1.0, 0.1, 0.0, False),  # nearly along it,
+        (0.0, 0.28, 1.0, 0.3, 0.0, True),  # into it,
+        (0.0, 0.28, 0.0, -1.0, 0.0, False),  # away from it
+        (0.0, -0.28, 0.0, -1.0, 0.0, True),
+        (0.0, -0.28, 0.0, 1.0, 0.0, False),
+        (0.4, 0.28, 0.0, 0.0, 1.0, True),  # the front corner turns into the wall,
+        (0.4, 0.28, 0.0, 0.0, -1.0, False),  # and out of it
+    ],
+)
+def test_what_is_inside_already(x: float, y: float, vx: float, vy: float, omega: float, touched: bool) -> None:
+    assert time_to(x, y, vx, vy, omega) == (0.0 if touched else math.inf)
+
+
+def test_approach_is_the_soonest_and_the_nearest() -> None:
+    assert approach(points(), BODY, AHEAD) == FREE
+    assert approach(points((0.0, 2.0)), BODY, AHEAD) == FREE
+    assert approach(points((2.5, 0.0), (1.5, 0.0), (0.0, 2.0)), BODY, Twist2(0.5, 0.0, 0.0)) == Approach(2.0, 1.0)
+
+
+def test_clearance_is_the_way_of_the_point_and_counts_from_the_body() -> None:
+    """Turning on the spot the farther point travels more until it is touched at the same moment."""
+    found = approach(points((0.0, 0.5)), BODY, Twist2(0.0, 0.0, -0.5))
+    turn = math.pi / 2 - math.atan2(0.3, 0.4)
+    assert (found.time_s, found.clearance_m) == pytest.approx((turn / 0.5, turn * 0.5))
+    widened = Outline(0.6, -0.5, 0.4, margin=0.1)
+    ahead = approach(points((2.5, 0.0)), widened, AHEAD)
+    assert (ahead.time_s, ahead.clearance_m) == pytest.approx((1.9, 2.0))
+
+
+def test_in_a_curve_the_nearest_point_need_not_be_the_soonest() -> None:
+    """At 1 rad/s around (0, 1) the outer point moves three times as fast as the inner one."""
+    twist = Twist2(1.0, 0.0, 1.0)
+    inner, outer = (0.75, 1.0), (1.3, 1.0)
+    alone = [approach(points(place), BODY, twist) for place in (inner, outer)]
+    both = approach(points(inner, outer), BODY, twist)
+    assert both == Approach(min(a.time_s for a in alone), min(a.clearance_m for a in alone))
+    assert alone[0].clearance_m == pytest.approx(alone[0].time_s * 0.75)
+    assert alone[1].clearance_m == pytest.approx(alone[1].time_s * 1.3)
+
+
+def test_the_worse_of_two() -> None:
+    assert Approach(1.0, 3.0).worse(Approach(2.0, 0.5)) == Approach(1.0, 0.5)
+    assert FREE.worse(Approach(2.0, 0.5)) == Approach(2.0, 0.5)
+
+
+@settings(max_examples=40, deadline=None)
+@given(TWISTS, st.floats(0.1, 5.0), PLACES)
+def test_clearance_depends_on_the_direction_alone(twist: Twist2, factor: float, place: tuple[float, float]) -> None:
+    assume(twist.speed() > 0.05)
+    slow, fast = (approach(points(place), BODY, twist.scaled(f)) for f in (1.0, factor))
+    assert fast.clearance_m == pytest.approx(slow.clearance_m, rel=1e-6, abs=1e-6)
+    assert fast.time_s * factor == pytest.approx(slow.time_s, rel=1e-6, abs=1e-6)
