@@ -33,7 +33,8 @@ def wall_errors(site: SiteMap, world: WorldFile) -> F64:
             found = _outside(places, solid)
             nearer = np.abs(found) < np.abs(distance)
             distance[nearer] = found[nearer]
-    return distance[np.abs(distance) < _REACH_M]
+    near: F64 = distance[np.abs(distance) < _REACH_M]
+    return near
 
 
 def wrong_cells(site: SiteMap, world: WorldFile) -> dict[str, int]:
@@ -44,9 +45,14 @@ def wrong_cells(site: SiteMap, world: WorldFile) -> dict[str, int]:
     y = grid.origin_y_m + (rows + 0.5) * grid.resolution_m
     places = np.stack([x.ravel(), y.ravel()], axis=1)
     nearest = np.full(len(places), np.inf)
-    for solid in solids(world):
-        if solid.kind not in ("patch",):
-            nearest = np.minimum(nearest, _outside(places, solid))
+    pits = [
+        Solid(
+            pit.name, "patch", "box", (pit.x_m, pit.y_m, 0.0), (0.5 * pit.length_m, 0.5 * pit.width_m, 0.0), pit.yaw_rad
+        )
+        for pit in world.pits
+    ]
+    for solid in [*pits, *(solid for solid in solids(world) if solid.kind != "patch")]:
+        nearest = np.minimum(nearest, _outside(places, solid))
     tall = np.full(len(places), np.inf)
     for solid in solids(world):
         if solid.kind in ("wall", "box", "cylinder"):
@@ -62,7 +68,7 @@ def _outside(places: F64, solid: Solid) -> F64:
     """Signed distance from above to a solid's outline, negative inside."""
     x, y = places[:, 0] - solid.centre_m[0], places[:, 1] - solid.centre_m[1]
     if solid.shape == "cylinder":
-        return np.hypot(x, y) - solid.size_m[0]
+        return np.asarray(np.hypot(x, y) - solid.size_m[0], np.float64)
     c, s = math.cos(solid.yaw_rad), math.sin(solid.yaw_rad)
     half_x = solid.size_m[0] * math.cos(solid.pitch_rad)
     dx, dy = np.abs(c * x + s * y) - half_x, np.abs(-s * x + c * y) - solid.size_m[1]

@@ -34,7 +34,7 @@ class Votes:
     def moved(self, points: Floats) -> npt.NDArray[np.bool_]:
         """(n,) True for points in voxels that were empty more often than not."""
         index = np.floor((points - self._low) / self._settings.voxel_m).astype(np.int64)
-        inside = ((index >= 0) & (index < np.array(self._mark.shape))).all(axis=1)
+        inside: npt.NDArray[np.bool_] = np.all((index >= 0) & (index < np.array(self._mark.shape)), axis=1)
         x, y, z = np.where(inside[:, None], index, 0).T
         through, hits = self._through[x, y, z], self._hits[x, y, z]
         s = self._settings

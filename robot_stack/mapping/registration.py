@@ -51,7 +51,8 @@ def target_of(cells: Cells) -> Target:
     values, vectors = np.linalg.eigh(cells.covariance)
     inverse = 1.0 / np.maximum(values, _THINNEST_M**2)
     information = np.einsum("nij,nj,nkj->nik", vectors, inverse, vectors)
-    keys = voxel_keys((cells.key + 0.5) * cells.size_m, cells.size_m)
+    middles: Floats = (cells.key.astype(np.float64) + 0.5) * cells.size_m
+    keys = voxel_keys(middles, cells.size_m)
     order = np.argsort(keys)
     return Target(cells.size_m, keys[order], cells.mean[order], information[order])
 
