@@ -42,7 +42,9 @@ class Ranging(Config):
     range_at_ten_percent_m: Positive
     lost_share: Share
     mixed_share: Share
+    # Neighbouring beams that far apart make an edge; surfaces farther apart than the reach are told apart.
     mixed_step_m: Positive
+    mixed_reach_m: Positive
     intensity_noise: NotNegative
 
 

@@ -17,8 +17,8 @@ U8 = NDArray[np.uint8]
 
 # Order of the numbers in ``model``.
 MIN_M, MAX_M, NOISE_M, TEN_PERCENT_M, LOST, MIXED, MIXED_STEP_M, INTENSITY_NOISE, WET_LOST = range(9)
-COVERED, COVER_RETURN, COVER_NEAREST_M, COVER_FARTHEST_M = range(9, 13)
-MODEL_SIZE = 13
+COVERED, COVER_RETURN, COVER_NEAREST_M, COVER_FARTHEST_M, MIXED_REACH_M = range(9, 14)
+MODEL_SIZE = 14
 _FULL_SCALE = 255.0
 _COVER_INTENSITY = 5.0
 
@@ -82,7 +82,11 @@ def returns(
                 continue
             if c > 0 and hits[c - 1, r] != NO_HIT:
                 step = ranges[c - 1, r] - far
-                if abs(step) > model[MIXED_STEP_M] and uniforms[draw + 2] < model[MIXED] and hits[c - 1, r] != hit:
+                if (
+                    model[MIXED_STEP_M] < abs(step) < model[MIXED_REACH_M]
+                    and uniforms[draw + 2] < model[MIXED]
+                    and hits[c - 1, r] != hit
+                ):
                     far += step * uniforms[draw + 1]
             far += model[NOISE_M] * normals[draw]
             if far < model[MIN_M] or far > model[MAX_M]:

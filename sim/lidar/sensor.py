@@ -185,11 +185,13 @@ class Lidar:
             place,
             turned,
         )
-        cast(*beams, self.scene.rects, *solids, ranges, hits, cosines)
+        arguments: tuple[Any, ...] = (*beams, self.scene.rects, *solids, ranges, hits, cosines)
+        cast(*arguments)
         share = self.params.wet.mirror_share
         if share > 0.0 and self._has_wet_ground:
             skip = int(self._random.integers(0, len(self._uniforms) - ranges.size))
-            mirror(*beams, share, self._uniforms[skip:], *solids, ranges, hits, cosines)
+            arguments = (*beams, share, self._uniforms[skip:], *solids, ranges, hits, cosines)
+            mirror(*arguments)
         return ranges, hits, cosines
 
 
@@ -215,6 +217,7 @@ def _model(params: LidarParams) -> F64:
     numbers[model.MIN_M], numbers[model.MAX_M], numbers[model.NOISE_M] = ranging.min_m, ranging.max_m, ranging.noise_m
     numbers[model.TEN_PERCENT_M], numbers[model.LOST] = ranging.range_at_ten_percent_m, ranging.lost_share
     numbers[model.MIXED], numbers[model.MIXED_STEP_M] = ranging.mixed_share, ranging.mixed_step_m
+    numbers[model.MIXED_REACH_M] = ranging.mixed_reach_m
     numbers[model.INTENSITY_NOISE], numbers[model.WET_LOST] = ranging.intensity_noise, params.wet.lost_share
     cover = params.cover
     numbers[model.COVER_RETURN], numbers[model.COVER_NEAREST_M] = cover.return_share, cover.nearest_m

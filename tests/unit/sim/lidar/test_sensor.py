@@ -103,16 +103,17 @@ def test_wet_ground_swallows_beams_and_mirrors_others() -> None:
 
 def test_edges_mix_ranges_only_if_they_may() -> None:
     pole = {"name": "pole", "x_m": 3.0, "y_m": 0.0, "radius_m": 0.2, "height_m": 2.0}
-    file = world(walls=[WALL], cylinders=[pole])
 
-    def between(share: float) -> int:
+    def between(share: float, wall_m: float = 4.1) -> int:
+        file = world(walls=[{**WALL, "x_m": wall_m + 1.2}], cylinders=[pole])
         quiet = {"noise_m": 0.0, "lost_share": 0.0, "mixed_share": share}
         points, _ = sweep_at(file, np.eye(4), params=changed(ranging=quiet))
         upper = points["z"] > -0.3
-        return int((upper & (points["x"] > 3.1) & (points["x"] < 4.6) & (abs(points["y"]) < 0.5)).sum())
+        return int((upper & (points["x"] > 3.1) & (points["x"] < wall_m - 0.4) & (abs(points["y"]) < 0.5)).sum())
 
     assert between(0.0) == 0
     assert between(1.0) > 10
+    assert between(1.0, 5.0) == 0, "two surfaces so far apart are two returns"
 
 
 def test_a_covered_lens_sees_only_itself() -> None:

@@ -1,0 +1,124 @@
+"""Half sweeps as the poses come, in a running world and by hand; what may go wrong with the sensor."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robot_stack.core.geometry import Pose2
+from sim.lidar import labels
+from sim.lidar.faults import KINDS, LidarFaultRefused, LidarFaults
+from sim.lidar.in_world import WorldLidar
+from sim.lidar.sensor import CLEAR
+from sim.lidar.sweeper import Sweeper
+from sim.world import Setup, World
+from sim.worldfile import load_world
+
+from .scenes import ROBOT, SIM, exact, lidar, pose, world
+
+COLUMNS = 64
+
+
+def sweeper() -> Sweeper:
+    return Sweeper(lidar(world(), exact(COLUMNS)))
+
+
+def test_half_sweeps_end_at_even_spaces_whatever_the_poses_do() -> None:
+    mine, ends = sweeper(), []
+    for k in range(200):
+        mine.add(5.0 + 0.02 * k, {"base_link": pose(0.01 * k, 0.0)})
+        due = mine.due()
+        if due is not None:
+            ends.append(due)
+            assert due[1] <= 5.0 + 0.02 * k + 1e-3, "never before its last column has fired"
+            assert 5.0 + 0.02 * k - due[1] < 0.0102
+            assert mine.take(*due).stamp_s == due[1]
+    assert [number for number, _ in ends] == list(range(1, 80))
+    assert np.allclose([end for _, end in ends], 5.0 + 0.05 * np.arange(1, 80))
+
+
+def test_odd_numbers_are_the_first_half() -> None:
+    mine = sweeper()
+    sides = {}
+    for k in range(12):
+        mine.add(0.02 * k, {"base_link": np.eye(4)})
+        due = mine.due()
+        if due is not None:
+            sides[due[0]] = float(np.median(mine.take(*due).points["y"]))
+    assert [math.copysign(1.0, sides[number]) for number in (1, 2, 3, 4)] == [1.0, -1.0, 1.0, -1.0]
+
+
+def test_a_gap_is_not_made_up_for_and_a_clock_set_back_begins_anew() -> None:
+    mine = sweeper()
+    for k in range(8):
+        mine.add(0.02 * k, {"base_link": np.eye(4)})
+        mine.due()
+    mine.add(1.0, {"base_link": np.eye(4)})
+    assert mine.due() == (20, pytest.approx(1.0))
+    assert mine.due() is None, "what lay in the gap is gone"
+    mine.add(0.5, {"base_link": np.eye(4)})
+    assert mine.due() is None
+    mine.add(0.55, {"base_link": np.eye(4)})
+    assert mine.due() == (1, pytest.approx(0.55))
+    with pytest.raises(KeyError):
+        mine.add(0.6, {"wheelchair": np.eye(4)})
+
+
+def test_a_running_world_has_a_lidar() -> None:
+    """Beside somebody who walks, with a chair attached: both are where the world has them."""
+    setup = Setup(
+        load_world("yard"), 0, Pose2(18.0, -0.8, 0.0), attached_at_start=True, passenger_mass_kg=70.0, people=True
+    )
+    physics = World(ROBOT, SIM, setup)
+    sensor = WorldLidar(physics, exact(480), seed=0)
+    halves, turns = [], []
+    for _ in range(260):
+        physics.step()
+        found = sensor.step()
+        if found is not None:
+            halves.append(found.half.stamp_s)
+            turns += [found.turn] if found.turn is not None else []
+    assert np.allclose(np.diff(halves), 0.05)
+    assert len(turns) == len(halves) // 2
+    turn = turns[-1]
+    eva = dict(physics.bodies())["person_eva"]
+    places = np.c_[turn.points["x"], turn.points["y"]] + (18.0 + 0.2, -0.8)
+    seen = places[turn.labels == labels.PERSON]
+    assert np.linalg.norm(seen - eva[:2], axis=1).min() < 0.35
+    assert (turn.labels == labels.CHAIR).sum() > 500
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_every_fault_has_bounds_and_ends(kind: object) -> None:
+    faults = LidarFaults()
+    name, low, high, default = kind.name, kind.low, kind.high, kind.default  # type: ignore[attr-defined]
+    assert faults.value(name, 0.0) is None
+    faults.inject(name, "", 0.0, 2.0, 10.0)
+    assert faults.value(name, 11.9) == default
+    assert faults.value(name, 12.0) is None
+    faults.inject(name, "", high, 0.0, 10.0)
+    assert faults.value(name, 1e9) == high
+    assert faults.inject("clear", name, 0.0, 0.0, 10.0) == f"cleared: {name}"
+    for wrong in (high + 1.0, 0.5 * low or -1.0, math.nan, math.inf):
+        with pytest.raises(LidarFaultRefused, match="value"):
+            faults.inject(name, "", wrong, 0.0, 10.0)
+    for wrong in (-1.0, math.nan):
+        with pytest.raises(LidarFaultRefused, match="duration_s"):
+            faults.inject(name, "", 0.0, wrong, 10.0)
+    with pytest.raises(LidarFaultRefused, match="target"):
+        faults.inject(name, "left", 0.0, 0.0, 10.0)
+
+
+def test_faults_make_conditions() -> None:
+    faults = LidarFaults()
+    assert faults.conditions(0.0) == CLEAR
+    faults.inject("noisy", "", 3.0, 0.0, 0.0)
+    faults.inject("covered", "", 0.5, 0.0, 0.0)
+    assert (faults.conditions(1.0).noise_factor, faults.conditions(1.0).covered_share) == (3.0, 0.5)
+    with pytest.raises(LidarFaultRefused, match="no LiDAR fault 'glare'"):
+        faults.inject("glare", "", 0.0, 0.0, 0.0)
+    with pytest.raises(LidarFaultRefused, match="no LiDAR fault 'glare'"):
+        faults.inject("clear", "glare", 0.0, 0.0, 0.0)
+    assert faults.inject("clear", "", 0.0, 0.0, 0.0) == "cleared: noisy, covered"

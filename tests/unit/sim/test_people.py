@@ -1,0 +1,129 @@
+"""People: they walk as written, stop before machines, can be touched, and can be left out."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_stack.core.config import ConfigError, validate
+from robot_stack.core.geometry import Pose2
+from sim.people import Walker, in_the_way
+from sim.world import Setup, World
+from sim.worldfile import Person, WorldFile, load_world
+
+from .bench import PARAMS, ROBOT
+from .test_worlds import MINIMAL
+
+FAR = Pose2(100.0, 0.0, 0.0)
+ANNA = Person(name="anna", points_m=[(0.0, 0.0), (3.0, 0.0), (3.0, 4.0)], speed_mps=1.0, pause_s=2.0)
+
+
+@pytest.mark.parametrize(
+    ("time_s", "x", "y", "yaw"),
+    [
+        (0.0, 0.0, 0.0, 0.0),
+        (2.0, 2.0, 0.0, 0.0),
+        (5.0, 3.0, 2.0, 0.5 * math.pi),
+        (7.0, 3.0, 4.0, 0.5 * math.pi),
+        (8.9, 3.0, 4.0, 0.5 * math.pi),  # rests 2 s
+        (10.0, 3.0, 3.0, -0.5 * math.pi),
+        (15.0, 1.0, 0.0, math.pi),
+        (17.0, 0.0, 0.0, math.pi),  # rests 2 s
+        (19.0, 1.0, 0.0, 0.0),
+    ],
+)
+def test_a_person_walks_to_and_fro_along_the_line(time_s: float, x: float, y: float, yaw: float) -> None:
+    pose = Walker(ANNA).pose_after(time_s)
+    assert (pose.x, pose.y) == pytest.approx((x, y), abs=1e-9)
+    assert math.cos(pose.yaw - yaw) == pytest.approx(1.0)
+
+
+@given(st.floats(0.0, 1e4), st.floats(1e-3, 0.5))
+def test_nobody_jumps(time_s: float, dt_s: float) -> None:
+    walker = Walker(ANNA)
+    assert walker.pose_after(time_s).distance_to(walker.pose_after(time_s + dt_s)) <= dt_s * 1.0 + 1e-6
+
+
+def test_a_person_stops_while_the_robot_is_close_ahead_and_goes_on() -> None:
+    walker = Walker(Person(name="a", points_m=[(0.0, 0.0), (9.0, 0.0)], speed_mps=1.0))
+    robot = Pose2(4.0, 0.0, 0.5 * math.pi)  # across the way: its side is at x = 3.65
+    for _ in range(1000):
+        walker.step(0.01, robot, ROBOT.footprint)
+    # Radius 0.25 and 0.6 of room before the side of the robot.
+    assert walker.pose().x == pytest.approx(4.0 - 0.5 * ROBOT.footprint.width_m - 0.85, abs=0.02)
+    for _ in range(300):
+        walker.step(0.01, FAR, ROBOT.footprint)
+    assert walker.pose().x == pytest.approx(5.8, abs=0.05)
+
+
+def test_what_stands_behind_a_person_is_not_in_the_way() -> None:
+    person = Pose2(0.0, 0.0, 0.0)
+    assert in_the_way(person, Pose2(1.2, 0.0, 0.0), ROBOT.footprint)
+    assert not in_the_way(person, Pose2(-1.2, 0.0, 0.0), ROBOT.footprint)
+    assert not in_the_way(person, Pose2(0.0, 1.0, 0.0), ROBOT.footprint)
+    assert not in_the_way(person, Pose2(1.5, 0.0, 0.0), ROBOT.footprint)
+    # With the chair in front it reaches 1.4 m.
+    assert in_the_way(person, Pose2(2.0, 0.0, math.pi), ROBOT.footprint_with_chair)
+    assert in_the_way(person, Pose2(0.1, 0.0, 0.0), ROBOT.footprint), "inside the machine"
+
+
+def test_people_are_bodies_that_move_and_can_be_left_out() -> None:
+    file = load_world("yard")
+    start = file.start.pose()
+    quiet, busy = (World(ROBOT, PARAMS, Setup(file, 1, start, people=people)) for people in (False, True))
+    for _ in range(1000):
+        quiet.step()
+        busy.step()
+    names = {name for name, _ in busy.bodies()} - {name for name, _ in quiet.bodies()}
+    assert names == {f"person_{person.name}" for person in file.people}
+    for person in file.people:
+        pose = dict(busy.bodies())[f"person_{person.name}"]
+        wanted = Walker(person).pose_after(busy.time_s)
+        assert pose[:2] == pytest.approx((wanted.x, wanted.y), abs=0.02)
+        body = busy.model.body(f"person_{person.name}").id
+        assert busy.data.xpos[body, :2] == pytest.approx(pose[:2], abs=0.02)
+    assert np.allclose(quiet.truth().position_m, busy.truth().position_m, atol=1e-9), "far away they change nothing"
+
+
+def test_the_world_tells_what_is_touched() -> None:
+    file = validate(
+        WorldFile,
+        {
+            **MINIMAL,
+            "people": [{"name": "bob", "points_m": [[0.55, 0.0]], "speed_mps": 1.0}],
+            "walls": [{"name": "wall", "x_m": -0.55, "y_m": 0, "length_m": 0.2, "width_m": 2, "height_m": 1}],
+            "pits": [{"name": "pit", "x_m": 0.3, "y_m": 0.25, "length_m": 0.3, "width_m": 0.2, "depth_m": 0.3}],
+        },
+        "test",
+    )
+    world = World(ROBOT, PARAMS, Setup(file, 1, Pose2(0.0, 0.0, 0.0), people=True))
+    assert world.touching() == ("person_bob", "pit", "wall")
+    world.step()
+    assert set(world.touched) == {"person_bob", "pit", "wall"}
+    free = World(ROBOT, PARAMS, Setup(load_world("flat"), 1, Pose2(0.0, 0.0, 0.0), wheelchair=True))
+    free.attach_wheelchair(0.0)
+    for _ in range(200):
+        free.step()
+    assert free.touching() == ()
+    assert free.touched == {}, "ground, and robot and chair by each other, do not count"
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"people": [{"name": "a", "points_m": [[0, 0], [0, 0]], "speed_mps": 1}]}, "two points that follow"),
+        ({"people": [{"name": "A b", "points_m": [[0, 0]], "speed_mps": 1}]}, "people.0.name"),
+        ({"people": [{"name": "a", "points_m": [[0, 0]], "speed_mps": 0}]}, "people.0.speed_mps"),
+        ({"people": [{"name": "a", "points_m": [[0, 0]], "speed_mps": 1}] * 2}, "names used twice among a, a"),
+        ({"surfaces": {"moon": 0.5}}, "no solid moon"),
+        ({"pits": [{"name": "p", "x_m": 0, "y_m": 0, "length_m": 1, "width_m": 1, "depth_m": 0}]}, "pits.0.depth_m"),
+    ],
+)
+def test_wrong_people_pits_and_surfaces_are_refused(change: dict[str, Any], field: str) -> None:
+    with pytest.raises(ConfigError, match=field):
+        validate(WorldFile, {**MINIMAL, **change}, "test.yaml")
