@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from enum import Enum
 
+import numpy as np
+
 from robot_stack.core.geometry import Pose2
 from robot_stack.localization.ndt.matcher import Match
 from robot_stack.localization.ndt.params import GateParams, NdtParams
@@ -30,7 +32,8 @@ def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigm
         return f"score {match.score:.2f} is below {gate.min_score}"
     if match.tilt_rad > gate.max_tilt_rad:
         return f"tilt of {match.tilt_rad:.2f} rad"
-    sigma_m = math.sqrt(max(match.planar_covariance[0, 0], match.planar_covariance[1, 1]))
+    # A match that leaves one direction open still says something about the other; its covariance tells which.
+    sigma_m = math.sqrt(float(np.linalg.eigvalsh(match.planar_covariance[:2, :2])[0]))
     if not sigma_m <= gate.max_sigma_m:
         return f"sigma {sigma_m:.2f} m: the surroundings do not hold the pose"
     jump_m, turn_rad = (

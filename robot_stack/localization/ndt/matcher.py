@@ -16,15 +16,15 @@ from robot_stack.localization.ndt.params import MatchParams
 
 Floats = npt.NDArray[np.float64]
 
-# How well a cell knows its surface's normal, rad: so much of what holds across a surface seems to hold along it as well.
-_NORMAL_RAD = 0.03
+# How well a cell knows its surface's normal, rad: so much of what holds across a surface seems to hold along it too.
+_NORMAL_RAD = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Match:
     """What came out.
 
-    pose: (4, 4) base_link in map. covariance: (6, 6) of [translation m, rotation rad] in the axes of map; infinite
+    pose: (4, 4) base_link in map. covariance: (6, 6) of [translation m, rotation rad] in the axes of map; 1 m and more
     where nothing holds the pose. score: share of the points above the ground that the map explains, 0 with fewer than
     one. structure: how many such points. converged: the last, finest level did. reversals: steps of it that went back
     against the one before: the search swings between two answers.
@@ -156,8 +156,8 @@ class NdtMatcher:
         p = self._params
         leaked = _NORMAL_RAD**2 * float(np.trace(information[:3, :3]))
         value, vector = np.linalg.eigh(information - np.diag([leaked, leaked, 0.0, 0.0, 0.0, 0.0]))
-        # Directions that nothing holds: 100 m, 100 rad, which no gate takes for knowledge.
-        spread = vector @ np.diag(1.0 / np.maximum(value, 1e-4)) @ vector.T
+        # Directions that nothing holds get 1 m, 1 rad: more would spill into the others, whose axes are not exact.
+        spread = vector @ np.diag(1.0 / np.maximum(value, 1.0)) @ vector.T
         least = np.array([p.position_sigma_m] * 3 + [p.yaw_sigma_rad] * 3) ** 2
         covariance: Floats = p.covariance_scale**2 * 0.5 * (spread + spread.T) + np.diag(least)
         return covariance

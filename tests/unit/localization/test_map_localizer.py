@@ -1,0 +1,251 @@
+"""Localization against a map, as stories in fake time: wrong starts, kidnapping, frozen and covered sensors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
+from robot_stack.core.point_cloud import SWEEP, Points
+from robot_stack.localization.gyro import ImuSample
+from robot_stack.localization.localizer import Estimate
+from robot_stack.localization.map_localizer import MapLocalizer
+from robot_stack.localization.ndt.gate import Confidence, problem_of
+from robot_stack.localization.ndt.matcher import pose_of as pose4
+from robot_stack.localization.ndt.search import Region, search
+from robot_stack.localization.ndt.solver import Question
+from tests.unit.localization.courtyard import UP, matcher, seen_from, solver, surfaces, sweep_from, yaw_between
+from tests.unit.localization.stories import IMU_S, params, reading
+
+STAND, AHEAD = Twist2(0.0, 0.0, 0.0), Twist2(0.5, 0.0, 0.0)
+_ODOM_EVERY, _SWEEP_EVERY = 2, 10
+_SEEDS = iter(range(100, 100_000))
+
+
+@dataclass
+class Ride:
+    """A robot in the courtyard: true wheels and gyro, sweeps of where it truly stands, each matched 20 ms later.
+
+    seen: what the sensor shows instead of the truth; None: the truth.
+    """
+
+    localizer: MapLocalizer
+    truth: Pose2
+    wheels: Pose2 = IDENTITY
+    t_s: float = 100.0
+    steps: int = 0
+    lidar_on: bool = True
+    seen: Points | None = None
+    asked: Question | None = None
+    random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(5))
+
+    def drive(self, seconds: float, twist: Twist2 = STAND) -> Ride:
+        for _ in range(round(seconds / IMU_S)):
+            self._step(twist)
+        return self
+
+    def _step(self, twist: Twist2) -> None:
+        self.t_s, self.steps = self.t_s + IMU_S, self.steps + 1
+        self.truth = self.truth.compose(exp_se2(twist, IMU_S))
+        self.wheels = self.wheels.compose(exp_se2(twist, IMU_S))
+        rate = twist.omega + 0.002 * self.random.standard_normal()
+        self.localizer.on_imu(ImuSample(self.t_s, rate, (rate,)))
+        if self.steps % _ODOM_EVERY == 0:
+            self.localizer.on_odometry(reading(self.t_s, self.wheels, twist), self.t_s)
+            self._match()
+        if self.steps % _SWEEP_EVERY == 1 and self.lidar_on:
+            self.localizer.on_sweep(self._sweep(), self.t_s)
+
+    def _sweep(self) -> Points:
+        if self.seen is not None:
+            return self.seen
+        sweep = sweep_from(self.truth, next(_SEEDS), density=5.0)
+        sweep["time"] = 0.0  # seen at once: distortion is another test's business
+        return sweep
+
+    def _match(self) -> None:
+        if self.asked is not None:
+            self.localizer.answer(solver().solve(self.asked), self.t_s)
+            self.asked = None
+        self.asked = self.localizer.question()
+
+    def estimate(self) -> Estimate:
+        return self.localizer.estimate(self.t_s)
+
+    @property
+    def quality(self) -> float:
+        return self.estimate().quality
+
+    def error_m(self) -> float:
+        pose = self.estimate().pose
+        assert pose is not None
+        return pose.distance_to(self.truth)
+
+
+def ride(truth: Pose2 = IDENTITY, start: Pose2 = IDENTITY, **changes: object) -> Ride:
+    given = params(start_x_m=start.x, start_y_m=start.y, start_yaw_rad=start.yaw, **changes)
+    return Ride(MapLocalizer(given, 1.5, 1.0, matcher()), truth)
+
+
+def test_a_start_one_metre_and_ten_degrees_wrong_is_found_within_a_few_sweeps() -> None:
+    story = ride(start=Pose2(0.7, -0.7, math.radians(10.0)))
+    story.drive(0.05)
+    assert story.quality < 0.3
+    story.drive(0.3)
+    assert story.error_m() < 0.03
+    assert story.quality < 0.3  # found, but not yet confirmed
+    story.drive(0.7)
+    assert story.localizer.confidence is Confidence.TRACKING
+    assert story.quality > 0.8
+
+
+def test_the_pose_follows_a_drive_and_outlives_wheels_that_slide() -> None:
+    story = ride().drive(1.0).drive(2.0, AHEAD)
+    assert story.error_m() < 0.02
+    story.truth = story.truth.compose(Pose2(0.15, 0.1, 0.02))  # pushed: wheels and gyro did not notice
+    story.drive(1.0)
+    assert story.error_m() < 0.05
+    assert story.localizer.confidence is Confidence.TRACKING
+
+
+def test_roll_and_pitch_of_the_imu_are_taken_and_nonsense_is_not() -> None:
+    story = ride()
+    story.localizer.on_up(np.array([0.0, 0.0, np.nan]))
+    story.localizer.on_up(np.array([3.0, 0.0, 1.0]))
+    story.drive(0.3)
+    assert story.error_m() < 0.03
+
+
+def test_a_kidnapped_robot_stops_within_a_second_and_finds_itself() -> None:
+    story = ride().drive(1.2)
+    assert story.quality > 0.5
+    story.truth = Pose2(8.5, -3.0, 2.5)
+    story.drive(1.0)
+    assert story.quality < 0.3
+    for _ in range(40):
+        story.drive(0.1)
+        assert story.quality < 0.5 or story.error_m() < 0.1  # never sure of a wrong place
+    assert story.error_m() < 0.05
+    assert story.localizer.confidence is Confidence.TRACKING
+    assert story.quality > 0.5
+
+
+def test_equal_sweeps_are_no_news() -> None:
+    story = ride().drive(1.2)
+    story.seen = sweep_from(story.truth, 55, density=5.0)
+    story.drive(0.3)
+    assert story.quality > 0.5
+    story.drive(2.0)
+    assert story.quality < 0.3
+    assert any("frozen" in fault for fault in story.estimate().faults)
+    story.seen = None
+    story.drive(0.5)
+    assert story.quality > 0.5
+
+
+@pytest.mark.parametrize("points", [0, 3, 150_000])
+def test_a_covered_or_empty_sensor_lowers_the_quality_but_not_the_pose(points: int) -> None:
+    story = ride().drive(1.2)
+    blind = np.zeros(points, SWEEP)
+    blind["x"] = 0.6
+    if points > 10:
+        blind["x"][::2] = np.nan
+    for count in range(20):
+        if points:
+            blind["intensity"] = count
+        story.seen = blind.copy()
+        story.drive(0.1)
+    assert story.quality < 0.3
+    assert story.error_m() < 0.05
+    story.seen = None
+    story.drive(0.6)
+    assert story.quality > 0.5
+
+
+def test_a_silent_sensor_lowers_the_quality() -> None:
+    story = ride().drive(1.2)
+    story.lidar_on = False
+    story.drive(0.3)
+    assert story.quality > 0.5
+    story.drive(1.5)
+    assert story.quality < 0.3
+
+
+def test_initialpose_is_taken_and_has_to_prove_itself() -> None:
+    story = ride().drive(1.2)
+    story.localizer.reset(Pose2(0.5, 0.4, 0.1), story.localizer.start_covariance(), story.t_s)
+    assert story.quality < 0.3
+    story.drive(1.0)
+    assert story.error_m() < 0.03
+    assert story.quality > 0.5
+
+
+def test_a_sweep_of_the_future_waits_and_an_old_one_is_refused() -> None:
+    story = ride().drive(1.2)
+    story.lidar_on = False
+    story.drive(0.1)
+    late = sweep_from(story.truth, 77, density=5.0)
+    story.localizer.on_sweep(late, story.t_s + 0.05)
+    assert story.localizer.question() is None
+    before = story.localizer.match
+    story.drive(0.1)
+    assert story.localizer.match is not before
+    story.localizer.on_sweep(sweep_from(story.truth, 78, density=5.0), story.t_s - 50.0)
+    assert story.localizer.question() is None
+    assert any("older" in fault for fault in story.estimate().faults)
+
+
+def test_answers_to_questions_from_before_a_reset_are_dropped() -> None:
+    story = ride().drive(1.2)
+    while story.asked is None:
+        story.drive(0.02)
+    answer = solver().solve(story.asked)
+    story.localizer.reset(Pose2(3.0, 0.0, 0.0), 0.01 * np.eye(3), story.t_s)
+    story.localizer.answer(answer, story.t_s)
+    pose = story.estimate().pose
+    assert pose is not None
+    assert pose.x == pytest.approx(3.0, abs=1e-6)
+
+
+def test_search_finds_the_place_in_the_whole_map_and_says_how_sure_it_is() -> None:
+    truth = Pose2(2.0, -4.0, 2.0)
+    points = seen_from(pose4(truth, 0.02, UP), surfaces(5.0, seed=9))
+    found = search(matcher(), points, UP, Region(0.0, 0.0, math.inf), params().ndt.search)
+    assert found.best is not None
+    assert found.clear(params().ndt.search)
+    assert found.best.planar.distance_to(truth) < 0.02
+    assert yaw_between(found.best.planar, truth) < 0.005
+    assert not search(matcher(), points[:0], UP, Region(0.0, 0.0, 4.0), params().ndt.search).clear(params().ndt.search)
+
+
+def test_each_gate_names_its_reason() -> None:
+    truth = pose4(IDENTITY, 0.02, UP)
+    good = matcher().match(seen_from(truth, surfaces(5.0, seed=9)), truth, UP, 0.1)
+    gate = params().ndt.gate
+    assert problem_of(good, IDENTITY, 0.01, 0.001, gate) == ""
+    tilted = good.pose.copy()
+    tilted[2, 2] = 0.9
+    for changed, word in (
+        (replace(good, converged=False), "converged"),
+        (replace(good, reversals=99), "reversals"),
+        (replace(good, structure=3), "points above the ground"),
+        (replace(good, score=0.1), "score"),
+        (replace(good, pose=tilted), "tilt"),
+        (replace(good, covariance=100.0 * np.eye(6)), "sigma"),
+    ):
+        assert word in problem_of(changed, IDENTITY, 0.01, 0.001, gate)
+    assert "jump of 2.0" in problem_of(good, Pose2(2.0, 0.0, 0.0), 0.01, 0.001, gate)
+    assert "rad" in problem_of(good, Pose2(0.0, 0.0, 1.0), 0.01, 0.001, gate)
+    assert problem_of(good, Pose2(2.0, 0.0, 0.0), 1.0, 0.2, gate) == ""
+
+
+def test_a_clock_set_back_drops_what_was_asked_before() -> None:
+    story = ride().drive(1.2)
+    story.lidar_on = False
+    story.drive(0.1)
+    story.localizer.on_odometry(reading(5.0, story.wheels, ZERO_TWIST), story.t_s)
+    assert story.localizer.question() is None
+    assert story.estimate().pose is not None
