@@ -99,7 +99,7 @@ def follow(
         cells.low, cells.height_m, cells.distance_m, cells.top_m, grid.edges_m, *start, numbers,
         kind, ground, free_m, drop_m, drop_z,
     )  # fmt: skip
-    look_again(cells, kind, ground, free_m, free.ring_spacing_rad, params)
+    look_again(cells, start, kind, ground, free_m, free.ring_spacing_rad, params)
     return Profile(kind, ground, free_m, drop_m, drop_z)
 
 

@@ -26,20 +26,30 @@ _LINE_M = 0.3  # of ground before a step, at least; farther out three rings
 _RINGS_IN_LINE = 3
 _KNOWN_M = 0.2  # shorter lines say nothing of a slope
 _AHEAD = 8  # cells looked at behind the last ground
-_CONTINUES = 0.6  # of the least slope that a ramp would need: it goes on rising
+_CONTINUES = 0.45  # of the least slope that a ramp would need: it goes on rising
+_NEAR_M = 1.8  # from the wheels
+_WITNESSES = 2  # of the four directions beside it that show something raised too
 _GO_ON_M = 0.2  # looked at behind a rise, at least
 _SMOOTH_M = 0.06
 
 
 def look_again(
-    cells: Cells, kind: Bytes, ground: Float, free_m: Float, ring_spacing_rad: float, params: GroundParams
+    cells: Cells,
+    start: tuple[Float, Float],
+    kind: Bytes,
+    ground: Float,
+    free_m: Float,
+    ring_spacing_rad: float,
+    params: GroundParams,
 ) -> None:
-    """Corrects ``kind``, ``ground`` (sectors, rings) and ``free_m`` (sectors,) in place."""
+    """start: distance and height of the ground at the wheels, (sectors,) each.
+
+    Corrects ``kind``, ``ground`` (sectors, rings) and ``free_m`` (sectors,) in place."""
     slope = np.float32(math.tan(math.radians(params.max_slope_deg)))
     steps = np.zeros_like(ground)
     rise, gap, reach = (np.float32(value) for value in (params.kerb_rise_m, params.kerb_gap_m, params.kerb_range_m))
     spacing = np.float32(ring_spacing_rad)
-    _find_steps(cells.low, cells.height_m, cells.distance_m, kind, slope, rise, gap, reach, spacing, steps)
+    _find_steps(cells.low, cells.height_m, cells.distance_m, kind, slope, rise, gap, reach, spacing, *start, steps)
     _take_steps(cells.height_m, cells.distance_m, steps, kind, ground, free_m)
     _find_decks(cells.height_m, cells.distance_m, cells.top_m, slope, np.float32(params.deck_m), kind, ground)
 
@@ -55,6 +65,8 @@ def _find_steps(
     max_gap: Any,
     reach: Any,
     spacing: Any,
+    seed_d: Float,
+    seed_z: Float,
     steps: Float,
 ) -> None:
     """steps: (sectors, rings) how far a cell stands above the ground before it, 0 where it is no step."""
@@ -80,6 +92,10 @@ def _find_steps(
                 continue
             length = max(np.float32(_LINE_M), np.float32(_RINGS_IN_LINE) * spacing * (d0 * d0 + np.float32(0.5)) * 1.4)
             middle_d, middle_z, tilt, known = _line(s, i, node, low, height, distance, steps, length, slope)
+            if known < np.float32(_KNOWN_M) and middle_d - seed_d[s] < np.float32(_NEAR_M):
+                # The first rings: the wheels stand on the other end of this line.
+                tilt = (middle_z - seed_z[s]) / max(middle_d - seed_d[s], np.float32(0.2))
+                tilt, known = min(max(tilt, -slope), slope), np.float32(_LINE_M)
             off = height[s, k] - (middle_z + tilt * (d0 - middle_d))
             if known < np.float32(_KNOWN_M) or off > np.float32(0.5) * rise:  # it stands above that line already
                 continue
@@ -91,7 +107,7 @@ def _find_steps(
                 over = height[s, m] - (middle_z + tilt * (distance[s, m] - middle_d))
                 if over < rise or low[s, m] < 3 or away <= np.float32(0.0):
                     continue
-                if _goes_on(s, ahead, count, node, height, distance, over, away, tilt, max_gap):
+                if _goes_on(s, ahead, count, node, height, distance, over, away, tilt, slope, max_gap):
                     continue
                 steps[s, m] = over
 
@@ -147,7 +163,17 @@ def _line(
 
 @numba.njit(cache=True, error_model="numpy")
 def _goes_on(
-    s: int, at: int, count: int, node: Any, height: Float, distance: Float, over: Any, away: Any, tilt: Any, gap: Any
+    s: int,
+    at: int,
+    count: int,
+    node: Any,
+    height: Float,
+    distance: Float,
+    over: Any,
+    away: Any,
+    tilt: Any,
+    slope: Any,
+    gap: Any,
 ) -> bool:
     """True if the ground behind rises on as a ramp does that explains what was seen, or if nothing is seen behind."""
     m = node[at]
@@ -159,7 +185,7 @@ def _goes_on(
         if ahead > gap:
             return True
         growth = height[s, n] - height[s, m] - tilt * ahead
-        return bool(growth >= np.float32(_CONTINUES) * over / away * ahead)
+        return bool(growth >= np.float32(_CONTINUES) * min(over / away, slope) * ahead)
     return True
 
 
@@ -172,13 +198,16 @@ def _take_steps(height: Float, distance: Float, steps: Float, kind: Bytes, groun
             if steps[s, k] <= np.float32(0.0) and kind[s, k] != STEP:
                 continue
             d = distance[s, k]
-            believed = False
+            witnesses = 0
             for other in (-2, -1, 1, 2):
                 t = (s + other) % sectors
+                shown = False
                 for j in range(max(0, k - 4), min(rings, k + 5)):
                     raised = steps[t, j] > np.float32(0.0) or kind[t, j] == STEP or kind[t, j] == TALL
                     if raised and abs(distance[t, j] - d) < np.float32(0.25):
-                        believed = True
+                        shown = True
+                witnesses += shown
+            believed = witnesses >= _WITNESSES
             if not believed and kind[s, k] == STEP:
                 kind[s, k], ground[s, k] = FLOOR, height[s, k]
             elif believed and steps[s, k] > np.float32(0.0):
