@@ -48,7 +48,9 @@ def is_direct(
     needed = np.where(left > f.direct_near_m, margin, near_m)
     if not bool(np.all(clear >= needed)):
         return False
-    return around.person_m(poses[left >= left[0] - params.follow.ahead_m], now_s, f.direct_person_m) > f.direct_person_m
+    # Arriving, the robot is slow: then somebody may be nearer.
+    limit_m = min(f.direct_person_m, f.direct_end_person_m + float(left[0]))
+    return around.person_m(poses[left >= left[0] - f.ahead_m], now_s, 0.6 * limit_m) > limit_m
 
 
 def allowed_speed(

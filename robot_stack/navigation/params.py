@@ -157,6 +157,7 @@ class CapParams(Config):
 class PeopleParams(Config):
     """Which heaps of the costmap are people, how they are followed, and what is owed to them."""
 
+    join_m: Positive
     min_size_m: Positive
     max_size_m: Positive
     min_radius_m: Positive
@@ -192,6 +193,7 @@ class FollowParams(Config):
     direct_any_heading_m: Positive
     direct_heading_rad: Positive
     direct_person_m: Positive
+    direct_end_person_m: Positive
     direct_interval_s: Positive
     blocked_margin_m: Positive
     replan_interval_s: Positive

@@ -51,26 +51,27 @@ class PeopleTracker:
 
     def update(self, stamp_s: float, lethal: Mask, known: Mask, resolution_m: float, x_m: float, y_m: float) -> Mask:
         """Takes a costmap's lethal cells; known: those that the map explains. Returns the cells of what walks."""
-        labels, _ = ndimage.label(lethal, structure=_JOINED)
+        # A side seen at a flat angle falls to pieces: what is nearer than a person's width is one thing.
+        joined = ndimage.binary_dilation(lethal, _JOINED, max(1, round(self._params.join_m / 2.0 / resolution_m)))
+        labels, _ = ndimage.label(joined, structure=_JOINED)
         walking = np.zeros_like(lethal)
-        left = list(self.people)
-        now: list[Person] = []
+        found: list[tuple[Person, tuple[slice, ...], Mask]] = []
         for index, window in enumerate(ndimage.find_objects(labels), start=1):
-            heap = labels[window] == index
+            heap = (labels[window] == index) & lethal[window]
             seen = self._seen(stamp_s, heap, known[window], window, resolution_m, x_m, y_m)
-            if seen is None:
-                continue
-            match = self._match(seen, left)
-            if match is not None:
-                left.remove(match)
-                seen = self._filtered(match, seen)
-            now.append(seen)
-            if seen.walks:
+            if seen is not None:
+                found.append((seen, window, heap))
+        matches = self._matched([seen for seen, *_ in found])
+        now: list[Person] = []
+        for i, (seen, window, heap) in enumerate(found):
+            person = self._filtered(self.people[matches[i]], seen) if i in matches else seen
+            now.append(person)
+            if person.walks:
                 walking[window] |= heap
         # One that is hidden for a moment goes on.
+        left = [person for k, person in enumerate(self.people) if k not in matches.values()]
         now += [person for person in left if stamp_s - person.stamp_s <= self._params.memory_s]
         self.people = tuple(now)
-
         return walking
 
     def _seen(
@@ -83,7 +84,9 @@ class PeopleTracker:
         x_m: float,
         y_m: float,
     ) -> Person | None:
-        height, width = heap.shape
+        if not heap.any():
+            return None
+        height, width = (int(np.ptp(axis)) + 1 for axis in np.nonzero(heap))
         size_m = resolution_m * max(height, width)
         cells = int(np.count_nonzero(heap))
         p = self._params
@@ -95,14 +98,20 @@ class PeopleTracker:
         radius_m = max(p.min_radius_m, 0.5 * resolution_m * math.hypot(height, width) * 0.8)
         return Person(stamp_s, x, y, radius_m=min(radius_m, p.max_radius_m), first=(x, y))
 
-    def _match(self, seen: Person, people: list[Person]) -> Person | None:
-        best, best_m = None, self._params.gate_m
-        for person in people:
-            x, y = person.at(seen.stamp_s)
-            distance_m = math.hypot(seen.x - x, seen.y - y)
-            if distance_m < best_m:
-                best, best_m = person, distance_m
-        return best
+    def _matched(self, found: list[Person]) -> dict[int, int]:
+        """Which of ``found`` is which person: the nearest pairs first, each once."""
+        pairs = []
+        for i, seen in enumerate(found):
+            for k, person in enumerate(self.people):
+                x, y = person.at(seen.stamp_s)
+                distance_m = min(math.hypot(seen.x - x, seen.y - y), math.hypot(seen.x - person.x, seen.y - person.y))
+                if distance_m < self._params.gate_m:
+                    pairs.append((distance_m, i, k))
+        matches: dict[int, int] = {}
+        for _, i, k in sorted(pairs):
+            if i not in matches and k not in matches.values():
+                matches[i] = k
+        return matches
 
     def _filtered(self, before: Person, seen: Person) -> Person:
         p, dt_s = self._params, seen.stamp_s - before.stamp_s

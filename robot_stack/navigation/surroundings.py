@@ -103,14 +103,14 @@ class Surroundings:
             clear = np.minimum(clear, self.local.clearance_m(edge, self.to_odom(poses)))
         return clear
 
-    def person_m(self, poses: Array, now_s: float, within_m: float) -> float:
-        """Least distance of a person to (n, 3) poses; those who walk count from twice as far."""
+    def person_m(self, poses: Array, now_s: float, walking_m: float) -> float:
+        """Least distance of a person to (n, 3) poses; those who walk count as so much nearer."""
         at = self.to_odom(poses)
         least = math.inf
         for person in self.people:
             x, y = person.at(now_s)
             distance_m = float(np.hypot(at[:, 0] - x, at[:, 1] - y).min())
-            least = min(least, distance_m - (within_m if person.walks else 0.0))
+            least = min(least, distance_m - (walking_m if person.walks else 0.0))
         return least
 
     # --- planning ----------------------------------------------------------------------------------------------------
