@@ -18,7 +18,7 @@ RINGS = 64
 
 @dataclass(frozen=True)
 class Solid:
-    """A box from low to high corner, m, base_link; pitched about y through its own low front corner by slope_rad."""
+    """A box from low to high corner, m, base_link."""
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
@@ -54,7 +54,7 @@ def sweep(
     for solid in solids:
         reach = np.minimum(reach, _box(rays, solid))
     seen = np.isfinite(reach) & (reach < 50.0) & (reach > 0.5) & (random.random(len(reach)) >= lost)
-    reach = reach + noise_m * random.standard_normal(len(reach))
+    reach = np.where(seen, reach, 0.0) + noise_m * random.standard_normal(len(reach))
     points = np.zeros(int(seen.sum()), SWEEP)
     for index, name in enumerate("xyz"):
         points[name] = (rays[:, index] * reach)[seen]
@@ -74,7 +74,9 @@ def _ground(rays: Array, slope: Slope | None, hole: tuple[float, float, float] |
         top = (top_x > end_x) & (np.abs(top_y) <= slope.half_m)
         base_x, base_y = _at(rays, reach)
         level = (base_x < slope.foot_m) | (np.abs(base_y) > slope.half_m)
-        candidates = [np.where(mask, value, np.inf) for mask, value in ((level, reach), (inside, on_slope), (top, on_top))]
+        candidates = [
+            np.where(mask, value, np.inf) for mask, value in ((level, reach), (inside, on_slope), (top, on_top))
+        ]
         return np.minimum.reduce(candidates)
     if hole is not None:
         x, _ = _at(rays, reach)

@@ -1,0 +1,106 @@
+"""Sweeps that cannot be trusted."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robot_stack.core.config import load
+from robot_stack.core.point_cloud import Points
+from robot_stack.core.robot import Robot
+from robot_stack.perception.params import PerceptionParams
+from robot_stack.perception.watch import Watch, hidden_by_chair
+from tests.unit.perception.scenes import sweep
+
+WATCH = load(PerceptionParams, "perception_pipeline").watch
+
+
+def halves(seed: int = 0) -> tuple[Points, Points]:
+    points = sweep(columns=1800, seed=seed)
+    return points[points["y"] >= 0.0], points[points["y"] < 0.0]
+
+
+def test_a_turning_sensor_sees() -> None:
+    watch = Watch(WATCH)
+    for turn in range(5):
+        for number, half in enumerate(halves(turn)):
+            stamp_s = 0.05 * (2 * turn + number)
+            assert not watch.frozen(half)
+            assert watch.blind(half, stamp_s) == ""
+
+
+def test_the_same_points_again_are_frozen_even_half_by_half() -> None:
+    watch, (left, right) = Watch(WATCH), halves()
+    assert not watch.frozen(left)
+    assert not watch.frozen(right)
+    assert watch.frozen(left.copy())
+    assert watch.frozen(right)
+    assert not watch.frozen(halves(1)[0])
+
+
+def test_too_few_returns_are_a_cover() -> None:
+    left, _ = halves()
+    assert Watch(WATCH).blind(left[::20], 0.0).startswith("covered")
+    assert Watch(WATCH).blind(left[:0], 0.0).startswith("covered: 0 returns")
+
+
+def test_a_direction_without_returns_is_blind_soon() -> None:
+    watch, told_s = Watch(WATCH), math.nan
+    for step in range(20):
+        half = halves(step)[step % 2]
+        angle = np.degrees(np.arctan2(half["y"], half["x"]))
+        problem = watch.blind(half[~((angle > 40.0) & (angle < 70.0))], 0.05 * step)
+        if problem:
+            told_s = 0.05 * step
+            break
+    assert problem.startswith("blind in")
+    assert "50, 60 deg" in problem
+    assert told_s <= 0.25
+
+
+def test_near_returns_cover_a_direction() -> None:
+    watch, problem = Watch(WATCH), ""
+    for step in range(8):
+        half = halves(step)[step % 2].copy()
+        angle = np.degrees(np.arctan2(half["y"], half["x"]))
+        hidden = np.abs(angle + 90.0) < 15.0
+        share = 0.5 / np.linalg.norm([half[name][hidden] for name in "xyz"], axis=0)
+        for name in "xyz":
+            half[name][hidden] *= share
+        problem = watch.blind(half, 0.05 * step)
+    assert problem.startswith("blind in")
+
+
+def test_one_lost_half_sweep_blinds_nobody() -> None:
+    watch = Watch(WATCH)
+    for step in (0, 1, 2, 4, 5, 6):
+        assert watch.blind(halves(step)[step % 2], 0.05 * step) == ""
+
+
+def test_behind_the_chair_nothing_needs_to_be_seen(robot: Robot) -> None:
+    excused = hidden_by_chair(robot, WATCH.sectors)
+    # 0.4 m to either side 0.3 m ahead of the sensor: 53 deg.
+    assert [int(i) for i in np.flatnonzero(excused)] == list(range(12, 24))
+    watch = Watch(WATCH)
+    for step in range(10):
+        half = halves(step)[step % 2]
+        angle = np.degrees(np.arctan2(half["y"], half["x"]))
+        assert watch.blind(half[np.abs(angle) > 55.0], 0.05 * step, excused) == ""
+
+
+@pytest.mark.parametrize(
+    ("stamp_s", "problem"), [(10.2, "in the future"), (9.0, "1.00 s old"), (math.nan, "future"), (9.99, "")]
+)
+def test_stamps_must_be_of_now(stamp_s: float, problem: str) -> None:
+    found = Watch(WATCH).stamp_problem(stamp_s, 10.0)
+    assert problem in found
+    assert bool(found) == bool(problem)
+
+
+def test_stamps_must_go_on_and_may_begin_anew_with_the_clock() -> None:
+    watch = Watch(WATCH)
+    assert watch.stamp_problem(10.0, 10.01) == ""
+    assert "does not go on" in watch.stamp_problem(10.0, 10.02)
+    assert watch.stamp_problem(3.0, 3.01) == ""
