@@ -80,9 +80,11 @@ class ExclusionParams(Config):
 
 
 class ObstacleParams(Config):
-    """How obstacle clouds are kept."""
+    """How obstacle clouds are kept: so long, so far around the robot, one point for each upright column."""
 
     window_s: Positive
+    radius_m: Positive
+    column_m: Positive
     max_latency_s: Positive
     blind: BlindParams
     exclusion: ExclusionParams

@@ -70,7 +70,8 @@ class Surroundings:
             return
         moment_s = now_s - latency_s
         pose = self._reckoning.pose_at(moment_s)
-        seen = np.asarray(finite[~outline.contains(finite)], dtype=np.float64)
+        near = np.hypot(finite[:, 0], finite[:, 1]) <= self._params.radius_m
+        seen = _thinned(np.asarray(finite[near & ~outline.contains(finite)], np.float64), self._params.column_m)
         self._at_s = now_s
         self._clouds.append(Cloud(_moved(seen, pose), moment_s))
         while not 0.0 <= moment_s - self._clouds[0].at_s <= self._params.window_s:
@@ -129,7 +130,7 @@ class BlindSpot:
         points = np.concatenate([here, self._points])
         if not len(points):
             return
-        first, group = self._columns(points)
+        first, group = _columns(points, self._params.cell_m)
         # The height of a column is what is seen of it now; the memory's counts only where nothing is.
         tops = np.full(len(first), -math.inf)
         np.maximum.at(tops, group[:count], here[:, 2])
@@ -156,17 +157,30 @@ class BlindSpot:
         trusted = (age >= 0.0) & (age <= self._params.memory_s) & (self._sightings >= self._params.sightings)
         return self._points[trusted & (way_m - self._seen_at_m <= self._params.memory_m)]
 
-    def _columns(self, points: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(index of the first point of each cell, (n,) cell of each point)."""
-        cells = np.floor(points[:, :2] / self._params.cell_m).astype(np.int64)
-        _, first, group = np.unique(cells[:, 0] * _ROW + cells[:, 1], return_index=True, return_inverse=True)
-        return first, group
-
     def _hidden(self, local: Floats) -> NDArray[np.bool_]:
         """(n,) whose column's top, in base_link, is below the lowest ray."""
         range_m = np.hypot(local[:, 0] - self._lidar_x_m, local[:, 1])
         hidden: NDArray[np.bool_] = local[:, 2] <= self._lidar_z_m + self._slope * range_m + self._params.ray_margin_m
         return hidden
+
+
+def _columns(points: Floats, cell_m: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(index of the first point of each upright column of cells, (n,) column of each point)."""
+    cells = np.floor(points[:, :2] / cell_m).astype(np.int64)
+    _, first, group = np.unique(cells[:, 0] * _ROW + cells[:, 1], return_index=True, return_inverse=True)
+    return first, group
+
+
+def _thinned(points: Floats, cell_m: float) -> Floats:
+    """Of each column the point nearest to the robot, at the height of the column's highest: (m, 3).
+
+    A motion in the plane meets a column as a whole, and what hides a point, or makes it part of a dock, is its height.
+    """
+    ordered = points[np.argsort(np.square(points[:, :2]).sum(axis=1), kind="stable")]
+    first, group = _columns(ordered, cell_m)
+    thin = ordered[first]
+    np.maximum.at(thin[:, 2], group, ordered[:, 2])
+    return thin
 
 
 def _near(points: Floats, pose: Pose2, radius_m: float) -> NDArray[np.bool_]:

@@ -161,6 +161,19 @@ def test_what_is_within_the_body_is_the_body() -> None:
     assert Scene().see((0.5, 0.0, 0.3), (0.0, -0.35, 0.3), (0.51, 0.0, 0.3)).known() == [[0.51, 0.0, 0.3]]
 
 
+def test_of_a_column_the_nearest_point_is_kept_at_the_height_of_the_highest() -> None:
+    column = [(2.04, 0.01, 0.2), (2.01, 0.01, 0.5), (2.02, 0.04, 1.5), (2.03, 0.02, 1.0)]
+    assert Scene().see(*column, (2.06, 0.01, 0.1)).known() == [[2.01, 0.01, 1.5], [2.06, 0.01, 0.1]]
+    behind = [(-2.01, -0.01, 0.5), (-2.04, -0.01, 0.7)]
+    assert Scene().see(*behind).known() == [[-2.01, -0.01, 0.7]]
+
+
+def test_far_points_are_left_out() -> None:
+    radius = OBSTACLES.radius_m
+    assert len(Scene().see((0.6 * radius, 0.79 * radius, 1.0)).known()) == 1
+    assert Scene().see((0.6 * radius, 0.81 * radius, 1.0)).known() == []
+
+
 def test_time_that_runs_back_begins_anew() -> None:
     scene = Scene().see((2.0, 0.0, 1.0))
     scene.now_s = 5.0
