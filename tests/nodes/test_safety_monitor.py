@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import statistics
@@ -12,13 +13,16 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped
-from sensor_msgs.msg import BatteryState, Imu, JointState
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from sensor_msgs.msg import BatteryState, Imu, JointState, PointCloud2
 from std_msgs.msg import Bool, Float32
 
 from robot_stack.contract import services, topics
 from robot_stack.contract.frames import JOINTS
+from robot_stack.core.point_cloud import SWEEP, points_from_xyz
+from robot_stack.ros.point_cloud import cloud_message
 from tests.support.engine import TestEngine
 from tests.support.processes import ROOT, NodeProcess
 from tests.support.waiting import wait_for
@@ -311,6 +315,74 @@ def test_a_drive_that_never_comes_up_is_never_normal(start: Start, peer: Peer, e
     assert scene.limit.last.max_linear_velocity == 0.0
     scene.wait_state("EMERGENCY_STOP", "DRIVE_FAULT")
     assert all(message.safety_state != "NORMAL" for message in scene.status.messages)
+
+
+class FakeSurroundings:
+    """Sweeps and obstacles at the contract's rates. obstacles: (n, 3) m, base_link."""
+
+    def __init__(self, peer: Peer) -> None:
+        self._peer = peer
+        self._noise = np.random.default_rng(1)
+        self.frozen = False
+        self.obstacles = np.empty((0, 3), np.float32)
+        self._sweep = self._new_sweep()
+        peer.repeat(topics.LIDAR_POINTS, self._points, 10.0)
+        peer.repeat(topics.OBSTACLES, self._cloud, 20.0)
+        peer.repeat(topics.CMD_VEL_LIMITED, TwistStamped, 20.0)
+
+    def _new_sweep(self) -> PointCloud2:
+        bearing = np.linspace(-math.pi, math.pi, 6000)
+        sweep = np.zeros(len(bearing), SWEEP)
+        sweep["x"], sweep["y"] = 8.0 * np.cos(bearing), 8.0 * np.sin(bearing)
+        sweep["z"] = self._noise.normal(0.0, 0.02, len(bearing))
+        return cloud_message(sweep, "lidar")
+
+    def _points(self) -> PointCloud2:
+        if not self.frozen:
+            self._sweep = self._new_sweep()
+        self._sweep.header.stamp = self._peer.node.get_clock().now().to_msg()
+        return self._sweep
+
+    def _cloud(self) -> PointCloud2:
+        message = cloud_message(points_from_xyz(self.obstacles), "base_link")
+        message.header.stamp = self._peer.node.get_clock().now().to_msg()
+        return message
+
+
+def test_obstacles_slow_and_stop_and_blindness_stops(scene: Scene) -> None:
+    scene.monitor.stop()
+    around = FakeSurroundings(scene.peer)
+    rows = ("ESTOP_PRESSED", "COLLISION_IMMINENT", "OBSTACLE_NEAR", "LIDAR_TIMEOUT", "OBSTACLES_TIMEOUT")
+    scene.monitor = scene.start_monitor("-p", f"rows:=[{', '.join(rows)}]")
+    wait_for(lambda: len(scene.status.items) > 0 and scene.status.last.safety_state == "NORMAL", "NORMAL", 60.0)
+    scene.status.wait(lambda message: message.min_obstacle_distance == math.inf, "nothing near")
+    around.obstacles = np.array([[1.01, y, 0.8] for y in np.arange(-0.5, 0.5, 0.05)], np.float32)
+    scene.status.wait(lambda message: 0.49 < message.min_obstacle_distance < 0.52, "the wall")
+    assert scene.status.last.safety_state == "NORMAL"  # nobody wants to go there
+
+    def wish() -> Twist:
+        message = Twist()
+        message.linear.x = 0.4
+        return message
+
+    scene.peer.repeat(topics.CMD_VEL, wish, 20.0)
+    scene.wait_state("COLLISION_AVOIDANCE", "OBSTACLE_NEAR")
+    near = scene.limit.wait(lambda message: message.reason == "OBSTACLE_NEAR", "a limit")
+    assert near.max_linear_velocity == pytest.approx(0.2)
+    around.obstacles = around.obstacles - np.array([0.41, 0.0, 0.0], np.float32)
+    scene.wait_state("COLLISION_AVOIDANCE", "COLLISION_IMMINENT")
+    stop = scene.limit.wait(lambda message: message.reason == "COLLISION_IMMINENT", "a stop")
+    assert (stop.max_linear_velocity, stop.max_angular_velocity) == (0.0, 0.0)
+    around.obstacles = np.empty((0, 3), np.float32)
+    scene.wait_state("NORMAL")
+    around.frozen = True
+    scene.wait_state("DEGRADED", "LIDAR_TIMEOUT")
+    assert "frozen" in scene.monitor.output()
+    around.frozen = False
+    scene.wait_state("NORMAL")
+    scene.peer.silence(topics.OBSTACLES)
+    scene.wait_state("DEGRADED", "OBSTACLES_TIMEOUT")
+    scene.status.wait(lambda message: math.isnan(message.min_obstacle_distance), "nobody knows")
 
 
 @pytest.mark.parametrize(
