@@ -1,0 +1,67 @@
+"""How old stamped messages are when they arrive, and the newest of each for a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from robot_stack.contract.model import Topic
+from robot_stack.ros import transport
+from robot_stack.ros.conversions import time_to_s
+from robot_stack.ros.executor import LeanExecutor
+from robot_stack.ros.interfaces import interface_class, qos_profile
+
+
+class LatencyMeter:
+    """Ages by stamp in s, on the ROS clock of the machine (system time). A context manager."""
+
+    def __init__(self, rows: Sequence[Topic]) -> None:
+        transport.apply()
+        self._context = Context()
+        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node(
+            "latency_meter",
+            context=self._context,
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._executor = LeanExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self.ages_s: dict[str, list[float]] = {row.name: [] for row in rows}
+        self.latest: dict[str, Any] = {}
+        for row in rows:
+            profile = qos_profile(row.qos)
+            self._node.create_subscription(interface_class(row.type), row.name, self._taker(row.name), profile)
+
+    def __enter__(self) -> LatencyMeter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._node.destroy_node()
+        self._executor.shutdown()
+        rclpy.try_shutdown(context=self._context)
+
+    def run(self, duration_s: float) -> None:
+        """Listens for so long; ages of before are forgotten."""
+        for ages in self.ages_s.values():
+            ages.clear()
+        clock = self._node.get_clock()
+        end_s = clock.now().nanoseconds * 1e-9 + duration_s
+        while clock.now().nanoseconds * 1e-9 < end_s:
+            self._executor.spin_once(0.1)
+
+    def _taker(self, name: str) -> Callable[[Any], None]:
+        clock = self._node.get_clock()
+
+        def take(message: Any) -> None:
+            now_s = clock.now().nanoseconds * 1e-9
+            self.ages_s[name].append(now_s - time_to_s(message.header.stamp))
+            self.latest[name] = message
+
+        return take

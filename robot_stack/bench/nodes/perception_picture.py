@@ -1,0 +1,50 @@
+"""Obstacles, free space and the costmap as they were last heard, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+
+from robot_stack.contract import topics
+from robot_stack.core.point_cloud import XYZ, xyz_of
+from robot_stack.ros.point_cloud import points_of
+
+_HALF_M = 10.0
+
+
+def draw(file: Path, latest: Mapping[str, Any]) -> Path:
+    """latest: newest message by topic name; what is missing is left empty."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(18, 9), dpi=80)
+    cloud, scan, grid = (latest.get(row.name) for row in (topics.OBSTACLES, topics.FREE_SPACE, topics.LOCAL_COSTMAP))
+    if scan is not None:
+        ranges = np.asarray(scan.ranges)
+        angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+        left.fill(ranges * np.cos(angles), ranges * np.sin(angles), color="#d8ecd0", label="free, this half")
+    if cloud is not None:
+        xyz = xyz_of(points_of(cloud, XYZ))
+        dots = left.scatter(xyz[:, 0], xyz[:, 1], s=3.0, c=xyz[:, 2], cmap="viridis", vmin=0.0, vmax=2.0)
+        figure.colorbar(dots, ax=left, label="z, m", shrink=0.7)
+    left.plot([0.0], [0.0], "r+", markersize=12)
+    left.set(xlim=(-_HALF_M, _HALF_M), ylim=(-_HALF_M, _HALF_M), aspect="equal", title="obstacles, base_link")
+    if grid is not None:
+        info = grid.info
+        cost = np.asarray(grid.data, dtype=np.int16).reshape(info.height, info.width)
+        x0, y0 = info.origin.position.x, info.origin.position.y
+        extent = (x0, x0 + info.width * info.resolution, y0, y0 + info.height * info.resolution)
+        shown = np.ma.masked_less(cost, 0)
+        right.set_facecolor("#a0a0a8")
+        image = right.imshow(shown, origin="lower", extent=extent, cmap="magma_r", vmin=0, vmax=100)
+        figure.colorbar(image, ax=right, label="cost", shrink=0.7)
+    right.set(aspect="equal", title="local costmap, odom (grey: unknown)")
+    figure.tight_layout()
+    file.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(file)
+    plt.close(figure)
+    return file
