@@ -44,7 +44,7 @@ def goal_problem(grid: PlanningGrid, footprint: Footprint, goal: Pose2, params: 
     if grid.unknown[row, column] and not params.unknown_is_passable:
         return f"goal ({goal.x:.2f}, {goal.y:.2f}) lies where the map knows nothing"
     pose = np.array([(goal.x, goal.y, goal.yaw)])
-    clear_m = float(grid.clearance_m(outline(footprint), pose, known=True)[0])
+    clear_m = float(grid.clearance_m(outline(footprint), pose, known=True)[0]) - grid.half_cell_m
     if clear_m < params.goal_margin_m:
         return (
             f"goal ({goal.x:.2f}, {goal.y:.2f}): the footprint would have {clear_m:.2f} m to an obstacle of the map, "
@@ -87,7 +87,7 @@ class GlobalPlanner:
     ) -> Array | None:
         """(n, 2) positions along the way, evenly spaced; None if there is none."""
         grid, p = self.grid, self._params
-        radius_m = 0.5 * footprint.width_m + p.margin_m
+        radius_m = 0.5 * footprint.width_m + p.margin_m + grid.half_cell_m
         prefer_m = radius_m + p.prefer_m
         factor = max(1, round(p.search_resolution_m / grid.resolution_m))
         coarse_m = factor * grid.resolution_m
@@ -137,14 +137,15 @@ class GlobalPlanner:
         at_ends = grid.clearance_m(edge, ends)
         # Out of a tight spot, and into one, the footprint may pass as near as it stands there.
         along = np.cumsum(step_m)
-        margin = np.full(len(points), p.margin_m)
-        margin[along <= p.escape_m] = min(p.margin_m, at_ends[0] - grid.resolution_m)
+        margin_m = p.margin_m + grid.half_cell_m
+        margin = np.full(len(points), margin_m)
+        margin[along <= p.escape_m] = min(margin_m, at_ends[0] - grid.resolution_m)
         near_goal = along >= along[-1] - p.escape_m
         margin[near_goal] = np.minimum(margin[near_goal], at_ends[1] - grid.resolution_m)
         free = free_headings(grid.field, *place, edge, points, bins, margin, reach_m(footprint))
         first, last = (round(yaw / (2.0 * math.pi) * bins) % bins for yaw in (start.yaw, goal.yaw))
         free[0, first] = free[-1, last] = True
-        if at_ends[1] < p.goal_margin_m:
+        if at_ends[1] < p.goal_margin_m + grid.half_cell_m:
             return None, points[-1]
         picked = headings(free, wish, step_m, first, last, p.turn_cost_m_per_rad)
         if picked[0] < 0:

@@ -34,6 +34,11 @@ class PlanningGrid:
         self.field = self.known_field
         self._changed: tuple[slice, slice] | None = None
 
+    @property
+    def half_cell_m(self) -> float:
+        """From a cell's middle to its edge: an obstacle reaches so much nearer than its clearance says."""
+        return 0.5 * self.resolution_m
+
     def contains(self, x: float, y: float) -> bool:
         row, column = self.cell(x, y)
         rows, columns = self.field.shape

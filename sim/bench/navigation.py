@@ -1,4 +1,4 @@
-"""Does it get through: 50 drawn courses with walls, gates, boxes and people, how near it comes, and how long a step takes."""
+"""Navigation on drawn courses with walls, gates, boxes and people: arrivals, clearances, time of a step."""
 
 from __future__ import annotations
 
@@ -75,9 +75,7 @@ class Body:
         size, most = math.hypot(dx, dy), m.max_acceleration_mps2 * _STEP_S
         share = 1.0 if size <= most else most / size
         turn = m.max_yaw_acceleration_radps2 * _STEP_S
-        self.twist = Twist2(
-            t.vx + share * dx, t.vy + share * dy, t.omega + max(-turn, min(turn, wish.omega - t.omega))
-        )
+        self.twist = Twist2(t.vx + share * dx, t.vy + share * dy, t.omega + max(-turn, min(turn, wish.omega - t.omega)))
         self.pose = self.pose.compose(exp_se2(self.twist, _STEP_S))
 
 
@@ -191,7 +189,7 @@ def run(courses: int = 50, first: int = 1, pictures: str = "results") -> tuple[d
     }
     failed = {seed: result.text for seed, _, result in driven if not result.reached}
     return figures, {
-        "courses": f"{courses}, seeds {seeds[0]} to {seeds[-1]}: 32 x 16 m, two cross walls with gates of 1.3 m or more, "
+        "courses": f"{courses}, seeds {seeds[0]} to {seeds[-1]}: 32 x 16 m, two cross walls with gates from 1.3 m, "
         "boxes (half not in the map), 3 people walking at 0.6 to 1.4 m/s; every fifth with wheelchair and passenger",
         "robot": f"kinematic, {_DELAY_S} s late, accelerations of robot.yaml, pose noise {_POSE_SIGMA_M} m",
         "costmap": f"{1 / _COSTMAP_S:.0f} Hz, {_COSTMAP_DELAY_S} s old, {COSTMAP_RESOLUTION_M} m, line of sight",

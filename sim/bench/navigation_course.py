@@ -1,4 +1,4 @@
-"""Courses for the benchmark ``navigation``: walls, boxes, gates and people, drawn from a seed, and what is seen of them."""
+"""Courses of the benchmark ``navigation``: walls, boxes, gates and people from a seed, and what is seen of them."""
 
 from __future__ import annotations
 
@@ -130,7 +130,9 @@ def _corners(box: Box) -> Array:
     return np.column_stack((box.x + c * signs[:, 0] - s * signs[:, 1], box.y + s * signs[:, 0] + c * signs[:, 1]))
 
 
-def raster(boxes: list[Box], shape: tuple[int, int], x0: float, y0: float, resolution_m: float) -> npt.NDArray[np.bool_]:
+def raster(
+    boxes: list[Box], shape: tuple[int, int], x0: float, y0: float, resolution_m: float
+) -> npt.NDArray[np.bool_]:
     """(rows, columns) cells whose middle lies within half a cell of a box."""
     ys, xs = np.mgrid[0 : shape[0], 0 : shape[1]]
     points = np.column_stack((x0 + (xs.ravel() + 0.5) * resolution_m, y0 + (ys.ravel() + 0.5) * resolution_m))
@@ -153,7 +155,10 @@ def course(seed: int, footprint: Footprint) -> Course:
     ]
     crossings = [10.0, 21.0]
     for x in crossings:
-        gate, width = float(random.uniform(3.0, 13.0)), _GATE_M if random.random() < 0.6 else float(random.uniform(1.6, 3.0))
+        gate, width = (
+            float(random.uniform(3.0, 13.0)),
+            _GATE_M if random.random() < 0.6 else float(random.uniform(1.6, 3.0)),
+        )
         low, high = gate - width / 2, gate + width / 2
         known += [Box(x, low / 2, 0.1, low / 2, 0.0), Box(x, (high + WIDTH_M) / 2, 0.1, (WIDTH_M - high) / 2, 0.0)]
     unknown: list[Box] = []
@@ -161,14 +166,22 @@ def course(seed: int, footprint: Footprint) -> Course:
         if len(known) + len(unknown) >= 8 + 7:
             break
         size = random.uniform(0.3, 0.9, 2)
-        box = Box(float(random.uniform(4, 28)), float(random.uniform(1.5, 14.5)), *map(float, size), float(random.uniform(0, 3.1)))
+        box = Box(
+            float(random.uniform(4, 28)),
+            float(random.uniform(1.5, 14.5)),
+            *map(float, size),
+            float(random.uniform(0, 3.1)),
+        )
         reach = math.hypot(*size)
         if any(abs(box.x - x) < reach + 2.2 for x in crossings):
             continue
         if any(math.hypot(box.x - pose.x, box.y - pose.y) < reach + 1.8 for pose in (start, goal)):
             continue
         # Between two things is either nothing or room for the chair.
-        if any(math.hypot(box.x - other.x, box.y - other.y) < reach + math.hypot(other.half_x, other.half_y) + 1.5 for other in (known[8:] + unknown)):
+        if any(
+            math.hypot(box.x - other.x, box.y - other.y) < reach + math.hypot(other.half_x, other.half_y) + 1.5
+            for other in (known[8:] + unknown)
+        ):
             continue
         (known if random.random() < 0.5 else unknown).append(box)
     made = Course(start, goal, known, unknown)
@@ -179,10 +192,10 @@ def course(seed: int, footprint: Footprint) -> Course:
         line = np.column_stack((np.linspace(x, bx, 30), np.linspace(y, by, 30)))
         inside = (1.0 < bx < LENGTH_M - 1.0) and (1.0 < by < WIDTH_M - 1.0)
         free = inside and all(float(box.distance(line).min()) > 0.5 for box in made.boxes)
-        if free and min(math.hypot(x - start.x, y - start.y), math.hypot(bx - start.x, by - start.y)) > 2.5:
-            # Nobody walks to and fro through a goal: whoever stands on it cannot be driven through.
-            if float(np.hypot(line[:, 0] - goal.x, line[:, 1] - goal.y).min()) > 2.0:
-                made.walkers.append(Walker((x, y), (bx, by), float(random.uniform(0.6, 1.4))))
+        away = min(math.hypot(x - start.x, y - start.y), math.hypot(bx - start.x, by - start.y)) > 2.5
+        # Nobody walks to and fro through a goal: whoever stands on it cannot be driven through.
+        if free and away and float(np.hypot(line[:, 0] - goal.x, line[:, 1] - goal.y).min()) > 2.0:
+            made.walkers.append(Walker((x, y), (bx, by), float(random.uniform(0.6, 1.4))))
     return made
 
 

@@ -1,0 +1,317 @@
+"""The controller among obstacles, in fake time: a robot that follows its commands and a costmap drawn by hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2
+from robot_stack.core.site_map import FREE, OCCUPIED, Grid
+from robot_stack.navigation.controller import NavigationController, NavigationState, Output, Situation
+from robot_stack.navigation.footprint import outline
+from robot_stack.navigation.limits import MotionLimits
+from robot_stack.navigation.people import PeopleTracker
+from robot_stack.navigation.pose_source import Located
+from robot_stack.navigation.ramp import Ramp
+from robot_stack.navigation.rollout_kernels import along_poses
+from tests.unit.navigation.plant import ROBOT, Drive, params, request
+
+_N, _RES = 200, 0.05
+Painter = Callable[[float, npt.NDArray[np.float64], npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
+
+
+class Story:
+    """paint(time, x, y) says which points of the ground are obstacles."""
+
+    def __init__(self, paint: Painter, grid: Grid | None = None, *, chair: bool = False) -> None:
+        self.controller = NavigationController(params(use_costmap=True), ROBOT, "map", grid)
+        self.controller.set_passenger(chair)
+        self.drive = Drive(ROBOT.motion(chair), pose=Pose2(2.0, 5.0, 0.0))
+        self.footprint = ROBOT.footprint_with_chair if chair else ROBOT.footprint
+        self.paint = paint
+        self.now_s = 10.0
+        self.seeing = True
+        self.outputs: list[Output] = []
+        self.clearances: list[float] = []
+        self.poses: list[Pose2] = []
+        self._ticks = 0
+
+    def look(self) -> None:
+        x0, y0 = round(self.drive.pose.x / _RES) * _RES - 5.0, round(self.drive.pose.y / _RES) * _RES - 5.0
+        axis = (np.arange(_N) + 0.5) * _RES
+        x, y = np.meshgrid(x0 + axis, y0 + axis)
+        lethal = self.paint(self.now_s, x, y)
+        cells = np.where(lethal, 100, 0).astype(np.int8)
+        assert self.controller.around.on_costmap(self.now_s, _RES, Pose2(x0, y0, 0.0), cells, self.now_s) == ""
+        here = np.array([(self.drive.pose.x, self.drive.pose.y, self.drive.pose.yaw)])
+        field = self.controller.around.local
+        assert field is not None
+        self.clearances.append(float(along_poses(field.field, _RES, x0, y0, outline(self.footprint), here)[0]))
+
+    def go(self, goal: Pose2) -> str:
+        self.look()
+        return self.controller.request(request(goal), self.now_s, self.located())
+
+    def located(self) -> Located:
+        return Located(self.drive.pose, self.drive.twist, IDENTITY)
+
+    def tick(self) -> Output:
+        if self.seeing and self._ticks % 4 == 0:
+            self.look()
+        self._ticks += 1
+        blind = self.controller.around.problem(self.now_s)
+        output = self.controller.tick(Situation(self.now_s, self.located(), blind=blind))
+        self.outputs.append(output)
+        for _ in range(5):
+            self.drive.step(output.twist)
+            self.now_s += 0.01
+        self.poses.append(self.drive.pose)
+        return output
+
+    def until(self, done: Callable[[Output], bool], limit_s: float = 90.0) -> Output:
+        for _ in range(round(limit_s / 0.05)):
+            output = self.tick()
+            if done(output):
+                return output
+        raise AssertionError(f"not in {limit_s} s: {self.outputs[-1]}, {self.drive.pose}")
+
+
+def nothing(_: float, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+    return np.zeros(x.shape, np.bool_)
+
+
+def box(x0: float, x1: float, y0: float, y1: float) -> Painter:
+    return lambda _, x, y: (x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)
+
+
+def reached(output: Output) -> bool:
+    return output.reached
+
+
+def corridor() -> Grid:
+    """16 x 10 m, closed all round."""
+    cells = np.full((100, 160), FREE, np.int8)
+    cells[[0, -1], :] = OCCUPIED
+    cells[:, [0, -1]] = OCCUPIED
+    return Grid(0.1, 0.0, 0.0, cells)
+
+
+def test_free_way_is_driven_as_exactly_as_without_eyes() -> None:
+    story = Story(nothing, corridor())
+    assert story.go(Pose2(8.0, 5.0, 0.0)) == ""
+    story.until(reached)
+    assert {output.state for output in story.outputs} <= {
+        NavigationState.DRIVING,
+        NavigationState.ARRIVING,
+        NavigationState.IDLE,
+    }
+    assert story.drive.pose.distance_to(Pose2(8.0, 5.0, 0.0)) < 0.02
+    assert max(abs(pose.y - 5.0) for pose in story.poses) < 0.01
+
+
+@pytest.mark.parametrize("chair", [False, True])
+def test_drives_around_a_box_that_the_map_does_not_know(chair: bool) -> None:
+    story = Story(box(6.5, 7.5, 4.3, 5.7), corridor(), chair=chair)
+    assert story.go(Pose2(12.0, 5.0, 0.0)) == ""
+    assert story.controller.path is not None
+    assert story.controller.path.end().distance_to(Pose2(12.0, 5.0, 0.0)) < 1e-6
+    story.until(reached)
+    assert story.drive.pose.distance_to(Pose2(12.0, 5.0, 0.0)) < 0.04
+    assert min(story.clearances) > 0.15
+
+
+def test_without_a_map_the_costmap_is_enough() -> None:
+    story = Story(box(6.5, 7.5, 4.3, 5.7))
+    story.go(Pose2(12.0, 5.0, 0.0))
+    story.until(reached)
+    assert min(story.clearances) > 0.2
+
+
+def test_narrow_gate_is_passed_slowly_in_its_middle() -> None:
+    def gate(_: float, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        return (abs(x - 7.5) < 0.1) & (abs(y - 5.0) > 0.65)
+
+    story = Story(gate)
+    story.go(Pose2(12.0, 5.3, 0.0))
+    story.until(reached)
+    inside = [(p, o) for p, o in zip(story.poses, story.outputs, strict=True) if abs(p.x - 7.5) < 0.3]
+    assert inside
+    assert max(abs(pose.y - 5.0) for pose, _ in inside) < 0.1
+    assert max(output.twist.speed() for _, output in inside) < 0.5
+    assert min(story.clearances) > 0.1
+
+
+def test_blocked_way_is_planned_anew() -> None:
+    """The left gate closes when the robot is near; there is another."""
+    cells = corridor().occupancy.copy()
+    cells[:, 80] = OCCUPIED
+    cells[43:57, 80] = FREE
+    cells[70:90, 80] = FREE
+
+    def closing(now_s: float, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        wall = (abs(x - 8.05) < 0.06) & ((y < 4.3) | ((y > 5.7) & (y < 7.0)) | (y > 9.0))
+        return wall | ((abs(x - 8.05) < 0.06) & (y < 7.0) & (now_s > 13.0))
+
+    story = Story(closing, Grid(0.1, 0.0, 0.0, cells))
+    story.go(Pose2(13.0, 5.0, 0.0))
+    story.until(reached)
+    crossing = min(story.poses, key=lambda pose: abs(pose.x - 8.05))
+    assert crossing.y > 7.3
+    assert min(story.clearances) > 0.1
+
+
+def test_only_way_blocked_waits_then_gives_up_with_the_reason() -> None:
+    cells = corridor().occupancy.copy()
+    cells[:, 80] = OCCUPIED
+    cells[43:57, 80] = FREE
+
+    def closed(now_s: float, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        return (abs(x - 8.05) < 0.06) & ((abs(y - 5.0) > 0.7) | (now_s > 12.0))
+
+    story = Story(closed, Grid(0.1, 0.0, 0.0, cells))
+    story.go(Pose2(13.0, 5.0, 0.0))
+    story.until(lambda output: output.text.startswith("waiting: the only way is blocked at (7"), 30.0)
+    output = story.until(lambda output: output.state is NavigationState.IDLE, 30.0)
+    assert "gave up" in output.text
+    assert "the only way is blocked at (7" in output.text
+    assert story.controller.path is None
+    assert story.controller.goal is None
+    assert output.twist == ZERO_TWIST
+    assert min(story.clearances) > 0.15
+
+
+def test_person_who_crosses_is_let_pass() -> None:
+    def person(now_s: float, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        return np.hypot(x - 8.0, y - (1.0 + 0.8 * (now_s - 10.0))) < 0.25
+
+    story = Story(person)
+    story.go(Pose2(13.0, 5.0, 0.0))
+    story.until(reached)
+    met = min(pose.distance_to(Pose2(8.0, 1.0 + 0.8 * (0.05 * (i + 1)), 0.0)) for i, pose in enumerate(story.poses))
+    assert met > 0.95  # 0.61 m is the robot's corner, 0.25 m the person
+    assert max(abs(pose.y - 5.0) for pose in story.poses) < 1.0  # no swerve
+
+
+def test_slow_near_a_standing_person() -> None:
+    def person(_: float, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        return np.hypot(x - 7.0, y - 6.1) < 0.25
+
+    story = Story(person)
+    story.go(Pose2(12.0, 5.0, 0.0))
+    story.until(reached)
+    beside = [o.twist.speed() for p, o in zip(story.poses, story.outputs, strict=True) if abs(p.x - 7.0) < 0.3]
+    assert max(beside) < 0.4
+
+
+def test_passenger_limits_are_kept() -> None:
+    story = Story(box(6.5, 7.5, 4.3, 5.7), corridor(), chair=True)
+    story.go(Pose2(12.0, 5.0, 0.0))
+    story.until(reached)
+    motion = ROBOT.with_passenger
+    twists = [output.twist for output in story.outputs if output.state is NavigationState.FOLLOWING]
+    assert max(twist.speed() for twist in twists) <= motion.max_speed_mps
+    for before, after in zip(twists, twists[1:], strict=False):
+        change = math.hypot(after.vx - before.vx, after.vy - before.vy)
+        assert change <= motion.max_acceleration_mps2 * 0.05 + 0.02
+
+
+def test_stale_costmap_stops_at_once_and_its_return_goes_on() -> None:
+    story = Story(box(6.5, 7.5, 4.3, 5.7), corridor())
+    story.go(Pose2(12.0, 5.0, 0.0))
+    story.until(lambda output: output.twist.speed() > 0.3)
+    story.seeing = False
+    output = story.until(lambda output: output.state is NavigationState.HELD, 1.3)
+    assert output.twist == ZERO_TWIST
+    assert output.text == "/local_costmap/costmap silent for more than 1.0 s"
+    story.seeing = True
+    story.until(reached)
+
+
+def test_never_a_costmap_never_a_motion() -> None:
+    story = Story(nothing)
+    story.seeing = False
+    story.controller.request(request(Pose2(8.0, 5.0, 0.0)), story.now_s, story.located())
+    for _ in range(40):
+        assert story.tick().twist == ZERO_TWIST
+    assert story.outputs[-1].text == "/local_costmap/costmap never received"
+
+
+@pytest.mark.parametrize(
+    ("resolution_m", "origin", "reason"),
+    [
+        (math.nan, IDENTITY, "info.resolution is nan"),
+        (0.0, IDENTITY, "info.resolution is 0.0"),
+        (0.05, Pose2(math.nan, 0.0, 0.0), "info.origin is not finite"),
+        (0.05, Pose2(0.0, 0.0, 0.5), "info.origin is turned"),
+    ],
+)
+def test_costmaps_that_cannot_be_used_are_named(resolution_m: float, origin: Pose2, reason: str) -> None:
+    story = Story(nothing)
+    cells = np.zeros((4, 4), np.int8)
+    assert reason in story.controller.around.on_costmap(1.0, resolution_m, origin, cells, 1.0)
+    assert story.controller.around.problem(1.0) != ""
+
+
+def test_goals_in_the_wall_are_refused_and_the_robot_stands() -> None:
+    story = Story(nothing, corridor())
+    assert "an obstacle of the map" in story.go(Pose2(15.9, 5.0, 0.0))
+    assert "outside the map" in story.go(Pose2(40.0, 5.0, 0.0))
+    assert story.tick().twist == ZERO_TWIST
+
+
+def test_staging_before_a_wheelchair_is_reached() -> None:
+    """1.5 m before the dock pose, 0.95 m before the board: the chair stands in the costmap, not in the map."""
+    story = Story(box(8.0, 9.1, 4.67, 5.33), corridor())
+    story.go(Pose2(8.0 - 2.45, 5.0, 0.0))
+    story.until(reached)
+
+
+def test_same_seed_same_commands() -> None:
+    twists = []
+    for _ in range(2):
+        story = Story(box(6.5, 7.5, 4.3, 5.7))
+        story.go(Pose2(12.0, 5.0, 0.0))
+        for _ in range(60):
+            story.tick()
+        twists.append([output.twist for output in story.outputs])
+    assert twists[0] == twists[1]
+
+
+def test_tracker_finds_speed_and_forgets() -> None:
+    tracker = PeopleTracker(params().people)
+    known = np.zeros((100, 100), np.bool_)
+    ys, xs = np.mgrid[0:100, 0:100]
+    for i in range(10):
+        heap = np.hypot(xs - (20 + 4 * i), ys - 50) < 5  # 4 cells of 0.05 m in 0.2 s: 1 m/s
+        tracker.update(0.2 * i, heap, known, 0.05, 0.0, 0.0)
+    (person,) = tracker.people
+    assert person.walks
+    assert person.vx == pytest.approx(1.0, abs=0.1)
+    assert person.vy == pytest.approx(0.0, abs=0.05)
+    empty = np.zeros_like(known)
+    tracker.update(3.0, empty, known, 0.05, 0.0, 0.0)
+    assert tracker.people == ()
+
+
+def test_tracker_leaves_out_what_the_map_knows_and_what_is_too_big() -> None:
+    tracker = PeopleTracker(params().people)
+    heap = np.zeros((100, 100), np.bool_)
+    heap[10:16, 10:16] = True
+    tracker.update(0.0, heap, heap, 0.05, 0.0, 0.0)
+    assert tracker.people == ()
+    heap[10:16, 10:60] = True
+    tracker.update(0.2, heap, np.zeros_like(heap), 0.05, 0.0, 0.0)
+    assert tracker.people == ()
+
+
+def test_ramp_takes_what_is_not_finite_as_zero() -> None:
+    limits = MotionLimits(1.0, 1.0, 0.7, 0.7, 1.4, 1.4)
+    ramp = Ramp()
+    ramp.reset(Twist2(0.5, 0.0, 0.0))
+    twist = ramp.towards(Twist2(math.nan, 0.0, 0.0), ramp.twist, limits, 0.05)
+    assert twist.is_finite()
+    assert twist.vx < 0.5

@@ -1,0 +1,177 @@
+"""Routes over known grids."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from robot_stack.core.geometry import Pose2, wrap_angle
+from robot_stack.core.robot import Footprint
+from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, Grid
+from robot_stack.navigation.footprint import outline, reach_m
+from robot_stack.navigation.global_planner import GlobalPlanner, NoWay, goal_problem
+from robot_stack.navigation.grid_kernels import distances
+from robot_stack.navigation.params import PlannerParams
+from robot_stack.navigation.path import Path
+from robot_stack.navigation.planning_grid import PlanningGrid
+from tests.unit.navigation.plant import ROBOT, params
+
+START, GOAL = Pose2(2.0, 5.0, 0.0), Pose2(13.0, 5.0, 0.0)
+
+
+def grid(rows: int = 100, columns: int = 150) -> np.ndarray:
+    return np.full((rows, columns), FREE, np.int8)
+
+
+def planner(cells: np.ndarray, **changes: object) -> GlobalPlanner:
+    settings_of: PlannerParams = params().planner.model_copy(update=changes)
+    return GlobalPlanner(PlanningGrid(Grid(0.1, 0.0, 0.0, cells)), settings_of)
+
+
+def route(cells: np.ndarray, footprint: Footprint = ROBOT.footprint, goal: Pose2 = GOAL, **changes: object) -> Path:
+    found = planner(cells, **changes).plan(START, goal, footprint)
+    assert isinstance(found, Path), found
+    return found
+
+
+def wall_with_gate(width_m: float, middle_m: float = 5.0) -> np.ndarray:
+    cells = grid()
+    half = round(width_m * 5)
+    cells[:, 75] = OCCUPIED
+    cells[round(middle_m * 10) - half : round(middle_m * 10) + half, 75] = FREE
+    return cells
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=15, deadline=None)
+def test_distances_are_exact(seed: int) -> None:
+    occupied = np.random.default_rng(seed).random((31, 23)) < 0.03
+    truth = ndimage.distance_transform_edt(~occupied) * 0.1 if occupied.any() else np.full(occupied.shape, 9.0)
+    assert np.allclose(distances(occupied, 0.1, 2.0), np.minimum(truth, 2.0), atol=1e-5)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.2, 0.5, 0.9, 1.3])
+def test_empty_grid_gives_the_straight_line(angle: float) -> None:
+    goal = Pose2(START.x + 4.0 * math.cos(angle), START.y + 4.0 * math.sin(angle), 0.0)
+    assert route(grid(), goal=goal).length_m == pytest.approx(4.0, rel=1e-6)
+
+
+def test_begins_and_ends_exactly_and_looks_ahead() -> None:
+    found = route(grid(), goal=Pose2(12.03, 8.07, 1.0)).poses
+    assert found[0] == pytest.approx((START.x, START.y, START.yaw))
+    assert found[-1] == pytest.approx((12.03, 8.07, 1.0))
+    course = math.atan2(3.07, 10.03)
+    assert abs(wrap_angle(found[len(found) // 2, 2] - course)) < 0.02
+
+
+def test_gate_is_passed_in_its_middle() -> None:
+    poses = route(wall_with_gate(1.3, 6.5)).poses
+    at = poses[np.argmin(abs(poses[:, 0] - 7.55))]
+    # The gate's free cells reach from 5.8 (58 * 0.1) to 7.2 less rounding of 1.3 m to cells.
+    assert at[1] == pytest.approx(6.5, abs=0.15)
+    assert abs(at[2]) < 0.5
+
+
+def test_whole_way_is_clear_of_the_oriented_footprint() -> None:
+    for footprint in (ROBOT.footprint, ROBOT.footprint_with_chair):
+        plan = planner(wall_with_gate(1.4, 8.0))
+        found = plan.plan(START, GOAL, footprint)
+        assert isinstance(found, Path)
+        assert plan.grid.clearance_m(outline(footprint), found.poses).min() >= 0.05
+
+
+def test_too_narrow_for_the_chair_but_not_for_the_robot() -> None:
+    cells = wall_with_gate(1.0)
+    # The chair needs 0.8 m, 0.08 m to either side, and half a cell more.
+    assert route(cells).length_m < 11.5
+    found = planner(cells).plan(START, GOAL, ROBOT.footprint_with_chair)
+    assert isinstance(found, NoWay)
+    assert "no way" in found.reason or "too narrow" in found.reason
+
+
+def test_closed_wall_is_no_way() -> None:
+    cells = grid()
+    cells[:, 75] = OCCUPIED
+    found = planner(cells).plan(START, GOAL, ROBOT.footprint)
+    assert isinstance(found, NoWay)
+    assert "no way from (2.0, 5.0) to (13.0, 5.0)" in found.reason
+
+
+def test_the_wider_of_two_gates_is_worth_a_small_detour() -> None:
+    cells = grid()
+    cells[:, 65:85] = OCCUPIED
+    cells[44:56, 65:85] = FREE
+    cells[62:90, 65:85] = FREE
+    poses = route(cells).poses
+    assert poses[np.argmin(abs(poses[:, 0] - 7.55)), 1] > 6.2
+
+
+def test_unknown_is_dear_or_closed() -> None:
+    cells = grid()
+    cells[20:80, 60:90] = UNKNOWN
+    direct = 11.0
+    assert route(cells, unknown_cost=1.0).length_m == pytest.approx(direct, rel=1e-3)
+    assert route(cells, unknown_cost=9.0).length_m > direct + 0.5
+    cells[:, 60:90] = UNKNOWN
+    assert route(cells).length_m == pytest.approx(direct, rel=1e-3)
+    assert isinstance(planner(cells, unknown_is_passable=False).plan(START, GOAL, ROBOT.footprint), NoWay)
+
+
+def test_what_was_seen_counts_until_it_is_seen_no_more() -> None:
+    plan = planner(grid())
+    ys = np.arange(3.0, 7.0, 0.05)
+    plan.grid.lay_over(np.column_stack((np.full(len(ys), 7.5), ys)))
+    around = plan.plan(START, GOAL, ROBOT.footprint)
+    assert isinstance(around, Path)
+    assert around.length_m > 11.5
+    plan.grid.lay_over(np.empty((0, 2)))
+    straight = plan.plan(START, GOAL, ROBOT.footprint)
+    assert isinstance(straight, Path)
+    assert straight.length_m == pytest.approx(11.0, rel=1e-6)
+
+
+def test_short_step_to_the_side_is_driven_sideways() -> None:
+    poses = route(grid(), goal=Pose2(2.0, 5.8, 0.0)).poses
+    assert np.abs(poses[:, 2]).max() < 0.2
+
+
+@pytest.mark.parametrize(
+    ("goal", "reason"),
+    [
+        (Pose2(-1.0, 5.0, 0.0), "outside the map"),
+        (Pose2(7.5, 2.0, 0.0), "limit 0.03 m"),
+        (Pose2(7.0, 2.0, 0.0), "limit 0.03 m"),  # the front reaches into the wall
+    ],
+)
+def test_goals_that_nobody_can_stand_at(goal: Pose2, reason: str) -> None:
+    site = PlanningGrid(Grid(0.1, 0.0, 0.0, wall_with_gate(1.3)))
+    assert reason in goal_problem(site, ROBOT.footprint, goal, params().planner)
+
+
+def test_goal_problem_is_empty_for_a_good_goal() -> None:
+    site = PlanningGrid(Grid(0.1, 0.0, 0.0, wall_with_gate(1.3)))
+    assert goal_problem(site, ROBOT.footprint, GOAL, params().planner) == ""
+
+
+def test_not_finite_is_no_way() -> None:
+    found = planner(grid()).plan(Pose2(math.nan, 0.0, 0.0), GOAL, ROBOT.footprint)
+    assert isinstance(found, NoWay)
+
+
+def test_way_out_of_a_tight_spot() -> None:
+    cells = grid()
+    cells[50, 26] = OCCUPIED  # 0.15 m before the front
+    found = planner(cells).plan(START, GOAL, ROBOT.footprint)
+    assert isinstance(found, Path)
+
+
+def test_outline_of_the_footprint() -> None:
+    points = outline(ROBOT.footprint_with_chair)
+    assert points.min(axis=0) == pytest.approx((-0.5, -0.4))
+    assert points.max(axis=0) == pytest.approx((1.4, 0.4))
+    assert reach_m(ROBOT.footprint_with_chair) == pytest.approx(math.hypot(1.4, 0.4))
