@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Callable
+from pathlib import Path
 
+import numpy as np
 import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import Imu
+from sensor_msgs.msg import Imu, PointCloud2
 
 from robot_stack.contract import topics
+from robot_stack.core.geometry import IDENTITY
+from robot_stack.core.site_map import Grid, SiteMap, save_map
 from robot_stack.ros.conversions import quaternion_to_msg, time_from_s, time_to_s, yaw_from_quaternion
+from robot_stack.ros.point_cloud import cloud_message
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
+from tests.unit.localization.courtyard import cells, sweep_from
 
 
 class Wheels:
@@ -174,3 +181,56 @@ def test_illegal_parameter_stops_the_start(start: Callable[..., NodeProcess]) ->
     process = start("ndt_localization", "-p", "quality.odometry_silent_s:=0.05")
     assert process.wait() == 2
     assert "odometry_fresh_s must be smaller than odometry_silent_s" in process.output()
+
+
+@pytest.fixture
+def courtyard(tmp_path: Path) -> Path:
+    """A folder with the map of the unit tests' courtyard."""
+    folder = tmp_path / "courtyard"
+    save_map(SiteMap("courtyard", cells(), Grid(1.0, -8.0, -6.0, np.zeros((14, 20), np.int8))), folder)
+    return folder
+
+
+class Sweeps:
+    """What a LiDAR sees from the middle of the courtyard, never twice the same."""
+
+    def __init__(self) -> None:
+        self._sweeps = itertools.cycle([sweep_from(IDENTITY, seed, density=5.0) for seed in range(5)])
+
+    def cloud(self) -> PointCloud2:
+        message = cloud_message(next(self._sweeps), "lidar")
+        message.header.stamp = time_from_s(time.time())
+        return message
+
+
+def test_with_a_map_a_wrong_start_is_corrected_and_a_silent_sensor_lowers_the_quality(
+    start: Callable[..., NodeProcess], peer: Peer, courtyard: Path
+) -> None:
+    given = ("start_x_m:=0.7", "start_y_m:=-0.7", "start_yaw_rad:=0.17", f"map:={courtyard}")
+    node = start("ndt_localization", *itertools.chain.from_iterable(("-p", item) for item in given))
+    node.wait_output("cells of 0.5 m")
+    poses, qualities = peer.listen(topics.CURRENT_POSE), peer.listen(topics.LOCALIZATION_QUALITY)
+    peer.repeat(topics.ODOM, Wheels().odometry, 50.0)
+    peer.repeat(topics.IMU, Gyro().imu, 100.0)
+    qualities.wait(lambda message: message.data < 0.3, "a quality before any match")
+    peer.wait_matched(topics.LIDAR_POINTS)
+    peer.repeat(topics.LIDAR_POINTS, Sweeps().cloud, 10.0)
+    qualities.wait(lambda message: message.data > 0.5, "the quality of a confirmed pose", deadline_s=60.0)
+    position = poses.last.pose.position
+    assert math.hypot(position.x, position.y) < 0.03
+    peer.silence(topics.LIDAR_POINTS)
+    qualities.wait(lambda message: message.data < 0.3, "the quality without sweeps")
+    count = len(poses.items)
+    wait_for(lambda: len(poses.items) > count + 5, "poses by wheels and gyro")
+    peer.repeat(topics.LIDAR_POINTS, Sweeps().cloud, 10.0)
+    qualities.wait(lambda message: message.data > 0.5, "the quality again")
+
+
+def test_a_map_that_is_missing_or_damaged_stops_the_start(start: Callable[..., NodeProcess], courtyard: Path) -> None:
+    missing = start("ndt_localization", "-p", "map:=nowhere")
+    assert missing.wait() == 2
+    assert "no map 'nowhere'" in missing.output()
+    (courtyard / "grid.pgm").write_bytes(b"P5\n1 1\n255\n0")
+    damaged = start("ndt_localization", "-p", f"map:={courtyard}")
+    assert damaged.wait() == 2
+    assert "grid.pgm is missing or is not the file" in damaged.output()
