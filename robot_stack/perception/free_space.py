@@ -23,7 +23,9 @@ def free_ranges(free_m: Float, sensor_xy_m: tuple[float, float], obstacles: Floa
     direction ends it.
     """
     ranges = np.full(directions, np.inf, np.float32)
-    _spread(free_m, np.float32(sensor_xy_m[0]), np.float32(sensor_xy_m[1]), ranges)
+    x0, y0 = np.float32(sensor_xy_m[0]), np.float32(sensor_xy_m[1])
+    _spread(free_m, x0, y0, ranges)
+    _close_seams(free_m, x0, y0, ranges)
     ranges[~np.isfinite(ranges)] = 0.0
     _cut(obstacles, ranges)
     return ranges
@@ -53,6 +55,29 @@ def _spread(free: Float, x0: Any, y0: Any, ranges: Float) -> None:
         for step in range(max(span, 1)):
             i = (first + step) % directions
             ranges[i] = min(ranges[i], np.float32(nearest))
+
+
+@numba.njit(cache=True)
+def _close_seams(free: Float, x0: Any, y0: Any, ranges: Float) -> None:
+    """Neighbours of unlike length meet at two angles, as seen from base_link: between these the shorter one counts."""
+    sectors, directions = len(free), len(ranges)
+    width = 2.0 * _PI / sectors
+    for s in range(sectors):
+        other = (s + 1) % sectors
+        if free[s] <= np.float32(0.0) or free[other] <= np.float32(0.0):
+            continue
+        angle = (s + 1) * width - _PI
+        shorter = min(free[s], free[other])
+        x, y = x0 + shorter * math.cos(angle), y0 + shorter * math.sin(angle)
+        away, near = math.sqrt(x * x + y * y), math.atan2(y, x)
+        longer = max(free[s], free[other])
+        far = math.atan2(y0 + longer * math.sin(angle), x0 + longer * math.cos(angle))
+        turn = (far - near + _PI) % (2.0 * _PI) - _PI
+        begin = near if turn >= 0.0 else far
+        first = math.floor((begin + _PI) / (2.0 * _PI) * directions)
+        last = math.floor((begin + abs(turn) + _PI) / (2.0 * _PI) * directions)
+        for i in range(first, last + 1):
+            ranges[i % directions] = min(ranges[i % directions], np.float32(away))
 
 
 @numba.njit(cache=True)

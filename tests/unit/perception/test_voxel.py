@@ -45,6 +45,17 @@ def test_free_space_is_seen_from_base_link_and_ends_at_obstacles() -> None:
     assert (ranges > 0.0).all()
 
 
+def test_neighbours_of_unlike_length_leave_no_seams() -> None:
+    free = np.random.default_rng(0).uniform(1.5, 20.0, 360).astype(np.float32)
+    ranges = free_ranges(free, (0.2, 0.0), np.empty((0, 3), np.float32), 720)
+    assert (ranges > 0.0).all()
+    angles = (np.arange(720) + 0.5) * (2.0 * np.pi / 720) - np.pi
+    x, y = ranges * np.cos(angles) - 0.2, ranges * np.sin(angles)
+    sector = ((np.arctan2(y, x) + np.pi) * (360 / (2.0 * np.pi))).astype(int) % 360
+    around = np.max([free[(sector + step) % 360] for step in range(-9, 10)], axis=0)
+    assert (np.hypot(x, y) <= around + 0.05).all(), "never farther than what was seen there"
+
+
 def test_what_was_not_seen_is_zero() -> None:
     free = np.full(360, 5.0, np.float32)
     free[170:190] = 0.0
