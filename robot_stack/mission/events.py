@@ -29,6 +29,7 @@ class Inputs:
     plan_end: last pose of the navigation controller's newest plan; None = it has no goal.
     docking_served: somebody offers the docking actions.
     docking_state: state of /docking/status, empty while stale.
+    navigation_text: what navigation says of itself, for people; nothing is decided by it.
     """
 
     pose: Pose2 | None
@@ -40,6 +41,7 @@ class Inputs:
     plan_end: Pose2 | None
     docking_served: bool = False
     docking_state: str = ""
+    navigation_text: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -276,7 +276,7 @@ class MissionKernel:
             if self._leg.arrived(inputs, self._record.stops, self._record.waypoint, dt_s):
                 return self._serve(inputs)
             if not self._held and self._leg.stalls(pose, current.pose, dt_s):
-                return self._try_failed(pose)
+                return self._try_failed(pose, inputs.navigation_text)
         return (SendGoal(current.pose),) if self._leg.unconfirmed(self._is_planned(current.pose, inputs), dt_s) else ()
 
     def _is_planned(self, goal: Pose2, inputs: Inputs) -> bool:
@@ -336,7 +336,7 @@ class MissionKernel:
             return False
         return last.pose.distance_to(record.mission.home.pose) > self._params.home_radius_m
 
-    def _try_failed(self, pose: Pose2) -> tuple[Effect, ...]:
+    def _try_failed(self, pose: Pose2, navigation_text: str) -> tuple[Effect, ...]:
         current = self._record.current
         assert current is not None
         failed = self._record.failed_tries + 1
@@ -344,6 +344,8 @@ class MissionKernel:
         left = f"{pose.distance_to(current.pose):.2f} m before waypoint {current.name!r}"
         timeout_s, tries = self._params.progress_timeout_s, self._params.tries
         reason = f"no progress for {timeout_s:.0f} s, {left}, try {failed} of {tries}"
+        if navigation_text:
+            reason += f"; navigation: {navigation_text}"
         if failed >= self._params.tries:
             return self._stand(Trigger.GAVE_UP, reason, record)
         # The goal is taken away first and given again a tick later, so that navigation plans afresh.

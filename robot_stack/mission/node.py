@@ -37,6 +37,7 @@ class MissionManager(StackNode):
         self._odom = self.subscribe(topics.ODOM)
         self._battery = self.subscribe(topics.BATTERY_STATE)
         self._plan = self.subscribe(topics.PLAN)
+        self._navigation_status = self.subscribe(topics.NAVIGATION_STATUS)
         self._docking_status = self.subscribe(topics.DOCKING_STATUS)
         self._docking = DockingClient(self, self._handle)
         self._navigators = self._displays = 0
@@ -96,7 +97,7 @@ class MissionManager(StackNode):
 
     def _inputs(self) -> ev.Inputs:
         safety = self.safety_status_input
-        plan = self._plan.latest
+        plan, navigation = self._plan.latest, self._navigation_status.latest
         return ev.Inputs(
             pose=pose_from_msg(self._pose.latest.pose) if self._pose.fresh() else None,
             twist=twist_from_msg(self._odom.latest.twist.twist) if self._odom.fresh() else None,
@@ -105,6 +106,7 @@ class MissionManager(StackNode):
             faults=tuple(safety.latest.active_faults) if safety.fresh() else (),
             battery=self._battery.latest.percentage if self._battery.fresh() else math.nan,
             plan_end=pose_from_msg(plan.poses[-1].pose) if plan is not None and plan.poses else None,
+            navigation_text="" if navigation is None else navigation.data,
             docking_served=self._docking.served(),
             docking_state=self._docking_status.latest.state if self._docking_status.fresh() else "",
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -214,7 +215,7 @@ def test_passenger_limits_are_kept() -> None:
     motion = ROBOT.with_passenger
     twists = [output.twist for output in story.outputs if output.state is NavigationState.FOLLOWING]
     assert max(twist.speed() for twist in twists) <= motion.max_speed_mps
-    for before, after in zip(twists, twists[1:], strict=False):
+    for before, after in pairwise(twists):
         change = math.hypot(after.vx - before.vx, after.vy - before.vy)
         assert change <= motion.max_acceleration_mps2 * 0.05 + 0.02
 
