@@ -96,6 +96,7 @@ class WorldProcess:
         self._battery_node.publish(reading, self._params.battery.capacity_ah, self._stamp(self._sim.time_s))
 
     def _report(self) -> None:
+        self._node.publish_touched(self._sim.world.touched)
         report = self._pacer.report(time.monotonic())
         self._node.show_pace(report, self._pacer.total_overruns, self._pacer.total_dropped_s)
 

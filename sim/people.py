@@ -1,7 +1,7 @@
 """People who walk through the world: where each of them is, from simulated time alone and from where the robot stands.
 
 A person walks to and fro along a line and stops while robot or chair is close ahead: people do not walk into machines,
-but they do walk in their way.
+but they do walk in their way. Somebody who has waited for a while turns back.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ RADIUS_M, HEIGHT_M = 0.25, 1.75
 # A person stops with this much room between body and machine, if the machine is within this angle of the way.
 _ROOM_M = 0.6
 _AHEAD_COS = 0.4
+_PATIENCE_S = 4.0
 
 
 class Walker:
@@ -31,6 +32,7 @@ class Walker:
         self._legs = [(a, b, math.dist(a, b)) for a, b in itertools.pairwise(points)]
         self._length_m = sum(length for _, _, length in self._legs)
         self._walked_s = 0.0
+        self._waited_s = 0.0
 
     def pose(self) -> Pose2:
         """In map, facing the way of the walk."""
@@ -49,9 +51,23 @@ class Walker:
         return self._on_line(self._length_m - done_m if back else done_m, back)
 
     def step(self, dt_s: float, machine: Pose2, footprint: Footprint) -> None:
-        """Walks on, unless the machine (base_link in map, its footprint) is in the way."""
+        """Walks on, unless the machine (base_link in map, its footprint) is in the way: then after a while back."""
         if not in_the_way(self.pose(), machine, footprint):
             self._walked_s += dt_s
+            self._waited_s = 0.0
+            return
+        self._waited_s += dt_s
+        if self._waited_s >= _PATIENCE_S:
+            self._waited_s = 0.0
+            self._turn_back()
+
+    def _turn_back(self) -> None:
+        """To the same place on the way in the other direction; who rests at an end goes on resting."""
+        one_way_s = self._length_m / self._person.speed_mps
+        half_s = one_way_s + self._person.pause_s
+        turns, into_s = divmod(self._walked_s, half_s)
+        if into_s < one_way_s:
+            self._walked_s = (turns + 1.0) * half_s + one_way_s - into_s
 
     def _on_line(self, along_m: float, back: bool) -> Pose2:
         for (x0, y0), (x1, y1), length in self._legs:

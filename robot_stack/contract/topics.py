@@ -583,6 +583,16 @@ SIM_BODIES = Topic(
     system=_SIM,
 )
 
+SIM_TOUCHED = Topic(
+    "/sim/touched",
+    "std_msgs/msg/String",
+    qos.LATCHED,
+    ("sim_world",),
+    (TEST_TOOL, OPERATOR_TOOL),
+    "names of the solids and people that robot or wheelchair have touched since the start, joined by commas",
+    system=_SIM,
+)
+
 ROWS: dict[str, Topic] = {key: value for key, value in list(globals().items()) if isinstance(value, Topic)}
 TOPICS: tuple[Topic, ...] = tuple(ROWS.values())
 

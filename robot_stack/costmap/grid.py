@@ -34,8 +34,9 @@ class RollingGrid:
         self._nearest_m = np.full(directions, math.inf)
         slope = math.tan(math.radians(marking.lowest_ray_deg))
         self._lidar = np.array([lidar_xyz_m[0], lidar_xyz_m[2], slope, marking.ray_margin_m])
-        self._lives = np.array([marking.clear_after_s, marking.in_view_s, marking.out_of_view_s])
+        self._lives = np.array([marking.clear_after_s, marking.in_view_s, marking.out_of_view_s, marking.steady_s])
         self.state: Cells = np.full((count, count), UNKNOWN, np.int8)
+        self._since_s = np.full((count, count), -math.inf)
         self._seen_s = np.full((count, count), -math.inf)
         self._top_m = np.zeros((count, count), np.float32)
 
@@ -59,6 +60,7 @@ class RollingGrid:
         self._corner = corner
         if rows or columns:
             self.state = _rolled(self.state, int(rows), int(columns), float(UNKNOWN))
+            self._since_s = _rolled(self._since_s, int(rows), int(columns), -math.inf)
             self._seen_s = _rolled(self._seen_s, int(rows), int(columns), -math.inf)
             self._top_m = _rolled(self._top_m, int(rows), int(columns), 0.0)
 
@@ -66,6 +68,7 @@ class RollingGrid:
         """Obstacle points, (n, 3) m in base_link, which was at ``pose``."""
         kernels.mark(
             self.state,
+            self._since_s,
             self._seen_s,
             self._top_m,
             self._nearest_m,
@@ -81,6 +84,7 @@ class RollingGrid:
         direction i is -pi + (i + 0.5) * 2 pi / directions. They end at the obstacles marked last."""
         kernels.clear(
             self.state,
+            self._since_s,
             self._seen_s,
             self._top_m,
             self._nearest_m,

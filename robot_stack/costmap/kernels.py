@@ -30,6 +30,7 @@ def compiled(function: FunctionT) -> FunctionT:
 @compiled
 def mark(
     state: Cells,
+    since_s: Floats,
     seen_s: Floats,
     top_m: Singles,
     nearest_m: Floats,
@@ -41,9 +42,9 @@ def mark(
 ) -> None:
     """Marks the cells of obstacle points, and notes the nearest of them in each direction.
 
-    state, seen_s, top_m: the grid: what is there, when it was seen, how high it is above base_link's ground. nearest_m:
-    (directions,) is overwritten. points: (n, 3) base_link, m; those that are not finite are left out. pose: (3,)
-    base_link in odom.
+    state, since_s, seen_s, top_m: the grid: what is there, since when, when it was seen last, how high it is above
+    base_link's ground. nearest_m: (directions,) is overwritten. points: (n, 3) base_link, m; those that are not finite
+    are left out. pose: (3,) base_link in odom.
     """
     rows, columns = state.shape
     directions = len(nearest_m)
@@ -60,6 +61,8 @@ def mark(
         row = math.floor((pose[1] + s * x + c * y) / resolution_m) - corner[1]
         if not (0 <= row < rows and 0 <= column < columns):
             continue
+        if state[row, column] != OCCUPIED:
+            since_s[row, column] = stamp_s
         if state[row, column] != OCCUPIED or seen_s[row, column] != stamp_s:
             state[row, column] = OCCUPIED
             seen_s[row, column] = stamp_s
@@ -71,6 +74,7 @@ def mark(
 @compiled
 def clear(
     state: Cells,
+    since_s: Floats,
     seen_s: Floats,
     top_m: Singles,
     nearest_m: Floats,
@@ -88,7 +92,8 @@ def clear(
     nearest_m: (directions,) range of the nearest obstacle, inf without one. free_m: (directions,) range to which ground
     was seen free, 0 where it was not. footprint: rear, front, half width, m: free, because the robot stands there.
     lidar: x m, z m, tangent of the lowest ray, margin m: a mark whose top is below the lowest ray cannot be seen, so
-    that not to see it says nothing. lives: s that a mark lives unseen: before a ray may clear it, in view, out of view.
+    that not to see it says nothing. lives: s that a mark lives unseen: before a ray may clear it, in view, out of view;
+    and s that it must have been seen for the last of them: what was there only for a moment has walked on.
     """
     rows, columns = state.shape
     directions = len(nearest_m)
@@ -117,7 +122,8 @@ def clear(
             hidden = range_m > nearest_m[bearing] - half_cell_m
             lowest_m = lidar[1] + lidar[2] * math.sqrt((x - lidar[0]) ** 2 + y * y) + lidar[3]
             if hidden or top_m[row, column] <= lowest_m:
-                gone = unseen_s > lives[2]
+                steady = seen_s[row, column] - since_s[row, column] >= lives[3]
+                gone = unseen_s > (lives[2] if steady else lives[1])
             else:
                 seen_through = range_m <= through_m or nearest_m[bearing] < np.inf
                 gone = seen_through or unseen_s > lives[1]

@@ -16,12 +16,14 @@ class MarkingParams(Config):
     """How long a mark lives.
 
     clear_after_s: a mark that was seen within this time is not cleared by a ray. in_view_s: lifetime of a mark that
-    nothing hides and that is not seen again, out_of_view_s: of one that something hides.
+    nothing hides and that is not seen again, out_of_view_s: of one that something hides and that has been seen for
+    steady_s before.
     """
 
     clear_after_s: NotNegative
     in_view_s: Positive
     out_of_view_s: Positive
+    steady_s: NotNegative
     lowest_ray_deg: Annotated[float, Field(gt=-90.0, lt=0.0)]
     ray_margin_m: NotNegative
 

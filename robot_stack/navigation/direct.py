@@ -18,6 +18,8 @@ Array = npt.NDArray[np.float64]
 _SPACING_M, _MOST_SAMPLES = 0.1, 300
 _LOOK_S = 2.5
 _SPEED_STEP_MPS = 0.1
+# Somebody stands on a goal with less room than this.
+_OCCUPIED_M = 0.05
 
 
 def is_direct(
@@ -42,6 +44,8 @@ def is_direct(
     if entering and left[0] > f.direct_any_heading_m and not _looks_ahead(poses[0], end, f.direct_heading_rad):
         return False
     clear = around.clearance_m(footprint, poses)
+    if clear[-1] < _OCCUPIED_M:
+        return False
     # A goal near to something may be as near as it is.
     near_m = min(f.direct_end_margin_m, float(clear[-1]) - 0.02)
     margin = f.direct_margin_m if entering else f.direct_leave_m

@@ -38,9 +38,7 @@ def cloud_message(points: Points, frame_id: str) -> PointCloud2:
 def fill(message: PointCloud2, points: Points) -> None:
     """Replaces the points of a message made by ``cloud_message``."""
     data = array("B")
-    data.frombytes(
-        np.ascontiguousarray(points).view(np.uint8).data
-    )  # an array is taken as it is, a list byte by byte
+    data.frombytes(np.ascontiguousarray(points).view(np.uint8).data)  # an array is taken as it is, a list byte by byte
     message.width, message.row_step = len(points), points.nbytes
     message.data = data
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
+from std_msgs.msg import String
 
 from custom_msgs.msg import DockingStatus, MissionStatus, SafetyStatus, UICommand
 from robot_stack.cli.nodes.operator import Operator
@@ -31,6 +32,7 @@ class Rider:
 
     def __init__(self) -> None:
         self.ride = Ride()
+        self._touched: tuple[str, ...] = ()
         self.mission: MissionStatus | None = None
         self.safety: SafetyStatus | None = None
         self.docking: DockingStatus | None = None
@@ -48,6 +50,7 @@ class Rider:
             (topics.PLAN, self._on_plan),
             (topics.SIM_BODIES, self._on_bodies),
             (topics.DOCKING_STATUS, self._on_docking),
+            (topics.SIM_TOUCHED, self._on_touched),
         ):
             self._operator.subscribe(row, callback)
 
@@ -99,6 +102,7 @@ class Rider:
         self.ride = Ride(
             samples=[Sample(0.0, here.pose, here.speed_mps)],
             plans=[(0.0, line) for _, line in self.ride.plans[-1:]],
+            touched=self._touched,
         )
         self.moved_m = 0.0
 
@@ -143,6 +147,10 @@ class Rider:
         if self.docking is None or self.docking.state != message.state:
             self.ride.docking.append((self._time_s, message.state))
         self.docking = message
+
+    def _on_touched(self, message: String) -> None:
+        self._touched = tuple(filter(None, message.data.split(",")))
+        self.ride.touched = self._touched
 
     def _on_pose(self, message: PoseStamped) -> None:
         if self._begun_stamp_s is not None:

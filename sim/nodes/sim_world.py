@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Annotated, Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from robot_stack.contract import frames, services, topics
 from robot_stack.core.config import Config
@@ -91,6 +92,8 @@ class SimWorld(StackNode):
         self._truth = self.advertise(topics.SIM_GROUND_TRUTH)
         self._joints = self.advertise(topics.SIM_JOINT_STATES)
         self._bodies = self.advertise(topics.SIM_BODIES)
+        self._touched = self.advertise(topics.SIM_TOUCHED)
+        self._touched_text: str | None = None
         self._clock_topic = None if self.real_time else self.advertise(topics.CLOCK)
         self.serve(services.INJECT_FAULT, self._on_inject_fault)
 
@@ -132,6 +135,13 @@ class SimWorld(StackNode):
             turn.x, turn.y, turn.z, turn.w = qx, qy, qz, qw
             message.transforms.append(body)
         self._bodies.publish(message)
+
+    def publish_touched(self, names: Iterable[str]) -> None:
+        """Says it again only when there is something new."""
+        text = ",".join(names)
+        if text != self._touched_text:
+            self._touched_text = text
+            self._touched.publish(String(data=text))
 
     def show_pace(self, report: PaceReport, total_overruns: int, total_dropped_s: float) -> None:
         """The loop's statistics, into /diagnostics."""

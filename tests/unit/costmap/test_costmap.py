@@ -86,11 +86,19 @@ def test_a_mark_that_nobody_sees_again_fades() -> None:
 
 def test_what_is_hidden_is_kept_longer() -> None:
     place = Place(box(3.0, 3.2, -0.2, 0.2))
-    place.look(0.2)
+    place.look(1.0)
     place.things[0] = box(1.5, 1.6, -0.6, 0.6)  # steps before it
     place.look(PARAMS.marking.in_view_s + 1.0)
     assert place.at(3.02, 0.0) == 100
     place.look(PARAMS.marking.out_of_view_s)
+    assert place.at(3.02, 0.0) < 100
+
+
+def test_what_was_there_only_for_a_moment_is_not_remembered_when_hidden() -> None:
+    place = Place(box(3.0, 3.2, -0.2, 0.2))
+    place.look(0.2)
+    place.things[0] = box(1.5, 1.6, -0.6, 0.6)
+    place.look(PARAMS.marking.in_view_s + 0.5)
     assert place.at(3.02, 0.0) < 100
 
 
