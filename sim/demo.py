@@ -18,16 +18,14 @@ from typing import Any, TextIO
 from robot_stack.core.config import ConfigError, config_dir
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
-from robot_stack.core.site_map import map_folder
 from robot_stack.mission.library import MissionError, MissionLibrary
 from robot_stack.mission.model import Kind, Mission
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import NotRunning
 from sim.ride import Carriage, Figures, Ride, carriage, figures
-from sim.settings import pose_settings
+from sim.settings import WORLDLY, own_map, pose_settings, world_settings
 from sim.worldfile import load_world
 
-_WORLDLY = ("sim_world", "camera_driver", "lidar_driver")  # nodes that simulate the world
 _READY_S = 60.0
 _SILENCE_S = 5.0
 _TELL_EVERY_S = 2.0
@@ -48,7 +46,8 @@ class DemoError(Exception):
 def main() -> int:
     options = _options()
     # SIGTERM ends the demo as Ctrl-C does, with the stack stopped, also where a shell has SIGINT ignored.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGINT, _interrupt)
     try:
         mission = MissionLibrary(config_dir() / "missions").find(options.mission)
         load_world(options.world)
@@ -58,9 +57,21 @@ def main() -> int:
     except (DemoError, MissionError, ConfigError, client.StartError, TimeoutError, OSError) as error:
         print(f"\ndemo: {error}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, RuntimeError):
+        if not _interrupted:
+            raise
         print("\ndemo: interrupted; the stack is stopped", file=sys.stderr)
         return 130
+
+
+_interrupted = False
+
+
+def _interrupt(*_: object) -> None:
+    """An interrupt inside the middleware comes out as a RuntimeError: so it is noted as well."""
+    global _interrupted
+    _interrupted = True
+    raise KeyboardInterrupt
 
 
 def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
@@ -81,26 +92,15 @@ def _settings(options: argparse.Namespace, folder: Path) -> list[str]:
     start = load_world(options.world).start.pose()
     off_m, off_rad = options.start_error_m, math.radians(options.start_error_deg)
     believed = Pose2(start.x + 0.8 * off_m, start.y - 0.6 * off_m, start.yaw + off_rad)
-    name = options.map if options.map is not None else options.world if _has_map(options.world) else ""
     return [
-        *(f"{node}.world={options.world}" for node in _WORLDLY),
-        *(f"{node}.seed={options.seed}" for node in _WORLDLY),
-        f'ndt_localization.map="{name}"',
-        f'navigation_controller.map="{name}"',
+        *world_settings(options.world),
+        *(f"{node}.seed={options.seed}" for node in WORLDLY),
         # Without a map nobody can find out that the robot stands elsewhere.
-        *pose_settings("ndt_localization.start", believed if name else start),
+        *pose_settings("ndt_localization.start", believed if own_map(options.world) else start),
         # Files of its own: this ride neither meets nor leaves an unfinished mission, nor what another robot learnt.
         f"mission_manager.journal_file={folder / 'mission.db'}",
         f"docking_controller.corrections_file={folder / 'docking_corrections.yaml'}",
     ]
-
-
-def _has_map(name: str) -> bool:
-    try:
-        map_folder(name)
-    except ConfigError:
-        return False
-    return True
 
 
 def _drive(mission: Mission) -> tuple[Ride, Any, int]:
@@ -301,7 +301,6 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="demo", description="Starts the stack in the simulation and rides a mission.")
     parser.add_argument("--mission", default="site_transport", help="a mission of config/missions/")
     parser.add_argument("--world", default="yard", help="a world of config/worlds/")
-    parser.add_argument("--map", default=None, help="a map of config/maps/; the world's own if it has one")
     parser.add_argument("--seed", type=int, default=1, help="of the simulation's noise")
     parser.add_argument("--speed", type=float, default=None, help="of the world; below 1 on a slow machine")
     parser.add_argument("--start-error-m", type=float, default=1.0, help="how wrong the believed start is")

@@ -14,7 +14,7 @@ from sim.surface import Area
 CLEAR = "clear"
 DEFAULT_ALARM_CODE = 0x4210  # CiA 402: excess temperature of the device
 DEFAULT_PATCH_SIZE_M = 2.0
-LARGEST_SHIFT_M = 5.0
+LARGEST_SHIFT_M, LARGEST_CARRY_M = 5.0, 100.0
 DRIVE_JOINTS = tuple(JOINTS[axis] for axis in DRIVE_AXES)
 ONLY = ("",)  # a kind with one target, which needs no name
 
@@ -154,17 +154,25 @@ def _latch_opens(sim: Simulation, target: str, value: float | None) -> str:
 
 
 def _chair_moved(sim: Simulation, target: str, value: float | None) -> str:
+    return _moved("chair_moved", "wheelchair", sim.world.move_wheelchair, target, LARGEST_SHIFT_M)
+
+
+def _robot_moved(sim: Simulation, target: str, value: float | None) -> str:
+    return _moved("robot_moved", "robot", sim.world.move_robot, target, LARGEST_CARRY_M)
+
+
+def _moved(kind: str, who: str, move: Callable[[float, float, float], None], target: str, largest_m: float) -> str:
     try:
         along, across, turn = (float(part) for part in target.split(","))
     except ValueError:
-        raise FaultRefused(f"chair_moved: target must be 'dx,dy,dyaw' in m and degrees, is {target!r}") from None
-    if not (abs(along) <= LARGEST_SHIFT_M and abs(across) <= LARGEST_SHIFT_M and abs(turn) <= 180.0):
-        raise FaultRefused(f"chair_moved: at most {LARGEST_SHIFT_M:g} m and 180 degrees, not {target!r}")
+        raise FaultRefused(f"{kind}: target must be 'dx,dy,dyaw' in m and degrees, is {target!r}") from None
+    if not (abs(along) <= largest_m and abs(across) <= largest_m and abs(turn) <= 180.0):
+        raise FaultRefused(f"{kind}: at most {largest_m:g} m and 180 degrees, not {target!r}")
     try:
-        sim.world.move_wheelchair(along, across, math.radians(turn))
+        move(along, across, math.radians(turn))
     except ValueError as error:
-        raise FaultRefused(f"chair_moved: {error}") from None
-    return f"the wheelchair is moved by {along:g} m ahead, {across:g} m to its left, {turn:g} degrees"
+        raise FaultRefused(f"{kind}: {error}") from None
+    return f"the {who} is moved by {along:g} m ahead, {across:g} m to its left, {turn:g} degrees"
 
 
 _FRICTION = ("friction coefficient", 0.01, 2.0, 0.1)
@@ -197,6 +205,7 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     _row(_latch_no_confirm, "the latch moves, but its closed input stays 0"),
     _row(_latch_opens, "the latch loses its closed input, lets go at once and stays open"),
     _row(_chair_moved, "shifts the standing wheelchair by dx,dy,dyaw (m, degrees) in its own frame", None, lasts=False),
+    _row(_robot_moved, "carries the robot off by dx,dy,dyaw (m, degrees) in its own frame", None, lasts=False),
     _row(_wheelchair, "no fault: the wheelchair hangs on the latch at once", ONLY, ("passenger, kg", 0.0, 1e3, 0.0)),
 )
 

@@ -2,9 +2,35 @@
 
 from __future__ import annotations
 
+from robot_stack.core.config import ConfigError
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.site_map import map_folder
+
+# Nodes that simulate something of the world.
+WORLDLY = ("sim_world", "camera_driver", "lidar_driver")
+# A LiDAR with a sixth of its beams, for machines and tests that have other things to do.
+FEW_BEAMS = ("lidar_driver.columns=400", "perception_pipeline.watch.points_min=2500")
 
 
 def pose_settings(prefix: str, pose: Pose2) -> list[str]:
     """The three parameters of a pose, e.g. ``sim_world.start_x_m=1.0`` for the prefix ``sim_world.start``."""
     return [f"{prefix}_x_m={pose.x}", f"{prefix}_y_m={pose.y}", f"{prefix}_yaw_rad={pose.yaw}"]
+
+
+def world_settings(world: str) -> list[str]:
+    """The world in every node that simulates it, and its map, or none, in those that use one."""
+    name = own_map(world)
+    return [
+        *(f"{node}.world={world}" for node in WORLDLY),
+        f'ndt_localization.map="{name}"',
+        f'navigation_controller.map="{name}"',
+    ]
+
+
+def own_map(world: str) -> str:
+    """The name of the map of a world: the world's own, empty if there is none."""
+    try:
+        map_folder(world)
+    except ConfigError:
+        return ""
+    return world

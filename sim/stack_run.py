@@ -18,7 +18,7 @@ from robot_stack.supervisor.control import NotRunning
 from sim.nodes.scenario_runner import ScenarioNode
 from sim.notes import Notes, motion_figures
 from sim.scenario import Event, Scenario
-from sim.settings import pose_settings
+from sim.settings import pose_settings, world_settings
 
 _READY_S = 60.0
 _HEARD_S = 20.0
@@ -60,7 +60,7 @@ def _settings(scenario: Scenario, folder: Path) -> list[str]:
     start = scenario.start_pose()
     passenger = scenario.passenger_mass_kg
     return [
-        f"sim_world.world={scenario.world}",
+        *world_settings(scenario.world),
         f"sim_world.seed={scenario.seed}",
         *pose_settings("sim_world.start", start),
         f"sim_world.attached_at_start={'false' if passenger is None else 'true'}",

@@ -269,6 +269,19 @@ class World:
             raise ValueError("the wheelchair hangs on the latch" if chair.held else "no wheelchair stands here")
         chair.move(along_m, across_m, turn_rad)
 
+    def move_robot(self, along_m: float, across_m: float, turn_rad: float) -> None:
+        """Carries the robot by that in its own frame and puts it down at rest. Raises ValueError with a chair on it."""
+        if self.attached:
+            raise ValueError("a wheelchair hangs on the latch")
+        truth = self.truth()
+        there = truth.pose().compose(Pose2(along_m, across_m, turn_rad))
+        turned = np.zeros(4)
+        x, y, z, w = quaternion_from_yaw(turn_rad)
+        mujoco.mju_mulQuat(turned, np.array([w, x, y, z]), self._qpos[3:7].copy())
+        self._qpos[0:2] = there.x, there.y
+        self._qpos[3:7] = turned
+        self._qvel[0:6] = 0.0
+
     def _chair_or_error(self) -> Chair:
         if self.chair is None:
             raise ValueError("this world has no wheelchair")

@@ -112,7 +112,7 @@ class GlobalPlanner:
         )
         if not len(found):
             return None
-        points: Array = (found[:, ::-1] + 0.5) * coarse_m + (grid.x_m, grid.y_m)
+        points = np.asarray((found[:, ::-1] + 0.5) * coarse_m + (grid.x_m, grid.y_m), np.float64)
         points[0], points[-1] = (start.x, start.y), (goal.x, goal.y)
         if len(points) == 1:
             points = np.array([(start.x, start.y), (goal.x, goal.y)])

@@ -11,7 +11,7 @@ from robot_stack.bench.framework import Aim
 from robot_stack.bench.stack import running_stack
 from robot_stack.core.docks import load_docks
 from sim.bench.docking import Trial, dock, dock_nominal, draw
-from sim.settings import pose_settings
+from sim.settings import WORLDLY, pose_settings, world_settings
 
 NAME = "docking_live"
 AIMS = {"live_success_pct": Aim(">=", 100.0), "live_err_mm_max": Aim("<", 4.0)}
@@ -60,10 +60,8 @@ def _settings(trial: Trial, folder: Path) -> list[str]:
         "ndt_localization.start": staging,
     }
     return [
-        "sim_world.world=flat",
-        "camera_driver.world=flat",
-        f"sim_world.seed={trial.seed}",
-        f"camera_driver.seed={trial.seed}",
+        *world_settings("flat"),
+        *(f"{node}.seed={trial.seed}" for node in WORLDLY),
         f"sim_world.passenger_mass_kg={trial.passenger_kg}",
         f"mission_manager.journal_file={folder / 'mission.db'}",
         f"docking_controller.corrections_file={folder / 'corrections.yaml'}",

@@ -165,14 +165,10 @@ def course(seed: int, footprint: Footprint) -> Course:
     for _ in range(40):
         if len(known) + len(unknown) >= 8 + 7:
             break
-        size = random.uniform(0.3, 0.9, 2)
-        box = Box(
-            float(random.uniform(4, 28)),
-            float(random.uniform(1.5, 14.5)),
-            *map(float, size),
-            float(random.uniform(0, 3.1)),
-        )
-        reach = math.hypot(*size)
+        half_x, half_y = (float(half) for half in random.uniform(0.3, 0.9, 2))
+        x, y, yaw = (float(random.uniform(low, high)) for low, high in ((4, 28), (1.5, 14.5), (0, 3.1)))
+        box = Box(x, y, half_x, half_y, yaw)
+        reach = math.hypot(half_x, half_y)
         if any(abs(box.x - x) < reach + 2.2 for x in crossings):
             continue
         if any(math.hypot(box.x - pose.x, box.y - pose.y) < reach + 1.8 for pose in (start, goal)):

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 def module_stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StackUnderTest]:
     folder = tmp_path_factory.mktemp("stack")
     with stack_environment(folder):
-        from tests.support.stack import StackUnderTest
+        from tests.support.stack import FLAT, StackUnderTest
 
-        stack = StackUnderTest(folder / "logs", "sim_world.world=flat", "camera_driver.world=flat")
+        stack = StackUnderTest(folder / "logs", *FLAT)
         yield stack
         stack.close()
 

@@ -24,9 +24,9 @@ pytestmark = pytest.mark.timeout(180)
 def module_stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StackUnderTest]:
     folder = tmp_path_factory.mktemp("stack")
     with stack_environment(folder):
-        from tests.support.stack import StackUnderTest
+        from tests.support.stack import FLAT, StackUnderTest
 
-        stack = StackUnderTest(folder / "logs", "sim_world.world=flat", "camera_driver.world=flat", speed=1.0)
+        stack = StackUnderTest(folder / "logs", *FLAT, speed=1.0)
         yield stack
         stack.close()
 

@@ -19,6 +19,7 @@ kind: stack
 world: flat
 seed: 3
 speed: 0.8
+settings: [lidar_driver.columns=400, perception_pipeline.watch.points_min=2500]
 limit_s: 14
 twists:
   - {at_s: 0.5, vx_mps: 0.5}

@@ -15,7 +15,7 @@ from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2, yaw_from_quaternion
 from robot_stack.ros.conversions import pose_from_msg
 from sim.settings import pose_settings
-from tests.support.stack import StackUnderTest
+from tests.support.stack import FLAT, StackUnderTest
 from tests.support.waiting import wait_for
 
 DOCK = "chair_1"
@@ -56,8 +56,7 @@ class DockingStackUnderTest(StackUnderTest):
         place = staging.compose(start)
         super().__init__(
             logs,
-            "sim_world.world=flat",
-            "camera_driver.world=flat",
+            *FLAT,
             *pose_settings("sim_world.start", place),
             *pose_settings("sim_world.wheelchair", chair),
             *pose_settings("ndt_localization.start", staging),

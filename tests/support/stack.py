@@ -17,6 +17,7 @@ from custom_msgs.srv import InjectFault
 from robot_stack.contract import services, topics
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import ask
+from sim.settings import FEW_BEAMS, world_settings
 from tests.support.peer import Peer
 from tests.support.waiting import wait_for
 
@@ -25,6 +26,8 @@ from tests.support.waiting import wait_for
 # never faster than this either.
 PACED = 0.8
 _NO_CATCHING_UP = "sim_world.catch_up_s=0.005"
+# A world of even asphalt, of which there is no map.
+FLAT = (*world_settings("flat"), *FEW_BEAMS)
 # Slower than this counts as standing: physics never rests at exactly 0.
 STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02

@@ -248,6 +248,18 @@ def test_a_chair_that_hangs_on_the_latch_or_stands_nowhere_is_not_moved(docked: 
         rig.faults.inject("chair_moved", "0.1,0,0")
 
 
+def test_the_robot_is_carried_off_in_its_own_frame(rig: Rig, docked: Rig) -> None:
+    rig.run(0.5)
+    before = rig.sim.world.truth().pose()
+    rig.faults.inject("robot_moved", "3,1,90")
+    rig.run(0.5)
+    moved = rig.sim.world.truth().pose().relative_to(before)
+    assert (moved.x, moved.y, math.degrees(moved.yaw)) == pytest.approx((3.0, 1.0, 90.0), abs=0.01)
+    close(docked)
+    with pytest.raises(FaultRefused, match="hangs on the latch"):
+        docked.faults.inject("robot_moved", "1,0,0")
+
+
 def test_a_passenger_too_heavy_is_refused(rig: Rig) -> None:
     with pytest.raises(FaultRefused, match=r"passenger_mass_kg must be in 0\.\.120"):
         rig.faults.inject("wheelchair", value=121.0)
@@ -273,6 +285,7 @@ def test_a_passenger_too_heavy_is_refused(rig: Rig) -> None:
         (("chair_moved", "0.1,0"), "dx,dy,dyaw"),
         (("chair_moved", "nan,0,0"), "at most 5 m"),
         (("chair_moved", "0,0,200"), "180 degrees"),
+        (("robot_moved", "101,0,0"), "at most 100 m"),
         (("clear", "meteor"), "no fault 'meteor'"),
     ],
 )
