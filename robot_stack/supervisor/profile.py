@@ -15,7 +15,7 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import Criticality, Process, System
 from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.config import Config, ConfigError, config_dir, read_yaml, validate
-from robot_stack.wmx.config import ENGINE_VARIABLE
+from robot_stack.wmx.config import ENGINE_VARIABLE, HELD_UP_STALE_S, STALE_VARIABLE
 
 _SAFETY_MONITOR = "safety_monitor"
 _EXPECTED = "expected_processes"
@@ -133,7 +133,7 @@ def load_plan(
         processes=tuple(chosen),
         missing=tuple(process.name for process in processes if not process.available),
         parameters={node: values for node, values in parameters.items() if node in nodes},
-        environment={**file.environment, **({ENGINE_VARIABLE: file.engine} if file.engine else {})},
+        environment={**file.environment, **_engine_variables(file)},
     )
 
 
@@ -141,6 +141,11 @@ def _tell_safety_monitor(parameters: dict[str, dict[str, Any]], chosen: Sequence
     """It must miss the heartbeats of what runs here, and of nothing else."""
     expected = [process.name for process in chosen if process.name in BY_NAME and process.name != _SAFETY_MONITOR]
     parameters.setdefault(_SAFETY_MONITOR, {}).setdefault(_EXPECTED, expected)
+
+
+def _engine_variables(file: ProfileFile) -> dict[str, str]:
+    engine = {ENGINE_VARIABLE: file.engine} if file.engine else {}
+    return {**engine, **({STALE_VARIABLE: str(HELD_UP_STALE_S)} if file.use_sim_time else {})}
 
 
 def _with_speed(data: dict[str, Any], speed: float | None, path: Path) -> dict[str, Any]:

@@ -15,6 +15,9 @@ from robot_stack.core.config import Config, load
 from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
 
 ENGINE_VARIABLE = "ROBOT_STACK_WMX_ENGINE"
+STALE_VARIABLE = "ROBOT_STACK_WMX_STATUS_STALE_S"
+# Where /clock drives, an engine that is held up holds the time up as well: its status ages on the system's clock alone.
+HELD_UP_STALE_S = 2.0
 """Set by a profile: the engine belongs to the machine that runs, the file to the installation."""
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -159,6 +162,6 @@ def load_engine_config() -> EngineConfig:
 
 
 def load_client_config() -> ClientConfig:
-    """``config/wmx_client.yaml``, with the engine that ENGINE_VARIABLE names, if it does. Raises ConfigError."""
-    engine = os.environ.get(ENGINE_VARIABLE)
-    return load(ClientConfig, "wmx_client", {"engine": engine} if engine else None)
+    """``config/wmx_client.yaml``, changed by ENGINE_VARIABLE and STALE_VARIABLE where set. Raises ConfigError."""
+    named = {"engine": os.environ.get(ENGINE_VARIABLE), "status_stale_s": os.environ.get(STALE_VARIABLE)}
+    return load(ClientConfig, "wmx_client", {key: value for key, value in named.items() if value})
