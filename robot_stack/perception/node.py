@@ -78,7 +78,7 @@ class PerceptionPipeline(StackNode):
         if points is None:
             self.set_health(False, f"{'full' if full else 'half'} sweep: {problem}")
             return
-        scene = self._pipeline.scene(points, stamp_s)
+        scene = self._pipeline.scene(points, stamp_s, self._watch.dark)
         self._publish(message, scene)
         if full:
             self._repeat_at_s = self.steady_s() + self._period_s
@@ -87,6 +87,7 @@ class PerceptionPipeline(StackNode):
         self.report.values |= {
             "obstacle points": str(len(scene.obstacles)),
             "points not finite": str(scene.broken),
+            "blind directions": str(int(self._watch.dark.sum())),
             "sweeps": "full" if full else "half",
         }
 

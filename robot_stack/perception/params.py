@@ -111,6 +111,8 @@ class WatchParams(Config):
     sectors: Annotated[int, Field(ge=4, le=360)]
     sector_points_min: Count
     sector_silent_s: Positive
+    blind_sectors_max: Annotated[int, Field(ge=0)]
+    blind_gap_m: Positive
     seen_min_m: Positive
     points_min: Count
     remembered: Annotated[int, Field(ge=1, le=20)]

@@ -21,6 +21,7 @@ from robot_stack.perception.voxel import voxels, without_strays
 
 Float = NDArray[np.float32]
 _WARM_COLUMNS = 360
+_BLIND_POINTS = 3  # that stand for one blind direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,7 @@ class Pipeline:
         self.motion = Motion(params.deskew)
         self._grid = make_grid(params.ground)
         self._mount = np.array(robot.lidar_xyz_m, dtype=np.float32)
+        self._blind = {chair: self._outline(chair) for chair in (False, True)}
         self._cut = {chair: boxes(robot, params.crop, chair) for chair in (False, True)}
         self._range_m = (params.crop.range_min_m, params.crop.range_max_m)
         self._last: tuple[float, Float, NDArray[np.bool_]] | None = None
@@ -69,14 +71,19 @@ class Pipeline:
         """Nothing was seen before the next sweep."""
         self._last = None
 
-    def scene(self, points: Points, stamp_s: float) -> Scene:
-        """What the points show; obstacles of the sweep before are kept where this one did not look."""
+    def scene(self, points: Points, stamp_s: float, dark: NDArray[np.bool_] | None = None) -> Scene:
+        """What the points show; obstacles of the sweep before are kept where this one did not look.
+
+        dark: (sectors,) blind directions of the ``Watch``: an obstacle stands there, close to the robot.
+        """
         xyz, broken = self.points(points, stamp_s)
         seen = self.segment(xyz, self.motion.attitude_at(stamp_s))
         obstacles = seen.xyz[(seen.labels == cells.OBSTACLE) | (seen.labels == cells.KERB)]
         params = self._params.obstacles
         obstacles = without_strays(obstacles, params.range_m, params.neighbourhood_m, params.neighbours_min)
-        obstacles = np.concatenate([obstacles, self._edges(seen.profile)])
+        nowhere = np.zeros(self._params.watch.sectors, np.bool_)
+        unseen = self._blind[self.chair][nowhere if dark is None else dark]
+        obstacles = np.concatenate([obstacles, self._edges(seen.profile), unseen.reshape(-1, 3)])
         sensor = (float(self._mount[0]), float(self._mount[1]))
         free_m = free_ranges(seen.profile.free_m, sensor, obstacles, self._params.free_space.directions)
         fresh = voxels(obstacles, params.voxel_m)
@@ -98,6 +105,20 @@ class Pipeline:
         profile = ground.follow(points, self._grid, start, z, params, self._params.free_space)
         labels, height = ground.classify(points, profile, z, params)
         return Segmented(xyz, labels, height, profile)
+
+    def _outline(self, chair: bool) -> Float:
+        """(sectors, k, 3) points just outside the footprint in force, in each direction of the ``Watch``, m."""
+        footprint = self._robot.footprint_with_chair if chair else self._robot.footprint
+        gap, sectors = self._params.watch.blind_gap_m, self._params.watch.sectors
+        angles = (np.arange(sectors * _BLIND_POINTS) + 0.5) * (2.0 * np.pi / (sectors * _BLIND_POINTS)) - np.pi
+        c, s = np.cos(angles), np.sin(angles)
+        half = 0.5 * footprint.width_m + gap
+        to_x = np.where(c > 0.0, footprint.front_m + gap - self._mount[0], self._mount[0] - footprint.rear_m + gap)
+        to_y = np.where(s > 0.0, half - self._mount[1], half + self._mount[1])
+        away = np.minimum(to_x / np.maximum(np.abs(c), 1e-9), to_y / np.maximum(np.abs(s), 1e-9))
+        z = np.full_like(away, self._mount[2])
+        xyz = np.stack([self._mount[0] + away * c, self._mount[1] + away * s, z], axis=1)
+        return xyz.astype(np.float32).reshape(sectors, _BLIND_POINTS, 3)
 
     def _edges(self, profile: ground.Profile) -> Float:
         """(k, 3) points on the edges of drop-offs, as high above the ground as the lowest obstacle."""

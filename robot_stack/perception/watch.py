@@ -29,6 +29,7 @@ class Watch:
         self._prints: deque[int] = deque(maxlen=params.remembered)
         self._seen_s = np.full(params.sectors, math.nan)  # when each direction was seen last
         self._judged_s = -math.inf
+        self.dark = np.zeros(params.sectors, np.bool_)  # directions that are blind now
 
     def stamp_problem(self, stamp_s: float, now_s: float) -> str:
         """Why a stamp cannot be used, empty if it can. It must be newer than the last one that could."""
@@ -58,7 +59,8 @@ class Watch:
         """Why the sensor does not see, empty if it does. points: one half or full sweep in the sensor frame, m.
 
         A half sweep shows half of the directions, and a message may be lost: a direction is blind when it has shown
-        nothing for ``sector_silent_s``. excused: (sectors,) directions that need not show anything.
+        nothing for ``sector_silent_s``. Up to ``blind_sectors_max`` of them are no reason but ``dark``: a wall nearer
+        than the sensor's range blinds it as dirt does. excused: (sectors,) directions that need not show anything.
         """
         params = self._params
         counts = np.zeros(params.sectors, np.int32)
@@ -72,8 +74,9 @@ class Watch:
         if total < params.points_min:
             return f"covered: {total} returns, at least {params.points_min} expected"
         late = stamp_s - self._seen_s > params.sector_silent_s
-        dark = np.flatnonzero(late if excused is None else late & ~excused)
-        if not len(dark):
+        self.dark = late if excused is None else late & ~excused
+        dark = np.flatnonzero(self.dark)
+        if len(dark) <= params.blind_sectors_max:
             return ""
         width = 360.0 / params.sectors
         where = ", ".join(f"{-180.0 + width * int(i):.0f}" for i in dark[:4])

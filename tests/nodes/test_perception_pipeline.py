@@ -151,7 +151,7 @@ def test_a_frozen_a_covered_and_a_blind_sensor_say_so_and_nothing_else(
     wait_for(lambda: len(heard.items) > before + 2, "obstacles again")
     lidar.spoil = lambda points: points[::20]
     silent_from_now(heard, peer, node, "covered")
-    lidar.spoil = lambda points: points[np.abs(np.arctan2(points["y"], points["x"])) > 0.5]
+    lidar.spoil = lambda points: points[np.abs(np.arctan2(points["y"], points["x"])) > 1.0]
     silent_from_now(heard, peer, node, "blind in")
 
 

@@ -11,6 +11,7 @@ from robot_stack.core.config import load
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Robot
 from robot_stack.perception.params import PerceptionParams
+from robot_stack.perception.pipeline import Pipeline
 from robot_stack.perception.watch import Watch, hidden_by_chair
 from tests.unit.perception.scenes import sweep
 
@@ -46,18 +47,32 @@ def test_too_few_returns_are_a_cover() -> None:
     assert Watch(WATCH).blind(left[:0], 0.0).startswith("covered: 0 returns")
 
 
+def dark_deg(watch: Watch) -> list[int]:
+    """Where the blind directions begin."""
+    return [-180 + 10 * int(i) for i in np.flatnonzero(watch.dark)]
+
+
 def test_a_direction_without_returns_is_blind_soon() -> None:
     watch, told_s = Watch(WATCH), math.nan
     for step in range(20):
         half = halves(step)[step % 2]
         angle = np.degrees(np.arctan2(half["y"], half["x"]))
-        problem = watch.blind(half[~((angle > 40.0) & (angle < 70.0))], 0.05 * step)
-        if problem:
+        assert watch.blind(half[~((angle > 40.0) & (angle < 70.0))], 0.05 * step) == ""
+        if watch.dark.any():
             told_s = 0.05 * step
             break
-    assert problem.startswith("blind in")
-    assert "50, 60 deg" in problem
+    assert dark_deg(watch) == [50, 60]
     assert told_s <= 0.25
+
+
+def test_many_blind_directions_are_a_covered_sensor() -> None:
+    for width_deg, blind in ((90.0, False), (110.0, True)):
+        watch, problem = Watch(WATCH), ""
+        for step in range(8):
+            half = halves(step)[step % 2]
+            angle = np.degrees(np.arctan2(half["y"], half["x"]))
+            problem = watch.blind(half[np.abs(angle) > 0.5 * width_deg], 0.05 * step)
+        assert problem.startswith("blind in") == blind
 
 
 def test_near_returns_cover_a_direction() -> None:
@@ -70,7 +85,23 @@ def test_near_returns_cover_a_direction() -> None:
         for name in "xyz":
             half[name][hidden] *= share
         problem = watch.blind(half, 0.05 * step)
-    assert problem.startswith("blind in")
+    assert problem == ""
+    assert dark_deg(watch) == [-100, -90]
+
+
+def test_a_blind_direction_is_an_obstacle_beside_the_robot(robot: Robot) -> None:
+    """Ahead of a robot that has driven up to a wall nothing is seen: there it must not drive, elsewhere it may."""
+    params = load(PerceptionParams, "perception_pipeline")
+    pipeline = Pipeline(robot, params)
+    dark = np.zeros(WATCH.sectors, np.bool_)
+    dark[[17, 18]] = True  # 10 deg to either side of ahead
+    points = halves(0)[0]
+    seen, blind = pipeline.scene(points, 0.0).obstacles, pipeline.scene(points, 10.0, dark).obstacles
+    added = blind[np.abs(blind[:, 0] - robot.footprint.front_m) < 0.1]
+    assert len(added) >= 2
+    assert not len(seen[np.abs(seen[:, 0] - robot.footprint.front_m) < 0.1])
+    assert np.all(added[:, 0] - robot.footprint.front_m == pytest.approx(0.06, abs=0.03))
+    assert np.all(np.abs(added[:, 1]) < 0.1)
 
 
 def test_one_lost_half_sweep_blinds_nobody() -> None:
