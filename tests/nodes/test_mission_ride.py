@@ -13,6 +13,7 @@ from custom_msgs.msg import SafetyStatus, UICommand
 from robot_stack.contract import topics
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, exp_se2
 from robot_stack.ros.conversions import pose_stamped, pose_to_msg, twist_from_msg, twist_to_msg
+from tests.support.blind import BLIND
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess, node_command
 from tests.support.waiting import wait_for
@@ -95,7 +96,7 @@ def assert_at_the_end(yard: Yard) -> None:
 
 
 def test_a_ride_ends_at_its_last_waypoint(yard):
-    yard.launch("navigation_controller")
+    yard.launch("navigation_controller", *BLIND)
     yard.launch_mission_manager()
     yard.command("START_MISSION", "short_hop")
     done = yard.status.wait(lambda status: status.state in ("COMPLETED", "FAILED"), "the end of the ride", 40.0)
@@ -110,7 +111,7 @@ def test_a_ride_ends_at_its_last_waypoint(yard):
 
 
 def test_pause_stands_and_resume_goes_on(yard):
-    yard.launch("navigation_controller")
+    yard.launch("navigation_controller", *BLIND)
     yard.launch_mission_manager()
     yard.command("START_MISSION", "short_hop")
     wait_for(lambda: yard.pose.x > 0.5, "half a metre")
@@ -124,19 +125,19 @@ def test_pause_stands_and_resume_goes_on(yard):
 
 
 def test_a_killed_navigation_controller_is_told_the_goal_again(yard):
-    yard.launch("navigation_controller")
+    yard.launch("navigation_controller", *BLIND)
     yard.launch_mission_manager()
     yard.command("START_MISSION", "short_hop")
     wait_for(lambda: yard.pose.x > 0.5, "half a metre")
     yard.kill("navigation_controller")
     yard.twist = ZERO_TWIST  # what the drive makes of silence
-    yard.launch("navigation_controller")
+    yard.launch("navigation_controller", *BLIND)
     yard.status.wait(lambda status: status.state == "COMPLETED", "the end of the ride", 40.0)
     assert_at_the_end(yard)
 
 
 def test_a_killed_mission_manager_comes_back_paused_and_the_robot_stands(yard):
-    yard.launch("navigation_controller")
+    yard.launch("navigation_controller", *BLIND)
     yard.launch_mission_manager()
     yard.command("START_MISSION", "short_hop")
     yard.status.wait(lambda status: status.current_waypoint == "stop", "the second waypoint")

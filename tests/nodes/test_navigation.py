@@ -22,6 +22,7 @@ from robot_stack.ros.conversions import (
     twist_from_msg,
     twist_to_msg,
 )
+from tests.support.blind import BLIND
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
@@ -63,7 +64,7 @@ def moving(message: Twist) -> bool:
 
 @pytest.fixture
 def node(start: Callable[..., NodeProcess], peer: Peer) -> NodeProcess:
-    process = start("navigation_controller")
+    process = start("navigation_controller", *BLIND)
     for row in (topics.GOAL_POSE, topics.ODOM, topics.CURRENT_POSE, topics.VELOCITY_LIMIT, topics.EMERGENCY_STOP):
         peer.wait_matched(row)
     return process

@@ -19,6 +19,7 @@ from robot_stack.core.geometry import IDENTITY
 from robot_stack.core.site_map import Grid, SiteMap, save_map
 from robot_stack.ros.conversions import quaternion_to_msg, time_from_s, time_to_s, yaw_from_quaternion
 from robot_stack.ros.point_cloud import cloud_message
+from tests.support.blind import WITHOUT_MAP
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
@@ -63,7 +64,7 @@ class Gyro:
 
 @pytest.fixture
 def node(start: Callable[..., NodeProcess], peer: Peer) -> NodeProcess:
-    process = start("ndt_localization", "-p", "start_x_m:=2.0", "-p", "start_yaw_rad:=1.0")
+    process = start("ndt_localization", *WITHOUT_MAP, "-p", "start_x_m:=2.0", "-p", "start_yaw_rad:=1.0")
     peer.wait_matched(topics.ODOM)
     peer.wait_matched(topics.IMU)
     return process

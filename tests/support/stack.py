@@ -24,7 +24,7 @@ from tests.support.waiting import wait_for
 # Most stories are told in simulated time, a little slower than real time: a machine that is busy for a moment then
 # holds the world up instead of looking like a sensor that fell silent. The world makes up for no delay, so that it is
 # never faster than this either.
-PACED = 0.8
+PACED = 0.9
 _NO_CATCHING_UP = "sim_world.catch_up_s=0.005"
 # A world of even asphalt, of which there is no map.
 FLAT = (*world_settings("flat"), *FEW_BEAMS)

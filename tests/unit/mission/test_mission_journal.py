@@ -307,7 +307,8 @@ def test_a_process_killed_while_it_writes_loses_nothing_it_has_saved(path):
                 line = process.stdout.readline()
         finally:
             process.send_signal(signal.SIGKILL)
-            rest, _ = process.communicate(timeout=30)
+            rest = process.stdout.read()  # communicate would leave out what the line reader has read ahead
+            process.wait(timeout=30)
         told = [int(text) for text in (line + rest).split("\n") if text]
         record = reopened(path)
         # The save that was cut may have been finished without having been told.
