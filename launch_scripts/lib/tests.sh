@@ -13,7 +13,7 @@ tests() {
 }
 
 # What computes, or waits without caring how long, runs beside what is bound to real time, and gives way to it.
-patient=(tests/nodes/test_{cli,docking_target,mission_cli_dock,mission_docking,mission_manager,recorder,supervisor}.py)
+patient=(tests/nodes/test_{aruco_detector,camera_driver,cli,costmap_server,docking_target,executor,lidar_driver,mission_cli_dock,mission_docking,mission_manager,recorder,supervisor}.py)
 
 all_tests() {
   local log patiently code=0

@@ -19,6 +19,7 @@ from robot_stack.core.robot import load_robot
 from robot_stack.ros.conversions import time_to_s
 from robot_stack.wmx import MotionEngine, connect
 from robot_stack.wmx.api.values import Profile, Velocity_VelCommand
+from sim.worldfile import load_world
 from tests.support.peer import Heard, Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
@@ -167,15 +168,17 @@ def places(message: TFMessage) -> dict[str, tuple[float, float, float]]:
     return found
 
 
-def test_bodies_are_robot_chair_and_stations_with_the_stamp_of_the_truth(
+def test_bodies_are_robot_chair_stations_and_people_with_the_stamp_of_the_truth(
     start: Callable[..., NodeProcess], peer: Peer
 ) -> None:
     chair = {"wheelchair_x_m": 3.0, "wheelchair_y_m": -1.0, "wheelchair_yaw_rad": 0.5}
     start("sim_world", *option(world="yard", **chair))
     truth, bodies = peer.listen(topics.SIM_GROUND_TRUTH), peer.listen(topics.SIM_BODIES)
-    seen = bodies.wait(lambda message: len(message.transforms) == 3, "three bodies")
+    people = [f"person_{person.name}" for person in load_world("yard").people]
+    seen = bodies.wait(lambda message: len(message.transforms) == 3 + len(people), "every body")
     found = places(seen)
-    assert list(found) == ["base_link", "wheelchair", "charger"]
+    assert list(found) == ["base_link", "wheelchair", "charger", *people]
+    assert len(people) > 3
     assert found["wheelchair"] == pytest.approx((3.0, -1.0, 0.0), abs=1e-3)
     assert found["charger"] == pytest.approx((-3.45, 0.0, 0.0), abs=1e-9)
     turn = seen.transforms[1].transform.rotation
