@@ -175,7 +175,7 @@ def test_bodies_are_robot_chair_stations_and_people_with_the_stamp_of_the_truth(
     start("sim_world", *option(world="yard", **chair))
     truth, bodies = peer.listen(topics.SIM_GROUND_TRUTH), peer.listen(topics.SIM_BODIES)
     people = [f"person_{person.name}" for person in load_world("yard").people]
-    seen = bodies.wait(lambda message: len(message.transforms) == 3 + len(people), "every body")
+    seen = bodies.wait(lambda message: len(message.transforms) == 3 + len(people), "every body", 60.0)
     found = places(seen)
     assert list(found) == ["base_link", "wheelchair", "charger", *people]
     assert len(people) > 3
