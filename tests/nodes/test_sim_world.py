@@ -190,7 +190,7 @@ def test_bodies_are_robot_chair_stations_and_people_with_the_stamp_of_the_truth(
     shared = sum(each <= stamps for each in mine)
     assert shared > 0.8 * len(mine), "the same moment as the ground truth's, lost messages apart"
     gaps = np.diff([each.pop() for each in mine])
-    assert np.median(gaps) == pytest.approx(0.02, abs=0.005)
+    assert np.quantile(gaps, 0.1) == pytest.approx(0.02, abs=0.005)  # longer where messages were lost
 
 
 def test_start_pose_and_chair_are_parameters(start: Callable[..., NodeProcess], peer: Peer) -> None:
