@@ -13,7 +13,9 @@ tests() {
 }
 
 # What computes, or waits without caring how long, runs beside what is bound to real time, and gives way to it.
-patient=(tests/nodes/test_{aruco_detector,camera_driver,cli,costmap_server,docking_target,executor,lidar_driver,mission_cli_dock,mission_docking,mission_manager,recorder,supervisor}.py)
+patient=(tests/nodes/test_{aruco_detector,camera_driver,cli,costmap_server,docking_target,executor,lidar_driver}.py
+  tests/nodes/test_{mission_cli_dock,mission_docking,mission_manager,ndt_localization,perception_pipeline}.py
+  tests/nodes/test_{recorder,supervisor}.py)
 
 all_tests() {
   local log patiently code=0

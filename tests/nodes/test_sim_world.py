@@ -189,7 +189,7 @@ def test_bodies_are_robot_chair_stations_and_people_with_the_stamp_of_the_truth(
     assert all(len(each) == 1 for each in mine)
     shared = sum(each <= stamps for each in mine)
     assert shared > 0.8 * len(mine), "the same moment as the ground truth's, lost messages apart"
-    # A world that is late catches up in bursts, so that single gaps tell nothing: as many as of the truth, losses apart.
+    # A late world catches up in bursts, so that single gaps tell nothing: as many as of the truth, losses apart.
     assert len(mine) > 0.7 * len(truth.messages)
 
 
