@@ -220,9 +220,11 @@ def _follow(
             seen[s] = True
             fallen[s] = 0
             anything[s] = False
+    # Ground that ends near the robot with nothing at all behind it: no sensor loses all of that. A sector alone at the
+    # border of what a half sweep covered says nothing: turned back to the stamp, its last column lies in two sectors.
+    ended = seen & ~anything & open_way & (last_d < edge_range)
     for s in range(sectors):
-        # Ground that ends near the robot with nothing at all behind it: no sensor loses all of that.
-        if seen[s] and not anything[s] and open_way[s] and last_d[s] < edge_range:
+        if ended[s] and (ended[s - 1] or ended[(s + 1) % sectors]):
             drop[s], drop_z[s] = last_d[s], last_z[s]
 
 
