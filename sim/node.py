@@ -27,6 +27,7 @@ from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.server import EngineServer
 from sim.faults import Faults
 from sim.imu import ImuSample
+from sim.lockstep import Lockstep
 from sim.loop import Loop, Task
 from sim.nodes.battery_driver import BatteryDriver
 from sim.nodes.imu_driver import ImuDriver
@@ -39,6 +40,7 @@ _NANOSECONDS = 1_000_000_000
 _CLOCK_RATE_HZ = 100.0
 _REPORT_RATE_HZ = 1.0
 _SENSOR_WATCH_RATE_HZ = 10.0
+_WAIT_S = 0.005
 
 
 class WorldProcess:
@@ -54,6 +56,8 @@ class WorldProcess:
         self._pacer = Pacer(dt_s, settings.speed, settings.catch_up_s, time.monotonic())
         self._loop = Loop(self._sim, Faults(self._sim), self._pacer, self._tasks(dt_s), self._on_sample)
         world_node.inject = self._loop.inject
+        self._lockstep = world_node.lockstep(lambda: self._sim.time_s) if settings.wait_for_stack_s else None
+        self._waited_s = 0.0
 
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Until ``should_stop`` says so. Raises SimulationDiverged."""
@@ -72,8 +76,23 @@ class WorldProcess:
             every(_SENSOR_WATCH_RATE_HZ, lambda: self._imu_node.watch(self._sim.time_s)),
             every(_REPORT_RATE_HZ, self._report),
         ]
-        clock = every(_CLOCK_RATE_HZ, lambda: self._node.publish_clock(self._stamp(self._sim.time_s)))
-        return tuple(tasks) if self._node.real_time else (clock, *tasks)
+        return tuple(tasks) if self._node.real_time else (every(_CLOCK_RATE_HZ, self._tick), *tasks)
+
+    def _tick(self) -> None:
+        """Tells the time, after everybody has followed up to it."""
+        if self._lockstep is not None:
+            self._wait_for_stack(self._lockstep)
+        self._node.publish_clock(self._stamp(self._sim.time_s))
+
+    def _wait_for_stack(self, lockstep: Lockstep) -> None:
+        start_s = now_s = time.monotonic()
+        behind = lockstep.behind(self._sim.time_s)
+        while behind and now_s - start_s < self._node.params.wait_for_stack_s:
+            self._node.publish_clock(self._stamp(self._sim.time_s))  # the one before may have been lost
+            time.sleep(_WAIT_S)
+            behind, now_s = lockstep.behind(self._sim.time_s), time.monotonic()
+        lockstep.give_up(behind)
+        self._waited_s += now_s - start_s
 
     def _stamp(self, time_s: float) -> Time:
         """The time on the nodes' clock at a simulated time."""
@@ -98,7 +117,7 @@ class WorldProcess:
     def _report(self) -> None:
         self._node.publish_touched(self._sim.world.touched)
         report = self._pacer.report(time.monotonic())
-        self._node.show_pace(report, self._pacer.total_overruns, self._pacer.total_dropped_s)
+        self._node.show_pace(report, self._pacer.total_overruns, self._pacer.total_dropped_s, self._waited_s)
 
 
 def _build(node: SimWorld, params: SimParams) -> Simulation:

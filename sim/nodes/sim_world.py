@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -18,8 +19,10 @@ from std_msgs.msg import String
 from robot_stack.contract import frames, services, topics
 from robot_stack.core.config import Config
 from robot_stack.core.geometry import IDENTITY, Pose2
+from robot_stack.ros.interfaces import interface_class, qos_profile
 from robot_stack.ros.node import StackNode
 from sim.faults import FaultRefused
+from sim.lockstep import Lockstep
 from sim.pacing import PaceReport
 from sim.requests import NotServed
 from sim.world import Setup, Truth
@@ -27,7 +30,18 @@ from sim.worldfile import load_world
 from tf2_msgs.msg import TFMessage
 
 REAL_TIME = 1.0
-_ANSWER_S = 2.0
+# What a stack that keeps up publishes all the time. The world waits before a silence counts as one.
+_SIGNS_OF_LIFE = (
+    topics.WHEEL_COMMANDS,
+    topics.JOINT_STATES,
+    topics.ODOM,
+    topics.OBSTACLES,
+    topics.CURRENT_POSE,
+    topics.SAFETY_STATUS,
+    topics.ARUCO_DETECTIONS,
+    topics.DOCKING_STATUS,
+)
+_SHARE_OF_STALE = 0.6
 
 
 class SimWorldParams(Config):
@@ -47,6 +61,7 @@ class SimWorldParams(Config):
     passenger_mass_kg: Annotated[float, Field(ge=0.0)]
     people: bool
     catch_up_s: Annotated[float, Field(gt=0.0)]
+    wait_for_stack_s: Annotated[float, Field(ge=0.0, le=10.0)]
     thread_switch_interval_s: Annotated[float, Field(gt=0.0)]
     clock_start_s: Annotated[float, Field(gt=0.0)]
 
@@ -68,6 +83,12 @@ class SimWorldParams(Config):
             wheelchair_pose=None if own is None else _either(chair, own),
             people=self.people,
         )
+
+    @model_validator(mode="after")
+    def _waits_in_its_own_time(self) -> SimWorldParams:
+        if self.wait_for_stack_s and self.speed == REAL_TIME:
+            raise ValueError("wait_for_stack_s needs a speed other than 1.0: the system clock waits for nobody")
+        return self
 
     @model_validator(mode="after")
     def _wheelchair_has_a_place(self) -> SimWorldParams:
@@ -101,6 +122,14 @@ class SimWorld(StackNode):
     def real_time(self) -> bool:
         """The world lives on the system clock."""
         return bool(self.params.speed == REAL_TIME)
+
+    def lockstep(self, time_s: Callable[[], float]) -> Lockstep:
+        """Hears the rest of the stack; what is said does not matter to the world. time_s: the simulated time."""
+        steps = Lockstep({row.name: _SHARE_OF_STALE * row.stale_s for row in _SIGNS_OF_LIFE if row.stale_s is not None})
+        for row in _SIGNS_OF_LIFE:
+            note = partial(_note, steps, row.name, time_s)
+            self.create_subscription(interface_class(row.type), row.name, note, qos_profile(row.qos), raw=True)
+        return steps
 
     def publish_clock(self, stamp: Time) -> None:
         if self._clock_topic is not None:
@@ -143,13 +172,14 @@ class SimWorld(StackNode):
             self._touched_text = text
             self._touched.publish(String(data=text))
 
-    def show_pace(self, report: PaceReport, total_overruns: int, total_dropped_s: float) -> None:
+    def show_pace(self, report: PaceReport, total_overruns: int, total_dropped_s: float, waited_s: float) -> None:
         """The loop's statistics, into /diagnostics."""
         self.report.values |= {
             "sim_speed": f"{report.speed:.4f}",
             "overruns": str(total_overruns),
             "dropped_s": f"{total_dropped_s:.3f}",
             "worst_lag_ms": f"{1e3 * report.worst_lag_s:.1f}",
+            "waited_for_stack_s": f"{waited_s:.3f}",
         }
         slow = self.real_time and report.drops > 0
         late = f"the machine is too slow: {total_dropped_s:.1f} s of simulation given up so far"
@@ -163,6 +193,10 @@ class SimWorld(StackNode):
         except (FaultRefused, NotServed) as error:
             response.message = str(error)
         return response
+
+
+def _note(steps: Lockstep, name: str, time_s: Callable[[], float], _message: bytes) -> None:
+    steps.heard(name, time_s())
 
 
 def _not_running(*_: object) -> str:

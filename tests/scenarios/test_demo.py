@@ -41,7 +41,7 @@ def stack_processes() -> list[int]:
     """The processes of the running stack, its supervisor first; empty if none runs."""
     try:
         supervisor = psutil.Process(ask("status")["pid"])
-    except (NotRunning, psutil.Error):
+    except (NotRunning, TimeoutError, psutil.Error):
         return []
     return [supervisor.pid, *(child.pid for child in supervisor.children(recursive=True))]
 

@@ -86,7 +86,7 @@ def test_a_marker_covered_and_a_chair_moved_end_in_a_docking(docking: DockingSta
 
 
 def test_a_controller_that_dies_with_a_wheelchair_comes_back_holding_it(docking: DockingStackUnderTest) -> None:
-    assert docking.status.last.state == "DOCKED", "this story goes on from the one before"
+    docking.be_docked()
     pid = docking.kill("docking_controller")
     docking.wait_restarted("docking_controller", pid)
     docking.forget_dead("docking_controller")
@@ -100,6 +100,7 @@ def test_a_controller_that_dies_with_a_wheelchair_comes_back_holding_it(docking:
 
 
 def test_a_latch_that_does_not_confirm_is_given_up_with_a_reason(docking: DockingStackUnderTest) -> None:
+    docking.be_free()
     docking.inject("latch_no_confirm")
     goal = docking.begin_docking()
     result = goal.wait(120.0)

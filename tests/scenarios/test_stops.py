@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import time
 from typing import TYPE_CHECKING
 
 import pytest
@@ -112,6 +114,18 @@ def test_a_noisy_imu_stops_nobody(stack: StackUnderTest) -> None:
     wait_for(lambda: len(stack.safety.items) > start + 30, "three seconds of safety status")
     assert {m.safety_state for m in stack.safety.messages[start:]} == {"NORMAL"}
     assert stack.speed_mps > 0.5
+
+
+@pytest.mark.parametrize("name", ["swerve_hardware_interface", "perception_pipeline"])
+def test_the_simulated_world_waits_for_a_process_that_is_held_up(stack: StackUnderTest, name: str) -> None:
+    """What every story of simulated time relies on."""
+    stack.drive_at(0.4)
+    start = len(stack.safety.items)
+    stack.kill(name, signal.SIGSTOP)
+    time.sleep(0.6)  # of the machine's time: what is to be survived
+    stack.kill(name, signal.SIGCONT)
+    wait_for(lambda: len(stack.safety.items) > start + 20, "two seconds of safety status")
+    assert {m.safety_state for m in stack.safety.messages[start:]} == {"NORMAL"}
 
 
 def test_slippery_ground_shows_in_the_odometrys_covariance_and_ends_no_ride(stack: StackUnderTest) -> None:

@@ -77,6 +77,15 @@ class DockingStackUnderTest(StackUnderTest):
     def begin_undocking(self) -> Goal:
         return Goal(self._undock, Undock.Goal())
 
+    def be_docked(self) -> None:
+        """As a story before it leaves it, or by a docking of its own."""
+        if self.status.last.state != "DOCKED":
+            assert self.begin_docking().wait(2.0 * DOCKING_S).success
+
+    def be_free(self) -> None:
+        if self.passenger.last.data:
+            assert self.begin_undocking().wait().success
+
     def reach(self, state: str, deadline_s: float = DOCKING_S) -> None:
         self.status.wait(lambda message: message.state == state, f"docking state {state}", deadline_s)
 

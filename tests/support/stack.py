@@ -21,11 +21,11 @@ from sim.settings import FEW_BEAMS, world_settings
 from tests.support.peer import Peer
 from tests.support.waiting import wait_for
 
-# Most stories are told in simulated time, a little slower than real time: a machine that is busy for a moment then
-# holds the world up instead of looking like a sensor that fell silent. The world makes up for no delay, so that it is
-# never faster than this either.
+# Most stories are told in simulated time, a little slower than real time, in a world that waits for a stack that falls
+# behind: a machine that is busy for a moment then holds the world up instead of looking like a sensor that fell silent.
+# The world makes up for no delay, so that it is never faster than this either.
 PACED = 0.9
-_NO_CATCHING_UP = "sim_world.catch_up_s=0.005"
+_PATIENT = ("sim_world.catch_up_s=0.005", "sim_world.wait_for_stack_s=1.0")
 # A world of even asphalt, of which there is no map.
 FLAT = (*world_settings("flat"), *FEW_BEAMS)
 # Slower than this counts as standing: physics never rests at exactly 0.
@@ -41,7 +41,7 @@ class StackUnderTest:
 
     def __init__(self, logs: Path, *settings: str, speed: float = PACED) -> None:
         self.logs = logs
-        paced = () if speed == 1.0 else (_NO_CATCHING_UP,)
+        paced = () if speed == 1.0 else _PATIENT
         try:
             client.start(client.Launch("sim", settings=(*settings, *paced), speed=speed, log_dir=logs), 90.0)
         except client.StartError:

@@ -1,4 +1,4 @@
-"""Half sweeps of a robot in motion end in a seam, where one column alone, turned back to the stamp, shows the ground."""
+"""Half sweeps of a moving robot end in a seam, where one column alone, turned back to the stamp, shows the ground."""
 
 from __future__ import annotations
 
