@@ -15,10 +15,10 @@ from robot_stack.core.config import Config, load
 from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
 
 ENGINE_VARIABLE = "ROBOT_STACK_WMX_ENGINE"
+"""Set by a profile: the engine belongs to the machine that runs, the file to the installation."""
 STALE_VARIABLE = "ROBOT_STACK_WMX_STATUS_STALE_S"
 # Where /clock drives, an engine that is held up holds the time up as well: its status ages on the system's clock alone.
 HELD_UP_STALE_S = 2.0
-"""Set by a profile: the engine belongs to the machine that runs, the file to the installation."""
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
