@@ -30,6 +30,7 @@ class Inputs:
     docking_served: somebody offers the docking actions.
     docking_state: state of /docking/status, empty while stale.
     navigation_text: what navigation says of itself, for people; nothing is decided by it.
+    detour_m: by how much the way along that plan is longer than the straight line.
     """
 
     pose: Pose2 | None
@@ -42,6 +43,7 @@ class Inputs:
     docking_served: bool = False
     docking_state: str = ""
     navigation_text: str = ""
+    detour_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -275,7 +275,7 @@ class MissionKernel:
             self._note_motion(pose, inputs, dt_s)
             if self._leg.arrived(inputs, self._record.stops, self._record.waypoint, dt_s):
                 return self._serve(inputs)
-            if not self._held and self._leg.stalls(pose, current.pose, dt_s):
+            if not self._held and self._leg.stalls(pose, current.pose, inputs.detour_m, dt_s):
                 return self._try_failed(pose, inputs.navigation_text)
         return (SendGoal(current.pose),) if self._leg.unconfirmed(self._is_planned(current.pose, inputs), dt_s) else ()
 

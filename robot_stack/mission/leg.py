@@ -13,15 +13,17 @@ from robot_stack.mission.events import Inputs
 from robot_stack.mission.model import Waypoint
 from robot_stack.mission.params import MissionParams
 
+_NEW_PLAN_M = 0.5
+
 
 class Leg:
     """Volatile state of the current try; a new one is made whenever the mission manager changes its state."""
 
-    __slots__ = ("_best_m", "_params", "goal_due", "settled_s", "stalled_s", "unconfirmed_s", "waited_s")
+    __slots__ = ("_best_m", "_left_m", "_params", "goal_due", "settled_s", "stalled_s", "unconfirmed_s", "waited_s")
 
     def __init__(self, params: MissionParams, *, goal_due: bool = False) -> None:
         self._params = params
-        self._best_m = math.inf
+        self._best_m, self._left_m = math.inf, math.nan
         self.settled_s = -1.0
         self.stalled_s = 0.0
         self.waited_s = 0.0
@@ -43,11 +45,17 @@ class Leg:
         self.settled_s = 0.0 if self.settled_s < 0.0 else self.settled_s + dt_s
         return self.settled_s >= self._params.settle_s
 
-    def stalls(self, pose: Pose2, goal: Pose2, dt_s: float) -> bool:
-        """True once the robot has not come nearer for progress_timeout_s. Call only while it is free to move."""
-        effort_m = route.effort_m(pose, goal, self._params)
-        if effort_m < self._best_m - self._params.progress_min_m:
-            self._best_m, self.stalled_s = effort_m, 0.0
+    def stalls(self, pose: Pose2, goal: Pose2, detour_m: float, dt_s: float) -> bool:
+        """True once the robot has not come nearer, along its plan, for progress_timeout_s. Call only while it may
+        move. detour_m: ``route.detour_m``.
+        """
+        left_m = route.effort_m(pose, goal, self._params) + detour_m
+        if abs(left_m - self._left_m) > _NEW_PLAN_M:
+            # No robot moves so far in a tick: the plan or the pose is another. That is no progress, and no loss either.
+            self._best_m += left_m - self._left_m
+        self._left_m = left_m
+        if left_m < self._best_m - self._params.progress_min_m:
+            self._best_m, self.stalled_s = left_m, 0.0
             return False
         self.stalled_s += dt_s
         return self.stalled_s >= self._params.progress_timeout_s

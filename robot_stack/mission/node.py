@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path as PlanPath
 from std_msgs.msg import Bool
 
 from custom_msgs.msg import EHMIState, MissionStatus, UICommand
@@ -14,6 +16,7 @@ from robot_stack.core.config import config_dir
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
 from robot_stack.mission import events as ev
+from robot_stack.mission import route
 from robot_stack.mission.journal import SqliteJournal, default_journal_path
 from robot_stack.mission.kernel import MissionKernel
 from robot_stack.mission.library import MissionError, MissionLibrary
@@ -36,7 +39,8 @@ class MissionManager(StackNode):
         self._pose = self.subscribe(topics.CURRENT_POSE)
         self._odom = self.subscribe(topics.ODOM)
         self._battery = self.subscribe(topics.BATTERY_STATE)
-        self._plan = self.subscribe(topics.PLAN)
+        self._plan = self.subscribe(topics.PLAN, self._on_plan)
+        self._plan_xy = np.empty((0, 2))
         self._navigation_status = self.subscribe(topics.NAVIGATION_STATUS)
         self._docking_status = self.subscribe(topics.DOCKING_STATUS)
         self._docking = DockingClient(self, self._handle)
@@ -68,6 +72,10 @@ class MissionManager(StackNode):
         except MissionError as error:
             return ev.Command(ev.START_MISSION, problem=str(error))
 
+    def _on_plan(self, message: PlanPath) -> None:
+        places = [(item.pose.position.x, item.pose.position.y) for item in message.poses]
+        self._plan_xy = np.array(places, float).reshape(-1, 2)
+
     def _on_passenger(self, message: Bool) -> None:
         self._handle(ev.PassengerChanged(message.data))
 
@@ -98,14 +106,16 @@ class MissionManager(StackNode):
     def _inputs(self) -> ev.Inputs:
         safety = self.safety_status_input
         plan, navigation = self._plan.latest, self._navigation_status.latest
+        pose = pose_from_msg(self._pose.latest.pose) if self._pose.fresh() else None
         return ev.Inputs(
-            pose=pose_from_msg(self._pose.latest.pose) if self._pose.fresh() else None,
+            pose=pose,
             twist=twist_from_msg(self._odom.latest.twist.twist) if self._odom.fresh() else None,
             emergency_stop=self.emergency_stop,
             safety_known=safety.fresh(),
             faults=tuple(safety.latest.active_faults) if safety.fresh() else (),
             battery=self._battery.latest.percentage if self._battery.fresh() else math.nan,
             plan_end=pose_from_msg(plan.poses[-1].pose) if plan is not None and plan.poses else None,
+            detour_m=0.0 if plan is None or pose is None else route.detour_m(pose, self._plan_xy),
             navigation_text="" if navigation is None else navigation.data,
             docking_served=self._docking.served(),
             docking_state=self._docking_status.latest.state if self._docking_status.fresh() else "",

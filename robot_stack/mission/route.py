@@ -8,6 +8,9 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robot_stack.core.geometry import Pose2, Twist2, wrap_angle
 from robot_stack.mission.model import Kind, Waypoint
 from robot_stack.mission.params import MissionParams
@@ -42,6 +45,17 @@ def standing(twist: Twist2 | None, params: MissionParams) -> bool:
 def effort_m(pose: Pose2, goal: Pose2, params: MissionParams) -> float:
     """How much is left to the goal, the turn counted as length: what must shrink for the robot to make progress."""
     return pose.distance_to(goal) + params.yaw_weight_m_per_rad * abs(wrap_angle(pose.yaw - goal.yaw))
+
+
+def detour_m(pose: Pose2, plan: NDArray[np.float64]) -> float:
+    """By how much the way along a plan (n, 2) m, from where it passes nearest, is longer than the straight line."""
+    if len(plan) < 2:
+        return 0.0
+    from_here = plan[int(np.argmin(np.hypot(plan[:, 0] - pose.x, plan[:, 1] - pose.y))) :]
+    steps = np.diff(from_here, axis=0)
+    way_m = float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+    straight_m = float(np.hypot(*(from_here[-1] - from_here[0])))
+    return max(0.0, way_m - straight_m)
 
 
 def length_m(points: list[Pose2]) -> float:

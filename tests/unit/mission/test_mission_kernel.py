@@ -385,6 +385,22 @@ def test_slow_progress_is_progress(story):
     assert story.kernel.record.failed_tries == 0
 
 
+def test_a_way_around_is_progress(story):
+    """Along a plan of 8 m, away from the goal and back to it; the straight line grows for the first half."""
+    story.start("park").at(0.0)
+    for step in range(400):  # 0.1 m/s for 40 s
+        away_m = 0.01 * min(step, 400 - step)
+        story.at(-away_m, speed=0.1).given(detour_m=8.0 - 0.01 * step - away_m).tick()
+    assert story.kernel.record.failed_tries == 0
+
+
+def test_plans_that_take_turns_are_no_progress(story):
+    story.start("park").at(0.3)
+    for step in range(round((story.params.progress_timeout_s + 0.3) / TICK_S)):
+        story.given(detour_m=3.0 if step % 20 < 10 else 0.0).tick()
+    assert story.kernel.record.failed_tries == 1
+
+
 def test_turning_is_progress(story):
     story.start("park")
     for step in range(300):

@@ -16,6 +16,7 @@ from robot_stack.core.config import config_dir, load
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.core.robot import Footprint, load_robot
+from robot_stack.mission import route
 from robot_stack.mission.library import MissionLibrary
 from robot_stack.mission.model import Kind, Mission
 from robot_stack.mission.params import MissionParams
@@ -208,3 +209,10 @@ def test_the_check_notices_what_is_in_the_way(transport):
         update={"waypoints": tuple(w for w in transport.waypoints if w.action.kind is not Kind.PASS)}
     )
     assert any(gap <= CLEARANCE_M for gap in clearances(shortcut).values())
+
+
+def test_a_detour_is_what_the_plan_is_longer_than_the_straight_line() -> None:
+    corner = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]])
+    assert route.detour_m(Pose2(0.1, -0.2, 0.0), corner) == pytest.approx(7.0 - 5.0)
+    assert route.detour_m(Pose2(2.9, 0.3, 0.0), corner) == 0.0, "the corner is passed"
+    assert route.detour_m(Pose2(0.0, 0.0, 0.0), np.empty((0, 2))) == 0.0
