@@ -62,12 +62,12 @@ class Bench:
         return message
 
     def send(self, client: ActionClient, goal: Any) -> Any:
-        sent = client.send_goal_async(goal)
+        sent = self.peer.in_loop(lambda: client.send_goal_async(goal))
         wait_for(sent.done, "an answer to the goal")
         return sent.result()
 
     def result(self, handle: Any) -> Any:
-        future = handle.get_result_async()
+        future = self.peer.in_loop(handle.get_result_async)
         wait_for(future.done, "the result", 20.0)
         return future.result().result
 

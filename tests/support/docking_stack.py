@@ -15,6 +15,7 @@ from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2, yaw_from_quaternion
 from robot_stack.ros.conversions import pose_from_msg
 from sim.settings import pose_settings
+from tests.support.peer import Peer
 from tests.support.stack import FLAT, StackUnderTest
 from tests.support.waiting import wait_for
 
@@ -25,14 +26,14 @@ DOCKING_S = 60.0  # one try takes 20 s; on a slow machine more
 class Goal:
     """A goal of one of the docking actions. ``states``: of its feedback, in order."""
 
-    def __init__(self, client: ActionClient, goal: Any) -> None:
+    def __init__(self, peer: Peer, client: ActionClient, goal: Any) -> None:
         self.states: list[str] = []
         self.result: Any = None
-        self._sent = client.send_goal_async(goal, feedback_callback=self._on_feedback)
+        self._sent = peer.in_loop(lambda: client.send_goal_async(goal, feedback_callback=self._on_feedback))
         wait_for(self._sent.done, "an answer to the goal")
         self.handle = self._sent.result()
         assert self.handle.accepted
-        self.handle.get_result_async().add_done_callback(self._on_result)
+        peer.in_loop(lambda: self.handle.get_result_async().add_done_callback(self._on_result))
 
     def _on_feedback(self, message: Any) -> None:
         if not self.states or self.states[-1] != message.feedback.state:
@@ -72,10 +73,10 @@ class DockingStackUnderTest(StackUnderTest):
         self.status.wait(lambda _: True, "a docking status")
 
     def begin_docking(self) -> Goal:
-        return Goal(self._dock, Dock.Goal(dock_id=DOCK))
+        return Goal(self.peer, self._dock, Dock.Goal(dock_id=DOCK))
 
     def begin_undocking(self) -> Goal:
-        return Goal(self._undock, Undock.Goal())
+        return Goal(self.peer, self._undock, Undock.Goal())
 
     def be_docked(self) -> None:
         """As a story before it leaves it, or by a docking of its own."""

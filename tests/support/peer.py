@@ -91,6 +91,14 @@ class Peer:
         if timer is not None:
             self.node.destroy_timer(timer)
 
+    def in_loop(self, function: Callable[[], Any]) -> Any:
+        """What a function returns that runs where messages are taken. rclpy registers a goal only after it has sent it:
+        sent from another thread, an answer that comes at once is thrown away.
+        """
+        task = self._executor.create_task(function)
+        wait_for(task.done, "the peer's own thread")
+        return task.result()
+
     def call(self, row: Service, request: Any = None, deadline_s: float = DEADLINE_S) -> Any:
         """The response of a service. Raises AssertionError if there is none in time."""
         service = interface_class(row.type)
