@@ -14,7 +14,7 @@ from pathlib import Path
 from robot_stack.core.config import ConfigError
 from robot_stack.core.runtime import AlreadyRunning, hold_lock, ros_domain_id
 from robot_stack.core.wheels_env import ros_environment
-from robot_stack.supervisor import logs, orphans, segments
+from robot_stack.supervisor import child, logs, orphans, segments
 from robot_stack.supervisor.client import LOCK_NAME
 from robot_stack.supervisor.params import load_params
 from robot_stack.supervisor.profile import load_plan
@@ -48,6 +48,7 @@ def main() -> int:
         print(f"ended what an earlier supervisor left behind: processes {', '.join(map(str, ids))}", file=sys.stderr)
     orphans.remove_stale_sockets()
     segments.remove_dead()
+    child.go_first(params.own_niceness)
     Supervisor(plan, params, run_dir).run()
     lock.close()
     return 0

@@ -43,10 +43,10 @@ class Start:
 def run(start: Start) -> None:
     """Body of the forked process. Leaves by SystemExit with the node's exit code."""
     os.setsid()  # its own process group: Ctrl-C reaches the supervisor alone, and nothing of the process escapes `down`
-    _die_with_the_forkserver()
-    _write_to(start.log)
+    die_with_the_forkserver()
+    write_to(start.log)
     _show_as(start.name)
-    _go_first(start.niceness, start.realtime_priority)
+    go_first(start.niceness, start.realtime_priority)
     if start.lock_memory:
         _keep_in_memory()
     os.environ.update(start.environment)
@@ -62,7 +62,7 @@ def run(start: Start) -> None:
             os.killpg(0, signal.SIGKILL)
 
 
-def _go_first(niceness: int, realtime_priority: int) -> None:
+def go_first(niceness: int, realtime_priority: int = 0) -> None:
     """Priority among the processes of the machine. Without the privilege the robot is only later under load."""
     if realtime_priority > 0:
         with contextlib.suppress(PermissionError):
@@ -82,7 +82,7 @@ def _keep_in_memory() -> None:
     ctypes.CDLL(None).mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT)
 
 
-def _die_with_the_forkserver() -> None:
+def die_with_the_forkserver() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
@@ -99,7 +99,7 @@ def _follow_the_supervisor(orphaned: threading.Event, grace_s: float) -> None:
     os.killpg(0, signal.SIGKILL)
 
 
-def _write_to(log: Path) -> None:
+def write_to(log: Path) -> None:
     file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     for stream in (1, 2):
         os.dup2(file, stream)

@@ -47,7 +47,7 @@ class Fleet:
             environment=self._environment,
             log=self._run_dir / f"{process.name}.log",
             niceness=self._params.niceness[process.criticality],
-            realtime_priority=self._params.realtime_priority[process.criticality],
+            realtime_priority=self._params.realtime_priority.get(process.name, 0),
             lock_memory=self._params.lock_memory[process.criticality],
             stop_grace_s=self._params.terminate_s,
         )

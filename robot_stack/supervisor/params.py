@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from robot_stack.contract.model import Criticality
+from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.config import Config, load
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -27,7 +28,8 @@ class SupervisorParams(Config):
     hung_kill_s: time a hung process has between SIGTERM and SIGKILL.
     keep_runs: log folders kept; older ones are deleted at the next start.
     niceness: of the processes by criticality, as in nice(2); below 0 needs a privilege and is left out without it.
-    realtime_priority: by criticality, of SCHED_RR; 0 is none. Left out without the privilege.
+    own_niceness: of the supervisor itself: one that is starved takes live processes for hung.
+    realtime_priority: by process, of SCHED_RR; others have none. Left out without the privilege.
     lock_memory: by criticality: its pages stay in memory, as in mlockall(2). Left out without the privilege.
     """
 
@@ -39,16 +41,20 @@ class SupervisorParams(Config):
     hung_kill_s: Positive
     keep_runs: Annotated[int, Field(ge=1)]
     niceness: dict[Criticality, Annotated[int, Field(ge=-20, le=19)]]
-    realtime_priority: dict[Criticality, Annotated[int, Field(ge=0, le=99)]]
+    own_niceness: Annotated[int, Field(ge=-20, le=19)]
+    realtime_priority: dict[str, Annotated[int, Field(ge=1, le=99)]]
     lock_memory: dict[Criticality, bool]
     backoff: dict[Criticality, Backoff]
 
     @model_validator(mode="after")
     def _complete(self) -> SupervisorParams:
-        for name in ("backoff", "niceness", "realtime_priority", "lock_memory"):
+        for name in ("backoff", "niceness", "lock_memory"):
             absent = [item.value for item in Criticality if item not in getattr(self, name)]
             if absent:
                 raise ValueError(f"{name}: {', '.join(absent)} missing")
+        strangers = sorted(self.realtime_priority.keys() - BY_NAME.keys())
+        if strangers:
+            raise ValueError(f"realtime_priority: {', '.join(strangers)} is no process of the stack")
         if self.terminate_s <= self.interrupt_s:
             raise ValueError("terminate_s must be greater than interrupt_s")
         return self

@@ -10,6 +10,7 @@ import contextlib
 import gc
 import importlib
 import os
+import sys
 from collections.abc import Iterable
 
 MODULES_VARIABLE = "ROBOT_STACK_PRELOAD"  # node modules, joined by commas; set by the supervisor for its forkserver
@@ -22,9 +23,20 @@ def preload(modules: Iterable[str]) -> None:
             importlib.import_module(name)
     with contextlib.suppress(Exception):
         importlib.import_module("robot_stack.supervisor.node").load_type_supports()
+    with contextlib.suppress(Exception):
+        _prepare_numba()
     # The collector would write into every shared page; what is here lives as long as the processes anyway.
     gc.collect()
     gc.freeze()
+
+
+def _prepare_numba() -> None:
+    """Numba learns the types and functions it knows at its first use: half a second in each process with loops."""
+    if "numba" not in sys.modules:
+        return
+    target = importlib.import_module("numba.core.registry").cpu_target
+    target.typing_context.refresh()
+    target.target_context.refresh()
 
 
 if MODULES_VARIABLE in os.environ:

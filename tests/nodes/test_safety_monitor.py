@@ -73,7 +73,7 @@ class FakeRobot:
 class Scene:
     """A monitor, everything it needs, and what it says."""
 
-    def __init__(self, start: Start, peer: Peer, engine: TestEngine) -> None:
+    def __init__(self, start: Start, peer: Peer, engine: TestEngine, *arguments: str) -> None:
         self._start = start
         self.peer = peer
         self.engine = engine
@@ -81,7 +81,7 @@ class Scene:
         self.limit: Heard = peer.listen(topics.VELOCITY_LIMIT)
         self.robot = FakeRobot(peer)
         self.heart = self.start_heart()
-        self.monitor = self.start_monitor()
+        self.monitor = self.start_monitor(*arguments)
 
     def start_heart(self) -> NodeProcess:
         return self._start("heart", command=[sys.executable, str(HEART), "swerve_controller"])
@@ -308,9 +308,7 @@ def test_a_normal_end_leaves_no_latch_and_stops_the_drive(scene: Scene) -> None:
 
 
 def test_a_drive_that_never_comes_up_is_never_normal(start: Start, peer: Peer, engine: TestEngine) -> None:
-    scene = Scene(start, peer, engine)
-    scene.monitor.stop()
-    scene.monitor = scene.start_monitor("-p", "startup_grace_s:=4.0")
+    scene = Scene(start, peer, engine, "-p", "startup_grace_s:=4.0")
     scene.wait_state("DEGRADED", "DRIVE_FAULT")
     assert scene.limit.last.max_linear_velocity == 0.0
     scene.wait_state("EMERGENCY_STOP", "DRIVE_FAULT")
@@ -349,16 +347,15 @@ class FakeSurroundings:
         return message
 
 
-def test_obstacles_slow_and_stop_and_blindness_stops(scene: Scene) -> None:
-    scene.monitor.stop()
-    around = FakeSurroundings(scene.peer)
+def test_obstacles_slow_and_stop_and_blindness_stops(start: Start, peer: Peer, engine: TestEngine) -> None:
+    around = FakeSurroundings(peer)
     rows = ("ESTOP_PRESSED", "COLLISION_IMMINENT", "OBSTACLE_NEAR", "LIDAR_TIMEOUT", "OBSTACLES_TIMEOUT")
-    scene.monitor = scene.start_monitor("-p", f"rows:=[{', '.join(rows)}]")
-    wait_for(lambda: len(scene.status.items) > 0 and scene.status.last.safety_state == "NORMAL", "NORMAL", 60.0)
+    scene = Scene(start, peer, engine.run().up(), "-p", f"rows:=[{', '.join(rows)}]")
+    scene.wait_state("NORMAL")
     scene.status.wait(lambda message: message.min_obstacle_distance == math.inf, "nothing near")
     around.obstacles = np.array([[1.01, y, 0.8] for y in np.arange(-0.5, 0.5, 0.05)], np.float32)
-    scene.status.wait(lambda message: 0.49 < message.min_obstacle_distance < 0.52, "the wall")
-    assert scene.status.last.safety_state == "NORMAL"  # nobody wants to go there
+    wall = scene.status.wait(lambda message: 0.49 < message.min_obstacle_distance < 0.52, "the wall")
+    assert "OBSTACLE_NEAR" not in wall.active_faults  # nobody wants to go there
 
     def wish() -> Twist:
         message = Twist()

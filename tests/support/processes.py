@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+from tests.support.forks import Forked
 from tests.support.waiting import wait_for
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -19,10 +19,8 @@ class NodeProcess:
 
     def __init__(self, command: list[str], log: Path) -> None:
         self.log = log
-        self._file = open(log, "ab")  # noqa: SIM115 - closed in stop()
-        self.process = subprocess.Popen(
-            command, cwd=ROOT, stdout=self._file, stderr=subprocess.STDOUT, env=dict(os.environ)
-        )
+        log.touch()
+        self.process = Forked(command, ROOT, log)
 
     @property
     def pid(self) -> int:
@@ -58,7 +56,6 @@ class NodeProcess:
             if self.running():
                 self.process.kill()
         self.process.wait()
-        self._file.close()
 
 
 def node_command(name: str, *ros_args: str) -> list[str]:

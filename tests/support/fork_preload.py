@@ -1,0 +1,6 @@
+"""Imported by the server that test processes are forked from, before the first fork."""
+
+from robot_stack.contract.processes import available
+from robot_stack.supervisor.preload import preload
+
+preload(process.module for process in available() if process.module)
