@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import time
 import venv
@@ -20,6 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PREFIX = ROOT / ".venv"
 LOCK = ROOT / "requirements.lock"
 PYTHON = PREFIX / "bin/python"
+OWN = ("robot_stack", "sim")  # import packages of the project
 
 
 def main() -> int:
@@ -42,10 +44,10 @@ def set_up() -> int:
     keep_or_make_environment()
     steps = Steps(PREFIX / ".setup")
     packages = digest(LOCK)
-    steps.run("packages", "1/5 Python packages from requirements.lock", packages, install_packages)
+    steps.run("packages", "1/6 Python packages from requirements.lock", packages, install_packages)
 
     project = digest(packages, str(ROOT), ROOT / "pyproject.toml")
-    steps.run("project", "2/5 the project itself, editable", project, install_project)
+    steps.run("project", "2/6 the project itself, editable", project, install_project)
 
     toolchain = digest(packages, (ROOT / "launch_scripts/lib").glob("*interfaces.py"), interfaces.INCLUDE_FIX)
     due = {
@@ -55,10 +57,13 @@ def set_up() -> int:
     build_interfaces(steps, due)
 
     nodes = digest(packages, str(ROOT), registration.sources(ROOT))
-    steps.run("nodes", "4/5 nodes for `ros2 run robot_stack`", nodes, register_nodes)
+    steps.run("nodes", "4/6 nodes for `ros2 run robot_stack`", nodes, register_nodes)
+
+    modules = digest(packages, str(ROOT), *due.values(), *(sorted((ROOT / name).rglob("*.py")) for name in OWN))
+    steps.run("bytecode", "5/6 compiled modules of packages and project", modules, compile_modules)
 
     loops = digest(packages, str(ROOT), compiled_sources())
-    steps.run("loops", "5/5 inner loops of engine and drives, compiled", loops, compile_loops)
+    steps.run("loops", "6/6 inner loops of engine and drives, compiled", loops, compile_loops)
     return steps.done
 
 
@@ -139,7 +144,7 @@ def build_interfaces(steps: Steps, due: dict[Path, str]) -> None:
     stale = [package for package, key in due.items() if not steps.is_done(package.name, key)]
     if not stale:
         return
-    print(f"  3/5 interface packages: {', '.join(package.name for package in stale)}", flush=True)
+    print(f"  3/6 interface packages: {', '.join(package.name for package in stale)}", flush=True)
     started = time.monotonic()
     for package in interfaces.build_all(stale, PREFIX, build_environment()):
         steps.finish(package.name, due[package])
@@ -179,6 +184,13 @@ def wheels_env() -> ModuleType:
 def compiled_sources() -> list[Path]:
     """What the compiled loops are made of; anything else compiles at its first use."""
     return sorted([*(ROOT / "robot_stack/wmx").rglob("*.py"), *(ROOT / "sim").glob("drive*.py")])
+
+
+def compile_modules() -> None:
+    """Where Python is told to keep no compiled modules, each of a dozen processes would compile all of them anew."""
+    folders = [sysconfig.get_path("purelib", vars={"base": str(PREFIX)}), *(str(ROOT / name) for name in OWN)]
+    command = [str(PYTHON), "-m", "compileall", "-q", "-q", "--workers", "0", *folders]
+    subprocess.run(command, check=False)  # some packages carry files of other Python versions, which nobody imports
 
 
 def compile_loops() -> None:

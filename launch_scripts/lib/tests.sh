@@ -12,18 +12,15 @@ tests() {
   echo "== tests: $count passed only when repeated"
 }
 
-# What computes, or waits without caring how long, runs beside what is bound to real time, and gives way to it.
-patient=(tests/nodes/test_{cli,costmap_server,docking_target,lidar_driver,mission_cli_dock,mission_docking,mission_manager}.py
-  tests/nodes/test_{recorder,supervisor}.py)
-
 all_tests() {
   local log patiently code=0
   log=$(mktemp)
-  # The safety kernel's own tests run under coverage in tests/mutation.
-  tests patient tests/contract tests/mutation tests/setup tests/unit --ignore=tests/unit/safety "${patient[@]}" >"$log" 2>&1 &
+  # What computes runs beside what is bound to real time, and gives way to it. The safety kernel's own tests run under
+  # coverage in tests/mutation.
+  tests patient tests/contract tests/mutation tests/setup tests/unit --ignore=tests/unit/safety >"$log" 2>&1 &
   patiently=$!
   renice -n 19 "$patiently" >/dev/null
-  tests timed tests/nodes tests/scenarios "${patient[@]/#/--ignore=}" || code=1
+  tests timed tests/nodes tests/scenarios || code=1
   echo "== tests: those that ran beside"
   wait "$patiently" || code=1
   cat "$log"

@@ -76,10 +76,25 @@ def distances(occupied: npt.NDArray[np.bool_], resolution_m: float, most_m: floa
 
 @compiled
 def clearance_at(field: Singles, resolution_m: float, origin_x: float, origin_y: float, x: float, y: float) -> float:
-    c, r = math.floor((x - origin_x) / resolution_m), math.floor((y - origin_y) / resolution_m)
-    if r < 0 or c < 0 or r >= field.shape[0] or c >= field.shape[1]:
-        return 0.0
-    return float(field[r, c])
+    return _between_cells(field, (x - origin_x) / resolution_m, (y - origin_y) / resolution_m, 0.0)
+
+
+@compiled
+def _between_cells(field: Singles, u: float, v: float, outside: float) -> float:
+    """Bilinear between the middles of cells: a cell's own value may be off by most of the cell's size.
+
+    u, v: column and row of the point, in cells from the grid's corner.
+    """
+    rows, columns = field.shape
+    if u < 0.0 or v < 0.0 or u >= columns or v >= rows:
+        return outside
+    u, v = min(max(u - 0.5, 0.0), columns - 1.0), min(max(v - 0.5, 0.0), rows - 1.0)
+    c, r = int(u), int(v)
+    right, up = min(c + 1, columns - 1), min(r + 1, rows - 1)
+    a, b = u - c, v - r
+    low = (1.0 - a) * float(field[r, c]) + a * float(field[r, right])
+    high = (1.0 - a) * float(field[up, c]) + a * float(field[up, right])
+    return (1.0 - b) * low + b * high
 
 
 @compiled
@@ -92,11 +107,7 @@ def footprint_clearance(
     for i in range(len(outline)):
         x = pose[0] + cos * outline[i, 0] - sin * outline[i, 1]
         y = pose[1] + sin * outline[i, 0] + cos * outline[i, 1]
-        c, r = math.floor((x - ox) / resolution_m), math.floor((y - oy) / resolution_m)
-        if 0 <= r < field.shape[0] and 0 <= c < field.shape[1]:
-            least = min(least, float(field[r, c]))
-        else:
-            least = min(least, outside_m)
+        least = min(least, _between_cells(field, (x - ox) / resolution_m, (y - oy) / resolution_m, outside_m))
     return least
 
 

@@ -51,16 +51,8 @@ class Launch:
 
 
 def environment() -> dict[str, str]:
-    """The environment of a supervisor: with the ROS wheels on its paths, so that no process starts twice.
-
-    Where Python is told to keep no compiled modules, they go to the user's cache instead: compiling all of them at each
-    start takes longer than everything else.
-    """
-    variables = {**os.environ, **ros_environment()}
-    if variables.pop("PYTHONDONTWRITEBYTECODE", ""):
-        cache = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-        variables.setdefault("PYTHONPYCACHEPREFIX", str(Path(cache) / "robot_stack" / "bytecode"))
-    return variables
+    """The environment of a supervisor: with the ROS wheels on its paths, so that no process starts twice."""
+    return {**os.environ, **ros_environment()}
 
 
 def refuse_second() -> None:

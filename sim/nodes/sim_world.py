@@ -38,6 +38,7 @@ _SIGNS_OF_LIFE = (
     topics.OBSTACLES,
     topics.CURRENT_POSE,
     topics.SAFETY_STATUS,
+    topics.FRONT_CAMERA_INFO,
     topics.ARUCO_DETECTIONS,
     topics.DOCKING_STATUS,
 )

@@ -206,20 +206,3 @@ class TestSegments:
 
     def test_missing_folder_is_no_error(self, tmp_path: Path) -> None:
         assert segments.remove_dead(tmp_path / "none") == 0
-
-
-class TestEnvironment:
-    def test_compiled_modules_are_kept_elsewhere_where_python_keeps_none(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
-        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-        monkeypatch.delenv("PYTHONPYCACHEPREFIX", raising=False)
-        variables = client.environment()
-        assert "PYTHONDONTWRITEBYTECODE" not in variables
-        assert variables["PYTHONPYCACHEPREFIX"] == str(tmp_path / "robot_stack" / "bytecode")
-
-    def test_python_is_left_alone_otherwise(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
-        monkeypatch.delenv("PYTHONPYCACHEPREFIX", raising=False)
-        assert "PYTHONPYCACHEPREFIX" not in client.environment()
