@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import time
 from typing import TYPE_CHECKING
@@ -15,6 +16,14 @@ if TYPE_CHECKING:
     from tests.support.stack import StackUnderTest
 
 pytestmark = pytest.mark.timeout(180)
+
+
+def test_the_chain_that_stops_the_wheels_goes_before_everybody(stack: StackUnderTest) -> None:
+    def priority(name: str) -> int:
+        return os.sched_getparam(stack.process(name)["pid"]).sched_priority
+
+    assert [priority(name) for name in ("safety_monitor", "swerve_hardware_interface")] == [5, 5]
+    assert [priority(name) for name in ("perception_pipeline", "mission_manager")] == [0, 0]
 
 
 def test_a_message_stops_the_robot_and_false_alone_does_not_let_it_go_on(stack: StackUnderTest) -> None:
