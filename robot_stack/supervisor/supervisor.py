@@ -120,10 +120,14 @@ class Supervisor:
     def _judge(self, now_s: float) -> None:
         running = {name: life.silent(now_s) for name, life in self._lives.items() if life.state in RUNNING}
         judged = frozenset[str]() if self._ears.error else self._hearing.judged(running)
+        starting = sum(life.state is State.STARTING for life in self._lives.values())
         for name, life in self._lives.items():
+            if life.state is State.BACKOFF and life.last_exit is None and starting >= self._params.start_at_once:
+                continue  # its first start: all at once they would be too slow to be told from hung ones
             match life.order(now_s, name in judged):
                 case Order.START:
                     self._start(name)
+                    starting += 1
                 case Order.TERMINATE:
                     _log(f"{name}: {life.reason}; SIGTERM")
                     self._fleet.signal([name], signal.SIGTERM)

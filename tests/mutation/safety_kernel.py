@@ -138,8 +138,12 @@ def check_mutants(folder: Path, sample: int | None = None, seed: int = 0) -> Res
     workshop = Workshop(folder)
     workshop.run([FIRST])
     every = sorted(workshop.exit_codes())
-    chosen = every if sample is None else random.Random(seed).sample(every, min(sample, len(every)))
-    workshop.run(chosen if sample is not None else [])
+    chosen = every
+    if sample is not None:
+        others = [name for name in every if name != FIRST]
+        chosen = [FIRST, *random.Random(seed).sample(others, min(sample - 1, len(others)))]
+    if chosen != [FIRST]:
+        workshop.run(chosen if sample is not None else [])
     codes = workshop.exit_codes()
     missed = [name for name in chosen if codes[name] is None]
     if missed:

@@ -184,7 +184,7 @@ def test_processes_share_memory_have_their_names_and_groups(running: Stack) -> N
 @pytest.mark.skipif(os.getuid() != 0, reason="only root may make a process more urgent")
 def test_critical_processes_go_first(running: Stack) -> None:
     pids = [running.entry(name)["pid"] for name in NAMES]
-    assert [os.getpriority(os.PRIO_PROCESS, pid) for pid in pids] == [-10, -5, 0]
+    assert [os.getpriority(os.PRIO_PROCESS, pid) for pid in pids] == [-10, -10, 0]
     assert os.getpriority(os.PRIO_PROCESS, ask("status")["pid"]) == -15
 
 
