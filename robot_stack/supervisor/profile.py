@@ -73,7 +73,8 @@ class ProfileFile(Config):
 class Plan:
     """What a supervisor runs: the profile after all overrides.
 
-    processes: in the order of their start, which none of them relies on. parameters: node name -> values, of the nodes in ``processes`` only.
+    processes: in the order of their start, which none of them relies on. parameters: node name -> values, of the nodes
+    in ``processes`` only.
     missing: named by the profile, but not built.
     """
 

@@ -20,6 +20,7 @@ from tests.support.processes import ROOT, NodeProcess
 from tests.support.waiting import wait_for
 
 Demo = Callable[..., NodeProcess]
+pytestmark = pytest.mark.timeout(300)
 
 
 @pytest.fixture
@@ -52,7 +53,7 @@ def assert_gone(pids: list[int]) -> None:
 
 def test_ride_ends_at_its_goal(demo: Demo, tmp_path: Path) -> None:
     process = demo("--mission", "short_hop")
-    code = process.wait(110.0)
+    code = process.wait(240.0)
     output = process.output()
     assert code == 0, output
     assert "START_MISSION short_hop: Short hop, 3 waypoints" in output

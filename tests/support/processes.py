@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from tests.support.forks import Forked
-from tests.support.waiting import wait_for
+from tests.support.waiting import DEADLINE_S, wait_for
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -32,7 +32,7 @@ class NodeProcess:
     def running(self) -> bool:
         return self.process.poll() is None
 
-    def wait(self, deadline_s: float = 20.0) -> int:
+    def wait(self, deadline_s: float = DEADLINE_S) -> int:
         """The exit code. Raises AssertionError with the output if the process does not end in time."""
         try:
             return self.process.wait(deadline_s)
@@ -42,7 +42,7 @@ class NodeProcess:
     def signal(self, number: signal.Signals) -> None:
         self.process.send_signal(number)
 
-    def wait_output(self, text: str, deadline_s: float = 20.0) -> None:
+    def wait_output(self, text: str, deadline_s: float = DEADLINE_S) -> None:
         wait_for(lambda: text in self.output() or not self.running(), f"{text!r} in the output", deadline_s)
         assert text in self.output(), f"process ended with {self.process.returncode}:\n{self.output()}"
 

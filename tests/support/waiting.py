@@ -8,7 +8,7 @@ from typing import TypeVar
 
 ValueT = TypeVar("ValueT")
 # Generous, because the machine may be slow: a condition that holds ends the wait at once.
-DEADLINE_S = 20.0
+DEADLINE_S = 45.0
 
 
 def wait_for(

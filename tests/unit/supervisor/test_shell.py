@@ -19,7 +19,7 @@ import psutil
 import pytest
 
 from robot_stack.core import runtime
-from robot_stack.supervisor import client, logs, orphans, segments
+from robot_stack.supervisor import logs, orphans, segments
 from robot_stack.supervisor.control import ControlServer, NotRunning, Reply, ask, socket_path
 
 NOON = datetime(2026, 1, 2, 12, 0, 0)
