@@ -84,7 +84,7 @@ class MissionManager(StackNode):
 
     def _tick(self) -> None:
         self._watch_subscribers()
-        self._docking.poll(self._docking_status.fresh())
+        self._docking.poll(self._docking_state(), self.steady_s())
         self._handle(ev.Tick())
         missing = [item.topic.name for item in (self._pose, self._odom, self.safety_status_input) if not item.fresh()]
         self.set_health(not missing, ", ".join(missing) if missing else "ready for commands")
@@ -103,6 +103,9 @@ class MissionManager(StackNode):
     def _handle(self, event: ev.Event) -> None:
         self._performer.handle(event, self._inputs(), self.steady_s())
 
+    def _docking_state(self) -> str:
+        return self._docking_status.latest.state if self._docking_status.fresh() else ""
+
     def _inputs(self) -> ev.Inputs:
         safety = self.safety_status_input
         plan, navigation = self._plan.latest, self._navigation_status.latest
@@ -118,7 +121,7 @@ class MissionManager(StackNode):
             detour_m=0.0 if plan is None or pose is None else route.detour_m(pose, self._plan_xy),
             navigation_text="" if navigation is None else navigation.data,
             docking_served=self._docking.served(),
-            docking_state=self._docking_status.latest.state if self._docking_status.fresh() else "",
+            docking_state=self._docking_state(),
         )
 
     # --- outputs -----------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -17,7 +18,10 @@ from robot_stack.mission.model import Kind
 from robot_stack.ros.node import StackNode
 
 _SAFETY_STOPS = {Kind.DOCK: Dock.Result.SAFETY_STOP, Kind.UNDOCK: Undock.Result.SAFETY_STOP}
+_IDLE = "IDLE"  # of /docking/status
 _RESULTS = {Kind.DOCK: Dock.Result, Kind.UNDOCK: Undock.Result}
+# A goal in doubt is asked for this often: a request can be lost while a new process is being discovered.
+_ASK_S = 1.0
 _FORGOTTEN = "docking_controller does not know the goal any more: was it restarted?"
 
 
@@ -30,6 +34,7 @@ class _Goal:
         self.handle: Any = None
         self.cancelled = False
         self.ended = False
+        self.asked_s = -math.inf
 
 
 class DockingClient:
@@ -50,6 +55,7 @@ class DockingClient:
         # Time until which goals that others gave are still to be cancelled, once somebody serves the action.
         self._cancel_before: dict[Kind, Any] = {}
         self._heard = True
+        self._doubted = False
 
     def served(self) -> bool:
         """True if both actions are offered."""
@@ -76,23 +82,30 @@ class DockingClient:
         self.cancel()
         self._cancel_before = {kind: self._node.stamp() for kind in self._clients}
 
-    def poll(self, heard: bool) -> None:
-        """To be called at every tick. ``heard``: /docking/status is fresh."""
+    def poll(self, state: str, now_s: float) -> None:
+        """To be called at every tick. state: of /docking/status, empty while stale.
+
+        Who speaks again after a silence, or says it is idle while it should be at a goal, may be a new process. Then it
+        does not know the goal, and answers so when it is asked.
+        """
         for kind, stamp in list(self._cancel_before.items()):
             if self._cancel_services[kind].service_is_ready():
                 request = CancelGoal.Request()  # a zero goal id with a time: all goals up to then
                 request.goal_info.stamp = stamp
                 self._cancel_services[kind].call_async(request)
                 del self._cancel_before[kind]
-        if heard and not self._heard:
-            self._ask_again()
+        heard = bool(state)
+        self._doubted |= (heard and not self._heard) or state == _IDLE
         self._heard = heard
+        if heard and self._doubted:
+            self._ask(now_s)
 
-    def _ask_again(self) -> None:
-        """Somebody speaks again after a silence. If it is a new process, it does not know the goal and says so."""
+    def _ask(self, now_s: float) -> None:
         goal = self._goal
-        if goal is not None and goal.handle is not None and not goal.ended:
-            goal.handle.get_result_async().add_done_callback(partial(self._on_result, goal))
+        if goal is None or goal.handle is None or goal.ended or now_s - goal.asked_s < _ASK_S:
+            return
+        goal.asked_s = now_s
+        goal.handle.get_result_async().add_done_callback(partial(self._on_result, goal))
 
     def _on_answer(self, goal: _Goal, future: Any) -> None:
         handle = future.result()
@@ -106,6 +119,7 @@ class DockingClient:
         self._tell(DockingAccepted(goal.call))
 
     def _on_feedback(self, goal: _Goal, message: Any) -> None:
+        self._doubted = False
         feedback = message.feedback
         tries = feedback.tries if goal.kind is Kind.DOCK else 0
         self._tell(DockingFeedback(goal.call, feedback.state, tries))
