@@ -122,8 +122,8 @@ class Supervisor:
         judged = frozenset[str]() if self._ears.error else self._hearing.judged(running)
         starting = sum(life.state is State.STARTING for life in self._lives.values())
         for name, life in self._lives.items():
-            if life.state is State.BACKOFF and life.last_exit is None and starting >= self._params.start_at_once:
-                continue  # its first start: all at once they would be too slow to be told from hung ones
+            if self._is_to_wait(name, starting):
+                continue
             match life.order(now_s, name in judged):
                 case Order.START:
                     self._start(name)
@@ -134,6 +134,14 @@ class Supervisor:
                 case Order.KILL:
                     _log(f"{name}: did not end on SIGTERM; SIGKILL")
                     self._fleet.signal([name], signal.SIGKILL)
+
+    def _is_to_wait(self, name: str, starting: int) -> bool:
+        """At their first start, all at once would be too slow to be told from hung ones. Without a clock nobody's heart
+        beats: its source waits for nobody.
+        """
+        life = self._lives[name]
+        first = life.state is State.BACKOFF and life.last_exit is None
+        return first and starting >= self._params.start_at_once and name not in self._hearing.clock_sources
 
     def _start(self, name: str) -> None:
         pid = self._fleet.start(self._rows[name])
