@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Annotated, Any
@@ -17,6 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from robot_stack.contract import frames, services, topics
+from robot_stack.contract.model import Topic
 from robot_stack.core.config import Config
 from robot_stack.core.geometry import IDENTITY, Pose2
 from robot_stack.ros.interfaces import interface_class, qos_profile
@@ -39,9 +41,12 @@ _SIGNS_OF_LIFE = (
     topics.CURRENT_POSE,
     topics.SAFETY_STATUS,
     topics.FRONT_CAMERA_INFO,
+    topics.REAR_CAMERA_INFO,
     topics.ARUCO_DETECTIONS,
     topics.DOCKING_STATUS,
 )
+# Comes at its rate also without images: what tells who keeps up is the image's stamp in it.
+_OF_IMAGES = topics.ARUCO_DETECTIONS
 _SHARE_OF_STALE = 0.6
 
 
@@ -125,10 +130,10 @@ class SimWorld(StackNode):
         return bool(self.params.speed == REAL_TIME)
 
     def lockstep(self, time_s: Callable[[], float]) -> Lockstep:
-        """Hears the rest of the stack; what is said does not matter to the world. time_s: the simulated time."""
+        """Hears the rest of the stack; what is said does not matter to the world, but how old it is. time_s: now."""
         steps = Lockstep({row.name: _SHARE_OF_STALE * row.stale_s for row in _SIGNS_OF_LIFE if row.stale_s is not None})
         for row in _SIGNS_OF_LIFE:
-            note = partial(_note, steps, row.name, time_s)
+            note = partial(_note, steps, row, time_s)
             self.create_subscription(interface_class(row.type), row.name, note, qos_profile(row.qos), raw=True)
         return steps
 
@@ -196,8 +201,14 @@ class SimWorld(StackNode):
         return response
 
 
-def _note(steps: Lockstep, name: str, time_s: Callable[[], float], _message: bytes) -> None:
-    steps.heard(name, time_s())
+def _note(steps: Lockstep, row: Topic, time_s: Callable[[], float], message: bytes) -> None:
+    if row is not _OF_IMAGES:
+        steps.heard(row.name, time_s())
+        return
+    # In CDR the header's stamp follows the four bytes that tell the encoding.
+    seconds, nanoseconds = struct.unpack_from("<iI", message, 4)
+    if seconds or nanoseconds:
+        steps.heard(row.name, seconds + 1e-9 * nanoseconds)
 
 
 def _not_running(*_: object) -> str:

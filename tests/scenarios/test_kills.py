@@ -13,7 +13,7 @@ from tests.support.waiting import wait_for
 if TYPE_CHECKING:
     from tests.support.stack import StackUnderTest
 
-pytestmark = pytest.mark.timeout(180)
+pytestmark = pytest.mark.timeout(300)
 
 
 @pytest.mark.parametrize(
@@ -23,12 +23,12 @@ pytestmark = pytest.mark.timeout(180)
 def test_a_critical_process_is_killed_and_the_robot_stands(stack: StackUnderTest, name: str) -> None:
     stack.drive_at(0.6)
     pid = stack.kill(name)
-    stack.wait_stands(6.0)
+    stack.wait_stands(15.0)
     stack.let_go()
     stack.wait_restarted(name, pid)
     if stack.safety.last.emergency_stop_active:
         stack.release()
-    stack.wait_safety("NORMAL", deadline_s=20.0)
+    stack.wait_safety("NORMAL", deadline_s=60.0)
     stack.drive_at(0.3)
 
 
@@ -39,7 +39,7 @@ def test_a_killed_button_comes_back_and_stops_the_robot(stack: StackUnderTest) -
     stack.inject("estop_button", value=1.0)
     stack.wait_restarted("emergency_stop_button", pid)
     stack.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
-    stack.wait_stands(6.0)
+    stack.wait_stands(15.0)
     stack.let_go()
     stack.inject("estop_button", value=0.0)
     stack.release()
@@ -55,7 +55,7 @@ def test_another_process_hangs_and_the_robot_is_slow(stack: StackUnderTest, name
         stack.limit.wait(lambda m: "NODE_DEAD" in m.reason and m.max_linear_velocity <= 0.5, "the limit")
     finally:
         os.kill(pid, signal.SIGCONT)
-    stack.wait_safety("NORMAL", deadline_s=20.0)
+    stack.wait_safety("NORMAL", deadline_s=60.0)
 
 
 def test_a_latched_stop_survives_the_monitor(stack: StackUnderTest) -> None:
@@ -82,4 +82,4 @@ def test_a_mission_survives_its_manager_and_waits_for_a_person(stack: StackUnder
     stack.wait_stands()
     stack.wait_safety("NORMAL")
     stack.command_until("RESUME", "RUNNING")
-    stack.mission.wait(lambda m: m.state == "COMPLETED", "the mission is completed", 60.0)
+    stack.mission.wait(lambda m: m.state == "COMPLETED", "the mission is completed", 150.0)

@@ -19,7 +19,7 @@ from robot_stack.supervisor import client
 from robot_stack.supervisor.control import ask
 from sim.settings import FEW_BEAMS, world_settings
 from tests.support.peer import Peer
-from tests.support.waiting import wait_for
+from tests.support.waiting import DEADLINE_S, wait_for
 
 # Most stories are told in simulated time, a little slower than real time, in a world that waits for a stack that falls
 # behind: a machine that is busy for a moment then holds the world up instead of looking like a sensor that fell silent.
@@ -77,10 +77,10 @@ class StackUnderTest:
     def stands(self) -> bool:
         return self.speed_mps < STANDSTILL_MPS and abs(self.truth.last.twist.twist.angular.z) < STANDSTILL_RADPS
 
-    def wait_stands(self, deadline_s: float = 10.0) -> None:
+    def wait_stands(self, deadline_s: float = DEADLINE_S) -> None:
         wait_for(lambda: self.stands, "the robot stands", deadline_s)
 
-    def wait_safety(self, state: str, fault: str = "", deadline_s: float = 10.0) -> Any:
+    def wait_safety(self, state: str, fault: str = "", deadline_s: float = DEADLINE_S) -> Any:
         try:
             return self.safety.wait(
                 lambda message: message.safety_state == state and (not fault or fault in message.active_faults),
@@ -125,7 +125,7 @@ class StackUnderTest:
     def reset(self) -> Any:
         return self.peer.call(services.SAFETY_RESET)
 
-    def release(self, deadline_s: float = 20.0) -> None:
+    def release(self, deadline_s: float = DEADLINE_S) -> None:
         """Both keys, repeated until the monitor agrees."""
         self.estop(False)
         last = [""]
@@ -146,7 +146,7 @@ class StackUnderTest:
     def command(self, command_type: str, mission_id: str = "") -> None:
         self.peer.publish(topics.UI_COMMAND, UICommand(command_type=command_type, mission_id=mission_id))
 
-    def command_until(self, command_type: str, state: str, deadline_s: float = 20.0) -> None:
+    def command_until(self, command_type: str, state: str, deadline_s: float = DEADLINE_S) -> None:
         """Repeats a command until the mission has ``state``: a restarted manager may not be connected at once."""
 
         def reached() -> bool:
@@ -164,7 +164,7 @@ class StackUnderTest:
         os.kill(pid, number)
         return pid
 
-    def wait_restarted(self, name: str, old_pid: int, deadline_s: float = 30.0) -> None:
+    def wait_restarted(self, name: str, old_pid: int, deadline_s: float = DEADLINE_S) -> None:
         def again() -> bool:
             entry = self.process(name)
             return entry["state"] == "ready" and entry["pid"] != old_pid
