@@ -180,3 +180,20 @@ class Hearing:
         if len(running) > 1 and all(running.values()):
             return frozenset()
         return frozenset(running)
+
+
+@dataclass(frozen=True, slots=True)
+class StartQueue:
+    """Who waits with its first start: all at once take the processor from each other until some look hung.
+
+    at_once: so many may be on their way to their first heartbeat.
+    clock_sources: as in ``Hearing``. Without a clock nobody's heart beats, so these wait for nobody.
+    """
+
+    at_once: int
+    clock_sources: frozenset[str]
+
+    def holds(self, name: str, life: Lifecycle, starting: int) -> bool:
+        """starting: processes on their way now."""
+        first = life.state is State.BACKOFF and life.last_exit is None
+        return first and starting >= self.at_once and name not in self.clock_sources

@@ -21,7 +21,7 @@ from robot_stack.supervisor.control import ControlServer, Reply
 from robot_stack.supervisor.ears import Ears
 from robot_stack.supervisor.fleet import Fleet
 from robot_stack.supervisor.keys import VERBS, Keys
-from robot_stack.supervisor.lifecycle import RUNNING, Hearing, Lifecycle, Limits, Order, State
+from robot_stack.supervisor.lifecycle import RUNNING, Hearing, Lifecycle, Limits, Order, StartQueue, State
 from robot_stack.supervisor.params import SupervisorParams
 from robot_stack.supervisor.profile import Plan
 
@@ -45,6 +45,7 @@ class Supervisor:
         self._lives = {name: Lifecycle(_limits(row, params)) for name, row in self._rows.items()}
         clock_sources = [p.name for p in plan.processes if set(p.nodes) & set(topics.CLOCK.publishers)]
         self._hearing = Hearing(frozenset(clock_sources if plan.use_sim_time else ()))
+        self._queue = StartQueue(params.start_at_once, self._hearing.clock_sources)
         self._selector = selectors.DefaultSelector()
         self._control = ControlServer(self._selector, self._on_request)
         self._begun_s = time.monotonic()
@@ -122,7 +123,7 @@ class Supervisor:
         judged = frozenset[str]() if self._ears.error else self._hearing.judged(running)
         starting = sum(life.state is State.STARTING for life in self._lives.values())
         for name, life in self._lives.items():
-            if self._is_to_wait(name, starting):
+            if self._queue.holds(name, life, starting):
                 continue
             match life.order(now_s, name in judged):
                 case Order.START:
@@ -134,14 +135,6 @@ class Supervisor:
                 case Order.KILL:
                     _log(f"{name}: did not end on SIGTERM; SIGKILL")
                     self._fleet.signal([name], signal.SIGKILL)
-
-    def _is_to_wait(self, name: str, starting: int) -> bool:
-        """At their first start, all at once would be too slow to be told from hung ones. Without a clock nobody's heart
-        beats: its source waits for nobody.
-        """
-        life = self._lives[name]
-        first = life.state is State.BACKOFF and life.last_exit is None
-        return first and starting >= self._params.start_at_once and name not in self._hearing.clock_sources
 
     def _start(self, name: str) -> None:
         pid = self._fleet.start(self._rows[name])

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_stack.supervisor.lifecycle import RUNNING, Hearing, Lifecycle, Limits, Order, State
+from robot_stack.supervisor.lifecycle import RUNNING, Hearing, Lifecycle, Limits, Order, StartQueue, State
 
 LIMITS = Limits(
     hang_after_s=3.0,
@@ -237,3 +237,26 @@ class TestHearing:
 
     def test_a_hang_beside_a_living_world_is_judged(self) -> None:
         assert Hearing(frozenset({"world"})).judged({"world": False, "a": True}) == {"world", "a"}
+
+
+class TestStartQueue:
+    """Who waits with its first start."""
+
+    @staticmethod
+    def wanted() -> Lifecycle:
+        life = Lifecycle(LIMITS)
+        life.wanted(0.0)
+        return life
+
+    def test_one_too_many_waits(self) -> None:
+        queue = StartQueue(2, frozenset())
+        assert not queue.holds("a", self.wanted(), starting=1)
+        assert queue.holds("a", self.wanted(), starting=2)
+
+    def test_the_clock_waits_for_nobody(self) -> None:
+        assert not StartQueue(2, frozenset({"world"})).holds("world", self.wanted(), starting=9)
+
+    def test_who_has_died_comes_back_at_once(self) -> None:
+        life = started()
+        life.exited(1.0, -9)
+        assert not StartQueue(1, frozenset()).holds("a", life, starting=9)
