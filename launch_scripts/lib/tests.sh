@@ -24,7 +24,7 @@ all_tests() {
   local greedy=(tests/scenarios tests/nodes/test_transport.py)
   # By size, so that both lanes take about the same time.
   for file in $(ls -S tests/nodes/test_*.py); do
-    [[ " ${greedy[*]} " == *" $file "* ]] || halves[number++ % 2]+=" $file"
+    [[ " ${greedy[*]} " == *" $file "* ]] || halves[(number++ + 1) / 2 % 2]+=" $file"
   done
   # shellcheck disable=SC2086 # file names without spaces, one word each
   tests nodes ${halves[1]} >"$logs/nodes" 2>&1 &
