@@ -38,7 +38,7 @@ def main() -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     if not options.foreground:
-        _write_to(run_dir / "supervisor.log")
+        child.write_to(run_dir / "supervisor.log")
     os.environ.update(ros_environment())
     for name, value in _ONE_THREAD.items():
         os.environ.setdefault(name, value)
@@ -52,13 +52,6 @@ def main() -> int:
     Supervisor(plan, params, run_dir).run()
     lock.close()
     return 0
-
-
-def _write_to(log: Path) -> None:
-    file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-    for stream in (1, 2):
-        os.dup2(file, stream)
-    os.close(file)
 
 
 def _options() -> argparse.Namespace:

@@ -44,11 +44,11 @@ def test_an_emergency_stop_while_servoing_ends_the_docking(docking: DockingStack
     docking.reach("SERVOING")
     wait_for(lambda: docking.speed_mps > 0.08, "the robot approaches")
     docking.estop(True)
-    docking.wait_stands(10.0)
+    docking.wait_stands(3.0)
     result = goal.wait(5.0)
     assert (result.success, result.error_code) == (False, result.SAFETY_STOP)
     assert result.reason == "emergency stop"
-    docking.reach("FAILED", 10.0)
+    docking.reach("FAILED", 2.0)
     docking.release()
     before = docking.at()
     count = len(docking.commands.items)
@@ -62,8 +62,8 @@ def test_a_dead_camera_ends_the_docking_and_shows(docking: DockingStackUnderTest
     docking.inject_camera("silent", "front")
     result = goal.wait(10.0)
     assert (result.success, result.error_code) == (False, result.CAMERA_TIMEOUT)
-    docking.wait_stands(10.0)
-    docking.reach("FAILED", 10.0)
+    docking.wait_stands(3.0)
+    docking.reach("FAILED", 2.0)
 
 
 def test_a_marker_covered_and_a_chair_moved_end_in_a_docking(docking: DockingStackUnderTest) -> None:
@@ -106,6 +106,6 @@ def test_a_latch_that_does_not_confirm_is_given_up_with_a_reason(docking: Dockin
     result = goal.wait(120.0)
     assert (result.success, result.error_code, result.tries) == (False, result.LATCH_FAILED, 2)
     assert "did not close" in result.reason
-    docking.wait_stands(10.0)
-    docking.reach("FAILED", 10.0)
+    docking.wait_stands(3.0)
+    docking.reach("FAILED", 2.0)
     assert docking.passenger.last.data is False

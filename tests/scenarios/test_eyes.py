@@ -46,7 +46,7 @@ def test_a_person_drives_at_a_wall_and_the_robot_stops_before_it(site: SiteUnder
     site.drive(0.8)
     site.wait_safety("COLLISION_AVOIDANCE", "OBSTACLE_NEAR")
     site.wait_safety("COLLISION_AVOIDANCE", "COLLISION_IMMINENT")
-    site.wait_stands(15.0)
+    site.wait_stands(6.0)
     site.let_go()
     gap_m = site.at().x - 0.5 + 3.5
     assert 0.10 < gap_m < 0.6
@@ -61,7 +61,7 @@ def test_a_lidar_that_does_not_see_stops_the_robot(site: SiteUnderTest, kind: st
     site.drive_at(0.6)
     site.inject_lidar(kind, value)
     site.wait_safety("DEGRADED", "LIDAR_TIMEOUT")
-    site.wait_stands(15.0)
+    site.wait_stands(5.0)
     assert "OBSTACLES_TIMEOUT" in site.safety.last.active_faults
     site.let_go()
     site.inject_lidar("clear")
@@ -73,7 +73,7 @@ def test_a_robot_that_is_carried_off_stops_and_finds_itself(site: SiteUnderTest)
     site.drive_at(0.4)
     site.inject("robot_moved", "12,3,60")
     site.wait_safety("DEGRADED", "LOCALIZATION_LOST", deadline_s=60.0)
-    site.wait_stands(15.0)
+    site.wait_stands(5.0)
     site.let_go()
     site.wait_safety("NORMAL", deadline_s=60.0)
     assert site.estimate_error_m() < 0.10

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.timeout(300)
 def test_a_critical_process_is_killed_and_the_robot_stands(stack: StackUnderTest, name: str) -> None:
     stack.drive_at(0.6)
     pid = stack.kill(name)
-    stack.wait_stands(15.0)
+    stack.wait_stands(6.0)
     stack.let_go()
     stack.wait_restarted(name, pid)
     if stack.safety.last.emergency_stop_active:
@@ -39,7 +39,7 @@ def test_a_killed_button_comes_back_and_stops_the_robot(stack: StackUnderTest) -
     stack.inject("estop_button", value=1.0)
     stack.wait_restarted("emergency_stop_button", pid)
     stack.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
-    stack.wait_stands(15.0)
+    stack.wait_stands(6.0)
     stack.let_go()
     stack.inject("estop_button", value=0.0)
     stack.release()

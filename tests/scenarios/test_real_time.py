@@ -34,7 +34,7 @@ def test_a_pause_of_the_machine_ends_in_a_stop_that_an_operator_can_release(stac
     stack.drive_at(0.4)
     pause(stack, 0.8)
     stack.wait_safety("EMERGENCY_STOP")
-    stack.wait_stands(15.0)
+    stack.wait_stands(5.0)
     stack.let_go()
     stack.release()
     stack.wait_safety("NORMAL")

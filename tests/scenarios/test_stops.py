@@ -30,7 +30,7 @@ def test_a_message_stops_the_robot_and_false_alone_does_not_let_it_go_on(stack: 
     stack.drive_at(0.8)
     stack.estop(True)
     stack.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
-    stack.wait_stands(15.0)
+    stack.wait_stands(5.0)
     stack.estop(False)
     count = len(stack.commands.items)
     wait_for(lambda: len(stack.commands.items) > count + 20, "one second of wheel commands")
@@ -44,7 +44,7 @@ def test_the_button_stops_the_robot_and_holds_it_whatever_others_publish(stack: 
     stack.drive_at(0.8)
     stack.inject("estop_button", value=1.0)
     stack.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
-    stack.wait_stands(15.0)
+    stack.wait_stands(5.0)
     stack.estop(False)
     answer = stack.reset()
     assert not answer.success
@@ -60,7 +60,7 @@ def test_a_reset_is_refused_while_the_robot_moves(stack: StackUnderTest) -> None
     stack.estop(False)
     answer = stack.reset()  # 0.5 s of braking lie ahead
     assert not answer.success
-    stack.wait_stands(15.0)
+    stack.wait_stands(5.0)
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_a_drive_that_fails_ends_in_an_emergency_stop(
         stack.wait_safety("EMERGENCY_STOP", fault)
     else:
         stack.wait_safety("EMERGENCY_STOP")
-    stack.wait_stands(15.0)
+    stack.wait_stands(6.0)
     stack.let_go()
     answer = stack.reset()
     assert not answer.success, "an emergency stop was released while its cause is there"
@@ -99,7 +99,7 @@ def test_a_drive_that_fails_ends_in_an_emergency_stop(
 def test_silence_of_the_operator_stops_the_robot(stack: StackUnderTest) -> None:
     stack.drive_at(0.8)
     stack.let_go()
-    stack.wait_stands(15.0)
+    stack.wait_stands(6.0)
     assert stack.safety.last.safety_state == "NORMAL"
 
 
