@@ -56,29 +56,38 @@ class StackNode(Node):
 
     # --- endpoints ---------------------------------------------------------------------------------------------------
 
-    def advertise(self, row: Topic) -> Publisher:
-        """The publisher of a contract row. Raises ContractViolation if the row does not name this node."""
+    def advertise(self, row: Topic, name: str = "") -> Publisher:
+        """The publisher of a contract row, under ``name`` where the contract calls the name configurable.
+
+        Raises ContractViolation if the row does not name this node.
+        """
         self._check(row.name, "publish", row.publishers)
         return self.create_publisher(
             interface_class(row.type),
-            row.name,
+            name or row.name,
             qos_profile(row.qos),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
 
-    def subscribe(self, row: Topic, callback: Callable[[Any], None] | None = None) -> Input:
-        """Subscribes to a contract row. Raises ContractViolation if the row does not name this node."""
+    def subscribe(self, row: Topic, callback: Callable[[Any], None] | None = None, name: str = "") -> Input:
+        """Subscribes to a contract row, under ``name`` where the contract calls the name configurable.
+
+        Raises ContractViolation if the row does not name this node.
+        """
         self._check(row.name, "subscribe to", row.subscribers)
         entry = Input(row, callback, self._health, self.steady_s)
         profile = qos_profile(row.qos)
         profile.depth = row.queue or row.qos.depth
-        self.create_subscription(interface_class(row.type), row.name, entry.on_message, profile)
+        self.create_subscription(interface_class(row.type), name or row.name, entry.on_message, profile)
         return entry
 
-    def serve(self, row: Service, callback: Callable[[Any, Any], Any]) -> None:
-        """Offers a contract row's service. Raises ContractViolation if the row does not name this node."""
+    def serve(self, row: Service, callback: Callable[[Any, Any], Any], name: str = "") -> None:
+        """Offers a contract row's service, under ``name`` where the contract calls the name configurable.
+
+        Raises ContractViolation if the row does not name this node.
+        """
         self._check(row.name, "serve", (row.server,))
-        self.create_service(interface_class(row.type), row.name, callback)
+        self.create_service(interface_class(row.type), name or row.name, callback)
 
     def check_action(self, row: Action) -> Any:
         """The action class of a contract row that this node may serve. Raises ContractViolation."""

@@ -36,6 +36,7 @@ class Library:
     CoreMotion: Callable[[port.WMX3Api], port.CoreMotion]
     Io: Callable[[port.WMX3Api], port.Io]
     Ecat: Callable[[port.WMX3Api], port.Ecat]
+    AdvancedMotion: Callable[[port.WMX3Api], port.AdvancedMotion]
     read_status: Callable[[port.WMX3Api, port.CoreMotion, port.Io], tuple[int, StatusSnapshot]]
 
 
@@ -59,6 +60,7 @@ class MotionEngine:
         self.core_motion = library.CoreMotion(api)
         self.io = library.Io(api)
         self.ecat = library.Ecat(api)
+        self.advanced_motion = library.AdvancedMotion(api)
 
     def read_status(self) -> tuple[int, StatusSnapshot]:
         """(code, snapshot) of all axes, without a round trip. With a code other than 0 it must not be acted on."""

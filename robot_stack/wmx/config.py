@@ -16,6 +16,8 @@ from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
 
 ENGINE_VARIABLE = "ROBOT_STACK_WMX_ENGINE"
 """Set by a profile: the engine belongs to the machine that runs, the file to the installation."""
+ENGINE_CONFIG_VARIABLE = "ROBOT_STACK_WMX_ENGINE_CONFIG"
+"""Which file of config/ describes the simulated engine's axes: a machine's own, by its name without .yaml."""
 STALE_VARIABLE = "ROBOT_STACK_WMX_STATUS_STALE_S"
 # Where /clock drives, an engine that is held up holds the time up as well: its status ages on the system's clock alone.
 HELD_UP_STALE_S = 2.0
@@ -157,8 +159,8 @@ class ClientConfig(Config):
 
 
 def load_engine_config() -> EngineConfig:
-    """``config/wmx_engine.yaml``. Raises ConfigError."""
-    return load(EngineConfig, "wmx_engine")
+    """``config/wmx_engine.yaml``, or the file of config/ that ENGINE_CONFIG_VARIABLE names. Raises ConfigError."""
+    return load(EngineConfig, os.environ.get(ENGINE_CONFIG_VARIABLE) or "wmx_engine")
 
 
 def load_client_config() -> ClientConfig:

@@ -26,6 +26,8 @@ from robot_stack.wmx.api.parameters import (
 )
 from robot_stack.wmx.api.status import CoreMotionStatus, DevicesInfo, EcMasterInfo, EngineStatus
 from robot_stack.wmx.api.values import (
+    AdvMotion_PointTimeSplineCommand,
+    AdvMotion_SplinePoint,
     AxisSelection,
     Motion_JogCommand,
     Motion_PosCommand,
@@ -197,6 +199,17 @@ class Config(Protocol):
     def SetEmergencyStopParam(self, param: Config_EmergencyStopParam) -> tuple[int, Config_EmergencyStopParam]: ...
     def GetParam(self) -> tuple[int, Config_SystemParam]: ...
     def GetAxisParam(self) -> tuple[int, Config_AxisParam]: ...
+    def ImportAndSetAll(self, filePath: str) -> int:
+        """Reads the vendor's parameter XML and sets all of it, or nothing.
+
+        FileOperationFailed for a file that cannot be read, ParameterFileParseError for one that is no such XML,
+        ParameterSettingsInvalid for a value that is refused.
+        """
+        ...
+
+    def GetAndExportAll(self, filePath: str) -> int:
+        """Writes all parameters as the vendor's XML; what ImportAndSetAll reads back unchanged."""
+        ...
 
 
 class CoreMotion(Protocol):
@@ -221,6 +234,44 @@ class CoreMotion(Protocol):
         ...
 
     def ReleaseEStop(self) -> int: ...
+    @staticmethod
+    def ErrorToString(code: int) -> str: ...
+
+
+class AdvMotion(Protocol):
+    """Splines. A channel has a buffer, which is created before use; one spline at a time runs on it."""
+
+    def CreateSplineBuffer(self, channel: int, points: int) -> int:
+        """ChannelBufferMemoryAlreadyAllocated if the channel has one."""
+        ...
+
+    def FreeSplineBuffer(self, channel: int) -> int:
+        """ChannelBufferMemoryNotAllocated if the channel has none."""
+        ...
+
+    def GetSplineBufferPoints(self, channel: int) -> tuple[int, int]: ...
+    def StartCSplinePos_PointTime(
+        self,
+        channel: int,
+        command: AdvMotion_PointTimeSplineCommand,
+        numPoints: int,
+        points: Sequence[AdvMotion_SplinePoint],
+        pointTimeMilliseconds: Sequence[float],
+    ) -> int:
+        """A cubic spline through the points at their times, from rest at the commanded position to rest.
+
+        The axes run in OperationState.Intpl. Times ascend; a first point at time 0 is the present position and is
+        passed over. No velocity or acceleration limit applies. Stop of any of its axes stops all of them along the
+        path.
+        """
+        ...
+
+
+class AdvancedMotion(Protocol):
+    """Motions of several axes together."""
+
+    @property
+    def advMotion(self) -> AdvMotion: ...
     @staticmethod
     def ErrorToString(code: int) -> str: ...
 

@@ -14,6 +14,9 @@ from robot_stack.wmx.api.enums import ProfileType
 MAX_AXES = 128
 MAX_IO_BYTES = 8000
 MAX_DEVICES = 256
+MAX_SPLINE_DIMENSIONS = 6
+"""The vendor's header of 2021 has 6, a later manual 8; 6 works with either."""
+MAX_SPLINE_CHANNELS = 128
 INFINITE = 0xFFFFFFFF
 """Wait without a limit, where a call takes milliseconds. The vendor's Python module does not export it."""
 
@@ -130,3 +133,43 @@ class Velocity_TimedVelCommand:
     axis: int = 0
     runTimeMilliseconds: float = 0.0
     profile: Profile = field(default_factory=Profile)
+
+
+@dataclass(slots=True)
+class AdvMotion_SplinePoint:
+    """One point of a spline: a position per dimension, user units."""
+
+    pos: list[float] = field(default_factory=list)
+
+    def SetPos(self, index: int, value: float) -> None:
+        """Position of dimension ``index``. Raises IndexError beyond the largest number of dimensions."""
+        if not 0 <= index < MAX_SPLINE_DIMENSIONS:
+            raise IndexError(f"index must be in 0..{MAX_SPLINE_DIMENSIONS - 1}, is {index}")
+        self.pos.extend([0.0] * (index + 1 - len(self.pos)))
+        self.pos[index] = value
+
+    def GetPos(self, index: int) -> float:
+        """A dimension never written is 0, as with the vendor's fixed array."""
+        if not 0 <= index < MAX_SPLINE_DIMENSIONS:
+            raise IndexError(f"index must be in 0..{MAX_SPLINE_DIMENSIONS - 1}, is {index}")
+        return self.pos[index] if index < len(self.pos) else 0.0
+
+
+@dataclass(slots=True)
+class AdvMotion_PointTimeSplineCommand:
+    """Which axis each dimension of a spline is."""
+
+    dimensionCount: int = 0
+    axis: list[int] = field(default_factory=list)
+
+    def SetAxis(self, index: int, value: int) -> None:
+        """Dimension ``index`` is axis ``value``. Raises IndexError beyond the largest number of dimensions."""
+        if not 0 <= index < MAX_SPLINE_DIMENSIONS:
+            raise IndexError(f"index must be in 0..{MAX_SPLINE_DIMENSIONS - 1}, is {index}")
+        self.axis.extend([0] * (index + 1 - len(self.axis)))
+        self.axis[index] = value
+
+    def GetAxis(self, index: int) -> int:
+        if not 0 <= index < MAX_SPLINE_DIMENSIONS:
+            raise IndexError(f"index must be in 0..{MAX_SPLINE_DIMENSIONS - 1}, is {index}")
+        return self.axis[index] if index < len(self.axis) else 0

@@ -6,6 +6,7 @@ from robot_stack.wmx import Library
 from robot_stack.wmx import api as port
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.simulated.client import ClientLimits, CoreMotion, Ecat, Io, WMX3Api
+from robot_stack.wmx.simulated.client_splines import AdvancedMotion
 
 
 def simulated_library(call_timeout_s: float, status_stale_s: float) -> Library:
@@ -16,6 +17,7 @@ def simulated_library(call_timeout_s: float, status_stale_s: float) -> Library:
         CoreMotion=lambda api: CoreMotion(_own(api)),
         Io=lambda api: Io(_own(api)),
         Ecat=lambda api: Ecat(_own(api)),
+        AdvancedMotion=lambda api: AdvancedMotion(_own(api)),
         read_status=_read_status,
     )
 

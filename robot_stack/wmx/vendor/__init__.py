@@ -6,7 +6,7 @@ import time
 from typing import cast
 
 from robot_stack.wmx import EngineError, Library
-from robot_stack.wmx.api import CoreMotion, Ecat, ErrorCode, Io, WMX3Api
+from robot_stack.wmx.api import AdvancedMotion, CoreMotion, Ecat, ErrorCode, Io, WMX3Api
 from robot_stack.wmx.axes import StatusSnapshot, empty_snapshot
 from robot_stack.wmx.vendor.adapter import Delegate, EcatDelegate, Translator, snapshot
 from robot_stack.wmx.vendor.probe import VendorLibraryError, import_vendor
@@ -40,5 +40,6 @@ def vendor_library(library_path: str, n_axes: int, n_io_bytes: int) -> Library:
         CoreMotion=lambda api: cast(CoreMotion, Delegate(module.CoreMotion(theirs(api)), translate)),
         Io=lambda api: cast(Io, Delegate(module.Io(theirs(api)), translate)),
         Ecat=lambda api: cast(Ecat, EcatDelegate(module.Ecat(theirs(api)), translate)),
+        AdvancedMotion=lambda api: cast(AdvancedMotion, Delegate(module.AdvancedMotion(theirs(api)), translate)),
         read_status=read_status,
     )
