@@ -228,8 +228,9 @@ class Stopper:
         self._node.create_subscription(interface_class(row.type), row.name, callback, qos_profile(row.qos))
 
     def _stands(self, sent_s: float) -> bool:
-        last = self._truths[-1]
-        moving = [t.time_s for t in self._truths if t.speed_mps >= _STANDSTILL_MPS]
+        truths = list(self._truths)  # at once: the callbacks' thread goes on appending
+        last = truths[-1]
+        moving = [t.time_s for t in truths if t.speed_mps >= _STANDSTILL_MPS]
         return last.time_s - max(sent_s, moving[-1] if moving else sent_s) > 0.2
 
     def _call_reset(self) -> Any:
