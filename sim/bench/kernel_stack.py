@@ -47,6 +47,7 @@ from robot_stack.navigation.pose_source import Located, PoseSource
 from robot_stack.wmx import Library, MotionEngine
 from robot_stack.wmx.config import load_engine_config
 from robot_stack.wmx.simulated.client import Ecat
+from robot_stack.wmx.simulated.client_splines import AdvancedMotion
 from sim.imu import ImuSample
 from sim.local_engine import LocalEngine
 from sim.parameters import load_sim_params
@@ -219,6 +220,7 @@ class _Hardware:
             CoreMotion=lambda _: local.core_motion,
             Io=lambda _: local.io,
             Ecat=lambda _: Ecat(local.api),
+            AdvancedMotion=lambda _: AdvancedMotion(local.api),
             read_status=lambda *_: local.api.snapshot(),
         )
         self.engine = engine = MotionEngine(library, local.api)
