@@ -1,0 +1,1 @@
+"""The manipulator: bringing its joints up, and telling where they are."""

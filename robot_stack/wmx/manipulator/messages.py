@@ -1,0 +1,93 @@
+"""Joint messages as the bytes that go over the wire, made once; a tick only puts its numbers in.
+
+The bytes are OMG CDR (DDS-RTPS 2.3, 10.5: plain CDR, little endian), which is what rmw_serialize gives for the same
+message. Only stamp and float64 values change from one tick to the next, at fixed places: filling them in and publishing
+the bytes spares building, converting and serialising a message at every tick.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+_ENCAPSULATION = b"\x00\x01\x00\x00"  # CDR_LE, no options; alignment counts from behind it
+_STAMP = struct.Struct("<iI")
+_STAMP_AT = len(_ENCAPSULATION)
+_NS_PER_S = 1_000_000_000
+
+FloatArray = NDArray[np.float64]
+
+
+class JointStateBytes:
+    """A sensor_msgs/JointState: empty frame_id, the given names, as many positions and velocities, empty effort.
+
+    ``position`` and ``velocity`` are views to write into, rad and rad/s.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        out = _Writer()
+        out.data += _STAMP.pack(0, 0)
+        out.string("")
+        out.length(len(names))
+        for name in names:
+            out.string(name)
+        position_at = out.doubles(len(names))
+        velocity_at = out.doubles(len(names))
+        out.length(0)
+        self._data = out.data
+        self.position: FloatArray = np.frombuffer(self._data, "<f8", len(names), position_at)
+        self.velocity: FloatArray = np.frombuffer(self._data, "<f8", len(names), velocity_at)
+
+    def stamped(self, stamp_ns: int) -> bytes:
+        """The message with its values as they are now; 0 is an unset stamp."""
+        seconds, nanoseconds = divmod(stamp_ns, _NS_PER_S)
+        _STAMP.pack_into(self._data, _STAMP_AT, seconds, nanoseconds)
+        return bytes(self._data)
+
+
+class ArrayBytes:
+    """A std_msgs/Float64MultiArray of ``size`` values without a layout; ``data`` is the view to write into."""
+
+    def __init__(self, size: int) -> None:
+        out = _Writer()
+        out.length(0)  # layout.dim
+        out.length(0)  # layout.data_offset
+        data_at = out.doubles(size)
+        self._data = out.data
+        self.data: FloatArray = np.frombuffer(self._data, "<f8", size, data_at)
+
+    def message(self) -> bytes:
+        """The message with its values as they are now."""
+        return bytes(self._data)
+
+
+class _Writer:
+    """Appends CDR values, each aligned to its size."""
+
+    def __init__(self) -> None:
+        self.data = bytearray(_ENCAPSULATION)
+
+    def length(self, value: int) -> None:
+        self._align(4)
+        self.data += struct.pack("<I", value)
+
+    def string(self, text: str) -> None:
+        """Length with the terminating zero, then the text and the zero."""
+        encoded = text.encode() + b"\x00"
+        self.length(len(encoded))
+        self.data += encoded
+
+    def doubles(self, count: int) -> int:
+        """A sequence of ``count`` zeros. Returns where the first one lies; without elements nothing is aligned."""
+        self.length(count)
+        if count:
+            self._align(8)
+        begin = len(self.data)
+        self.data += bytes(8 * count)
+        return begin
+
+    def _align(self, size: int) -> None:
+        self.data += bytes(-(len(self.data) - len(_ENCAPSULATION)) % size)
