@@ -128,6 +128,7 @@ class LocalParams(Config):
     hard_margin_m: Positive
     soft_margin_m: Positive
     person_margin_m: Positive
+    person_hard_m: Positive
     weights: tuple[Positive, Positive, Positive, Positive, Positive, Positive]
     governor_margin_m: Positive
     governor_s: Positive

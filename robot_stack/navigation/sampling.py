@@ -77,7 +77,7 @@ class SamplingController:
         def judge(candidates: Array) -> tuple[Array, Array, Array]:
             result: tuple[Array, Array, Array] = evaluate(
                 candidates, route, at, now, bounds, p.step_s, p.steps, *place, edge, box, reach,
-                hard, p.soft_margin_m, people, p.person_margin_m, np.array(p.weights), float(self._last[0]),
+                hard, p.soft_margin_m, people, p.person_margin_m, p.person_hard_m, np.array(p.weights), float(self._last[0]),
             )  # fmt: skip
             return result
 
@@ -100,10 +100,17 @@ class SamplingController:
         wish = Twist2(*map(float, firsts[pick]))
         if costs[pick] >= 0.4 * COLLISION and people.size == 0:
             wish, standing = Twist2(0.0, 0.0, 0.0), True
-        return Choice(self._governed(at, wish, place, edge, here), standing, float(self._last[0]))
+        return Choice(self._governed(at, wish, place, edge, here, box, people), standing, float(self._last[0]))
 
     def _governed(
-        self, at: Array, wish: Twist2, place: tuple[Singles, float, float, float], edge: Array, here: float
+        self,
+        at: Array,
+        wish: Twist2,
+        place: tuple[Singles, float, float, float],
+        edge: Array,
+        here: float,
+        box: Array,
+        people: Array,
     ) -> Twist2:
         """``wish``, slower if it went on unchanged would come too near too soon: what the safety monitor judges by."""
         p = self._params
@@ -112,7 +119,8 @@ class SamplingController:
         for share in _SLOWER:
             slower = wish.scaled(share)
             twist = np.array([slower.vx, slower.vy, slower.omega])
-            if free_time(*place, edge, at, twist, margin, p.governor_s) >= p.governor_s:
+            free_s = free_time(*place, edge, at, twist, margin, p.governor_s, box, people, p.person_hard_m)
+            if free_s >= p.governor_s:
                 return slower
         return slower
 
