@@ -4,53 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from robot_stack.contract.frames import DRIVE_AXES, JOINTS
 from robot_stack.core.geometry import Pose2
+from sim.fault_table import CLEAR as CLEAR
+from sim.fault_table import ActiveFault as ActiveFault
+from sim.fault_table import FaultKind, FaultTable
+from sim.fault_table import FaultRefused as FaultRefused
 from sim.simulation import Simulation
 from sim.surface import Area
 
-CLEAR = "clear"
 DEFAULT_ALARM_CODE = 0x4210  # CiA 402: excess temperature of the device
 DEFAULT_PATCH_SIZE_M = 2.0
 LARGEST_SHIFT_M, LARGEST_CARRY_M = 5.0, 100.0
 DRIVE_JOINTS = tuple(JOINTS[axis] for axis in DRIVE_AXES)
 ONLY = ("",)  # a kind with one target, which needs no name
-
-
-class FaultRefused(Exception):
-    """A fault that does not exist, or not with this target or value. The message says what would be accepted."""
-
-
-@dataclass(frozen=True, slots=True)
-class FaultKind:
-    """One row.
-
-    what: in words; targets: names accepted as target, None for free text that ``change`` judges.
-    value: what the value means, bounded by low and high; ``default`` replaces 0 where 0 means nothing.
-    change: raises the fault with a value, ends it with None; returns what it did in words.
-    lasts: until it is cleared; otherwise it happens once and there is nothing to clear.
-    """
-
-    name: str
-    what: str
-    targets: tuple[str, ...] | None
-    value: str
-    change: Callable[[Simulation, str, float | None], str]
-    low: float = 0.0
-    high: float = 0.0
-    default: float = 0.0
-    lasts: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class ActiveFault:
-    """A fault in force; ``until_s`` is simulated time, infinite for one that waits to be cleared."""
-
-    kind: str
-    target: str
-    until_s: float
 
 
 def _drive_alarm(sim: Simulation, target: str, value: float | None) -> str:
@@ -185,9 +153,10 @@ def _row(
     targets: tuple[str, ...] | None = ONLY,
     value: tuple[str, float, float, float] = ("none", 0.0, 0.0, 0.0),
     lasts: bool = True,
+    over_at: float = -math.inf,
 ) -> FaultKind:
     name, low, high, default = value
-    return FaultKind(change.__name__.lstrip("_"), what, targets, name, change, low, high, default, lasts)
+    return FaultKind(change.__name__.lstrip("_"), what, targets, name, change, low, high, default, lasts, over_at)
 
 
 FAULT_KINDS: tuple[FaultKind, ...] = (
@@ -199,7 +168,7 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     _row(_imu_silent, "the inertial unit sends nothing"),
     _row(_imu_frozen, "the inertial unit repeats its last values"),
     _row(_imu_noise, "the inertial unit is noisier", ONLY, _FACTOR),
-    _row(_estop_button, "the emergency stop button", ONLY, ("1 pressed, 0 released", 0.0, 1.0, 0.0)),
+    _row(_estop_button, "the emergency stop button", ONLY, ("1 pressed, 0 released", 0.0, 1.0, 0.0), over_at=0.5),
     _row(_engine_stall, "the motion engine stops cycling"),
     _row(_latch_stuck, "the latch of the wheelchair does not move"),
     _row(_latch_no_confirm, "the latch moves, but its closed input stays 0"),
@@ -212,71 +181,8 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
 BY_NAME: dict[str, FaultKind] = {kind.name: kind for kind in FAULT_KINDS}
 
 
-class Faults:
+class Faults(FaultTable):
     """The faults in force in one simulation."""
 
     def __init__(self, sim: Simulation) -> None:
-        self._sim = sim
-        self._active: dict[tuple[str, str], ActiveFault] = {}
-        self._next_end_s = math.inf
-
-    @property
-    def active(self) -> tuple[ActiveFault, ...]:
-        return tuple(self._active.values())
-
-    def inject(self, kind: str, target: str = "", value: float = 0.0, duration_s: float = 0.0) -> str:
-        """Raises a fault, for ``duration_s`` of simulated time or, with 0, until it is cleared.
-
-        ``clear`` as the kind ends the fault of the kind named by ``target`` (``kind`` or ``kind:target``; empty: all).
-        Returns what was done. Raises FaultRefused.
-        """
-        if kind == CLEAR:
-            return self._clear_by_name(target)
-        row = BY_NAME.get(kind)
-        if row is None:
-            raise FaultRefused(f"no fault {kind!r}; there are {', '.join(BY_NAME)} and {CLEAR}")
-        if row.targets is not None and target not in row.targets:
-            accepted = ", ".join(repr(name) if name else "''" for name in row.targets)
-            raise FaultRefused(f"{kind}: target must be one of {accepted}, is {target!r}")
-        if not math.isfinite(duration_s) or duration_s < 0.0:
-            raise FaultRefused(f"{kind}: duration_s must be 0 or more, is {duration_s}")
-        amount = value if value != 0.0 else row.default
-        if not row.low <= amount <= row.high or not math.isfinite(amount):
-            raise FaultRefused(f"{kind}: value ({row.value}) must be in {row.low:g}..{row.high:g}, is {value}")
-        done = row.change(self._sim, target, amount)
-        self._note(row, target, amount, duration_s)
-        return done + (f" for {duration_s:g} s" if duration_s > 0.0 else "")
-
-    def _note(self, row: FaultKind, target: str, amount: float, duration_s: float) -> None:
-        until_s = self._sim.time_s + duration_s if duration_s > 0.0 else math.inf
-        if not row.lasts or (row.name == "estop_button" and amount <= 0.5):
-            self._active.pop((row.name, target), None)  # it has happened; and a released button is no fault
-        else:
-            self._active[row.name, target] = ActiveFault(row.name, target, until_s)
-        self._plan()
-
-    def update(self) -> None:
-        """Ends what has lasted its time; call it every step."""
-        if self._sim.time_s < self._next_end_s:
-            return
-        for fault in self.active:
-            if self._sim.time_s >= fault.until_s:
-                self._end(fault)
-
-    def _clear_by_name(self, name: str) -> str:
-        kind, _, target = name.partition(":")
-        if kind and kind not in BY_NAME:
-            raise FaultRefused(f"{CLEAR}: no fault {kind!r}; there are {', '.join(BY_NAME)}")
-        chosen = [item for item in self.active if kind in ("", item.kind) and target in ("", item.target)]
-        for fault in chosen:
-            self._end(fault)
-        names = ", ".join(f"{item.kind}:{item.target}" if item.target else item.kind for item in chosen)
-        return f"cleared {names}" if names else "nothing to clear"
-
-    def _end(self, fault: ActiveFault) -> None:
-        BY_NAME[fault.kind].change(self._sim, fault.target, None)
-        del self._active[fault.kind, fault.target]
-        self._plan()
-
-    def _plan(self) -> None:
-        self._next_end_s = min((fault.until_s for fault in self._active.values()), default=math.inf)
+        super().__init__(sim, BY_NAME)

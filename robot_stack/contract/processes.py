@@ -83,6 +83,20 @@ PROCESSES: tuple[Process, ...] = (
     _process("ehmi_bridge", None, _OPTIONAL, "external display over a serial line"),
     _process("touch_ui", None, _OPTIONAL, "touch screen"),
     _process("system_monitor", None, _OPTIONAL, "robot status and computer health"),
+    _process(
+        "wmx_engine",
+        "sim.nodes.wmx_engine",
+        _CRITICAL,
+        "simulated motion engine on virtual drives; on a real machine the engine is the vendor's",
+        system=System.SIMULATION,
+    ),
+    _process(
+        "sim_manipulator",
+        None,
+        _CRITICAL,
+        "six-axis arm with a gripper in a physics simulation, and the simulated motion engine in lockstep with it",
+        system=System.SIMULATION,
+    ),
     _process("manipulator_state", None, _CRITICAL, "joint states of the manipulator", system=System.WMX),
     _process("follow_joint_trajectory_server", None, _CRITICAL, "trajectories of the manipulator", system=System.WMX),
     _process(

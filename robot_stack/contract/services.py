@@ -34,6 +34,20 @@ INJECT_LIDAR_FAULT = Service(
     "raises or clears a fault of the simulated LiDAR",
     System.SIMULATION,
 )
+INJECT_ENGINE_FAULT = Service(
+    "/sim/inject_engine_fault",
+    "custom_msgs/srv/InjectFault",
+    "wmx_engine",
+    "raises or clears a fault of the virtual drives",
+    System.SIMULATION,
+)
+INJECT_ARM_FAULT = Service(
+    "/sim/inject_arm_fault",
+    "custom_msgs/srv/InjectFault",
+    "sim_manipulator",
+    "raises or clears a fault of the simulated arm or of its drives",
+    System.SIMULATION,
+)
 
 ENGINE_SET_DEVICE = Service(
     "/wmx/engine/set_device",

@@ -11,8 +11,8 @@ import yaml
 from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.config import ConfigError, config_dir
 from robot_stack.supervisor.params import load_params
-from robot_stack.supervisor.profile import load_plan
-from robot_stack.wmx.config import load_client_config
+from robot_stack.supervisor.profile import Plan, load_plan
+from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE, ENGINE_VARIABLE, load_client_config
 
 GOOD: dict[str, Any] = {
     "description": "test",
@@ -43,7 +43,21 @@ def test_the_simulation_runs_every_built_process_of_the_robot_but_the_recorder()
     plan = load_plan("sim")
     hosted = {node for process in plan.processes for node in process.nodes}
     built = {process.name for process in BY_NAME.values() if process.available and process.system.value != "wmx"}
-    assert built - hosted <= {"recorder"}
+    of_other_machines = {process.name for name in ("general", "manipulator") for process in load_plan(name).processes}
+    assert built - hosted - of_other_machines <= {"recorder"}
+
+
+@pytest.mark.parametrize(("simulated", "real"), [("general", "general_real"), ("manipulator", "manipulator_real")])
+def test_a_real_machine_runs_what_its_simulation_runs_but_the_simulated_engine(simulated: str, real: str) -> None:
+    ours, theirs = load_plan(simulated), load_plan(real)
+
+    def names(plan: Plan) -> set[str]:
+        return {*plan.missing, *(process.name for process in plan.processes)}
+
+    assert {BY_NAME[name].system.value for name in names(ours) - names(theirs)} == {"simulation"}
+    assert names(theirs) < names(ours)
+    assert (ours.environment[ENGINE_VARIABLE], theirs.environment[ENGINE_VARIABLE]) == ("simulated", "vendor")
+    assert ours.environment[ENGINE_CONFIG_VARIABLE] == f"wmx_engine_{simulated}"
 
 
 def test_not_built_processes_are_named_not_dropped(tmp_path: Path) -> None:
