@@ -50,6 +50,7 @@ class DetailOperationState(IntEnum):
     Stop_QStop = 701
     Stop_EStop = 702
     Intpl = 800
+    Intpl_Spline = 804
     Velocity = 900
 
 
@@ -86,7 +87,53 @@ class EStopLevel(IntEnum):
 
 
 class HomeState(IntEnum):
+    """What a homing motion is looking for."""
+
     Idle = 0
+    ZPulseSearch = 1
+    ZPulseSearchReverse = 2
+    ZPulseSearchPauseReverse = 3
+    HSSearch = 4
+    HSSearchPause = 5
+    HSAndZPulseSearch = 6
+    HSAndZPulseSearchPause = 7
+    HSOffSearch = 8
+    HSOffSearchPause = 9
+    HSOffAndZPulseSearch = 10
+    HSOffAndZPulseSearchPause = 11
+    LSSearch = 12
+    LSSearchPause = 13
+    HSClearReverse = 14
+    HSClearReversePause = 15
+    HSFallingEdgeSearchReverse = 16
+    HSFallingEdgeSearchReversePause = 17
+    LSFallingEdgeSearchReverse = 18
+    LSFallingEdgeSearchReversePause = 19
+    TouchProbeSearch = 20
+    TouchProbeSearchPause = 21
+    SecondHSSearch = 22
+    SecondHSSearchPause = 23
+    SecondTouchProbeSearch = 24
+    SecondTouchProbeSearchPause = 25
+    MechanicalEndDetection = 26
+    HomeShift = 27
+    HomeShiftPause = 28
+    Cancel = 29
+
+
+class HomeError(IntEnum):
+    """Why the last homing of an axis failed. The vendor's name of 0 is NoError."""
+
+    NoError = 0
+    LSTriggered = 1
+    MaxLSRevDistanceTraveled = 2
+    MaxHSOnAtStartRevDistanceTraveled = 3
+    ZPulseDistanceCheckError = 4
+
+
+class Config_HomeDirection(IntEnum):
+    Positive = 0
+    Negative = 1
 
 
 class Config_HomeType(IntEnum):
@@ -108,6 +155,16 @@ class Config_HomeType(IntEnum):
     NearLS = 15
     ExternalLS = 16
     MechanicalEndDetection = 17
+    MechanicalEndDetectionHS = 18
+    MechanicalEndDetectionLS = 19
+    MechanicalEndDetectionReverseZPulse = 20
+
+
+class Config_LimitSwitchDirection(IntEnum):
+    """Reverse: the switch named positive lies in the negative direction and the other way round."""
+
+    Normal = 0
+    Reverse = 1
 
 
 class Config_LimitSwitchType(IntEnum):
@@ -159,3 +216,10 @@ class EcStateMachine(IntEnum):
     Boot = 3
     Safeop = 4
     Op = 8
+
+
+class EcHotconnectState(IntEnum):
+    Idle = 0
+    Running = 1
+    Abort = 2
+    Unknown = 3

@@ -100,8 +100,11 @@ class CoreMotionErrorCode(IntEnum):
     TimeArgumentOutOfRange = 65592
     WaitTimeout = 65616
     ProfileTypeNotSupported = 65617
+    ChannelExecutingCommands = 65622
+    ChannelNotEnoughSpace = 65624
     ChannelBufferMemoryNotAllocated = 65627
     ChannelBufferMemoryAlreadyAllocated = 65628
+    ChannelBufferMemoryFailedToAllocate = 65629
     EmergencyStopSignalOn = 65632
     CurrentAxisCommandModeNotSupported = 65635
     AxisCommandModeOutOfRange = 65659

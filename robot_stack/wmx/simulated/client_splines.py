@@ -7,7 +7,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from robot_stack.wmx.api.errors import AdvancedMotionErrorCode, CoreMotionErrorCode, ErrorCode, error_text
-from robot_stack.wmx.api.values import AdvMotion_PointTimeSplineCommand, AdvMotion_SplinePoint
+from robot_stack.wmx.api.values import (
+    MAX_SPLINE_DIMENSIONS,
+    AdvMotion_PointTimeSplineCommand,
+    AdvMotion_SplinePoint,
+)
 
 if TYPE_CHECKING:
     from robot_stack.wmx.simulated.client import WMX3Api
@@ -40,6 +44,8 @@ class AdvMotion:
         if not numPoints == len(points) == len(pointTimeMilliseconds):
             return ErrorCode.ArgumentOutOfRange
         n = operator.index(command.dimensionCount)
+        if n > MAX_SPLINE_DIMENSIONS:
+            n = 0  # which the engine refuses, after what it looks at first
         axes = [command.GetAxis(dimension) for dimension in range(n)]
         rows = [[float(point.GetPos(dimension)) for dimension in range(n)] for point in points]
         times = [float(time) for time in pointTimeMilliseconds]

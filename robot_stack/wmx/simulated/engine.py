@@ -29,6 +29,7 @@ from robot_stack.wmx.simulated import checks, rows
 from robot_stack.wmx.simulated.devices import Device, DeviceTable
 from robot_stack.wmx.simulated.kernel import absorb, advance, cancel
 from robot_stack.wmx.simulated.motion import MotionControl
+from robot_stack.wmx.simulated.parameter_set import ParameterSet, rescale
 from robot_stack.wmx.simulated.parameters import Parameters
 from robot_stack.wmx.simulated.state import Condition, EngineArrays
 
@@ -58,6 +59,7 @@ class Engine:
         self.arrays = EngineArrays.of(config.n_axes)
         self.devices = DeviceTable()
         self.parameters = Parameters(config, self.arrays)
+        self.parameter_set = ParameterSet(self.parameters, self.arrays)
         self.motion = MotionControl(self.arrays, self.condition)
         self.commands = DriveCommands.zeros(config.n_axes, config.n_output_bytes)
         self.feedback = DriveFeedback.zeros(config.n_axes, config.n_input_bytes)
@@ -93,6 +95,7 @@ class Engine:
             return
         self._lost_in_a_row = 0
         self._absorb()
+        self.motion.splines.watch()
         if self._starting_cycles:
             self._starting_cycles -= 1
             if not self._starting_cycles:
@@ -101,6 +104,7 @@ class Engine:
             self._check_estop_signal()
 
     def _advance(self) -> None:
+        self.motion.splines.advance()
         a, out = self.arrays, self.commands
         advance(
             a.reals,
@@ -168,6 +172,7 @@ class Engine:
             cancel(a.reals, a.flags, a.work, axis, _OFFLINE)
             if self.parameters.home(axis).clearHomeDoneOnCommStop:
                 a.flags[Flag.HOME_DONE, axis] = 0
+        self.motion.splines.forget_runs()
         a.flags[Flag.SERVO_ON] = 0
         a.flags[Flag.SERVO_REQUESTED] = 0
         a.flags[Flag.SERVO_OFFLINE] = 1
@@ -270,7 +275,9 @@ class Engine:
 
     def _reset(self) -> None:
         self.arrays.clear()
+        self.motion.splines.clear()
         self.parameters.reset()
+        self.parameter_set.reset()
         fresh = Condition(self.config.cycle_time_s)
         self.condition.error = fresh.error
         self.condition.emergency_stop = fresh.emergency_stop
@@ -417,7 +424,7 @@ class Engine:
             return ErrorCode.NotIdleState
         code = self.parameters.set_gear(axis, numerator, denominator)
         if not code:
-            self._rescale(axis)
+            rescale(self.arrays, axis)
         return code
 
     def set_polarity(self, axis: int, polarity: int) -> int:
@@ -428,7 +435,7 @@ class Engine:
             return ErrorCode.NotIdleState
         code = self.parameters.set_polarity(axis, polarity)
         if not code:
-            self._rescale(axis)
+            rescale(self.arrays, axis)
         return code
 
     def set_outputs(self, byte: int, values: Sequence[int]) -> int:
@@ -470,12 +477,3 @@ class Engine:
         for shifted in (Real.POS_CMD, Real.ACTUAL_POS, Real.PROFILE_TARGET_POS):
             reals[shifted, axis] += shift
         reals[row, axis] = position
-
-    def _rescale(self, axis: int) -> None:
-        """User positions from the encoder counts by the new ratio; the axis has to be homed again."""
-        a = self.arrays
-        scale, offset = a.params[rows.COUNTS_PER_UNIT, axis], a.reals[Real.HOME_OFFSET, axis]
-        a.reals[Real.ACTUAL_POS, axis] = a.flags[Flag.ENCODER_FEEDBACK, axis] / scale - offset
-        command = a.flags[Flag.ENCODER_COMMAND, axis] / scale - offset
-        a.reals[Real.POS_CMD, axis] = a.reals[Real.PROFILE_TARGET_POS, axis] = command
-        a.flags[Flag.HOME_DONE, axis] = 0

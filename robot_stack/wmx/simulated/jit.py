@@ -29,6 +29,7 @@ SOURCES: Final = (
     "simulated/kernel.py",
     "simulated/profile.py",
     "simulated/rows.py",
+    "simulated/spline_kernel.py",
 )
 """What compiled code is made of, relative to the package ``robot_stack.wmx``."""
 

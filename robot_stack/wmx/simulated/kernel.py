@@ -96,7 +96,11 @@ def stop_rate(params: Reals, i: int, speed: float) -> float:
 def begin_stop(
     reals: Reals, flags: Ints, work: Ints, plan: Reals, i: int, dec: float, detail: int, reason: int
 ) -> None:
-    """Ends the running motion of axis ``i`` by a ramp at ``dec`` (0: in one cycle); then the axis is idle."""
+    """Ends the running motion of axis ``i`` by a ramp at ``dec`` (0: in one cycle); then the axis is idle.
+
+    An axis that a spline carries leaves its path.
+    """
+    work[rows.SPLINE, i] = 0
     work[rows.SEGMENTS, i] = plan_stop(plan[i], reals[POS_CMD, i], reals[VELOCITY_CMD, i], dec)
     work[rows.TICK, i] = 0
     work[rows.RUN_CYCLES, i] = 0
@@ -135,6 +139,7 @@ def cancel(reals: Reals, flags: Ints, work: Ints, i: int, reason: int) -> None:
     flags[OP_STATE, i] = IDLE
     flags[DETAIL, i] = DETAIL_IDLE
     flags[DISTRIBUTED, i] = 1
+    work[rows.SPLINE, i] = 0
     work[rows.SEGMENTS, i] = 0
     work[rows.RUN_CYCLES, i] = 0
     work[rows.SERVO_OFF_AT_REST, i] = 0
@@ -198,7 +203,8 @@ def advance(
         if clear_alarm[i]:
             work[rows.CLEAR_CYCLES, i] -= 1
         if flags[SERVO_ON, i] != 0 and flags[OP_STATE, i] != IDLE:
-            _step(reals, flags, params, work, plan, i, dt)
+            if work[rows.SPLINE, i] == 0:  # else the spline has moved it already
+                _step(reals, flags, params, work, plan, i, dt)
         else:
             reals[VELOCITY_CMD, i] = 0.0
             reals[CMD_ACC, i] = 0.0

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robot_stack.wmx.api.enums import AxisCommandMode, DetailOperationState, OperationState, ProfileType
 from robot_stack.wmx.api.errors import CoreMotionErrorCode, ErrorCode
 from robot_stack.wmx.api.values import (
@@ -19,6 +22,7 @@ from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.simulated import checks, rows
 from robot_stack.wmx.simulated.kernel import begin_stop, estop_axes, stop_rate
 from robot_stack.wmx.simulated.profile import plan_position, plan_velocity
+from robot_stack.wmx.simulated.splines import Splines
 from robot_stack.wmx.simulated.state import Condition, EngineArrays
 
 _NO_ERROR = int(ErrorCode.PyNone)
@@ -39,6 +43,7 @@ class MotionControl:
     def __init__(self, arrays: EngineArrays, condition: Condition) -> None:
         self._a = arrays
         self._condition = condition
+        self.splines = Splines(arrays, condition.cycle_time_s, self._spline_startable)
 
     def warm_up(self) -> None:
         """Runs every compiled function once, on axis 0, whose state is worthless afterwards."""
@@ -47,6 +52,7 @@ class MotionControl:
         self._begin_velocity(0, profile, 0, OperationState.Jog, 0)
         self._begin_stop(0, self._own_rate(0), DetailOperationState.Stop)
         self.emergency_stop(servo_off=False)
+        self.splines.warm_up()
 
     def start_position(self, device: int, commands: Sequence[Motion_PosCommand], *, relative: bool) -> int:
         """StartPos, or StartMov with ``relative``."""
@@ -106,6 +112,14 @@ class MotionControl:
             )
         return _NO_ERROR
 
+    def start_spline(
+        self, device: int, channel: int, axes: Sequence[int], points: NDArray[np.float64], times_ms: NDArray[np.float64]
+    ) -> int:
+        """StartCSplinePos with point times: ``points`` (n, dimensions) user units, ``times_ms`` (n,)."""
+        if not self._condition.communicating:
+            return ErrorCode.CommNotStarted
+        return self.splines.start(device, channel, axes, points, times_ms)
+
     def stop(self, axes: Sequence[int], mode: AxisCommandMode) -> int:
         """Stop: by the running command's own profile."""
         code = self._stoppable(axes, mode)
@@ -144,7 +158,7 @@ class MotionControl:
         if code:
             return code
         for axis in axes:
-            self._begin_stop(axis, self._speed(axis) / (1e-3 * milliseconds), DetailOperationState.Stop)
+            self._begin_timed_stop(axis, 1e-3 * milliseconds)
         return _NO_ERROR
 
     def emergency_stop(self, servo_off: bool) -> None:
@@ -216,12 +230,30 @@ class MotionControl:
             return max(1, math.ceil(1e-3 * command.runTimeMilliseconds / self._condition.cycle_time_s))
         return 0
 
-    def _begin_stop(self, axis: int, dec: float, detail: DetailOperationState) -> None:
+    def _spline_startable(self, axes: Sequence[int]) -> int:
+        return self._startable(
+            axes, AxisCommandMode.Position, (OperationState.Idle,), CoreMotionErrorCode.NotIdleOrIntplState
+        )
+
+    def _may_stop(self, axis: int, detail: DetailOperationState) -> bool:
         """A stop never replaces a more urgent one: stop, quick stop, emergency stop."""
-        a = self._a
         state = self._state(axis)
-        more_urgent = state == OperationState.Stop and a.flags[Flag.DETAIL_OP_STATE, axis] > detail
-        if state == OperationState.Idle or more_urgent:
+        more_urgent = state == OperationState.Stop and self._a.flags[Flag.DETAIL_OP_STATE, axis] > detail
+        return state != OperationState.Idle and not more_urgent
+
+    def _begin_timed_stop(self, axis: int, duration_s: float) -> None:
+        detail = DetailOperationState.Stop
+        if self.splines.carries(axis) and self._may_stop(axis, detail):
+            self.splines.timed_stop(axis, duration_s, detail)
+        else:
+            self._begin_stop(axis, self._speed(axis) / duration_s, detail)
+
+    def _begin_stop(self, axis: int, dec: float, detail: DetailOperationState) -> None:
+        a = self._a
+        if not self._may_stop(axis, detail):
+            return
+        if self.splines.carries(axis):
+            self.splines.stop(axis, float(dec), detail)
             return
         begin_stop(a.reals, a.flags, a.work, a.plan, axis, float(dec), int(detail), _NO_ERROR)
 

@@ -10,6 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robot_stack.wmx.api.enums import AxisCommandMode, DeviceType, EcStateMachine
 from robot_stack.wmx.api.errors import EcErrorCode, ErrorCode
 from robot_stack.wmx.api.parameters import Config_EmergencyStopParam
@@ -26,6 +29,7 @@ from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.simulated import checks
 from robot_stack.wmx.simulated.devices import Device
 from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.simulated.parameter_layout import AXIS_ENTRIES, GLOBAL_ENTRIES
 from robot_stack.wmx.simulated.parameters import BLOCKS, AxisBlock, from_wire, to_wire
 
 Answer = tuple[int, list[Any]]
@@ -34,6 +38,7 @@ ValueT = TypeVar("ValueT")
 _NO_ERROR = int(ErrorCode.PyNone)
 _NAME_LENGTH: Final = 64
 _LONGEST_WATCHDOG_MS: Final = 3_600_000
+_LONGEST_SPLINE: Final = 100_000
 _INT_LIMIT: Final = 2**62
 
 
@@ -91,6 +96,12 @@ def _real(value: Any) -> float:
         raise _BadArgument from None
 
 
+def _number(value: Any) -> int | float:
+    if type(value) not in (int, float):
+        raise _BadArgument
+    return value  # type: ignore[no-any-return]
+
+
 def _list(value: Any, convert: Callable[[Any], ValueT], longest: int) -> list[ValueT]:
     if not isinstance(value, list) or len(value) > longest:
         raise _BadArgument
@@ -141,6 +152,11 @@ def _velocity(value: Any) -> Velocity_VelCommand:
 def _timed_velocity(value: Any) -> Velocity_TimedVelCommand:
     axis, time, profile = _fields(value, 3)
     return Velocity_TimedVelCommand(_int(axis), _real(time), _profile(profile))
+
+
+def _points(value: Any, dimensions: int) -> NDArray[np.float64]:
+    rows = _list(value, lambda row: [_real(item) for item in _fields(row, dimensions)], _LONGEST_SPLINE)
+    return np.array(rows, np.float64).reshape(len(rows), dimensions)
 
 
 def _plain(code: int) -> Answer:
@@ -260,6 +276,29 @@ def _get_axis_param(call: _Call) -> Answer:
     ]
 
 
+def _set_all_parameters(call: _Call, of_engine: Any, of_axes: Any) -> Answer:
+    whole = _list(of_engine, _number, len(GLOBAL_ENTRIES))
+    axes = _list(of_axes, lambda numbers: _list(numbers, _number, len(AXIS_ENTRIES)), MAX_AXES)
+    return _plain(call.engine.parameter_set.apply(whole, axes, call.engine.condition.communicating))
+
+
+# -- splines -----------------------------------------------------------------------------------------------------------
+
+
+def _get_spline_buffer(call: _Call, channel: Any) -> Answer:
+    code, points = call.engine.motion.splines.points(_int(channel))
+    return (code, []) if code else (_NO_ERROR, [points])
+
+
+def _start_spline(call: _Call, channel: Any, axes: Any, points: Any, times_ms: Any) -> Answer:
+    chosen = _axes(axes)
+    times = np.array(_list(times_ms, _real, _LONGEST_SPLINE), np.float64)
+    rows = _points(points, len(chosen))
+    if len(rows) != len(times):
+        raise _BadArgument
+    return _plain(call.engine.motion.start_spline(call.device.id, _int(channel), chosen, rows, times))
+
+
 # -- network -----------------------------------------------------------------------------------------------------------
 
 
@@ -317,6 +356,12 @@ _HANDLERS: Final[dict[str, Callable[..., Answer]]] = {
     "StopDec": lambda c, axis, dec: _plain(c.engine.motion.stop_dec(_int(axis), _real(dec))),
     "QuickStop": lambda c, mode, axes: _plain(c.engine.motion.quick_stop(_axes(axes), _mode(mode))),
     "TimedStop": lambda c, mode, axes, time: _plain(c.engine.motion.timed_stop(_axes(axes), _real(time), _mode(mode))),
+    "CreateSplineBuffer": lambda c, channel, points: _plain(
+        c.engine.motion.splines.create(_int(channel), _int(points))
+    ),
+    "FreeSplineBuffer": lambda c, channel: _plain(c.engine.motion.splines.free(_int(channel))),
+    "GetSplineBufferPoints": _get_spline_buffer,
+    "StartCSplinePosPointTime": _start_spline,
     "StartHome": lambda c, axes: _plain(c.engine.start_home(_axes(axes))),
     "CancelHome": _cancel_home,
     "SetCommandPos": lambda c, axis, p: _plain(c.engine.set_position(_int(axis), Real.POS_CMD, _real(p))),
@@ -332,6 +377,8 @@ _HANDLERS: Final[dict[str, Callable[..., Answer]]] = {
     "SetEmergencyStopParam": _set_estop_block,
     "GetParam": _get_param,
     "GetAxisParam": _get_axis_param,
+    "SetAllParameters": _set_all_parameters,
+    "GetAllParameters": lambda c: (_NO_ERROR, list(c.engine.parameter_set.collect())),
     "SetOutBit": lambda c, byte, bit, value: _plain(c.engine.set_output_bit(_int(byte), _int(bit), _int(value))),
     "SetOutBytes": lambda c, byte, data: _plain(c.engine.set_outputs(_int(byte), _list(data, _int, 8000))),
     "ScanNetwork": _scan_network,

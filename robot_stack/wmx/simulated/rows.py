@@ -47,5 +47,6 @@ N_PARAMS: Final = 16
     SERVO_OFF_ON_ALARM,  # parameter
     UNHOME_ON_SERVO_OFF,  # parameter
     OVERTRAVEL,  # parameter
-) = range(17)
-N_WORK: Final = 17
+    SPLINE,  # mark of the spline that carries the axis, 0 = none
+) = range(18)
+N_WORK: Final = 18
