@@ -97,12 +97,24 @@ PROCESSES: tuple[Process, ...] = (
         "six-axis arm with a gripper in a physics simulation, and the simulated motion engine in lockstep with it",
         system=System.SIMULATION,
     ),
-    _process("manipulator_state", None, _CRITICAL, "joint states of the manipulator", system=System.WMX),
+    _process(
+        "manipulator_state",
+        "robot_stack.wmx.nodes.manipulator_state",
+        _CRITICAL,
+        "joint states of the manipulator",
+        system=System.WMX,
+    ),
     _process("follow_joint_trajectory_server", None, _CRITICAL, "trajectories of the manipulator", system=System.WMX),
     _process(
         "wmx_ros2_general_node", None, _LIMITING, "axis services and topics of the motion engine", system=System.WMX
     ),
-    _process("diff_drive_controller", None, _CRITICAL, "differential base on the motion engine", system=System.WMX),
+    _process(
+        "diff_drive_controller",
+        "robot_stack.wmx.nodes.diff_drive_controller",
+        _CRITICAL,
+        "differential base on the motion engine",
+        system=System.WMX,
+    ),
 )
 
 BY_NAME: dict[str, Process] = {process.name: process for process in PROCESSES}

@@ -118,5 +118,5 @@ class ManipulatorStateParams(Config):
 
 
 def set_or_empty(name: str) -> str:
-    """``name``, or nothing for the documented ways of not setting it: empty, ``no_param``, ``/<parameter>/no_param``."""
+    """``name``, or "" for the documented ways of not setting it: empty, ``no_param``, ``/<parameter>/no_param``."""
     return "" if name.rpartition("/")[2] in ("", _UNSET) else name

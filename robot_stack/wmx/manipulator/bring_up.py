@@ -1,0 +1,209 @@
+"""The manipulator's session with the engine: from no engine to joints whose servos are on, and back when it is lost.
+
+``poll`` is called from one thread and never waits for an effect: it reads the status, and asks for the step that is
+due. Calls themselves are round trips to the engine; once everything is up there are none, only the status is read.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from robot_stack.wmx import EngineError, MotionEngine
+from robot_stack.wmx.api import ErrorCode
+from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.manipulator.startup import (
+    START,
+    Level,
+    Line,
+    Outcome,
+    Progress,
+    Result,
+    Rule,
+    Step,
+    advance,
+    back_to,
+    is_past,
+)
+from robot_stack.wmx.manipulator.steps import Asker
+
+_LOST = (ErrorCode.IMLibIsNotRunning, ErrorCode.DeviceIsNull)
+_PROBE_S = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class BringUpSettings:
+    """n_joints: joint j is axis j. parameter_file: empty for none. stale_s: cycles that stand still for so long are no
+    status. rules: one for each step.
+    """
+
+    n_joints: int
+    names: tuple[str, ...]
+    parameter_file: str
+    auto_servo_on: bool
+    stop_communication: bool
+    stale_s: float
+    rules: Mapping[Step, Rule]
+
+
+class BringUp:
+    """Belongs to one thread. Times are steady seconds. ``progress`` and ``lines`` may be looked at from another."""
+
+    def __init__(self, open_engine: Callable[[], MotionEngine], settings: BringUpSettings) -> None:
+        """open_engine: opens a device without waiting, raises EngineError."""
+        self._open_engine = open_engine
+        self._settings = settings
+        self._engine: MotionEngine | None = None
+        self._asker: Asker | None = None
+        self._cycle = -1
+        self._cycle_s = math.inf
+        self._probe_s = -math.inf
+        self._was_ready = False
+        self.progress: Progress = START
+        self.status_problem = ""
+        self.lines: deque[Line] = deque(maxlen=200)
+
+    # --- the next step -----------------------------------------------------------------------------------------------
+
+    def poll(self, now_s: float, stop: bool) -> StatusSnapshot | None:
+        """The present status if the joints are where it says: the bus runs, parameters are set, cycles go on.
+
+        stop: an emergency stop is in force, no servo comes on.
+        """
+        if self._engine is None:
+            self._open(now_s)
+            return None
+        snapshot = self._read(now_s)
+        if snapshot is None:
+            return None
+        if not snapshot.communicating:
+            self._on_silence(snapshot)
+        if self.progress.step is not Step.READY:
+            self._work(snapshot, now_s, stop)
+        usable = snapshot.communicating and is_past(self.progress.step, Step.PARAMETERS)
+        if not usable or self._standing_still(snapshot, now_s):
+            return None
+        self.status_problem = ""
+        return snapshot
+
+    def _open(self, now_s: float) -> None:
+        if not self.progress.due(now_s):
+            return
+        try:
+            self._engine = self._open_engine()
+        except EngineError as error:
+            self._on_outcome(Outcome(Result.REFUSED, str(error)), now_s)
+            return
+        self._asker = Asker(self._engine, self._settings.n_joints, self._settings.names, self._tell)
+        self._on_outcome(Outcome(Result.DONE, "open"), now_s)
+
+    def _read(self, now_s: float) -> StatusSnapshot | None:
+        assert self._engine is not None
+        code, snapshot = self._engine.read_status()
+        if code:
+            self.status_problem = f"status: {self._engine.api.ErrorToString(code)} (error {code})"
+            if code in _LOST or self._gone(now_s):
+                self._lose("the motion engine has ended")
+            return None
+        if snapshot.n_axes < self._settings.n_joints:
+            self.status_problem = f"the engine has {snapshot.n_axes} axes, joint_number is {self._settings.n_joints}"
+            return None
+        return snapshot
+
+    def _gone(self, now_s: float) -> bool:
+        """An engine that died leaves a status that only grows old: ask it something, now and then."""
+        assert self._engine is not None
+        if now_s < self._probe_s:
+            return False
+        self._probe_s = now_s + _PROBE_S
+        return self._engine.api.GetDeviceName()[0] in _LOST
+
+    def _standing_still(self, snapshot: StatusSnapshot, now_s: float) -> bool:
+        if snapshot.cycle_counter != self._cycle:
+            self._cycle, self._cycle_s = snapshot.cycle_counter, now_s
+            return False
+        if now_s - self._cycle_s < self._settings.stale_s:
+            return False
+        self.status_problem = "the engine's cycles stand still"
+        return True
+
+    def _on_silence(self, snapshot: StatusSnapshot) -> None:
+        """The bus does not run. Lost by itself, it is started again; stopped by somebody, it is theirs to start."""
+        self.status_problem = "no communication with the drives"
+        if not is_past(self.progress.step, Step.COMMUNICATION):
+            return
+        stopped = snapshot.engine_error == ErrorCode.PyNone
+        text = "communication was stopped by another device" if stopped else "communication with the drives is lost"
+        assert self._asker is not None
+        self._asker.bus_is_others = stopped
+        self._tell(Line(Level.ERROR, text))
+        self.progress = back_to(Step.COMMUNICATION, text)
+
+    def _work(self, snapshot: StatusSnapshot, now_s: float, stop: bool) -> None:
+        progress, asker = self.progress, self._asker
+        assert asker is not None
+        if progress.waiting:
+            self._on_outcome(asker.look(progress.step, snapshot), now_s)
+        elif progress.due(now_s):
+            self._on_outcome(self._ask(asker, snapshot, stop), now_s)
+
+    def _ask(self, asker: Asker, snapshot: StatusSnapshot, stop: bool) -> Outcome:
+        settings = self._settings
+        match self.progress.step:
+            case Step.SCAN:
+                return asker.scan(snapshot)
+            case Step.COMMUNICATION:
+                return asker.start_communication(snapshot)
+            case Step.PARAMETERS:
+                return asker.import_parameters(settings.parameter_file)
+            case Step.AXIS_REPORT:
+                return asker.report_axes()
+            case Step.CLEAR_ALARMS:
+                return asker.clear_alarms(snapshot, settings.auto_servo_on, stop)
+            case Step.SERVO_ON:
+                return asker.switch_on(snapshot, settings.auto_servo_on, stop)
+        raise AssertionError(self.progress.step)
+
+    def _on_outcome(self, outcome: Outcome, now_s: float) -> None:
+        before = self.progress.step
+        self.progress, line = advance(self.progress, outcome, now_s, self._settings.rules)
+        if line is not None:
+            self._tell(line)
+        if before is Step.COMMUNICATION and self.progress.step is not before and self._was_ready:
+            # The engine still has its parameters. Servos that a fault or somebody switched off stay off: a start
+            # switches them on, not a cable that has contact again.
+            self.progress = Progress(Step.READY)
+        self._was_ready = self._was_ready or self.progress.step is Step.READY
+
+    def _lose(self, text: str) -> None:
+        """The device is worth nothing any more: from the beginning."""
+        self._tell(Line(Level.ERROR, text))
+        if self._engine is not None:
+            self._engine.close()
+        self._engine = self._asker = None
+        self._was_ready = False
+        self.status_problem = text
+        self.progress = back_to(Step.DEVICE, text)
+
+    def _tell(self, line: Line) -> None:
+        self.lines.append(line)
+
+    # --- the end -----------------------------------------------------------------------------------------------------
+
+    def end(self, hurry: bool) -> bool:
+        """Gives back what this session took: servos off once their joints stand, the bus, the device. True when done.
+
+        hurry: servos go off even if joints still move.
+        """
+        if self._engine is None or self._asker is None:
+            return True
+        code, snapshot = self._engine.read_status()
+        if not code and snapshot.communicating and not self._asker.switch_off(snapshot, hurry):
+            return False
+        if not code and self._settings.stop_communication:
+            self._asker.stop_communication()
+        self._engine.close()
+        self._engine = self._asker = None
+        return True

@@ -1,0 +1,140 @@
+"""manipulator_state: brings the manipulator's joints up and publishes where they are."""
+
+from __future__ import annotations
+
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.publisher import Publisher
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import Topic
+from robot_stack.core.config import ConfigError, config_dir
+from robot_stack.ros.node import StackNode, run
+from robot_stack.wmx import connect
+from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.config import load_client_config
+from robot_stack.wmx.manipulator.bring_up import BringUp, BringUpSettings
+from robot_stack.wmx.manipulator.joints import faults, fill
+from robot_stack.wmx.manipulator.messages import ArrayBytes, JointStateBytes
+from robot_stack.wmx.manipulator.parameters import ManipulatorStateParams
+from robot_stack.wmx.manipulator.startup import Level, Step
+from robot_stack.wmx.nodes.feedback_thread import FeedbackThread
+
+_REPORT_HZ = 10.0
+_COMPLAIN_S = 5.0
+
+
+class ManipulatorState(StackNode):
+    """The feedback thread does the work; the executor's tick tells about it."""
+
+    def __init__(self) -> None:
+        super().__init__("manipulator_state", ManipulatorStateParams)
+        params: ManipulatorStateParams = self.params
+        client = load_client_config()
+        self._joints = params.joints
+        self._message = JointStateBytes(params.joint_name)
+        self._array = ArrayBytes(len(params.joint_name))
+        encoder, isaac, gazebo = params.topics
+        self._encoder = self._publisher(topics.WMX_JOINT_STATES, encoder)
+        self._isaac = self._publisher(topics.ISAAC_JOINT_COMMAND, isaac)
+        self._gazebo = self._publisher(topics.GAZEBO_COMMANDS, gazebo)
+        self._skipped = 0
+        settings = BringUpSettings(
+            n_joints=params.joint_number,
+            names=params.joint_name,
+            parameter_file=params.parameter_file(config_dir()),
+            auto_servo_on=params.auto_servo_on,
+            stop_communication=params.stop_communication,
+            stale_s=params.status_stale_s,
+            rules=params.rules(),
+        )
+        self._bring_up = BringUp(lambda: connect("manipulator_state", client, timeout_s=0.0), settings)
+        self._feedback = FeedbackThread(
+            self._bring_up,
+            self._publish,
+            lambda: self.emergency_stop,
+            params.joint_feedback_rate,
+            params.start.poll_s,
+            params.end_timeout_s,
+        )
+        self.every(_REPORT_HZ, self._tell)
+        self._feedback.start()
+
+    def _publisher(self, row: Topic, name: str) -> Publisher | None:
+        if not name:
+            return None
+        try:
+            return self.advertise(row, name)
+        except InvalidTopicNameException as error:
+            raise ConfigError(f"{self.get_name()}: {' '.join(str(error).split())}") from error
+
+    # --- in the feedback thread --------------------------------------------------------------------------------------
+
+    def _publish(self, snapshot: StatusSnapshot) -> bool:
+        """Isaac Sim first and, as documented, before the stamp is set."""
+        message = self._message
+        if not fill(snapshot, self._joints, message.position, message.velocity):
+            self._bring_up.status_problem = "a joint's position or velocity is not finite"
+            return False
+        stamp_ns = self.get_clock().now().nanoseconds
+        if self._isaac is not None:
+            self._isaac.publish(message.stamped(stamp_ns if self.params.isaacsim_stamp else 0))
+        if self._encoder is not None:
+            self._encoder.publish(message.stamped(stamp_ns))
+        if self._gazebo is not None:
+            self._array.data[:] = message.position
+            self._gazebo.publish(self._array.message())
+        return True
+
+    # --- in the executor ---------------------------------------------------------------------------------------------
+
+    def _tell(self) -> None:
+        feedback = self._feedback
+        if feedback.failure:
+            raise RuntimeError(f"the feedback thread has ended:\n{feedback.failure}")
+        self._log_lines()
+        progress, snapshot = self._bring_up.progress, feedback.snapshot
+        if progress.step is not Step.READY:
+            self.set_health(False, f"{progress.step.value}: {progress.text or 'under way'}")
+        elif snapshot is None:
+            self.set_health(False, f"nothing published: {feedback.reason or 'no status yet'}")
+        else:
+            fault = faults(snapshot, self._joints)
+            self.set_health(not fault, fault or "joints are up")
+        if feedback.skipped > self._skipped:
+            text = f"nothing published {feedback.skipped - self._skipped} times: {feedback.reason}"
+            self.get_logger().warning(text, throttle_duration_sec=_COMPLAIN_S)
+        self._skipped = feedback.skipped
+        self.report.values = {
+            "step": progress.step.value,
+            "published": str(feedback.published),
+            "skipped": str(feedback.skipped),
+            "overruns": str(feedback.overruns),
+            "latest tick": f"{feedback.worst_late_ns * 1e-6:.2f} ms",
+        }
+
+    def _log_lines(self) -> None:
+        logger = self.get_logger()
+        while self._bring_up.lines:
+            line = self._bring_up.lines.popleft()
+            match line.level:  # rclpy wants a call of its own for each level
+                case Level.INFO:
+                    logger.info(line.text)
+                case Level.WARNING:
+                    logger.warning(line.text)
+                case Level.ERROR:
+                    logger.error(line.text)
+
+    # --- end ---------------------------------------------------------------------------------------------------------
+
+    def safe_output(self) -> None:
+        """Joints stopped, servos off that were switched on here, the device given back."""
+        self._feedback.end()
+        self._log_lines()
+
+
+def main() -> None:
+    run(ManipulatorState)
+
+
+if __name__ == "__main__":
+    main()
