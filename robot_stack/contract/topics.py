@@ -537,6 +537,15 @@ WMX_ODOM_ENC = Topic(
     stale_s=0.1,
     system=_WMX,
 )
+WMX_TF = Topic(
+    "/tf",
+    "tf2_msgs/msg/TFMessage",
+    qos.TF,
+    ("diff_drive_controller",),
+    ("rviz",),
+    "odom->base_link of the differential base, where its parameter publish_tf says so",
+    system=_WMX,
+)
 
 # --- simulation (ground truth; no node of the stack may read it) --------------------------------------------------
 CLOCK = Topic(

@@ -1,0 +1,1 @@
+"""Differential drive: two wheels on two velocity axes."""

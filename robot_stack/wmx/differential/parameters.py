@@ -1,0 +1,149 @@
+"""Parameters of the differential drive, ``config/diff_drive_controller.yaml``, and what becomes of them.
+
+The names without a unit are those of the interface documents.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from robot_stack.core.config import Config
+from robot_stack.wmx.api import MAX_AXES
+from robot_stack.wmx.differential.kinematics import BaseGeometry
+from robot_stack.wmx.differential.odometry import Matrix3, OdometrySettings
+from robot_stack.wmx.differential.states import SessionSettings
+
+Axis = Annotated[int, Field(ge=0, lt=MAX_AXES)]
+Positive = Annotated[float, Field(gt=0.0)]
+Pause = Annotated[float, Field(gt=0.0, le=60.0)]
+Polarity = Literal[1, -1]
+_UNSET = "no_param"
+_PLANAR, _UNMEASURED = (0, 1, 5), (2, 3, 4)  # x, y, yaw; z, roll, pitch
+_HUGE_VARIANCE = 1e6
+
+
+class OdometryParams(Config):
+    """See ``OdometrySettings``; twist_deviation_*: standard deviations of the measured twist."""
+
+    shortest_interval_s: Positive
+    longest_gap_s: Positive
+    deviation_per_sqrt_m: Positive
+    twist_deviation_mps: Positive
+    twist_deviation_radps: Positive
+
+
+class SessionParams(Config):
+    """See ``SessionSettings`` and ``EngineLink``."""
+
+    retry_s: Pause
+    communication_retry_s: Pause
+    request_pause_s: Pause
+    feed_period_s: Pause
+    watchdog_s: Annotated[float, Field(gt=0.0, le=10.0)]
+    follow_s: Pause
+    standstill_radps: Positive
+
+    @model_validator(mode="after")
+    def _fed_in_time(self) -> SessionParams:
+        if self.feed_period_s >= 0.5 * self.watchdog_s:
+            raise ValueError("feed_period_s must be below half of watchdog_s")
+        return self
+
+
+class DiffDriveParams(Config):
+    """The whole file. rate: Hz. acc_time, dec_time: seconds of a change of velocity. wheel_radius, wheel_to_wheel: m.
+
+    A topic name that is empty or ends in no_param has no publisher. wmx_param_file_path: absolute, or inside config/;
+    empty or no_param skips it. end_timeout_s: how long the end waits for the wheels to stand.
+    """
+
+    left_axis: Axis
+    right_axis: Axis
+    rate: Annotated[float, Field(ge=1.0, le=1000.0)]
+    acc_time: Pause
+    dec_time: Pause
+    wheel_radius: Annotated[float, Field(gt=0.0, le=10.0)]
+    wheel_to_wheel: Annotated[float, Field(gt=0.0, le=100.0)]
+    cmd_vel_topic: str
+    encoder_vel_topic: str
+    encoder_omega_topic: str
+    encoder_odometry_topic: str
+    wmx_param_file_path: str
+
+    cmd_vel_timeout_s: Annotated[float, Field(gt=0.0, le=10.0)]
+    max_wheel_speed_radps: Positive
+    left_polarity: Polarity
+    right_polarity: Polarity
+    odom_frame: str
+    base_frame: str
+    publish_pose: bool
+    publish_tf: bool
+    end_timeout_s: Positive
+    odometry: OdometryParams
+    session: SessionParams
+
+    @model_validator(mode="after")
+    def _consistent(self) -> DiffDriveParams:
+        if self.left_axis == self.right_axis:
+            raise ValueError(f"left_axis and right_axis must differ, both are {self.left_axis}")
+        if self.publish_tf and not self.publish_pose:
+            raise ValueError("publish_tf needs publish_pose: without a pose there is no transform")
+        if not named(self.cmd_vel_topic):
+            raise ValueError("cmd_vel_topic needs a name: without commands nothing drives")
+        if self.publish_pose and not (self.odom_frame and self.base_frame):
+            raise ValueError("odom_frame and base_frame need names with publish_pose")
+        return self
+
+
+def named(value: str) -> bool:
+    """A topic or file name that was set."""
+    return bool(value) and not value.endswith(_UNSET)
+
+
+def base_geometry(params: DiffDriveParams) -> BaseGeometry:
+    return BaseGeometry(radius_m=params.wheel_radius, track_m=params.wheel_to_wheel)
+
+
+def odometry_settings(params: DiffDriveParams) -> OdometrySettings:
+    return OdometrySettings(
+        max_wheel_speed_radps=params.max_wheel_speed_radps,
+        shortest_interval_s=params.odometry.shortest_interval_s,
+        longest_gap_s=params.odometry.longest_gap_s,
+        deviation_per_sqrt_m=params.odometry.deviation_per_sqrt_m,
+    )
+
+
+def session_settings(params: DiffDriveParams, config_folder: Path) -> SessionSettings:
+    file = params.wmx_param_file_path
+    session = params.session
+    return SessionSettings(
+        left_axis=params.left_axis,
+        right_axis=params.right_axis,
+        acc_time_s=params.acc_time,
+        dec_time_s=params.dec_time,
+        parameter_file=str(config_folder / file) if named(file) else "",
+        communication_retry_s=session.communication_retry_s,
+        request_pause_s=session.request_pause_s,
+        follow_s=session.follow_s,
+        standstill_radps=session.standstill_radps,
+    )
+
+
+def pose_covariance(planar: Matrix3) -> list[float]:
+    """6 x 6, row-major, of a covariance of (x, y, yaw). What a planar base does not measure is unknown: huge."""
+    full = [0.0] * 36
+    for index in _UNMEASURED:
+        full[7 * index] = _HUGE_VARIANCE
+    for row, i in enumerate(_PLANAR):
+        for column, j in enumerate(_PLANAR):
+            full[6 * i + j] = planar[3 * row + column]
+    return full
+
+
+def twist_covariance(params: OdometryParams) -> list[float]:
+    """6 x 6, row-major: forward speed and turning rate as measured, sideways as well as the wheels do not slip."""
+    forward, turning = params.twist_deviation_mps**2, params.twist_deviation_radps**2
+    return pose_covariance((forward, 0.0, 0.0, 0.0, forward, 0.0, 0.0, 0.0, turning))
