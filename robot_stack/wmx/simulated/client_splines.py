@@ -12,6 +12,7 @@ from robot_stack.wmx.api.values import (
     AdvMotion_PointTimeSplineCommand,
     AdvMotion_SplinePoint,
 )
+from robot_stack.wmx.simulated.protocol import pack
 
 if TYPE_CHECKING:
     from robot_stack.wmx.simulated.client import WMX3Api
@@ -48,8 +49,8 @@ class AdvMotion:
             n = 0  # which the engine refuses, after what it looks at first
         axes = [command.GetAxis(dimension) for dimension in range(n)]
         rows = [[float(point.GetPos(dimension)) for dimension in range(n)] for point in points]
-        times = [float(time) for time in pointTimeMilliseconds]
-        return self._api.command("StartCSplinePosPointTime", operator.index(channel), axes, rows, times)
+        times = [float(time) for time in pointTimeMilliseconds] if n > 0 else []
+        return self._api.command("StartCSplinePosPointTime", operator.index(channel), axes, pack(rows), pack(times))
 
 
 class AdvancedMotion:

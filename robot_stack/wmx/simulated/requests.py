@@ -31,6 +31,7 @@ from robot_stack.wmx.simulated.devices import Device
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.parameter_layout import AXIS_ENTRIES, GLOBAL_ENTRIES
 from robot_stack.wmx.simulated.parameters import BLOCKS, AxisBlock, from_wire, to_wire
+from robot_stack.wmx.simulated.protocol import unpack
 
 Answer = tuple[int, list[Any]]
 ValueT = TypeVar("ValueT")
@@ -38,7 +39,6 @@ ValueT = TypeVar("ValueT")
 _NO_ERROR = int(ErrorCode.PyNone)
 _NAME_LENGTH: Final = 64
 _LONGEST_WATCHDOG_MS: Final = 3_600_000
-_LONGEST_SPLINE: Final = 100_000
 _INT_LIMIT: Final = 2**62
 
 
@@ -154,9 +154,13 @@ def _timed_velocity(value: Any) -> Velocity_TimedVelCommand:
     return Velocity_TimedVelCommand(_int(axis), _real(time), _profile(profile))
 
 
-def _points(value: Any, dimensions: int) -> NDArray[np.float64]:
-    rows = _list(value, lambda row: [_real(item) for item in _fields(row, dimensions)], _LONGEST_SPLINE)
-    return np.array(rows, np.float64).reshape(len(rows), dimensions)
+def _packed(value: Any) -> NDArray[np.float64]:
+    if not isinstance(value, str):
+        raise _BadArgument
+    try:
+        return unpack(value)
+    except ValueError:
+        raise _BadArgument from None
 
 
 def _plain(code: int) -> Answer:
@@ -292,11 +296,11 @@ def _get_spline_buffer(call: _Call, channel: Any) -> Answer:
 
 def _start_spline(call: _Call, channel: Any, axes: Any, points: Any, times_ms: Any) -> Answer:
     chosen = _axes(axes)
-    times = np.array(_list(times_ms, _real, _LONGEST_SPLINE), np.float64)
-    rows = _points(points, len(chosen))
-    if len(rows) != len(times):
+    positions, times = _packed(points), _packed(times_ms)
+    if positions.size != len(times) * len(chosen):
         raise _BadArgument
-    return _plain(call.engine.motion.start_spline(call.device.id, _int(channel), chosen, rows, times))
+    path = positions.reshape(len(times), len(chosen))
+    return _plain(call.engine.motion.start_spline(call.device.id, _int(channel), chosen, path, times))
 
 
 # -- network -----------------------------------------------------------------------------------------------------------
