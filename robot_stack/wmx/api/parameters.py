@@ -13,7 +13,9 @@ from robot_stack.wmx.api.enums import (
     Config_EStopLevel1Type,
     Config_EStopSignalSource,
     Config_FollowingErrorAlarmType,
+    Config_HomeDirection,
     Config_HomeType,
+    Config_LimitSwitchDirection,
     Config_LimitSwitchType,
     Config_ProhibitOvertravelType,
     Config_VelocityFollowingErrorAlarmType,
@@ -33,9 +35,28 @@ class Config_FeedbackParam:
 
 @dataclass(slots=True)
 class Config_HomeParam:
-    """Only CurrentPos is executed by the simulated engine: its drives have neither switches nor a z pulse."""
+    """How an axis looks for its home position. Speeds in user units per second, all above zero.
+
+    ``homeShiftDistance`` counts in the homing direction. ``maxLSReverseDistance`` and ``maxHSOnAtStartReverseDistance``
+    of 0 set no limit.
+    """
 
     homeType: int = Config_HomeType.CurrentPos
+    homeDirection: int = Config_HomeDirection.Positive
+    homingVelocitySlow: float = 10000.0
+    homingVelocitySlowAcc: float = 10000.0
+    homingVelocitySlowDec: float = 10000.0
+    homingVelocityFast: float = 10000.0
+    homingVelocityFastAcc: float = 10000.0
+    homingVelocityFastDec: float = 10000.0
+    homingReverseDistance: float = 0.0
+    homeShiftVelocity: float = 10000.0
+    homeShiftAcc: float = 10000.0
+    homeShiftDec: float = 10000.0
+    homeShiftDistance: float = 0.0
+    invertHSPolarity: bool = False
+    maxHSOnAtStartReverseDistance: float = 0.0
+    maxLSReverseDistance: float = 0.0
     homePosition: float = 0.0
     clearHomeDoneOnServoOff: bool = False
     clearHomeDoneOnCommStop: bool = True
@@ -43,19 +64,34 @@ class Config_HomeParam:
 
 @dataclass(slots=True)
 class Config_LimitParam:
-    """Software limits; they act only on a homed axis and only if the position is not zero."""
+    """Limit switches of the drive (``lsType``) and limits of the position (``softLimitType``).
 
+    The types of the single directions count where the common one is SeparatePositiveLSNegativeLS. Soft limits act only
+    on a homed axis and only if the position is not zero.
+    """
+
+    lsType: int = Config_LimitSwitchType.PyNone
+    positiveLSType: int = Config_LimitSwitchType.PyNone
+    negativeLSType: int = Config_LimitSwitchType.PyNone
+    invertPositiveLSPolarity: bool = False
+    invertNegativeLSPolarity: bool = False
     softLimitType: int = Config_LimitSwitchType.PyNone
+    positiveSoftLimitType: int = Config_LimitSwitchType.PyNone
+    negativeSoftLimitType: int = Config_LimitSwitchType.PyNone
     softLimitPositivePos: float = 0.0
     softLimitNegativePos: float = 0.0
     lsDec: float = 10000.0
     lsSlowDec: float = 10000.0
+    lsDirection: int = Config_LimitSwitchDirection.Normal
 
 
 @dataclass(slots=True)
 class Config_MotionParam:
+    """``interruptedIntplUseQuickStop``: an interrupted interpolation stops each axis by itself, not along the path."""
+
     quickStopDec: float = 100000.0
     prohibitOvertravel: int = Config_ProhibitOvertravelType.ChangeDeceleration
+    interruptedIntplUseQuickStop: bool = False
 
 
 @dataclass(slots=True)

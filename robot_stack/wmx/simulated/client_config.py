@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from robot_stack.wmx.api.errors import ErrorCode
+from robot_stack.wmx.api.errors import CoreMotionErrorCode, ErrorCode
 from robot_stack.wmx.api.parameters import (
     Config_AlarmParam,
     Config_AxisParam,
@@ -16,6 +16,7 @@ from robot_stack.wmx.api.parameters import (
     Config_MotionParam,
     Config_SystemParam,
 )
+from robot_stack.wmx.simulated.parameter_file import ParameterFileError, ParameterValues, read_file, write_file
 from robot_stack.wmx.simulated.parameters import BLOCKS, from_wire, to_wire
 
 if TYPE_CHECKING:
@@ -99,6 +100,28 @@ class Config:
     def GetAxisParam(self) -> tuple[int, Config_AxisParam]:
         code, values = self._api.call("GetAxisParam")
         return code, Config_AxisParam() if code else Config_AxisParam(*values)
+
+    def ImportAndSetAll(self, filePath: str) -> int:
+        code, snapshot = self._api.snapshot()
+        if code:
+            return code
+        try:
+            values = read_file(filePath, snapshot.n_axes)
+        except ParameterFileError:
+            return CoreMotionErrorCode.ParameterFileParseError
+        except (OSError, ValueError):
+            return ErrorCode.FileOperationFailed
+        return self._api.command("SetAllParameters", values.of_engine, values.of_axes)
+
+    def GetAndExportAll(self, filePath: str) -> int:
+        code, values = self._api.call("GetAllParameters")
+        if code:
+            return code
+        try:
+            write_file(filePath, ParameterValues(*values))
+        except (OSError, ValueError):
+            return ErrorCode.FileOperationFailed
+        return ErrorCode.PyNone
 
     def _get(self, name: str, axis: int, kind: type[BlockT]) -> tuple[int, BlockT]:
         code, values = self._api.call("GetBlock", name, operator.index(axis))

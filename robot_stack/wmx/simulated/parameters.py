@@ -11,7 +11,9 @@ from robot_stack.wmx.api.enums import (
     Config_EStopLevel1Type,
     Config_EStopSignalSource,
     Config_FollowingErrorAlarmType,
+    Config_HomeDirection,
     Config_HomeType,
+    Config_LimitSwitchDirection,
     Config_LimitSwitchType,
     Config_ProhibitOvertravelType,
     Config_VelocityFollowingErrorAlarmType,
@@ -57,6 +59,7 @@ class Parameters:
         self._axes: list[dict[str, AxisBlock]] = []
         self.gear: list[tuple[float, float]] = []
         self.polarity: list[int] = []
+        self._absolute: list[bool] = []
         self.emergency_stop = Config_EmergencyStopParam()
         self.reset()
 
@@ -66,6 +69,7 @@ class Parameters:
         self._axes = [_blocks(kind) for kind in kinds]
         self.gear = [(kind.gear_numerator, kind.gear_denominator) for kind in kinds]
         self.polarity = [kind.polarity for kind in kinds]
+        self._absolute = [kind.absolute_encoder for kind in kinds]
         self.emergency_stop = _emergency_stop(self._config, kinds)
         for axis, kind in enumerate(kinds):
             velocity = kind.mode == "velocity"
@@ -75,7 +79,10 @@ class Parameters:
 
     def absolute(self, axis: int) -> bool:
         """The drive knows its position without homing."""
-        return self._config.axis_kind(axis).absolute_encoder
+        return self._absolute[axis]
+
+    def set_absolute(self, axis: int, absolute: bool) -> None:
+        self._absolute[axis] = absolute
 
     def get(self, name: str, axis: int) -> AxisBlock:
         """A copy of one block of one axis."""
@@ -88,7 +95,7 @@ class Parameters:
 
     def set(self, name: str, axis: int, block: AxisBlock) -> int:
         """Checks and takes over one block of one axis."""
-        if not _valid(name, block):
+        if not valid_block(name, block):
             return CoreMotionErrorCode.ParameterSettingsInvalid
         self._axes[axis][name] = replace(block)
         self._apply(axis)
@@ -98,6 +105,7 @@ class Parameters:
         """Checks and takes over the emergency-stop block."""
         good = (
             len(block.eStopDec) == self._a.n_axes
+            and _are_flags(block.enableEStopSignal, block.invertEStopSignalPolarity)
             and all(_within(dec) for dec in block.eStopDec)
             and block.eStopSignalSource == Config_EStopSignalSource.Input
             and _is_member(EStopLevel, block.eStopSignalLevel)
@@ -114,7 +122,7 @@ class Parameters:
 
     def set_gear(self, axis: int, numerator: float, denominator: float) -> int:
         """Checks and takes over a gear ratio."""
-        if not (_gear(numerator) and _gear(denominator)):
+        if not (gear_in_range(numerator) and gear_in_range(denominator)):
             return ErrorCode.ArgumentOutOfRange
         self.gear[axis] = (numerator, denominator)
         self._apply(axis)
@@ -210,7 +218,8 @@ def _cycles(milliseconds: float, cycle_s: float) -> int:
     return math.ceil(1e-3 * milliseconds / cycle_s - 1e-9)
 
 
-def _gear(value: float) -> bool:
+def gear_in_range(value: float) -> bool:
+    """A numerator or denominator that the vendor takes too."""
     return GEAR_SMALLEST <= value <= GEAR_LARGEST
 
 
@@ -218,11 +227,16 @@ def _within(value: float) -> bool:
     return SMALLEST <= value <= LARGEST
 
 
+def _are_flags(*values: object) -> bool:
+    return all(isinstance(value, bool) for value in values)
+
+
 def _is_member(kind: Any, value: int) -> bool:
     return value in [int(member) for member in kind]
 
 
-def _valid(name: str, block: AxisBlock) -> bool:
+def valid_block(name: str, block: AxisBlock) -> bool:
+    """Every field of the block named ``name`` is in its range."""
     reals = [value for value in asdict(block).values() if isinstance(value, float)]
     if not isinstance(block, BLOCKS[name]) or not all(abs(value) <= LARGEST for value in reals):
         return False
@@ -230,19 +244,52 @@ def _valid(name: str, block: AxisBlock) -> bool:
         case Config_FeedbackParam():
             return all(value >= 0.0 for value in reals)
         case Config_HomeParam():
-            return _is_member(Config_HomeType, block.homeType)
+            return _valid_home(block)
         case Config_LimitParam():
-            known = _is_member(Config_LimitSwitchType, block.softLimitType)
-            separate = block.softLimitType == Config_LimitSwitchType.SeparatePositiveLSNegativeLS
-            return known and not separate and _within(block.lsDec) and _within(block.lsSlowDec)
+            return _valid_limit(block)
         case Config_MotionParam():
-            return _within(block.quickStopDec) and _is_member(Config_ProhibitOvertravelType, block.prohibitOvertravel)
+            return (
+                _within(block.quickStopDec)
+                and _is_member(Config_ProhibitOvertravelType, block.prohibitOvertravel)
+                and _are_flags(block.interruptedIntplUseQuickStop)
+            )
         case Config_AlarmParam():
             return (
                 all(value >= 0.0 for value in reals)
                 and _is_member(Config_FollowingErrorAlarmType, block.followingErrorType)
                 and _is_member(Config_VelocityFollowingErrorAlarmType, block.velocityFollowingErrorType)
+                and _are_flags(block.servoOffDuringAmpAlarm)
             )
+
+
+def _valid_home(block: Config_HomeParam) -> bool:
+    speeds = (
+        *(block.homingVelocitySlow, block.homingVelocitySlowAcc, block.homingVelocitySlowDec),
+        *(block.homingVelocityFast, block.homingVelocityFastAcc, block.homingVelocityFastDec),
+        *(block.homeShiftVelocity, block.homeShiftAcc, block.homeShiftDec),
+    )
+    distances = (block.homingReverseDistance, block.maxHSOnAtStartReverseDistance, block.maxLSReverseDistance)
+    return (
+        _is_member(Config_HomeType, block.homeType)
+        and _is_member(Config_HomeDirection, block.homeDirection)
+        and all(_within(speed) for speed in speeds)
+        and all(distance >= 0.0 for distance in distances)
+        and _are_flags(block.invertHSPolarity, block.clearHomeDoneOnServoOff, block.clearHomeDoneOnCommStop)
+    )
+
+
+def _valid_limit(block: Config_LimitParam) -> bool:
+    common = (block.lsType, block.softLimitType)
+    single = (block.positiveLSType, block.negativeLSType, block.positiveSoftLimitType, block.negativeSoftLimitType)
+    separate = Config_LimitSwitchType.SeparatePositiveLSNegativeLS
+    return (
+        all(_is_member(Config_LimitSwitchType, kind) for kind in (*common, *single))
+        and separate not in single
+        and _is_member(Config_LimitSwitchDirection, block.lsDirection)
+        and _are_flags(block.invertPositiveLSPolarity, block.invertNegativeLSPolarity)
+        and _within(block.lsDec)
+        and _within(block.lsSlowDec)
+    )
 
 
 def _blocks(kind: AxisKind) -> dict[str, AxisBlock]:

@@ -1424,7 +1424,7 @@ class EngineConformance:
             ("HomeParam", {"homeType": 99}),
             ("LimitParam", {"softLimitPositivePos": NAN}),
             ("LimitParam", {"softLimitType": 77}),
-            ("LimitParam", {"softLimitType": Config_LimitSwitchType.SeparatePositiveLSNegativeLS}),
+            ("LimitParam", {"positiveSoftLimitType": Config_LimitSwitchType.SeparatePositiveLSNegativeLS}),
             ("LimitParam", {"lsDec": 0.0}),
             ("MotionParam", {"quickStopDec": 0.0}),
             ("MotionParam", {"quickStopDec": NAN}),
