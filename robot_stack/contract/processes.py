@@ -106,7 +106,11 @@ PROCESSES: tuple[Process, ...] = (
     ),
     _process("follow_joint_trajectory_server", None, _CRITICAL, "trajectories of the manipulator", system=System.WMX),
     _process(
-        "wmx_ros2_general_node", None, _LIMITING, "axis services and topics of the motion engine", system=System.WMX
+        "wmx_ros2_general_node",
+        "robot_stack.wmx.nodes.wmx_ros2_general_node",
+        _LIMITING,
+        "axis services and topics of the motion engine",
+        system=System.WMX,
     ),
     _process(
         "diff_drive_controller",

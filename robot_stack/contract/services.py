@@ -92,6 +92,20 @@ AXIS_HOMING = Service(
     "the current position becomes home",
     _WMX,
 )
+AXIS_STOP = Service(
+    "/wmx/axis/stop",
+    "wmx_ros2_message/srv/SetAxis",
+    "wmx_ros2_general_node",
+    "stops the axes, each with its own deceleration; data is not used; beyond the documents",
+    _WMX,
+)
+ENGINE_ESTOP = Service(
+    "/wmx/engine/estop",
+    "std_srvs/srv/SetBool",
+    "wmx_ros2_general_node",
+    "the engine's emergency stop of all axes (true) and its release (false); beyond the documents",
+    _WMX,
+)
 SET_GRIPPER = Service(
     "/wmx/set_gripper",
     "std_srvs/srv/SetBool",

@@ -21,11 +21,12 @@ _POLL_S: Final = 0.02
 
 
 class EngineError(Exception):
-    """The engine refused; ``code`` is its error code."""
+    """The engine refused; ``code`` is its error code, ``text`` what that means."""
 
     def __init__(self, what: str, code: int, text: str) -> None:
         super().__init__(f"{what}: {text} ({error_name(code)}, error {code})")
         self.code = code
+        self.text = text
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ def load_library(config: ClientConfig) -> Library:
     if config.engine == "vendor":
         from robot_stack.wmx.vendor import vendor_library
 
-        return vendor_library(config.library_path, config.vendor_axes, config.vendor_io_bytes)
+        return vendor_library(config.library_path, config.vendor_axes, config.vendor_io_bytes, config.status_stale_s)
     from robot_stack.wmx.simulated.library import simulated_library
 
     return simulated_library(config.call_timeout_s, config.status_stale_s)

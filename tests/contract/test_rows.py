@@ -343,6 +343,8 @@ SERVICES = {
     "/wmx/axis/set_polarity": ("wmx_ros2_message/srv/SetAxis", "wmx_ros2_general_node"),
     "/wmx/axis/set_gear_ratio": ("wmx_ros2_message/srv/SetAxisGearRatio", "wmx_ros2_general_node"),
     "/wmx/axis/homing": ("wmx_ros2_message/srv/SetAxis", "wmx_ros2_general_node"),
+    "/wmx/axis/stop": ("wmx_ros2_message/srv/SetAxis", "wmx_ros2_general_node"),
+    "/wmx/engine/estop": ("std_srvs/srv/SetBool", "wmx_ros2_general_node"),
     "/wmx/set_gripper": ("std_srvs/srv/SetBool", "follow_joint_trajectory_server"),
     "/safety/reset": ("std_srvs/srv/Trigger", "safety_monitor"),
     "/swerve/reset_odometry": ("std_srvs/srv/Trigger", "swerve_controller"),

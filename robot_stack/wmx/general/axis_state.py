@@ -1,0 +1,54 @@
+"""The engine's status as the arrays of ``/wmx/axis/state``."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from typing import Final
+
+from robot_stack.wmx.axes import Flag, Real, StatusSnapshot
+
+Column = array[int] | array[float]
+
+_FLAGS: Final = {
+    "amp_alarm": Flag.AMP_ALARM,
+    "servo_on": Flag.SERVO_ON,
+    "home_done": Flag.HOME_DONE,
+    "in_pos": Flag.IN_POS,
+}
+_SWITCHES: Final = {"negative_ls": "NEGATIVE_LS", "positive_ls": "POSITIVE_LS", "home_switch": "HOME_SWITCH"}
+_REALS: Final = {
+    "pos_cmd": Real.POS_CMD,
+    "velocity_cmd": Real.VELOCITY_CMD,
+    "actual_pos": Real.ACTUAL_POS,
+    "actual_velocity": Real.ACTUAL_VELOCITY,
+}
+
+
+def axis_state(snapshot: StatusSnapshot, axis_count: int, rated_torque_nm: Sequence[float]) -> dict[str, Column]:
+    """The fields of the message, each with ``axis_count`` entries; flags 0 or 1, user units.
+
+    rated_torque_nm: per axis, to convert the engine's percent of rated torque; an axis with 0, or all with an empty
+    sequence, keeps percent.
+    """
+    fields: dict[str, Column] = {}
+    for name, flag in _FLAGS.items():
+        fields[name] = array("i", (snapshot.flags[flag, :axis_count] != 0).tolist())
+    for name, row in _SWITCHES.items():
+        switch = Flag.__members__.get(row)
+        on = [False] * axis_count if switch is None else (snapshot.flags[switch, :axis_count] != 0).tolist()
+        fields[name] = array("i", on)
+    for name, real in _REALS.items():
+        fields[name] = array("d", snapshot.reals[real, :axis_count].tolist())
+    percent = snapshot.actual_torque[:axis_count].tolist()
+    torque = [_torque(share, rated) for share, rated in zip(percent, _padded(rated_torque_nm, axis_count), strict=True)]
+    fields["actual_torque"] = array("d", torque)
+    return fields
+
+
+def _padded(rated_torque_nm: Sequence[float], axis_count: int) -> Sequence[float]:
+    return rated_torque_nm or [0.0] * axis_count
+
+
+def _torque(percent: float, rated_nm: float) -> float:
+    return 0.01 * percent * rated_nm if rated_nm else percent

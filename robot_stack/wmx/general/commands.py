@@ -1,0 +1,137 @@
+"""A motion message as commands to the engine: all of it is good, or nothing is commanded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from robot_stack.wmx.api import (
+    MAX_AXES,
+    AxisCommandMode,
+    Motion_PosCommand,
+    OperationState,
+    Profile,
+    Velocity_TimedVelCommand,
+    Velocity_VelCommand,
+)
+from robot_stack.wmx.axes import Flag, StatusSnapshot
+from robot_stack.wmx.general.requests import (
+    Refused,
+    check_axes,
+    check_finite,
+    check_index,
+    check_lengths,
+    check_positive,
+)
+
+_TRAPEZOIDAL: Final = ("", "trapezoidal")
+_STATES: Final = {
+    AxisCommandMode.Velocity: (OperationState.Idle, OperationState.Velocity),
+    AxisCommandMode.Position: (OperationState.Idle, OperationState.Pos, OperationState.Jog),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class AxisOrder:
+    """A message as it came: parallel sequences; ``target`` (rad) is None for a velocity. rad/s, rad/s^2."""
+
+    index: Sequence[int]
+    velocity: Sequence[float]
+    acc: Sequence[float]
+    dec: Sequence[float]
+    target: Sequence[float] | None = None
+
+
+def unknown_profile(profile: str) -> bool:
+    """The reserved field asks for something that will not happen."""
+    return profile.strip().lower() not in _TRAPEZOIDAL
+
+
+def check_order(order: AxisOrder) -> None:
+    """What can be told from the message alone. Raises Refused."""
+    fields = {"velocity": order.velocity, "acc": order.acc, "dec": order.dec}
+    if order.target is not None:
+        fields = {"target": order.target, **fields}
+    check_index(order.index)
+    check_lengths(order.index, fields)
+    check_axes(order.index, MAX_AXES)
+    check_finite(fields)
+    if order.target is not None:
+        check_positive("velocity", order.velocity)
+    check_positive("acc", order.acc)
+    check_positive("dec", order.dec)
+
+
+def check_ready(index: Sequence[int], mode: AxisCommandMode, snapshot: StatusSnapshot) -> None:
+    """Whether the axes can obey now. Raises Refused."""
+    check_axes(index, snapshot.n_axes)
+    if not snapshot.communicating:
+        raise Refused(f"the engine does not communicate with the drives: it is {snapshot.engine_state.name}")
+    if snapshot.emergency_stop:
+        raise Refused("the engine's emergency stop is active")
+    for axis in index:
+        trouble = _trouble(axis, mode, snapshot)
+        if trouble:
+            raise Refused(f"axis {axis} {trouble}")
+
+
+def velocity_commands(order: AxisOrder) -> list[Velocity_VelCommand]:
+    """Of a checked order: run until told otherwise."""
+    return [Velocity_VelCommand(axis, profile) for axis, profile in _profiles(order)]
+
+
+def timed_velocity_commands(order: AxisOrder, run_time_s: float) -> list[Velocity_TimedVelCommand]:
+    """Of a checked order: run for ``run_time_s``, then decelerate; the engine needs nobody for it."""
+    return [Velocity_TimedVelCommand(axis, 1e3 * run_time_s, profile) for axis, profile in _profiles(order)]
+
+
+def position_commands(order: AxisOrder) -> list[Motion_PosCommand]:
+    """Of a checked order with targets."""
+    assert order.target is not None
+    return [
+        Motion_PosCommand(axis, target, profile)
+        for (axis, profile), target in zip(_profiles(order), order.target, strict=True)
+    ]
+
+
+def from_present(order: AxisOrder, snapshot: StatusSnapshot) -> AxisOrder | None:
+    """A relative order with an axis that moves, as an absolute one; None if all of its axes stand.
+
+    The engine takes a relative motion over a running one as relative to that one's target. Documented is the present
+    position: the commanded one at the time of the order, from which the engine also counts for an axis that stands.
+    """
+    assert order.target is not None
+    if not any(snapshot.op_state[axis] for axis in order.index):
+        return None
+    targets = [float(snapshot.pos_cmd[axis]) + by for axis, by in zip(order.index, order.target, strict=True)]
+    return AxisOrder(order.index, order.velocity, order.acc, order.dec, targets)
+
+
+def _profiles(order: AxisOrder) -> list[tuple[int, Profile]]:
+    rows = zip(order.index, order.velocity, order.acc, order.dec, strict=True)
+    return [(axis, Profile.SetupTrapezoidal(velocity, acc, dec)) for axis, velocity, acc, dec in rows]
+
+
+def _trouble(axis: int, mode: AxisCommandMode, snapshot: StatusSnapshot) -> str:
+    if snapshot.amp_alarm[axis]:
+        return f"has amplifier alarm {int(snapshot.amp_alarm_code[axis])}"
+    if snapshot.following_error_alarm[axis]:
+        return "has a following error alarm"
+    if snapshot.flags[Flag.SERVO_OFFLINE, axis]:
+        return "is offline"
+    if not snapshot.servo_on[axis]:
+        return "has its servo off"
+    if snapshot.command_mode[axis] != mode:
+        return f"is not in {mode.name.lower()} mode"
+    state = int(snapshot.op_state[axis])
+    if state not in _STATES[mode]:
+        return f"is busy: {_state_name(state)}"
+    return ""
+
+
+def _state_name(state: int) -> str:
+    try:
+        return OperationState(state).name
+    except ValueError:
+        return f"operation state {state}"

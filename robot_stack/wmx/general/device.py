@@ -1,0 +1,201 @@
+"""The node's device on the engine: opened, lost, opened again; and the axes that it has set in motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final, Protocol
+
+from robot_stack.wmx import EngineError, MotionEngine
+from robot_stack.wmx.api import (
+    AxisCommandMode,
+    AxisSelection,
+    CoreMotionErrorCode,
+    ErrorCode,
+    OperationState,
+    error_text,
+)
+from robot_stack.wmx.axes import Flag, StatusSnapshot
+
+OpenEngine = Callable[[str | None, str], MotionEngine]
+"""(path or None for the configured one, device name) -> an open device, without waiting. Raises EngineError."""
+
+# After these the device is worthless: the engine has ended, or was stopped by somebody.
+LOST: Final = (ErrorCode.IMLibIsNotRunning, ErrorCode.DeviceIsNull)
+# A command shows in the status in the next cycle; one more, because the status may be of the cycle before.
+SETTLED_CYCLES: Final = 2
+_FEEDS_PER_WATCHDOG: Final = 4.0
+
+
+# The installation roots of the documents: whoever names one means the engine of this machine.
+_INSTALLATION_ROOTS: Final = ("", "/opt/lmx", "/opt/wmx3")
+
+
+class Log(Protocol):
+    def info(self, text: str, /) -> object: ...
+    def warning(self, text: str, /) -> object: ...
+    def error(self, text: str, /) -> object: ...
+
+
+class Device:
+    """Belongs to one thread. Times are steady seconds."""
+
+    def __init__(
+        self, name: str, open_engine: OpenEngine, log: Log, attempts: int, retry_s: float, watchdog_s: float
+    ) -> None:
+        self.engine: MotionEngine | None = None
+        self.wanted = True
+        self.name = name
+        self.path: str | None = None
+        self.started_communication = False
+        self._open_engine = open_engine
+        self._log = log
+        self._attempts, self._retry_s, self._watchdog_s = attempts, retry_s, watchdog_s
+        self._tried = 0
+        self._next_try_s = self._next_feed_s = -float("inf")
+        self._device_id = 0
+        self._moved: dict[int, int] = {}
+
+    # --- life --------------------------------------------------------------------------------------------------------
+
+    def poll(self, now_s: float) -> None:
+        """Opens the device if it is wanted and due, and tells the engine that this client lives."""
+        if self.engine is None:
+            if self.wanted and now_s >= self._next_try_s:
+                self._try(now_s)
+        elif now_s >= self._next_feed_s:
+            self._next_feed_s = now_s + self._watchdog_s / _FEEDS_PER_WATCHDOG
+            self.call(lambda engine: engine.api.ResetWatchdogTimer())
+
+    def open(self, path: str | None, name: str) -> EngineError | None:
+        """A device called ``name``; None if there is one now, else why not."""
+        try:
+            self.engine = self._open_engine(path, name)
+        except EngineError as error:
+            return error
+        self.path, self.name, self.wanted = path, name, True
+        self._tried = 0
+        self._moved.clear()
+        self._device_id = self.engine.api.GetDeviceID()[1]
+        self.call(lambda engine: engine.api.SetWatchdog(round(1e3 * self._watchdog_s)))
+        self._log.info(f"created a device with name: {name}")
+        return None
+
+    def close(self) -> int:
+        """Gives the device back; the engine stops what it still moves. The code of the engine."""
+        if self.engine is None:
+            return ErrorCode.DeviceIsNull
+        engine, self.engine = self.engine, None
+        self._forget()
+        return engine.api.CloseDevice()
+
+    def rename(self, name: str) -> int:
+        """The code of the engine. A second device would leave the first one open."""
+        code = self.call(lambda engine: engine.api.SetDeviceName(name))
+        if not code:
+            self.name = name
+        return code
+
+    def is_at(self, path: str | None) -> bool:
+        """Whether ``path`` names the engine that this device is on, or would be on by configuration."""
+        return path is None or _place(path) == _place(self.path or "")
+
+    def _try(self, now_s: float) -> None:
+        self._next_try_s = now_s + self._retry_s
+        error = self.open(self.path, self.name)
+        if error is None:
+            return
+        self._tried += 1
+        attempt = f"attempt {self._tried} of {self._attempts}"
+        if self._tried < self._attempts and error.code == ErrorCode.CreateDeviceLockError:
+            self._log.warning(
+                f"{attempt}: lock contention, another client creates a device; again in {self._retry_s} s"
+            )
+        elif self._tried < self._attempts:
+            self._log.warning(f"{attempt}: {error}; again in {self._retry_s} s")
+        elif self._tried == self._attempts:
+            self._log.error(f"{attempt}: {error}; the node goes on without a device and keeps trying")
+
+    def _lose(self) -> None:
+        if self.engine is not None:
+            self._log.error("the motion engine has ended: the device is lost")
+            self.close()
+
+    def _forget(self) -> None:
+        self._moved.clear()
+        self._device_id = 0
+        self.started_communication = False
+        self._next_try_s = -float("inf")
+
+    # --- calls -------------------------------------------------------------------------------------------------------
+
+    def call(self, request: Callable[[MotionEngine], int]) -> int:
+        """The engine's code; DeviceIsNull without a device."""
+        if self.engine is None:
+            return ErrorCode.DeviceIsNull
+        return self.heed(int(request(self.engine)))
+
+    def read(self) -> tuple[int, StatusSnapshot | None]:
+        """(0, the present status), or the code of what is wrong and None."""
+        if self.engine is None:
+            return ErrorCode.DeviceIsNull, None
+        code, snapshot = self.engine.read_status()
+        return (self.heed(code), None) if code else (code, snapshot)
+
+    def heed(self, code: int) -> int:
+        """The code, after what it means for the device."""
+        if code in LOST:
+            self._lose()
+        return code
+
+    def base_text(self, code: int) -> str:
+        """The meaning of a code of a device call."""
+        return error_text(code, ErrorCode) if self.engine is None else self.engine.api.ErrorToString(code)
+
+    def motion_text(self, code: int) -> str:
+        """The meaning of a code of an axis call."""
+        if self.engine is None:
+            return error_text(code, CoreMotionErrorCode, ErrorCode)
+        return self.engine.core_motion.ErrorToString(code)
+
+    # --- what moves --------------------------------------------------------------------------------------------------
+
+    def moved(self, axes: Sequence[int], snapshot: StatusSnapshot) -> None:
+        """This device has set ``axes`` in motion; ``snapshot`` was read just before."""
+        for axis in axes:
+            self._moved[axis] = snapshot.cycle_counter
+
+    def moving(self, snapshot: StatusSnapshot) -> list[int]:
+        """The axes that this device set in motion and that have not come to rest; others may have taken over since."""
+        for axis, since in list(self._moved.items()):
+            settled = snapshot.cycle_counter > since + SETTLED_CYCLES
+            owner = int(snapshot.flags[Flag.OWNER, axis])  # 0 where the engine does not tell
+            at_rest = snapshot.op_state[axis] == OperationState.Idle
+            if settled and (at_rest or owner not in (0, self._device_id)):
+                del self._moved[axis]
+        return sorted(self._moved)
+
+    def stop(self, axes: Sequence[int], snapshot: StatusSnapshot, *, quick: bool = False) -> dict[int, int]:
+        """Stops axes, each kind of them in one call. The code per axis; a refused group is tried axis by axis."""
+        codes: dict[int, int] = {}
+        for velocity in (False, True):
+            group = [a for a in axes if (snapshot.command_mode[a] == AxisCommandMode.Velocity) == velocity]
+            if not group:
+                continue
+            code = self._stop(group, velocity, quick)
+            alone = bool(code) and len(group) > 1
+            codes |= {axis: self._stop([axis], velocity, quick) if alone else code for axis in group}
+        return codes
+
+    def _stop(self, axes: Sequence[int], velocity: bool, quick: bool) -> int:
+        selection = AxisSelection.of(*axes)
+
+        def request(engine: MotionEngine) -> int:
+            family = engine.core_motion.velocity if velocity else engine.core_motion.motion
+            return family.ExecQuickStop_AxisSel(selection) if quick else family.Stop_AxisSel(selection)
+
+        return self.call(request)
+
+
+def _place(path: str) -> str:
+    trimmed = path.rstrip("/")
+    return "" if trimmed in _INSTALLATION_ROOTS else trimmed

@@ -1,0 +1,72 @@
+"""Motion messages carried out: checked whole, then given to the engine in one call that starts all axes or none."""
+
+from __future__ import annotations
+
+from robot_stack.wmx.api import AxisCommandMode
+from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.general.commands import (
+    AxisOrder,
+    check_order,
+    check_ready,
+    from_present,
+    position_commands,
+    timed_velocity_commands,
+    velocity_commands,
+)
+from robot_stack.wmx.general.device import Device
+from robot_stack.wmx.general.requests import Refused
+
+
+class AxisMotion:
+    """Moves the axes of one device. Every method raises Refused, and then nothing has changed.
+
+    velocity_timeout_s: 0, or how long a velocity holds without another message. The engine itself counts: that works
+    without this node too.
+    """
+
+    def __init__(self, device: Device, velocity_timeout_s: float) -> None:
+        self._device, self._timeout_s = device, velocity_timeout_s
+
+    def run(self, order: AxisOrder) -> None:
+        """Velocities."""
+        snapshot = self._ready(order, AxisCommandMode.Velocity)
+        if self._timeout_s:
+            timed = timed_velocity_commands(order, self._timeout_s)
+            code = self._device.call(lambda engine: engine.core_motion.velocity.StartVel_TimedVel(len(timed), timed))
+        else:
+            endless = velocity_commands(order)
+            code = self._device.call(lambda engine: engine.core_motion.velocity.StartVel(len(endless), endless))
+        self._begun(code, order, snapshot)
+
+    def go_to(self, order: AxisOrder) -> None:
+        """Absolute positions."""
+        self._position(order, self._ready(order, AxisCommandMode.Position))
+
+    def go_by(self, order: AxisOrder) -> None:
+        """Positions relative to the present ones."""
+        snapshot = self._ready(order, AxisCommandMode.Position)
+        absolute = from_present(order, snapshot)
+        if absolute is not None:
+            self._position(absolute, snapshot)
+            return
+        commands = position_commands(order)
+        code = self._device.call(lambda engine: engine.core_motion.motion.StartMov(len(commands), commands))
+        self._begun(code, order, snapshot)
+
+    def _ready(self, order: AxisOrder, mode: AxisCommandMode) -> StatusSnapshot:
+        check_order(order)
+        code, snapshot = self._device.read()
+        if snapshot is None:
+            raise Refused(f"no status of the engine: Error={int(code)} ({self._device.base_text(code)})")
+        check_ready(order.index, mode, snapshot)
+        return snapshot
+
+    def _position(self, order: AxisOrder, snapshot: StatusSnapshot) -> None:
+        commands = position_commands(order)
+        code = self._device.call(lambda engine: engine.core_motion.motion.StartPos(len(commands), commands))
+        self._begun(code, order, snapshot)
+
+    def _begun(self, code: int, order: AxisOrder, snapshot: StatusSnapshot) -> None:
+        if code:
+            raise Refused(f"the engine refuses it: Error={int(code)} ({self._device.motion_text(code)})")
+        self._device.moved(order.index, snapshot)

@@ -1,0 +1,40 @@
+"""Parameters of the general node, ``config/wmx_ros2_general_node.yaml``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from robot_stack.core.config import Config
+from robot_stack.wmx.api import MAX_AXES
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+
+
+class GeneralParams(Config):
+    """What each number does stands beside it in the file."""
+
+    axis_count: Annotated[int, Field(ge=1, le=MAX_AXES)]
+    rated_torque_nm: tuple[NotNegative, ...]
+    velocity_timeout_s: NotNegative
+    command_max_wait_s: Positive
+    device_attempts: Annotated[int, Field(ge=1)]
+    device_retry_s: Positive
+    watchdog_s: Annotated[float, Field(gt=0.0, le=3600.0)]
+    communication_timeout_s: Positive
+    servo_timeout_s: Positive
+    alarm_timeout_s: Positive
+    homing_timeout_s: Positive
+    stop_timeout_s: Positive
+    stop_communication_at_exit: bool
+
+    @model_validator(mode="after")
+    def _one_torque_per_axis(self) -> GeneralParams:
+        if len(self.rated_torque_nm) not in (0, self.axis_count):
+            raise ValueError(
+                f"rated_torque_nm must be empty or have axis_count = {self.axis_count} entries, "
+                f"has {len(self.rated_torque_nm)}"
+            )
+        return self

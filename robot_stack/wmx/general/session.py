@@ -1,0 +1,133 @@
+"""The general node's side of the engine: everything that happens in the engine's thread."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from robot_stack.wmx.api import ErrorCode, OperationState
+from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.general.axis_services import AxisServices
+from robot_stack.wmx.general.commands import AxisOrder
+from robot_stack.wmx.general.device import Device, Log, OpenEngine
+from robot_stack.wmx.general.engine_services import EngineServices
+from robot_stack.wmx.general.motion import AxisMotion
+from robot_stack.wmx.general.parameters import GeneralParams
+from robot_stack.wmx.general.requests import Refused
+from robot_stack.wmx.general.waiting import Waits
+from robot_stack.wmx.general.worker import EngineWorker
+
+_END_POLL_S = 0.005
+_END_CALLS_S = 3.0
+_REPEATED_S = 1.0
+
+Move = Callable[[AxisOrder], None]
+
+
+class GeneralSession:
+    """Device, services and motion of the general node, in a thread of their own.
+
+    on_status: called in that thread, ``rate_hz`` times per second while the engine's status can be trusted and its bus
+    runs. Callbacks of the node use ``worker`` to get at the rest, and ``stop`` and ``release`` directly.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        params: GeneralParams,
+        rate_hz: float,
+        open_engine: OpenEngine,
+        log: Log,
+        on_status: Callable[[StatusSnapshot], None],
+    ) -> None:
+        self._params, self._log, self._on_status = params, log, on_status
+        self.device = Device(name, open_engine, log, params.device_attempts, params.device_retry_s, params.watchdog_s)
+        waits = Waits(self.device, time.monotonic)
+        self.axes = AxisServices(self.device, waits, params, lambda: self._stopped)
+        self.engine = EngineServices(self.device, waits, params, time.monotonic, lambda: self._stopped, log)
+        self.motion = AxisMotion(self.device, params.velocity_timeout_s)
+        self.worker = EngineWorker(1.0 / rate_hz, self._tick, self._close)
+        self.problem = "starting"
+        self.n_axes: int | None = None
+        self.refused = 0
+        self.last_refusal = ""
+        self._stopped = False
+        self._told = ("", 0.0)
+
+    # --- from the node's callbacks -----------------------------------------------------------------------------------
+
+    def move(self, topic: str, move: Move, order: AxisOrder) -> None:
+        """Carries an order out as soon as the engine's thread gets to it; a refusal is told."""
+        asked_s = time.monotonic()
+        self.worker.order(lambda: self._move(topic, move, order, asked_s))
+
+    def stop(self) -> None:
+        """Everything that this node moves, now; and nothing moves until ``release``."""
+        self._stopped = True
+        self.worker.order(self._hold, urgent=True)
+
+    def release(self) -> None:
+        self._stopped = False
+
+    @property
+    def stopped(self) -> bool:
+        return self._stopped
+
+    def end(self) -> None:
+        """Stops what this node moves and gives the device back."""
+        self.worker.end(self._params.stop_timeout_s + _END_CALLS_S)
+
+    # --- in the engine's thread --------------------------------------------------------------------------------------
+
+    def _tick(self) -> None:
+        self.device.poll(time.monotonic())
+        code, snapshot = self.device.read()
+        if snapshot is None:
+            self.problem = f"no status of the engine: {self.device.base_text(code)}"
+            return
+        self.n_axes = snapshot.n_axes
+        if not snapshot.communicating:
+            self.problem = f"the engine does not communicate with the drives: it is {snapshot.engine_state.name}"
+            return
+        self.problem = ""
+        if self.device.moving(snapshot) and self._stopped:
+            self._hold()
+        if snapshot.n_axes >= self._params.axis_count:
+            self._on_status(snapshot)
+
+    def _hold(self) -> None:
+        _, snapshot = self.device.read()
+        if snapshot is None or not snapshot.communicating:
+            return
+        running = [axis for axis in self.device.moving(snapshot) if snapshot.op_state[axis] != OperationState.Stop]
+        for axis, code in self.device.stop(running, snapshot, quick=True).items():
+            if code:
+                self._log.error(f"emergency stop of axis {axis}: Error={code} ({self.device.motion_text(code)})")
+
+    def _move(self, topic: str, move: Move, order: AxisOrder, asked_s: float) -> None:
+        waited_s = time.monotonic() - asked_s
+        try:
+            if self._stopped:
+                raise Refused("/emergency_stop is in force")
+            if waited_s > self._params.command_max_wait_s:
+                limit_s = self._params.command_max_wait_s
+                raise Refused(f"it waited {waited_s:.2f} s for the engine, at most {limit_s} s")
+            move(order)
+        except Refused as refused:
+            self._refuse(f"{topic} refused: {refused}")
+
+    def _refuse(self, text: str) -> None:
+        self.refused += 1
+        self.last_refusal = text
+        now_s, (told, told_s) = time.monotonic(), self._told
+        if text != told or now_s - told_s > _REPEATED_S:
+            self._told = (text, now_s)
+            self._log.error(text)
+
+    def _close(self) -> None:
+        for _ in self.engine.stand(self.device.moving):
+            time.sleep(_END_POLL_S)
+        if self._params.stop_communication_at_exit and self.device.started_communication:
+            self.device.call(lambda engine: engine.api.StopCommunication(0))
+        if self.device.engine is not None and self.device.close() != ErrorCode.PyNone:
+            self._log.warning("the device could not be closed")
