@@ -1,0 +1,112 @@
+"""An engine of which only the answers are real; what a request does to the status is as immediate as it never is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from robot_stack.wmx.api import AxisSelection, Config_AxisParam, EngineState, ErrorCode, OperationState
+from robot_stack.wmx.api.status import DevicesInfo
+from robot_stack.wmx.axes import Flag, StatusSnapshot, empty_snapshot
+
+
+class FakeEngine:
+    """``codes``: what a call answers, by its name; everything else succeeds. ``deaf``: calls without an effect."""
+
+    def __init__(self, n_axes: int = 3) -> None:
+        self.codes: dict[str, int] = {}
+        self.deaf: set[str] = set()
+        self.calls: list[str] = []
+        self.n_devices = 1
+        self.open = True
+        snapshot = replace(empty_snapshot(n_axes), outputs=np.zeros(2, np.uint8), inputs=np.zeros(2, np.uint8))
+        self.snapshot: StatusSnapshot = replace(snapshot, engine_state=EngineState.Running)
+        self.api = self.core_motion = self.ecat = self
+        self.axisControl = self.motion = self.velocity = self.config = self
+
+    def read_status(self) -> tuple[int, StatusSnapshot]:
+        self.snapshot = replace(self.snapshot, cycle_counter=self.snapshot.cycle_counter + 1)
+        return int(self.codes.get("read_status", ErrorCode.PyNone)), self.snapshot
+
+    def close(self) -> None:
+        self.calls.append("close")
+        self.open = False
+
+    def flag(self, flag: Flag, axis: int | slice, value: int) -> None:
+        flags = self.snapshot.flags.copy()
+        flags[flag, axis] = value
+        self.snapshot = replace(self.snapshot, flags=flags)
+
+    def communicates(self, on: bool, error: int = 0) -> None:
+        state = EngineState.Communicating if on else EngineState.Running
+        self.snapshot = replace(self.snapshot, engine_state=state, engine_error=error)
+        if not on:
+            self.flag(Flag.SERVO_ON, slice(None), 0)
+
+    def _answer(self, call: str) -> bool:
+        """True if the call has its effect."""
+        self.calls.append(call)
+        name = call.partition("(")[0]
+        return name not in self.deaf and not self._code(call)
+
+    def _code(self, call: str) -> int:
+        return int(self.codes.get(call, self.codes.get(call.partition("(")[0], ErrorCode.PyNone)))
+
+    # --- the vendor's names
+
+    @staticmethod
+    def ErrorToString(code: int) -> str:
+        return f"text {code}"
+
+    def GetDeviceName(self) -> tuple[int, str]:
+        self._answer("GetDeviceName")
+        return self._code("GetDeviceName"), "fake"
+
+    def GetAllDevices(self) -> tuple[int, DevicesInfo]:
+        return 0, DevicesInfo(self.n_devices)
+
+    def ScanNetwork(self, master: int) -> int:
+        self._answer(f"ScanNetwork({master})")
+        return self._code("ScanNetwork")
+
+    def StartCommunication(self, milliseconds: int) -> int:
+        assert milliseconds == 0, "a wait would hold the thread up"
+        if self._answer("StartCommunication"):
+            self.communicates(True)
+        return self._code("StartCommunication")
+
+    def StopCommunication(self, milliseconds: int) -> int:
+        self._answer("StopCommunication")
+        return 0
+
+    def ImportAndSetAll(self, path: str) -> int:
+        self._answer(f"ImportAndSetAll({path})")
+        return self._code("ImportAndSetAll")
+
+    def GetAxisParam(self) -> tuple[int, Config_AxisParam]:
+        n = self.snapshot.n_axes
+        param = Config_AxisParam([0] * n, [52953088.0] * n, [6.25] * n, [-1] * n, [True] * n, [0.0] * n)
+        return self._code("GetAxisParam"), param
+
+    def ClearAmpAlarm(self, axis: int) -> int:
+        if self._answer(f"ClearAmpAlarm({axis})"):
+            self.flag(Flag.AMP_ALARM, axis, 0)
+        return self._code(f"ClearAmpAlarm({axis})")
+
+    def ClearAxisAlarm(self, axis: int) -> int:
+        if self._answer(f"ClearAxisAlarm({axis})"):
+            self.flag(Flag.FOLLOWING_ERROR_ALARM, axis, 0)
+        return self._code(f"ClearAxisAlarm({axis})")
+
+    def SetServoOn(self, axis: int, on: int) -> int:
+        if self._answer(f"SetServoOn({axis}, {on})"):
+            self.flag(Flag.SERVO_ON, axis, on)
+        return self._code(f"SetServoOn({axis}, {on})")
+
+    def Stop_AxisSel(self, selection: AxisSelection) -> int:
+        axes = [selection.GetAxis(i) for i in range(selection.axisCount)]
+        if self._answer(f"Stop_AxisSel({axes})"):
+            for axis in axes:
+                self.flag(Flag.OP_STATE, axis, OperationState.Idle)
+        return 0
