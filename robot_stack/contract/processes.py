@@ -92,7 +92,7 @@ PROCESSES: tuple[Process, ...] = (
     ),
     _process(
         "sim_manipulator",
-        None,
+        "sim.nodes.sim_manipulator",
         _CRITICAL,
         "six-axis arm with a gripper in a physics simulation, and the simulated motion engine in lockstep with it",
         system=System.SIMULATION,
@@ -104,7 +104,13 @@ PROCESSES: tuple[Process, ...] = (
         "joint states of the manipulator",
         system=System.WMX,
     ),
-    _process("follow_joint_trajectory_server", None, _CRITICAL, "trajectories of the manipulator", system=System.WMX),
+    _process(
+        "follow_joint_trajectory_server",
+        "robot_stack.wmx.nodes.follow_joint_trajectory_server",
+        _CRITICAL,
+        "trajectories of the manipulator",
+        system=System.WMX,
+    ),
     _process(
         "wmx_ros2_general_node",
         "robot_stack.wmx.nodes.wmx_ros2_general_node",

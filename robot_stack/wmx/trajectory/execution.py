@@ -1,0 +1,269 @@
+"""One goal from its start to standstill. Whatever happens, it ends: each phase has a limit in time.
+
+WAITING (for its start) -> RUNNING (the engine follows the spline) -> SETTLING (the joints come within the goal's
+tolerance). A cancellation, a newer goal, a violated tolerance, a fault or a time that has passed leads to STOPPING,
+from where a goal ends when the axes stand, or when they do not although they were told twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.wmx.api import CoreMotionErrorCode
+from robot_stack.wmx.trajectory.arm import Arm, ArmState, Blind, end_fault, fault_of, not_ready
+from robot_stack.wmx.trajectory.goal import CheckedGoal
+from robot_stack.wmx.trajectory.plan import PlanLimits, plan_spline
+from robot_stack.wmx.trajectory.results import Fault, GoalCode, GoalRefused, Outcome, Result, aborted, succeeded
+from robot_stack.wmx.trajectory.spline import ClampedSpline
+from robot_stack.wmx.trajectory.tolerances import violation
+
+FloatArray = NDArray[np.float64]
+
+# The motion begins a few cycles after the status by which it was planned; more than this is no delay of a start.
+_LONGEST_START_S = 0.02
+_SLOWEST_SEEN_RADPS = 1e-3
+
+
+class Phase(Enum):
+    WAITING = "waiting for its start"
+    RUNNING = "running"
+    SETTLING = "settling"
+    STOPPING = "stopping"
+
+
+@dataclass(frozen=True, slots=True)
+class ExecutionSettings:
+    """start_timeout_s: until a started motion is seen. end_timeout_s: after the spline's time, until the engine is at
+    its end. status_timeout_s: without a status. standstill_radps: slower joints stand. stop_timeout_s,
+    quick_stop_timeout_s: until a stop, and then a quick stop, must have brought the joints to a stand.
+    """
+
+    joints: tuple[str, ...]
+    plan: PlanLimits
+    start_timeout_s: float
+    end_timeout_s: float
+    status_timeout_s: float
+    standstill_radps: float
+    stop_timeout_s: float
+    quick_stop_timeout_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Desired against actual, (joints,) in the order of the axes. time_s: from the start of the motion."""
+
+    time_s: float
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    actual_position: FloatArray
+    actual_velocity: FloatArray
+
+
+class Execution:
+    """Times are steady seconds."""
+
+    def __init__(self, goal: CheckedGoal, arm: Arm, settings: ExecutionSettings, now_s: float) -> None:
+        self.goal = goal
+        self.phase = Phase.WAITING
+        self.sample: Sample | None = None
+        self._arm, self._settings = arm, settings
+        self._result: Result | None = None
+        self._start_at_s = now_s + goal.start_in_s
+        self._seen_s = self._start_at_s
+        self._spline = ClampedSpline(np.array([0.0, 1.0]), np.zeros((2, len(settings.joints))))
+        self._began_s = self._start_time_s = self._delay_s = 0.0
+        self._moved = False
+        self._settling_since_s = 0.0
+        self._ending: Result | None = None
+        self._stopping_since_s = self._quick_since_s = 0.0
+        self._quick = False
+        self._stop_problem = ""
+
+    def tick(self, now_s: float, status: ArmState | Blind) -> Result | None:
+        """Looks at the arm and does what is next. The result, once the goal has ended."""
+        if self._result is None:
+            if isinstance(status, Blind):
+                self._blind(now_s, status)
+            elif self.phase is not Phase.WAITING or now_s >= self._start_at_s:
+                self._seen_s = now_s
+                self._look(now_s, status)
+        return self._result
+
+    def stop(self, now_s: float, ending: Result, *, quick: bool = False) -> None:
+        """Ends the goal with ``ending``, once the axes stand. A stop can become a quick one, never the reverse."""
+        if self._result is not None:
+            return
+        if self.phase is Phase.WAITING:
+            self._result = ending
+            return
+        if self._ending is None:
+            self.phase, self._stopping_since_s = Phase.STOPPING, now_s
+        if self._ending is None or self._ending.outcome is Outcome.CANCELED:
+            self._ending = ending
+        if not quick and not self._quick:
+            self._stop_problem = _text(self._arm.stop())
+        if quick or self._stop_problem:
+            self._quick_stop(now_s)
+
+    # --- phases ------------------------------------------------------------------------------------------------------
+
+    def _look(self, now_s: float, state: ArmState) -> None:
+        match self.phase:
+            case Phase.WAITING:
+                self._begin(now_s, state)
+            case Phase.RUNNING:
+                self._run(now_s, state)
+            case Phase.SETTLING:
+                self._settle(now_s, state)
+            case Phase.STOPPING:
+                self._stand(now_s, state)
+
+    def _begin(self, now_s: float, state: ArmState) -> None:
+        if not len(self.goal.positions):
+            self._result = succeeded("the trajectory has no points: nothing to do")
+            return
+        fault = not_ready(state, self._settings.joints)
+        if fault is not None:
+            self._result = aborted(fault)
+            return
+        try:
+            spline = plan_spline(
+                self.goal.positions, self.goal.times_s, state.command, self._settings.joints, self._settings.plan
+            )
+        except GoalRefused as refusal:
+            self._result = aborted(refusal.fault)
+            return
+        if spline is None:
+            self._result = succeeded("already there: nothing to do")
+            return
+        fault = self._arm.start(spline)
+        if fault is not None:
+            self._result = aborted(fault)
+            return
+        self._spline, self.phase = spline, Phase.RUNNING
+        self._began_s, self._start_time_s = now_s, state.time_s
+
+    def _run(self, now_s: float, state: ArmState) -> None:
+        sample = self._compare(state)
+        fault = fault_of(state, self._settings.joints)
+        if fault is not None:
+            self._stop_for(now_s, fault, state)
+            return
+        outside = self._outside(sample)
+        idle = bool(state.idle.all())
+        self._moved = self._moved or not idle
+        if outside:
+            self.stop(now_s, aborted(Fault(GoalCode.PATH_TOLERANCE_VIOLATED, f"path tolerance: {outside}")))
+        elif idle and state.complete.all() and sample.time_s >= self._spline.duration_s:
+            self.phase, self._settling_since_s = Phase.SETTLING, now_s
+            self._settle(now_s, state)
+        elif idle and not state.complete.all() and self._had_time_to_start(now_s):
+            self._stop_for(now_s, end_fault(state, self._settings.joints), state)
+        elif now_s - self._began_s > self._spline.duration_s + self._settings.end_timeout_s:
+            late_s = now_s - self._began_s - self._spline.duration_s
+            self.stop(now_s, aborted(Fault(CoreMotionErrorCode.WaitTimeout, f"still moving {late_s:.2f} s too late")))
+
+    def _settle(self, now_s: float, state: ArmState) -> None:
+        fault = fault_of(state, self._settings.joints)
+        if fault is not None:
+            self._stop_for(now_s, fault, state)
+            return
+        sample = self._compare(state)
+        outside = violation(
+            self.goal.at_goal,
+            sample.position - sample.actual_position,
+            sample.velocity - sample.actual_velocity,
+            self._settings.joints,
+        )
+        waited_s = now_s - self._settling_since_s
+        if not outside:
+            self._result = succeeded("")
+        elif waited_s > self.goal.goal_time_s:
+            text = f"goal tolerance, {self.goal.goal_time_s:g} s after the end: {outside}"
+            self._result = aborted(Fault(GoalCode.GOAL_TOLERANCE_VIOLATED, text))
+
+    def _stand(self, now_s: float, state: ArmState) -> None:
+        assert self._ending is not None
+        self._compare(state)
+        fault = fault_of(state, self._settings.joints)
+        if fault is not None and self._ending.outcome is Outcome.CANCELED:
+            self._ending = aborted(Fault(fault.code, f"{self._ending.text}; while stopping: {fault.text}"))
+        taken_s = now_s - self._stopping_since_s
+        if not state.communicating:
+            self._result = self._ending
+        elif self._standing(state):
+            self._result = replace(self._ending, text=f"{self._ending.text}; stood {1e3 * taken_s:.0f} ms later")
+        elif not self._quick and taken_s > self._settings.stop_timeout_s:
+            self._quick_stop(now_s)
+        elif self._quick and now_s - self._quick_since_s > self._settings.quick_stop_timeout_s:
+            axis = int(np.argmax(np.abs(state.velocity)))
+            text = (
+                f"{self._ending.text}; STOP FAILED: {self._settings.joints[axis]} moves at "
+                f"{state.velocity[axis]:+.3f} rad/s {taken_s:.2f} s later{self._stop_problem}"
+            )
+            self._result = aborted(Fault(CoreMotionErrorCode.WaitTimeout, text))
+
+    def _blind(self, now_s: float, blind: Blind) -> None:
+        """A goal that was not begun loses nothing by waiting until it is due."""
+        if now_s < self._start_at_s and self.phase is Phase.WAITING:
+            return
+        if blind.gone or now_s - self._seen_s > self._settings.status_timeout_s:
+            if self.phase is not Phase.WAITING and not blind.gone:
+                self._arm.quick_stop()  # an engine that is silent may still listen
+            before = f"{self._ending.text}; " if self._ending is not None else ""
+            self._result = aborted(Fault(blind.fault.code, f"{before}{blind.fault.text}"))
+
+    # --- details -----------------------------------------------------------------------------------------------------
+
+    def _compare(self, state: ArmState) -> Sample:
+        """The sample of this moment. Once the path is left on purpose, the engine's command is what is desired."""
+        time_s = state.time_s - self._start_time_s - self._delay_s
+        position, velocity, acceleration = self._spline.evaluate(time_s)
+        if self.phase is Phase.STOPPING:
+            position, velocity, acceleration = state.command, state.command_velocity, np.zeros_like(velocity)
+        else:
+            self._learn_delay(state.command - position, velocity)
+        self.sample = Sample(time_s, position, velocity, acceleration, state.position, state.velocity)
+        return self.sample
+
+    def _learn_delay(self, ahead: FloatArray, velocity: FloatArray) -> None:
+        """When the motion began can be read off the engine's command: one Newton step of a least squares fit."""
+        weight = float(velocity @ velocity)
+        if weight > _SLOWEST_SEEN_RADPS**2:
+            self._delay_s = min(max(0.0, self._delay_s - float(ahead @ velocity) / weight), _LONGEST_START_S)
+
+    def _outside(self, sample: Sample) -> str:
+        return violation(
+            self.goal.path,
+            sample.position - sample.actual_position,
+            sample.velocity - sample.actual_velocity,
+            self._settings.joints,
+        )
+
+    def _had_time_to_start(self, now_s: float) -> bool:
+        return self._moved or now_s - self._began_s > self._settings.start_timeout_s
+
+    def _stop_for(self, now_s: float, fault: Fault, state: ArmState) -> None:
+        """A fault in motion. What still moves is stopped, if there is a way to tell it."""
+        at_s = min(max(0.0, state.time_s - self._start_time_s), self._spline.duration_s)
+        text = f"{fault.text}, {at_s:.3f} s into a motion of {self._spline.duration_s:.3f} s"
+        self.stop(now_s, aborted(Fault(fault.code, text)), quick=True)
+        self._stand(now_s, state)
+
+    def _quick_stop(self, now_s: float) -> None:
+        if not self._quick:
+            self._quick, self._quick_since_s = True, now_s
+            problem = self._arm.quick_stop()
+            self._stop_problem += f" ({problem.text})" if problem is not None else ""
+
+    def _standing(self, state: ArmState) -> bool:
+        return bool(state.idle.all() and (np.abs(state.velocity) <= self._settings.standstill_radps).all())
+
+
+def _text(problem: Fault | None) -> str:
+    return "" if problem is None else f" ({problem.text})"

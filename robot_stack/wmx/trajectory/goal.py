@@ -1,0 +1,168 @@
+"""A goal as it came, and as it can be executed: checked as a whole, in the order of the axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.wmx.trajectory.results import GoalCode, GoalRefused
+from robot_stack.wmx.trajectory.tolerances import JointTolerance, Tolerances, resolve
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One waypoint; rad, rad/s, rad/s^2, N m, s. Everything but positions and time may be empty."""
+
+    positions: Sequence[float]
+    time_s: float
+    velocities: Sequence[float] = ()
+    accelerations: Sequence[float] = ()
+    effort: Sequence[float] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """What a client asks for. stamp_s: when time 0 is, ROS time; 0 means now. goal_time_s: 0 means the default."""
+
+    joint_names: Sequence[str]
+    points: Sequence[Point]
+    stamp_s: float = 0.0
+    path_tolerance: Sequence[JointTolerance] = ()
+    goal_tolerance: Sequence[JointTolerance] = ()
+    goal_time_s: float = 0.0
+    multi_dof_joints: Sequence[str] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class GoalLimits:
+    """joints: names in the order of their axes. max_start_delay_s: a start further ahead is a mistake in clocks.
+    goal_position_rad, goal_time_s: what holds at the end where the goal says nothing; 0 rad means no limit.
+    """
+
+    joints: tuple[str, ...]
+    max_points: int
+    max_start_delay_s: float
+    goal_position_rad: float
+    goal_time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedGoal:
+    """positions: (n, joints) rad, columns in the order of the axes; n may be 0. times_s: (n,), strictly increasing.
+    order: the axis column of each joint as the goal names them. start_in_s: how long the start is away.
+    """
+
+    positions: FloatArray
+    times_s: FloatArray
+    order: tuple[int, ...]
+    start_in_s: float
+    path: Tolerances
+    at_goal: Tolerances
+    goal_time_s: float
+
+
+def check_goal(goal: Goal, limits: GoalLimits, now_s: float) -> CheckedGoal:
+    """The goal in the order of the axes. now_s: ROS time. Raises GoalRefused with code and reason."""
+    n_points, n_joints = len(goal.points), len(limits.joints)
+    if n_points > limits.max_points:
+        raise GoalRefused(
+            GoalCode.INVALID_GOAL, f"{n_points} points, the engine's spline takes at most {limits.max_points}"
+        )
+    if goal.multi_dof_joints:
+        raise GoalRefused(GoalCode.INVALID_GOAL, "multi_dof_trajectory cannot be followed: every joint has one axis")
+    if n_points == 0:
+        none = Tolerances.none(n_joints)
+        return CheckedGoal(np.zeros((0, n_joints)), np.zeros(0), tuple(range(n_joints)), 0.0, none, none, 0.0)
+    order = _order(goal.joint_names, limits.joints)
+    positions, times_s = _points(goal.points, n_joints)
+    columns = np.empty_like(positions)
+    columns[:, order] = positions
+    return CheckedGoal(
+        positions=columns,
+        times_s=times_s,
+        order=order,
+        start_in_s=_start_in_s(goal.stamp_s, float(times_s[-1]), limits.max_start_delay_s, now_s),
+        path=resolve("path_tolerance", goal.path_tolerance, limits.joints, 0.0),
+        at_goal=resolve("goal_tolerance", goal.goal_tolerance, limits.joints, limits.goal_position_rad),
+        goal_time_s=_goal_time_s(goal.goal_time_s, limits.goal_time_s),
+    )
+
+
+def _order(names: Sequence[str], joints: tuple[str, ...]) -> tuple[int, ...]:
+    unknown = [name for name in names if name not in joints]
+    missing = [joint for joint in joints if joint not in names]
+    twice = sorted({name for name in names if list(names).count(name) > 1})
+    problems = [
+        f"{what}: {', '.join(map(repr, found))}"
+        for what, found in (("unknown", unknown), ("missing", missing), ("named twice", twice))
+        if found
+    ]
+    if problems:
+        raise GoalRefused(
+            GoalCode.INVALID_JOINTS, f"joint_names: {'; '.join(problems)} (joints here: {', '.join(joints)})"
+        )
+    return tuple(joints.index(name) for name in names)
+
+
+def _points(points: Sequence[Point], n_joints: int) -> tuple[FloatArray, FloatArray]:
+    for index, point in enumerate(points):
+        _check_lengths(index, point, n_joints)
+    positions = np.array([point.positions for point in points], np.float64)
+    times_s = np.array([point.time_s for point in points], np.float64)
+    if not np.isfinite(positions).all():
+        index = int(np.flatnonzero(~np.isfinite(positions).all(axis=1))[0])
+        raise GoalRefused(GoalCode.INVALID_GOAL, f"points[{index}].positions: not finite")
+    if not np.isfinite(times_s).all() or times_s[0] < 0.0:
+        raise GoalRefused(GoalCode.INVALID_GOAL, "points[0].time_from_start: is negative")
+    early = np.flatnonzero(np.diff(times_s) <= 0.0)
+    if early.size:
+        index = int(early[0]) + 1
+        raise GoalRefused(
+            GoalCode.INVALID_GOAL,
+            f"points[{index}].time_from_start: {times_s[index]:.6g} s does not come after "
+            f"{times_s[index - 1]:.6g} s of the point before; times must increase",
+        )
+    return positions, times_s
+
+
+def _check_lengths(index: int, point: Point, n_joints: int) -> None:
+    if len(point.positions) != n_joints:
+        raise GoalRefused(
+            GoalCode.INVALID_GOAL, f"points[{index}].positions: {len(point.positions)} values for {n_joints} joints"
+        )
+    for name in ("velocities", "accelerations", "effort"):
+        values = getattr(point, name)
+        if len(values) not in (0, n_joints):
+            raise GoalRefused(
+                GoalCode.INVALID_GOAL, f"points[{index}].{name}: {len(values)} values for {n_joints} joints"
+            )
+        if not all(map(math.isfinite, values)):
+            raise GoalRefused(GoalCode.INVALID_GOAL, f"points[{index}].{name}: not finite")
+
+
+def _start_in_s(stamp_s: float, duration_s: float, max_delay_s: float, now_s: float) -> float:
+    if stamp_s == 0.0:
+        return 0.0
+    if stamp_s + duration_s < now_s:
+        over_s = now_s - stamp_s - duration_s
+        raise GoalRefused(
+            GoalCode.OLD_HEADER_TIMESTAMP, f"trajectory.header.stamp: the trajectory ended {over_s:.3f} s ago"
+        )
+    if stamp_s - now_s > max_delay_s:
+        raise GoalRefused(
+            GoalCode.INVALID_GOAL,
+            f"trajectory.header.stamp: {stamp_s - now_s:.1f} s in the future, at most {max_delay_s:g} s",
+        )
+    return max(0.0, stamp_s - now_s)
+
+
+def _goal_time_s(asked_s: float, default_s: float) -> float:
+    if not math.isfinite(asked_s) or asked_s < 0.0:
+        raise GoalRefused(GoalCode.INVALID_GOAL, "goal_time_tolerance: is negative")
+    return asked_s or default_s

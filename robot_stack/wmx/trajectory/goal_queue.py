@@ -1,0 +1,71 @@
+"""One goal at a time: a newer goal stops the present one, and begins from rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from robot_stack.wmx.trajectory.arm import Arm, ArmState, Blind
+from robot_stack.wmx.trajectory.execution import Execution, ExecutionSettings
+from robot_stack.wmx.trajectory.goal import CheckedGoal
+from robot_stack.wmx.trajectory.results import Fault, GoalCode, Result, aborted, canceled
+
+KeyT = TypeVar("KeyT")
+_PREEMPTED = aborted(Fault(GoalCode.INVALID_GOAL, "preempted by a newer goal"))
+
+
+class GoalQueue(Generic[KeyT]):
+    """The goal that has the arm, and the newest one that waits for it to stand. Times are steady seconds.
+
+    end: called with the key and the result of every goal that was submitted, once.
+    """
+
+    def __init__(self, arm: Arm, settings: ExecutionSettings, end: Callable[[KeyT, Result], None]) -> None:
+        self._arm, self._settings, self._end = arm, settings, end
+        self._active: tuple[KeyT, Execution] | None = None
+        self._next: tuple[KeyT, CheckedGoal, float] | None = None
+
+    @property
+    def active(self) -> tuple[KeyT, Execution] | None:
+        return self._active
+
+    def submit(self, key: KeyT, goal: CheckedGoal, now_s: float, status: ArmState | Blind) -> None:
+        """Begins the goal, or stops what is under way for it."""
+        if self._active is not None:
+            self._active[1].stop(now_s, _PREEMPTED)
+        if self._next is not None:
+            self._end(self._next[0], _PREEMPTED)
+        self._next = (key, goal, now_s)
+        self.tick(now_s, status)
+
+    def cancel(self, key: KeyT, now_s: float) -> None:
+        """Ends the goal with this key: at once if it has not begun, else when the axes stand."""
+        if self._next is not None and self._next[0] == key:
+            self._next = None
+            self._end(key, canceled("canceled before its start"))
+        elif self._active is not None and self._active[0] == key:
+            self._active[1].stop(now_s, canceled("canceled"))
+
+    def stop_all(self, fault: Fault, now_s: float) -> None:
+        """Ends everything for ``fault``, as fast as the axes can."""
+        if self._next is not None:
+            key, self._next = self._next[0], None
+            self._end(key, aborted(fault))
+        if self._active is not None:
+            self._active[1].stop(now_s, aborted(fault), quick=True)
+
+    def tick(self, now_s: float, status: ArmState | Blind) -> None:
+        """Looks at the arm and does what is next."""
+        while True:
+            if self._active is None and self._next is not None:
+                key, goal, asked_s = self._next
+                self._next = None
+                self._active = (key, Execution(goal, self._arm, self._settings, asked_s))
+            if self._active is None:
+                return
+            key, execution = self._active
+            result = execution.tick(now_s, status)
+            if result is None:
+                return
+            self._active = None
+            self._end(key, result)

@@ -1,0 +1,58 @@
+"""How a goal ends: control_msgs' codes, which are not positive, or a code of the engine, which is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+
+
+class GoalCode(IntEnum):
+    """The constants of control_msgs/action/FollowJointTrajectory."""
+
+    SUCCESSFUL = 0
+    INVALID_GOAL = -1
+    INVALID_JOINTS = -2
+    OLD_HEADER_TIMESTAMP = -3
+    PATH_TOLERANCE_VIOLATED = -4
+    GOAL_TOLERANCE_VIOLATED = -5
+
+
+class Outcome(Enum):
+    SUCCEEDED = "succeeded"
+    ABORTED = "aborted"
+    CANCELED = "canceled"
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Why something cannot go on. code: a GoalCode or a code of the engine."""
+
+    code: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    outcome: Outcome
+    code: int
+    text: str
+
+
+class GoalRefused(Exception):
+    """A goal that cannot be followed, for a reason of its own."""
+
+    def __init__(self, code: int, text: str) -> None:
+        super().__init__(text)
+        self.fault = Fault(code, text)
+
+
+def succeeded(text: str) -> Result:
+    return Result(Outcome.SUCCEEDED, GoalCode.SUCCESSFUL, text)
+
+
+def canceled(text: str) -> Result:
+    return Result(Outcome.CANCELED, GoalCode.SUCCESSFUL, text)
+
+
+def aborted(fault: Fault) -> Result:
+    return Result(Outcome.ABORTED, fault.code, fault.text)
