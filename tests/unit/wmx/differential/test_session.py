@@ -1,0 +1,440 @@
+"""The session of two wheels, tick by tick in fake time, on an engine of which only the answers are real."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from robot_stack.core.config import load
+from robot_stack.wmx import EngineError
+from robot_stack.wmx.api import (
+    AxisCommandMode,
+    CoreMotionErrorCode,
+    DetailOperationState,
+    EngineState,
+    ErrorCode,
+    OperationState,
+    ProfileType,
+    Velocity_VelCommand,
+)
+from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
+from robot_stack.wmx.differential.kinematics import REST, WheelPair
+from robot_stack.wmx.differential.parameters import DiffDriveParams
+from robot_stack.wmx.differential.session import WheelSession
+from robot_stack.wmx.differential.states import SessionSettings, Stage
+from robot_stack.wmx.link import EngineLink
+
+PARAMS = load(DiffDriveParams, "diff_drive_controller")
+TICK_S = 0.01
+LEFT, RIGHT = 2, 1
+N_AXES = 4
+
+
+class FakeEngine:
+    """Answers as the port does. ``codes``: what a call answers, by its name; everything else succeeds at once."""
+
+    def __init__(self) -> None:
+        self.codes: dict[str, int] = {}
+        self.calls: list[str] = []
+        self.commands: list[Velocity_VelCommand] = []
+        self.open = True
+        self.snapshot: StatusSnapshot = replace(empty_snapshot(N_AXES), engine_state=EngineState.Running)
+        self.api = self.core_motion = self
+        self.axisControl = self.motion = self.velocity = self.config = self
+
+    def close(self) -> None:
+        self.open = False
+
+    def read_status(self) -> tuple[int, StatusSnapshot]:
+        return int(self.codes.get("read_status", 0)), self.snapshot
+
+    def _answer(self, name: str) -> int:
+        self.calls.append(name)
+        return int(self.codes.get(name, self.codes.get(name.split("(")[0], ErrorCode.PyNone)))
+
+    def put(self, flag: Flag, value: int, *axes: int) -> None:
+        self.snapshot.flags[flag, list(axes)] = value
+
+    def flag(self, flag: Flag, axis: int) -> int:
+        return int(self.snapshot.flags[flag, axis])
+
+    def run(self, velocity: float, *axes: int) -> None:
+        self.put(Flag.OP_STATE, OperationState.Velocity, *axes)
+        self.put(Flag.DETAIL_OP_STATE, DetailOperationState.Velocity, *axes)
+        self.snapshot.reals[Real.VELOCITY_CMD, list(axes)] = velocity
+        self.snapshot.reals[Real.ACTUAL_VELOCITY, list(axes)] = velocity
+
+    def rest(self, *axes: int) -> None:
+        self.run(0.0, *axes)
+        self.put(Flag.OP_STATE, OperationState.Idle, *axes)
+        self.put(Flag.DETAIL_OP_STATE, DetailOperationState.Idle, *axes)
+
+    def SetWatchdog(self, milliseconds: int) -> int:
+        return self._answer(f"SetWatchdog({milliseconds})")
+
+    def ResetWatchdogTimer(self) -> int:
+        return self._answer("ResetWatchdogTimer")
+
+    def StartCommunication(self, milliseconds: int) -> int:
+        assert milliseconds == 0, "a wait would hold the node up"
+        code = self._answer("StartCommunication")
+        if not code:
+            self.snapshot = replace(self.snapshot, engine_state=EngineState.Communicating)
+        return code
+
+    def ImportAndSetAll(self, path: str) -> int:
+        return self._answer(f"ImportAndSetAll({path})")
+
+    def SetAxisCommandMode(self, axis: int, mode: int) -> int:
+        code = self._answer(f"SetAxisCommandMode({axis})")
+        if not code:
+            self.put(Flag.COMMAND_MODE, mode, axis)
+        return code
+
+    def SetServoOn_AxisSel(self, selection: object, on: int) -> int:
+        axes = selection.axis  # type: ignore[attr-defined]
+        code = self._answer(f"SetServoOn({axes}, {on})")
+        if not code:
+            self.put(Flag.SERVO_ON, on, *axes)
+        return code
+
+    def ClearAmpAlarm(self, axis: int) -> int:
+        self.put(Flag.AMP_ALARM, 0, axis)
+        return self._answer(f"ClearAmpAlarm({axis})")
+
+    def ClearAxisAlarm(self, axis: int) -> int:
+        self.put(Flag.FOLLOWING_ERROR_ALARM, 0, axis)
+        return self._answer(f"ClearAxisAlarm({axis})")
+
+    def StartVel(self, count: int, commands: list[Velocity_VelCommand]) -> int:
+        assert count == len(commands) == 2
+        self.commands = commands
+        code = self._answer("StartVel")
+        if not code:
+            for command in commands:
+                self.run(command.profile.velocity, command.axis)
+        return code
+
+    def ExecQuickStop_AxisSel(self, selection: object) -> int:
+        assert sorted(selection.axis) == [RIGHT, LEFT]  # type: ignore[attr-defined]
+        code = self._answer("ExecQuickStop")
+        if not code:
+            self.rest(LEFT, RIGHT)
+        return code
+
+    def ExecQuickStop(self, axis: int) -> int:
+        return self._answer(f"ExecQuickStop({axis})")
+
+
+class Story:
+    """A session in fake time."""
+
+    def __init__(self, parameter_file: str = "") -> None:
+        self.engine = FakeEngine()
+        self.refusals: list[int] = []  # codes of the next attempts to open a device
+        self.opened = 0
+        self.now_s = 100.0
+        session = PARAMS.session
+        self.link = EngineLink(
+            self._open, retry_s=session.retry_s, feed_period_s=session.feed_period_s, watchdog_s=session.watchdog_s
+        )
+        settings = SessionSettings(
+            LEFT,
+            RIGHT,
+            0.5,
+            0.25,
+            parameter_file,
+            session.communication_retry_s,
+            session.request_pause_s,
+            session.follow_s,
+            session.standstill_radps,
+        )
+        self.session = WheelSession(self.link, settings)
+
+    def _open(self) -> FakeEngine:  # type: ignore[override]
+        if self.refusals:
+            raise EngineError("cannot create a device", self.refusals.pop(0), "refused")
+        self.opened += 1
+        self.engine.open = True
+        return self.engine
+
+    def tick(self, seconds: float = TICK_S, *, stop: bool = False) -> tuple[Stage, str]:
+        for _ in range(max(1, round(seconds / TICK_S))):
+            self.now_s += TICK_S
+            state = self.session.poll(self.now_s, stop=stop)
+        return state.stage, state.text
+
+    def ready(self) -> Story:
+        self.tick(0.2)
+        assert self.session.ready, self.session.state
+        self.engine.calls.clear()
+        return self
+
+    def driving(self) -> Story:
+        self.ready()
+        assert self.session.drive(WheelPair(3.0, 4.0), self.now_s) == ""
+        assert self.tick() == (Stage.READY, "ready")
+        self.engine.calls.clear()
+        return self
+
+    def asked(self) -> list[str]:
+        return [call for call in self.engine.calls if call != "ResetWatchdogTimer"]
+
+    def called(self, name: str) -> int:
+        return sum(call.startswith(name) for call in self.engine.calls)
+
+
+@pytest.fixture
+def story() -> Story:
+    return Story()
+
+
+# --- start ----------------------------------------------------------------------------------------------------
+
+
+def test_start_asks_for_everything_in_its_order(story: Story) -> None:
+    story = Story("/p.xml")
+    story.engine.put(Flag.AMP_ALARM, 1, LEFT)
+    story.tick(0.2)
+    assert story.session.ready
+    assert story.asked() == [
+        "SetWatchdog(300)",
+        "StartCommunication",
+        "ImportAndSetAll(/p.xml)",
+        "ClearAmpAlarm(2)",
+        "SetAxisCommandMode(2)",
+        "SetAxisCommandMode(1)",
+        "SetServoOn([2, 1], 1)",
+    ]
+
+
+def test_other_axes_are_left_alone(story: Story) -> None:
+    story.engine.put(Flag.AMP_ALARM, 1, 0, 3)
+    story.ready()
+    assert story.engine.flag(Flag.AMP_ALARM, 0) == 1
+    assert story.engine.flag(Flag.SERVO_ON, 0) == 0
+    assert story.engine.flag(Flag.COMMAND_MODE, 3) == AxisCommandMode.Position
+
+
+def test_absent_engine_is_waited_for_a_refusing_one_named(story: Story) -> None:
+    story.refusals = [ErrorCode.IMLibIsNotRunning, ErrorCode.ReachMaxChannelNumber]
+    assert story.tick() == (Stage.CONNECTING, "waiting for the motion engine")
+    stage, text = story.tick(0.1)
+    assert stage is Stage.CONNECTING
+    assert "cannot create a device: refused (ReachMaxChannelNumber, error 278)" in text
+    story.tick(0.3)
+    assert story.session.ready
+
+
+@pytest.mark.parametrize(
+    ("call", "stage", "says"),
+    [
+        ("StartCommunication", Stage.COMMUNICATION, "starting communication: SystemError (error 1280)"),
+        ("ImportAndSetAll", Stage.PARAMETERS, "wmx_param_file_path /p.xml: SystemError (error 1280)"),
+        ("SetAxisCommandMode", Stage.SWITCHING_ON, "velocity mode: SystemError (error 1280)"),
+        ("SetServoOn", Stage.SWITCHING_ON, "servo on: SystemError (error 1280)"),
+    ],
+)
+def test_refused_step_is_named_and_tried_again(call: str, stage: Stage, says: str) -> None:
+    story = Story("/p.xml")
+    story.engine.codes[call] = ErrorCode.SystemError
+    assert story.tick(0.3) == (stage, says)
+    assert story.called(call) == 1
+    assert not story.engine.flag(Flag.SERVO_ON, LEFT)
+    story.tick(2.1)
+    assert story.called(call) >= 2
+    del story.engine.codes[call]
+    story.tick(2.1)
+    assert story.session.ready
+
+
+def test_engine_with_too_few_axes_is_named(story: Story) -> None:
+    story.engine.snapshot = empty_snapshot(2)
+    assert story.tick() == (Stage.CONNECTING, "axes (2, 1) of an engine with 2")
+
+
+# --- motion ----------------------------------------------------------------------------------------------------
+
+
+def test_both_wheels_in_one_command_with_times_in_milliseconds(story: Story) -> None:
+    story.ready()
+    assert story.session.drive(WheelPair(-3.0, 4.0), story.now_s) == ""
+    assert [command.axis for command in story.engine.commands] == [LEFT, RIGHT]
+    assert [command.profile.velocity for command in story.engine.commands] == [-3.0, 4.0]
+    for command in story.engine.commands:
+        assert command.profile.type == ProfileType.TimeAccTrapezoidal
+        assert command.profile.accTimeMilliseconds == 500.0
+        assert command.profile.decTimeMilliseconds == 250.0
+
+
+def test_refused_motion_says_why(story: Story) -> None:
+    story.ready()
+    story.engine.codes["StartVel"] = CoreMotionErrorCode.NotVelocityMode
+    assert story.session.drive(WheelPair(1.0, 1.0), story.now_s) == "driving: NotVelocityMode (error 65572)"
+
+
+def test_nothing_drives_before_it_is_ready(story: Story) -> None:
+    assert story.session.drive(WheelPair(1.0, 1.0), story.now_s).startswith("not ready")
+    assert story.engine.commands == []
+
+
+def test_watchdog_is_fed_and_is_the_only_call_of_a_steady_ride(story: Story) -> None:
+    story.driving()
+    story.tick(1.0)
+    assert 8 <= story.called("ResetWatchdogTimer") <= 11
+    assert set(story.engine.calls) == {"ResetWatchdogTimer"}
+
+
+# --- faults ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("flag", "value", "says"),
+    [
+        (Flag.AMP_ALARM, 1, "right wheel: alarm 0; needs clear_alarm"),
+        (Flag.FOLLOWING_ERROR_ALARM, 1, "right wheel: following error; needs clear_alarm"),
+        (Flag.SERVO_ON, 0, "right wheel: servo off; needs clear_alarm"),
+    ],
+)
+def test_fault_of_one_wheel_stops_both_and_waits_for_somebody(story: Story, flag: Flag, value: int, says: str) -> None:
+    story.driving()
+    story.engine.put(flag, value, RIGHT)
+    stage, text = story.tick()
+    assert (stage, text[: len(says)]) == (Stage.FAULT, says)
+    assert story.asked() == ["ExecQuickStop"]
+    assert story.session.drive(WheelPair(1.0, 1.0), story.now_s)
+    story.tick(5.0)
+    assert story.asked() == ["ExecQuickStop"]
+    story.engine.put(flag, 1 - value, RIGHT)
+    assert story.tick()[0] is Stage.READY
+
+
+def test_wheel_that_another_stopped_stops_the_other_too(story: Story) -> None:
+    story.driving()
+    story.tick(0.2)
+    story.engine.rest(LEFT)
+    assert story.tick() == (Stage.FAULT, "left wheel was stopped by another")
+    assert story.called("ExecQuickStop") == 1
+    assert story.tick() == (Stage.READY, "ready")
+
+
+def test_wheel_that_is_being_stopped_by_another_stops_the_other_too(story: Story) -> None:
+    story.driving()
+    story.engine.put(Flag.OP_STATE, OperationState.Stop, RIGHT)
+    story.engine.put(Flag.DETAIL_OP_STATE, DetailOperationState.Stop, RIGHT)
+    assert story.tick() == (Stage.STOPPING, "right wheel is being stopped")
+    assert story.called("ExecQuickStop") == 1
+
+
+def test_wheel_is_given_time_to_begin(story: Story) -> None:
+    story.ready()
+    story.session.drive(WheelPair(1.0, 1.0), story.now_s)
+    story.engine.rest(LEFT, RIGHT)
+    assert story.tick(0.05)[0] is Stage.READY
+
+
+def test_rest_is_no_motion_that_could_be_missed(story: Story) -> None:
+    story.driving()
+    story.session.drive(REST, story.now_s)
+    story.engine.rest(LEFT, RIGHT)
+    assert story.tick(1.0)[0] is Stage.READY
+
+
+def test_mode_that_another_changed_is_set_back_after_a_stop(story: Story) -> None:
+    story.driving()
+    story.engine.put(Flag.COMMAND_MODE, AxisCommandMode.Position, LEFT)
+    assert story.tick() == (Stage.SWITCHING_ON, "left wheel not in velocity mode")
+    assert story.asked() == ["ExecQuickStop"]
+    assert story.tick(PARAMS.session.request_pause_s)[0] is Stage.READY
+    assert story.asked() == ["ExecQuickStop", "SetAxisCommandMode(2)"]
+
+
+def test_quick_stop_reaches_each_axis_in_its_own_mode(story: Story) -> None:
+    story.ready()
+    story.engine.codes["ExecQuickStop"] = CoreMotionErrorCode.NotVelocityMode
+    text = story.session.quick_stop()
+    assert text == "quick stop: NotVelocityMode (error 65572)"
+    assert story.engine.calls == ["ExecQuickStop", *["ExecQuickStop(2)"] * 2, *["ExecQuickStop(1)"] * 2]
+
+
+def test_quick_stop_without_an_engine_says_so(story: Story) -> None:
+    assert story.session.quick_stop() == "no engine to stop"
+
+
+def test_lost_bus_is_brought_back_from_the_start(story: Story) -> None:
+    story.driving()
+    story.engine.codes["StartCommunication"] = ErrorCode.StartCommunicationError
+    story.engine.snapshot = replace(story.engine.snapshot, engine_state=EngineState.Running)
+    story.engine.put(Flag.SERVO_ON, 0, LEFT, RIGHT)
+    story.engine.rest(LEFT, RIGHT)
+    assert story.tick() == (Stage.COMMUNICATION, "communication with the drives is lost")
+    assert story.session.state.snapshot is None
+    assert story.tick(2.1) == (Stage.COMMUNICATION, "starting communication: StartCommunicationError (error 1288)")
+    del story.engine.codes["StartCommunication"]
+    assert story.tick(2.1) == (Stage.READY, "ready")
+    assert story.engine.flag(Flag.SERVO_ON, RIGHT) == 1
+
+
+@pytest.mark.parametrize("code", [ErrorCode.IMLibIsNotRunning, ErrorCode.DeviceIsNull, ErrorCode.APIChannelError])
+def test_engine_that_ended_is_looked_for_again(story: Story, code: int) -> None:
+    story.driving()
+    story.engine.codes["read_status"] = code
+    assert story.tick() == (Stage.CONNECTING, "the motion engine has ended")
+    assert not story.engine.open
+    story.engine.codes.clear()
+    story.engine.rest(LEFT, RIGHT)
+    story.tick(0.3)
+    assert story.opened == 2
+    assert story.session.ready
+
+
+def test_stale_status_is_not_acted_on(story: Story) -> None:
+    story.driving()
+    story.engine.codes["read_status"] = ErrorCode.StatusChannelError
+    assert story.tick() == (Stage.CONNECTING, "engine status: StatusChannelError (error 271)")
+    assert story.session.state.snapshot is None
+    assert story.engine.open
+
+
+# --- emergency stop ----------------------------------------------------------------------------------------------
+
+
+def test_emergency_stop_stops_clears_and_after_it_all_is_switched_on(story: Story) -> None:
+    story.driving()
+    story.engine.put(Flag.AMP_ALARM, 1, LEFT)
+    story.engine.put(Flag.SERVO_ON, 0, LEFT)
+    assert story.tick(stop=True) == (Stage.STOPPED, "emergency stop")
+    assert story.called("ExecQuickStop") == 1
+    story.tick(1.0, stop=True)
+    assert story.called("ExecQuickStop") == 1, "wheels at rest need no second stop"
+    assert story.called("ClearAmpAlarm") == 1
+    assert story.called("SetServoOn") == 0
+    story.tick(0.1)
+    assert story.session.ready
+    assert story.called("SetServoOn([2], 1)") == 1
+
+
+def test_stop_that_was_refused_is_asked_for_again(story: Story) -> None:
+    story.driving()
+    story.engine.codes["ExecQuickStop"] = ErrorCode.APIChannelTimeOut
+    story.tick(stop=True)
+    story.tick(stop=True)
+    assert story.called("ExecQuickStop") >= 4
+
+
+def test_emergency_stop_of_the_engine_is_respected_and_not_released(story: Story) -> None:
+    story.driving()
+    story.engine.rest(LEFT, RIGHT)
+    story.engine.snapshot = replace(story.engine.snapshot, emergency_stop=True)
+    assert story.tick(1.0) == (Stage.STOPPED, "the engine is in emergency stop")
+    story.engine.snapshot = replace(story.engine.snapshot, emergency_stop=False)
+    assert story.tick(0.1) == (Stage.READY, "ready")
+
+
+def test_alarm_is_not_cleared_while_a_wheel_turns(story: Story) -> None:
+    story.driving()
+    story.engine.put(Flag.AMP_ALARM, 1, LEFT)
+    story.engine.codes["ExecQuickStop"] = ErrorCode.SystemError
+    story.tick(2.0, stop=True)
+    assert story.called("ClearAmpAlarm") == 0
