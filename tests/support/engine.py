@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from robot_stack.wmx import EngineError, MotionEngine, connect
+from robot_stack.wmx.config import load_engine_config
 from tests.support.processes import ROOT, NodeProcess
 from tests.support.waiting import wait_for
 
-AXES = 8
 BUTTON_RELEASED, BUTTON_PRESSED = 1, 0
 
 
@@ -44,7 +44,7 @@ class TestEngine:
         return self
 
     def servos(self, on: int) -> None:
-        for axis in range(AXES):
+        for axis in range(self.n_axes):
             assert self.device.core_motion.axisControl.SetServoOn(axis, on) == 0
         wait_for(lambda: all(self.device.read_status()[1].servo_on) == bool(on), f"servos {on}")
 
@@ -60,7 +60,7 @@ class TestEngine:
         self.set(alarms={}, connected=True)
         if not self.device.read_status()[1].communicating:
             assert self.device.api.StartCommunication(5000) == 0
-        for axis in range(AXES):
+        for axis in range(self.n_axes):
             self.device.core_motion.axisControl.ClearAmpAlarm(axis)
         wait_for(lambda: not any(self.device.read_status()[1].amp_alarm), "no alarm")
         self.servos(1)
@@ -73,6 +73,11 @@ class TestEngine:
     def close(self) -> None:
         if self._device is not None:
             self._device.close()
+
+    @property
+    def n_axes(self) -> int:
+        """Of the configuration in force: 8 unless ROBOT_STACK_WMX_ENGINE_CONFIG names another."""
+        return load_engine_config().n_axes
 
     @property
     def device(self) -> MotionEngine:

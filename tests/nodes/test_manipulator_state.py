@@ -1,0 +1,264 @@
+"""manipulator_state on a real engine process with six virtual joints: start, joint states, losses and the end."""
+
+from __future__ import annotations
+
+import signal
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from std_msgs.msg import Bool
+
+from robot_stack.contract import topics
+from robot_stack.wmx.api import EngineState, Motion_PosCommand, Profile
+from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE
+from tests.support.engine import TestEngine
+from tests.support.processes import NodeProcess
+from tests.support.waiting import wait_for
+
+if TYPE_CHECKING:
+    from tests.support.peer import Heard, Peer
+
+Start = Callable[..., NodeProcess]
+NAME = "manipulator_state"
+NAMES = ["joint1", "joint2", "joint3", "joint4", "joint5", "joint6", "picker_1_joint", "picker_2_joint"]
+OPEN, CLOSED = 0.0, 0.045
+QUICK = ("-p", "start.device.pause_s:=0.1", "-p", "start.communication.pause_s:=0.1")
+
+
+@pytest.fixture(autouse=True)
+def _six_joints(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(ENGINE_CONFIG_VARIABLE, "wmx_engine_manipulator")
+
+
+@pytest.fixture
+def engine(start: Start, tmp_path: Path, _six_joints: None) -> Iterator[TestEngine]:
+    engine = TestEngine(start, tmp_path)
+    yield engine
+    engine.close()
+
+
+class Manipulator:
+    """The node, and what it has said."""
+
+    def __init__(self, start: Start, peer: Peer, *ros_args: str) -> None:
+        self.joints: Heard = peer.listen(topics.WMX_JOINT_STATES)
+        self._beats = peer.listen(topics.HEARTBEAT)
+        self.process = start(NAME, *QUICK, *ros_args)
+
+    def wait_health(self, text: str) -> None:
+        """Waits for a heartbeat that says ``text``; empty means ready."""
+
+        def matches() -> bool:
+            last = self._beats.last
+            if last is None or last.node != NAME:
+                return False
+            return text in last.waiting_for if text else last.ready
+
+        wait_for(matches, f"the node to be {text or 'ready'}", 60.0)
+
+    def wait_up(self) -> Any:
+        self.wait_health("")
+        return self.joints.wait(lambda _: True, "joint states")
+
+    def wait_silent(self) -> None:
+        """No joint state for half a second: 250 periods."""
+        wait_for(lambda: time.monotonic() - self.joints.items[-1][0] > 0.5, "silence")
+
+    def wait_news(self) -> Any:
+        count = len(self.joints.items)
+        wait_for(lambda: len(self.joints.items) > count, "joint states again")
+        return self.joints.last
+
+
+def status(engine: TestEngine) -> StatusSnapshot:
+    return engine.device.read_status()[1]
+
+
+def test_joint_states(start: Start, peer: Peer, engine: TestEngine) -> None:
+    engine.run()
+    isaac, gazebo = peer.listen(topics.ISAAC_JOINT_COMMAND), peer.listen(topics.GAZEBO_COMMANDS)
+    node = Manipulator(start, peer, "-p", "isaacsim_joint_topic:=/isaacsim/joint_command")
+    message = node.wait_up()
+    assert list(message.name) == NAMES
+    assert message.header.frame_id == ""
+    assert list(message.effort) == []
+    assert len(message.position) == len(message.velocity) == 8
+    stamp_s = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+    assert abs(time.time() - stamp_s) < 30.0
+
+    # rates: what is taken late is taken late by chance, the middle interval is the publisher's
+    begin = len(node.joints.items)
+    wait_for(lambda: len(node.joints.items) > begin + 500, "500 joint states")
+    stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in node.joints.messages[begin:]]
+    periods = [b - a for a, b in zip(stamps, stamps[1:], strict=False)]
+    assert statistics.median(periods) == pytest.approx(0.002, abs=0.0003)
+    assert all(period > 0.0 for period in periods)
+
+    # measured values of a motion, the same on all topics
+    profile = Profile.SetupTrapezoidal(0.5, 2.0, 2.0)
+    assert engine.device.core_motion.motion.StartPos(Motion_PosCommand(2, 0.4, profile)) == 0
+    moving = node.joints.wait(lambda m: m.velocity[2] > 0.4, "joint3 to move")
+    assert 0.0 < moving.position[2] < 0.4
+    assert list(moving.velocity[6:]) == [0.0, 0.0]
+    node.joints.wait(lambda m: abs(m.position[2] - 0.4) < 1e-6 and m.velocity[2] == 0.0, "joint3 to arrive")
+    last = gazebo.wait(lambda m: abs(m.data[2] - 0.4) < 1e-6, "the Gazebo positions")
+    assert list(last.data) == list(node.joints.last.position)
+    mirrored = isaac.wait(lambda m: abs(m.position[2] - 0.4) < 1e-6, "the Isaac Sim states")
+    assert list(mirrored.name) == NAMES
+    assert (mirrored.header.stamp.sec, mirrored.header.stamp.nanosec) == (0, 0)
+
+    # the gripper's output bit
+    assert list(last.data[6:]) == [OPEN, OPEN]
+    assert engine.device.io.SetOutBit(0, 0, 1) == 0
+    node.joints.wait(lambda m: list(m.position[6:]) == [CLOSED, CLOSED], "closed fingers")
+    gazebo.wait(lambda m: list(m.data[6:]) == [CLOSED, CLOSED], "closed fingers for Gazebo")
+    assert engine.device.io.SetOutBit(0, 1, 1) == 0
+    assert engine.device.io.SetOutBit(0, 0, 0) == 0
+    node.joints.wait(lambda m: list(m.position[6:]) == [OPEN, OPEN], "open fingers")
+
+
+def test_names_and_options(start: Start, peer: Peer, engine: TestEngine) -> None:
+    engine.run()
+    node = Manipulator(
+        start,
+        peer,
+        *("-p", "isaacsim_joint_topic:=/isaacsim/joint_command", "-p", "isaacsim_stamp:=true"),
+        *("-p", "gazebo_joint_topic:=/gazebo_joint_topic/no_param", "-p", "encoder_joint_topic:=/arm/joint_states"),
+        *("-p", "joint_feedback_rate:=100", "-p", "auto_servo_on:=false", "-p", "gripper_bit:=1"),
+    )
+    isaac = peer.listen(topics.ISAAC_JOINT_COMMAND)
+    first = isaac.wait(lambda _: True, "the Isaac Sim states")
+    assert first.header.stamp.sec > 0
+    names = [name for name, _ in peer.node.get_topic_names_and_types() if peer.node.count_publishers(name)]
+    assert "/arm/joint_states" in names
+    assert not {"/joint_states", "/gazebo_position_controller/commands", "/gazebo_joint_topic/no_param"} & set(names)
+    assert engine.device.io.SetOutBit(0, 1, 1) == 0
+    isaac.wait(lambda m: list(m.position[6:]) == [CLOSED, CLOSED], "closed fingers")
+    wait_for(lambda: len(isaac.items) > 100, "100 messages")
+    stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in isaac.messages]
+    assert statistics.median(b - a for a, b in zip(stamps, stamps[1:], strict=False)) == pytest.approx(0.01, abs=1e-3)
+    node.wait_health("servo off: joint1 joint2 joint3 joint4 joint5 joint6")
+    assert not status(engine).servo_on.any()
+
+
+def test_a_killed_engine_is_silence_and_its_successor_a_new_start(
+    start: Start, peer: Peer, engine: TestEngine, tmp_path: Path
+) -> None:
+    engine.run()
+    node = Manipulator(start, peer)
+    node.wait_up()
+    engine.kill()
+    node.wait_silent()
+    node.wait_health("device: ")
+    assert node.process.running()
+    assert "the motion engine has ended" in node.process.output()
+    successor = TestEngine(start, tmp_path).run()
+    node.wait_news()
+    node.wait_health("")
+    assert status(successor).servo_on.all()
+    successor.close()
+
+
+def test_a_lost_bus_is_silence_and_its_return_leaves_the_servos_off(
+    start: Start, peer: Peer, engine: TestEngine
+) -> None:
+    engine.run()
+    node = Manipulator(start, peer, "-p", "start.communication.limit_s:=1.0")
+    node.wait_up()
+    engine.set(connected=False)
+    node.wait_health("communication: ")
+    node.wait_silent()
+    assert "communication with the drives is lost" in node.process.output()
+    engine.set(connected=True)
+    node.wait_news()
+    node.wait_health("servo off: joint1")
+    assert not status(engine).servo_on.any()
+    engine.servos(1)
+    node.wait_health("")
+
+
+def test_a_bus_that_somebody_stops_is_left_alone(start: Start, peer: Peer, engine: TestEngine) -> None:
+    engine.run()
+    node = Manipulator(start, peer)
+    node.wait_up()
+    assert engine.device.api.StopCommunication(5000) == 0
+    node.wait_health("was stopped by another device")
+    node.wait_silent()
+    assert status(engine).engine_state is EngineState.Running
+    assert engine.device.api.StartCommunication(5000) == 0
+    node.wait_news()
+
+
+def test_an_alarm_is_told_and_left_to_the_operator(start: Start, peer: Peer, engine: TestEngine) -> None:
+    engine.run()
+    node = Manipulator(start, peer)
+    node.wait_up()
+    engine.set(alarms={"3": 33})
+    node.wait_health("joint4 amplifier alarm 33")
+    node.wait_news()
+    engine.recover()
+    node.wait_health("")
+
+
+def test_no_servo_comes_on_during_an_emergency_stop(start: Start, peer: Peer, engine: TestEngine) -> None:
+    node = Manipulator(start, peer)
+    peer.wait_matched(topics.EMERGENCY_STOP)
+    peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
+    node.wait_health("device: ")
+    engine.run()
+    node.wait_health("amplifier alarms: emergency stop")
+    node.wait_news()
+    assert not status(engine).servo_on.any()
+
+
+def test_parameters_that_cannot_be_set_keep_servos_and_joint_states_off(
+    start: Start, peer: Peer, engine: TestEngine, tmp_path: Path
+) -> None:
+    engine.run()
+    path = tmp_path / "missing.xml"
+    node = Manipulator(start, peer, "-p", f"wmx_param_file_path:={path}", "-p", "start.parameters.pause_s:=0.1")
+    node.wait_health(f"parameters: {path}: ")
+    node.process.wait_output("5 attempts failed, still trying")
+    assert node.joints.items == []
+    assert not status(engine).servo_on.any()
+
+
+def test_the_end_takes_back_what_the_start_took(start: Start, peer: Peer, engine: TestEngine) -> None:
+    engine.run()
+    node = Manipulator(start, peer)
+    node.wait_up()
+    profile = Profile.SetupTrapezoidal(1.0, 5.0, 5.0)
+    assert engine.device.core_motion.motion.StartPos(Motion_PosCommand(0, 100.0, profile)) == 0
+    node.joints.wait(lambda m: m.velocity[0] > 0.5, "joint1 to move")
+    node.process.signal(signal.SIGINT)
+    fastest = 0.0
+    while node.process.running():
+        snapshot = status(engine)
+        if not snapshot.servo_on[0]:
+            fastest = max(fastest, abs(float(snapshot.actual_velocity[0])))
+    assert node.process.wait() == 0
+    assert fastest < 0.1  # it stood when its servo went off
+    assert not status(engine).servo_on.any()
+    assert status(engine).communicating  # others have devices
+
+
+@pytest.mark.parametrize(
+    ("override", "text"),
+    [
+        ("joint_feedback_rate:=0", "joint_feedback_rate"),
+        ("joint_name:=[joint1, joint2]", "joint_name must have joint_number + 2 = 8 names, has 2"),
+        ("joint_name:=[a, a, b, c, d, e, f, g]", "joint_name: a appears more than once"),
+        ("encoder_joint_topic:='/no good'", "no good"),
+    ],
+)
+def test_wrong_parameters_are_one_line_and_the_end(start: Start, override: str, text: str) -> None:
+    process = start(NAME, "-p", override)
+    assert process.wait() == 2
+    errors = [line for line in process.output().splitlines() if line.startswith("error: ")]
+    assert len(errors) == 1
+    assert text in errors[0]
