@@ -63,6 +63,10 @@ class Flag(IntEnum):
     ENCODER_FEEDBACK = 22
     END_REASON = 23
     OWNER = 24
+    POSITIVE_LS = 25
+    NEGATIVE_LS = 26
+    HOME_SWITCH = 27
+    HOME_ERROR = 28
 
 
 N_REALS = len(Real)

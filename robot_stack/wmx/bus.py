@@ -51,7 +51,9 @@ class DriveCommands:
 class DriveFeedback:
     """Drives to engine; arrays of length ``n_axes``, except ``inputs``. ``alarm_code`` 0 means no alarm.
 
-    ``torque_percent`` is in percent of rated torque, positive in the drive's positive direction.
+    ``torque_percent`` is in percent of rated torque, positive in the drive's positive direction. Switches are as wired:
+    True is a high signal; a drive says with the ``has_`` arrays which sensors it has. ``z_pulse`` marks a cycle in
+    which the encoder's index mark was passed, ``z_pulse_counts`` where it was.
     """
 
     position_counts: NDArray[np.int64]
@@ -60,6 +62,14 @@ class DriveFeedback:
     servo_on: NDArray[np.bool_]
     alarm_code: NDArray[np.int32]
     inputs: NDArray[np.uint8]
+    positive_limit: NDArray[np.bool_]
+    negative_limit: NDArray[np.bool_]
+    home_switch: NDArray[np.bool_]
+    z_pulse: NDArray[np.bool_]
+    z_pulse_counts: NDArray[np.int64]
+    has_limit_switches: NDArray[np.bool_]
+    has_home_switch: NDArray[np.bool_]
+    has_z_pulse: NDArray[np.bool_]
 
     @classmethod
     def zeros(cls, n_axes: int, n_input_bytes: int) -> DriveFeedback:
@@ -71,6 +81,14 @@ class DriveFeedback:
             servo_on=np.zeros(n_axes, np.bool_),
             alarm_code=np.zeros(n_axes, np.int32),
             inputs=np.zeros(n_input_bytes, np.uint8),
+            positive_limit=np.zeros(n_axes, np.bool_),
+            negative_limit=np.zeros(n_axes, np.bool_),
+            home_switch=np.zeros(n_axes, np.bool_),
+            z_pulse=np.zeros(n_axes, np.bool_),
+            z_pulse_counts=np.zeros(n_axes, np.int64),
+            has_limit_switches=np.zeros(n_axes, np.bool_),
+            has_home_switch=np.zeros(n_axes, np.bool_),
+            has_z_pulse=np.zeros(n_axes, np.bool_),
         )
 
 

@@ -52,8 +52,48 @@ class SoftLimits(Config):
         return self
 
 
+class LimitSwitches(Config):
+    """What the engine does when an axis runs into one of its drive's limit switches."""
+
+    action: Literal["none", "servo_off", "dec_servo_off", "dec", "slow_dec_servo_off", "slow_dec"]
+    dec_radps2: Positive
+    slow_dec_radps2: Positive
+
+
+class Homing(Config):
+    """Speeds of a homing motion; which homing it is, a client sets."""
+
+    fast_radps: Positive
+    slow_radps: Positive
+    acceleration_radps2: Positive
+
+
+class Switches(Config):
+    """Where the switches of a simulated drive lie, from its encoder's zero, in its encoder's direction. null: none."""
+
+    positive_limit_rad: float | None
+    negative_limit_rad: float | None
+    home_from_rad: float | None
+    home_to_rad: float | None
+    z_pulse_spacing_rad: Positive | None
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Switches:
+        ends = (self.negative_limit_rad, self.positive_limit_rad)
+        if None not in ends and not self.negative_limit_rad < self.positive_limit_rad:  # type: ignore[operator]
+            raise ValueError("negative_limit_rad must be below positive_limit_rad")
+        if (self.home_from_rad is None) != (self.home_to_rad is None):
+            raise ValueError("home_from_rad and home_to_rad must be given together")
+        if self.home_from_rad is not None and not self.home_from_rad < self.home_to_rad:  # type: ignore[operator]
+            raise ValueError("home_from_rad must be below home_to_rad")
+        return self
+
+
 class AxisKind(Config):
-    """One kind of axis. Encoder counts = rad * gear_numerator / gear_denominator * polarity."""
+    """One kind of axis. Encoder counts = rad * gear_numerator / gear_denominator * polarity.
+
+    ``limit_switches`` and ``homing`` null: the vendor's defaults; ``switches`` null: the drive has none.
+    """
 
     mode: Literal["position", "velocity"]
     gear_numerator: Annotated[float, Field(ge=1e-6, le=2147483647.0)]
@@ -68,6 +108,16 @@ class AxisKind(Config):
     servo_off_during_alarm: bool
     following_error: FollowingError
     soft_limits: SoftLimits | None
+    limit_switches: LimitSwitches | None = None
+    homing: Homing | None = None
+    switches: Switches | None = None
+
+    @model_validator(mode="after")
+    def _one_deceleration(self) -> AxisKind:
+        both = self.soft_limits is not None and self.limit_switches is not None
+        if both and self.soft_limits.dec_radps2 != self.limit_switches.dec_radps2:  # type: ignore[union-attr]
+            raise ValueError("soft_limits.dec_radps2 and limit_switches.dec_radps2 must be equal: the engine has one")
+        return self
 
     @property
     def counts_per_rad(self) -> float:

@@ -12,6 +12,7 @@ from robot_stack.wmx.api.enums import (
     EcStateMachine,
     EngineState,
     EStopLevel,
+    HomeError,
     HomeState,
     OperationState,
 )
@@ -19,7 +20,7 @@ from robot_stack.wmx.api.enums import (
 
 @dataclass(slots=True)
 class CoreMotionAxisStatus:
-    """One axis. Fields that no simulated drive has a sensor for (limit and home switches) stay False."""
+    """One axis."""
 
     servoOn: bool = False
     servoOffline: bool = True
@@ -55,6 +56,7 @@ class CoreMotionAxisStatus:
     positiveSoftLimit: bool = False
     negativeSoftLimit: bool = False
     homeState: int = HomeState.Idle
+    homeError: int = HomeError.NoError
     homeDone: bool = False
     homeSwitch: bool = False
     homeOffset: float = 0.0

@@ -13,6 +13,7 @@ from robot_stack.core.runtime import AlreadyRunning, runtime_dir
 from robot_stack.wmx.config import EngineConfig, load_engine_config
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.server import EngineServer
+from robot_stack.wmx.simulated.switches import drive_switches
 from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
 
 
@@ -35,7 +36,7 @@ def run_engine(config: EngineConfig, folder: Path, speed: float = 1.0) -> None:
 
 
 def _engine(config: EngineConfig) -> Engine:
-    return Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s))
+    return Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s, switches=drive_switches(config)))
 
 
 def main() -> int:

@@ -53,6 +53,9 @@ _FLAG_FIELDS: Final = {
     "positiveSoftLimit": Flag.POSITIVE_SOFT_LIMIT,
     "negativeSoftLimit": Flag.NEGATIVE_SOFT_LIMIT,
     "homeDone": Flag.HOME_DONE,
+    "positiveLS": Flag.POSITIVE_LS,
+    "negativeLS": Flag.NEGATIVE_LS,
+    "homeSwitch": Flag.HOME_SWITCH,
 }
 _CODE_FIELDS: Final = {
     "ampAlarmCode": Flag.AMP_ALARM_CODE,
@@ -62,6 +65,7 @@ _CODE_FIELDS: Final = {
     "detailOpState": Flag.DETAIL_OP_STATE,
     "axisCommandMode": Flag.COMMAND_MODE,
     "homeState": Flag.HOME_STATE,
+    "homeError": Flag.HOME_ERROR,
 }
 _REAL_FIELDS: Final = {
     "posCmd": Real.POS_CMD,

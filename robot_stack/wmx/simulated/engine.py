@@ -32,6 +32,7 @@ from robot_stack.wmx.simulated.motion import MotionControl
 from robot_stack.wmx.simulated.parameter_set import ParameterSet, rescale
 from robot_stack.wmx.simulated.parameters import Parameters
 from robot_stack.wmx.simulated.state import Condition, EngineArrays
+from robot_stack.wmx.simulated.switch_kernel import watch_switches
 
 _NO_ERROR = int(ErrorCode.PyNone)
 _OFFLINE = int(ErrorCode.ServoOffline)
@@ -134,6 +135,9 @@ class Engine:
             inp.torque_percent,
             inp.servo_on,
             inp.alarm_code,
+        )
+        watch_switches(
+            a.reals, a.flags, a.params, a.work, a.plan, inp.positive_limit, inp.negative_limit, inp.home_switch
         )
 
     def _warm_up(self) -> None:

@@ -30,6 +30,7 @@ SOURCES: Final = (
     "simulated/profile.py",
     "simulated/rows.py",
     "simulated/spline_kernel.py",
+    "simulated/switch_kernel.py",
 )
 """What compiled code is made of, relative to the package ``robot_stack.wmx``."""
 

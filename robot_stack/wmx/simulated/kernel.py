@@ -270,11 +270,21 @@ def _following_error(reals: Reals, flags: Ints, params: Reals, work: Ints, plan:
 @compiled
 def _soft_limits(reals: Reals, flags: Ints, params: Reals, work: Ints, plan: Reals, i: int) -> None:
     """Acts on the edge of running into a limit; a motion away from it is free."""
-    kind = work[rows.SOFT_LIMIT_TYPE, i]
-    active = kind != LIMIT_NONE and flags[HOME_DONE, i] != 0
+    positive, negative = work[rows.SOFT_POSITIVE_TYPE, i], work[rows.SOFT_NEGATIVE_TYPE, i]
+    homed = flags[HOME_DONE, i] != 0
     position = reals[POS_CMD, i]
-    high = active and params[rows.SOFT_POSITIVE, i] != 0.0 and position > params[rows.SOFT_POSITIVE, i]
-    low = active and params[rows.SOFT_NEGATIVE, i] != 0.0 and position < params[rows.SOFT_NEGATIVE, i]
+    high = (
+        homed
+        and positive != LIMIT_NONE
+        and params[rows.SOFT_POSITIVE, i] != 0.0
+        and position > params[rows.SOFT_POSITIVE, i]
+    )
+    low = (
+        homed
+        and negative != LIMIT_NONE
+        and params[rows.SOFT_NEGATIVE, i] != 0.0
+        and position < params[rows.SOFT_NEGATIVE, i]
+    )
     flags[POSITIVE_SOFT_LIMIT, i] = 1 if high else 0
     flags[NEGATIVE_SOFT_LIMIT, i] = 1 if low else 0
     velocity = reals[VELOCITY_CMD, i]
@@ -282,6 +292,7 @@ def _soft_limits(reals: Reals, flags: Ints, params: Reals, work: Ints, plan: Rea
         return
     if not ((high and velocity > 0.0) or (low and velocity < 0.0)):
         return
+    kind = positive if velocity > 0.0 else negative
     slow = kind in (LIMIT_SLOW_DEC, LIMIT_SLOW_DEC_SERVO_OFF)
     dec = params[rows.LS_SLOW_DEC, i] if slow else params[rows.LS_DEC, i]
     begin_stop(reals, flags, work, plan, i, dec, DETAIL_STOP, REASON_SOFT_LIMIT)

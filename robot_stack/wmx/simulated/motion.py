@@ -206,13 +206,8 @@ class MotionControl:
         return _NO_ERROR
 
     def _towards_limit(self, moves: Sequence[tuple[int, float]]) -> int:
-        flags = self._a.flags
-        for axis, direction in moves:
-            if (direction > 0.0 and flags[Flag.POSITIVE_SOFT_LIMIT, axis]) or (
-                direction < 0.0 and flags[Flag.NEGATIVE_SOFT_LIMIT, axis]
-            ):
-                return ErrorCode.AxisSoftLimit
-        return _NO_ERROR
+        codes = (checks.towards_limit(self._a.flags, self._a.work, axis, direction) for axis, direction in moves)
+        return next(filter(None, codes), _NO_ERROR)
 
     def _stoppable(self, axes: Sequence[int], mode: AxisCommandMode) -> int:
         code = self._reachable(axes)

@@ -29,7 +29,7 @@ from robot_stack.wmx.api.parameters import (
     Config_MotionParam,
 )
 from robot_stack.wmx.axes import Flag, Real
-from robot_stack.wmx.config import AxisKind, EngineConfig
+from robot_stack.wmx.config import AxisKind, EngineConfig, Homing
 from robot_stack.wmx.simulated import rows
 from robot_stack.wmx.simulated.checks import LARGEST, SMALLEST
 from robot_stack.wmx.simulated.state import EngineArrays
@@ -39,6 +39,16 @@ GEAR_LARGEST: Final = 2147483647.0
 
 AxisBlock = Config_FeedbackParam | Config_HomeParam | Config_LimitParam | Config_MotionParam | Config_AlarmParam
 BlockT = TypeVar("BlockT")
+
+LIMIT_ACTIONS: Final = {
+    "none": Config_LimitSwitchType.PyNone,
+    "servo_off": Config_LimitSwitchType.ServoOff,
+    "dec_servo_off": Config_LimitSwitchType.DecServoOff,
+    "dec": Config_LimitSwitchType.Dec,
+    "slow_dec_servo_off": Config_LimitSwitchType.SlowDecServoOff,
+    "slow_dec": Config_LimitSwitchType.SlowDec,
+}
+"""By their names in the engine's configuration."""
 
 BLOCKS: Final[dict[str, type[AxisBlock]]] = {
     "feedback": Config_FeedbackParam,
@@ -151,8 +161,9 @@ class Parameters:
                     work[rows.DELAYED_POS_SET_CYCLES] = _cycles(block.delayedPosSetMilliseconds, cycle_s)
                 case Config_HomeParam():
                     work[rows.UNHOME_ON_SERVO_OFF] = block.clearHomeDoneOnServoOff
+                    work[rows.HS_INVERT] = block.invertHSPolarity
                 case Config_LimitParam():
-                    work[rows.SOFT_LIMIT_TYPE] = block.softLimitType
+                    self._apply_limit(axis, block)
                     params[rows.SOFT_POSITIVE] = block.softLimitPositivePos
                     params[rows.SOFT_NEGATIVE] = block.softLimitNegativePos
                     params[rows.LS_DEC] = block.lsDec
@@ -162,6 +173,18 @@ class Parameters:
                     work[rows.OVERTRAVEL] = block.prohibitOvertravel
                 case Config_AlarmParam():
                     self._apply_alarm(axis, block)
+
+    def _apply_limit(self, axis: int, block: Config_LimitParam) -> None:
+        work = self._a.work[:, axis]
+        separate = Config_LimitSwitchType.SeparatePositiveLSNegativeLS
+        soft, hard = block.softLimitType, block.lsType
+        work[rows.SOFT_POSITIVE_TYPE] = block.positiveSoftLimitType if soft == separate else soft
+        work[rows.SOFT_NEGATIVE_TYPE] = block.negativeSoftLimitType if soft == separate else soft
+        work[rows.LS_POSITIVE_TYPE] = block.positiveLSType if hard == separate else hard
+        work[rows.LS_NEGATIVE_TYPE] = block.negativeLSType if hard == separate else hard
+        work[rows.LS_INVERT_POSITIVE] = block.invertPositiveLSPolarity
+        work[rows.LS_INVERT_NEGATIVE] = block.invertNegativeLSPolarity
+        work[rows.LS_REVERSED] = block.lsDirection == Config_LimitSwitchDirection.Reverse
 
     def _apply_alarm(self, axis: int, block: Config_AlarmParam) -> None:
         params, work = self._a.params[:, axis], self._a.work[:, axis]
@@ -315,17 +338,38 @@ def _blocks(kind: AxisKind) -> dict[str, AxisBlock]:
             lsDec=limits.dec_radps2,
             lsSlowDec=limits.dec_radps2,
         )
+    switches = kind.limit_switches
+    if switches is not None:
+        limit.lsType = LIMIT_ACTIONS[switches.action]
+        limit.lsDec, limit.lsSlowDec = switches.dec_radps2, switches.slow_dec_radps2
     return {
         "feedback": Config_FeedbackParam(
             inPosWidth=kind.in_pos_width_rad,
             posSetWidth=kind.pos_set_width_rad,
             delayedPosSetWidth=kind.pos_set_width_rad,
         ),
-        "home": Config_HomeParam(),
+        "home": _home(kind.homing),
         "limit": limit,
         "motion": Config_MotionParam(quickStopDec=kind.quick_stop_dec_radps2),
         "alarm": alarm,
     }
+
+
+def _home(homing: Homing | None) -> Config_HomeParam:
+    if homing is None:
+        return Config_HomeParam()
+    acc = homing.acceleration_radps2
+    return Config_HomeParam(
+        homingVelocitySlow=homing.slow_radps,
+        homingVelocitySlowAcc=acc,
+        homingVelocitySlowDec=acc,
+        homingVelocityFast=homing.fast_radps,
+        homingVelocityFastAcc=acc,
+        homingVelocityFastDec=acc,
+        homeShiftVelocity=homing.slow_radps,
+        homeShiftAcc=acc,
+        homeShiftDec=acc,
+    )
 
 
 def _emergency_stop(config: EngineConfig, kinds: list[AxisKind]) -> Config_EmergencyStopParam:

@@ -43,10 +43,18 @@ N_PARAMS: Final = 16
     VELOCITY_ERROR_MOVING_CYCLES,  # parameter
     VELOCITY_ERROR_STOPPED_CYCLES,  # parameter
     VELOCITY_ERROR_COUNT,
-    SOFT_LIMIT_TYPE,  # parameter
+    SOFT_POSITIVE_TYPE,  # parameter
     SERVO_OFF_ON_ALARM,  # parameter
     UNHOME_ON_SERVO_OFF,  # parameter
     OVERTRAVEL,  # parameter
     SPLINE,  # mark of the spline that carries the axis, 0 = none
-) = range(18)
-N_WORK: Final = 18
+    SOFT_NEGATIVE_TYPE,  # parameter
+    LS_POSITIVE_TYPE,  # parameter: of the switch named positive
+    LS_NEGATIVE_TYPE,  # parameter
+    LS_INVERT_POSITIVE,  # parameter
+    LS_INVERT_NEGATIVE,  # parameter
+    LS_REVERSED,  # parameter: the switch named positive lies at the negative end
+    HS_INVERT,  # parameter
+    LS_IGNORED,  # ends whose switch a homing motion uses itself
+) = range(26)
+N_WORK: Final = 26

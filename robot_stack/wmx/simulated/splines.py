@@ -157,13 +157,9 @@ class Splines:
 
     def _towards_limit(self, axes: Sequence[int], way: Reals) -> int:
         """The engine's rule for every start: not further into a limit that an axis is at."""
-        flags = self._a.flags
-        for axis, direction in zip(axes, way, strict=True):
-            if (direction > 0.0 and flags[Flag.POSITIVE_SOFT_LIMIT, axis]) or (
-                direction < 0.0 and flags[Flag.NEGATIVE_SOFT_LIMIT, axis]
-            ):
-                return ErrorCode.AxisSoftLimit
-        return _NO_ERROR
+        a = self._a
+        codes = (checks.towards_limit(a.flags, a.work, axis, way[j]) for j, axis in enumerate(axes))
+        return next(filter(None, codes), _NO_ERROR)
 
     def _begin(self, device: int, channel: int, axes: Sequence[int], times: Reals, points: Reals) -> int:
         a, chosen = self._a, list(axes)

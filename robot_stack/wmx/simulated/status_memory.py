@@ -35,7 +35,7 @@ from robot_stack.wmx.simulated.engine import Engine
 STATUS_FILE: Final = "engine.status"
 
 _MAGIC: Final = 0x53_58_4D_57  # "WMXS"
-_LAYOUT: Final = 1
+_LAYOUT: Final = 2
 _HEAD: Final = struct.Struct("<qqqqqqqq")
 """magic, layout, axes, input bytes, output bytes, checksum used, checksum, sequence number"""
 _CHECKSUM_AT: Final = 48
