@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass
 
 import pytest
 from hypothesis import settings
@@ -168,10 +169,13 @@ class Keys:
     released_at_s: float = 0.0
     fast_until_s: float = 0.0
     alarm: bool = False
-    log: list[str] = field(default_factory=list)
+    good_since_s: float = -math.inf
 
     def may_release(self, now_s: float) -> bool:
         if self.last_stop or (self.last_stop is None and self.stop_latched) or self.alarm:
+            return False
+        # A monitor that has come up beside broken drives has not seen them good yet.
+        if now_s - self.good_since_s < PARAMS.startup_settle_s:
             return False
         settled = self.last_stop is None or now_s - self.released_at_s >= PARAMS.release_settle_s - 1e-6
         return settled and now_s - self.fast_until_s >= PARAMS.standstill_hold_s - 1e-6
@@ -214,12 +218,18 @@ class TwoKeys(RuleBasedStateMachine):
         self.story.tick()
         if self.story.wheel_radps:
             self.keys.fast_until_s = self.story.now_s
+        if alarm and self.story.now_s - self.keys.good_since_s < PARAMS.startup_settle_s:
+            self.keys.good_since_s = math.inf
+        elif not alarm and self.keys.good_since_s == math.inf:
+            self.keys.good_since_s = self.story.now_s
         self.keys.alarm = alarm
         self.keys.latched |= alarm
 
     @rule()
     def reset(self) -> None:
         was_latched = self.keys.latched
+        if abs(self.story.now_s - self.keys.good_since_s - PARAMS.startup_settle_s) < TICK_S / 2.0:
+            self.wait(TICK_S)  # the exact moment is a matter of rounding
         answer = self.story.reset()
         assert answer.success == (not was_latched or self.keys.may_release(self.story.now_s)), answer.message
         if answer.success:
@@ -232,6 +242,7 @@ class TwoKeys(RuleBasedStateMachine):
         self.story.wheel_radps, self.story.axes = old.wheel_radps, old.axes
         self.keys.last_stop = None
         self.keys.fast_until_s = self.story.now_s
+        self.keys.good_since_s = math.inf if self.keys.alarm else -math.inf
         # long enough for the engine's cycles to be seen and the settling of the sensors
         self.story.run(3.0)
         if self.story.wheel_radps:
