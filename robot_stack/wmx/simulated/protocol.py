@@ -43,10 +43,10 @@ def pack(numbers: ArrayLike) -> str:
 def unpack(text: str) -> NDArray[np.float64]:
     """The numbers of ``pack`` in one row. Raises ValueError if it is no such text."""
     try:
-        data = base64.b64decode(text, validate=True)
-    except binascii.Error as error:
-        raise ValueError(f"numbers must be base64: {error}") from error
-    return np.frombuffer(data, "<f8").astype(np.float64)  # a copy: it must be writable
+        numbers = np.frombuffer(binascii.a2b_base64(text, strict_mode=True), "<f8")
+    except ValueError as error:
+        raise ValueError(f"numbers must be base64 of float64: {error}") from error
+    return numbers.astype(np.float64)  # a copy: it must be writable
 
 
 class Decoder:

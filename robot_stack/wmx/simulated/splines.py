@@ -257,8 +257,14 @@ class Splines:
                 del self._runs[run.mark]
                 continue
             run.bounds[:] = self._a.params[rows.QUICK_STOP_DEC, run.axes]
-            reasons = (int(self._a.flags[Flag.END_REASON, axis]) for axis in run.axes if axis not in on_path)
+            reasons = (self._why(axis) for axis in run.axes if axis not in on_path)
             self._stop(run, 0.0, DetailOperationState.Stop_QStop, next(filter(None, reasons), _NO_ERROR))
+
+    def _why(self, axis: int) -> int:
+        """What took an axis off its path; a drive with an alarm drops its servo as well, which says less."""
+        flags = self._a.flags
+        alarm = flags[Flag.AMP_ALARM, axis] or flags[Flag.FOLLOWING_ERROR_ALARM, axis]
+        return int(ErrorCode.AxisAmpAlarm) if alarm else int(flags[Flag.END_REASON, axis])
 
     def warm_up(self) -> None:
         """Runs every compiled function once, on axis 0, whose state is worthless afterwards."""

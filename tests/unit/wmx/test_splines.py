@@ -1,0 +1,811 @@
+"""Splines of the engine, cycle by cycle: the curve against another implementation of it, refusals, stops, faults."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_stack.wmx.api import (
+    AdvancedMotionErrorCode,
+    AxisCommandMode,
+    CoreMotionErrorCode,
+    DetailOperationState,
+    ErrorCode,
+    EStopLevel,
+    Motion_PosCommand,
+    OperationState,
+    Profile,
+)
+from robot_stack.wmx.axes import Flag, Real
+from robot_stack.wmx.simulated import spline_kernel
+from robot_stack.wmx.simulated.protocol import pack, unpack
+from robot_stack.wmx.simulated.requests import Session, execute
+from tests.unit.wmx.harness import POS, POS_GEARED, VEL
+from tests.unit.wmx.spline_bench import (
+    AXES,
+    CHANNEL,
+    CYCLE_S,
+    ESTOP_DEC,
+    N_ARM,
+    QUICK_DEC,
+    WAY,
+    WAY_MS,
+    Arm,
+    clamped,
+    off_path,
+)
+from tests.unit.wmx.test_engine import Bench
+
+GOOD = ErrorCode.PyNone
+POSITION = AxisCommandMode.Position
+WAY_S = 2.0
+
+
+@pytest.fixture
+def arm() -> Arm:
+    return Arm()
+
+
+_SHARED: list[Arm] = []
+
+
+@pytest.fixture
+def shared() -> Iterator[Arm]:
+    """One arm for tests that leave it as they found it: at rest and whole."""
+    if not _SHARED:
+        _SHARED.append(Arm())
+    yield _SHARED[0]
+    assert _SHARED[0].engine.at_rest
+
+
+class TestCurve:
+    def test_one_segment_by_hand(self, arm: Arm) -> None:
+        """From 0 to 1 in 1 s at rest at both ends: 3 t^2 - 2 t^3."""
+        assert arm.start([[1.0]], [1000.0], axes=[2]) == GOOD
+        for cycle in range(1, 1000):
+            arm.step()
+            t = cycle * CYCLE_S
+            assert arm.position[2] == pytest.approx(t * t * (3.0 - 2.0 * t), abs=1e-12)
+            assert arm.velocity[2] == pytest.approx(6.0 * t * (1.0 - t), abs=1e-12)
+            assert arm.real(Real.CMD_ACC)[2] == pytest.approx(6.0 - 12.0 * t, abs=1e-9)
+        arm.step()
+        assert arm.position.tolist() == [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+        assert not arm.velocity.any()
+
+    @settings(max_examples=60, deadline=None)
+    @given(st.integers(1, 40), st.integers(1, 6), st.integers(0, 2**32 - 1))
+    def test_any_curve_against_another_implementation(self, n: int, d: int, seed: int) -> None:
+        random = np.random.default_rng(seed)
+        times = np.concatenate(([0.0], np.cumsum(random.uniform(1e-3, 2.0, n))))
+        points = random.uniform(-3.0, 3.0, (n + 1, d))
+        curve = np.empty((n, d, 4))
+        farthest = spline_kernel.plan_spline(times, points, curve)
+        other = clamped(points[1:], times[1:] * 1e3, points[0])
+        # Power basis of both: cubic coefficients of segments that are short are large, hence relative.
+        scale = np.abs(other.c).max(axis=(1, 2))[::-1]
+        assert np.abs(curve.transpose(2, 0, 1)[::-1] - other.c).max(axis=(1, 2))[::-1] == pytest.approx(
+            0.0, abs=1e-8 * scale.max()
+        )
+        fine = other(np.linspace(0.0, times[-1], 2000))
+        assert np.abs(fine).max() <= farthest * (1.0 + 1e-9)
+
+    def test_every_cycle_against_another_implementation(self, arm: Arm) -> None:
+        other = clamped(WAY, WAY_MS)
+        assert arm.start() == GOOD
+        for cycle in range(1, 2000):
+            arm.step()
+            t = cycle * CYCLE_S
+            assert arm.position == pytest.approx(other(t), abs=1e-12)
+            assert arm.velocity == pytest.approx(other(t, 1), abs=1e-11)
+            assert arm.real(Real.CMD_ACC) == pytest.approx(other(t, 2), abs=1e-9)
+
+    @settings(max_examples=25, deadline=None)
+    @given(st.data())
+    def test_continuous_bounded_and_exact_at_the_end(self, data: st.DataObject) -> None:
+        """Position moves by no more than the curve's own speed allows, and ends exactly on the last point."""
+        arm = _rested()
+        n = data.draw(st.integers(1, 6))
+        axes = data.draw(st.permutations(AXES))[: data.draw(st.integers(1, N_ARM))]
+        gaps = data.draw(st.lists(st.floats(1.0, 80.0), min_size=n, max_size=n))
+        numbers = st.floats(-3.0, 3.0)
+        points = [data.draw(st.lists(numbers, min_size=len(axes), max_size=len(axes))) for _ in range(n)]
+        times = np.cumsum(gaps).tolist()
+        start = arm.position[axes]
+        steps = np.abs(np.diff(np.vstack((start, points)), axis=0)).max(axis=1)
+        if (steps < 1e-5).any():
+            return  # points that are too close are dropped: another test's business
+        other = clamped(points, times, start)
+        fastest = np.abs(other(np.linspace(0.0, times[-1] * 1e-3, 4000), 1)).max(axis=0)
+        assert arm.start(points, times, axes) == GOOD
+        cycles = 0
+        while not arm.engine.at_rest:
+            before = arm.position[axes]
+            arm.step()
+            cycles += 1
+            moved = np.abs(arm.position[axes] - before)
+            assert (moved <= fastest * CYCLE_S * 1.01 + 1e-9).all()
+            assert (np.abs(arm.velocity[axes]) <= fastest * 1.01 + 1e-9).all()
+        assert arm.position[axes].tolist() == list(points[-1])
+        assert cycles == math.ceil(round(times[-1], 6))
+
+    def test_thousand_points_of_six_axes(self, arm: Arm) -> None:
+        random = np.random.default_rng(5)
+        times = np.cumsum(random.uniform(1.0, 3.0, 1000))
+        points = np.cumsum(random.normal(0.0, 1e-3, (1000, N_ARM)), axis=0)
+        other = clamped(points, times)
+        assert arm.start(points, times) == GOOD
+        arm.step(700)
+        assert arm.position == pytest.approx(other(0.7), abs=1e-12)
+        arm.at_rest()
+        assert arm.position.tolist() == points[-1].tolist()
+
+    def test_starts_where_the_command_is(self, arm: Arm) -> None:
+        assert arm.start([[0.5]], [200.0], axes=[1]) == GOOD
+        arm.at_rest()
+        other = clamped([[0.2]], [300.0], [0.5])
+        assert arm.start([[0.2]], [300.0], axes=[1]) == GOOD
+        arm.step(100)
+        assert arm.position[1] == pytest.approx(float(other(0.1)[0]), abs=1e-12)
+
+    @pytest.mark.parametrize("first", [0.0, 123.0], ids=["present position", "anywhere"])
+    def test_first_point_at_time_zero_is_passed_over(self, arm: Arm, first: float) -> None:
+        assert arm.start([[first], [1.0]], [0.0, 1000.0], axes=[0]) == GOOD
+        arm.step(500)
+        assert arm.position[0] == pytest.approx(0.5, abs=1e-12)
+
+    @pytest.mark.parametrize(
+        ("points", "times", "counted", "counted_times"),
+        [
+            ([0.9e-6, 1.0], [300.0, 1000.0], [1.0], [1000.0]),
+            ([0.5, 0.5 + 0.9e-6, 1.0], [300.0, 600.0, 1000.0], [0.5, 1.0], [300.0, 1000.0]),
+            ([0.5, 1.0, 1.0], [300.0, 600.0, 1000.0], [0.5, 1.0], [300.0, 600.0]),
+            ([0.6e-6, 1.2e-6, 1.0], [300.0, 600.0, 1000.0], [1.2e-6, 1.0], [600.0, 1000.0]),
+        ],
+        ids=["as the start", "in the middle", "at the end", "compared with the one kept"],
+    )
+    def test_of_points_too_close_the_later_is_dropped(
+        self, arm: Arm, points: list[float], times: list[float], counted: list[float], counted_times: list[float]
+    ) -> None:
+        other = clamped(counted, counted_times)
+        assert arm.start(points, times, axes=[0]) == GOOD
+        for cycle in range(1, int(counted_times[-1])):
+            arm.step()
+            assert arm.position[0] == pytest.approx(float(other(cycle * CYCLE_S)[0]), abs=1e-12)
+        arm.step()
+        assert arm.engine.at_rest
+
+    def test_points_close_in_one_dimension_only_count(self, arm: Arm) -> None:
+        assert arm.start([[0.5, 0.5], [0.5, 0.7]], [100.0, 200.0], axes=[0, 1]) == GOOD
+        arm.step(199)
+        assert arm.states == {OperationState.Idle, OperationState.Intpl}
+
+    def test_drives_follow(self, arm: Arm) -> None:
+        assert arm.start() == GOOD
+        arm.at_rest()
+        arm.step(60)
+        assert arm.real(Real.ACTUAL_POS) == pytest.approx(WAY[-1], abs=1e-4)
+
+
+class TestStatus:
+    def test_to_the_cycle(self, arm: Arm) -> None:
+        assert arm.start([[1.0, -1.0]], [100.0], axes=[4, 1]) == GOOD
+        for cycle in range(1, 100):
+            arm.step()
+            for axis in (1, 4):
+                assert arm.flag(Flag.OP_STATE)[axis] == OperationState.Intpl
+                assert arm.flag(Flag.DETAIL_OP_STATE)[axis] == DetailOperationState.Intpl_Spline
+                assert not arm.flag(Flag.MOTION_COMPLETE)[axis]
+                assert not arm.flag(Flag.CMD_DISTRIBUTION_END)[axis]
+                assert arm.real(Real.PROFILE_REMAINING_MS)[axis] == pytest.approx(100.0 - cycle)
+            assert arm.real(Real.PROFILE_TARGET_POS)[[1, 4]].tolist() == [-1.0, 1.0]
+            assert not arm.flag(Flag.POS_SET)[1]
+        arm.step()
+        for axis in (1, 4):
+            assert arm.flag(Flag.OP_STATE)[axis] == OperationState.Idle
+            assert arm.flag(Flag.DETAIL_OP_STATE)[axis] == DetailOperationState.Idle
+            assert arm.flag(Flag.MOTION_COMPLETE)[axis]
+            assert arm.flag(Flag.CMD_DISTRIBUTION_END)[axis]
+            assert arm.real(Real.PROFILE_REMAINING_MS)[axis] == 0.0
+            assert arm.real(Real.CMD_ACC)[axis] == 0.0
+            assert arm.flag(Flag.END_REASON)[axis] == GOOD
+        arm.step(60)
+        assert arm.flag(Flag.IN_POS).all()
+        assert arm.flag(Flag.POS_SET)[[1, 4]].all()
+
+    def test_ends_between_cycles_in_the_next(self, arm: Arm) -> None:
+        assert arm.start([[1.0]], [10.4], axes=[0]) == GOOD
+        arm.step(10)
+        assert not arm.engine.at_rest
+        arm.step()
+        assert arm.engine.at_rest
+        assert arm.position[0] == 1.0
+
+    def test_ready_for_the_next_command_while_it_runs(self, arm: Arm) -> None:
+        arm.moving()
+        assert arm.flag(Flag.COMMAND_READY).all()
+        assert set(arm.flag(Flag.OWNER)) == {arm.device}
+
+
+class TestBuffers:
+    def test_life_of_a_buffer(self, shared: Arm) -> None:
+        assert shared.splines.points(7) == (CoreMotionErrorCode.ChannelBufferMemoryNotAllocated, 0)
+        assert shared.splines.create(7, 12) == GOOD
+        assert shared.splines.points(7) == (GOOD, 12)
+        assert shared.splines.create(7, 13) == CoreMotionErrorCode.ChannelBufferMemoryAlreadyAllocated
+        assert shared.splines.points(7) == (GOOD, 12)
+        assert shared.splines.free(7) == GOOD
+        assert shared.splines.free(7) == CoreMotionErrorCode.ChannelBufferMemoryNotAllocated
+
+    @pytest.mark.parametrize("channel", [-1, 128, 10**9])
+    def test_channel_out_of_range(self, shared: Arm, channel: int) -> None:
+        assert shared.splines.create(channel, 10) == ErrorCode.ChannelOutOfRange
+        assert shared.splines.free(channel) == ErrorCode.ChannelOutOfRange
+        assert shared.splines.points(channel) == (ErrorCode.ChannelOutOfRange, 0)
+        assert shared.start([[1.0]], [10.0], axes=[0], channel=channel) == ErrorCode.ChannelOutOfRange
+
+    @pytest.mark.parametrize("channel", [0, 127])
+    def test_first_and_last_channel(self, shared: Arm, channel: int) -> None:
+        assert shared.splines.create(channel, 1) == GOOD
+        assert shared.splines.free(channel) == GOOD
+
+    @pytest.mark.parametrize("points", [0, -1, -(10**9)])
+    def test_without_points(self, shared: Arm, points: int) -> None:
+        assert shared.splines.create(9, points) == ErrorCode.ArgumentOutOfRange
+        assert shared.splines.points(9)[0] == CoreMotionErrorCode.ChannelBufferMemoryNotAllocated
+
+    def test_larger_than_there_is_memory_for(self, shared: Arm) -> None:
+        assert shared.splines.create(9, 10**9) == CoreMotionErrorCode.ChannelBufferMemoryFailedToAllocate
+
+    def test_stays_after_a_spline_and_not_after_the_engine(self, arm: Arm) -> None:
+        assert arm.start([[1.0]], [10.0], axes=[0]) == GOOD
+        arm.at_rest()
+        assert arm.splines.points(CHANNEL) == (GOOD, 1000)
+        arm.engine.stop_communication()
+        assert arm.splines.points(CHANNEL) == (GOOD, 1000)
+        arm.engine.stop_engine()
+        assert arm.splines.points(CHANNEL)[0] == CoreMotionErrorCode.ChannelBufferMemoryNotAllocated
+
+    def test_one_spline_per_channel_at_a_time(self, arm: Arm) -> None:
+        assert arm.start([[1.0]], [100.0], axes=[0]) == GOOD
+        busy = CoreMotionErrorCode.ChannelExecutingCommands
+        assert arm.start([[1.0]], [100.0], axes=[1]) == busy
+        assert arm.splines.free(CHANNEL) == busy
+        arm.step(100)
+        assert arm.start([[1.0]], [100.0], axes=[1]) == GOOD
+
+    def test_two_channels_at_once(self, arm: Arm) -> None:
+        assert arm.splines.create(0, 10) == GOOD
+        assert arm.start([[1.0, 2.0]], [100.0], axes=[0, 1]) == GOOD
+        arm.step(50)
+        assert arm.start([[1.0, 2.0]], [100.0], axes=[2, 3], channel=0) == GOOD
+        arm.step(50)
+        assert arm.position[:4] == pytest.approx([1.0, 2.0, 0.5, 1.0])
+        assert arm.flag(Flag.OP_STATE)[:4].tolist() == [0, 0, OperationState.Intpl, OperationState.Intpl]
+        arm.step(50)
+        assert arm.position[:4].tolist() == [1.0, 2.0, 1.0, 2.0]
+
+
+NAN, INF = math.nan, math.inf
+REFUSED: dict[str, tuple[dict[str, Any], int]] = {
+    "axis -1": ({"axes": [0, -1], "points": [[1, 1]]}, ErrorCode.AxisOutOfRange),
+    "axis 6": ({"axes": [6], "points": [[1]]}, ErrorCode.AxisOutOfRange),
+    "axis twice": ({"axes": [2, 2], "points": [[1, 1]]}, ErrorCode.DuplicateAxis),
+    "no axis": ({"axes": [], "points": [[]]}, AdvancedMotionErrorCode.DimensionOutOfRange),
+    "no buffer": ({"channel": 5}, CoreMotionErrorCode.ChannelBufferMemoryNotAllocated),
+    "buffer too small": ({"channel": 4, "points": [[1], [2], [3]]}, CoreMotionErrorCode.ChannelNotEnoughSpace),
+    "position nan": ({"points": [[NAN]]}, CoreMotionErrorCode.PositionArgumentOutOfRange),
+    "position inf": ({"points": [[0.5], [-INF]]}, CoreMotionErrorCode.PositionArgumentOutOfRange),
+    "position without exact counts": ({"points": [[1e10]]}, CoreMotionErrorCode.PositionArgumentOutOfRange),
+    "overshoot without exact counts": (
+        {"points": [[1.0], [1e6], [1e6 + 1]], "times_ms": [1.0, 1.001, 1e9]},
+        CoreMotionErrorCode.PositionArgumentOutOfRange,
+    ),
+    "time nan": ({"times_ms": [NAN]}, CoreMotionErrorCode.TimeArgumentOutOfRange),
+    "time inf": ({"times_ms": [INF]}, CoreMotionErrorCode.TimeArgumentOutOfRange),
+    "time negative": ({"times_ms": [-1.0]}, CoreMotionErrorCode.TimeArgumentOutOfRange),
+    "time too large": ({"times_ms": [1e12]}, CoreMotionErrorCode.TimeArgumentOutOfRange),
+    "times descend": (
+        {"points": [[1], [2]], "times_ms": [200.0, 100.0]},
+        AdvancedMotionErrorCode.TimeBetweenPointsTooClose,
+    ),
+    "times equal": (
+        {"points": [[1], [2]], "times_ms": [100.0, 100.0]},
+        AdvancedMotionErrorCode.TimeBetweenPointsTooClose,
+    ),
+    "times too close": (
+        {"points": [[1], [2]], "times_ms": [100.0, 100.0009]},
+        AdvancedMotionErrorCode.TimeBetweenPointsTooClose,
+    ),
+    "time too close to the start": ({"times_ms": [0.0009]}, AdvancedMotionErrorCode.TimeBetweenPointsTooClose),
+    "no point": ({"points": [], "times_ms": []}, AdvancedMotionErrorCode.PointCountBelowMinimum),
+    "start alone": ({"points": [[1.0]], "times_ms": [0.0]}, AdvancedMotionErrorCode.PointCountBelowMinimum),
+    "already there": ({"points": [[0.5e-6]]}, AdvancedMotionErrorCode.PointCountBelowMinimum),
+}
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(("changes", "code"), list(REFUSED.values()), ids=list(REFUSED))
+    def test_arguments(self, arm: Arm, changes: dict[str, Any], code: int) -> None:
+        arm.splines.create(4, 2)
+        call: dict[str, Any] = {"axes": [0], "points": [[1.0]], **changes}
+        call.setdefault("times_ms", [100.0 * (k + 1) for k in range(len(call["points"]))])
+        assert arm.start(**call) == code
+        arm.step(3)
+        assert arm.engine.at_rest
+        assert not arm.position.any()
+        assert arm.start([[1.0]], [100.0], axes=[0]) == GOOD, "nothing of the refused one is left"
+
+    def test_closest_times_allowed(self, arm: Arm) -> None:
+        assert arm.start([[1.0], [1.001]], [1000.0, 1000.001], axes=[0]) == GOOD
+
+    def test_more_dimensions_than_there_are(self) -> None:
+        bench = Bench(
+            kinds={"pos": Bench().engine.config.kinds["pos"].model_dump()},
+            axes=[{"name": f"axis{axis}", "kind": "pos"} for axis in range(7)],
+        )
+        bench.engine.create_device(0)
+        bench.engine.start_communication()
+        bench.step(10)
+        bench.engine.motion.splines.create(0, 10)
+        code = bench.engine.motion.start_spline(1, 0, list(range(7)), np.ones((1, 7)), np.array([100.0]))
+        assert code == AdvancedMotionErrorCode.DimensionOutOfRange
+
+    def test_without_communication(self, arm: Arm) -> None:
+        arm.engine.stop_communication()
+        assert arm.start() == ErrorCode.CommNotStarted
+
+    def test_emergency_stop(self, arm: Arm) -> None:
+        arm.engine.exec_estop(EStopLevel.Level1)
+        assert arm.start() == CoreMotionErrorCode.EmergencyStopSignalOn
+
+    def test_servo_of_one_axis_off(self, arm: Arm) -> None:
+        arm.engine.set_servo_on([5], 0)
+        arm.step(5)
+        assert arm.start() == CoreMotionErrorCode.NotServoOn
+        arm.step(3)
+        assert arm.engine.at_rest
+
+    def test_alarm_of_one_axis(self, arm: Arm) -> None:
+        arm.drives.alarms[4] = 17
+        arm.step(3)
+        assert arm.start() == ErrorCode.AxisAmpAlarm
+        assert arm.start([[1.0]], [100.0], axes=[0]) == GOOD
+
+    def test_mode_of_one_axis(self) -> None:
+        bench = Bench().ready()
+        bench.engine.motion.splines.create(0, 10)
+        points, times = np.array([[1.0, 1.0]]), np.array([100.0])
+        start = bench.engine.motion.start_spline
+        assert start(bench.device, 0, [POS, VEL], points, times) == CoreMotionErrorCode.NotPosMode
+        assert start(bench.device, 0, [POS, POS_GEARED], points, times) == GOOD
+
+    def test_over_another_motion(self, arm: Arm) -> None:
+        command = Motion_PosCommand(3, 5.0, Profile.SetupTrapezoidal(1.0, 10.0, 10.0))
+        assert arm.motion.start_position(arm.device, [command], relative=False) == GOOD
+        arm.step(5)
+        assert arm.start() == CoreMotionErrorCode.NotIdleOrIntplState
+        assert arm.start([[1.0]], [100.0], axes=[2]) == GOOD
+
+    def test_over_a_running_spline_of_another_channel(self, arm: Arm) -> None:
+        arm.moving()
+        arm.splines.create(0, 10)
+        assert arm.start([[1.0]], [100.0], axes=[2], channel=0) == CoreMotionErrorCode.NotIdleOrIntplState
+
+    def test_further_into_a_soft_limit(self) -> None:
+        arm = Arm(soft_limits={"negative_rad": -1.0, "positive_rad": 1.0, "dec_radps2": 100.0}, absolute_encoder=True)
+        assert arm.start([[1.5]], [1000.0], axes=[0]) == GOOD
+        arm.at_rest()
+        assert arm.flag(Flag.POSITIVE_SOFT_LIMIT)[0]
+        assert arm.start([[1.6]], [1000.0], axes=[0]) == ErrorCode.AxisSoftLimit
+        assert arm.start([[0.5]], [1000.0], axes=[0]) == GOOD
+
+    def test_commands_over_a_running_spline(self, arm: Arm) -> None:
+        arm.moving()
+        before = arm.velocity
+        profile = Profile.SetupTrapezoidal(1.0, 10.0, 10.0)
+        for relative in (False, True):
+            code = arm.motion.start_position(arm.device, [Motion_PosCommand(2, 1.0, profile)], relative=relative)
+            assert code == CoreMotionErrorCode.NotIdleOrPosState
+        assert arm.engine.set_mode(2, AxisCommandMode.Velocity) == ErrorCode.NotIdleState
+        assert arm.engine.start_home([2]) == ErrorCode.NotIdleState
+        assert arm.engine.set_position(2, Real.POS_CMD, 0.0) == ErrorCode.NotIdleState
+        assert arm.engine.set_gear(2, 1.0, 1.0) == ErrorCode.NotIdleState
+        assert arm.engine.set_polarity(2, 1) == ErrorCode.NotIdleState
+        arm.step()
+        assert arm.states == {OperationState.Intpl}
+        assert arm.velocity == pytest.approx(before, abs=0.05)
+
+
+_RESTED: list[Arm] = []
+
+
+def _rested() -> Arm:
+    """One arm for all examples of a property, at rest."""
+    if not _RESTED:
+        _RESTED.append(Arm())
+    arm = _RESTED[0]
+    for axis in AXES:
+        arm.motion.quick_stop_axis(axis)
+    arm.at_rest()
+    return arm
+
+
+Stop = Callable[[Arm, int], int]
+STOPS: dict[str, Stop] = {
+    "Stop": lambda arm, axis: arm.motion.stop([axis], POSITION),
+    "Stop_AxisSel": lambda arm, axis: arm.motion.stop(AXES, POSITION),
+    "Stop_Dec": lambda arm, axis: arm.motion.stop_dec(axis, QUICK_DEC),
+    "ExecQuickStop": lambda arm, axis: arm.motion.quick_stop([axis], POSITION),
+    "ExecQuickStop_AxisSel": lambda arm, axis: arm.motion.quick_stop(AXES, POSITION),
+    "ExecTimedStop": lambda arm, axis: arm.motion.timed_stop([axis], 150.0, POSITION),
+    "ExecTimedStop_AxisSel": lambda arm, axis: arm.motion.timed_stop(AXES, 150.0, POSITION),
+}
+
+
+class TestStops:
+    @pytest.mark.parametrize("axis", [0, 5])
+    @pytest.mark.parametrize("stop", list(STOPS.values()), ids=list(STOPS))
+    def test_all_axes_come_to_rest_on_the_path(self, arm: Arm, stop: Stop, axis: int) -> None:
+        curve = clamped(WAY, WAY_MS)
+        arm.moving()
+        assert stop(arm, axis) == GOOD
+        assert arm.states == {OperationState.Stop}
+        before = arm.velocity
+        while not arm.engine.at_rest:
+            arm.step()
+            assert off_path(curve, arm.position, WAY_S) < 1e-9
+            after = arm.velocity
+            assert (np.abs(after - before) <= QUICK_DEC * CYCLE_S * 1.05).all()
+            assert len(arm.states) == 1, "one path time: all axes stop in the same cycle"
+            before = after
+        assert not arm.flag(Flag.MOTION_COMPLETE).any()
+        assert arm.flag(Flag.CMD_DISTRIBUTION_END).all()
+        assert not arm.real(Real.PROFILE_REMAINING_MS).any()
+        assert arm.real(Real.PROFILE_TARGET_POS).tolist() == arm.position.tolist()
+        assert curve(0.9)[0] < arm.position[0] < WAY[-1, 0]
+        arm.step(60)
+        assert arm.real(Real.ACTUAL_POS) == pytest.approx(arm.position, abs=1e-4)
+        assert arm.start() == GOOD, "ready for the next"
+
+    def test_takes_less_than_three_tenths_of_a_second_from_two_radians_per_second(self) -> None:
+        """The fastest axis of a constant path speed brakes at its quick-stop deceleration: 2 / 20 = 0.1 s."""
+        arm = Arm()
+        points = np.outer(np.arange(1.0, 11.0) * 0.2, np.array([1.0, -1.0, 0.5, 0.25, -0.6, 0.1]))
+        assert arm.start(points, [100.0 * k for k in range(1, 11)]) == GOOD
+        arm.step(500)
+        assert np.abs(arm.velocity).max() == pytest.approx(2.0, rel=0.02)
+        arm.motion.stop([3], POSITION)
+        assert 90 <= arm.at_rest() <= 110
+
+    @settings(max_examples=40, deadline=None)
+    @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0), st.sampled_from(["Stop", "ExecQuickStop"]))
+    def test_bounded_in_time_and_deceleration_wherever_it_begins(self, seed: int, when: float, name: str) -> None:
+        """The two bounds that the spline kernel promises, on curves that know no limits of their own."""
+        arm = _rested()
+        random = np.random.default_rng(seed)
+        n = int(random.integers(2, 9))
+        times = np.cumsum(random.uniform(30.0, 200.0, n))
+        points = arm.position + np.cumsum(random.normal(0.0, 0.2, (n, N_ARM)), axis=0)
+        curve = clamped(points, times, arm.position)
+        assert arm.start(points, times) == GOOD
+        arm.step(int(when * (times[-1] - 1.0)))
+        if arm.engine.at_rest:
+            return
+        begin = arm.engine.condition.cycles
+        fine = np.linspace(0.0, times[-1] * 1e-3, 3000)
+        slowest_s = 2.0 * np.abs(curve(fine, 1)).max() / QUICK_DEC
+        own = np.abs(curve(fine, 2)).max(axis=0)
+        allowed = np.maximum(QUICK_DEC, own + 0.5 * QUICK_DEC)
+        STOPS[name](arm, int(random.integers(N_ARM)))
+        before = arm.velocity
+        while not arm.engine.at_rest:
+            arm.step()
+            after = arm.velocity
+            assert (np.abs(after - before) <= allowed * CYCLE_S * 1.05 + 1e-9).all()
+            before = after
+        assert (arm.engine.condition.cycles - begin) * CYCLE_S <= slowest_s + 2.0 * CYCLE_S
+        assert not arm.flag(Flag.MOTION_COMPLETE).any()
+
+    def test_timed_stop_to_the_cycle(self, arm: Arm) -> None:
+        arm.moving()
+        before = arm.velocity
+        arm.motion.timed_stop([3], 400.0, POSITION)
+        arm.step(200)
+        assert arm.real(Real.PROFILE_REMAINING_MS) == pytest.approx(200.0)
+        # Half the time: half the path speed, and the curve itself is nearly straight here.
+        assert arm.velocity == pytest.approx(0.5 * before, rel=0.3)
+        target = arm.real(Real.PROFILE_TARGET_POS).copy()
+        arm.step(199)
+        assert arm.states == {OperationState.Stop}
+        arm.step()
+        assert arm.engine.at_rest
+        assert arm.position == pytest.approx(target, abs=1e-9)
+
+    def test_quick_stop_overrides_a_stop_and_not_the_reverse(self, arm: Arm) -> None:
+        arm.moving()
+        arm.motion.timed_stop([0], 60000.0, POSITION)
+        arm.step(10)
+        arm.motion.quick_stop([3], POSITION)
+        assert set(arm.flag(Flag.DETAIL_OP_STATE)) == {DetailOperationState.Stop_QStop}
+        arm.motion.timed_stop(AXES, 60000.0, POSITION)
+        arm.motion.stop_dec(0, 1e-3)
+        arm.motion.stop(AXES, POSITION)
+        assert arm.at_rest() < 200
+
+    def test_gentle_deceleration_of_one_axis_is_that_of_all(self, arm: Arm) -> None:
+        arm.moving()
+        assert arm.motion.stop_dec(1, 4.0) == GOOD
+        before = arm.velocity
+        while not arm.engine.at_rest:
+            arm.step()
+            assert abs(arm.velocity[1] - before[1]) <= 4.0 * CYCLE_S * 1.05
+            before = arm.velocity
+
+    def test_before_the_first_cycle(self, arm: Arm) -> None:
+        assert arm.start() == GOOD
+        arm.motion.stop([0], POSITION)
+        arm.step()
+        assert arm.engine.at_rest
+        assert arm.position == pytest.approx(np.zeros(N_ARM), abs=1e-6)
+
+    def test_close_to_the_end_stops_at_the_end(self, arm: Arm) -> None:
+        assert arm.start() == GOOD
+        arm.step(1998)
+        arm.motion.timed_stop([0], 1000.0, POSITION)
+        arm.at_rest()
+        assert arm.position.tolist() == WAY[-1].tolist()
+        assert not arm.flag(Flag.MOTION_COMPLETE).any(), "a stop is never a normal end"
+
+    def test_leaves_another_spline_alone(self, arm: Arm) -> None:
+        arm.splines.create(0, 10)
+        assert arm.start([[1.0, 1.0]], [400.0], axes=[0, 1]) == GOOD
+        assert arm.start([[1.0, 1.0]], [400.0], axes=[2, 3], channel=0) == GOOD
+        arm.step(100)
+        arm.motion.quick_stop([0], POSITION)
+        arm.step(300)
+        assert arm.position[:2].max() < 1.0
+        assert arm.position[2:4].tolist() == [1.0, 1.0]
+        assert arm.flag(Flag.MOTION_COMPLETE)[:4].tolist() == [0, 0, 1, 1]
+
+    def test_wrong_mode_of_stop(self, arm: Arm) -> None:
+        arm.moving()
+        assert arm.motion.stop([0], AxisCommandMode.Velocity) == CoreMotionErrorCode.NotVelocityMode
+        assert arm.states == {OperationState.Intpl}
+        arm.motion.stop([0], POSITION)
+
+
+class TestFaults:
+    """One axis leaves the path, the others stop along it."""
+
+    OTHERS: tuple[int, ...] = (0, 1, 3, 4, 5)
+
+    def others_stop(self, arm: Arm, reason: int) -> None:
+        curve = clamped(WAY, WAY_MS)
+        others = list(self.OTHERS)
+        start = arm.engine.condition.cycles
+        assert set(arm.flag(Flag.OP_STATE)[others]) == {OperationState.Stop}
+        assert set(arm.flag(Flag.DETAIL_OP_STATE)[others]) == {DetailOperationState.Stop_QStop}
+        before = arm.velocity
+        while arm.flag(Flag.OP_STATE)[others].any():
+            arm.step()
+            assert off_path(curve, arm.position, WAY_S, others) < 1e-9
+            change = np.abs(arm.velocity - before)[others]
+            assert (change <= QUICK_DEC * CYCLE_S * 1.05).all()
+            before = arm.velocity
+        assert (arm.engine.condition.cycles - start) * CYCLE_S < 0.25
+        assert not arm.flag(Flag.MOTION_COMPLETE).any()
+        assert set(arm.flag(Flag.END_REASON)[others]) == {reason}
+        arm.at_rest()
+
+    def test_alarm(self, arm: Arm) -> None:
+        arm.moving()
+        arm.drives.alarms[2] = 99
+        arm.step()
+        assert arm.flag(Flag.OP_STATE)[2] == OperationState.Idle
+        self.others_stop(arm, ErrorCode.AxisAmpAlarm)
+
+    def test_servo_drops_out(self, arm: Arm) -> None:
+        arm.moving()
+        arm.drives.broken[2] = True
+        arm.step()
+        assert arm.flag(Flag.OP_STATE)[2] == OperationState.Idle
+        self.others_stop(arm, ErrorCode.ServoOff)
+
+    def test_servo_switched_off(self, arm: Arm) -> None:
+        arm.moving()
+        arm.engine.set_servo_on([2], 0)
+        arm.until(lambda: arm.flag(Flag.OP_STATE)[2] == OperationState.Idle, 5)
+        self.others_stop(arm, ErrorCode.ServoOff)
+        assert arm.flag(Flag.SERVO_ON)[list(self.OTHERS)].all()
+
+    def test_following_error(self) -> None:
+        error = {
+            "moving_rad": 0.02,
+            "stopped_rad": 0.0,
+            "velocity_moving_radps": 0.0,
+            "velocity_stopped_radps": 0.0,
+            "velocity_time_s": 0.0,
+            "quick_stop": True,
+        }
+        arm = Arm(following_error=error).moving()
+        arm.drives.frozen[2] = True
+        arm.until(lambda: arm.flag(Flag.FOLLOWING_ERROR_ALARM)[2], 100)
+        self.others_stop(arm, ErrorCode.AxisAmpAlarm)
+
+    def test_soft_limit(self) -> None:
+        limits = {"negative_rad": -5.0, "positive_rad": 1.0, "dec_radps2": 100.0}
+        arm = Arm(soft_limits=limits, absolute_encoder=True)
+        assert arm.start() == GOOD
+        arm.until(lambda: arm.states != {OperationState.Intpl})
+        axis = int(np.argmax(arm.flag(Flag.POSITIVE_SOFT_LIMIT)))
+        assert axis == 0, "the first to get there"
+        assert (arm.flag(Flag.OP_STATE) == OperationState.Stop).all()
+        assert arm.flag(Flag.DETAIL_OP_STATE).tolist() == [DetailOperationState.Stop] + 5 * [
+            DetailOperationState.Stop_QStop
+        ]
+        speed, position = arm.velocity[0], arm.position[0]
+        arm.at_rest()
+        assert arm.position[0] - position <= speed**2 / 200.0 + 1e-3
+        assert set(arm.flag(Flag.END_REASON)) == {ErrorCode.AxisSoftLimit}
+        assert not arm.flag(Flag.MOTION_COMPLETE).any()
+
+    def test_fault_hastens_a_gentle_stop(self, arm: Arm) -> None:
+        arm.moving()
+        arm.motion.timed_stop([0], 60000.0, POSITION)
+        arm.step(3)
+        arm.drives.alarms[2] = 99
+        arm.step()
+        self.others_stop(arm, ErrorCode.AxisAmpAlarm)
+
+    def test_all_axes_fault_at_once(self, arm: Arm) -> None:
+        arm.moving()
+        arm.drives.alarms[:] = 1
+        arm.step(2)
+        assert arm.engine.at_rest
+        assert not arm.velocity.any()
+        arm.drives.alarms[:] = 0
+        arm.step()
+        arm.engine.set_servo_on(AXES, 1)
+        arm.step(20)
+        assert arm.start() == GOOD, "the channel is free"
+
+    @pytest.mark.parametrize("level", list(EStopLevel))
+    @pytest.mark.parametrize("cycles", [1, 300, 900, 1900])
+    def test_emergency_stop(self, arm: Arm, cycles: int, level: EStopLevel) -> None:
+        assert arm.start() == GOOD
+        arm.step(cycles)
+        speed = np.abs(arm.velocity).max()
+        assert arm.engine.exec_estop(level) == GOOD
+        for _ in range(math.ceil(speed / ESTOP_DEC / CYCLE_S) + 2):
+            before = np.abs(arm.velocity)
+            arm.motion.timed_stop(AXES, 60000.0, POSITION)
+            arm.step()
+            assert (np.abs(arm.velocity) <= np.maximum(before - ESTOP_DEC * CYCLE_S, 0.0) + 1e-9).all()
+        assert arm.engine.at_rest
+        assert not arm.flag(Flag.MOTION_COMPLETE).any()
+        arm.step(20)
+        assert arm.flag(Flag.SERVO_ON).all() == (level is EStopLevel.Level1)
+        arm.engine.release_estop()
+        arm.step(20)
+        assert arm.engine.at_rest, "nothing moves by the release"
+
+    def test_emergency_stop_during_a_stop(self, arm: Arm) -> None:
+        arm.moving()
+        arm.motion.timed_stop([0], 60000.0, POSITION)
+        arm.step(10)
+        arm.engine.exec_estop(EStopLevel.Level1)
+        before = np.abs(arm.velocity)
+        arm.step()
+        assert (np.abs(arm.velocity) <= np.maximum(before - ESTOP_DEC * CYCLE_S, 0.0) + 1e-9).all()
+        assert arm.at_rest() < 100
+
+    def test_client_that_dies(self, arm: Arm) -> None:
+        arm.engine.create_device(0)
+        arm.moving()
+        arm.engine.remove_device(arm.device)
+        assert set(arm.flag(Flag.DETAIL_OP_STATE)) == {DetailOperationState.Stop_QStop}
+        assert arm.at_rest() < 250
+        assert off_path(clamped(WAY, WAY_MS), arm.position, WAY_S) < 1e-9
+
+    def test_client_that_hangs(self, arm: Arm) -> None:
+        assert execute(arm.engine, Session(arm.device), "SetWatchdog", [1000])[0] == GOOD
+        assert arm.start() == GOOD
+        arm.step(1000)
+        assert arm.states == {OperationState.Intpl}
+        arm.step(2)
+        assert arm.states == {OperationState.Stop}
+        arm.at_rest()
+
+    def test_stop_communication(self, arm: Arm) -> None:
+        arm.moving()
+        arm.engine.stop_communication()
+        position = arm.position
+        assert arm.engine.at_rest
+        assert not arm.flag(Flag.SERVO_ON).any()
+        assert not arm.flag(Flag.MOTION_COMPLETE).any()
+        assert set(arm.flag(Flag.END_REASON)) == {ErrorCode.ServoOffline}
+        arm.step(50)
+        assert arm.position.tolist() == position.tolist()
+        arm.engine.start_communication()
+        arm.step(30)
+        arm.engine.set_servo_on(AXES, 1)
+        arm.step(30)
+        assert arm.engine.at_rest
+        assert arm.start() == GOOD
+
+    def test_bus_lost(self, arm: Arm) -> None:
+        arm.moving()
+        arm.drives.connected = False
+        arm.step(25)
+        assert not arm.engine.condition.communicating
+        assert arm.engine.at_rest
+        assert set(arm.flag(Flag.END_REASON)) == {ErrorCode.ServoOffline}
+
+    def test_a_few_lost_cycles_do_not_stop_it(self, arm: Arm) -> None:
+        arm.moving()
+        arm.drives.lose_cycles = 5
+        arm.step(10)
+        assert arm.states == {OperationState.Intpl}
+        assert arm.position == pytest.approx(clamped(WAY, WAY_MS)(0.91), abs=1e-12)
+
+    def test_stop_engine(self, arm: Arm) -> None:
+        arm.moving()
+        arm.engine.stop_engine()
+        arm.step(10)
+        assert arm.engine.at_rest
+        assert arm.engine.start_engine() == GOOD
+
+
+class TestWire:
+    def test_numbers_survive_exactly(self) -> None:
+        numbers = [0.1, -1e300, math.nan, math.inf, 5e-324]
+        assert unpack(pack(numbers)).tobytes() == np.array(numbers).tobytes()
+        assert unpack(pack([])).size == 0
+
+    @pytest.mark.parametrize("text", ["%", "AAAA", "AAAAAAAAAAA", "é", "AAAAAAAAAAA=AAAA"])
+    def test_other_text_is_refused(self, text: str) -> None:
+        with pytest.raises(ValueError, match="must be base64 of float64"):
+            unpack(text)
+
+    @pytest.mark.parametrize(
+        "arguments",
+        [
+            [CHANNEL, [0], pack([1.0, 2.0]), pack([100.0])],
+            [CHANNEL, [0, 1], pack([1.0, 2.0, 3.0]), pack([100.0])],
+            [CHANNEL, [0], [[1.0]], [100.0]],
+            [CHANNEL, [0], pack([1.0]), "AA"],
+            ["0", [0], pack([1.0]), pack([100.0])],
+        ],
+    )
+    def test_requests_that_are_none(self, shared: Arm, arguments: list[Any]) -> None:
+        answer = execute(shared.engine, Session(shared.device), "StartCSplinePosPointTime", arguments)
+        assert answer == (ErrorCode.ArgumentOutOfRange, [])
+
+    def test_request(self, arm: Arm) -> None:
+        arguments = [CHANNEL, [0, 1], pack([[1.0, 2.0], [3.0, 4.0]]), pack([100.0, 200.0])]
+        assert execute(arm.engine, Session(arm.device), "StartCSplinePosPointTime", arguments) == (GOOD, [])
+        arm.step(200)
+        assert arm.position[:2].tolist() == [3.0, 4.0]
+
+
+def test_nothing_is_compiled_once_the_engine_is_up(arm: Arm) -> None:
+    compiled = [function for function in vars(spline_kernel).values() if hasattr(function, "signatures")]
+    before = [len(function.signatures) for function in compiled]
+    assert sum(before) >= 3, "those that are called from outside"
+    random = np.random.default_rng(1)
+    for count in (1, 2, 50):
+        times = np.cumsum(random.uniform(1.0, 3.0, count))
+        assert arm.start(random.uniform(-0.1, 0.1, (count, N_ARM)), times) == GOOD
+        arm.at_rest()
+    for stop in STOPS.values():
+        arm.start(np.ones((1, N_ARM)) * random.uniform(), [300.0])
+        arm.step(100)
+        stop(arm, 1)
+        arm.at_rest()
+    assert [len(function.signatures) for function in compiled] == before
