@@ -12,6 +12,7 @@ from robot_stack.core.config import ConfigError, read_yaml, validate
 from robot_stack.core.runtime import AlreadyRunning, runtime_dir
 from robot_stack.wmx.config import EngineConfig, load_engine_config
 from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.simulated.parameter_file import ParameterValues, write_file
 from robot_stack.wmx.simulated.server import EngineServer
 from robot_stack.wmx.simulated.switches import drive_switches
 from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
@@ -45,6 +46,7 @@ def main() -> int:
     parser.add_argument("--runtime-dir", type=Path, help="folder of socket and status; default the stack's own")
     parser.add_argument("--speed", type=float, default=1.0, help="engine time per real time, for tests")
     parser.add_argument("--compile", action="store_true", help="only compile the cycle for later starts, and end")
+    parser.add_argument("--export-parameters", metavar="FILE", help="only write the parameter file, and end")
     arguments = parser.parse_args()
     if not 0.0 < arguments.speed <= 1000.0:
         parser.error(f"--speed must be in (0, 1000], is {arguments.speed}")
@@ -52,6 +54,9 @@ def main() -> int:
         config = load_engine_config() if arguments.config is None else _read(arguments.config)
         if arguments.compile:
             _engine(config)
+            return 0
+        if arguments.export_parameters:
+            write_file(arguments.export_parameters, ParameterValues(*_engine(config).parameter_set.collect()))
             return 0
         run_engine(config, arguments.runtime_dir or runtime_dir(), arguments.speed)
     except (ConfigError, AlreadyRunning, OSError) as error:

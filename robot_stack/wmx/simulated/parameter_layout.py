@@ -263,6 +263,7 @@ BLOCK_FIELDS: Final[dict[str, dict[str, str]]] = {
 }
 """Fields of the blocks of an axis by entry of AXIS_ENTRIES."""
 
+FURTHER_IN_POS_WIDTHS: Final = tuple(f"FeedbackParam/InPosWidth{number}" for number in range(2, 6))
 ESTOP_DEC: Final = "EmergencyStopParam/EStopDec"
 COMMAND_MODE: Final = "AxisParam/AxisCommandMode"
 GEAR_NUMERATOR: Final = "AxisParam/AxisGearRatioNumerator"

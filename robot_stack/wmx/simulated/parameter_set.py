@@ -46,6 +46,9 @@ class ParameterSet:
         """Forgets what an earlier file said."""
         self._of_engine = dict(layout.GLOBAL_ENTRIES)
         self._of_axes = [dict(layout.AXIS_ENTRIES) for _ in range(self._a.n_axes)]
+        for axis, entries in enumerate(self._of_axes):
+            for key in layout.FURTHER_IN_POS_WIDTHS:
+                entries[key] = float(self._a.params[rows.IN_POS_WIDTH, axis])
 
     def collect(self) -> tuple[list[layout.Number], list[list[layout.Number]]]:
         """Numbers of the engine, and of each axis."""

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_stack.core.config import config_dir, load
 from robot_stack.wmx.api import (
     AxisCommandMode,
     Config_HomeType,
@@ -23,6 +24,7 @@ from robot_stack.wmx.api import (
     Profile,
 )
 from robot_stack.wmx.axes import Flag, Real
+from robot_stack.wmx.config import EngineConfig
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.parameter_file import (
     LARGEST_FILE,
@@ -322,3 +324,43 @@ class TestSet:
         assert fresh.arrays.flags[Flag.COMMAND_MODE, VEL] == AxisCommandMode.Position
         reals = fresh.arrays.reals
         assert reals[Real.POS_CMD, VEL] == pytest.approx(reals[Real.ACTUAL_POS, VEL], abs=1e-4)
+
+
+class TestArmsFile:
+    """config/wmx/cr3a_wmx_parameters.xml, which ``python -m robot_stack.wmx.simulated --export-parameters`` wrote."""
+
+    PATH = config_dir() / "wmx" / "cr3a_wmx_parameters.xml"
+
+    @pytest.fixture(scope="class")
+    def arm(self) -> Engine:
+        config = load(EngineConfig, "wmx_engine_manipulator")
+        return Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s))
+
+    def test_is_what_the_arms_engine_starts_with(self, arm: Engine) -> None:
+        assert self.PATH.read_text(encoding="utf-8") == render(values(arm)), "export it again"
+
+    def test_the_engine_takes_it(self, arm: Engine) -> None:
+        read = read_file(str(self.PATH), arm.arrays.n_axes)
+        assert apply(arm, read) == 0
+        assert values(arm) == read
+
+    def test_gears_polarities_and_encoders_are_the_arms(self) -> None:
+        axes = [dict(zip(AXIS, numbers, strict=True)) for numbers in read_file(str(self.PATH), 7).of_axes]
+        numerators = [axis["AxisParam/AxisGearRatioNumerator"] for axis in axes]
+        assert numerators == [52953088.0] * 2 + [42467328.0] * 4 + [1.0]
+        assert [axis["AxisParam/AxisGearRatioDenominator"] for axis in axes[:6]] == [2 * math.pi] * 6
+        assert [axis["AxisParam/AxisPolarity"] for axis in axes] == [-1, -1, 1, -1, -1, -1, 1]
+        assert [axis["AxisParam/AbsoluteEncoderMode"] for axis in axes] == [1] * 6 + [0]
+        assert [axis["LimitParam/LSType"] for axis in axes[:6]] == [Config_LimitSwitchType.Dec] * 6
+
+    def test_widths_and_decelerations_are_those_of_joints_in_rad(self) -> None:
+        for numbers in read_file(str(self.PATH), 6).of_axes:
+            axis = dict(zip(AXIS, numbers, strict=True))
+            widths = [axis[f"FeedbackParam/{name}"] for name in ("InPosWidth", "InPosWidth5", "PosSetWidth")]
+            assert all(0.0 < width <= 0.01 for width in widths)
+            decs = [
+                axis[key] for key in ("MotionParam/QuickStopDec", "LimitParam/LSDec", "EmergencyStopParam/EStopDec")
+            ]
+            assert all(1.0 <= dec <= 100.0 for dec in decs)
+            assert axis["HomeParam/HomingVelFast"] <= 0.5
+            assert 0.0 < axis["AlarmParam/FollowingErrorMoving"] <= 0.5
