@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, TypeAlias
 
 from robot_stack.wmx.axes import Flag, Real, StatusSnapshot
 
-Column = array[int] | array[float]
+Column: TypeAlias = "array[int] | array[float]"
 
 _FLAGS: Final = {
     "amp_alarm": Flag.AMP_ALARM,

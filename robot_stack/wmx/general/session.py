@@ -90,17 +90,20 @@ class GeneralSession:
             self.problem = f"the engine does not communicate with the drives: it is {snapshot.engine_state.name}"
             return
         self.problem = ""
-        if self.device.moving(snapshot) and self._stopped:
-            self._hold()
+        if self._stopped:
+            self._stop_moving(
+                snapshot, [axis for axis in self.device.moving(snapshot) if not _stopping(snapshot, axis)]
+            )
         if snapshot.n_axes >= self._params.axis_count:
             self._on_status(snapshot)
 
     def _hold(self) -> None:
         _, snapshot = self.device.read()
-        if snapshot is None or not snapshot.communicating:
-            return
-        running = [axis for axis in self.device.moving(snapshot) if snapshot.op_state[axis] != OperationState.Stop]
-        for axis, code in self.device.stop(running, snapshot, quick=True).items():
+        if snapshot is not None and snapshot.communicating:
+            self._stop_moving(snapshot, self.device.moving(snapshot))
+
+    def _stop_moving(self, snapshot: StatusSnapshot, axes: list[int]) -> None:
+        for axis, code in self.device.stop(axes, snapshot, quick=True).items():
             if code:
                 self._log.error(f"emergency stop of axis {axis}: Error={code} ({self.device.motion_text(code)})")
 
@@ -131,3 +134,7 @@ class GeneralSession:
             self.device.call(lambda engine: engine.api.StopCommunication(0))
         if self.device.engine is not None and self.device.close() != ErrorCode.PyNone:
             self._log.warning("the device could not be closed")
+
+
+def _stopping(snapshot: StatusSnapshot, axis: int) -> bool:
+    return bool(snapshot.op_state[axis] == OperationState.Stop)

@@ -1,0 +1,158 @@
+"""Motion messages: what is refused, in which words, and what the good ones become."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_stack.wmx.api import AxisCommandMode, EngineState, OperationState, Profile, ProfileType
+from robot_stack.wmx.axes import Flag, Real
+from robot_stack.wmx.general.commands import (
+    AxisOrder,
+    check_order,
+    check_ready,
+    from_present,
+    position_commands,
+    timed_velocity_commands,
+    unknown_profile,
+    velocity_commands,
+)
+from robot_stack.wmx.general.requests import Refused
+from tests.unit.wmx_general.snapshots import standing, with_flag
+
+NAN, INF = math.nan, math.inf
+POSITION, VELOCITY = AxisCommandMode.Position, AxisCommandMode.Velocity
+
+
+def refusal(order: AxisOrder) -> str:
+    with pytest.raises(Refused) as caught:
+        check_order(order)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("order", "text"),
+    [
+        (AxisOrder([], [], [], []), "index is empty: it must name at least one axis"),
+        (AxisOrder([0] * 129, [], [], []), "index has 129 entries: there are at most 128 axes"),
+        (AxisOrder([0, 1], [1.0], [1.0, 1.0], [1.0, 1.0]), "velocity has 1 entry, index has 2 entries"),
+        (AxisOrder([0], [1.0], [], [1.0]), "acc has 0 entries, index has 1 entry: they must be equally long"),
+        (AxisOrder([0], [1.0], [1.0], [1.0, 2.0]), "dec has 2 entries, index has 1 entry"),
+        (AxisOrder([0], [1.0], [1.0], [1.0], []), "target has 0 entries, index has 1 entry"),
+        (AxisOrder([0, 2, 0], [1.0] * 3, [1.0] * 3, [1.0] * 3), "index names axis 0 twice: index[0] and index[2]"),
+        (AxisOrder([-1], [1.0], [1.0], [1.0]), "index[0] is -1: the engine has axes 0 to 127"),
+        (AxisOrder([0, 128], [1.0] * 2, [1.0] * 2, [1.0] * 2), "index[1] is 128: the engine has axes 0 to 127"),
+        (AxisOrder([0], [NAN], [1.0], [1.0]), "velocity[0] is nan: it must be finite"),
+        (AxisOrder([0], [1.0], [INF], [1.0]), "acc[0] is inf: it must be finite"),
+        (AxisOrder([0], [1.0], [1.0], [-INF]), "dec[0] is -inf: it must be finite"),
+        (AxisOrder([0, 1], [1.0] * 2, [1.0] * 2, [1.0] * 2, [0.0, NAN]), "target[1] is nan: it must be finite"),
+        (AxisOrder([0], [1.0], [0.0], [1.0]), "acc[0] is 0: it must be above 0"),
+        (AxisOrder([0], [1.0], [1.0], [-2.5]), "dec[0] is -2.5: it must be above 0"),
+        (AxisOrder([0], [-1.0], [1.0], [1.0], [1.0]), "velocity[0] is -1: it must be above 0"),
+        (AxisOrder([0], [0.0], [1.0], [1.0], [1.0]), "velocity[0] is 0: it must be above 0"),
+    ],
+)
+def test_a_bad_message_is_refused_by_field_and_reason(order: AxisOrder, text: str) -> None:
+    assert text in refusal(order)
+
+
+def test_a_velocity_may_have_any_sign_and_be_zero() -> None:
+    check_order(AxisOrder([0, 1, 2], [-3.0, 0.0, 3.0], [1.0] * 3, [1.0] * 3))
+
+
+@pytest.mark.parametrize(
+    ("flag", "value", "mode", "text"),
+    [
+        (Flag.AMP_ALARM, 1, POSITION, "axis 1 has amplifier alarm 0"),
+        (Flag.FOLLOWING_ERROR_ALARM, 1, POSITION, "axis 1 has a following error alarm"),
+        (Flag.SERVO_OFFLINE, 1, POSITION, "axis 1 is offline"),
+        (Flag.SERVO_ON, 0, POSITION, "axis 1 has its servo off"),
+        (Flag.COMMAND_MODE, VELOCITY, POSITION, "axis 1 is not in position mode"),
+        (Flag.OP_STATE, OperationState.Stop, POSITION, "axis 1 is busy: Stop"),
+        (Flag.OP_STATE, OperationState.Intpl, POSITION, "axis 1 is busy: Intpl"),
+        (Flag.OP_STATE, 77, POSITION, "axis 1 is busy: operation state 77"),
+    ],
+)
+def test_one_axis_that_cannot_obey_refuses_all(flag: Flag, value: int, mode: AxisCommandMode, text: str) -> None:
+    with pytest.raises(Refused, match=text):
+        check_ready([0, 1], mode, with_flag(flag, 1, value))
+    check_ready([0, 2], mode, with_flag(flag, 1, value))  # the same trouble on an axis that is not asked
+
+
+def test_velocity_needs_velocity_mode() -> None:
+    with pytest.raises(Refused, match="axis 0 is not in velocity mode"):
+        check_ready([0], VELOCITY, standing())
+
+
+@pytest.mark.parametrize("state", [OperationState.Idle, OperationState.Pos, OperationState.Jog])
+def test_a_position_may_replace_a_motion_of_its_family(state: OperationState) -> None:
+    check_ready([1], POSITION, with_flag(Flag.OP_STATE, 1, state))
+
+
+def test_axis_beyond_the_engine() -> None:
+    with pytest.raises(Refused, match=r"index\[1\] is 4: the engine has axes 0 to 3"):
+        check_ready([0, 4], POSITION, standing(4))
+
+
+def test_engine_that_does_not_communicate() -> None:
+    with pytest.raises(Refused, match="does not communicate with the drives: it is Running"):
+        check_ready([0], POSITION, standing(engine_state=EngineState.Running))
+
+
+def test_emergency_stop_of_the_engine() -> None:
+    with pytest.raises(Refused, match="the engine's emergency stop is active"):
+        check_ready([0], POSITION, standing(emergency_stop=True))
+
+
+def test_commands_carry_every_field_to_its_axis() -> None:
+    order = AxisOrder([3, 1], [4.0, 5.0], [6.0, 7.0], [8.0, 9.0], [0.5, -0.5])
+    first, second = position_commands(order)
+    assert (first.axis, first.target, first.profile) == (3, 0.5, Profile.SetupTrapezoidal(4.0, 6.0, 8.0))
+    assert (second.axis, second.target, second.profile) == (1, -0.5, Profile.SetupTrapezoidal(5.0, 7.0, 9.0))
+    plain = velocity_commands(order)
+    assert [(c.axis, c.profile.velocity, c.profile.acc, c.profile.dec) for c in plain] == [
+        (3, 4.0, 6.0, 8.0),
+        (1, 5.0, 7.0, 9.0),
+    ]
+    assert {c.profile.type for c in plain} == {ProfileType.Trapezoidal}
+    timed = timed_velocity_commands(order, 0.25)
+    assert [(c.axis, c.runTimeMilliseconds, c.profile) for c in timed] == [(c.axis, 250.0, c.profile) for c in plain]
+
+
+def test_relative_to_the_present_position_while_an_axis_moves() -> None:
+    snapshot = with_flag(Flag.OP_STATE, 1, OperationState.Pos)
+    snapshot.reals[Real.POS_CMD] = [10.0, 20.0, 30.0, 40.0]
+    snapshot.reals[Real.PROFILE_TARGET_POS] = 99.0
+    absolute = from_present(AxisOrder([0, 1], [1.0, 1.0], [1.0, 1.0], [1.0, 1.0], [0.5, -0.5]), snapshot)
+    assert absolute is not None
+    assert absolute.target == [10.5, 19.5]
+    assert from_present(AxisOrder([0, 2], [1.0] * 2, [1.0] * 2, [1.0] * 2, [0.5] * 2), snapshot) is None
+
+
+@pytest.mark.parametrize(
+    ("profile", "odd"), [("", False), ("Trapezoidal", False), (" trapezoidal ", False), ("sine", True)]
+)
+def test_profile(profile: str, odd: bool) -> None:
+    assert unknown_profile(profile) is odd
+
+
+NUMBERS = st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=4)
+
+
+@given(st.lists(st.integers(-3, 140), max_size=4), NUMBERS, NUMBERS, NUMBERS, st.none() | NUMBERS)
+def test_whatever_passes_is_whole(
+    index: list[int], velocity: list[float], acc: list[float], dec: list[float], target: list[float] | None
+) -> None:
+    order = AxisOrder(index, velocity, acc, dec, target)
+    try:
+        check_order(order)
+    except Refused:
+        return
+    assert len(index) == len(velocity) == len(acc) == len(dec) == len(set(index)) > 0
+    assert all(0 <= axis < 128 for axis in index)
+    assert all(math.isfinite(value) for value in (*velocity, *(target or ())))
+    assert all(0.0 < value < INF for value in (*acc, *dec))
+    assert target is None or (len(target) == len(index) and all(value > 0.0 for value in velocity))

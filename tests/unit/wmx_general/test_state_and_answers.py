@@ -1,0 +1,111 @@
+"""What is published of the axes, what services answer, and what the parameters may be."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from robot_stack.core.config import ConfigError, config_dir, load, read_yaml
+from robot_stack.wmx.api import EngineState
+from robot_stack.wmx.axes import Flag, Real
+from robot_stack.wmx.general.answers import Answer, failure, joined, state_name
+from robot_stack.wmx.general.axis_state import axis_state
+from robot_stack.wmx.general.parameters import GeneralParams
+from tests.unit.wmx_general.snapshots import standing
+
+FIELDS = [
+    *("amp_alarm", "servo_on", "home_done", "in_pos", "negative_ls", "positive_ls", "home_switch"),
+    *("pos_cmd", "velocity_cmd", "actual_pos", "actual_velocity", "actual_torque"),
+]
+FLAGS = {
+    "amp_alarm": Flag.AMP_ALARM,
+    "servo_on": Flag.SERVO_ON,
+    "home_done": Flag.HOME_DONE,
+    "in_pos": Flag.IN_POS,
+}
+REALS = {
+    "pos_cmd": Real.POS_CMD,
+    "velocity_cmd": Real.VELOCITY_CMD,
+    "actual_pos": Real.ACTUAL_POS,
+    "actual_velocity": Real.ACTUAL_VELOCITY,
+    "actual_torque": Real.ACTUAL_TORQUE,
+}
+
+
+@pytest.mark.parametrize("axis_count", [1, 2, 4])
+def test_twelve_arrays_of_axis_count_entries(axis_count: int) -> None:
+    fields = axis_state(standing(4), axis_count, ())
+    assert sorted(fields) == sorted(FIELDS)
+    assert {len(values) for values in fields.values()} == {axis_count}
+    assert [fields[name].typecode for name in FIELDS] == ["i"] * 7 + ["d"] * 5
+
+
+@pytest.mark.parametrize("name", FLAGS)
+def test_a_flag_shows_on_its_axis_and_in_its_field_alone(name: str) -> None:
+    snapshot = standing(3)
+    snapshot.flags[Flag.SERVO_ON] = 0
+    snapshot.flags[FLAGS[name], 1] = 5  # the engine's, whatever it writes for true
+    fields = axis_state(snapshot, 3, ())
+    assert fields[name].tolist() == [0, 1, 0]
+    assert all(not any(fields[other]) for other in FLAGS if other != name)
+
+
+@pytest.mark.parametrize("name", REALS)
+def test_a_number_shows_on_its_axis_and_in_its_field_alone(name: str) -> None:
+    snapshot = standing(3)
+    snapshot.reals[REALS[name], 1] = -1.25
+    fields = axis_state(snapshot, 2, ())
+    assert fields[name].tolist() == [0.0, -1.25]
+    assert all(not any(fields[other]) for other in REALS if other != name)
+
+
+def test_torque_in_newton_metres_where_the_rated_torque_is_known() -> None:
+    snapshot = standing(3)
+    snapshot.reals[Real.ACTUAL_TORQUE] = [50.0, -50.0, 10.0]
+    assert axis_state(snapshot, 3, (2.0, 0.0, 30.0))["actual_torque"].tolist() == [1.0, -50.0, 3.0]
+
+
+def test_entries_end_with_a_semicolon_each_and_one_failure_is_enough() -> None:
+    good, bad = Answer(True, "Set axis 0 on"), failure("Failed to set axis 1 on", 1568, lambda code: f"text {code}")
+    assert bad.message == "Failed to set axis 1 on. Error=1568 (text 1568)"
+    assert joined([good]) == Answer(True, "Set axis 0 on; ")
+    assert joined([good, bad, good]) == Answer(
+        False, "Set axis 0 on; Failed to set axis 1 on. Error=1568 (text 1568); Set axis 0 on; "
+    )
+
+
+def test_names_of_engine_states() -> None:
+    assert [state_name(state) for state in (*EngineState, 9)] == [
+        *("Idle", "Running", "Communicating", "Shutdown", "Unknown"),
+        "Invalid",
+    ]
+
+
+def test_parameters_of_the_file_are_the_documented_ones() -> None:
+    params = load(GeneralParams, "wmx_ros2_general_node")
+    assert (params.axis_count, params.velocity_timeout_s, params.rated_torque_nm) == (2, 0.0, ())
+    assert (params.device_attempts, params.device_retry_s, params.communication_timeout_s) == (5, 2.0, 10.0)
+    assert not params.stop_communication_at_exit
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"axis_count": 0}, "axis_count"),
+        ({"axis_count": 129}, "axis_count"),
+        ({"axis_count": 2, "rated_torque_nm": [1.0]}, "rated_torque_nm must be empty or have axis_count = 2 entries"),
+        ({"rated_torque_nm": [1.0, -1.0]}, "rated_torque_nm"),
+        ({"velocity_timeout_s": -0.1}, "velocity_timeout_s"),
+        ({"velocity_timeout_s": float("nan")}, "velocity_timeout_s"),
+        ({"device_attempts": 0}, "device_attempts"),
+        ({"axes": 2}, "axes"),
+    ],
+)
+def test_bad_parameters(changes: dict[str, Any], text: str) -> None:
+    with pytest.raises(ConfigError, match=text):
+        load(GeneralParams, "wmx_ros2_general_node", changes)
+
+
+def test_every_parameter_is_in_the_file() -> None:
+    assert set(read_yaml(config_dir() / "wmx_ros2_general_node.yaml")) == set(GeneralParams.model_fields)
