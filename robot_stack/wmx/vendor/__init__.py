@@ -1,45 +1,77 @@
-"""The vendor's engine behind the port. The vendor's library is looked for only when it is asked for."""
+"""The vendor's engine behind the port. The vendor's library is looked for only when it is asked for.
+
+Written against the published surface of engine version 3.5 and of newer ones, and not yet run on a machine that has
+one; docs/wmx_vendor.md says what is known and what is not.
+"""
 
 from __future__ import annotations
 
-import time
-from typing import cast
+from typing import Any, cast
 
 from robot_stack.wmx import EngineError, Library
-from robot_stack.wmx.api import AdvancedMotion, CoreMotion, Ecat, ErrorCode, Io, WMX3Api
-from robot_stack.wmx.axes import StatusSnapshot, empty_snapshot
-from robot_stack.wmx.vendor.adapter import Delegate, EcatDelegate, Translator, snapshot
-from robot_stack.wmx.vendor.probe import VendorLibraryError, import_vendor
+from robot_stack.wmx import api as port
+from robot_stack.wmx.api import ErrorCode
+from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.vendor import adapter
+from robot_stack.wmx.vendor.probe import Surface, VendorLibraryError, import_vendor, probe
+from robot_stack.wmx.vendor.records import Records
+from robot_stack.wmx.vendor.splines import AdvancedMotion
 
 
-def vendor_library(library_path: str, n_axes: int, n_io_bytes: int) -> Library:
+def vendor_library(library_path: str, n_axes: int, n_io_bytes: int, status_stale_s: float) -> Library:
     """The vendor's library from the folder ``library_path``. Raises EngineError if it is missing or unfit.
 
-    Snapshots hold the first ``n_axes`` axes and the first ``n_io_bytes`` bytes of inputs and outputs.
+    Snapshots hold the first ``n_axes`` axes and the first ``n_io_bytes`` bytes of inputs and outputs. A status whose
+    cycle counter stood still for ``status_stale_s`` of communication is refused.
     """
     try:
-        module = import_vendor(library_path)
+        surface = probe(import_vendor(library_path))
     except VendorLibraryError as error:
         raise EngineError("vendor engine", ErrorCode.IMLibIsNotRunning, str(error)) from error
-    translate = Translator(module)
+    return library(surface, Records(surface.module, n_axes), n_io_bytes, status_stale_s)
 
-    def theirs(api: WMX3Api) -> object:
-        return cast(Delegate, api).theirs
 
-    def read_status(_: WMX3Api, core_motion: CoreMotion, io: Io) -> tuple[int, StatusSnapshot]:
-        code, status = core_motion.GetStatus()
-        if code:
-            return code, empty_snapshot()
-        axes = [status.GetAxesStatus(axis) for axis in range(n_axes)]
-        # A failed read leaves the image empty, and a bit beyond the image reads 0.
-        inputs, outputs = (read(0, n_io_bytes)[1] for read in (io.GetInBytes, io.GetOutBytes))
-        return code, snapshot(status, axes, inputs, outputs, time.monotonic_ns())
+def library(surface: Surface, records: Records, n_io_bytes: int, status_stale_s: float) -> Library:
+    """The constructors of the adapter's objects for a module that was probed."""
+
+    def core_motion(api: port.WMX3Api) -> port.CoreMotion:
+        theirs = surface.module.CoreMotion(_own(api).theirs)
+        return cast(port.CoreMotion, adapter.CoreMotion(theirs, records, status_stale_s))
+
+    def read_status(_: port.WMX3Api, core: port.CoreMotion, io: port.Io) -> tuple[int, StatusSnapshot]:
+        return cast(adapter.CoreMotion, core).snapshot(cast(adapter.InputsOutputs, io))
+
+    def io(api: port.WMX3Api) -> port.Io:
+        device = _own(api)
+        return cast(port.Io, adapter.InputsOutputs(surface.io(device.theirs), records, device, n_io_bytes))
 
     return Library(
-        WMX3Api=lambda: cast(WMX3Api, Delegate(module.WMX3Api(), translate)),
-        CoreMotion=lambda api: cast(CoreMotion, Delegate(module.CoreMotion(theirs(api)), translate)),
-        Io=lambda api: cast(Io, Delegate(module.Io(theirs(api)), translate)),
-        Ecat=lambda api: cast(Ecat, EcatDelegate(module.Ecat(theirs(api)), translate)),
-        AdvancedMotion=lambda api: cast(AdvancedMotion, Delegate(module.AdvancedMotion(theirs(api)), translate)),
+        WMX3Api=lambda: cast(port.WMX3Api, adapter.Device(surface.module.WMX3Api(), records)),
+        CoreMotion=core_motion,
+        Io=io,
+        Ecat=lambda api: cast(port.Ecat, adapter.Network(_made(surface.ecat, api), records)),
+        AdvancedMotion=lambda api: cast(
+            port.AdvancedMotion, AdvancedMotion(_made(surface.advanced_motion, api), records)
+        ),
         read_status=read_status,
     )
+
+
+class Absent:
+    """Stands for a part that this version of the library lacks: it has no calls, so each answers so."""
+
+    advMotion = None
+
+    @staticmethod
+    def ErrorToString(code: int) -> str:
+        return f"this version of the vendor's library has no such part (error {code})"
+
+
+def _made(constructor: Any, api: port.WMX3Api) -> Any:
+    return Absent() if constructor is None else constructor(_own(api).theirs)
+
+
+def _own(api: port.WMX3Api) -> adapter.Device:
+    if not isinstance(api, adapter.Device):
+        raise TypeError(f"the device must be one of the vendor's engine, is a {type(api).__name__}")
+    return api

@@ -1,152 +1,233 @@
-"""The port on the vendor's library: delegation, and the few shapes in which its versions differ.
+"""The port on the vendor's library. What is not a plain call is here: everything else is a row of the tables of calls.
 
-The vendor's calls want the vendor's own value objects; those of the port are copied into them field by field. Records
-that the vendor returns have the port's names and are passed through. Written against the published surface of engine
-version 3.5 and not yet run on a machine that has one.
+An overloaded or optional shape of the vendor is settled by the first call that needs it: its wrapper refuses arguments
+of a wrong type before it does anything, so a shape that is refused is followed by the next one.
 """
 
 from __future__ import annotations
 
+import operator
+import time
 from collections.abc import Callable, Sequence
-from dataclasses import fields
-from types import ModuleType
-from typing import Any, Final, cast
-
-import numpy as np
+from typing import Any, Final
 
 from robot_stack.wmx.api.enums import EngineState
-from robot_stack.wmx.api.values import AxisSelection, Profile
-from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
+from robot_stack.wmx.api.errors import CoreMotionErrorCode, ErrorCode, error_name
+from robot_stack.wmx.api.status import CoreMotionStatus
+from robot_stack.wmx.api.values import INFINITE, AxisSelection
+from robot_stack.wmx.axes import StatusSnapshot, empty_snapshot
+from robot_stack.wmx.vendor import calls
+from robot_stack.wmx.vendor.calls import WRONG_ARGUMENTS, Call, Member
+from robot_stack.wmx.vendor.records import MissingField, Records
+from robot_stack.wmx.vendor.snapshots import Age, SnapshotReader
+from robot_stack.wmx.vendor.waiting import motion_result
 
-COMMANDS: Final = (
-    "Motion_PosCommand",
-    "Motion_JogCommand",
-    "Motion_TimedJogCommand",
-    "Velocity_VelCommand",
-    "Velocity_TimedVelCommand",
-)
-
-_FLAGS: Final = {
-    Flag.SERVO_ON: "servoOn",
-    Flag.SERVO_REQUESTED: "servoOn",  # the vendor does not tell what was asked for
-    Flag.SERVO_OFFLINE: "servoOffline",
-    Flag.AMP_ALARM: "ampAlarm",
-    Flag.AMP_ALARM_CODE: "ampAlarmCode",
-    Flag.FOLLOWING_ERROR_ALARM: "followingErrorAlarm",
-    Flag.OP_STATE: "opState",
-    Flag.DETAIL_OP_STATE: "detailOpState",
-    Flag.COMMAND_MODE: "axisCommandMode",
-    Flag.COMMAND_READY: "commandReady",
-    Flag.MOTION_COMPLETE: "motionComplete",
-    Flag.IN_POS: "inPos",
-    Flag.CMD_DISTRIBUTION_END: "cmdDistributionEnd",
-    Flag.POS_SET: "posSet",
-    Flag.DELAYED_POS_SET: "delayedPosSet",
-    Flag.POSITIVE_SOFT_LIMIT: "positiveSoftLimit",
-    Flag.NEGATIVE_SOFT_LIMIT: "negativeSoftLimit",
-    Flag.HOME_STATE: "homeState",
-    Flag.HOME_DONE: "homeDone",
-    Flag.ACC_FLAG: "accFlag",
-    Flag.DEC_FLAG: "decFlag",
-    Flag.ENCODER_COMMAND: "encoderCommand",
-    Flag.ENCODER_FEEDBACK: "encoderFeedback",
-}
-_REALS: Final = {
-    Real.POS_CMD: "posCmd",
-    Real.ACTUAL_POS: "actualPos",
-    Real.VELOCITY_CMD: "velocityCmd",
-    Real.ACTUAL_VELOCITY: "actualVelocity",
-    Real.ACTUAL_TORQUE: "actualTorque",
-    Real.PROFILE_TARGET_POS: "profileTargetPos",
-    Real.PROFILE_REMAINING_MS: "profileRemainingMilliseconds",
-    Real.CMD_ACC: "cmdAcc",
-    Real.HOME_OFFSET: "homeOffset",
-    Real.FOLLOWING_ERROR: "actualFollowingError",
-}
+_POLL_S: Final = 0.001
+_STARTS: Final = ("StartPos", "StartMov", "StartJog", "StartJog_TimedJog", "StartVel", "StartVel_TimedVel")
 
 
-class Translator:
-    """Copies values of the port into the vendor's own objects; anything else passes untouched."""
+class Module(Member):
+    """An object with a text for its error codes."""
 
-    def __init__(self, module: ModuleType) -> None:
-        self._module = module
-        self._makers: dict[str, Callable[[], Any]] = {name: getattr(module, name) for name in COMMANDS}
-
-    def __call__(self, value: Any) -> Any:
-        name = type(value).__name__
-        if isinstance(value, AxisSelection):
-            return self._selection(value)
-        if isinstance(value, Profile):
-            return self._copy(value, self._module.Profile())
-        if type(value).__module__.startswith("robot_stack.wmx.api") and name in self._makers:
-            return self._copy(value, self._makers[name]())
-        if isinstance(value, list):
-            return [self(item) for item in value]
-        return value
-
-    def _selection(self, value: AxisSelection) -> Any:
-        theirs = self._module.AxisSelection()
-        theirs.axisCount = value.axisCount
-        for index in range(value.axisCount):
-            theirs.SetAxis(index, value.GetAxis(index))
-        return theirs
-
-    def _copy(self, value: Any, theirs: Any) -> Any:
-        for item in fields(value):
-            setattr(theirs, item.name, self(getattr(value, item.name)))
-        return theirs
+    def ErrorToString(self, code: int) -> str:
+        """This module's own text of a code; one that the port does not know keeps the vendor's number in it."""
+        number = self.records.errors.theirs(int(code))
+        text = str(self.theirs.ErrorToString(number))
+        return text if number == code or error_name(code) != str(int(code)) else f"{text} (vendor's number {number})"
 
 
-class Delegate:
-    """An object of the vendor's library whose methods take the port's values."""
+class Device(Module):
+    """WMX3Api."""
 
-    def __init__(self, theirs: Any, translate: Translator) -> None:
-        self.theirs = theirs
-        self._translate = translate
+    def __init__(self, theirs: Any, records: Records) -> None:
+        super().__init__(theirs, calls.API, records)
+        self._create = self.bound("CreateDevice", calls.API["CreateDevice"])
 
-    def __getattr__(self, name: str) -> Any:
-        member = getattr(self.theirs, name)
-        if not callable(member):
-            return Delegate(member, self._translate)
-        return lambda *arguments: member(*map(self._translate, arguments))
+    def CreateDevice(self, path: str, deviceType: int = 0, waitTimeMilliseconds: int = 0) -> int:
+        """A second device on an open handle is refused: what the vendor makes of it is not documented."""
+        if self.IsDeviceValid():  # type: ignore[attr-defined]
+            return ErrorCode.ResourceInUse
+        code: int = self._create(path, deviceType, waitTimeMilliseconds)
+        return code
+
+    def AutoQuitWithoutActiveDev(self, quit: bool) -> int:
+        code: int = self.bound("AutoQuitWithoutActiveDev", calls.API["AutoQuitWithoutActiveDev"])(bool(quit))
+        return code
+
+    def communicating(self) -> int:
+        """PyNone if the bus communicates, else the code that says why not."""
+        code, status = self.GetEngineStatus()  # type: ignore[attr-defined]
+        return code or (ErrorCode.PyNone if status.state == EngineState.Communicating else ErrorCode.CommNotStarted)
 
 
-class EcatDelegate(Delegate):
-    """The network; engine 3.5 has its Python call without the master that other versions want."""
+class _Starts(Member):
+    """Motion calls: one command, or a count and a list that must be as long."""
+
+    def __init__(self, theirs: Any, table: calls.Calls, records: Records) -> None:
+        super().__init__(theirs, table, records)
+        for name in _STARTS:
+            if name in table:
+                setattr(self, name, self._start(getattr(self, name)))
+
+    @staticmethod
+    def _start(run: Callable[..., int]) -> Callable[..., int]:
+        def start(command: Any, commands: Sequence[Any] | None = None) -> int:
+            if commands is None:
+                return ErrorCode.ArgumentOutOfRange if isinstance(command, int) else run(command)
+            count = operator.index(command)
+            if not 0 <= count <= len(commands):  # the vendor would read beyond the list
+                return ErrorCode.ArgumentOutOfRange
+            return run(count, list(commands[:count]))
+
+        return start
+
+
+class Motion(_Starts):
+    """motion; its Wait calls poll the status and never block in the vendor's library."""
+
+    def __init__(self, theirs: Any, records: Records, read: Callable[[], tuple[int, StatusSnapshot]]) -> None:
+        super().__init__(theirs, calls.MOTION, records)
+        self._read = read
+
+    def Wait(self, axis: int) -> int:
+        return self._wait([axis], INFINITE)
+
+    def Wait_AxisSel(self, axisSelection: AxisSelection) -> int:
+        return self._wait(_axes(axisSelection), INFINITE)
+
+    def Wait_TimeMilli(self, axis: int, waitTimeMilliseconds: int) -> int:
+        return self._wait([axis], waitTimeMilliseconds)
+
+    def Wait_AxisSel_TimeMilli(self, axisSelection: AxisSelection, waitTimeMilliseconds: int) -> int:
+        return self._wait(_axes(axisSelection), waitTimeMilliseconds)
+
+    def _wait(self, axes: Sequence[int], milliseconds: float) -> int:
+        deadline = None if milliseconds >= INFINITE else time.monotonic() + 1e-3 * milliseconds
+        while True:
+            code, snapshot = self._read()
+            result = code or motion_result(snapshot, axes)
+            if result is not None:
+                return result
+            if deadline is not None and time.monotonic() >= deadline:
+                return CoreMotionErrorCode.WaitTimeout
+            time.sleep(_POLL_S)
+
+
+class Config(Member):
+    """config. A block is read, the port's fields are changed, and it is written: the vendor's other fields stay."""
+
+    def __init__(self, theirs: Any, records: Records) -> None:
+        super().__init__(theirs, calls.CONFIG, records)
+        for name in calls.BLOCKS:
+            setattr(self, f"Set{name}", self._setter(name))
+
+    def _setter(self, name: str) -> Callable[..., tuple[int, Any]]:
+        getter, setter = getattr(self.theirs, f"Get{name}", None), getattr(self.theirs, f"Set{name}", None)
+
+        def write(*arguments: Any) -> tuple[int, Any]:
+            *axis, param = arguments
+            if getter is None or setter is None:
+                return ErrorCode.NoSupportedFunction, param
+            if hasattr(param, "eStopDec") and len(param.eStopDec) != self.records.n_axes:
+                return CoreMotionErrorCode.ParameterSettingsInvalid, param
+            try:
+                code, block = getter(*map(int, axis))
+                if not code:
+                    code, _ = setter(*map(int, axis), self.records.fill(param, block))
+            except OverflowError:
+                return CoreMotionErrorCode.ParameterSettingsInvalid, param
+            except MissingField:
+                return ErrorCode.NoSupportedFunction, param
+            return self.records.errors.ours(int(code)), param
+
+        return write
+
+
+class CoreMotion(Module):
+    """CoreMotion and its members."""
+
+    def __init__(self, theirs: Any, records: Records, stale_s: float) -> None:
+        super().__init__(theirs, calls.CORE_MOTION, records)
+        self._reader = SnapshotReader(records)
+        self._age = Age(stale_s)
+        self.axisControl = Member(theirs.axisControl, calls.AXIS_CONTROL, records)
+        self.motion = Motion(theirs.motion, records, lambda: self.snapshot(None))
+        self.velocity = _Starts(theirs.velocity, calls.VELOCITY, records)
+        self.home = Member(theirs.home, calls.HOME, records)
+        self.config = Config(theirs.config, records)
+
+    def GetStatus(self) -> tuple[int, CoreMotionStatus]:
+        """StatusChannelError: the engine does not cycle any more."""
+        code, status, _ = self._latest()
+        return (code, CoreMotionStatus()) if code else (code, self.records.status(status))
+
+    def snapshot(self, io: InputsOutputs | None) -> tuple[int, StatusSnapshot]:
+        """The status as arrays, with the I/O bytes if ``io`` is given."""
+        code, status, stamp_ns = self._latest()
+        if code:
+            return code, empty_snapshot()
+        communicating = self._reader.engine_state(status) is EngineState.Communicating
+        inputs, outputs = io.images(communicating) if io is not None else ([], [])
+        return code, self._reader.read(status, inputs, outputs, stamp_ns)
+
+    def _latest(self) -> tuple[int, Any, int]:
+        """Code, the vendor's status, and when its engine was last seen to cycle."""
+        code, *rest = self.theirs.GetStatus()
+        if code:
+            return self.records.errors.ours(int(code)), None, 0
+        status, now_ns = rest[0], time.monotonic_ns()
+        communicating = self._reader.engine_state(status) is EngineState.Communicating
+        stamp_ns = self._age.stamp(int(status.GetCycleCounter(0)), communicating, now_ns)
+        code = ErrorCode.StatusChannelError if self._age.stale(now_ns) else ErrorCode.PyNone
+        return code, status, stamp_ns
+
+
+class InputsOutputs(Module):
+    """Io. Inputs without communication fail: a dead bus has no inputs, whatever the vendor's image still holds."""
+
+    def __init__(self, theirs: Any, records: Records, device: Device, n_bytes: int) -> None:
+        super().__init__(theirs, calls.IO, records)
+        self._device = device
+        self._n_bytes = n_bytes
+        for name in ("GetInBit", "GetInByte", "GetInBytes"):
+            setattr(self, name, self._guarded(calls.IO[name], getattr(self, name)))
+        self._set_bytes = self.bound("SetOutBytes", calls.IO["SetOutBytes"])
+
+    def _guarded(self, call: Call, run: Callable[..., Any]) -> Callable[..., Any]:
+        def read(*arguments: int) -> Any:
+            code = self._device.communicating()
+            return self.answer(call, code) if code else run(*arguments)
+
+        return read
+
+    def SetOutBytes(self, byte: int, size: int, data: Sequence[int]) -> int:
+        if size != len(data):  # the vendor would read beyond the list
+            return ErrorCode.IOSizeOutOfRange
+        code: int = self._set_bytes(byte, size, list(data))
+        return code
+
+    def images(self, communicating: bool) -> tuple[list[int], list[int]]:
+        """Input and output bytes; an image that cannot be read is empty, and a bit beyond an image reads 0."""
+        outputs = self.received(calls.IO["GetOutBytes"], self.theirs.GetOutBytes(0, self._n_bytes))[1]
+        if not communicating:
+            return [], outputs
+        return self.received(calls.IO["GetInBytes"], self.theirs.GetInBytes(0, self._n_bytes))[1], outputs
+
+
+class Network(Module):
+    """Ecat; engine 3.5 has its Python call without the master that other versions want."""
+
+    def __init__(self, theirs: Any, records: Records) -> None:
+        super().__init__(theirs, calls.ECAT, records)
+        self._scan = self.bound("ScanNetwork", calls.ECAT["ScanNetwork"])
 
     def ScanNetwork(self, masterId: int = 0) -> int:
         try:
-            return cast(int, self.theirs.ScanNetwork(masterId))
-        except TypeError:
-            return cast(int, self.theirs.ScanNetwork())
+            code: int = self._scan(masterId)
+        except WRONG_ARGUMENTS:
+            code = ErrorCode.ArgumentOutOfRange if masterId else self._scan()
+        return code
 
 
-def snapshot(
-    status: Any, axes: Sequence[Any], inputs: Sequence[int], outputs: Sequence[int], stamp_ns: int
-) -> StatusSnapshot:
-    """The arrays of a vendor status, its axis records and its I/O bytes."""
-    made = empty_snapshot(len(axes))
-    for column, axis in enumerate(axes):
-        for flag, name in _FLAGS.items():
-            made.flags[flag, column] = int(getattr(axis, name))
-        for real, name in _REALS.items():
-            made.reals[real, column] = float(getattr(axis, name))
-    cycle_ms = float(status.GetCycleTimeMilliseconds(0))
-    cycles = int(status.GetCycleCounter(0))
-    return StatusSnapshot(
-        engine_state=EngineState(int(status.engineState)),
-        epoch=0,
-        cycle_counter=cycles,
-        engine_time_s=1e-3 * cycles * cycle_ms,
-        stamp_ns=stamp_ns,
-        cycle_time_s=1e-3 * cycle_ms,
-        engine_error=0,
-        emergency_stop=bool(status.emergencyStop),
-        emergency_stop_level=int(status.emergencyStopLevel),
-        lost_cycles=0,
-        overruns=0,
-        reals=made.reals,
-        flags=made.flags,
-        inputs=np.array(inputs, np.uint8),
-        outputs=np.array(outputs, np.uint8),
-    )
+def _axes(selection: AxisSelection) -> list[int]:
+    return [selection.GetAxis(index) for index in range(selection.axisCount)]

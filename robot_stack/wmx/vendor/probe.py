@@ -1,54 +1,117 @@
-"""Finds and checks the vendor's Python module. Nothing of it is imported before somebody asks for it."""
+"""Finds and checks the vendor's Python module. Nothing of it is imported before somebody asks for it.
+
+What is checked when it is loaded: its classes, the calls and the status fields without which nothing may move, and
+which of two names a class has in this version.
+"""
 
 from __future__ import annotations
 
 import importlib
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Final
+from typing import Any, Final
+
+from robot_stack.wmx.vendor import calls
+from robot_stack.wmx.vendor.snapshots import NEEDED
 
 MODULE_NAME: Final = "WMX3ApiPython"
 REQUIRED: Final = (
     "WMX3Api",
     "CoreMotion",
-    "Io",
-    "Ecat",
+    "ErrorCode",
+    "CoreMotionErrorCode",
     "AxisSelection",
     "Profile",
     "Motion_PosCommand",
-    "Motion_JogCommand",
-    "Motion_TimedJogCommand",
     "Velocity_VelCommand",
-    "Velocity_TimedVelCommand",
 )
+IO_NAMES: Final = ("Io", "IO")
+_SETTING: Final = "library_path in config/wmx_client.yaml"
 
 
 class VendorLibraryError(Exception):
     """The vendor's library is missing, does not load here, or lacks what the port needs."""
 
 
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """The module and the constructors that differ between its versions. A module that is not there is None."""
+
+    module: ModuleType
+    io: Any
+    ecat: Any
+    advanced_motion: Any
+
+
 def import_vendor(library_path: str) -> ModuleType:
     """The vendor's module from the folder ``library_path`` ("": Python's own path). Raises VendorLibraryError."""
     folder = Path(library_path) if library_path else None
     if folder is not None and not folder.is_dir():
-        raise VendorLibraryError(f"library_path: {folder} is no folder; it must hold the vendor's {MODULE_NAME}.py")
+        raise VendorLibraryError(f"{_SETTING}: {folder} is no folder; it must hold the vendor's {MODULE_NAME}.py")
+    loaded = sys.modules.get(MODULE_NAME)
+    if loaded is not None and folder is not None and not _is_in(loaded, folder):
+        raise VendorLibraryError(
+            f"{_SETTING}: {MODULE_NAME} is loaded from {loaded.__file__} already, not from {folder}"
+        )
     if folder is not None:
         sys.path.insert(0, str(folder))
     try:
-        module = importlib.import_module(MODULE_NAME)
+        return importlib.import_module(MODULE_NAME)
     except ModuleNotFoundError as error:
         where = f"in {folder}" if folder else "on Python's search path (library_path is empty)"
         raise VendorLibraryError(
             f"the vendor's library {error.name} was not found {where}; install it with the motion engine and set "
-            "library_path in config/wmx_client.yaml, or choose engine: simulated"
+            f"{_SETTING}, or choose engine: simulated"
         ) from error
     except Exception as error:  # a native module may fail to load in any way it likes
         raise VendorLibraryError(f"the vendor's library {MODULE_NAME} does not load: {error}") from error
     finally:
         if folder is not None:
             sys.path.remove(str(folder))
-    missing = [name for name in REQUIRED if not hasattr(module, name)]
-    if missing:
-        raise VendorLibraryError(f"the vendor's library {module.__file__} lacks {', '.join(missing)}")
-    return module
+
+
+def _is_in(module: ModuleType, folder: Path) -> bool:
+    return module.__file__ is not None and Path(module.__file__).resolve().parent == folder.resolve()
+
+
+def probe(module: ModuleType) -> Surface:
+    """What this version of the module offers. Raises VendorLibraryError naming what the port needs and it lacks."""
+    lacking = [name for name in REQUIRED if not hasattr(module, name)]
+    io = next((getattr(module, name) for name in IO_NAMES if hasattr(module, name)), None)
+    if io is None:
+        lacking.append(" or ".join(IO_NAMES))
+    axis_status = getattr(module, "CoreMotionAxisStatus", None)
+    if axis_status is not None:
+        lacking += [f"CoreMotionAxisStatus.{name}" for name in NEEDED if not hasattr(axis_status, name)]
+    if not lacking:
+        lacking = _missing_calls(module, io)
+    if lacking:
+        raise VendorLibraryError(
+            f"the vendor's library {module.__file__} lacks {', '.join(lacking)}; point {_SETTING} at a version "
+            "that has them, or choose engine: simulated"
+        )
+    return Surface(module, io, getattr(module, "Ecat", None), getattr(module, "AdvancedMotion", None))
+
+
+def _missing_calls(module: ModuleType, io: Any) -> list[str]:
+    """Looked for on objects without a device: the vendor's own examples make them before they create one."""
+    api = module.WMX3Api()
+    core = module.CoreMotion(api)
+    lacking = [f"WMX3Api.{name}" for name in calls.missing(api, calls.API)]
+    lacking += [f"CoreMotion.{name}" for name in calls.missing(core, calls.CORE_MOTION)]
+    members = {
+        "axisControl": calls.AXIS_CONTROL,
+        "motion": calls.MOTION,
+        "velocity": calls.VELOCITY,
+        "home": calls.HOME,
+        "config": calls.CONFIG,
+    }
+    for member, table in members.items():
+        theirs = getattr(core, member, None)
+        if theirs is None:
+            lacking.append(f"CoreMotion.{member}")
+        else:
+            lacking += [f"CoreMotion.{member}.{name}" for name in calls.missing(theirs, table)]
+    return lacking + [f"{io.__name__}.{name}" for name in calls.missing(io, calls.IO)]

@@ -1,0 +1,1 @@
+"""Stand-ins for the motion engine's surroundings."""

@@ -1,0 +1,337 @@
+"""Stands in for the vendor's Python module: its surface from published facts, its behaviour from the simulated engine.
+
+``fill(globals())`` makes a module of it. Every call is recorded in ``CONTROL.calls``; what a correct caller does not do
+is recorded in ``CONTROL.faults`` (a field that does not exist, a command with fields left out, a list shorter than its
+count, a native Wait) and ``CONTROL.disorder`` (motion without a device or without communication, a closed device used).
+Nothing of the adapter's code is used here. Paths of CreateDevice are runtime folders of simulated engines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from enum import IntEnum
+from typing import Any, Final, get_args, get_origin, get_type_hints
+
+from robot_stack.wmx import api as port
+from robot_stack.wmx.simulated.library import simulated_library
+from tests.support.wmx.swig import BOOL, DOUBLE, INT, STR, UINT, CType, Of, Proxy, c_array, plain, proxy
+from tests.support.wmx.swig import taken as take
+
+N_AXES: Final = 128
+MAX_DIMENSIONS: Final = 6
+PLAIN: Final = {int: INT, float: DOUBLE, bool: BOOL, str: STR}
+VENDOR_ONLY: Final = {
+    "Config_HomeParam": {"homingVelocityFast": DOUBLE, "homeDirection": INT, "openLoopHoming": BOOL},
+    "Config_LimitParam": {"nearLSType": INT},
+    "Config_MotionParam": {"interruptedIntplUseQuickStop": BOOL},
+    "CoreMotionAxisStatus": {"nearPositiveLS": BOOL, "axisCommandModeFeedback": INT, "homePaused": BOOL},
+}
+"""Fields that the vendor has and the port does not: they must survive what the adapter does to a block."""
+ENUMS: Final = tuple(kind for kind in vars(port).values() if isinstance(kind, type) and issubclass(kind, IntEnum))
+ERRORS: Final = ("CoreMotionErrorCode", "AdvancedMotionErrorCode", "EcErrorCode")
+BLOCKS: Final = ("FeedbackParam", "HomeParam", "LimitParam", "MotionParam", "AlarmParam")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A version of the module. ``inserted``: by enumeration, at which number newer headers put an entry between."""
+
+    io: str = "Io"
+    scan_takes_master: bool = False
+    spline_times: str = "list"
+    spline_call: str = "StartCSplinePos_PointTime"
+    inserted: Mapping[str, int] = field(default_factory=dict)
+    without: tuple[str, ...] = ()
+
+
+V35: Final = Variant()
+V35_UINT: Final = Variant(spline_times="uintArray")
+NEWER: Final = Variant(
+    io="IO",
+    scan_takes_master=True,
+    spline_times="doubleArray",
+    inserted={
+        "ErrorCode": 1540,
+        "CoreMotionErrorCode": 65546,
+        "AdvancedMotionErrorCode": 94200,
+        "EcErrorCode": 8190,
+        "OperationState": 1,
+        "AxisCommandMode": 1,
+        "ProfileType": 1,
+        "Config_HomeType": 2,
+        "Config_LimitSwitchType": 2,
+        "EngineState": 2,
+    },
+)
+VARIANTS: Final = {"3.5": V35, "3.5 with whole milliseconds": V35_UINT, "newer": NEWER}
+
+
+@dataclass
+class Control:
+    """What the tests look at, and how they break the engine. ``frozen``: its cycle counter stands still."""
+
+    calls: list[tuple[str, tuple[Any, ...]]] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
+    disorder: list[str] = field(default_factory=list)
+    frozen: int | None = None
+    patience_s: float = 10.0
+
+    def named(self, name: str) -> list[tuple[Any, ...]]:
+        """The arguments of every call of ``name``."""
+        return [arguments for called, arguments in self.calls if called == name]
+
+
+class Numbers:
+    """The numbers of a variant: those of the port with entries in between."""
+
+    def __init__(self, variant: Variant) -> None:
+        self._inserted = variant.inserted
+
+    def vendor(self, kind: type[IntEnum], number: int) -> int:
+        return number + (kind.__name__ in self._inserted and number >= self._inserted[kind.__name__])
+
+    def port(self, kind: type[IntEnum], number: int) -> int:
+        inserted = self._inserted.get(kind.__name__)
+        return number - (inserted is not None and number > inserted)
+
+    def code(self, number: int) -> int:
+        """The vendor's number of one of the simulated engine's error codes."""
+        for kind in (port.ErrorCode, *(getattr(port, name) for name in ERRORS)):
+            if number in kind._value2member_map_:
+                return self.vendor(kind, number)
+        return number
+
+    def port_code(self, number: int) -> int:
+        for kind in (port.ErrorCode, *(getattr(port, name) for name in ERRORS)):
+            candidate = self.port(kind, number)
+            if candidate in kind._value2member_map_ and self.vendor(kind, candidate) == number:
+                return candidate
+        return -1
+
+
+class Classes:
+    """The value classes and enumerations of a variant."""
+
+    def __init__(self, variant: Variant, control: Control) -> None:
+        self.variant, self.control, self.numbers = variant, control, Numbers(variant)
+        self.made: dict[str, Any] = {}
+        self._enumerations()
+        self._commands()
+        for name in ("EngineStatus", "DeviceInfo", "DevicesInfo", "EcSlaveInfo", "EcMasterStatisticsInfo"):
+            self.of(getattr(port, name))
+        for name in (name for name in vars(port) if name.startswith("Config_") and name.endswith("Param")):
+            self.of(getattr(port, name))
+        for kind in (port.EcMasterInfo, port.CoreMotionAxisStatus):
+            self.of(kind)
+        axis = self.made["CoreMotionAxisStatus"]
+        self.made["CoreMotionStatus"] = proxy(
+            control,
+            "CoreMotionStatus",
+            {
+                "invalidLicenseError": BOOL,
+                "engineState": INT,
+                "numOfInterrupts": INT,
+                "emergencyStop": BOOL,
+                "emergencyStopLevel": INT,
+            },
+            {"cycleTimeMilliseconds": (DOUBLE, 2), "cycleCounter": (INT, 2), "axesStatus": (Of(axis), N_AXES)},
+        )
+        self.made["doubleArray"] = c_array("doubleArray", DOUBLE)
+        self.made["uintArray"] = c_array("uintArray", UINT)
+
+    def _enumerations(self) -> None:
+        for kind in sorted(ENUMS, key=lambda kind: kind.__name__ in ERRORS):  # their base comes first
+            entries = {member.name: self.numbers.vendor(kind, int(member)) for member in kind}
+            inserted = self.variant.inserted.get(kind.__name__)
+            if inserted is not None:
+                entries["EntryOfANewerVersion"] = inserted
+            base = (self.made["ErrorCode"],) if kind.__name__ in ERRORS else ()
+            self.made[kind.__name__] = type(kind.__name__, base, entries)
+
+    def _commands(self) -> None:
+        make = lambda name, *tables: proxy(self.control, name, *tables)  # noqa: E731
+        reals = ("velocity", "acc", "dec", "jerkAcc", "jerkDec", "jerkAccRatio", "jerkDecRatio", "accTimeMilliseconds")
+        reals += ("decTimeMilliseconds", "startingVelocity", "endVelocity", "secondVelocity")
+        profile = make(
+            "Profile", {"type": INT, **dict.fromkeys(reals, DOUBLE), "movingAverageTimeMilliseconds": DOUBLE}
+        )
+        endless: dict[str, CType] = {"axis": INT, "profile": Of(profile)}
+        timed: dict[str, CType] = {"axis": INT, "runTimeMilliseconds": DOUBLE, "profile": Of(profile)}
+        self.made |= {
+            "Profile": profile,
+            "Motion_PosCommand": make("Motion_PosCommand", {"axis": INT, "target": DOUBLE, "profile": Of(profile)}),
+            "Motion_JogCommand": make("Motion_JogCommand", endless),
+            "Motion_TimedJogCommand": make("Motion_TimedJogCommand", timed),
+            "Velocity_VelCommand": make("Velocity_VelCommand", endless),
+            "Velocity_TimedVelCommand": make("Velocity_TimedVelCommand", timed),
+            "AxisSelection": make("AxisSelection", {"axisCount": INT}, {"axis": (INT, N_AXES)}),
+            "AdvMotion_SplinePoint": make("AdvMotion_SplinePoint", {}, {"pos": (DOUBLE, MAX_DIMENSIONS)}),
+            "AdvMotion_PointTimeSplineCommand": make(
+                "AdvMotion_PointTimeSplineCommand", {"dimensionCount": UINT}, {"axis": (INT, MAX_DIMENSIONS)}
+            ),
+        }
+
+    def of(self, kind: type) -> type[Proxy]:
+        """The class of a record, with the port's field names and those that only the vendor has."""
+        name = kind.__name__
+        if name in self.made:
+            found: type[Proxy] = self.made[name]
+            return found
+        single: dict[str, CType] = dict(VENDOR_ONLY.get(name, {}))
+        arrays: dict[str, tuple[CType, int]] = {}
+        for item, hint in get_type_hints(kind).items():
+            if get_origin(hint) is list:
+                (entry,) = get_args(hint)
+                arrays[item] = (Of(self.of(entry)) if is_dataclass(entry) else PLAIN[entry], N_AXES)
+            else:
+                single[item] = Of(self.of(hint)) if is_dataclass(hint) else PLAIN[hint]
+        self.made[name] = proxy(self.control, name, single, arrays)
+        return self.made[name]  # type: ignore[no-any-return]
+
+    # -- between the vendor's objects and the simulated engine's records ----------------------------------------------
+
+    def vendor(self, value: Any) -> Any:
+        """A record of the simulated engine as the vendor's object."""
+        if isinstance(value, port.CoreMotionStatus):
+            return self._status(value)
+        if isinstance(value, IntEnum):
+            return self.numbers.vendor(type(value), int(value))
+        if not is_dataclass(value):
+            return value
+        made = self.of(type(value))()
+        for item in fields(value):
+            entry = getattr(value, item.name)
+            kind = type(item.default)
+            if isinstance(entry, list):
+                for index, one in enumerate(entry):
+                    made.arrays[item.name][index] = self.vendor(one)
+            elif issubclass(kind, IntEnum):
+                made.values[item.name] = self.numbers.vendor(kind, int(entry))
+            else:
+                made.values[item.name] = self.vendor(entry)
+        return made
+
+    def _status(self, value: port.CoreMotionStatus) -> Any:
+        made = self.made["CoreMotionStatus"]()
+        for name in type(made).FIELDS:
+            made.values[name] = getattr(value, name)
+        made.values["engineState"] = self.numbers.vendor(port.EngineState, int(value.engineState))
+        made.arrays["cycleTimeMilliseconds"] = list(value.cycleTimeMilliseconds)
+        made.arrays["cycleCounter"] = list(value.cycleCounter)
+        if self.control.frozen is not None:
+            made.arrays["cycleCounter"][0] = self.control.frozen
+        n_axes = len(value.axesStatus)
+        made.arrays["axesStatus"] = [self.vendor(value.GetAxesStatus(axis)) for axis in range(n_axes)]
+        made.arrays["axesStatus"] += [self.vendor(port.CoreMotionAxisStatus())] * (N_AXES - n_axes)
+        return made
+
+    def port(self, value: Any, n_axes: int = N_AXES) -> Any:
+        """An argument as the simulated engine takes it. A command with fields that nobody wrote is a fault."""
+        if isinstance(value, list):
+            return [self.port(item) for item in value]
+        if not isinstance(value, Proxy):
+            return value
+        name = type(value).__name__
+        kind = getattr(port, name)
+        if name == "AxisSelection":
+            return port.AxisSelection(
+                value.values["axisCount"], list(value.arrays["axis"][: value.values["axisCount"]])
+            )
+        made = kind()
+        for item in fields(kind):
+            if item.name in value.arrays:
+                size = value.values.get("dimensionCount", n_axes)
+                setattr(made, item.name, list(value.arrays[item.name][:size]))
+                continue
+            entry = self.port(value.values[item.name])
+            default = type(item.default)
+            if issubclass(default, IntEnum):
+                entry = self.numbers.port(default, entry)
+            setattr(made, item.name, entry)
+        if name.startswith(("Motion_", "Velocity_")):
+            self._complete(value, kind)
+        return made
+
+    def _complete(self, value: Proxy, kind: type) -> None:
+        for item in fields(kind):  # type: ignore[arg-type]
+            if item.name != "profile" and item.name not in value.written:
+                self.control.faults.append(f"{kind.__name__}.{item.name} was never written")
+        left = {"type", "velocity", "acc", "dec", "accTimeMilliseconds"} - value.values["profile"].written
+        for name in sorted(left):
+            self.control.faults.append(f"{kind.__name__}.profile.{name} was never written")
+
+
+Overloads = Sequence[Sequence[CType]]
+
+
+class Device:
+    """What the fake's objects of one device share: the simulated device and whether it is open."""
+
+    def __init__(self, control: Control) -> None:
+        self.library = simulated_library(control.patience_s, control.patience_s)
+        self.api = self.library.WMX3Api()
+        self.created = self.closed = False
+
+    def communicating(self) -> bool:
+        code, status = self.api.GetEngineStatus()
+        return not code and status.state == port.EngineState.Communicating
+
+
+class Builder:
+    """Makes the module's classes."""
+
+    def __init__(self, variant: Variant, control: Control) -> None:
+        self.variant, self.control = variant, control
+        self.classes = Classes(variant, control)
+        self.extras: dict[tuple[str, int], dict[str, Any]] = {}
+
+    def method(self, owner: str, name: str, overloads: Overloads, ordered: str = "") -> Callable[..., Any]:
+        """A call that the simulated engine carries out; ``ordered``: "device" or "bus", what must be there first."""
+
+        def run(this: Any, *arguments: Any) -> Any:
+            given = self.called(owner, name, overloads, this, arguments, ordered)
+            target = getattr(this.sim, name)
+            return self.answer(target(*[self.classes.port(value) for value in given]))
+
+        return run
+
+    def called(
+        self, owner: str, name: str, overloads: Overloads, this: Any, arguments: tuple[Any, ...], ordered: str
+    ) -> list[Any]:
+        """Checks and records a call; the arguments as taken."""
+        given = take(name, overloads, arguments)
+        full = f"{owner}.{name}"
+        self.control.calls.append((full, tuple(plain(value) for value in given)))
+        if ordered and not this.device.created:
+            self.control.disorder.append(
+                f"{full} {'after CloseDevice' if this.device.closed else 'before CreateDevice'}"
+            )
+        elif ordered == "bus" and not this.device.communicating():
+            self.control.disorder.append(f"{full} before StartCommunication")
+        counted = len(given) == 2 and isinstance(given[0], int) and isinstance(given[1], list)
+        if counted and given[0] > len(given[1]):
+            self.control.faults.append(f"{full}: {given[0]} commands of a list of {len(given[1])}")
+        return given
+
+    def answer(self, result: Any) -> Any:
+        """A result of the simulated engine in the vendor's numbers and objects."""
+        if isinstance(result, tuple):
+            return (self.classes.numbers.code(int(result[0])), *(self.classes.vendor(value) for value in result[1:]))
+        return result if isinstance(result, (bool, str)) else self.classes.numbers.code(int(result))
+
+    def text(self, owner: str) -> Any:
+        """ErrorToString of one module: a static method that knows its own codes and the base's."""
+
+        def run(code: Any) -> str:
+            self.control.calls.append((f"{owner}.ErrorToString", (INT.take(code),)))
+            number = self.classes.numbers.port_code(code)
+            kinds = {
+                "WMX3Api": (port.ErrorCode,),
+                "CoreMotion": (port.CoreMotionErrorCode, port.ErrorCode),
+                "AdvancedMotion": (port.AdvancedMotionErrorCode, port.CoreMotionErrorCode, port.ErrorCode),
+                "Ecat": (port.EcErrorCode, port.ErrorCode),
+            }.get(owner, (port.ErrorCode,))
+            return port.error_text(number, *kinds)
+
+        return staticmethod(run)
