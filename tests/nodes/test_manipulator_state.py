@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import signal
 import statistics
 import time
@@ -95,7 +96,7 @@ def test_joint_states(start: Start, peer: Peer, engine: TestEngine) -> None:
     begin = len(node.joints.items)
     wait_for(lambda: len(node.joints.items) > begin + 500, "500 joint states")
     stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in node.joints.messages[begin:]]
-    periods = [b - a for a, b in zip(stamps, stamps[1:], strict=False)]
+    periods = [b - a for a, b in itertools.pairwise(stamps)]
     assert statistics.median(periods) == pytest.approx(0.002, abs=0.0003)
     assert all(period > 0.0 for period in periods)
 
@@ -141,7 +142,7 @@ def test_names_and_options(start: Start, peer: Peer, engine: TestEngine) -> None
     isaac.wait(lambda m: list(m.position[6:]) == [CLOSED, CLOSED], "closed fingers")
     wait_for(lambda: len(isaac.items) > 100, "100 messages")
     stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in isaac.messages]
-    assert statistics.median(b - a for a, b in zip(stamps, stamps[1:], strict=False)) == pytest.approx(0.01, abs=1e-3)
+    assert statistics.median(b - a for a, b in itertools.pairwise(stamps)) == pytest.approx(0.01, abs=1e-3)
     node.wait_health("servo off: joint1 joint2 joint3 joint4 joint5 joint6")
     assert not status(engine).servo_on.any()
 

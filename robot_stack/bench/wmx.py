@@ -1,0 +1,197 @@
+"""Joint states of the manipulator: rate, jitter and cost of the node, status reads, cycles of the simulated engine."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import psutil
+from numpy.typing import NDArray
+
+from robot_stack.bench.framework import Aim, BenchError, Result, percentile
+
+if TYPE_CHECKING:
+    from robot_stack.bench.nodes.joint_listener import JointListener
+
+NAME = "wmx"
+AIMS = {
+    "joint_states_hz_off": Aim("<=", 1.0),
+    "period_jitter_ms_p99": Aim("<", 0.5),
+    "cpu_pct": Aim("<", 6.0),
+    "status_read_us_p50": Aim("<", 20.0),
+    "engine_cycle_jitter_us_p99": Aim("<", 20.0),
+}
+_NODE = "robot_stack.ros.main", "manipulator_state"
+_PLAIN = ("robot_stack.bench.nodes.plain_joint_states",)
+_SETTLE = 1000  # messages before anything is measured
+_READS = 1000
+_READ_PAUSE_S = 0.002
+_ENGINE_S = 30.0
+_MIB = 2**20
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """One publisher in one window of time. Jitter: how far a period is from the nominal one."""
+
+    rate_hz: float
+    period_jitter_ms: list[float]
+    arrival_jitter_ms: list[float]
+    cpu_pct: float
+    lost: int
+    pss_mb: float
+    window_ns: tuple[int, int]
+
+
+def run(duration_s: float = 20.0, plain_s: float = 10.0, rate_hz: float = 500.0) -> Result:
+    """An engine of six virtual joints and the node, as processes in a domain of their own.
+
+    plain_s: how long a straightforward rclpy node is measured at the same engine, for comparison; 0 leaves it out.
+    """
+    domain = 1 + os.getpid() % 19  # tests have those from 20 on
+    with _environment(domain) as environment:
+        notes = Path(environment["ROBOT_STACK_RUNTIME_DIR"]) / "cycles.npy"
+        from robot_stack.bench.nodes.joint_listener import JointListener
+
+        with _process(environment, "robot_stack.bench.wmx_engine", str(notes)), JointListener(domain) as listener:
+            ours = _measure(listener, environment, _NODE, duration_s, rate_hz)
+            plain = _measure(listener, environment, _PLAIN, plain_s, rate_hz) if plain_s else None
+            reads_us = _status_reads()
+        cycles = np.load(notes)
+    begin_ns, end_ns = ours.window_ns
+    within = cycles[(cycles[:, 0] >= begin_ns) & (cycles[:, 0] < end_ns)]
+    late_us = ((within[:, 1] - within[:, 0]) * 1e-3).tolist()
+    figures = {
+        "joint_states_hz": ours.rate_hz,
+        "joint_states_hz_off": abs(ours.rate_hz - rate_hz),
+        "period_jitter_ms_p99": percentile(ours.period_jitter_ms, 0.99),
+        "period_jitter_ms_p50": percentile(ours.period_jitter_ms, 0.5),
+        "arrival_jitter_ms_p99": percentile(ours.arrival_jitter_ms, 0.99),
+        "cpu_pct": ours.cpu_pct,
+        "lost": ours.lost,
+        "pss_mb": ours.pss_mb,
+        "status_read_us_p50": percentile(reads_us, 0.5),
+        "status_read_us_p99": percentile(reads_us, 0.99),
+        "engine_cycle_jitter_us_p99": percentile(late_us, 0.99),
+        "engine_cycle_jitter_us_p50": percentile(late_us, 0.5),
+    }
+    if plain is not None:
+        figures |= {
+            "plain_joint_states_hz": plain.rate_hz,
+            "plain_period_jitter_ms_p99": percentile(plain.period_jitter_ms, 0.99),
+            "plain_cpu_pct": plain.cpu_pct,
+        }
+    conditions = {
+        "joint_states_hz": "messages that an independent subscriber got (raw bytes, depth 500), over the span of stamps",
+        "lost": "periods in that span without a message: left out by the node, or not delivered",
+        "period_jitter": "|period - nominal| between stamps that the node takes right before it publishes",
+        "arrival_jitter": "the same at the independent subscriber, a Python process on the same machine",
+        "cpu_pct": "of one core: all threads of the node's process, heartbeat and diagnostics included, two topics",
+        "status_read": f"{_READS} reads, {1e3 * _READ_PAUSE_S:g} ms apart, in a process of its own",
+        "engine_cycle_jitter": "begin of a cycle after its deadline, in the window in which the node was measured",
+        "plain": "rclpy timer, message built and filled at each tick, same engine and topics",
+        "topics": ["/joint_states", "/gazebo_position_controller/commands"],
+        "messages": len(ours.period_jitter_ms) + 1,
+        "cycles": len(within),
+        "domain": domain,
+    }
+    return Result(figures, conditions)
+
+
+@contextmanager
+def _environment(domain: int) -> Iterator[dict[str, str]]:
+    """Of this process and those it starts: a domain and a runtime folder of their own, an engine of six joints."""
+    folder = Path(f"/dev/shm/robot_stack_bench-{os.getpid()}")
+    own = {
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROBOT_STACK_RUNTIME_DIR": str(folder),
+        "ROBOT_STACK_WMX_ENGINE": "simulated",
+        "ROBOT_STACK_WMX_ENGINE_CONFIG": "wmx_engine_manipulator",
+    }
+    before = {name: os.environ.get(name) for name in own}
+    folder.mkdir(mode=0o700)
+    os.environ.update(own)
+    try:
+        yield dict(os.environ)
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _process(environment: Mapping[str, str], *module: str) -> Iterator[psutil.Process]:
+    """``python -m module``, which ends with the block by SIGINT."""
+    log = Path(environment["ROBOT_STACK_RUNTIME_DIR"]) / f"{module[-1].rpartition('/')[2]}.log"
+    with log.open("w") as output:
+        started = subprocess.Popen(
+            [sys.executable, "-m", *module], env=dict(environment), stdout=output, stderr=subprocess.STDOUT
+        )
+    try:
+        yield psutil.Process(started.pid)
+        if started.poll() is not None:
+            raise BenchError(f"{module[-1]} ended: {log.read_text(errors='replace')[-2000:]}")
+    finally:
+        started.send_signal(signal.SIGINT)
+        try:
+            started.wait(_ENGINE_S)
+        except subprocess.TimeoutExpired:
+            started.kill()
+            started.wait()
+
+
+def _measure(
+    listener: JointListener, environment: Mapping[str, str], module: tuple[str, ...], duration_s: float, rate_hz: float
+) -> Measured:
+    with _process(environment, *module) as process:
+        listener.wait(_SETTLE)
+        before = process.cpu_times()
+        begin_ns = time.monotonic_ns()
+        arrived_ns, stamped_ns = listener.run(duration_s)
+        end_ns = time.monotonic_ns()
+        after = process.cpu_times()
+        pss = float(process.memory_full_info().pss) / _MIB
+    used_s = after.user + after.system - before.user - before.system
+    period_ns = 1e9 / rate_hz
+    return Measured(
+        rate_hz=1e9 * (len(stamped_ns) - 1) / float(stamped_ns[-1] - stamped_ns[0]),
+        period_jitter_ms=_off_ms(stamped_ns, period_ns),
+        arrival_jitter_ms=_off_ms(arrived_ns, period_ns),
+        cpu_pct=100.0 * used_s / ((end_ns - begin_ns) * 1e-9),
+        lost=max(0, round(float(stamped_ns[-1] - stamped_ns[0]) / period_ns) + 1 - len(stamped_ns)),
+        pss_mb=pss,
+        window_ns=(begin_ns, end_ns),
+    )
+
+
+def _off_ms(times_ns: NDArray[np.int64], period_ns: float) -> list[float]:
+    off: list[float] = (np.abs(np.diff(times_ns) - period_ns) * 1e-6).tolist()
+    return off
+
+
+def _status_reads() -> list[float]:
+    """How long each of many status reads took, us."""
+    from robot_stack.wmx import connect
+
+    taken_us = []
+    with connect("bench") as engine:
+        for _ in range(_READS):
+            begin_ns = time.perf_counter_ns()
+            engine.read_status()
+            taken_us.append((time.perf_counter_ns() - begin_ns) * 1e-3)
+            time.sleep(_READ_PAUSE_S)
+    return taken_us

@@ -1,0 +1,61 @@
+"""The simulated engine with a note of when each of its cycles began: ``wmx_engine NOTES.npy``.
+
+Notes are pairs of monotonic times in nanoseconds: when the cycle was due, and when it began.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_stack.core.runtime import runtime_dir
+from robot_stack.wmx.config import load_engine_config
+from robot_stack.wmx.simulated import __main__ as process
+from robot_stack.wmx.simulated.server import EngineServer
+
+_LONGEST_S = 300.0
+
+
+class NotingServer(EngineServer):
+    """Follows the deadlines of ``serve_forever`` from the first cycle on, skipped ones included."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._period_ns = round(1e9 * self.engine.config.cycle_time_s)
+        self.notes = np.zeros((round(_LONGEST_S / self.engine.config.cycle_time_s), 2), np.int64)
+        self.count = 0
+        self._due_ns = 0
+
+    def cycle(self) -> None:
+        """Notes, then cycles."""
+        now_ns = time.monotonic_ns()
+        due_ns = self._due_ns + self._period_ns if self._due_ns else now_ns
+        late_ns = now_ns - due_ns
+        if late_ns > self._period_ns:
+            due_ns += late_ns // self._period_ns * self._period_ns
+        self._due_ns = due_ns
+        if self.count < len(self.notes):
+            self.notes[self.count] = due_ns, now_ns
+            self.count += 1
+        super().cycle()
+
+
+def main() -> None:
+    notes = Path(sys.argv[1])
+    servers: list[NotingServer] = []
+
+    def server(*arguments: Any) -> NotingServer:
+        servers.append(NotingServer(*arguments))
+        return servers[-1]
+
+    vars(process)["EngineServer"] = server
+    process.run_engine(load_engine_config(), runtime_dir())
+    np.save(notes, servers[0].notes[: servers[0].count])
+
+
+if __name__ == "__main__":
+    main()
