@@ -17,8 +17,10 @@ from robot_stack.navigation import warm_up as navigation
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
-from robot_stack.wmx.config import load_engine_config
+from robot_stack.wmx.config import EngineConfig, load_engine_config
 from robot_stack.wmx.simulated.engine import Engine
+from sim.arm.params import ArmParams
+from sim.arm.world import ArmWorld
 from sim.lidar.views import sweep_at
 from sim.parameters import load_sim_params
 from sim.simulation import Simulation
@@ -31,6 +33,7 @@ _CYCLES = 10
 def compile_loops() -> None:
     """What the loops call is compiled and kept on disk."""
     _simulation()
+    _arm()
     robot = load_robot()
     MarkerDetector(load_docks(), load(ArucoDetectorParams, "aruco_detector").detector).warm_up()
     Pipeline(robot, load(PerceptionParams, "perception_pipeline")).warm_up()
@@ -47,6 +50,14 @@ def _simulation() -> None:
     for _ in range(_CYCLES):
         simulation.step()
     sweep_at(world, np.eye(4))
+
+
+def _arm() -> None:
+    """A few cycles of the arm's drives."""
+    config = load(EngineConfig, "wmx_engine_manipulator")
+    arm = ArmWorld(load(ArmParams, "sim_manipulator"), config.cycle_time_s)
+    for _ in range(_CYCLES):
+        arm.step()
 
 
 if __name__ == "__main__":

@@ -44,7 +44,11 @@ def write_arm(params: ArmParams, timestep_s: float) -> str:
 
 def _arm(world: Element, params: ArmParams) -> None:
     body, mass, radius = params.body, params.body.mass_kg, params.body.radius_m
-    base = SubElement(world, "body", name="base")
+    base = SubElement(world, "body", name="base", pos=vector((0.0, 0.0, body.pedestal_m)))
+    if body.pedestal_m:
+        half_m = 0.5 * body.pedestal_m
+        more = {"pos": vector((0.0, 0.0, -half_m)), "rgba": _GREY, "mass": "0"}
+        add_geom(base, "pedestal", "cylinder", (1.2 * radius.base, half_m), NO_BITS, WORLD_GROUP, **more)
     _bar(base, "base", (0.0, 0.0, 0.0), (0.0, 0.0, 0.5 * body.base_height_m), radius.base, mass.base, NO_BITS, _DARK)
     shoulder = _link(base, params, 0, (0.0, 0.0, 0.5 * body.base_height_m), _Z)
     top = (0.0, 0.0, 0.5 * body.base_height_m)

@@ -35,6 +35,7 @@ class Masses(Config):
 class Body(Config):
     """Links. ``elbow_share``: of upper arm and forearm, what sits at their far joint; the rest is spread along them."""
 
+    pedestal_m: NonNegative
     base_height_m: Positive
     upper_arm_m: Positive
     forearm_m: Positive
@@ -63,7 +64,7 @@ class Gripper(Config):
 
 
 class Cube(Config):
-    """Stands on the table, edges along x and y; place of its middle in the base frame."""
+    """Stands on the table, edges along x and y; place of its middle from the base's."""
 
     edge_m: Positive
     mass_kg: Positive

@@ -84,5 +84,5 @@ class ArmWorld:
         return ArmTruth(self._qpos[self._all.qpos], self._qvel[self._all.qvel], np.array(forces))
 
     def cube_position_m(self) -> NDArray[np.float64]:
-        """(3,) middle of the cube in the base frame. Raises KeyError without a cube."""
+        """(3,) middle of the cube from the foot of the pedestal. Raises KeyError without a cube."""
         return np.array(self.data.body("cube").xpos)
