@@ -26,6 +26,7 @@ FloatArray = NDArray[np.float64]
 # The motion begins a few cycles after the status by which it was planned; more than this is no delay of a start.
 _LONGEST_START_S = 0.02
 _SLOWEST_SEEN_RADPS = 1e-3
+_AT_END_RAD = 1e-4  # far above an encoder count, far below what matters
 
 
 class Phase(Enum):
@@ -101,13 +102,14 @@ class Execution:
         if self.phase is Phase.WAITING:
             self._result = ending
             return
-        if self._ending is None:
+        first = self._ending is None
+        if first:
             self.phase, self._stopping_since_s = Phase.STOPPING, now_s
-        if self._ending is None or self._ending.outcome is Outcome.CANCELED:
+        if self._ending is None or (quick and self._ending.outcome is Outcome.CANCELED):
             self._ending = ending
-        if not quick and not self._quick:
+        if first and not quick:
             self._stop_problem = _text(self._arm.stop())
-        if quick or self._stop_problem:
+        if quick or (first and self._stop_problem):
             self._quick_stop(now_s)
 
     # --- phases ------------------------------------------------------------------------------------------------------
@@ -159,7 +161,7 @@ class Execution:
         self._moved = self._moved or not idle
         if outside:
             self.stop(now_s, aborted(Fault(GoalCode.PATH_TOLERANCE_VIOLATED, f"path tolerance: {outside}")))
-        elif idle and state.complete.all() and sample.time_s >= self._spline.duration_s:
+        elif idle and self._complete(state, sample.time_s):
             self.phase, self._settling_since_s = Phase.SETTLING, now_s
             self._settle(now_s, state)
         elif idle and not state.complete.all() and self._had_time_to_start(now_s):
@@ -244,6 +246,11 @@ class Execution:
             sample.velocity - sample.actual_velocity,
             self._settings.joints,
         )
+
+    def _complete(self, state: ArmState, time_s: float) -> bool:
+        """The flag alone may be that of the motion before."""
+        left = np.abs(state.command - self._spline.positions[-1]).max()
+        return bool(state.complete.all() and time_s >= self._spline.duration_s and left <= _AT_END_RAD)
 
     def _had_time_to_start(self, now_s: float) -> bool:
         return self._moved or now_s - self._began_s > self._settings.start_timeout_s

@@ -90,6 +90,8 @@ def _acceptable(rows: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatA
         repeats = bool(np.abs(row - anchor).max() <= _SAME_RAD)
         if gap_s < _SHORTEST_GAP_S or (repeats and gap_s < _SHORTEST_PAUSE_S):
             continue
+        if not repeats and np.abs(row - kept_rows[-1]).max() <= _SAME_RAD:
+            continue
         anchor = anchor if repeats else row
         kept_rows.append(anchor + _SHIFT_RAD if repeats and kept_rows[-1] is anchor else anchor)
         kept_times.append(time_s)

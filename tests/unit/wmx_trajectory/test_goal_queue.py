@@ -1,0 +1,137 @@
+"""One goal at a time, and the newest one wins."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot_stack.wmx.trajectory.goal import CheckedGoal
+from robot_stack.wmx.trajectory.goal_queue import GoalQueue
+from robot_stack.wmx.trajectory.results import Fault, GoalCode, Outcome, Result
+from tests.unit.wmx_trajectory.fake_arm import SETTINGS, TICK_S, FakeArm, goal
+
+FIRST = goal((0.0, (0.0, 0.0)), (2.0, (1.0, 0.0)))
+SECOND = goal((0.0, (0.0, 0.0)), (1.0, (0.0, 1.0)))
+EMERGENCY = Fault(65632, "emergency stop")
+
+
+class Desk:
+    def __init__(self) -> None:
+        self.arm = FakeArm()
+        self.ended: dict[str, Result] = {}
+        self.ended_at_s: dict[str, float] = {}
+        self.now_s = 0.0
+        self.queue: GoalQueue[str] = GoalQueue(self.arm, SETTINGS, self._end)
+
+    def _end(self, key: str, result: Result) -> None:
+        assert key not in self.ended, "ended twice"
+        self.ended[key], self.ended_at_s[key] = result, self.now_s
+
+    def submit(self, key: str, wish: CheckedGoal) -> None:
+        self.queue.submit(key, wish, self.now_s, self.arm.state())
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / TICK_S)):
+            self.now_s += TICK_S
+            self.arm.advance()
+            self.queue.tick(self.now_s, self.arm.state())
+
+
+def test_a_goal_begins_when_it_is_submitted() -> None:
+    desk = Desk()
+    desk.submit("a", FIRST)
+    assert desk.arm.calls == ["start"]
+    desk.run(2.1)
+    assert desk.ended["a"].outcome is Outcome.SUCCEEDED
+    assert desk.queue.active is None
+
+
+def test_a_newer_goal_stops_the_present_one_and_begins_from_rest() -> None:
+    desk = Desk()
+    desk.submit("a", FIRST)
+    desk.run(0.9)
+    desk.submit("b", SECOND)
+    assert desk.arm.calls == ["start", "stop"]
+    assert "a" not in desk.ended
+    desk.run(0.15)
+    assert (desk.ended["a"].outcome, desk.ended["a"].code) == (Outcome.ABORTED, GoalCode.INVALID_GOAL)
+    assert "preempted by a newer goal" in desk.ended["a"].text
+    assert desk.arm.calls == ["start", "stop", "start"]
+    desk.run(1.1)
+    assert desk.ended["b"].outcome is Outcome.SUCCEEDED
+    assert desk.arm.command == pytest.approx([0.0, 1.0])
+
+
+def test_of_several_newer_goals_the_last_one_runs() -> None:
+    desk = Desk()
+    desk.submit("a", FIRST)
+    desk.run(0.9)
+    desk.submit("b", SECOND)
+    desk.submit("c", SECOND)
+    assert desk.ended["b"].code == GoalCode.INVALID_GOAL
+    desk.run(1.3)
+    assert desk.ended["c"].outcome is Outcome.SUCCEEDED
+    assert len(desk.arm.splines) == 2
+
+
+def test_an_empty_goal_stops_what_runs() -> None:
+    desk = Desk()
+    desk.submit("a", FIRST)
+    desk.run(0.9)
+    desk.submit("empty", goal())
+    desk.run(0.2)
+    assert desk.ended["a"].code == GoalCode.INVALID_GOAL
+    assert desk.ended["empty"].outcome is Outcome.SUCCEEDED
+    assert desk.arm.state().idle.all()
+
+
+def test_a_goal_that_waits_for_its_start_gives_way_at_once() -> None:
+    desk = Desk()
+    desk.submit("a", goal((1.0, (1.0, 0.0)), start_in_s=5.0))
+    desk.run(0.1)
+    desk.submit("b", SECOND)
+    assert desk.ended["a"].code == GoalCode.INVALID_GOAL
+    assert desk.arm.calls == ["start"]
+
+
+def test_cancel_of_the_running_the_waiting_and_an_unknown_goal() -> None:
+    desk = Desk()
+    desk.submit("a", FIRST)
+    desk.run(0.5)
+    desk.submit("b", SECOND)
+    desk.queue.cancel("b", desk.now_s)
+    assert desk.ended["b"].outcome is Outcome.CANCELED
+    desk.queue.cancel("nobody", desk.now_s)
+    desk.run(0.2)
+    assert desk.ended["a"].code == GoalCode.INVALID_GOAL
+    desk.submit("c", SECOND)
+    desk.run(0.5)
+    desk.queue.cancel("c", desk.now_s)
+    assert "c" not in desk.ended
+    desk.run(0.2)
+    assert desk.ended["c"].outcome is Outcome.CANCELED
+
+
+def test_repeated_cancellations_do_not_postpone_the_quick_stop() -> None:
+    desk = Desk()
+    desk.arm.stop_takes_s = None
+    desk.submit("a", FIRST)
+    desk.run(0.5)
+    for _ in range(round(0.6 / TICK_S)):
+        desk.queue.cancel("a", desk.now_s)
+        desk.run(TICK_S)
+    assert desk.ended["a"].outcome is Outcome.CANCELED
+    assert desk.arm.calls.count("stop") == 1
+    assert desk.arm.calls.count("quick_stop") == 1
+
+
+def test_an_emergency_ends_everything() -> None:
+    desk = Desk()
+    desk.submit("a", FIRST)
+    desk.run(0.5)
+    desk.submit("b", SECOND)
+    desk.queue.stop_all(EMERGENCY, desk.now_s)
+    assert desk.ended["b"] == Result(Outcome.ABORTED, 65632, "emergency stop")
+    desk.run(0.05)
+    assert desk.ended["a"].outcome is Outcome.ABORTED
+    assert desk.arm.calls == ["start", "stop", "quick_stop"]
+    assert desk.queue.active is None
