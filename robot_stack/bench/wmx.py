@@ -92,7 +92,7 @@ def run(duration_s: float = 20.0, plain_s: float = 10.0, rate_hz: float = 500.0)
             "plain_cpu_pct": plain.cpu_pct,
         }
     conditions = {
-        "joint_states_hz": "messages that an independent subscriber got (raw bytes, depth 500), over the span of stamps",
+        "joint_states_hz": "messages that an independent subscriber got (raw bytes, depth 500) over their stamps' span",
         "lost": "periods in that span without a message: left out by the node, or not delivered",
         "period_jitter": "|period - nominal| between stamps that the node takes right before it publishes",
         "arrival_jitter": "the same at the independent subscriber, a Python process on the same machine",

@@ -40,13 +40,13 @@ def fill(
     return math.isfinite(position.sum() + velocity.sum())
 
 
-def faults(snapshot: StatusSnapshot, settings: JointSettings) -> str:
-    """Alarms and servos that are off, as one text; empty if there are none."""
+def faults(snapshot: StatusSnapshot, settings: JointSettings, servos: bool) -> str:
+    """Alarms and, if ``servos`` are to be on, those that are off, as one text; empty if there are none."""
     names, n = settings.names, settings.n_joints
     alarms = [
         f"{names[axis]} amplifier alarm {int(snapshot.amp_alarm_code[axis])}"
         for axis in np.flatnonzero(snapshot.amp_alarm[:n])
     ]
     following = [f"{names[axis]} following error" for axis in np.flatnonzero(snapshot.following_error_alarm[:n])]
-    off = [names[axis] for axis in np.flatnonzero(~snapshot.servo_on[:n])]
+    off = [names[axis] for axis in np.flatnonzero(~snapshot.servo_on[:n])] if servos else []
     return ", ".join([*alarms, *following, *([f"servo off: {' '.join(off)}"] if off else [])])

@@ -9,6 +9,7 @@ import time
 import traceback
 from collections.abc import Callable
 
+from robot_stack.core.pacing import sharpen_sleep
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.manipulator.bring_up import BringUp
 from robot_stack.wmx.manipulator.startup import Step
@@ -68,6 +69,7 @@ class FeedbackThread:
 
     def _loop(self) -> None:
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
+        sharpen_sleep()
         due_ns = time.monotonic_ns()
         frozen = False
         while not self._ended:

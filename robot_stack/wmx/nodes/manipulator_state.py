@@ -98,7 +98,7 @@ class ManipulatorState(StackNode):
         elif snapshot is None:
             self.set_health(False, f"nothing published: {feedback.reason or 'no status yet'}")
         else:
-            fault = faults(snapshot, self._joints)
+            fault = faults(snapshot, self._joints, servos=self.params.auto_servo_on)
             self.set_health(not fault, fault or "joints are up")
         if feedback.skipped > self._skipped:
             text = f"nothing published {feedback.skipped - self._skipped} times: {feedback.reason}"

@@ -48,7 +48,7 @@ def test_other_axes_do_not_matter():
     snapshot.flags[Flag.AMP_ALARM, 2] = 1
     snapshot.flags[Flag.SERVO_ON, 2] = 0
     assert fill(snapshot, SETTINGS, np.zeros(4), np.zeros(4))
-    assert faults(snapshot, SETTINGS) == ""
+    assert faults(snapshot, SETTINGS, servos=True) == ""
 
 
 def test_faults():
@@ -57,4 +57,5 @@ def test_faults():
     snapshot.flags[Flag.AMP_ALARM_CODE, 0] = 33
     snapshot.flags[Flag.FOLLOWING_ERROR_ALARM, 1] = 1
     snapshot.flags[Flag.SERVO_ON, :2] = 0
-    assert faults(snapshot, SETTINGS) == "a amplifier alarm 33, b following error, servo off: a b"
+    assert faults(snapshot, SETTINGS, servos=True) == "a amplifier alarm 33, b following error, servo off: a b"
+    assert faults(snapshot, SETTINGS, servos=False) == "a amplifier alarm 33, b following error"
