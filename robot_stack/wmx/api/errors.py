@@ -174,6 +174,15 @@ _TEXTS: Final[dict[int, str]] = {
     CoreMotionErrorCode.WaitTimeout: "the wait ended before the motion",
     CoreMotionErrorCode.ProfileTypeNotSupported: "the profile type is not supported",
     CoreMotionErrorCode.EmergencyStopSignalOn: "an emergency stop is active",
+    CoreMotionErrorCode.NotIdleOrIntplState: "the axis is neither idle nor in an interpolation",
+    CoreMotionErrorCode.TimeArgumentOutOfRange: "a time is not finite or out of range",
+    CoreMotionErrorCode.ChannelExecutingCommands: "the channel is executing a motion",
+    CoreMotionErrorCode.ChannelNotEnoughSpace: "there are more points than the channel's buffer holds",
+    CoreMotionErrorCode.ChannelBufferMemoryNotAllocated: "the channel has no buffer",
+    CoreMotionErrorCode.ChannelBufferMemoryAlreadyAllocated: "the channel has a buffer already",
+    AdvancedMotionErrorCode.TimeBetweenPointsTooClose: "two points are closer than 0.001 ms",
+    AdvancedMotionErrorCode.DimensionOutOfRange: "the number of axes of the spline is out of range",
+    AdvancedMotionErrorCode.PointCountBelowMinimum: "the spline has too few points that differ",
     EcErrorCode.ScanNetworkFailed: "the network scan failed",
 }
 

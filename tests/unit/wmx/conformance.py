@@ -55,6 +55,7 @@ from tests.unit.wmx.harness import (
     status,
     wait_status,
 )
+from tests.unit.wmx.spline_conformance import SplineConformance, start_of_one_axis
 
 GOOD = ErrorCode.PyNone
 NAN, INF = math.nan, math.inf
@@ -127,6 +128,7 @@ AXIS_COMMANDS: dict[str, Callable[[MotionEngine, int], Any]] = {
     "StartMov": lambda e, a: e.core_motion.motion.StartMov(pos(a, 1.0)),
     "StartJog": lambda e, a: e.core_motion.motion.StartJog(jog(a, 1.0)),
     "StartVel": lambda e, a: e.core_motion.velocity.StartVel(vel(a, 1.0)),
+    "StartCSplinePos_PointTime": start_of_one_axis,
 }
 # What works without a bus too.
 AXIS_SETTINGS: dict[str, Callable[[MotionEngine, int], Any]] = {
@@ -177,6 +179,9 @@ DEVICE_CALLS: dict[str, Call] = {
     "GetInBytes": lambda e: e.io.GetInBytes(0, 1),
     "ScanNetwork": lambda e: e.ecat.ScanNetwork(0),
     "GetMasterInfo": lambda e: e.ecat.GetMasterInfo(),
+    "CreateSplineBuffer": lambda e: e.advanced_motion.advMotion.CreateSplineBuffer(0, 10),
+    "FreeSplineBuffer": lambda e: e.advanced_motion.advMotion.FreeSplineBuffer(0),
+    "GetSplineBufferPoints": lambda e: e.advanced_motion.advMotion.GetSplineBufferPoints(0),
 }
 ALL_CALLS: dict[str, Call] = {
     **DEVICE_CALLS,
@@ -223,7 +228,7 @@ def set_estop(engine: MotionEngine, dec: float) -> None:
     assert engine.core_motion.config.SetEmergencyStopParam(replace(param, eStopDec=[dec] * N_AXES))[0] == GOOD
 
 
-class EngineConformance:
+class EngineConformance(SplineConformance):
     """Needs: a fixture ``harness`` (Harness) with an idle engine."""
 
     # -- devices and engine --------------------------------------------------------------------------------------------

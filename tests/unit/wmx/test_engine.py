@@ -29,7 +29,7 @@ from robot_stack.wmx.api import (
 )
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback
-from robot_stack.wmx.simulated import jit, kernel, profile
+from robot_stack.wmx.simulated import jit, kernel, profile, spline_kernel
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.requests import METHODS, Session, execute
 from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
@@ -513,7 +513,7 @@ class TestCompilation:
     def test_cache_covers_everything_compiled_code_is_made_of(self) -> None:
         package = Path(wmx.__file__).parent
         covered = {path for pattern in jit.SOURCES for path in package.glob(pattern)}
-        for module in (kernel, profile):
+        for module in (kernel, profile, spline_kernel):
             source = Path(str(module.__file__))
             assert source in covered
             for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
