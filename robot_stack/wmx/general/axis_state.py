@@ -15,8 +15,10 @@ _FLAGS: Final = {
     "servo_on": Flag.SERVO_ON,
     "home_done": Flag.HOME_DONE,
     "in_pos": Flag.IN_POS,
+    "negative_ls": Flag.NEGATIVE_LS,
+    "positive_ls": Flag.POSITIVE_LS,
+    "home_switch": Flag.HOME_SWITCH,
 }
-_SWITCHES: Final = {"negative_ls": "NEGATIVE_LS", "positive_ls": "POSITIVE_LS", "home_switch": "HOME_SWITCH"}
 _REALS: Final = {
     "pos_cmd": Real.POS_CMD,
     "velocity_cmd": Real.VELOCITY_CMD,
@@ -34,10 +36,6 @@ def axis_state(snapshot: StatusSnapshot, axis_count: int, rated_torque_nm: Seque
     fields: dict[str, Column] = {}
     for name, flag in _FLAGS.items():
         fields[name] = array("i", (snapshot.flags[flag, :axis_count] != 0).tolist())
-    for name, row in _SWITCHES.items():
-        switch = Flag.__members__.get(row)
-        on = [False] * axis_count if switch is None else (snapshot.flags[switch, :axis_count] != 0).tolist()
-        fields[name] = array("i", on)
     for name, real in _REALS.items():
         fields[name] = array("d", snapshot.reals[real, :axis_count].tolist())
     percent = snapshot.actual_torque[:axis_count].tolist()

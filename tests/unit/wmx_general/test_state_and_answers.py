@@ -23,6 +23,9 @@ FLAGS = {
     "servo_on": Flag.SERVO_ON,
     "home_done": Flag.HOME_DONE,
     "in_pos": Flag.IN_POS,
+    "negative_ls": Flag.NEGATIVE_LS,
+    "positive_ls": Flag.POSITIVE_LS,
+    "home_switch": Flag.HOME_SWITCH,
 }
 REALS = {
     "pos_cmd": Real.POS_CMD,

@@ -1,0 +1,496 @@
+"""wmx_ros2_general_node on a real engine process of four virtual axes, driven by a client in another process."""
+
+from __future__ import annotations
+
+import signal
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+import yaml
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool, Trigger
+
+from robot_stack.contract import services, topics
+from robot_stack.contract.model import Service, Topic
+from robot_stack.ros.interfaces import interface_class
+from robot_stack.wmx.api import OperationState
+from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE
+from tests.support.engine import TestEngine
+from tests.support.processes import NodeProcess
+from tests.support.waiting import wait_for
+from wmx_ros2_message.msg import AxisPose, AxisState, AxisVelocity
+from wmx_ros2_message.srv import SetAxis, SetAxisGearRatio, SetEngine
+
+if TYPE_CHECKING:
+    from tests.support.peer import Heard, Peer
+
+Start = Callable[..., NodeProcess]
+NAME = "wmx_ros2_general_node"
+N_AXES = 4
+COMMANDS = (topics.WMX_AXIS_VELOCITY, topics.WMX_AXIS_POSITION, topics.WMX_AXIS_POSITION_RELATIVE)
+SERVICES = [row for row in services.SERVICES if row.server == NAME]
+EXAMPLES = yaml.safe_load((Path(__file__).parent / "data" / "wmx_examples.yaml").read_text(encoding="utf-8"))
+NULL = "Error=301 (there is no open device)"
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.fixture(autouse=True)
+def _four_axes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(ENGINE_CONFIG_VARIABLE, "wmx_engine_general")
+
+
+class Bench:
+    """The node, its engine, and the client that drives it."""
+
+    def __init__(self, start: Start, peer: Peer, folder: Path) -> None:
+        self._start, self.peer = start, peer
+        self.engine = TestEngine(start, folder)
+        self.states: Heard = peer.listen(topics.WMX_AXIS_STATE)
+        self._node: NodeProcess | None = None
+
+    @property
+    def node(self) -> NodeProcess:
+        assert self._node is not None
+        return self._node
+
+    def start_node(self, *ros_args: str) -> None:
+        self._node = self._start(NAME, "-p", "device_retry_s:=0.1", *ros_args)
+        for row in (*COMMANDS, topics.EMERGENCY_STOP):
+            self.peer.wait_matched(row)
+
+    def up(self, *ros_args: str) -> None:
+        """Engine with bus and servos on, node with a device."""
+        self.engine.run().up()
+        self.start_node(*ros_args)
+        self.node.wait_output("ready")
+
+    def call(self, row: Service, request: Any = None) -> tuple[bool, str]:
+        response = self.peer.call(row, request)
+        return response.success, response.message
+
+    def set_axis(self, row: Service, index: list[int], data: list[int] | None = None) -> tuple[bool, str]:
+        return self.call(row, SetAxis.Request(index=index, data=data or []))
+
+    def status(self) -> StatusSnapshot:
+        code, snapshot = self.engine.device.read_status()
+        assert code == 0
+        return snapshot
+
+    def wait_status(self, holds: Callable[[StatusSnapshot], Any], what: str) -> StatusSnapshot:
+        wait_for(lambda: holds(self.status()), what, poll_s=0.002)
+        return self.status()
+
+    def turn(self, axes: list[int], velocity: float, dec: float = 20.0) -> None:
+        """Puts axes into velocity mode and has them turn."""
+        assert self.set_axis(services.AXIS_SET_MODE, axes, [1] * len(axes))[0]
+        self.velocity(axes, velocity, dec)
+        self.wait_status(lambda now: all(abs(now.actual_velocity[a] - velocity) < 0.1 for a in axes), "turning axes")
+
+    def velocity(self, axes: list[int], velocity: float, dec: float = 20.0) -> None:
+        n = len(axes)
+        message = AxisVelocity(index=axes, velocity=[velocity] * n, acc=[20.0] * n, dec=[dec] * n)
+        self.peer.publish(topics.WMX_AXIS_VELOCITY, message)
+
+    def wait_refused(self, text: str) -> None:
+        self.node.wait_output(text)
+
+    def fresh_state(self) -> AxisState:
+        """A message that was published after this call."""
+        count = len(self.states.items)
+        wait_for(lambda: len(self.states.items) > count + 1, "the state of now", poll_s=0.002)
+        return self.states.last
+
+
+@pytest.fixture
+def bench(start: Start, peer: Peer, tmp_path: Path, _four_axes: None) -> Iterator[Bench]:
+    bench = Bench(start, peer, tmp_path)
+    yield bench
+    bench.engine.close()
+
+
+def at_rest(*axes: int) -> Callable[[StatusSnapshot], bool]:
+    return lambda now: all(now.op_state[axis] == OperationState.Idle for axis in axes)
+
+
+# --- start and state ----------------------------------------------------------------------------------------------
+
+
+def test_every_interface_from_the_start_and_state_once_there_is_one(bench: Bench) -> None:
+    bench.start_node()  # no engine yet
+    bench.node.wait_output("attempt 5 of 5")
+    offered = dict(bench.peer.node.get_service_names_and_types_by_node(NAME, "/"))
+    assert {row.name: [row.type] for row in SERVICES}.items() <= offered.items()
+    assert bench.set_axis(services.AXIS_SET_ON, [0], [1]) == (False, f"Failed to set axis 0 on. {NULL}; ")
+    assert bench.call(services.ENGINE_SET_COMM, SetBool.Request(data=True)) == (
+        False,
+        f"Failed to start communication. {NULL}",
+    )
+    assert bench.call(services.ENGINE_GET_STATUS) == (True, "Unknown")
+    assert bench.call(services.ENGINE_SET_DEVICE, SetEngine.Request(data=True, name="a")) == (
+        False,
+        "Failed to create device. Error=263 (no engine is running there)",
+    )
+    bench.peer.publish(
+        topics.WMX_AXIS_POSITION, AxisPose(index=[0], target=[1.0], velocity=[1.0], acc=[1.0], dec=[1.0])
+    )
+    bench.wait_refused("/wmx/axis/position refused: no status of the engine: Error=301")
+
+    bench.engine.run()
+    wait_for(lambda: bench.call(services.ENGINE_GET_STATUS) == (True, "Running"), "a device")
+    assert bench.states.items == []  # neither a device nor a bus so far: zeros would look valid
+    assert bench.call(services.ENGINE_SET_COMM, SetBool.Request(data=True)) == (True, "Communication is started")
+    wait_for(lambda: len(bench.states.items) > 150, "state")
+    arrivals = [at for at, _ in bench.states.items]
+    gaps = [after - before for before, after in pairwise(arrivals)]
+    assert statistics.median(gaps) == pytest.approx(0.01, rel=0.1)
+
+    fields = AxisState.get_fields_and_field_types()
+    assert len(fields) == 12
+    assert {len(getattr(bench.states.last, name)) for name in fields} == {2}
+    assert list(bench.states.last.servo_on) == [0, 0]
+    assert bench.set_axis(services.AXIS_SET_ON, [1], [1]) == (True, "Set axis 1 on; ")
+    bench.states.wait(lambda state: list(state.servo_on) == [0, 1], "servo of axis 1 on")
+    assert bench.set_axis(services.AXIS_HOMING, [1]) == (True, "Homing axis 1; ")
+    bench.states.wait(lambda state: list(state.home_done) == [0, 1], "axis 1 homed")
+
+
+def test_axis_count(bench: Bench, start: Start) -> None:
+    bench.engine.run().up()
+    bench.start_node("-p", "axis_count:=4", "-p", "rated_torque_nm:=[1.0, 0.0, 2.0, 3.0]")
+    bench.states.wait(lambda _: True, "state")
+    assert {len(getattr(bench.states.last, name)) for name in AxisState.get_fields_and_field_types()} == {4}
+    bench.node.stop()
+    for count, text in ((5, "axis_count is 5, the engine has 4 axes"), (0, "axis_count"), (129, "axis_count")):
+        refused = start(NAME, "-p", f"axis_count:={count}")
+        assert refused.wait() == 2
+        assert text in refused.output()
+        assert len(refused.output().strip().splitlines()) <= 2  # one clear line, beside "created a device"
+
+
+# --- the documents' examples -------------------------------------------------------------------------------------
+
+
+def filled(type_name: str, literal: str) -> Any:
+    """The message of a literal, as the command line makes it."""
+    kind = interface_class(type_name)
+    return (kind.Request if "/srv/" in type_name else kind)(**yaml.safe_load(literal))
+
+
+def row_of(name: str, rows: Any) -> Any:
+    return next(row for row in rows if row.name == name and row.system.value == "wmx")
+
+
+def test_the_examples_of_the_documents_in_their_order(bench: Bench) -> None:
+    bench.engine.run()
+    bench.start_node()
+    wait_for(lambda: bench.call(services.ENGINE_GET_STATUS) == (True, "Running"), "a device")
+    for example in EXAMPLES:
+        message = filled(example["type"], example["literal"])
+        if "call" in example:
+            row: Service = row_of(example["call"], services.SERVICES)
+            assert row.type == example["type"]
+            assert bench.call(row, message) == (True, example["message"])
+            continue
+        topic: Topic = row_of(example["publish"], topics.TOPICS)
+        assert topic.type == example["type"]
+        bench.peer.publish(topic, message)
+        if "position" in example:
+            goal = example["position"]
+            bench.wait_status(lambda now, goal=goal: abs(now.actual_pos[0] - goal) < 1e-3 and at_rest(0)(now), "target")
+            assert bench.fresh_state().actual_pos[0] == pytest.approx(goal, abs=1e-3)
+            assert bench.states.last.in_pos[0] == 1
+        else:
+            speed = example["velocity"]
+            bench.wait_status(lambda now, speed=speed: abs(now.actual_velocity[0] - speed) < 0.02, "velocity")
+            assert bench.fresh_state().velocity_cmd[0] == speed
+    assert bench.call(services.ENGINE_GET_STATUS) == (True, "Unknown")  # no device any more
+
+
+# --- services -----------------------------------------------------------------------------------------------------
+
+
+def test_failures_of_every_service(bench: Bench) -> None:
+    """Each row fails in its documented form; what is wrong as a whole touches no axis."""
+    bench.engine.run()
+    bench.start_node()
+    wait_for(lambda: bench.call(services.ENGINE_GET_STATUS) == (True, "Running"), "a device")
+    no_bus = "Error=1537 (communication is not started); "
+    assert bench.set_axis(services.AXIS_SET_ON, [0], [1]) == (False, f"Failed to set axis 0 on. {no_bus}")
+    assert bench.set_axis(services.AXIS_CLEAR_ALARM, [0]) == (False, f"Failed to clear alarm axis 0. {no_bus}")
+    assert bench.set_axis(services.AXIS_HOMING, [0]) == (False, f"Failed to homing axis 0. {no_bus}")
+    assert bench.set_axis(services.AXIS_STOP, [0]) == (False, f"Failed to stop axis 0. {no_bus}")
+
+    bench.engine.up()
+    absent = "Error=1547 (the axis number is out of range)"
+    both: dict[Service, tuple[list[int], str]] = {
+        services.AXIS_SET_ON: ([1, 1, 1], "Set axis 0 on; Failed to set axis 4 on. E; Failed to set axis -1 on. E; "),
+        services.AXIS_CLEAR_ALARM: (
+            [],
+            "Cleared alarm axis 0; Failed to clear alarm axis 4. E; Failed to clear alarm axis -1. E; ",
+        ),
+        services.AXIS_SET_MODE: (
+            [0, 0, 0],
+            "Set axis 0 in Position mode; Failed to set axis 4 mode 0. E; Failed to set axis -1 mode 0. E; ",
+        ),
+        services.AXIS_SET_POLARITY: (
+            [1, 1, 1],
+            "Set polarity on axis 0; Failed to set polarity on axis 4. E; Failed to set polarity on axis -1. E; ",
+        ),
+        services.AXIS_HOMING: ([], "Homing axis 0; Failed to homing axis 4. E; Failed to homing axis -1. E; "),
+        services.AXIS_STOP: ([], "Stopped axis 0; Failed to stop axis 4. E; Failed to stop axis -1. E; "),
+    }
+    for row, (data, text) in both.items():
+        assert bench.set_axis(row, [0, 4, -1], data) == (False, text.replace("E;", f"{absent};")), row.name
+
+    invalid = {
+        services.AXIS_SET_ON: ([1, 2], "Set axis 0 on; Invalid servo value for axis 1: 2; "),
+        services.AXIS_SET_MODE: ([0, 7], "Set axis 0 in Position mode; Invalid mode 7 for axis 1; "),
+        services.AXIS_SET_POLARITY: ([1, 0], "Set polarity on axis 0; Invalid polarity value for axis 1: 0; "),
+    }
+    for row, (data, text) in invalid.items():
+        assert bench.set_axis(row, [0, 1], data) == (False, text)
+        assert bench.set_axis(row, [0, 1], data[:1]) == (
+            False,
+            "data has 1 entry, index has 2 entries: they must be equally long",
+        )
+        assert bench.set_axis(row, [1, 1], data) == (False, "index names axis 1 twice: index[0] and index[1]")
+
+    def gear(index: list[int], numerator: list[float], denominator: list[float]) -> tuple[bool, str]:
+        request = SetAxisGearRatio.Request(index=index, numerator=numerator, denominator=denominator)
+        return bench.call(services.AXIS_SET_GEAR_RATIO, request)
+
+    assert gear([0], [], [1.0]) == (False, "numerator has 0 entries, index has 1 entry: they must be equally long")
+    assert gear([0], [1.0], [NAN]) == (False, "denominator[0] is nan: it must be finite")
+    done, text = gear([0, 1], [0.0, 16384.0], [1.0, 6.283185307179586])
+    assert not done
+    assert text.startswith("Failed to set gear ratio on axis 0. Error=")
+    assert text.endswith("); Set gear ratio on axis 1; ")
+
+    bench.turn([2], 2.0)
+    moving = "Error=1546 (the axis is not idle); "
+    assert bench.set_axis(services.AXIS_SET_MODE, [2], [0]) == (False, f"Failed to set axis 2 mode 0. {moving}")
+    assert bench.set_axis(services.AXIS_SET_POLARITY, [2], [-1]) == (
+        False,
+        f"Failed to set polarity on axis 2. {moving}",
+    )
+    assert bench.set_axis(services.AXIS_HOMING, [2]) == (False, f"Failed to homing axis 2. {moving}")
+    assert bench.set_axis(services.AXIS_STOP, [2]) == (True, "Stopped axis 2; ")
+    assert at_rest(2)(bench.status())
+
+    bench.turn([2], 2.0)
+    assert bench.call(services.ENGINE_ESTOP, SetBool.Request(data=True)) == (True, "Emergency stop is executed")
+    stopped = "Error=65632 (an emergency stop is active); "
+    bench.wait_status(at_rest(2), "standstill")
+    assert bench.set_axis(services.AXIS_HOMING, [0]) == (False, f"Failed to homing axis 0. {stopped}")
+    assert bench.call(services.ENGINE_ESTOP, SetBool.Request(data=False)) == (True, "Emergency stop is released")
+
+    bench.engine.set(alarms={"3": 42})
+    bench.wait_status(lambda now: now.amp_alarm[3], "alarm")
+    alarm = "Error=1568 (the axis has an alarm); "
+    assert bench.set_axis(services.AXIS_SET_ON, [3], [1]) == (False, f"Failed to set axis 3 on. {alarm}")
+    assert bench.set_axis(services.AXIS_CLEAR_ALARM, [3]) == (False, f"Failed to clear alarm axis 3. {alarm}")
+
+    assert bench.call(services.ENGINE_SET_COMM, SetBool.Request(data=False)) == (True, "Communication is stopped")
+    bench.engine.set(connected=False)
+    assert bench.call(services.ENGINE_SET_DEVICE, SetEngine.Request(data=False)) == (True, "Device stopped")
+    null = f"Failed to close device. {NULL}"
+    assert bench.call(services.ENGINE_SET_DEVICE, SetEngine.Request(data=False)) == (False, null)
+    nowhere = SetEngine.Request(data=True, path="/nowhere", name="x")
+    absent = "Failed to create device. Error=263 (no engine is running there)"
+    assert bench.call(services.ENGINE_SET_DEVICE, nowhere) == (False, absent)
+    null = f"Failed to stop communication. {NULL}"
+    assert bench.call(services.ENGINE_SET_COMM, SetBool.Request(data=False)) == (False, null)
+    assert bench.call(services.ENGINE_GET_STATUS, Trigger.Request()) == (True, "Unknown")
+
+
+def test_a_bus_that_does_not_come_is_told_in_time_and_holds_nobody_up(bench: Bench) -> None:
+    bench.engine.run().set(connected=False)
+    bench.start_node("-p", "communication_timeout_s:=2.0")
+    wait_for(lambda: bench.call(services.ENGINE_GET_STATUS) == (True, "Running"), "a device")
+    client = bench.peer.node.create_client(SetBool, services.ENGINE_SET_COMM.name)
+    wait_for(client.service_is_ready, "the service")
+    answer = client.call_async(SetBool.Request(data=True))
+    assert bench.call(services.ENGINE_GET_STATUS) == (True, "Running")
+    assert not answer.done()
+    wait_for(answer.done, "the answer")
+    text = "Failed to start communication. Error=1285 (communication did not start in the given time)"
+    assert (answer.result().success, answer.result().message) == (False, text)
+
+
+# --- commands -----------------------------------------------------------------------------------------------------
+
+
+def pose(**changes: Any) -> AxisPose:
+    return AxisPose(**{"index": [0], "target": [9.0], "velocity": [5.0], "acc": [10.0], "dec": [10.0], **changes})
+
+
+def spin(**changes: Any) -> AxisVelocity:
+    return AxisVelocity(**{"index": [3], "velocity": [5.0], "acc": [10.0], "dec": [10.0], **changes})
+
+
+BAD_ANY = [
+    ({"index": []}, "index is empty"),
+    ({"acc": []}, "acc has 0 entries, index has 1 entry"),
+    ({"dec": [1.0, 2.0]}, "dec has 2 entries, index has 1 entry"),
+    ({"velocity": [NAN]}, "velocity[0] is nan: it must be finite"),
+    ({"acc": [INF]}, "acc[0] is inf: it must be finite"),
+    ({"acc": [0.0]}, "acc[0] is 0: it must be above 0"),
+    ({"dec": [-1.0]}, "dec[0] is -1: it must be above 0"),
+    ({"velocity": [1e30]}, "the engine refuses it: Error=65581"),
+]
+BAD_POSES = [
+    ({"target": []}, "target has 0 entries, index has 1 entry"),
+    ({"target": [-INF]}, "target[0] is -inf: it must be finite"),
+    ({"velocity": [-5.0]}, "velocity[0] is -5: it must be above 0"),
+    ({"target": [1e300]}, "the engine refuses it: Error=65580"),
+]
+
+
+def both(*values: Any) -> dict[str, Any]:
+    """A message of axes 0 and another, of which the other is bad."""
+    return {"index": [0, values[0]], "velocity": [1.0] * 2, "acc": [1.0] * 2, "dec": [1.0] * 2}
+
+
+def test_bad_commands_move_nothing_and_say_why(bench: Bench) -> None:
+    bench.up()
+    assert bench.set_axis(services.AXIS_SET_MODE, [3], [1])[0]
+    assert bench.set_axis(services.AXIS_SET_ON, [2], [0])[0]
+
+    def refused(row: Topic, message: Any, text: str) -> None:
+        bench.peer.publish(row, message)
+        bench.wait_refused(f"{row.name} refused: {text}")
+
+    for changes, text in BAD_ANY:
+        refused(topics.WMX_AXIS_VELOCITY, spin(**changes), text)
+    for changes, text in BAD_ANY + BAD_POSES:
+        refused(topics.WMX_AXIS_POSITION, pose(**changes), text)
+        refused(topics.WMX_AXIS_POSITION_RELATIVE, pose(**changes), text)
+    for row in (topics.WMX_AXIS_POSITION, topics.WMX_AXIS_POSITION_RELATIVE):
+        for other, text in (
+            (0, "index names axis 0 twice"),
+            (4, "index[1] is 4: the engine has axes 0 to 3"),
+            (-1, "index[1] is -1"),
+            (128, "index[1] is 128"),
+            (2, "axis 2 has its servo off"),
+            (3, "axis 3 is not in position mode"),
+        ):
+            refused(row, pose(**both(other), target=[9.0, 9.0]), text)
+    refused(topics.WMX_AXIS_VELOCITY, spin(**both(3)), "axis 0 is not in velocity mode")
+    assert bench.call(services.ENGINE_ESTOP, SetBool.Request(data=True))[0]
+    refused(topics.WMX_AXIS_VELOCITY, spin(), "the engine's emergency stop is active")
+    assert bench.call(services.ENGINE_ESTOP, SetBool.Request(data=False))[0]
+    now = bench.status()
+    assert not now.op_state.any()
+    assert not now.pos_cmd.any()
+
+    for _ in range(2):
+        bench.peer.publish(topics.WMX_AXIS_POSITION, pose(profile="sine", target=[0.1]))
+        bench.wait_status(lambda now: now.pos_cmd[0] == 0.1, "target")
+        bench.peer.publish(topics.WMX_AXIS_POSITION, pose(profile="Trapezoidal", target=[0.0]))
+        bench.wait_status(lambda now: now.pos_cmd[0] == 0.0, "start")
+    assert bench.node.output().count("profile is 'sine'") == 1
+
+
+def test_relative_to_where_the_axis_is(bench: Bench) -> None:
+    bench.up()
+    bench.peer.publish(topics.WMX_AXIS_POSITION, pose(index=[0, 1], target=[50.0] * 2, velocity=[2.0] * 2, **_pair()))
+    begun = bench.wait_status(lambda now: now.pos_cmd[0] > 0.5, "motion")
+    message = pose(index=[0, 1], target=[1.0, -0.5], velocity=[20.0] * 2, **_pair())
+    bench.peer.publish(topics.WMX_AXIS_POSITION_RELATIVE, message)
+    ended = bench.wait_status(at_rest(0, 1), "the end")
+    assert begun.pos_cmd[0] + 1.0 <= ended.pos_cmd[0] < 50.0  # the engine's own would be 51
+    assert ended.pos_cmd[0] - ended.pos_cmd[1] == pytest.approx(1.5, abs=1e-9)  # both from one instant
+
+
+def _pair() -> dict[str, Any]:
+    return {"acc": [100.0] * 2, "dec": [100.0] * 2}
+
+
+# --- faults in motion ---------------------------------------------------------------------------------------------
+
+
+def test_alarm_lost_bus_and_killed_engine_in_motion(bench: Bench) -> None:
+    bench.up("-p", "axis_count:=4")
+    bench.turn([0, 1], 2.0)
+    bench.engine.set(alarms={"0": 42})
+    state = bench.states.wait(lambda state: state.amp_alarm[0] == 1 and state.servo_on[0] == 0, "alarm in the state")
+    assert list(state.amp_alarm) == [1, 0, 0, 0]
+    bench.velocity([0, 1], 1.0)
+    bench.wait_refused("/wmx/axis/velocity refused: axis 0 has amplifier alarm 42")
+    assert bench.status().velocity_cmd[1] == 2.0  # refused as a whole: the good axis goes on as before
+    bench.engine.set(alarms={})
+    assert bench.set_axis(services.AXIS_CLEAR_ALARM, [0]) == (True, "Cleared alarm axis 0; ")
+    assert bench.set_axis(services.AXIS_SET_ON, [0], [1]) == (True, "Set axis 0 on; ")
+    bench.turn([0], 2.0)
+
+    bench.engine.set(connected=False)
+    bench.wait_status(lambda now: not now.communicating, "the loss")
+    bench.velocity([1], 1.0)
+    bench.wait_refused("/wmx/axis/velocity refused: the engine does not communicate with the drives: it is Running")
+    assert bench.call(services.ENGINE_GET_STATUS) == (True, "Running")
+    count = len(bench.states.items)
+    bench.engine.set(connected=True)
+    assert bench.set_axis(services.AXIS_SET_ON, [1], [1])[0] is False
+    assert len(bench.states.items) == count  # what is not known is not published
+    assert bench.call(services.ENGINE_SET_COMM, SetBool.Request(data=True)) == (True, "Communication is started")
+    assert bench.set_axis(services.AXIS_SET_ON, [0, 1], [1, 1])[0]
+    bench.turn([0, 1], 2.0)
+
+    bench.engine.kill()
+    bench.node.wait_output("the motion engine has ended")
+    assert bench.call(services.ENGINE_GET_STATUS) == (True, "Unknown")
+    count = len(bench.states.items)
+    assert bench.set_axis(services.AXIS_STOP, [0]) == (False, f"Failed to stop axis 0. {NULL}; ")
+    assert len(bench.states.items) == count
+    bench.engine.close()
+    bench.engine.run().up()  # another one
+    bench.states.wait(lambda state: list(state.servo_on) == [1] * 4, "the state of the new engine")
+    bench.turn([0], 1.0)
+
+
+def test_emergency_stop(bench: Bench) -> None:
+    bench.up()
+    bench.turn([0], 3.0, dec=0.5)
+    bench.peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
+    began_s = time.monotonic()
+    bench.wait_status(at_rest(0), "standstill")
+    assert time.monotonic() - began_s < 4.0  # 6 s at its own deceleration, 0.15 s at the quick stop's
+    bench.velocity([0], 1.0)
+    bench.wait_refused("/wmx/axis/velocity refused: /emergency_stop is in force")
+    stopped = "Error=65632 (an emergency stop is active); "
+    assert bench.set_axis(services.AXIS_SET_ON, [0], [1]) == (False, f"Failed to set axis 0 on. {stopped}")
+    assert at_rest(0)(bench.status())
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_the_axes_of_a_node_that_ends_stop(bench: Bench, number: signal.Signals) -> None:
+    bench.up()
+    bench.turn([0, 1], 2.0)
+    bench.node.signal(number)
+    bench.wait_status(at_rest(0, 1), "standstill")
+    code = bench.node.wait()
+    assert code == (0 if number is signal.SIGTERM else -signal.SIGKILL)
+    now = bench.status()
+    assert now.communicating  # the bus stays for the others
+    assert now.servo_on.all()
+
+
+def test_a_velocity_ends_with_its_messages_even_if_the_node_hangs(bench: Bench) -> None:
+    bench.up("-p", "velocity_timeout_s:=0.5", "-p", "watchdog_s:=600.0")
+    bench.peer.repeat(topics.WMX_AXIS_VELOCITY, lambda: spin(), 20.0)
+    assert bench.set_axis(services.AXIS_SET_MODE, [3], [1])[0]
+    bench.wait_status(lambda now: now.velocity_cmd[3] == 5.0, "the velocity")
+    since = bench.status().engine_time_s
+    bench.wait_status(lambda now: now.engine_time_s > since + 1.0, "a second of motion")
+    assert bench.status().velocity_cmd[3] == 5.0
+    bench.node.signal(signal.SIGSTOP)
+    try:
+        bench.wait_status(at_rest(3), "standstill")
+    finally:
+        bench.node.signal(signal.SIGCONT)
