@@ -1,0 +1,1 @@
+"""What the optional services of the motion-engine layer do with the engine, and what they answer."""

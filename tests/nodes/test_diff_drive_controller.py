@@ -1,0 +1,402 @@
+"""The differential drive between a real engine process on virtual drives and a plain ROS client."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from std_msgs.msg import Bool
+
+from custom_msgs.msg import SafetyStatus
+from robot_stack.contract import topics
+from robot_stack.core.config import config_dir, read_yaml
+from robot_stack.core.runtime import runtime_dir
+from robot_stack.ros.conversions import time_to_s
+from robot_stack.wmx import MotionEngine, connect
+from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE
+from robot_stack.wmx.simulated.channel import StatusView
+from robot_stack.wmx.simulated.server import SOCKET_FILE
+from tests.support.peer import Heard, Peer
+from tests.support.processes import ROOT, NodeProcess
+from tests.support.waiting import wait_for
+
+CONFIG = read_yaml(config_dir() / "diff_drive_controller.yaml")
+RADIUS_M, TRACK_M = CONFIG["wheel_radius"], CONFIG["wheel_to_wheel"]
+RAMP_S = 0.3
+QUICK = ("-p", f"acc_time:={RAMP_S}", "-p", f"dec_time:={RAMP_S}")
+BOTH = [0, 1]
+
+
+def twist(linear_mps: float = 0.0, angular_radps: float = 0.0) -> Twist:
+    message = Twist()
+    message.linear.x, message.angular.z = linear_mps, angular_radps
+    return message
+
+
+class Rig:
+    """Engine, node, and a client that knows topics only."""
+
+    def __init__(self, start: Callable[..., NodeProcess], peer: Peer, folder: Path) -> None:
+        self.start, self.peer = start, peer
+        self.orders = folder / "orders.json"
+        self.echo: Heard = peer.listen(topics.WMX_CMD_VEL_CHECK)
+        self.speeds: Heard = peer.listen(topics.WMX_WHEEL_VELOCITIES)
+        self.odometry: Heard = peer.listen(topics.WMX_ODOM_ENC)
+        self.engine: NodeProcess | None = None
+        self.node: NodeProcess | None = None
+        self._view = StatusView(runtime_dir(), 5.0)
+        self._device: MotionEngine | None = None
+
+    def start_engine(self) -> None:
+        not_before_ns = time.time_ns()
+        script = ROOT / "tests" / "nodes" / "scripts" / "engine_with_faults.py"
+        self.engine = self.start("engine", command=[sys.executable, str(script), str(self.orders)])
+        socket = runtime_dir() / SOCKET_FILE
+        wait_for(lambda: socket.exists() and socket.stat().st_ctime_ns >= not_before_ns, "the engine to listen", 60.0)
+
+    def start_node(self, *ros_args: str) -> NodeProcess:
+        self.node = self.start("diff_drive_controller", *QUICK, *ros_args)
+        self.peer.wait_matched(topics.WMX_CMD_VEL)
+        self.peer.wait_matched(topics.EMERGENCY_STOP)
+        return self.node
+
+    def ready(self, *ros_args: str) -> Rig:
+        self.start_engine()
+        self.start_node(*ros_args)
+        self.wait_ready()
+        return self
+
+    def wait_ready(self) -> None:
+        self.wait_status(lambda s: s.communicating and s.servo_on.all() and (s.command_mode == 1).all(), "wheels ready")
+
+    def device(self) -> MotionEngine:
+        """Another client of the engine, as the general node is one."""
+        self._device = self._device or connect("test", timeout_s=30.0)
+        return self._device
+
+    def close(self) -> None:
+        if self.node is not None:
+            self.node.stop()
+        if self._device is not None:
+            self._device.close()
+
+    # what the client does
+
+    def drive(self, linear_mps: float = 0.0, angular_radps: float = 0.0) -> None:
+        self.peer.repeat(topics.WMX_CMD_VEL, lambda: twist(linear_mps, angular_radps), 20.0)
+
+    def press(self, pressed: bool = True) -> None:
+        self.peer.publish(topics.EMERGENCY_STOP, Bool(data=pressed))
+
+    def break_drives(self, **orders: object) -> None:
+        fresh = self.orders.with_suffix(".new")
+        fresh.write_text(json.dumps(orders), encoding="ascii")
+        os.replace(fresh, self.orders)
+
+    # what the engine says, past the node
+
+    def wait_status(self, holds: Callable[[StatusSnapshot], object], what: str) -> StatusSnapshot:
+        def look() -> StatusSnapshot | None:
+            code, snapshot = self._view.read()
+            return snapshot if not code and snapshot.n_axes and holds(snapshot) else None
+
+        found = wait_for(look, what, poll_s=0.002)
+        assert found is not None
+        return found
+
+    def wait_wheels(self, left_radps: float, right_radps: float) -> StatusSnapshot:
+        def turn(snapshot: StatusSnapshot) -> bool:
+            left, right = snapshot.actual_velocity.tolist()
+            return abs(left - left_radps) < 0.02 and abs(right - right_radps) < 0.02
+
+        return self.wait_status(turn, f"wheels at {left_radps:.2f}, {right_radps:.2f} rad/s")
+
+    def wait_rest(self) -> StatusSnapshot:
+        return self.wait_status(
+            lambda s: not s.velocity_cmd.any() and (abs(s.actual_velocity) < 0.02).all(), "wheels at rest"
+        )
+
+    def stays_at_rest(self) -> None:
+        start_s = self.wait_rest().engine_time_s
+        seen = self.wait_status(
+            lambda s: s.velocity_cmd.any() or s.engine_time_s > start_s + 0.4, "0.4 s of the engine"
+        )
+        assert not seen.velocity_cmd.any()
+
+
+@pytest.fixture
+def rig(
+    start: Callable[..., NodeProcess], peer: Peer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Rig]:
+    monkeypatch.setenv(ENGINE_CONFIG_VARIABLE, "wmx_engine_diff_drive")
+    rig = Rig(start, peer, tmp_path)
+    yield rig
+    rig.close()
+
+
+# --- the documented topics -----------------------------------------------------------------------------------
+
+
+def test_documented_topics(rig: Rig) -> None:
+    """Engine that comes late, kinematics, echo, measured speeds, odometry, and their rate."""
+    node = rig.start_node()
+    node.wait_output("waiting for the motion engine")
+    assert rig.speeds.items == rig.odometry.items == []
+    rig.start_engine()
+    rig.wait_ready()
+
+    rig.drive(0.45, 0.6)
+    left, right = (0.45 - 0.3 * TRACK_M) / RADIUS_M, (0.45 + 0.3 * TRACK_M) / RADIUS_M
+    rig.wait_wheels(left, right)
+    assert rig.echo.last == twist(0.45, 0.6)
+    speeds = rig.speeds.wait(lambda m: abs(m.data[1] - right) < 0.05, "measured speeds")
+    assert list(speeds.data) == pytest.approx([left, right], abs=0.05)
+
+    def moving(message: Odometry) -> bool:
+        return abs(message.twist.twist.angular.z - 0.6) < 0.02
+
+    odometry: Odometry = rig.odometry.wait(moving, "measured twist")
+    assert odometry.twist.twist.linear.x == pytest.approx(0.45, abs=0.02)
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+    assert odometry.pose == Odometry().pose, "no pose unless it is asked for"
+    assert odometry.twist.covariance[0] > 0.0
+
+    rig.odometry.items.clear()
+    wait_for(lambda: len(rig.odometry.items) >= 101, "a second of odometry")
+    stamps = sorted(time_to_s(message.header.stamp) for message in rig.odometry.messages)
+    middle = sorted(after - before for before, after in itertools.pairwise(stamps))[len(stamps) // 2]
+    assert middle == pytest.approx(0.01, abs=0.002)
+    assert abs(time.time() - stamps[-1]) < 1.0
+
+
+def test_commands_that_are_absurd_old_or_no_numbers(rig: Rig) -> None:
+    node = rig.ready().node
+    assert node is not None
+    limit = CONFIG["max_wheel_speed_radps"]
+    rig.drive(100.0, 100.0)  # far beyond the limit: the same curve
+    ratio = (1.0 - 0.5 * TRACK_M) / (1.0 + 0.5 * TRACK_M)
+    rig.wait_wheels(limit * ratio, limit)
+
+    for value in (math.nan, math.inf):
+        rig.drive(0.5)
+        rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
+        rig.drive(0.5, value)
+        rig.wait_rest()
+        node.wait_output(f"/cmd_vel refused, the wheels stop: angular.z is {value}, must be finite")
+
+    rig.drive(0.5)
+    rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
+    rig.peer.silence(topics.WMX_CMD_VEL)
+    start = rig.wait_status(lambda s: s.velocity_cmd[0] < 0.499 / RADIUS_M, "wheels slowing down")
+    end = rig.wait_status(lambda s: not s.velocity_cmd.any(), "standstill")
+    # The whole change takes dec_time: no leap, whatever the speed.
+    assert end.engine_time_s - start.engine_time_s == pytest.approx(RAMP_S, abs=0.06)
+    node.wait_output("no command for 0.25 s")
+    rig.drive(0.2)
+    rig.wait_wheels(0.2 / RADIUS_M, 0.2 / RADIUS_M)
+
+
+# --- stops -----------------------------------------------------------------------------------------------------
+
+
+def test_emergency_stop_without_and_with_a_safety_monitor(rig: Rig) -> None:
+    rig.ready("-p", "dec_time:=5.0")
+    rig.drive(0.9)
+    rig.wait_wheels(0.9 / RADIUS_M, 0.9 / RADIUS_M)
+    rig.press()
+    begin = rig.wait_status(lambda s: s.velocity_cmd[0] < 0.89 / RADIUS_M, "wheels slowing down")
+    end = rig.wait_rest()
+    # 10 rad/s at the engine's quick stop of 25 rad/s2; the command's own ramp would take 5 s.
+    assert end.engine_time_s - begin.engine_time_s < 1.0
+    rig.stays_at_rest()
+
+    rig.press(False)  # nobody has ever published /safety/status: the false is the release
+    rig.stays_at_rest()  # the twist has never been at rest
+    assert rig.node is not None
+    rig.node.wait_output("waiting for the command to be zero or silent once")
+    rig.drive(0.0)
+    rig.node.wait_output("ready")
+    rig.drive(0.3)
+    rig.wait_wheels(0.3 / RADIUS_M, 0.3 / RADIUS_M)
+
+    emergency = SafetyStatus(safety_state=SafetyStatus.EMERGENCY_STOP, emergency_stop_active=True)
+    rig.peer.repeat(topics.SAFETY_STATUS, lambda: emergency, 20.0)
+    rig.wait_rest()
+    rig.press(False)
+    rig.drive(0.0)
+    rig.stays_at_rest()
+    rig.drive(0.3)
+    rig.stays_at_rest()  # the monitor has not released
+    rig.peer.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(safety_state=SafetyStatus.NORMAL), 20.0)
+    rig.stays_at_rest()
+    rig.peer.silence(topics.WMX_CMD_VEL)
+    rig.stays_at_rest()
+    rig.drive(0.3)
+    rig.wait_wheels(0.3 / RADIUS_M, 0.3 / RADIUS_M)
+
+
+def test_alarm_and_lost_bus_in_motion(rig: Rig) -> None:
+    rig.ready("-p", "dec_time:=5.0")
+    device = rig.device()
+    assert rig.node is not None
+    rig.drive(0.5)
+    rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
+    rig.break_drives(alarms={"1": 33}, stubborn=True)
+    rig.wait_rest()  # the left wheel too, and not over the 5 s of its command
+    rig.node.wait_output("right wheel: alarm 33; needs clear_alarm and set_on")
+    rig.break_drives()
+    rig.stays_at_rest()
+    assert device.read_status()[1].amp_alarm[1], "nobody clears it before somebody has looked"
+    # What the general node's services do.
+    device.core_motion.axisControl.ClearAmpAlarm(1)
+    rig.wait_status(lambda s: not s.amp_alarm.any(), "the alarm to be cleared")
+    device.core_motion.axisControl.SetServoOn(1, 1)
+    rig.wait_ready()
+    rig.stays_at_rest()
+    rig.drive(0.0)
+    rig.stays_at_rest()
+    rig.drive(0.5)
+    rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
+
+    rig.break_drives(connected=False)
+    rig.wait_status(lambda s: not s.communicating, "the loss of the bus")
+    rig.node.wait_output("communication with the drives is lost")
+    rig.odometry.items.clear()
+    start_s = rig.wait_status(lambda s: True, "a status").engine_time_s
+    rig.wait_status(lambda s: s.engine_time_s > start_s + 0.3, "0.3 s without a bus")
+    assert len(rig.odometry.items) <= 1, "nothing stale is published"
+    rig.break_drives()
+    rig.wait_ready()
+    rig.stays_at_rest()  # the twist still says 0.5
+    rig.drive(0.0)
+    rig.stays_at_rest()
+    rig.drive(0.5)
+    rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
+
+
+def test_wheel_stopped_by_another_client_stops_the_base(rig: Rig) -> None:
+    rig.ready("-p", "dec_time:=5.0")
+    rig.drive(0.5)
+    rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
+    assert rig.device().core_motion.velocity.ExecQuickStop(0) == 0
+    rig.wait_rest()
+    rig.stays_at_rest()
+
+
+def test_killed_node_killed_engine_and_orderly_end(rig: Rig) -> None:
+    rig.ready()
+    rig.device()  # the engine outlives the node
+    rig.drive(0.5)
+    rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
+    assert rig.node is not None
+    rig.node.process.kill()
+    rig.node.process.wait()
+    rig.wait_rest()
+
+    node = rig.start_node()
+    rig.stays_at_rest()  # the stream of twists was there before the node
+    rig.drive(0.0)
+    rig.stays_at_rest()
+    rig.drive(0.5)
+    rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
+    assert rig.engine is not None
+    rig.engine.process.kill()
+    rig.engine.process.wait()
+    node.wait_output("waiting for the motion engine")
+    rig.drive(0.0)
+    rig.start_engine()
+    rig.wait_ready()
+    rig.drive(0.5)
+    rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
+
+    rig._device = None  # it was the dead engine's
+    rig.device()
+    node.signal(signal.SIGTERM)
+    start = rig.wait_status(lambda s: s.velocity_cmd[0] < 0.499 / RADIUS_M, "wheels slowing down")
+    end = rig.wait_status(lambda s: not s.velocity_cmd.any(), "standstill")
+    assert end.engine_time_s - start.engine_time_s == pytest.approx(RAMP_S, abs=0.06)
+    assert node.wait() == 0
+    rig.wait_status(lambda s: not s.servo_on.any(), "servos off")
+    assert rig.device().read_status()[1].communicating, "the bus belongs to all"
+
+
+# --- options -----------------------------------------------------------------------------------------------------
+
+
+def test_pose_transform_polarity_and_names(rig: Rig) -> None:
+    """A base whose right axis turns its wheel backwards, half a turn to the left, under other names."""
+    other = {
+        "cmd_vel_topic": "/base/twist",
+        "encoder_omega_topic": "/base/wheels",
+        "encoder_odometry_topic": "/base/odom",
+    }
+    options = {"publish_pose": "true", "publish_tf": "true", "right_polarity": "-1", "odom_frame": "world"}
+    ros_args = [text for name, value in (other | options).items() for text in ("-p", f"{name}:={value}")]
+    ros_args += ["-p", "encoder_vel_topic:=/diff_drive/no_param"]
+    commands = rig.peer.node.create_publisher(Twist, "/base/twist", 1)
+    poses: list[Odometry] = []
+    rig.peer.node.create_subscription(Odometry, "/base/odom", poses.append, 1)
+    transforms = rig.peer.listen(topics.WMX_TF)
+    rig.start_engine()
+    rig.node = rig.start("diff_drive_controller", *QUICK, *ros_args)
+    wait_for(lambda: commands.get_subscription_count() == 1, "the renamed subscriber")
+    rig.wait_ready()
+    names = {name for name, _ in rig.peer.node.get_topic_names_and_types()}
+    assert "/base/wheels" in names
+    assert not any("no_param" in name for name in names)
+
+    timer = rig.peer.node.create_timer(0.05, lambda: commands.publish(twist(0.3, 1.0)))
+    wheel = (0.3 - 0.5 * TRACK_M) / RADIUS_M, -(0.3 + 0.5 * TRACK_M) / RADIUS_M
+    rig.wait_wheels(*wheel)
+    wait_for(lambda: poses and poses[-1].pose.pose.orientation.z > 0.5, "a turn to the left")
+    rig.peer.node.destroy_timer(timer)
+    rest = rig.wait_rest()
+    left_rad, right_rad = rest.actual_pos[0], -rest.actual_pos[1]
+    yaw = (right_rad - left_rad) * RADIUS_M / TRACK_M
+    wait_for(lambda: poses[-1].twist.twist.angular.z == 0.0, "odometry at rest")
+    pose = poses[-1].pose.pose
+    assert 2.0 * math.atan2(pose.orientation.z, pose.orientation.w) == pytest.approx(yaw, abs=1e-3)
+    # Times of both wheels' changes are equal, so the ratio of their speeds and with it the circle is constant.
+    circle_m = 0.3
+    assert pose.position.x == pytest.approx(circle_m * math.sin(yaw), abs=0.02)
+    assert pose.position.y == pytest.approx(circle_m * (1.0 - math.cos(yaw)), abs=0.02)
+    assert poses[-1].pose.covariance[35] > 0.0
+    transform = transforms.wait(
+        lambda m: abs(m.transforms[0].transform.translation.x - pose.position.x) < 1e-6, "the transform at rest"
+    ).transforms[0]
+    assert (transform.header.frame_id, transform.child_frame_id) == ("world", "base_link")
+
+
+def test_wheels_without_their_parameter_file_stay_off(rig: Rig, tmp_path: Path) -> None:
+    rig.start_engine()
+    device = rig.device()
+    file = tmp_path / "base.xml"
+    node = rig.start_node("-p", f"wmx_param_file_path:={file}", "-p", "session.communication_retry_s:=0.3")
+    node.wait_output("FileOperationFailed")
+    assert not rig.wait_status(lambda s: s.communicating, "the bus").servo_on.any()
+    fresh = tmp_path / "base.new"
+    assert device.core_motion.config.GetAndExportAll(str(fresh)) == 0
+    os.replace(fresh, file)
+    rig.wait_ready()
+    rig.drive(0.3)
+    rig.wait_wheels(0.3 / RADIUS_M, 0.3 / RADIUS_M)
+
+
+@pytest.mark.parametrize(
+    ("setting", "says"), [("rate:=0", "rate"), ("right_axis:=0", "must differ"), ("wheel_radius:=.nan", "wheel_radius")]
+)
+def test_wrong_parameter_stops_the_start(start: Callable[..., NodeProcess], setting: str, says: str) -> None:
+    node = start("diff_drive_controller", "-p", setting)
+    assert node.wait() == 2
+    assert says in node.output()
