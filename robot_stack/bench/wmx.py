@@ -19,6 +19,8 @@ import psutil
 from numpy.typing import NDArray
 
 from robot_stack.bench.framework import Aim, BenchError, Result, percentile
+from robot_stack.core.config import load
+from robot_stack.supervisor.params import SupervisorParams
 
 if TYPE_CHECKING:
     from robot_stack.bench.nodes.joint_listener import JointListener
@@ -36,7 +38,7 @@ _PLAIN = ("robot_stack.bench.nodes.plain_joint_states",)
 _SETTLE = 1000  # messages before anything is measured
 _READS = 1000
 _READ_PAUSE_S = 0.002
-_ENGINE_S = 30.0
+_END_S = 30.0
 _MIB = 2**20
 
 
@@ -53,19 +55,22 @@ class Measured:
     window_ns: tuple[int, int]
 
 
-def run(duration_s: float = 20.0, plain_s: float = 10.0, rate_hz: float = 500.0) -> Result:
+def run(duration_s: float = 20.0, plain_s: float = 10.0, rate_hz: float = 500.0, realtime: bool = True) -> Result:
     """An engine of six virtual joints and the node, as processes in a domain of their own.
 
     plain_s: how long a straightforward rclpy node is measured at the same engine, for comparison; 0 leaves it out.
+    realtime: all of them get the priority that the supervisor gives them, if this process may give it.
     """
+    priority = load(SupervisorParams, "supervisor").realtime_priority["manipulator_state"] if realtime else 0
     domain = 1 + os.getpid() % 19  # tests have those from 20 on
     with _environment(domain) as environment:
         notes = Path(environment["ROBOT_STACK_RUNTIME_DIR"]) / "cycles.npy"
         from robot_stack.bench.nodes.joint_listener import JointListener
 
-        with _process(environment, "robot_stack.bench.wmx_engine", str(notes)), JointListener(domain) as listener:
-            ours = _measure(listener, environment, _NODE, duration_s, rate_hz)
-            plain = _measure(listener, environment, _PLAIN, plain_s, rate_hz) if plain_s else None
+        start = _Start(environment, priority)
+        with start("robot_stack.bench.wmx_engine", str(notes)), JointListener(domain) as listener:
+            ours = _measure(listener, start, _NODE, duration_s, rate_hz)
+            plain = _measure(listener, start, _PLAIN, plain_s, rate_hz) if plain_s else None
             reads_us = _status_reads()
         cycles = np.load(notes)
     begin_ns, end_ns = ours.window_ns
@@ -100,6 +105,7 @@ def run(duration_s: float = 20.0, plain_s: float = 10.0, rate_hz: float = 500.0)
         "status_read": f"{_READS} reads, {1e3 * _READ_PAUSE_S:g} ms apart, in a process of its own",
         "engine_cycle_jitter": "begin of a cycle after its deadline, in the window in which the node was measured",
         "plain": "rclpy timer, message built and filled at each tick, same engine and topics",
+        "realtime_priority": f"SCHED_RR {start.priority}" if start.priority else "none",
         "topics": ["/joint_states", "/gazebo_position_controller/commands"],
         "messages": len(ours.period_jitter_ms) + 1,
         "cycles": len(within),
@@ -133,31 +139,46 @@ def _environment(domain: int) -> Iterator[dict[str, str]]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-@contextmanager
-def _process(environment: Mapping[str, str], *module: str) -> Iterator[psutil.Process]:
-    """``python -m module``, which ends with the block by SIGINT."""
-    log = Path(environment["ROBOT_STACK_RUNTIME_DIR"]) / f"{module[-1].rpartition('/')[2]}.log"
-    with log.open("w") as output:
-        started = subprocess.Popen(
-            [sys.executable, "-m", *module], env=dict(environment), stdout=output, stderr=subprocess.STDOUT
-        )
-    try:
-        yield psutil.Process(started.pid)
-        if started.poll() is not None:
-            raise BenchError(f"{module[-1]} ended: {log.read_text(errors='replace')[-2000:]}")
-    finally:
-        started.send_signal(signal.SIGINT)
+class _Start:
+    """Starts modules as processes, with a real-time priority while this process may give one."""
+
+    def __init__(self, environment: Mapping[str, str], priority: int) -> None:
+        self._environment = dict(environment)
+        self.priority = priority
+
+    @contextmanager
+    def __call__(self, *module: str) -> Iterator[psutil.Process]:
+        """``python -m module``, which ends with the block by SIGINT."""
+        log = Path(self._environment["ROBOT_STACK_RUNTIME_DIR"]) / f"{module[-1].rpartition('/')[2]}.log"
+        command = [sys.executable, "-m", *module]
+        with log.open("w") as output:
+            started = subprocess.Popen(command, env=self._environment, stdout=output, stderr=subprocess.STDOUT)
+        self._go_first(started.pid)
         try:
-            started.wait(_ENGINE_S)
-        except subprocess.TimeoutExpired:
-            started.kill()
-            started.wait()
+            yield psutil.Process(started.pid)
+            if started.poll() is not None:
+                raise BenchError(f"{module[-1]} ended: {log.read_text(errors='replace')[-2000:]}")
+        finally:
+            started.send_signal(signal.SIGINT)
+            try:
+                started.wait(_END_S)
+            except subprocess.TimeoutExpired:
+                started.kill()
+                started.wait()
+
+    def _go_first(self, pid: int) -> None:
+        """Before there are threads, which inherit it."""
+        if self.priority:
+            try:
+                os.sched_setscheduler(pid, os.SCHED_RR, os.sched_param(self.priority))
+            except PermissionError:
+                self.priority = 0
 
 
 def _measure(
-    listener: JointListener, environment: Mapping[str, str], module: tuple[str, ...], duration_s: float, rate_hz: float
+    listener: JointListener, start: _Start, module: tuple[str, ...], duration_s: float, rate_hz: float
 ) -> Measured:
-    with _process(environment, *module) as process:
+    with start(*module) as process:
         listener.wait(_SETTLE)
         before = process.cpu_times()
         begin_ns = time.monotonic_ns()
