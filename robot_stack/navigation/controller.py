@@ -306,7 +306,7 @@ class NavigationController:
                 self._follower.forget()
                 self._run(trajectory, NavigationState.DRIVING, "driving to the goal")
                 return self._drive(located, 0.0)
-        step = self._follower.step(located, limits.cruise, self._footprint(), self._now_s, dt_s)
+        step = self._follower.step(located, limits, self._footprint(), self._now_s, dt_s)
         if step.gave_up:
             self._finish(step.text)
             return self._idle()

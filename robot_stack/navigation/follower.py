@@ -17,10 +17,11 @@ from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.caps import caps
 from robot_stack.navigation.global_planner import NoWay
-from robot_stack.navigation.limits import MotionLimits
+from robot_stack.navigation.limits import MotionLimits, PlanningLimits
 from robot_stack.navigation.local_map import LocalMap
-from robot_stack.navigation.params import NavigationParams
+from robot_stack.navigation.params import NavigationParams, PeopleParams
 from robot_stack.navigation.path import Path
+from robot_stack.navigation.people import Person
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.ramp import Ramp
 from robot_stack.navigation.sampling import SamplingController
@@ -75,7 +76,7 @@ class RouteFollower:
         self.route, self._goal, self._without_way_s, self._stuck_s = None, None, 0.0, 0.0
         self._blocked_at, self._problem = None, ""
 
-    def step(self, located: Located, limits: MotionLimits, footprint: Footprint, now_s: float, dt_s: float) -> Step:
+    def step(self, located: Located, limits: PlanningLimits, footprint: Footprint, now_s: float, dt_s: float) -> Step:
         assert self._goal is not None
         f = self._params.follow
         self._since_plan_s += dt_s
@@ -84,7 +85,7 @@ class RouteFollower:
         if again and self._since_plan_s >= f.replan_interval_s:
             self._plan(located, footprint)
         if self.route is None:
-            return self._wait(limits, located, dt_s)
+            return self._wait(limits.cruise, located, dt_s)
         self._without_way_s = 0.0 if self._stuck_s < f.stuck_s else self._without_way_s + dt_s
         if self._without_way_s >= f.give_up_s:
             return self._give_up("no progress along the route", located)
@@ -93,14 +94,14 @@ class RouteFollower:
     # --- driving -----------------------------------------------------------------------------------------------------
 
     def _drive(
-        self, route: Path, located: Located, limits: MotionLimits, footprint: Footprint, now_s: float, dt_s: float
+        self, route: Path, located: Located, planning: PlanningLimits, footprint: Footprint, now_s: float, dt_s: float
     ) -> Step:
-        around, p = self._around, self._params
+        around, p, limits = self._around, self._params, planning.cruise
         along_m, beside_m = route.project(located.pose.x, located.pose.y)
         if abs(beside_m) > p.follow.off_route_m and self._since_plan_s >= p.follow.replan_interval_s:
             self._plan(located, footprint)
             if self.route is None:
-                return self._wait(limits, located, dt_s)
+                return self._wait(planning.cruise, located, dt_s)
             along_m, _ = self.route.project(located.pose.x, located.pose.y)
             route = self.route
         ahead = self._ahead(route, along_m)
@@ -119,9 +120,9 @@ class RouteFollower:
             limits,
             footprint,
             local,
-            np.array([(*one.at(now_s), one.vx, one.vy, one.radius_m) for one in people if one.walks]).reshape(-1, 5),
+            _table(people, now_s, p.people),
         )
-        twist = self._ramp.towards(choice.twist, start, limits, dt_s)
+        twist = self._ramp.towards(choice.twist, start, planning.braking if choice.urgent else limits, dt_s)
         slow = twist.speed() < p.follow.stuck_mps and abs(twist.omega) < 2.0 * p.follow.stuck_mps
         self._stuck_s = self._stuck_s + dt_s if slow else 0.0
         if cap.yields and speed < 0.2:
@@ -183,3 +184,13 @@ class RouteFollower:
         self.forget()
         pose = located.pose
         return Step(ZERO_TWIST, f"gave up at ({pose.x:.1f}, {pose.y:.1f}): {why}", gave_up=True)
+
+
+def _table(people: tuple[Person, ...], now_s: float, params: PeopleParams) -> Array:
+    """(m, 6) of everybody who has walked, as the rollouts want them."""
+    rows = [
+        (*one.at(now_s), *one.velocity, one.radius_m, params.walking_gap_m if one.walks else params.standing_gap_m)
+        for one in people
+        if one.walked
+    ]
+    return np.array(rows).reshape(-1, 6)

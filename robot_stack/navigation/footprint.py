@@ -36,3 +36,8 @@ def _outline(front_m: float, rear_m: float, width_m: float) -> Array:
 def reach_m(footprint: Footprint) -> float:
     """Farthest point of the footprint from base_link."""
     return math.hypot(max(footprint.front_m, -footprint.rear_m), 0.5 * footprint.width_m)
+
+
+def inner_m(footprint: Footprint) -> float:
+    """Radius of the disc around base_link that lies within the footprint."""
+    return min(footprint.front_m, -footprint.rear_m, 0.5 * footprint.width_m)

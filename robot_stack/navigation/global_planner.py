@@ -16,15 +16,20 @@ import numpy.typing as npt
 
 from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.core.robot import Footprint
-from robot_stack.navigation.footprint import outline, reach_m
+from robot_stack.navigation.footprint import inner_m, outline, reach_m
 from robot_stack.navigation.grid_kernels import astar, free_headings, headings, relax, straighten
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.path import Path
-from robot_stack.navigation.planning_grid import PlanningGrid
+from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
+from robot_stack.navigation.tight_passage import passage
 
 Array = npt.NDArray[np.float64]
 _HEADING_STEP_M = 0.2
 _LINE_STEPS = 400
+# Cosine between heading and course below which the robot goes backwards.
+_BACKWARDS = -0.3
+# Narrow places of one way that are sought anew, over positions and headings together.
+_PASSAGES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,34 +132,92 @@ class GlobalPlanner:
     def _turned(self, points: Array, start: Pose2, goal: Pose2, footprint: Footprint) -> tuple[Path | None, Array]:
         """(route, anything), or (None, the point that cannot be passed)."""
         grid, p = self.grid, self._params
-        edge, bins = outline(footprint), p.heading_bins
-        place = grid.resolution_m, grid.x_m, grid.y_m
-        steps = np.diff(points, axis=0)
-        step_m = np.concatenate(([0.0], np.hypot(*steps.T)))
-        course = np.arctan2(steps[:, 1], steps[:, 0]) if len(steps) else np.array([start.yaw])
-        wish = np.concatenate((course[:1], course))
         ends = np.array([(start.x, start.y, start.yaw), (goal.x, goal.y, goal.yaw)])
-        at_ends = grid.clearance_m(edge, ends)
-        # Out of a tight spot, and into one, the footprint may pass as near as it stands there.
-        along = np.cumsum(step_m)
-        margin_m = p.margin_m + grid.half_cell_m
-        margin = np.full(len(points), margin_m)
-        margin[along <= p.escape_m] = min(margin_m, at_ends[0] - grid.resolution_m)
-        near_goal = along >= along[-1] - p.escape_m
-        margin[near_goal] = np.minimum(margin[near_goal], at_ends[1] - grid.resolution_m)
-        free = free_headings(grid.field, *place, edge, points, bins, margin, reach_m(footprint))
-        first, last = (round(yaw / (2.0 * math.pi) * bins) % bins for yaw in (start.yaw, goal.yaw))
-        free[0, first] = free[-1, last] = True
+        at_ends = grid.clearance_m(outline(footprint), ends)
         if at_ends[1] < p.goal_margin_m + grid.half_cell_m:
             return None, points[-1]
-        picked = headings(free, wish, step_m, first, last, p.turn_cost_m_per_rad)
-        if picked[0] < 0:
-            return None, points[picked[1]]
-        yaws = np.unwrap(picked * (2.0 * math.pi / bins))
-        yaws = self._exact(points, yaws, wish, margin, edge)
-        yaws[0], yaws[-1] = start.yaw, goal.yaw
-        wrapped = np.array([wrap_angle(yaw) for yaw in yaws])
-        return Path(np.column_stack((points, wrapped))), points[0]
+        poses, tight = self._headed(points, ends, at_ends, footprint, _PASSAGES)
+        if poses is None:
+            return None, tight
+        poses[0, 2], poses[-1, 2] = start.yaw, goal.yaw
+        poses[:, 2] = [wrap_angle(yaw) for yaw in poses[:, 2]]
+        return Path(poses), points[0]
+
+    def _headed(
+        self, points: Array, ends: Array, at_ends: Array, footprint: Footprint, passages: int
+    ) -> tuple[Array | None, Array]:
+        """((n, 3) poses, anything), or (None, the point that cannot be passed).
+
+        ends: (2, 3) poses. at_ends: (2,) clearance there. passages: so many narrow places may be sought anew.
+        """
+        bins = self._params.heading_bins
+        wish, step_m = _course(points, float(ends[0, 2]))
+        margin = self._margins(np.cumsum(step_m), at_ends)
+        place = self.grid.resolution_m, self.grid.x_m, self.grid.y_m
+        edge = outline(footprint)
+        free = free_headings(
+            self.grid.field, *place, edge, points, bins, margin, reach_m(footprint), inner_m(footprint)
+        )
+        first, last = (round(float(yaw) / (2.0 * math.pi) * bins) % bins for yaw in ends[:, 2])
+        free[0, first] = free[-1, last] = True
+        picked = headings(free, wish, step_m, first, last, self._params.turn_cost_m_per_rad)
+        possible = picked[0] >= 0
+        yaws = np.unwrap(picked * (2.0 * math.pi / bins)) if possible else wish
+        tight = _backwards(yaws - wish, np.cumsum(step_m), 2.0 * reach_m(footprint)) if possible else int(picked[1])
+        if tight is not None and passages:
+            through = self._through(points, wish, ends, at_ends, tight, footprint, passages)
+            if through is not None:
+                return through, points[tight]
+        if not possible:
+            assert tight is not None
+            return None, points[tight]
+        return np.column_stack((points, self._exact(points, yaws, wish, margin, edge))), points[0]
+
+    def _through(
+        self,
+        points: Array,
+        wish: Array,
+        ends: Array,
+        at_ends: Array,
+        tight: int,
+        footprint: Footprint,
+        passages: int,
+    ) -> Array | None:
+        """The way with the stretch around a narrow place sought over positions and headings together."""
+        along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+        around_m = 2.0 * reach_m(footprint)
+        into = max(0, int(np.searchsorted(along, along[tight] - around_m)) - 1)
+        out = min(len(points) - 1, int(np.searchsorted(along, along[tight] + around_m)))
+        start = ends[0] if into == 0 else np.array([*points[into], wish[into]])
+        goal = ends[1] if out == len(points) - 1 else np.array([*points[out], wish[out]])
+        middle = passage(self.grid, footprint, self._params, start, goal, any_heading=out < len(points) - 1)
+        if middle is None:
+            return None
+        free_m = np.full(2, FAR_M)
+        before = after = middle[:0]
+        if into > 0:
+            clear = np.array([at_ends[0], free_m[0]])
+            head, _ = self._headed(points[: into + 1], np.array([ends[0], middle[0]]), clear, footprint, passages - 1)
+            if head is None:
+                return None
+            before = head[:-1]
+        if out < len(points) - 1:
+            clear = np.array([free_m[0], at_ends[1]])
+            tail, _ = self._headed(points[out:], np.array([middle[-1], ends[1]]), clear, footprint, passages - 1)
+            if tail is None:
+                return None
+            after = tail[1:]
+        return np.concatenate((before, middle, after))
+
+    def _margins(self, along_m: Array, at_ends: Array) -> Array:
+        """(n,) out of a tight spot, and into one, the footprint may pass as near as it stands there."""
+        p, grid = self._params, self.grid
+        margin_m = p.margin_m + grid.half_cell_m
+        margin = np.full(len(along_m), margin_m)
+        margin[along_m <= p.escape_m] = min(margin_m, at_ends[0] - grid.resolution_m)
+        near_goal = along_m >= along_m[-1] - p.escape_m
+        margin[near_goal] = np.minimum(margin[near_goal], at_ends[1] - grid.resolution_m)
+        return margin
 
     def _exact(self, points: Array, yaws: Array, wish: Array, margin: Array, edge: Array) -> Array:
         """Headings between the steps of the search: the course itself, where it is as near and clear."""
@@ -165,6 +228,24 @@ class GlobalPlanner:
             smooth[1:-1] = 0.25 * smooth[:-2] + 0.5 * smooth[1:-1] + 0.25 * smooth[2:]
         clear = self.grid.clearance_m(edge, np.column_stack((points, smooth))) >= margin
         return np.where(clear, smooth, yaws)
+
+
+def _course(points: Array, yaw: float) -> tuple[Array, Array]:
+    """((n,) course, (n,) metres from the point before) of (n, 2) points; a single point looks along ``yaw``."""
+    steps = np.diff(points, axis=0)
+    step_m = np.concatenate(([0.0], np.hypot(*steps.T)))
+    course = np.arctan2(steps[:, 1], steps[:, 0]) if len(steps) else np.array([yaw])
+    return np.concatenate((course[:1], course))[: len(points)], step_m
+
+
+def _backwards(off: Array, along_m: Array, ends_m: float) -> int | None:
+    """Index of the first point, not within ``ends_m`` of an end, that is driven through backwards.
+
+    The robot does not see well to the rear: it backs through a gate because it cannot turn into it where it has come.
+    """
+    inner = (along_m > ends_m) & (along_m < along_m[-1] - ends_m)
+    where = np.flatnonzero(inner & (np.cos(off) < _BACKWARDS))
+    return int(where[0]) if len(where) else None
 
 
 def _evenly(points: Array, spacing_m: float) -> Array:

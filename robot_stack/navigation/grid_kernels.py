@@ -429,17 +429,22 @@ def headings(
 @compiled
 def free_headings(
     field: Singles, resolution_m: float, ox: float, oy: float, outline: Floats, points: Floats, count: int,
-    margin_m: Floats, reach_m: float,
+    margin_m: Floats, reach_m: float, inner_m: float,
 ) -> npt.NDArray[np.bool_]:  # fmt: skip
     """(n, count) whether the outline is clear by margin_m (n,) at each point and heading.
 
-    reach_m: largest distance of the outline from base_link: where more is clear, every heading is.
+    reach_m: largest distance of the outline from base_link: where more is clear, every heading is. inner_m: the least:
+    where less is clear, none is.
     """
     n = len(points)
     free = np.ones((n, count), np.bool_)
     pose = np.empty(3)
     for i in range(n):
-        if clearance_at(field, resolution_m, ox, oy, points[i, 0], points[i, 1]) > reach_m + margin_m[i] + resolution_m:
+        here = clearance_at(field, resolution_m, ox, oy, points[i, 0], points[i, 1])
+        if here > reach_m + margin_m[i] + resolution_m:
+            continue
+        if here < inner_m and margin_m[i] > 0.0:
+            free[i] = False
             continue
         for k in range(count):
             pose[0], pose[1], pose[2] = points[i, 0], points[i, 1], 2.0 * math.pi * k / count

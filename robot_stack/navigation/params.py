@@ -128,7 +128,6 @@ class LocalParams(Config):
     hard_margin_m: Positive
     soft_margin_m: Positive
     person_margin_m: Positive
-    person_hard_m: Positive
     weights: tuple[Positive, Positive, Positive, Positive, Positive, Positive]
     governor_margin_m: Positive
     governor_s: Positive
@@ -171,6 +170,8 @@ class PeopleParams(Config):
     walk_speed_mps: Positive
     walked_m: Positive
     sightings: Annotated[int, Field(ge=2)]
+    walking_gap_m: Positive
+    standing_gap_m: Positive
     near_m: Positive
     near_mps: Positive
     very_near_m: Positive

@@ -20,7 +20,7 @@ _JOINED = np.ones((3, 3), np.int8)
 class Person:
     """In the costmap's frame. x, y: m at stamp_s. vx, vy: m/s. sightings: costmaps that showed it.
 
-    travelled_m: how far from where it was first seen.
+    walks: it walks now. walked: it has walked, so it is somebody, and not a thing of a person's size.
     """
 
     stamp_s: float
@@ -32,6 +32,12 @@ class Person:
     sightings: int = 1
     first: tuple[float, float] = (0.0, 0.0)
     walks: bool = False
+    walked: bool = False
+
+    @property
+    def velocity(self) -> tuple[float, float]:
+        """m/s; what does not walk stands."""
+        return (self.vx, self.vy) if self.walks else (0.0, 0.0)
 
     def at(self, time_s: float) -> tuple[float, float]:
         """Where it will be; what does not walk stays."""
@@ -131,4 +137,5 @@ class PeopleTracker:
         walks = sightings >= p.sightings and (far or before.walks) and speed >= limit
         # Who stands again has to walk again before it counts as walking.
         first = before.first if walks or not before.walks else (x, y)
-        return replace(seen, x=x, y=y, vx=vx, vy=vy, sightings=sightings, first=first, walks=walks)
+        walked = walks or before.walked
+        return replace(seen, x=x, y=y, vx=vx, vy=vy, sightings=sightings, first=first, walks=walks, walked=walked)

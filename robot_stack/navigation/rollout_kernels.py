@@ -70,17 +70,15 @@ def person_gap(box: Floats, x: float, y: float, yaw: float, px: float, py: float
 
 
 @compiled
-def _drives_at(
-    box: Floats, x: float, y: float, yaw: float, start: Floats, person: Floats, time: float, least_m: float
-) -> bool:
-    """Whether the pose at ``time`` is nearer to a person than least_m, and nearer than ``start`` would be then.
+def _drives_at(box: Floats, x: float, y: float, yaw: float, start: Floats, person: Floats, time: float) -> bool:
+    """Whether the pose at ``time`` is nearer to a person than he wants, and nearer than ``start`` would be then.
 
-    Whoever stands nearer than least_m already may be left, and is not driven at.
+    Whoever is nearer than that already may be left, and is not driven at.
     """
     px, py = person[0] + time * person[2], person[1] + time * person[3]
     gap = person_gap(box, x, y, yaw, px, py, person[4])
     now = person_gap(box, start[0], start[1], start[2], person[0], person[1], person[4])
-    if gap >= min(least_m, max(now, 0.0)):
+    if gap >= min(person[5], max(now, 0.0)):
         return False
     return gap < person_gap(box, start[0], start[1], start[2], px, py, person[4]) - 0.01
 
@@ -88,11 +86,11 @@ def _drives_at(
 @compiled
 def free_time(
     field: Singles, resolution_m: float, ox: float, oy: float, outline: Floats, pose: Floats, twist: Floats,
-    margin_m: float, horizon_s: float, box: Floats, people: Floats, person_m: float,
+    margin_m: float, horizon_s: float, box: Floats, people: Floats,
 ) -> float:  # fmt: skip
     """How long the footprint stays clear by margin_m if the twist goes on unchanged, seconds, at most horizon_s.
 
-    Of people, by person_m; who comes nearer by walking, and not by this twist, does not count.
+    Of people (see evaluate), by what each wants; who comes nearer by walking, and not by this twist, does not count.
     """
     x, y, yaw = pose[0], pose[1], pose[2]
     step = 0.1
@@ -105,8 +103,10 @@ def free_time(
         if clearance(field, resolution_m, ox, oy, outline, x, y, yaw) < margin_m:
             return i * step
         for p in range(len(people)):
-            if _drives_at(box, x, y, yaw, pose, people[p], (i + 1) * step, person_m):
-                return i * step
+            # Where somebody will be, and where he is: people stop.
+            for time in ((i + 1) * step, 0.0):
+                if _drives_at(box, x, y, yaw, pose, people[p], time):
+                    return i * step
     return horizon_s
 
 
@@ -126,11 +126,12 @@ def _nearest(route: Floats, start: int, x: float, y: float) -> int:
 def evaluate(
     candidates: Floats, route: Floats, pose: Floats, twist: Floats, limits: Floats, step_s: float, steps: int,
     field: Singles, resolution_m: float, ox: float, oy: float, outline: Floats, box: Floats, reach_m: float,
-    hard_m: float, soft_m: float, people: Floats, person_m: float, person_hard_m: float, weights: Floats, last_offset: float,
+    hard_m: float, soft_m: float, people: Floats, person_m: float, weights: Floats,
+    last_offset: float,
 ) -> tuple[Floats, Floats, Floats]:  # fmt: skip
     """Rolls candidates out: (costs (n,), first twists (n, 3) after step_s, least clearances (n,)).
 
-    limits: speed, yaw rate, acceleration, yaw acceleration. people: (m, 5) x, y, vx, vy, radius now.
+    limits: speed, yaw rate, acceleration, yaw acceleration. people: (m, 6) x, y, vx, vy, radius now, least gap.
     weights: progress, offset, heading, clearance, person, change of offset.
     """
     n = len(candidates)
@@ -204,9 +205,10 @@ def evaluate(
                 for p in range(len(people)):
                     px, py = people[p, 0] + time * people[p, 2], people[p, 1] + time * people[p, 3]
                     gap = person_gap(box, x, y, yaw, px, py, people[p, 4] + 0.06 * time)
-                    if gap < 0.05 or _drives_at(box, x, y, yaw, pose, people[p], time, person_hard_m):
+                    if gap < 0.05 or _drives_at(box, x, y, yaw, pose, people[p], time):
                         cost += COLLISION * 0.5 * (1.0 - 0.5 * i / steps)
-                    elif gap < person_m:
+                    elif gap < person_m and (people[p, 2] != 0.0 or people[p, 3] != 0.0):
+                        # Not of somebody who stands: the way past him would cost more than to wait for ever.
                         cost += weights[4] * (person_m - gap) / person_m
         progress = route[at, _ALONG] - route[begin, _ALONG]
         off = math.hypot(route[at, _X] - x, route[at, _Y] - y)

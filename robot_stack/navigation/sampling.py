@@ -29,11 +29,15 @@ _SLOWER = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1)
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """twist: to be reached within a step of the rollout. blocked: nothing but standing still is free."""
+    """twist: to be reached within a step of the rollout. blocked: nothing but standing still is free.
+
+    urgent: slower than would be chosen, because something would be too near too soon: brake as hard as may be.
+    """
 
     twist: Twist2
     blocked: bool
     offset_m: float
+    urgent: bool
 
 
 class SamplingController:
@@ -62,7 +66,7 @@ class SamplingController:
         local: LocalMap,
         people: Array,
     ) -> Choice:
-        """pose: costmap's frame. twist: base_link. route: (n, 5) x, y, yaw, along, speed. people: (m, 5)."""
+        """pose: costmap's frame. twist: base_link. route: (n, 5) x, y, yaw, along, speed. people: (m, 6)."""
         p = self._params
         at, now = np.array([pose.x, pose.y, pose.yaw]), np.array([twist.vx, twist.vy, twist.omega])
         bounds = np.array(
@@ -77,7 +81,8 @@ class SamplingController:
         def judge(candidates: Array) -> tuple[Array, Array, Array]:
             result: tuple[Array, Array, Array] = evaluate(
                 candidates, route, at, now, bounds, p.step_s, p.steps, *place, edge, box, reach,
-                hard, p.soft_margin_m, people, p.person_margin_m, p.person_hard_m, np.array(p.weights), float(self._last[0]),
+                hard, p.soft_margin_m, people, p.person_margin_m, np.array(p.weights),
+                float(self._last[0]),
             )  # fmt: skip
             return result
 
@@ -100,7 +105,8 @@ class SamplingController:
         wish = Twist2(*map(float, firsts[pick]))
         if costs[pick] >= 0.4 * COLLISION and people.size == 0:
             wish, standing = Twist2(0.0, 0.0, 0.0), True
-        return Choice(self._governed(at, wish, place, edge, here, box, people), standing, float(self._last[0]))
+        governed = self._governed(at, wish, place, edge, here, box, people)
+        return Choice(governed, standing, float(self._last[0]), governed is not wish)
 
     def _governed(
         self,
@@ -117,9 +123,9 @@ class SamplingController:
         margin = min(p.governor_margin_m, here - 0.03)
         slower = wish
         for share in _SLOWER:
-            slower = wish.scaled(share)
+            slower = wish if share == 1.0 else wish.scaled(share)
             twist = np.array([slower.vx, slower.vy, slower.omega])
-            free_s = free_time(*place, edge, at, twist, margin, p.governor_s, box, people, p.person_hard_m)
+            free_s = free_time(*place, edge, at, twist, margin, p.governor_s, box, people)
             if free_s >= p.governor_s:
                 return slower
         return slower

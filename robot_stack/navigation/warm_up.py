@@ -10,7 +10,9 @@ from robot_stack.core.site_map import Grid
 from robot_stack.navigation.controller import NavigationController, Situation
 from robot_stack.navigation.goal import GoalRequest
 from robot_stack.navigation.params import NavigationParams
+from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.pose_source import Located
+from robot_stack.navigation.tight_passage import passage
 
 _CELLS, _RESOLUTION_M = 200, 0.05
 
@@ -33,3 +35,6 @@ def warm_up(params: NavigationParams, robot: Robot) -> None:
     cells = np.roll(cells, 2, axis=0)
     controller.around.on_costmap(1.2, _RESOLUTION_M, Pose2(0.0, 0.0, 0.0), cells, 1.2)
     controller.tick(Situation(1.05, located))
+    grid = PlanningGrid(Grid(0.1, 0.0, 0.0, occupancy))
+    ends = np.array([(2.0, 5.0, 0.0), (2.5, 5.0, 0.0)])
+    passage(grid, robot.footprint, params.planner, ends[0], ends[1], any_heading=False)

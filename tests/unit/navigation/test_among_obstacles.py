@@ -18,10 +18,11 @@ from robot_stack.navigation.limits import MotionLimits
 from robot_stack.navigation.people import PeopleTracker
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.ramp import Ramp
-from robot_stack.navigation.rollout_kernels import along_poses
+from robot_stack.navigation.rollout_kernels import along_poses, free_time
 from tests.unit.navigation.plant import ROBOT, Drive, params, request
 
 _N, _RES = 200, 0.05
+Array = npt.NDArray[np.float64]
 Painter = Callable[[float, npt.NDArray[np.float64], npt.NDArray[np.float64]], npt.NDArray[np.bool_]]
 
 
@@ -195,6 +196,47 @@ def test_person_who_crosses_is_let_pass() -> None:
     met = min(pose.distance_to(Pose2(8.0, 1.0 + 0.8 * (0.05 * (i + 1)), 0.0)) for i, pose in enumerate(story.poses))
     assert met > 0.95  # 0.61 m is the robot's corner, 0.25 m the person
     assert max(abs(pose.y - 5.0) for pose in story.poses) < 1.0  # no swerve
+
+
+@pytest.mark.parametrize("chair", [False, True])
+def test_person_who_comes_and_stops_in_front_is_not_driven_at(chair: bool) -> None:
+    def paint(now_s: float, x: Array, y: Array) -> npt.NDArray[np.bool_]:
+        return np.hypot(x - max(12.5 - 1.2 * (now_s - 10.0), 8.0), y - 5.0) < 0.25
+
+    story = Story(paint, chair=chair)
+    assert story.go(Pose2(12.0, 5.0, 0.0)) == ""
+    gaps = []
+    for _ in range(200):
+        story.tick()
+        if story.drive.twist.speed() > 0.02:
+            person_x = max(12.5 - 1.2 * (story.now_s - 10.0), 8.0)
+            pose, half = story.drive.pose, 0.5 * story.footprint.width_m
+            c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+            along, beside = c * (person_x - pose.x) + s * (5.0 - pose.y), -s * (person_x - pose.x) + c * (5.0 - pose.y)
+            ahead_m = max(along - story.footprint.front_m, story.footprint.rear_m - along, 0.0)
+            gaps.append(math.hypot(ahead_m, max(abs(beside) - half, 0.0)) - 0.25)
+    assert min(gaps) > 0.15
+
+
+PERSON = np.array([2.0, 0.0, 0.0, 0.0, 0.25, 0.35])
+BOX, OUTLINE = np.array([0.5, -0.5, 0.35, 0.0]), outline(ROBOT.footprint)
+NOTHING = np.full((10, 10), 10.0, np.float32), 1.0, -5.0, -5.0, OUTLINE
+
+
+@pytest.mark.parametrize(
+    ("twist", "person", "free_s"),
+    [
+        ((0.5, 0.0, 0.0), PERSON, 1.7),  # 1.25 m gap: 0.35 is reached after 1.8 s
+        ((0.0, 0.5, 0.0), PERSON, 3.0),  # past him
+        ((-0.5, 0.0, 0.0), PERSON, 3.0),  # away from him
+        ((0.0, 0.0, 0.0), np.array([2.0, 0.0, -1.0, 0.0, 0.25, 0.35]), 3.0),  # he comes: not the robot's motion
+        ((0.5, 0.0, 0.0), np.array([0.9, 0.0, 0.0, 0.0, 0.25, 0.35]), 0.0),  # too near already, and nearer
+        ((-0.5, 0.0, 0.0), np.array([0.9, 0.0, 0.0, 0.0, 0.25, 0.35]), 3.0),  # too near already, and away
+    ],
+)
+def test_free_time_of_people(twist: tuple[float, float, float], person: Array, free_s: float) -> None:
+    free = free_time(*NOTHING, np.zeros(3), np.array(twist), 0.2, 3.0, BOX, person[None])
+    assert free == pytest.approx(free_s, abs=0.11)
 
 
 def test_slow_near_a_standing_person() -> None:

@@ -19,6 +19,7 @@ from robot_stack.navigation.grid_kernels import distances
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.planning_grid import PlanningGrid
+from robot_stack.navigation.tight_passage import passage
 from tests.unit.navigation.plant import ROBOT, params
 
 START, GOAL = Pose2(2.0, 5.0, 0.0), Pose2(13.0, 5.0, 0.0)
@@ -175,3 +176,49 @@ def test_outline_of_the_footprint() -> None:
     assert points.min(axis=0) == pytest.approx((-0.5, -0.4))
     assert points.max(axis=0) == pytest.approx((1.4, 0.4))
     assert reach_m(ROBOT.footprint_with_chair) == pytest.approx(math.hypot(1.4, 0.4))
+
+
+def corridor_with_gate() -> np.ndarray:
+    """A corridor of 1.7 m whose gate leads off at a right angle: where the way bends the chair cannot turn."""
+    cells = grid()
+    cells[:, 57] = cells[:, 75] = OCCUPIED
+    cells[80:93, 75] = FREE
+    cells[94:, :] = OCCUPIED
+    return cells
+
+
+def test_gate_in_a_corner_is_entered_forward_and_in_line() -> None:
+    chair, start = ROBOT.footprint_with_chair, Pose2(6.4, 2.0, 0.5 * math.pi)
+    made = planner(corridor_with_gate())
+    found = made.plan(start, Pose2(13.0, 2.0, -1.2), chair)
+    assert isinstance(found, Path), found
+    assert tuple(found.poses[0]) == pytest.approx((start.x, start.y, start.yaw))
+    assert tuple(found.poses[-1]) == pytest.approx((13.0, 2.0, -1.2))
+    clear = made.grid.clearance_m(outline(chair), found.poses)
+    margin_m = params().planner.margin_m + made.grid.half_cell_m
+    far_from_ends = (found.arc_length_m > 1.0) & (found.arc_length_m < found.length_m - 1.0)
+    assert clear[far_from_ends].min() >= margin_m - 1e-6
+    inside = np.abs(found.poses[:, 0] - 7.55) < 0.5
+    assert inside.any()
+    assert np.abs(found.poses[inside, 2]).max() < 0.6  # forward
+
+
+def test_passage_between_poses_turns_on_the_way_and_keeps_its_ends() -> None:
+    cells = grid()
+    made = PlanningGrid(Grid(0.1, 0.0, 0.0, cells))
+    start, goal = np.array([3.0, 5.0, 3.0]), np.array([6.0, 5.5, -3.0])
+    found = passage(made, ROBOT.footprint, params().planner, start, goal, any_heading=False)
+    assert found is not None
+    assert np.allclose(found[0], start)
+    assert np.allclose(found[-1, :2], goal[:2])
+    assert math.isclose(wrap_angle(found[-1, 2] - goal[2]), 0.0, abs_tol=1e-9)
+    assert np.abs(np.diff(found[:, 2])).max() < 0.2
+    assert np.hypot(*np.diff(found[:, :2], axis=0).T).max() < 0.2
+
+
+def test_no_passage_through_a_wall() -> None:
+    cells = grid()
+    cells[:, 75] = OCCUPIED
+    made = PlanningGrid(Grid(0.1, 0.0, 0.0, cells))
+    ends = np.array([5.0, 5.0, 0.0]), np.array([10.0, 5.0, 0.0])
+    assert passage(made, ROBOT.footprint, params().planner, *ends, any_heading=True) is None

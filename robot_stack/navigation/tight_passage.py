@@ -1,0 +1,138 @@
+"""A stretch of a route through a narrow place, sought over positions and headings together."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_stack.core.geometry import wrap_angle
+from robot_stack.core.robot import Footprint
+from robot_stack.navigation.footprint import inner_m, outline, reach_m
+from robot_stack.navigation.grid_kernels import clearances, free_headings
+from robot_stack.navigation.params import PlannerParams
+from robot_stack.navigation.planning_grid import PlanningGrid
+from robot_stack.navigation.pose_search import search_poses
+
+Array = npt.NDArray[np.float64]
+_STEP_M = 0.1
+_STEP_RAD = 0.1
+# What a metre costs about where this search is needed: with the bare distance as an estimate it would look everywhere.
+_COST_BETWEEN_WALLS = 2.5
+
+
+@dataclass(frozen=True, slots=True)
+class _Window:
+    """A piece of the grid: south-west corner (m), cells, free headings and the cost of each cell."""
+
+    x_m: float
+    y_m: float
+    free: npt.NDArray[np.bool_]
+    cost: Array
+
+    def cell(self, pose: Array) -> tuple[int, int]:
+        rows, columns = self.cost.shape
+        row, column = math.floor((pose[1] - self.y_m) / _STEP_M), math.floor((pose[0] - self.x_m) / _STEP_M)
+        return min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
+
+    def poses(self, found: npt.NDArray[np.int64]) -> Array:
+        unit = 2.0 * math.pi / self.free.shape[2]
+        x = self.x_m + (found[:, 1] + 0.5) * _STEP_M
+        y = self.y_m + (found[:, 0] + 0.5) * _STEP_M
+        return np.column_stack((x, y, unit * found[:, 2]))
+
+
+def passage(
+    grid: PlanningGrid, footprint: Footprint, params: PlannerParams, start: Array, goal: Array, *, any_heading: bool
+) -> Array | None:
+    """(n, 3) poses from ``start`` to ``goal`` (both (3,), map), both included; None if there is no way.
+
+    any_heading: the goal's heading does not matter; it is the last pose's then.
+    """
+    margin_m = params.margin_m + grid.half_cell_m
+    window = _window(grid, footprint, params, start, goal, margin_m)
+    bins = params.heading_bins
+    first, last = (round(float(pose[2]) / (2.0 * math.pi) * bins) % bins for pose in (start, goal))
+    from_cell, to_cell = window.cell(start), window.cell(goal)
+    # Where they stand they may stand: the ends are given.
+    window.free[(*from_cell, first)] = True
+    if not any_heading:
+        window.free[(*to_cell, last)] = True
+    found = search_poses(
+        window.free,
+        window.cost,
+        (*from_cell, first),
+        (*to_cell, -1 if any_heading else last),
+        _STEP_M,
+        params.turn_cost_m_per_rad,
+        _COST_BETWEEN_WALLS * params.heuristic_weight,
+    )
+    if not len(found):
+        return None
+    poses = window.poses(found)
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    poses[0] = start[0], start[1], poses[0, 2] + wrap_angle(float(start[2] - poses[0, 2]))
+    end_yaw = poses[-1, 2] if any_heading else poses[-1, 2] + wrap_angle(float(goal[2] - poses[-1, 2]))
+    poses[-1] = goal[0], goal[1], end_yaw
+    return _straightened(grid, outline(footprint), poses, margin_m)
+
+
+def _window(
+    grid: PlanningGrid, footprint: Footprint, params: PlannerParams, start: Array, goal: Array, margin_m: float
+) -> _Window:
+    reach = reach_m(footprint)
+    low = np.minimum(start[:2], goal[:2]) - 1.5 * reach
+    high = np.maximum(start[:2], goal[:2]) + 1.5 * reach
+    columns, rows = (math.ceil(size / _STEP_M) for size in high - low)
+    ys, xs = np.mgrid[0:rows, 0:columns]
+    middles = np.column_stack((low[0] + (xs.ravel() + 0.5) * _STEP_M, low[1] + (ys.ravel() + 0.5) * _STEP_M))
+    place = grid.resolution_m, grid.x_m, grid.y_m
+    margins = np.full(len(middles), margin_m)
+    free = free_headings(
+        grid.field, *place, outline(footprint), middles, params.heading_bins, margins, reach, inner_m(footprint)
+    )
+    point = np.zeros((1, 2))
+    clear = clearances(grid.field, *place, point, np.column_stack((middles, np.zeros(len(middles)))), 0.0)
+    # Rising up to the walls themselves, so that a gate is passed in its middle.
+    far_m = reach + params.prefer_m
+    cost = 1.0 + params.near_cost * np.clip((far_m - clear) / far_m, 0.0, 1.0)
+    if not params.unknown_is_passable:
+        free &= ~_unknown(grid, middles)[:, None]
+    return _Window(
+        float(low[0]), float(low[1]), free.reshape(rows, columns, -1), np.ascontiguousarray(cost.reshape(rows, columns))
+    )
+
+
+def _unknown(grid: PlanningGrid, points: Array) -> npt.NDArray[np.bool_]:
+    cells = [grid.cell(float(x), float(y)) if grid.contains(float(x), float(y)) else None for x, y in points]
+    return np.array([cell is None or bool(grid.unknown[cell]) for cell in cells])
+
+
+def _straightened(grid: PlanningGrid, edge: Array, poses: Array, margin_m: float) -> Array:
+    """Straight motions (turning evenly on the way) between as few of the poses as stay clear."""
+    kept = [poses[:1]]
+    at = 0
+    while at < len(poses) - 1:
+        step, then = 1, at + 1
+        while then < len(poses) - 1:
+            step *= 2
+            further = min(at + step, len(poses) - 1)
+            if not _clear(grid, edge, poses[at], poses[further], margin_m):
+                break
+            then = further
+        kept.append(_line(poses[at], poses[then])[1:])
+        at = then
+    return np.concatenate(kept)
+
+
+def _line(a: Array, b: Array) -> Array:
+    """(n, 3) poses from a to b, both included; a turn on the spot keeps its steps."""
+    size = max(math.hypot(b[0] - a[0], b[1] - a[1]) / _STEP_M, abs(b[2] - a[2]) / _STEP_RAD)
+    share = np.linspace(0.0, 1.0, max(1, math.ceil(size)) + 1)[:, None]
+    return np.asarray(a + share * (b - a))
+
+
+def _clear(grid: PlanningGrid, edge: Array, a: Array, b: Array, margin_m: float) -> bool:
+    return bool(np.all(grid.clearance_m(edge, _line(a, b)[1:-1]) >= margin_m))
