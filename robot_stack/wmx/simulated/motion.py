@@ -225,10 +225,10 @@ class MotionControl:
             return max(1, math.ceil(1e-3 * command.runTimeMilliseconds / self._condition.cycle_time_s))
         return 0
 
-    def _spline_startable(self, axes: Sequence[int]) -> int:
-        return self._startable(
-            axes, AxisCommandMode.Position, (OperationState.Idle,), CoreMotionErrorCode.NotIdleOrIntplState
-        )
+    def _spline_startable(self, moves: Sequence[tuple[int, float]]) -> int:
+        axes, states = [axis for axis, _ in moves], (OperationState.Idle,)
+        code = self._startable(axes, AxisCommandMode.Position, states, CoreMotionErrorCode.NotIdleOrIntplState)
+        return code or self._towards_limit(moves)
 
     def _may_stop(self, axis: int, detail: DetailOperationState) -> bool:
         """A stop never replaces a more urgent one: stop, quick stop, emergency stop."""

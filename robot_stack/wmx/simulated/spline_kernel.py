@@ -142,6 +142,16 @@ def _fall(work: Ints, curve: Reals, axes: Ints, bounds: Reals, mark: int, segmen
 
 
 @compiled
+def _rest_ahead(s: float, rate: float, fall: float, duration: float) -> tuple[float, float]:
+    """Seconds until rest and the path time of it, if the rate goes on to fall as it does; or the end of the path."""
+    way = duration - s
+    rest_of_square = rate * rate - 2.0 * fall * way
+    if rest_of_square < 0.0:
+        return rate / fall, s + 0.5 * rate * rate / fall
+    return 2.0 * way / (rate + math.sqrt(rest_of_square)), duration
+
+
+@compiled
 def step_spline(
     reals: Reals,
     flags: Ints,
@@ -171,8 +181,7 @@ def step_spline(
         s += 0.5 * rate * rate / fall if rest else 0.5 * (rate + after) * dt
         clock[RATE] = after
         if not rest:
-            left_s = after / fall
-            stop_at = min(s + 0.5 * after * left_s, duration)
+            left_s, stop_at = _rest_ahead(s, after, fall, duration)
     else:
         count[CYCLES] += 1
         s = count[CYCLES] * dt

@@ -60,9 +60,14 @@ class _Run:
 
 
 class Splines:
-    """Channels and the splines that run on them. ``startable`` says why axes cannot start a spline, 0 for no reason."""
+    """Channels and the splines that run on them.
 
-    def __init__(self, arrays: EngineArrays, cycle_time_s: float, startable: Callable[[Sequence[int]], int]) -> None:
+    ``startable`` says why axes cannot start to move in given directions, (axis, direction) each; 0 for no reason.
+    """
+
+    def __init__(
+        self, arrays: EngineArrays, cycle_time_s: float, startable: Callable[[Sequence[tuple[int, float]]], int]
+    ) -> None:
         self._a = arrays
         self._cycle_s = cycle_time_s
         self._startable = startable
@@ -132,7 +137,7 @@ class Splines:
         n = drop_repeated(knots, path)
         if n < 2:
             return AdvancedMotionErrorCode.PointCountBelowMinimum
-        code = self._startable(axes) or self._towards_limit(axes, path[1] - path[0])
+        code = self._startable(list(zip(axes, (path[1] - path[0]).tolist(), strict=True)))
         if code:
             return code
         return self._begin(device, channel, axes, knots[:n].copy(), path[:n].copy())
@@ -154,12 +159,6 @@ class Splines:
         with np.errstate(over="ignore"):
             exact = np.abs((points + offset) * scale) < checks.LARGEST_COUNT  # False for NaN
         return _NO_ERROR if exact.all() else CoreMotionErrorCode.PositionArgumentOutOfRange
-
-    def _towards_limit(self, axes: Sequence[int], way: Reals) -> int:
-        """The engine's rule for every start: not further into a limit that an axis is at."""
-        a = self._a
-        codes = (checks.towards_limit(a.flags, a.work, axis, way[j]) for j, axis in enumerate(axes))
-        return next(filter(None, codes), _NO_ERROR)
 
     def _begin(self, device: int, channel: int, axes: Sequence[int], times: Reals, points: Reals) -> int:
         a, chosen = self._a, list(axes)

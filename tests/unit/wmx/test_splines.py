@@ -556,9 +556,13 @@ class TestStops:
 
     def test_close_to_the_end_stops_at_the_end(self, arm: Arm) -> None:
         assert arm.start() == GOOD
-        arm.step(1998)
+        arm.step(1980)
         arm.motion.timed_stop([0], 1000.0, POSITION)
-        arm.at_rest()
+        arm.step()
+        # The 19.0005 ms of path left at a rate of 0.999 that falls by 1 / s: the root of 0.0190005 = 0.999 t - t^2 / 2.
+        assert arm.real(Real.PROFILE_REMAINING_MS) == pytest.approx(19.2041, abs=1e-4)
+        assert arm.real(Real.PROFILE_TARGET_POS).tolist() == pytest.approx(WAY[-1].tolist(), abs=1e-12)
+        assert arm.at_rest() == 20
         assert arm.position.tolist() == WAY[-1].tolist()
         assert not arm.flag(Flag.MOTION_COMPLETE).any(), "a stop is never a normal end"
 
@@ -786,6 +790,32 @@ class TestWire:
     def test_requests_that_are_none(self, shared: Arm, arguments: list[Any]) -> None:
         answer = execute(shared.engine, Session(shared.device), "StartCSplinePosPointTime", arguments)
         assert answer == (ErrorCode.ArgumentOutOfRange, [])
+
+    @settings(max_examples=80, deadline=None)
+    @given(st.data())
+    def test_any_numbers(self, data: st.DataObject) -> None:
+        """Whatever the points and times: an answer, and a state that is finite, in motion and in the stop from it."""
+        arm = _rested()
+        if arm.splines.points(CHANNEL)[0]:
+            arm.splines.create(CHANNEL, 1000)
+        n, d = data.draw(st.integers(0, 5)), data.draw(st.integers(1, 3))
+        number = st.floats() | st.floats(-1e8, 1e8) | st.floats(-10.0, 10.0)
+        time = st.floats(0.0, 1e4) | st.floats(0.0, 1e11) | st.floats()
+        points = data.draw(st.lists(number, min_size=n * d, max_size=n * d))
+        times = data.draw(st.lists(time, min_size=n, max_size=n))
+        if data.draw(st.booleans()):
+            times.sort()
+        arguments = [CHANNEL, AXES[:d], pack(points), pack(times)]
+        code, _ = execute(arm.engine, Session(arm.device), "StartCSplinePosPointTime", arguments)
+        for _ in range(5):
+            arm.step()
+            assert np.isfinite(arm.engine.arrays.reals).all()
+        if code == GOOD:
+            arm.motion.timed_stop([0], 20.0, POSITION)
+            arm.step(30)
+            assert np.isfinite(arm.engine.arrays.reals).all()
+        if np.abs(arm.position).max() > 100.0:
+            _RESTED.clear()  # far away, where others do not begin
 
     def test_request(self, arm: Arm) -> None:
         arguments = [CHANNEL, [0, 1], pack([[1.0, 2.0], [3.0, 4.0]]), pack([100.0, 200.0])]
