@@ -78,8 +78,10 @@ def _parameters(core_motion: CoreMotion, axis: int) -> Iterator[tuple[int, str, 
     for name, (code, block) in blocks:
         if code:
             yield code, f"{name} parameters", ""
+        defaults = asdict(type(block)())
         for key, value in asdict(block).items():
-            yield 0, f"{name}.{key}", value.name if isinstance(value, IntEnum) else value
+            kind = type(defaults[key])
+            yield 0, f"{name}.{key}", _name(kind, value) if issubclass(kind, IntEnum) else value
 
 
 def _name(kind: type[IntEnum], value: int) -> str:
