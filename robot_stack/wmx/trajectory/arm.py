@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_stack.wmx.api import AxisCommandMode, CoreMotionErrorCode, ErrorCode, OperationState
+from robot_stack.wmx.api import AxisCommandMode, CoreMotionErrorCode, ErrorCode, OperationState, error_name
 from robot_stack.wmx.axes import Flag, StatusSnapshot
 from robot_stack.wmx.trajectory.results import Fault
 from robot_stack.wmx.trajectory.spline import ClampedSpline
@@ -35,7 +35,8 @@ class ArmState:
     alarm: BoolArray
     alarm_code: NDArray[np.int64]
     following_error: BoolArray
-    soft_limit: BoolArray
+    end_reason: NDArray[np.int64]
+    """Code of what ended the last motion of each axis, where the engine tells; 0 for a normal end and for a stop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,6 @@ class Arm(Protocol):
 def arm_state(snapshot: StatusSnapshot, n_joints: int) -> ArmState:
     """The first ``n_joints`` axes of a status."""
     axes = slice(0, n_joints)
-    limits = snapshot.flags[[Flag.POSITIVE_SOFT_LIMIT, Flag.NEGATIVE_SOFT_LIMIT]][:, axes]
     return ArmState(
         time_s=snapshot.engine_time_s,
         communicating=snapshot.communicating,
@@ -81,7 +81,7 @@ def arm_state(snapshot: StatusSnapshot, n_joints: int) -> ArmState:
         alarm=snapshot.amp_alarm[axes],
         alarm_code=snapshot.amp_alarm_code[axes],
         following_error=snapshot.following_error_alarm[axes],
-        soft_limit=np.asarray((limits != 0).any(axis=0)),
+        end_reason=snapshot.flags[Flag.END_REASON][axes],
     )
 
 
@@ -114,7 +114,8 @@ def not_ready(state: ArmState, joints: tuple[str, ...]) -> Fault | None:
 
 def end_fault(state: ArmState, joints: tuple[str, ...]) -> Fault:
     """Why a motion ended that was not complete."""
-    for axis in np.flatnonzero(state.soft_limit):
-        return Fault(ErrorCode.AxisSoftLimit, f"{joints[axis]}: stopped at its software limit")
+    for axis in np.flatnonzero(state.end_reason):
+        code = int(state.end_reason[axis])
+        return Fault(code, f"{joints[axis]}: stopped by the engine, {error_name(code)}")
     names = ", ".join(joints[axis] for axis in np.flatnonzero(~state.complete))
     return Fault(ErrorCode.NoMotion, f"stopped by somebody else before the end: {names}")

@@ -67,7 +67,7 @@ class FakeArm:
         self.servo_on = np.ones(2, bool)
         self.alarm_code = np.zeros(2, np.int64)
         self.following_error = np.zeros(2, bool)
-        self.soft_limit = np.zeros(2, bool)
+        self.end_reason = np.zeros(2, np.int64)
         self.position_mode = np.ones(2, bool)
         self.foreign_motion = np.zeros(2, bool)
         self.complete = np.zeros(2, bool)
@@ -137,5 +137,5 @@ class FakeArm:
             alarm=self.alarm_code != 0,
             alarm_code=self.alarm_code.copy(),
             following_error=self.following_error.copy(),
-            soft_limit=self.soft_limit.copy(),
+            end_reason=self.end_reason.copy(),
         )

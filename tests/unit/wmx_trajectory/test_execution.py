@@ -198,9 +198,9 @@ def test_a_motion_that_somebody_else_stops_is_no_success() -> None:
 def test_a_motion_cut_by_a_limit_names_it() -> None:
     run = Run()
     run.arm.cut_at_s = 0.6
-    run.arm.soft_limit[1] = True
+    run.arm.end_reason[1] = ErrorCode.AxisSoftLimit
     result = run.to_end()
-    assert (result.code, "elbow: stopped at its software limit" in result.text) == (ErrorCode.AxisSoftLimit, True)
+    assert (result.code, "elbow: stopped by the engine, AxisSoftLimit" in result.text) == (1569, True)
 
 
 def test_a_motion_that_never_begins() -> None:

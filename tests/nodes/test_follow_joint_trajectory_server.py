@@ -1,0 +1,363 @@
+"""The trajectory server on a real engine process with six virtual joints, asked by an independent action client."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Duration
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointTolerance
+from robot_stack.contract import actions, services, topics
+from robot_stack.wmx.api import ErrorCode, OperationState
+from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE
+from tests.support.engine import TestEngine
+from tests.support.processes import NodeProcess
+from tests.support.waiting import wait_for
+
+if TYPE_CHECKING:
+    from tests.support.peer import Peer
+
+Start = Callable[..., NodeProcess]
+NAME = "follow_joint_trajectory_server"
+JOINTS = ["joint1", "joint2", "joint3", "joint4", "joint5", "joint6"]
+STATUS_SUCCEEDED, STATUS_CANCELED, STATUS_ABORTED = 4, 5, 6
+Result = FollowJointTrajectory.Result
+SERVO_OFF, ALARM, NO_COMMUNICATION, NO_ENGINE = 1567, 1568, 1537, 263
+EMERGENCY_STOP_ON = 65632
+
+
+@pytest.fixture(autouse=True)
+def _six_joints(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(ENGINE_CONFIG_VARIABLE, "wmx_engine_manipulator")
+
+
+def duration(seconds: float) -> Duration:
+    whole, nanoseconds = divmod(round(seconds * 1e9), 1_000_000_000)
+    return Duration(sec=whole, nanosec=nanoseconds)
+
+
+def goal(*waypoints: tuple[float, list[float]], joints: list[str] = JOINTS, **fields: Any) -> Any:
+    """Waypoints are (time, positions)."""
+    message = FollowJointTrajectory.Goal(**fields)
+    message.trajectory.joint_names = joints
+    message.trajectory.points = [
+        JointTrajectoryPoint(positions=positions, time_from_start=duration(time_s)) for time_s, positions in waypoints
+    ]
+    return message
+
+
+class Sent:
+    """A goal that the server has accepted."""
+
+    def __init__(self, peer: Peer, client: Any, message: Any) -> None:
+        self._peer = peer
+        self.feedback: list[Any] = []
+        sent = peer.in_loop(
+            lambda: client.send_goal_async(message, feedback_callback=lambda m: self.feedback.append(m.feedback))
+        )
+        wait_for(sent.done, "an answer to the goal")
+        self.handle = sent.result()
+        assert self.handle.accepted, "every goal is accepted"
+        self._ended = peer.in_loop(self.handle.get_result_async)
+
+    def result(self) -> tuple[int, int, str]:
+        """(status, error_code, error_string)."""
+        wait_for(self._ended.done, "the result")
+        ended = self._ended.result()
+        return ended.status, ended.result.error_code, ended.result.error_string
+
+    @property
+    def ended(self) -> bool:
+        return bool(self._ended.done())
+
+    def cancel(self) -> Any:
+        return self._peer.in_loop(self.handle.cancel_goal_async)
+
+
+class Rig:
+    """Engine, server and client."""
+
+    def __init__(self, start: Start, peer: Peer, folder: Path) -> None:
+        from rclpy.action import ActionClient
+
+        self.start, self.peer = start, peer
+        self.engine = TestEngine(start, folder)
+        self._beats = peer.listen(topics.HEARTBEAT)
+        self._client = ActionClient(peer.node, FollowJointTrajectory, actions.FOLLOW_JOINT_TRAJECTORY.name)
+        self.server: NodeProcess | None = None
+
+    def up(self, *ros_args: str) -> Rig:
+        self.engine.run().up()
+        return self.serve(*ros_args)
+
+    def serve(self, *ros_args: str) -> Rig:
+        self.server = self.start(NAME, *ros_args)
+        self.wait_health("")
+        wait_for(self._client.server_is_ready, "the action")
+        return self
+
+    def wait_health(self, text: str) -> None:
+        """Waits for a heartbeat that says ``text``; empty means ready."""
+
+        def matches() -> bool:
+            last = self._beats.last
+            if last is None or last.node != NAME:
+                return False
+            return text in last.waiting_for if text else last.ready
+
+        wait_for(matches, f"the node to be {text or 'ready'}", 60.0)
+
+    def send(self, *waypoints: tuple[float, list[float]], **fields: Any) -> Sent:
+        return Sent(self.peer, self._client, goal(*waypoints, **fields))
+
+    def send_message(self, message: Any) -> Sent:
+        return Sent(self.peer, self._client, message)
+
+    @property
+    def status(self) -> StatusSnapshot:
+        code, snapshot = self.engine.device.read_status()
+        assert code == 0
+        return snapshot
+
+    @property
+    def standing(self) -> bool:
+        snapshot = self.status
+        idle = bool((snapshot.op_state == OperationState.Idle).all())
+        return idle and not snapshot.velocity_cmd.any() and bool((np.abs(snapshot.actual_velocity) < 0.01).all())
+
+    def wait_moving(self, speed_radps: float = 0.2) -> None:
+        wait_for(lambda: np.abs(self.status.velocity_cmd).max() > speed_radps, "the arm to move", poll_s=0.002)
+
+    def set_gripper(self, close: bool) -> tuple[bool, str]:
+        answer = self.peer.call(services.SET_GRIPPER, SetBool.Request(data=close))
+        return answer.success, answer.message
+
+    def now(self, ahead_s: float = 0.0) -> Any:
+        nanoseconds = self.peer.node.get_clock().now().nanoseconds + round(1e9 * ahead_s)
+        whole, rest = divmod(nanoseconds, 1_000_000_000)
+        return type(self.peer.node.get_clock().now().to_msg())(sec=whole, nanosec=rest)
+
+
+@pytest.fixture
+def rig(start: Start, peer: Peer, tmp_path: Path, _six_joints: None) -> Iterator[Rig]:
+    rig = Rig(start, peer, tmp_path)
+    yield rig
+    rig.engine.close()
+
+
+HOME = [0.0] * 6
+THERE = [0.3, -0.2, 0.25, 0.1, -0.3, 0.2]
+FAR = [1.5, -1.0, 1.2, 0.5, -1.5, 1.0]
+LONG = ((0.0, HOME), (1.5, [0.5 * x for x in FAR]), (3.0, FAR))
+
+
+def test_a_trajectory_is_followed_and_reported(rig: Rig) -> None:
+    rig.up()
+    backwards = JOINTS[::-1]
+    sent = rig.send((0.0, HOME), (0.3, [0.5 * x for x in THERE[::-1]]), (0.7, THERE[::-1]), joints=backwards)
+    assert sent.result() == (STATUS_SUCCEEDED, Result.SUCCESSFUL, "")
+    assert rig.status.actual_pos == pytest.approx(THERE, abs=1e-3)
+    assert rig.standing
+    assert len(sent.feedback) > 10
+    stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in sent.feedback]
+    assert all(after > before for before, after in itertools.pairwise(stamps))
+    for message in sent.feedback:
+        assert list(message.joint_names) == backwards
+        desired, actual = np.array(message.desired.positions), np.array(message.actual.positions)
+        assert np.array(message.error.positions) == pytest.approx(desired - actual)
+        assert np.abs(desired - actual).max() < 0.02
+        assert len(message.desired.velocities) == len(message.desired.accelerations) == 6
+        assert message.desired.time_from_start == message.actual.time_from_start
+    middle = max(sent.feedback, key=lambda m: np.abs(m.desired.velocities).max())
+    assert np.array(middle.actual.velocities) == pytest.approx(np.array(middle.desired.velocities), abs=0.15)
+
+    # single waypoint from wherever the arm is, its time kept
+    begin_s = time.monotonic()
+    assert rig.send((0.4, HOME)).result() == (STATUS_SUCCEEDED, 0, "")
+    assert time.monotonic() - begin_s >= 0.35
+    assert rig.status.actual_pos == pytest.approx(HOME, abs=1e-3)
+
+    # a start in the future
+    message = goal((0.0, HOME), (0.3, THERE))
+    message.trajectory.header.stamp = rig.now(0.6)
+    begin_s = time.monotonic()
+    later = rig.send_message(message)
+    wait_for(lambda: time.monotonic() - begin_s > 0.3 or not rig.standing, "half of the time to the start")
+    assert rig.standing
+    assert later.result() == (STATUS_SUCCEEDED, 0, "")
+    assert time.monotonic() - begin_s >= 0.8
+
+    # the gripper
+    assert rig.set_gripper(True) == (True, "Gripper closed successfully")
+    assert rig.engine.device.io.GetOutBit(0, 0) == (0, 1)
+    assert rig.set_gripper(False) == (True, "Gripper opened successfully")
+    assert rig.engine.device.io.GetOutBit(0, 0) == (0, 0)
+
+
+def test_goals_that_cannot_be_followed_say_why(rig: Rig) -> None:
+    rig.up("-p", "start.max_velocity_radps:=[2.0,2.0,2.0,2.0,2.0,2.0]")
+
+    def refused(message: Any, code: int, words: str) -> None:
+        status, error_code, text = rig.send_message(message).result()
+        assert (status, error_code) == (STATUS_ABORTED, code)
+        assert words in text
+        assert rig.standing
+        assert rig.status.pos_cmd == pytest.approx(HOME, abs=1e-6)
+
+    def with_stamp(seconds: float) -> Any:
+        message = goal((0.5, THERE))
+        message.trajectory.header.stamp = rig.now(seconds)
+        return message
+
+    many = goal(*((0.01 * i, HOME) for i in range(1, 1002)))
+    refused(many, Result.INVALID_GOAL, "1001 points, the engine's spline takes at most 1000")
+    refused(goal((1.0, THERE), joints=[*JOINTS[:5], "joint7"]), Result.INVALID_JOINTS, "unknown: 'joint7'")
+    refused(goal((1.0, THERE[:5]), joints=JOINTS[:5]), Result.INVALID_JOINTS, "missing: 'joint6'")
+    refused(goal((1.0, THERE), joints=[*JOINTS[:5], "joint1"]), Result.INVALID_JOINTS, "named twice: 'joint1'")
+    refused(goal((1.0, THERE[:5])), Result.INVALID_GOAL, "points[0].positions: 5 values for 6 joints")
+    refused(goal((1.0, [math.nan] * 6)), Result.INVALID_GOAL, "points[0].positions: not finite")
+    refused(goal((1.0, THERE), (1.0, HOME)), Result.INVALID_GOAL, "points[1].time_from_start")
+    refused(goal((0.0, THERE)), Result.INVALID_GOAL, "no time to get")
+    refused(with_stamp(-3.0), Result.OLD_HEADER_TIMESTAMP, "the trajectory ended")
+    refused(goal((0.1, THERE)), Result.INVALID_GOAL, "velocity")
+    bad = [JointTolerance(name="joint9", position=0.1)]
+    refused(goal((1.0, THERE), path_tolerance=bad), Result.INVALID_JOINTS, "path_tolerance: unknown joint 'joint9'")
+    bad = [JointTolerance(name="joint1", position=-3.0)]
+    refused(goal((1.0, THERE), goal_tolerance=bad), Result.INVALID_GOAL, "goal_tolerance: position of joint1 is -3")
+    for nothing, words in ((goal(joints=[]), "no points"), (goal((2.0, HOME)), "already there")):
+        status, code, text = rig.send_message(nothing).result()
+        assert (status, code) == (STATUS_SUCCEEDED, 0)
+        assert words in text
+    assert rig.engine.device.core_motion.axisControl.SetServoOn(2, 0) == 0
+    wait_for(lambda: not rig.status.servo_on[2], "servo 3 off")
+    refused(goal((1.0, THERE)), SERVO_OFF, "joint3: the servo is off")
+    rig.engine.servos(1)
+    assert rig.send((1.0, THERE)).result() == (STATUS_SUCCEEDED, 0, "")
+
+
+def test_tolerances_preemption_and_cancellation(rig: Rig) -> None:
+    rig.up()
+    tight = [JointTolerance(name="joint1", position=1e-4)]
+    status, code, text = rig.send(*LONG, path_tolerance=tight).result()
+    assert (status, code) == (STATUS_ABORTED, Result.PATH_TOLERANCE_VIOLATED)
+    assert "joint1: position error" in text
+    assert rig.standing
+
+    # a newer goal ends the present one, and begins from rest
+    first = rig.send((3.0, FAR))
+    rig.wait_moving()
+    second = rig.send((0.6, HOME))
+    status, code, text = first.result()
+    assert (status, code) == (STATUS_ABORTED, Result.INVALID_GOAL)
+    assert "preempted by a newer goal" in text
+    assert second.result() == (STATUS_SUCCEEDED, 0, "")
+    assert rig.status.actual_pos == pytest.approx(HOME, abs=1e-3)
+
+    # canceled: only once the axes stand, on the path, and before its end
+    sent = rig.send(*LONG)
+    rig.wait_moving(0.4)
+    answer = sent.cancel()
+    wait_for(answer.done, "the answer to the cancellation")
+    assert len(answer.result().goals_canceling) == 1
+    status, code, text = sent.result()
+    assert (status, code) == (STATUS_CANCELED, 0)
+    assert text.startswith("canceled; stood ")
+    assert rig.standing
+    place = rig.status.pos_cmd
+    assert place == pytest.approx(np.array(FAR) * (place[0] / FAR[0]), abs=1e-5), "left the path"
+    assert 0.0 < place[0] < FAR[0]
+
+    # canceled before its start
+    message = goal((0.5, HOME))
+    message.trajectory.header.stamp = rig.now(30.0)
+    waiting = rig.send_message(message)
+    waiting.cancel()
+    assert waiting.result()[:2] == (STATUS_CANCELED, 0)
+
+    # the emergency stop
+    sent = rig.send((3.0, FAR))
+    rig.wait_moving()
+    rig.peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
+    status, code, text = sent.result()
+    assert (status, code) == (STATUS_ABORTED, EMERGENCY_STOP_ON)
+    assert text.startswith("emergency stop")
+    assert rig.standing
+    assert rig.send((1.0, HOME)).result()[:2] == (STATUS_ABORTED, EMERGENCY_STOP_ON)
+    assert rig.set_gripper(True) == (False, "Failed to close gripper")
+    assert rig.standing
+
+
+def test_faults_in_motion_abort_and_the_server_recovers(rig: Rig) -> None:
+    rig.up()
+    sent = rig.send(*LONG)
+    rig.wait_moving()
+    rig.engine.set(alarms={"3": 0x7500})
+    status, code, text = sent.result()
+    assert (status, code) == (STATUS_ABORTED, ALARM)
+    assert "joint4: amplifier alarm 0x7500" in text
+    wait_for(lambda: rig.standing, "the other joints to stand")
+    rig.engine.recover()
+
+    sent = rig.send((3.0, FAR))
+    rig.wait_moving()
+    rig.engine.set(connected=False)
+    status, code, text = sent.result()
+    assert (status, code) == (STATUS_ABORTED, NO_COMMUNICATION)
+    assert "communication" in text
+    assert rig.set_gripper(True) == (False, "Failed to close gripper")
+    rig.engine.set(connected=True)
+    rig.engine.recover()
+    assert rig.send((0.5, HOME)).result() == (STATUS_SUCCEEDED, 0, "")
+
+    # somebody else stops the arm: no success
+    sent = rig.send(*LONG)
+    rig.wait_moving()
+    assert rig.engine.device.core_motion.motion.Stop(0) == 0
+    status, code, text = sent.result()
+    assert (status, code) == (STATUS_ABORTED, ErrorCode.NoMotion)
+    assert "stopped by somebody else" in text
+
+    sent = rig.send((3.0, FAR))
+    rig.wait_moving()
+    rig.engine.kill()
+    status, code, text = sent.result()
+    assert status == STATUS_ABORTED
+    assert code > 0
+    assert "engine" in text
+    assert rig.send((1.0, FAR)).result()[:2] == (STATUS_ABORTED, NO_ENGINE)
+    assert rig.set_gripper(False) == (False, "Failed to open gripper")
+    rig.wait_health("engine")
+    rig.engine.close()
+    rig.engine.run().up()
+    rig.wait_health("")
+    assert rig.send((0.5, THERE)).result() == (STATUS_SUCCEEDED, 0, "")
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGINT])
+def test_a_server_that_is_gone_leaves_an_arm_that_stands(rig: Rig, number: signal.Signals) -> None:
+    rig.up()
+    sent = rig.send((6.0, FAR))
+    rig.wait_moving()
+    assert rig.server is not None
+    rig.server.signal(number)
+    wait_for(lambda: rig.standing, "the arm to stand")
+    assert abs(rig.status.pos_cmd[0]) < abs(FAR[0]) - 0.1, "it went on to its goal"
+    if number is signal.SIGSTOP:
+        rig.server.signal(signal.SIGCONT)
+    if number is not signal.SIGKILL:
+        status, code, _ = sent.result()
+        assert status == STATUS_ABORTED
+        assert code == (Result.INVALID_GOAL if number is signal.SIGINT else ErrorCode.NoMotion)
