@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from robot_stack.wmx.api.enums import (
     AxisCommandMode,
     Config_EStopLevel1Type,
-    Config_HomeType,
     EngineState,
     EStopLevel,
     OperationState,
@@ -27,6 +26,7 @@ from robot_stack.wmx.bus import DriveCommands, DriveFeedback, ServoBus
 from robot_stack.wmx.config import EngineConfig
 from robot_stack.wmx.simulated import checks, rows
 from robot_stack.wmx.simulated.devices import Device, DeviceTable
+from robot_stack.wmx.simulated.homing import Homing, rename
 from robot_stack.wmx.simulated.kernel import absorb, advance, cancel
 from robot_stack.wmx.simulated.motion import MotionControl
 from robot_stack.wmx.simulated.parameter_set import ParameterSet, rescale
@@ -36,17 +36,6 @@ from robot_stack.wmx.simulated.switch_kernel import watch_switches
 
 _NO_ERROR = int(ErrorCode.PyNone)
 _OFFLINE = int(ErrorCode.ServoOffline)
-_HOME_UNSUPPORTED = {
-    Config_HomeType.TouchProbe: CoreMotionErrorCode.TouchProbeDetectionUnsupported,
-    Config_HomeType.HSTouchProbe: CoreMotionErrorCode.TouchProbeDetectionUnsupported,
-    Config_HomeType.HS: CoreMotionErrorCode.HomeSwitchDetectionUnsupported,
-    Config_HomeType.HSHS: CoreMotionErrorCode.HomeSwitchDetectionUnsupported,
-    Config_HomeType.HSOff: CoreMotionErrorCode.HomeSwitchDetectionUnsupported,
-    Config_HomeType.LS: CoreMotionErrorCode.LimitSwitchDetectionUnsupported,
-    Config_HomeType.NearLS: CoreMotionErrorCode.LimitSwitchDetectionUnsupported,
-    Config_HomeType.ExternalLS: CoreMotionErrorCode.LimitSwitchDetectionUnsupported,
-    Config_HomeType.MechanicalEndDetection: CoreMotionErrorCode.LimitSwitchDetectionUnsupported,
-}
 
 
 class Engine:
@@ -64,6 +53,7 @@ class Engine:
         self.motion = MotionControl(self.arrays, self.condition)
         self.commands = DriveCommands.zeros(config.n_axes, config.n_output_bytes)
         self.feedback = DriveFeedback.zeros(config.n_axes, config.n_input_bytes)
+        self.homing = Homing(self.arrays, self.parameters, self.feedback)
         self._bus = bus
         self._starting_cycles = 0
         self._shutdown_cycles = 0
@@ -97,6 +87,7 @@ class Engine:
         self._lost_in_a_row = 0
         self._absorb()
         self.motion.splines.watch()
+        self.homing.step()
         if self._starting_cycles:
             self._starting_cycles -= 1
             if not self._starting_cycles:
@@ -177,6 +168,7 @@ class Engine:
             if self.parameters.home(axis).clearHomeDoneOnCommStop:
                 a.flags[Flag.HOME_DONE, axis] = 0
         self.motion.splines.forget_runs()
+        self.homing.forget()
         a.flags[Flag.SERVO_ON] = 0
         a.flags[Flag.SERVO_REQUESTED] = 0
         a.flags[Flag.SERVO_OFFLINE] = 1
@@ -379,25 +371,18 @@ class Engine:
         reals[Real.POS_CMD, axis] = reals[Real.PROFILE_TARGET_POS, axis] = reals[Real.ACTUAL_POS, axis]
         return _NO_ERROR
 
-    def start_home(self, axes: Sequence[int]) -> int:
-        """Makes the present position the home position. All axes or none."""
+    def start_home(self, axes: Sequence[int], device: int = 0) -> int:
+        """Homes as the axes' home parameters say. All axes or none."""
         code = self._reachable(axes)
         if code:
             return code
         if self.condition.emergency_stop:
             return CoreMotionErrorCode.EmergencyStopSignalOn
-        for axis in axes:
-            kind = Config_HomeType(self.parameters.home(axis).homeType)
-            if kind is not Config_HomeType.CurrentPos:
-                return _HOME_UNSUPPORTED.get(kind, CoreMotionErrorCode.ZPulseDetectionUnsupported)
-            if not self.arrays.flags[Flag.SERVO_ON, axis]:
-                return CoreMotionErrorCode.NotServoOn
-            if not self._idle(axis):
-                return ErrorCode.NotIdleState
-        for axis in axes:
-            self._rename(axis, Real.POS_CMD, self.parameters.home(axis).homePosition)
-            self.arrays.flags[Flag.HOME_DONE, axis] = 1
-        return _NO_ERROR
+        return self.homing.start(device, axes)
+
+    def cancel_home(self, axis: int) -> int:
+        """Stops a homing motion; no effect on any other axis."""
+        return checks.axes_in_range([axis], self.arrays.n_axes) or self.homing.cancel(axis)
 
     def set_position(self, axis: int, row: Real, position: float) -> int:
         """SetCommandPos (row POS_CMD) or SetFeedbackPos (row ACTUAL_POS)."""
@@ -409,7 +394,7 @@ class Engine:
             return code
         if not self._idle(axis):
             return ErrorCode.NotIdleState
-        self._rename(axis, row, position)
+        rename(self.arrays, axis, row, position)
         return _NO_ERROR
 
     def set_home_done(self, axis: int, value: int) -> int:
@@ -472,12 +457,3 @@ class Engine:
 
     def _idle(self, axis: int) -> bool:
         return bool(self.arrays.flags[Flag.OP_STATE, axis] == OperationState.Idle)
-
-    def _rename(self, axis: int, row: Real, position: float) -> None:
-        """Shifts the user positions of an axis so that ``row`` reads ``position``; encoder counts stay."""
-        reals = self.arrays.reals
-        shift = position - reals[row, axis]
-        reals[Real.HOME_OFFSET, axis] -= shift
-        for shifted in (Real.POS_CMD, Real.ACTUAL_POS, Real.PROFILE_TARGET_POS):
-            reals[shifted, axis] += shift
-        reals[row, axis] = position

@@ -216,11 +216,6 @@ def _auto_quit(call: _Call, value: Any) -> Answer:
 # -- axes --------------------------------------------------------------------------------------------------------------
 
 
-def _cancel_home(call: _Call, axis: Any) -> Answer:
-    # Homing to the current position ends in the call that starts it: there is never any to cancel.
-    return _plain(checks.axes_in_range([_int(axis)], call.engine.arrays.n_axes))
-
-
 def _of_axis(call: _Call, axis: Any, values: Callable[[int], list[Any]]) -> Answer:
     code = checks.axes_in_range([_int(axis)], call.engine.arrays.n_axes)
     return (code, []) if code else (_NO_ERROR, values(axis))
@@ -366,8 +361,8 @@ _HANDLERS: Final[dict[str, Callable[..., Answer]]] = {
     "FreeSplineBuffer": lambda c, channel: _plain(c.engine.motion.splines.free(_int(channel))),
     "GetSplineBufferPoints": _get_spline_buffer,
     "StartCSplinePosPointTime": _start_spline,
-    "StartHome": lambda c, axes: _plain(c.engine.start_home(_axes(axes))),
-    "CancelHome": _cancel_home,
+    "StartHome": lambda c, axes: _plain(c.engine.start_home(_axes(axes), c.device.id)),
+    "CancelHome": lambda c, axis: _plain(c.engine.cancel_home(_int(axis))),
     "SetCommandPos": lambda c, axis, p: _plain(c.engine.set_position(_int(axis), Real.POS_CMD, _real(p))),
     "SetFeedbackPos": lambda c, axis, p: _plain(c.engine.set_position(_int(axis), Real.ACTUAL_POS, _real(p))),
     "SetHomeDone": lambda c, axis, value: _plain(c.engine.set_home_done(_int(axis), _int(value))),

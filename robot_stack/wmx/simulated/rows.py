@@ -56,5 +56,6 @@ N_PARAMS: Final = 16
     LS_REVERSED,  # parameter: the switch named positive lies at the negative end
     HS_INVERT,  # parameter
     LS_IGNORED,  # ends whose switch a homing motion uses itself
-) = range(26)
-N_WORK: Final = 26
+    STOP_BEGUN,  # a stop has begun since this was last cleared
+) = range(27)
+N_WORK: Final = 27
