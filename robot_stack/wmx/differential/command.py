@@ -17,15 +17,14 @@ class BadTwist(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """linear_mps, angular_radps: what to drive now. text: why it is rest although something else was commanded."""
+    """linear_mps, angular_radps: what to drive now. text: why it is rest although something else was commanded.
+    blocked: the command must be at rest before it is obeyed again.
+    """
 
     linear_mps: float
     angular_radps: float
     text: str = ""
-
-    @property
-    def rest(self) -> bool:
-        return self.linear_mps == 0.0 and self.angular_radps == 0.0
+    blocked: bool = False
 
 
 class TwistCommand:
@@ -64,5 +63,5 @@ class TwistCommand:
         if self._linear_mps == 0.0 and self._angular_radps == 0.0:
             self._rested = True
         if not self._rested:
-            return Wish(0.0, 0.0, "waiting for the command to be zero or silent once")
+            return Wish(0.0, 0.0, "waiting for the command to be zero or silent once", blocked=True)
         return Wish(self._linear_mps, self._angular_radps)

@@ -160,7 +160,7 @@ class DiffDriveController(StackNode):
     def _tell(self, stage: Stage, text: str, wish: Wish) -> None:
         self.report.values = {"engine": stage.value}
         if stage is Stage.READY:
-            self.set_health(not wish.text, wish.text or text)
+            self.set_health(not wish.blocked, wish.text or text)
         else:
             self.set_health(stage is Stage.STOPPED, text)
 
