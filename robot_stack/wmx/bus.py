@@ -91,6 +91,13 @@ class DriveFeedback:
             has_z_pulse=np.zeros(n_axes, np.bool_),
         )
 
+    def forget_sensors(self) -> None:
+        """As without any sensor: what the drives last said of them is not true for ever."""
+        for sensor in (self.positive_limit, self.negative_limit, self.home_switch, self.z_pulse):
+            sensor.fill(False)
+        for present in (self.has_limit_switches, self.has_home_switch, self.has_z_pulse):
+            present.fill(False)
+
 
 class ServoBus(Protocol):
     """The cyclic bus. ``exchange`` is called exactly once per engine cycle while the engine communicates.

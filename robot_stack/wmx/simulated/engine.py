@@ -178,6 +178,9 @@ class Engine:
         a.reals[Real.ACTUAL_VELOCITY] = 0.0
         a.reals[Real.ACTUAL_TORQUE] = 0.0
         self.feedback.inputs.fill(0)
+        self.feedback.forget_sensors()
+        for row in (Flag.POSITIVE_LS, Flag.NEGATIVE_LS, Flag.HOME_SWITCH):
+            a.flags[row] = 0
         self.commands.servo_on.fill(False)
         self.commands.velocity_counts_per_s.fill(0.0)
 
@@ -259,6 +262,7 @@ class Engine:
             self._leave_communication()
             self._bus.exchange(self.commands, self.feedback)
             self.feedback.inputs.fill(0)
+            self.feedback.forget_sensors()
         return _NO_ERROR
 
     def _orphan(self, device_id: int) -> None:

@@ -9,6 +9,7 @@ slow, and a homing that failed leaves the axis not homed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -55,7 +56,11 @@ _LIMIT_ERRORS: Final = {
 
 @dataclass(slots=True)
 class _Run:
-    """One axis on its way home. ``ahead`` is what is left to look for, the present search first; empty: shifting."""
+    """One axis on its way home.
+
+    ``ahead`` is what is left to look for, the present search first; empty: shifting. ``reached`` is the farthest place
+    in the homing direction where the axis has stood.
+    """
 
     param: Config_HomeParam
     script: tuple[Search, ...]
@@ -63,6 +68,7 @@ class _Run:
     direction: float
     begun_at: float = 0.0
     found: float = 0.0
+    reached: float = -math.inf
     was_on: bool = False
     stopping: bool = False
     beyond: bool = False
@@ -245,6 +251,7 @@ class Homing:
             self._brake(axis, self._speeds(run, search)[2], OperationState.Home)
 
     def _after_stop(self, axis: int, run: _Run) -> None:
+        run.reached = max(run.reached, run.direction * float(self._a.reals[Real.POS_CMD, axis]))
         search = run.ahead[0]
         if search.beyond and not run.beyond and run.param.homingReverseDistance > 0.0:
             run.beyond = True
@@ -292,7 +299,8 @@ class Homing:
             self._arrive(axis, run.param.homePosition)
             return
         velocity = float(self._a.reals[Real.VELOCITY_CMD, axis])
-        if velocity and self._limit_on(axis, velocity):
+        known = run.direction * velocity > 0.0 and run.direction * run.found <= run.reached
+        if velocity and not known and self._limit_on(axis, velocity):
             self._a.flags[Flag.HOME_ERROR, axis] = HomeError.LSTriggered
             self._a.flags[Flag.HOME_STATE, axis] = HomeState.Cancel
             self._brake(axis, run.param.homeShiftDec, OperationState.Stop)

@@ -73,6 +73,9 @@ class Machine:
     def rest(self, axis: int) -> None:
         self.until(lambda: self.flags[Flag.OP_STATE, axis] == OperationState.Idle, "at rest")
 
+    def engine_at_rest(self) -> bool:
+        return self.engine.at_rest
+
     def position(self, axis: int) -> float:
         return float(self.reals[Real.ACTUAL_POS, axis])
 
