@@ -24,6 +24,7 @@ _NAME = "follow_joint_trajectory_server"
 _EMERGENCY = Fault(CoreMotionErrorCode.EmergencyStopSignalOn, "emergency stop")
 _SHUTDOWN = Fault(GoalCode.INVALID_GOAL, "the trajectory server ends")
 _END_POLL_S = 0.01
+_LAST_SPINS = 5  # an answer goes through three tasks of the executor, one after another
 
 
 class FollowJointTrajectoryServer(StackNode):
@@ -120,6 +121,8 @@ class FollowJointTrajectoryServer(StackNode):
         try:
             self._goals.stop_all(_SHUTDOWN, self.steady_s())
             while self._action.busy and time.monotonic() < deadline_s:
+                self.executor.spin_once(_END_POLL_S)
+            for _ in range(_LAST_SPINS):
                 self.executor.spin_once(_END_POLL_S)
         finally:
             self._arm.close()

@@ -1,0 +1,186 @@
+"""Trajectories of the arm: how well the spline is tracked, how soon a goal begins, how soon a canceled one stands."""
+
+from __future__ import annotations
+
+import os
+import random
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from robot_stack.bench.framework import Aim, BenchError, Result, percentile
+from robot_stack.bench.trajectory_rig import JOINTS, Record, arm_rig
+
+FloatArray = NDArray[np.float64]
+
+NAME = "trajectory"
+AIMS = {
+    "tracking_error_rad_max": Aim("<", 0.005),
+    "start_latency_ms_p99": Aim("<", 20.0),
+    "cancel_to_standstill_ms_max": Aim("<", 300.0),
+    "runs": Aim(">=", 200),
+}
+_SERVERS = {
+    "virtual": ("robot_stack.wmx.simulated",),
+    "arm": ("robot_stack.ros.main", "sim_manipulator"),
+}
+_DRIVES = {
+    "virtual": "virtual drives, first-order lag of 5 ms, no feed-forward",
+    "arm": "six-axis arm in physics (MuJoCo), cascaded servo loops, gravity and friction",
+}
+_STANDSTILL_RADPS = 0.01
+_MOVED_RAD = 1e-7
+
+
+@dataclass(slots=True)
+class _Measured:
+    tracking_rad: list[float] = field(default_factory=list)
+    squares: list[float] = field(default_factory=list)
+    command_rad: list[float] = field(default_factory=list)
+    start_ms: list[float] = field(default_factory=list)
+    standstill_ms: list[float] = field(default_factory=list)
+    off_path_rad: list[float] = field(default_factory=list)
+    canceled_ms: list[float] = field(default_factory=list)
+    feedbacks: list[float] = field(default_factory=list)
+    per_joint_rad: FloatArray = field(default_factory=lambda: np.zeros(JOINTS))
+
+
+def run(
+    runs: int = 200,
+    cancels: int = 40,
+    world: str = "virtual",
+    max_speed_radps: float = 0.9,
+    reach_rad: float = 0.5,
+    seed: int = 1,
+) -> Result:
+    """An engine and the trajectory server as processes in a domain of their own; goals come from this process.
+
+    world: virtual or arm, what the engine's axes drive. max_speed_radps: the fastest joint of a trajectory peaks
+    between a fifth of it and it. reach_rad: joints stay so near to zero. cancels: of further trajectories.
+    """
+    if world not in _SERVERS:
+        raise BenchError(f"world must be one of {', '.join(_SERVERS)}")
+    random_, moment = np.random.default_rng(seed), random.Random(seed)
+    measured = _Measured()
+    speeds = []
+    with arm_rig(1 + os.getpid() % 19, _SERVERS[world]) as rig:
+        for number in range(runs + cancels):
+            times_s, rows = _trajectory(random_, rig.position(), reach_rad, max_speed_radps)
+            spline = CubicSpline(times_s, rows, bc_type="clamped")
+            speeds.append(_peak(spline))
+            if number < runs:
+                with rig.recording() as recorder:
+                    sent_ns, code, text = rig.follow(times_s, rows)
+                if code != 0:
+                    raise BenchError(f"trajectory {number}: error {code} {text}")
+                _follow(measured, spline, recorder.record, sent_ns)
+            else:
+                with rig.recording() as recorder:
+                    canceled_ns, result_ns = rig.cancel(times_s, rows, moment.uniform(0.3, 0.7) * float(times_s[-1]))
+                _cancel(measured, spline, recorder.record, canceled_ns, result_ns)
+            time.sleep(moment.uniform(0.0, 0.02))  # so that goals come at any moment of the server's period
+        measured.feedbacks = rig.feedback_errors
+    return Result(_figures(measured, runs), _conditions(world, speeds, seed, reach_rad))
+
+
+def _trajectory(
+    random_: np.random.Generator, here: FloatArray, reach_rad: float, max_speed_radps: float
+) -> tuple[FloatArray, FloatArray]:
+    """Times (n,) s from 0 and rows (n, joints) rad from ``here``; 4 to 10 points, stretched to its speed."""
+    n = int(random_.integers(4, 11))
+    rows = np.vstack([here, random_.uniform(-reach_rad, reach_rad, (n - 1, JOINTS))])
+    times_s = np.concatenate([[0.0], np.cumsum(random_.uniform(0.1, 0.3, n - 1))])
+    speed = random_.uniform(0.2, 1.0) * max_speed_radps
+    times_s *= _peak(CubicSpline(times_s, rows, bc_type="clamped")) / speed
+    if times_s[-1] > 3.0:  # long ones would only take long: less of the way, at the same speed
+        keep = max(2, int(np.searchsorted(times_s, 3.0)))
+        times_s, rows = times_s[:keep], rows[:keep]
+        stretch = _peak(CubicSpline(times_s, rows, bc_type="clamped")) / speed
+        times_s = times_s * max(1.0, stretch)
+    return times_s, rows
+
+
+def _peak(spline: Any) -> float:
+    return float(np.abs(spline(np.linspace(0.0, spline.x[-1], 400), 1)).max())
+
+
+def _begin_s(spline: Any, record: Record) -> float:
+    """Engine time at which the spline began: the shift by which it fits the commands best (two Newton steps)."""
+    first = int(np.argmax(np.abs(record.command - record.command[0]).max(axis=1) > _MOVED_RAD))
+    begin_s = float(record.engine_s[max(0, first - 1)])
+    for _ in range(3):
+        time_s = record.engine_s - begin_s
+        on = (time_s > 0.0) & (time_s < spline.x[-1])
+        slope = spline(time_s[on], 1)
+        ahead = record.command[on] - spline(time_s[on])
+        begin_s -= float((ahead * slope).sum() / (slope * slope).sum())
+    return begin_s
+
+
+def _follow(measured: _Measured, spline: Any, record: Record, sent_ns: int) -> None:
+    begin_s = _begin_s(spline, record)
+    time_s = np.clip(record.engine_s - begin_s, 0.0, spline.x[-1])
+    error = np.abs(record.position - spline(time_s))
+    during = record.engine_s - begin_s >= 0.0
+    measured.tracking_rad.append(float(error[during].max()))
+    measured.squares.append(float((error[during] ** 2).mean()))
+    measured.command_rad.append(float(np.abs(record.command - spline(time_s)).max()))
+    measured.per_joint_rad = np.maximum(measured.per_joint_rad, error[during].max(axis=0))
+    moving = int(np.argmax(during))
+    began_ns = int(record.stamp_ns[moving]) - 1e9 * (float(record.engine_s[moving]) - begin_s)
+    measured.start_ms.append((began_ns - sent_ns) * 1e-6)
+
+
+def _cancel(measured: _Measured, spline: Any, record: Record, canceled_ns: int, result_ns: int) -> None:
+    moving = (np.abs(record.velocity) > _STANDSTILL_RADPS).any(axis=1) | (record.command_velocity != 0.0).any(axis=1)
+    last = int(np.flatnonzero(moving)[-1])
+    measured.standstill_ms.append((int(record.stamp_ns[min(last + 1, len(moving) - 1)]) - canceled_ns) * 1e-6)
+    measured.canceled_ms.append((result_ns - canceled_ns) * 1e-6)
+    fine = spline(np.linspace(0.0, spline.x[-1], 20_000))
+    measured.off_path_rad.append(float(np.abs(fine - record.command[-1]).max(axis=1).min()))
+
+
+def _figures(measured: _Measured, runs: int) -> dict[str, float]:
+    figures = {
+        "tracking_error_rad_max": max(measured.tracking_rad),
+        "tracking_error_rad_p50_of_maxima": percentile(measured.tracking_rad, 0.5),
+        "tracking_error_rad_rms": float(np.sqrt(np.mean(measured.squares))),
+        "command_error_rad_max": max(measured.command_rad),
+        "start_latency_ms_p99": percentile(measured.start_ms, 0.99),
+        "start_latency_ms_p50": percentile(measured.start_ms, 0.5),
+        "start_latency_ms_max": max(measured.start_ms),
+        "feedback_error_rad_max": max(measured.feedbacks, default=0.0),
+        "runs": runs,
+        "cancels": len(measured.standstill_ms),
+    }
+    if measured.standstill_ms:
+        figures |= {
+            "cancel_to_standstill_ms_max": max(measured.standstill_ms),
+            "cancel_to_standstill_ms_p50": percentile(measured.standstill_ms, 0.5),
+            "cancel_to_result_ms_max": max(measured.canceled_ms),
+            "stop_off_path_rad_max": max(measured.off_path_rad),
+        }
+    figures |= {f"tracking_error_joint{joint + 1}_rad_max": float(measured.per_joint_rad[joint]) for joint in range(6)}
+    return figures
+
+
+def _conditions(world: str, speeds: list[float], seed: int, reach_rad: float) -> dict[str, Any]:
+    return {
+        "drives": _DRIVES[world],
+        "engine": "simulated, 1 ms cycle, real time",
+        "tracking_error": "measured position against scipy's clamped cubic spline through the goal's points, in the "
+        "engine's time, all six axes, every cycle that was seen, from the start to the result",
+        "command_error": "the engine's command against the same spline",
+        "start_latency": "from the client's send_goal to the first commanded motion, on the monotonic clock",
+        "cancel_to_standstill": "from the client's cancel_goal until command and joints stand "
+        f"(< {_STANDSTILL_RADPS} rad/s)",
+        "feedback_error": "largest error of desired against actual in the action's feedback",
+        "trajectory_peak_speed_radps_max": round(max(speeds), 3),
+        "trajectory_peak_speed_radps_mean": round(float(np.mean(speeds)), 3),
+        "reach_rad": reach_rad,
+        "seed": seed,
+    }

@@ -1,0 +1,189 @@
+"""An engine, the trajectory server and an action client, with a record of every engine cycle of a motion."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.bench.framework import BenchError
+from robot_stack.wmx import EngineError, MotionEngine, connect
+
+if TYPE_CHECKING:
+    from robot_stack.bench.nodes.trajectory_client import TrajectoryClient
+
+FloatArray = NDArray[np.float64]
+JOINTS = 6
+_UP_S = 60.0
+_END_S = 10.0
+_SETTLED_S = 0.3
+_SAMPLE_PAUSE_S = 0.0004
+_SERVER = ("robot_stack.ros.main", "follow_joint_trajectory_server")
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Engine cycles that were seen: engine_s (n,), stamp_ns (n,) monotonic, the others (n, joints) rad, rad/s."""
+
+    engine_s: FloatArray
+    stamp_ns: NDArray[np.int64]
+    command: FloatArray
+    position: FloatArray
+    command_velocity: FloatArray
+    velocity: FloatArray
+
+
+class Recorder(threading.Thread):
+    """Looks at the status more often than the engine changes it."""
+
+    def __init__(self, engine: MotionEngine) -> None:
+        super().__init__(daemon=True)
+        self._engine = engine
+        self._end = threading.Event()
+        self._seen = -1
+        self._rows: list[tuple[float, int, FloatArray]] = []
+
+    def run(self) -> None:
+        while not self._end.is_set():
+            code, snapshot = self._engine.read_status()
+            if not code and snapshot.cycle_counter != self._seen:
+                self._seen = snapshot.cycle_counter
+                self._rows.append((snapshot.engine_time_s, snapshot.stamp_ns, snapshot.reals[:4, :JOINTS].copy()))
+            time.sleep(_SAMPLE_PAUSE_S)
+
+    def finish(self) -> None:
+        self._end.set()
+        self.join()
+
+    @property
+    def record(self) -> Record:
+        reals = np.array([row for _, _, row in self._rows])
+        return Record(
+            np.array([engine_s for engine_s, _, _ in self._rows]),
+            np.array([stamp_ns for _, stamp_ns, _ in self._rows], np.int64),
+            *(reals[:, quantity] for quantity in (0, 1, 2, 3)),
+        )
+
+
+class ArmRig:
+    """The device of this process brings up the servos and looks; it moves nothing."""
+
+    def __init__(self, engine: MotionEngine, client: TrajectoryClient) -> None:
+        self._engine, self._client = engine, client
+
+    def position(self) -> FloatArray:
+        """Where the axes are commanded to be, (joints,) rad."""
+        code, snapshot = self._engine.read_status()
+        if code:
+            raise BenchError(f"engine status: error {code}")
+        return np.asarray(snapshot.pos_cmd[:JOINTS]).copy()
+
+    @contextmanager
+    def recording(self) -> Iterator[Recorder]:
+        """Its record is complete when the block ends."""
+        recorder = Recorder(self._engine)
+        recorder.start()
+        try:
+            yield recorder
+            time.sleep(_SETTLED_S)
+        finally:
+            recorder.finish()
+
+    def follow(self, times_s: FloatArray, rows: FloatArray) -> tuple[int, int, str]:
+        """Sends a trajectory and waits for its end: (monotonic time of sending in ns, error code, error text)."""
+        return self._client.follow(times_s, rows)
+
+    def cancel(self, times_s: FloatArray, rows: FloatArray, after_s: float) -> tuple[int, int]:
+        """Sends a trajectory and cancels it: monotonic times of the cancellation and of the result, ns."""
+        return self._client.cancel(times_s, rows, after_s)
+
+    @property
+    def feedback_errors(self) -> list[float]:
+        return self._client.feedback_errors
+
+
+@contextmanager
+def arm_rig(domain: int, engine_module: tuple[str, ...]) -> Iterator[ArmRig]:
+    """Everything up, servos on. Raises BenchError."""
+    with ExitStack() as stack:
+        stack.enter_context(_environment(domain))
+        stack.enter_context(_process(*engine_module))
+        engine = stack.enter_context(_servos_on())
+        stack.enter_context(_process(*_SERVER))
+        from robot_stack.bench.nodes.trajectory_client import TrajectoryClient
+
+        yield ArmRig(engine, stack.enter_context(TrajectoryClient(domain)))
+
+
+@contextmanager
+def _environment(domain: int) -> Iterator[None]:
+    """Of this process and those it starts: a domain and a runtime folder of their own, an engine of six joints."""
+    folder = Path(f"/dev/shm/robot_stack_bench-{os.getpid()}")
+    own = {
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROBOT_STACK_RUNTIME_DIR": str(folder),
+        "ROBOT_STACK_WMX_ENGINE": "simulated",
+        "ROBOT_STACK_WMX_ENGINE_CONFIG": "wmx_engine_manipulator",
+    }
+    before = {name: os.environ.get(name) for name in own}
+    folder.mkdir(mode=0o700)
+    os.environ.update(own)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _process(*module: str) -> Iterator[None]:
+    """``python -m module``, which ends with the block by SIGINT."""
+    log = Path(os.environ["ROBOT_STACK_RUNTIME_DIR"]) / f"{module[-1]}.log"
+    with log.open("w") as output:
+        started = subprocess.Popen([sys.executable, "-m", *module], stdout=output, stderr=subprocess.STDOUT)
+    try:
+        yield
+        if started.poll() is not None:
+            raise BenchError(f"{module[-1]} ended: {log.read_text(errors='replace')[-2000:]}")
+    finally:
+        started.send_signal(signal.SIGINT)
+        try:
+            started.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            started.kill()
+            started.wait()
+
+
+@contextmanager
+def _servos_on() -> Iterator[MotionEngine]:
+    try:
+        engine = connect("bench", timeout_s=_UP_S)
+    except EngineError as error:
+        raise BenchError(str(error)) from error
+    with engine:
+        engine.api.StartCommunication(5000)
+        for axis in range(JOINTS):
+            engine.core_motion.axisControl.SetServoOn(axis, 1)
+        end_s = time.monotonic() + _UP_S
+        while not engine.read_status()[1].servo_on[:JOINTS].all():
+            if time.monotonic() > end_s:
+                raise BenchError("the servos do not come on")
+            time.sleep(0.01)
+        yield engine
