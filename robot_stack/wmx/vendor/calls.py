@@ -3,7 +3,8 @@
 A call answers a code, or a code and values. ``values`` names the types of the values; on failure they are zero values.
 ``enums`` are arguments that are entries of an enumeration, by position. ``needed`` calls must be there: the library is
 refused without them when it is loaded; any other that a version lacks answers NoSupportedFunction. ``also`` are names
-of the call in other versions. ``plain`` calls answer a value and no code.
+of the call in other versions. ``plain`` calls answer a value and no code. ``unfit`` is the code for a number that the
+vendor's argument type cannot hold.
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ class Call:
     needed: bool = False
     also: tuple[str, ...] = ()
     plain: bool = False
+    unfit: int = ErrorCode.ArgumentOutOfRange
 
 
 Calls = Mapping[str, Call]
@@ -132,11 +134,12 @@ CONFIG: Final[Calls] = {
     "ImportAndSetAll": _COMMAND,
     "GetAndExportAll": _COMMAND,
 }
+_CHANNEL = ErrorCode.ChannelOutOfRange
 ADV_MOTION: Final[Calls] = {
-    "CreateSplineBuffer": _COMMAND,
-    "FreeSplineBuffer": _COMMAND,
-    "GetSplineBufferPoints": _VALUE,
-    "StartCSplinePos_PointTime": Call(also=("StartCSplinePos",)),
+    "CreateSplineBuffer": Call(unfit=_CHANNEL),
+    "FreeSplineBuffer": Call(unfit=_CHANNEL),
+    "GetSplineBufferPoints": Call((int,), unfit=_CHANNEL),
+    "StartCSplinePos_PointTime": Call(also=("StartCSplinePos",), unfit=_CHANNEL),
 }
 IO: Final[Calls] = {
     "SetOutBit": _NEEDED,
@@ -190,10 +193,10 @@ class Member:
                 sent = self.sent(call, arguments)
                 # An overloaded call of the wrapper does not say that a number is too large for its argument.
                 if any(isinstance(value, int) and not _LEAST <= value <= _GREATEST for value in sent):
-                    return self.answer(call, ErrorCode.ArgumentOutOfRange)
+                    return self.answer(call, call.unfit)
                 return self.received(call, method(*sent))
-            except OverflowError:  # a number that the vendor's argument type cannot hold
-                return self.answer(call, ErrorCode.ArgumentOutOfRange)
+            except OverflowError:
+                return self.answer(call, call.unfit)
             except MissingField:
                 return self.answer(call, ErrorCode.NoSupportedFunction)
 

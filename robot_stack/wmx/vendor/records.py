@@ -187,9 +187,7 @@ class _AxisRecords(Sequence[CoreMotionAxisStatus]):
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
             return [self[entry] for entry in range(*index.indices(len(self)))]
-        if not 0 <= index < len(self):
-            raise IndexError(f"axis must be in 0..{len(self) - 1}, is {index}")
-        return self._records.read(CoreMotionAxisStatus, self._theirs.GetAxesStatus(index))
+        return self._records.read(CoreMotionAxisStatus, self._theirs.GetAxesStatus(range(len(self))[index]))
 
 
 def _plain(value: Any) -> Any:

@@ -6,8 +6,12 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
-from robot_stack.wmx.api.errors import AdvancedMotionErrorCode, ErrorCode
-from robot_stack.wmx.api.values import AdvMotion_PointTimeSplineCommand, AdvMotion_SplinePoint
+from robot_stack.wmx.api.errors import AdvancedMotionErrorCode, CoreMotionErrorCode, ErrorCode
+from robot_stack.wmx.api.values import (
+    MAX_SPLINE_DIMENSIONS,
+    AdvMotion_PointTimeSplineCommand,
+    AdvMotion_SplinePoint,
+)
 from robot_stack.wmx.vendor import calls
 from robot_stack.wmx.vendor.adapter import Module
 from robot_stack.wmx.vendor.calls import WRONG_ARGUMENTS, Member
@@ -32,6 +36,8 @@ class AdvMotion(Member):
     ) -> int:
         if not numPoints == len(points) == len(pointTimeMilliseconds):
             return ErrorCode.ArgumentOutOfRange
+        if command.dimensionCount > MAX_SPLINE_DIMENSIONS:
+            return AdvancedMotionErrorCode.DimensionOutOfRange
         refused: Exception | None = None
         for shape in list(self._shapes):
             times = shape([float(time_ms) for time_ms in pointTimeMilliseconds])
@@ -61,9 +67,9 @@ class AdvMotion(Member):
         try:
             whole = [round(time_ms) for time_ms in times_ms]
         except (ValueError, OverflowError):  # NaN and infinity
-            return int(ErrorCode.ArgumentOutOfRange)
+            return int(CoreMotionErrorCode.TimeArgumentOutOfRange)
         if min(whole, default=0) < 0:
-            return int(ErrorCode.ArgumentOutOfRange)
+            return int(CoreMotionErrorCode.TimeArgumentOutOfRange)
         if any(after <= before for before, after in pairwise(whole)):
             return int(AdvancedMotionErrorCode.TimeBetweenPointsTooClose)
         return self._array("uintArray", whole)

@@ -24,20 +24,26 @@ def write_module(folder: Path, variant: str, more: str = "") -> None:
     (folder / f"{MODULE_NAME}.py").write_text(_SOURCE.format(variant=variant) + more, encoding="utf-8")
 
 
-def forget() -> None:
-    """The next import finds another file."""
-    sys.modules.pop(MODULE_NAME, None)
+@contextmanager
+def no_module() -> Iterator[None]:
+    """Within it the module is not imported yet; afterwards it is again what it was before."""
+    before = sys.modules.pop(MODULE_NAME, None)
     importlib.invalidate_caches()
+    try:
+        yield
+    finally:
+        sys.modules.pop(MODULE_NAME, None)
+        if before is not None:
+            sys.modules[MODULE_NAME] = before
 
 
 @contextmanager
 def fake_module(folder: Path, variant: str, more: str = "") -> Iterator[ModuleType]:
     """The module of a variant, imported from ``folder``; gone afterwards."""
-    forget()
-    write_module(folder, variant, more)
-    sys.path.insert(0, str(folder))
-    try:
-        yield importlib.import_module(MODULE_NAME)
-    finally:
-        sys.path.remove(str(folder))
-        forget()
+    with no_module():
+        write_module(folder, variant, more)
+        sys.path.insert(0, str(folder))
+        try:
+            yield importlib.import_module(MODULE_NAME)
+        finally:
+            sys.path.remove(str(folder))

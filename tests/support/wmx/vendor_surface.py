@@ -84,6 +84,7 @@ def fill(module: dict[str, Any], variant: Variant, control: Control) -> None:
         setattr(members["home"], name, builder.method("home", name, HOME[name], "device"))
     module |= made
     module["CONTROL"] = control
+    module["VARIANT"] = variant
     module["WMX3Api"] = device
     module["CoreMotion"] = _core_motion(builder, device, members)
     module[variant.io] = _io(builder, device)

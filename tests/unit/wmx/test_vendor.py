@@ -1,179 +1,67 @@
-"""The vendor adapter without the vendor: probing, a missing library, and the shapes it translates."""
+"""The vendor adapter on the fake of the vendor's module: probing, calls, numbers by name, blocks, status, splines."""
 
 from __future__ import annotations
 
+import ast
+import subprocess
 import sys
 import textwrap
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
-from robot_stack.wmx import EngineError, connect, load_library
+import robot_stack
+from robot_stack.wmx import EngineError, MotionEngine, connect, load_library
+from robot_stack.wmx import api as port
 from robot_stack.wmx.api import (
-    AxisSelection,
+    AxisCommandMode,
+    Config_HomeType,
+    CoreMotionErrorCode,
     EngineState,
-    Motion_PosCommand,
-    Profile,
-    Velocity_VelCommand,
+    ErrorCode,
+    OperationState,
+    ProfileType,
+    error_name,
 )
+from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.config import ClientConfig
-from robot_stack.wmx.vendor.probe import MODULE_NAME, REQUIRED, VendorLibraryError, import_vendor
-from tests.unit.wmx.harness import client_config
-
-FAKE = '''
-"""Stands in for the vendor's module: same names, and like SWIG it accepts its own value classes only."""
-import enum
-
-CALLS = []
-
-
-class Profile:
-    pass
-
-
-class Motion_PosCommand:
-    def __init__(self):
-        self.profile = Profile()
-
-
-class Velocity_VelCommand(Motion_PosCommand):
-    pass
-
-
-class Motion_JogCommand(Motion_PosCommand):
-    pass
-
-
-class Motion_TimedJogCommand(Motion_PosCommand):
-    pass
-
-
-class Velocity_TimedVelCommand(Motion_PosCommand):
-    pass
-
-
-class AxisSelection:
-    def __init__(self):
-        self.axes = {}
-
-    def SetAxis(self, index, value):
-        self.axes[index] = value
-
-
-def native(value, kind):
-    if type(value) is not kind:
-        raise TypeError(f"expected {kind.__name__}, got {type(value)}")
-    return value
-
-
-class WMX3Api:
-    def CreateDevice(self, path, kind=0, wait=0):
-        CALLS.append(("CreateDevice", path))
-        return 0
-
-    def SetDeviceName(self, name):
-        return 0
-
-    def CloseDevice(self):
-        CALLS.append(("CloseDevice",))
-        return 0
-
-    def GetDeviceName(self):
-        return (0, "vendor")
-
-    @staticmethod
-    def ErrorToString(code):
-        return "text of %d" % code
-
-
-class Motion:
-    def StartPos(self, command, commands=None):
-        for one in [native(command, Motion_PosCommand)] if commands is None else commands:
-            native(one, Motion_PosCommand)
-            native(one.profile, Profile)
-            CALLS.append(("StartPos", one.axis, one.target, one.profile.velocity, one.profile.acc))
-        return 0
-
-    def Stop_AxisSel(self, selection):
-        native(selection, AxisSelection)
-        CALLS.append(("Stop_AxisSel", selection.axisCount, selection.axes))
-        return 0
-
-
-class Velocity:
-    def StartVel(self, command):
-        native(command, Velocity_VelCommand)
-        CALLS.append(("StartVel", command.axis, command.profile.velocity))
-        return 0
-
-
-class AxisStatus:
-    def __getattr__(self, name):
-        if name.startswith("_"):
-            raise AttributeError(name)
-        return 0
-
-
-class Status:
-    engineState = 2
-    emergencyStop = False
-    emergencyStopLevel = 1
-
-    def GetCycleTimeMilliseconds(self, index):
-        return 1.0
-
-    def GetCycleCounter(self, index):
-        return 5000
-
-    def GetAxesStatus(self, axis):
-        status = AxisStatus()
-        status.actualPos = 0.5 + axis
-        status.servoOn = True
-        return status
-
-
-class CoreMotion:
-    def __init__(self, api):
-        native(api, WMX3Api)
-        self.motion = Motion()
-        self.velocity = Velocity()
-
-    def GetStatus(self):
-        return (0, Status())
-
-
-class Io:
-    def __init__(self, api):
-        native(api, WMX3Api)
-
-    def GetInBytes(self, byte, size):
-        return (0, list(range(size)))
-
-    def GetOutBytes(self, byte, size):
-        return (0, [255] * size)
-
-
-class Ecat:
-    def __init__(self, api):
-        native(api, WMX3Api)
-
-    def ScanNetwork(self):
-        CALLS.append(("ScanNetwork",))
-        return 0
-'''
+from robot_stack.wmx.vendor import records
+from robot_stack.wmx.vendor.names import STRANGER, NumberMap, error_map
+from robot_stack.wmx.vendor.probe import MODULE_NAME, VendorLibraryError, import_vendor
+from robot_stack.wmx.vendor.snapshots import Age
+from tests.support.waiting import wait_for
+from tests.support.wmx.vendor_fake import VARIANTS
+from tests.support.wmx.vendor_module import fake_module, no_module, write_module
+from tests.unit.wmx.conformance import GOOD, pos, vel
+from tests.unit.wmx.harness import N_AXES, POS, VEL, client_config, status
+from tests.unit.wmx.vendor_calls import CALLS, ELSEWHERE, check
+from tests.unit.wmx.vendor_harness import VendorHarness, vendor_harness
 
 
 @pytest.fixture
 def config(tmp_path: Path) -> Iterator[ClientConfig]:
-    yield client_config(tmp_path).model_copy(update={"engine": "vendor", "library_path": str(tmp_path)})
-    sys.modules.pop(MODULE_NAME, None)
+    with no_module():
+        yield client_config(tmp_path).model_copy(update={"engine": "vendor", "library_path": str(tmp_path)})
+
+
+@pytest.fixture(scope="module", params=list(VARIANTS))
+def variant(request: pytest.FixtureRequest) -> Iterator[VendorHarness]:
+    with vendor_harness(request.param) as harness:
+        yield harness
 
 
 @pytest.fixture
-def fake(config: ClientConfig, tmp_path: Path) -> ClientConfig:
-    (tmp_path / f"{MODULE_NAME}.py").write_text(FAKE, encoding="utf-8")
-    return config
+def harness(variant: VendorHarness) -> Iterator[VendorHarness]:
+    control = variant.module.CONTROL
+    control.calls.clear()
+    control.disorder.clear()
+    control.faults.clear()
+    yield variant
+    variant.end_test()
 
 
 class TestProbe:
@@ -181,13 +69,14 @@ class TestProbe:
         with pytest.raises(EngineError, match=r"WMX3ApiPython was not found in .* set library_path") as raised:
             load_library(config)
         assert "engine: simulated" in str(raised.value), "the way out is named"
+        assert "\n" not in str(raised.value)
 
     def test_missing_library_on_pythons_own_path(self, config: ClientConfig) -> None:
         with pytest.raises(EngineError, match="library_path is empty"):
             connect("node", config.model_copy(update={"library_path": ""}))
 
     def test_no_such_folder(self, config: ClientConfig) -> None:
-        with pytest.raises(EngineError, match="/nowhere/at/all is no folder"):
+        with pytest.raises(EngineError, match=r"library_path in config/wmx_client\.yaml: /nowhere/at/all is no folder"):
             load_library(config.model_copy(update={"library_path": "/nowhere/at/all"}))
 
     @pytest.mark.parametrize(
@@ -196,68 +85,569 @@ class TestProbe:
             ("raise OSError('IMDll.so: wrong ELF class')", "does not load: IMDll.so: wrong ELF class"),
             ("import no_such_native_part", "no_such_native_part was not found"),
             ("def broken(:", "does not load"),
-            ("WMX3Api = CoreMotion = object", "lacks Io, Ecat, AxisSelection"),
         ],
     )
-    def test_unfit_library(self, config: ClientConfig, tmp_path: Path, source: str, message: str) -> None:
+    def test_library_that_does_not_load(self, config: ClientConfig, tmp_path: Path, source: str, message: str) -> None:
         (tmp_path / f"{MODULE_NAME}.py").write_text(textwrap.dedent(source), encoding="utf-8")
         before = list(sys.path)
         with pytest.raises(VendorLibraryError, match=message):
             import_vendor(str(tmp_path))
         assert sys.path == before
 
-    def test_fit_library(self, fake: ClientConfig) -> None:
-        module = import_vendor(fake.library_path)
-        assert all(hasattr(module, name) for name in REQUIRED)
+    @pytest.mark.parametrize(
+        ("broken", "message"),
+        [
+            ("del CoreMotion", "lacks CoreMotion;"),
+            ("del Io", "lacks Io or IO;"),
+            ("del CoreMotionErrorCode, Profile", "lacks CoreMotionErrorCode, Profile;"),
+            ("del CoreMotionAxisStatus.actualPos", "lacks CoreMotionAxisStatus.actualPos;"),
+            ("del CoreMotion.ExecEStop", "lacks CoreMotion.ExecEStop;"),
+            ("del WMX3Api.StartCommunication, Io.GetInBytes", "lacks WMX3Api.StartCommunication, Io.GetInBytes;"),
+            ("del type(CoreMotion(WMX3Api()).velocity).StartVel", "lacks CoreMotion.velocity.StartVel;"),
+        ],
+    )
+    def test_unfit_library(self, config: ClientConfig, tmp_path: Path, broken: str, message: str) -> None:
+        write_module(tmp_path, "3.5", broken)
+        with pytest.raises(EngineError, match=message) as raised:
+            load_library(config)
+        assert "library_path in config/wmx_client.yaml" in str(raised.value)
+
+    def test_library_from_another_folder_than_the_one_in_use(self, config: ClientConfig, tmp_path: Path) -> None:
+        write_module(tmp_path / "one", "3.5")
+        write_module(tmp_path / "other", "3.5")
+        import_vendor(str(tmp_path / "one"))
+        with pytest.raises(VendorLibraryError, match=r"is loaded from .*one.* already, not from .*other"):
+            import_vendor(str(tmp_path / "other"))
+
+    def test_parts_that_are_not_needed(self, tmp_path: Path) -> None:
+        """A version without a network object, without splines and without timed stops drives a robot all the same."""
+        lacking = "del Ecat, AdvancedMotion\ndel type(CoreMotion(WMX3Api()).motion).ExecTimedStop_TimeMilli"
+        with vendor_harness("3.5", lacking) as harness:
+            engine = harness.ready()
+            unsupported = ErrorCode.NoSupportedFunction
+            assert engine.ecat.ScanNetwork(0) == unsupported
+            assert engine.ecat.GetMasterInfo() == (unsupported, port.EcMasterInfo())
+            assert engine.advanced_motion.advMotion.CreateSplineBuffer(0, 10) == unsupported
+            assert engine.core_motion.motion.ExecTimedStop_TimeMilli(POS, 100.0) == unsupported
+            assert "no such part" in engine.ecat.ErrorToString(unsupported)
+            assert engine.core_motion.motion.StartPos(pos(POS, 1.0)) == GOOD
+            harness.end_test()
 
     def test_nothing_is_imported_unasked(self) -> None:
-        import robot_stack.wmx.vendor  # noqa: F401
+        script = f"import sys, robot_stack.wmx.vendor; sys.exit({MODULE_NAME!r} in sys.modules)"
+        assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
 
-        assert MODULE_NAME not in sys.modules
 
+class TestCalls:
+    def test_every_call_of_the_port_is_listed(self) -> None:
+        protocols = ("WMX3Api", "AxisControl", "Motion", "Velocity", "Home", "Config", "CoreMotion", "AdvMotion")
+        listed = {name.split(" ")[0].partition(".")[2] for name in CALLS} | ELSEWHERE
+        for protocol in (*protocols, "AdvancedMotion", "Io", "Ecat"):
+            own = {name for name in vars(getattr(port, protocol)) if name[:1].isupper()}
+            assert own <= listed, f"{protocol}: {sorted(own - listed)}"
 
-class TestAdapter:
-    def test_connect_and_close(self, fake: ClientConfig) -> None:
-        with connect("node", fake) as engine:
-            assert engine.api.GetDeviceName() == (0, "vendor")
-            assert engine.api.ErrorToString(7) == "text of 7"
-        calls = sys.modules[MODULE_NAME].CALLS
-        assert calls == [("CreateDevice", fake.path), ("CloseDevice",)]
+    def test_every_call_reaches_the_vendor_with_its_arguments(self, harness: VendorHarness) -> None:
+        engine = harness.ready()
+        control = harness.module.CONTROL
+        variant = harness.module.VARIANT
+        for name in CALLS:
+            if name == "Ecat.ScanNetwork" and not variant.scan_takes_master:
+                engine.ecat.ScanNetwork(0)
+                assert control.named(name)[-1] == ()
+            elif name in ("axisControl.SetAxisCommandMode", "CoreMotion.ExecEStop"):
+                CALLS[name][0](engine)  # its numbers are the variant's
+            elif not (variant.inserted and "Start" in name and name.startswith(("motion", "velocity"))):
+                check(engine, control, name)
 
-    def test_commands_become_the_vendors_objects(self, fake: ClientConfig) -> None:
-        engine = connect("node", fake)
-        calls = sys.modules[MODULE_NAME].CALLS
-        calls.clear()
-        profile = Profile.SetupTrapezoidal(3.0, 4.0, 5.0)
-        assert engine.core_motion.motion.StartPos(Motion_PosCommand(2, 1.5, profile)) == 0
-        assert engine.core_motion.motion.StartPos(2, [Motion_PosCommand(axis, 1.0, profile) for axis in (3, 4)]) == 0
-        assert engine.core_motion.velocity.StartVel(Velocity_VelCommand(1, profile)) == 0
-        assert engine.core_motion.motion.Stop_AxisSel(AxisSelection.of(5, 6)) == 0
-        assert calls == [
-            ("StartPos", 2, 1.5, 3.0, 4.0),
-            ("StartPos", 3, 1.0, 3.0, 4.0),
-            ("StartPos", 4, 1.0, 3.0, 4.0),
-            ("StartVel", 1, 3.0),
-            ("Stop_AxisSel", 2, {0: 5, 1: 6}),
-        ]
+    def test_session_of_a_node_is_in_order(self, harness: VendorHarness) -> None:
+        """From connecting to closing nothing is asked of the vendor before its turn, or after the end."""
+        control = harness.module.CONTROL
+        with connect("node", harness.config) as engine:
+            assert engine.read_status()[0] == GOOD
+            assert engine.api.StartCommunication(20000) == GOOD
+            assert engine.core_motion.axisControl.SetServoOn(VEL, 1) == GOOD
+            wait_for(lambda: status(engine).servo_on[VEL], "servo on", poll_s=0.001)
+            assert engine.core_motion.velocity.StartVel(vel(VEL, 2.0)) == GOOD
+            assert engine.core_motion.velocity.Stop(VEL) == GOOD
+            assert engine.core_motion.motion.Wait_TimeMilli(VEL, 20000) == GOOD
+        assert control.disorder == control.faults == []
+        called = [name for name, _ in control.calls]
+        first = ["WMX3Api.IsDeviceValid", "WMX3Api.CreateDevice", "WMX3Api.SetDeviceName"]
+        assert called[:3] == first
+        assert called[-1] == "WMX3Api.CloseDevice"
 
-    def test_scan_without_a_master(self, fake: ClientConfig) -> None:
-        engine = connect("node", fake)
-        assert engine.ecat.ScanNetwork(0) == 0
-        assert sys.modules[MODULE_NAME].CALLS[-1] == ("ScanNetwork",)
+    def test_numbers_of_numpy(self, harness: VendorHarness) -> None:
+        """Axes and values often come out of arrays; the vendor's wrapper takes only Python's own numbers."""
+        engine = harness.ready()
+        axis = np.arange(N_AXES)[POS]
+        assert engine.core_motion.axisControl.SetServoOn(axis, np.int64(1)) == GOOD
+        assert engine.core_motion.home.SetCommandPos(axis, np.float64(0.5)) == GOOD
+        command = replace(pos(POS, 0.0), axis=axis, target=np.float32(0.25))
+        assert engine.core_motion.motion.StartPos(command) == GOOD
+        assert engine.io.SetOutBytes(np.int32(0), np.int64(2), np.array([1, 2], np.uint8)) == GOOD
+        assert engine.io.GetOutBytes(0, 2) == (GOOD, [1, 2])
 
-    def test_status_as_arrays(self, fake: ClientConfig) -> None:
-        code, snapshot = connect("node", fake).read_status()
-        assert code == 0
-        assert snapshot.engine_state is EngineState.Communicating
-        assert snapshot.n_axes == fake.vendor_axes
-        assert snapshot.actual_pos.tolist() == [0.5 + axis for axis in range(8)]
-        assert snapshot.servo_on.all()
-        assert snapshot.cycle_counter == 5000
-        assert snapshot.engine_time_s == pytest.approx(5.0)
-        assert snapshot.input_bit(1, 0)
-        assert snapshot.output_bit(7, 7)
+    @pytest.mark.parametrize("value", [-1, 256, 2**31, 2**40])
+    def test_number_too_large_for_its_c_type(self, harness: VendorHarness, value: int) -> None:
+        engine = harness.ready()
+        assert engine.io.SetOutByte(0, value) == ErrorCode.ArgumentOutOfRange
+        assert engine.io.GetOutByte(0) == (GOOD, 0)
 
-    def test_unknown_call_is_an_attribute_error(self, fake: ClientConfig) -> None:
+    def test_argument_of_a_wrong_type_is_the_callers_fault(self, harness: VendorHarness) -> None:
+        engine = harness.ready()
+        with pytest.raises(TypeError):
+            engine.core_motion.motion.Stop("one")  # type: ignore[arg-type]
         with pytest.raises(AttributeError):
-            connect("node", fake).core_motion.motion.NoSuchCall()  # type: ignore[attr-defined]
+            engine.core_motion.motion.NoSuchCall()  # type: ignore[attr-defined]
+
+    def test_list_shorter_than_its_count_never_reaches_the_vendor(self, harness: VendorHarness) -> None:
+        engine = harness.ready()
+        before = len(harness.module.CONTROL.calls)
+        assert engine.core_motion.motion.StartPos(3, [pos(POS, 1.0)]) == ErrorCode.ArgumentOutOfRange
+        assert engine.io.SetOutBytes(0, 3, [1, 2]) == ErrorCode.IOSizeOutOfRange
+        assert len(harness.module.CONTROL.calls) == before
+
+    def test_second_device_on_an_open_handle(self, harness: VendorHarness) -> None:
+        engine = harness.connect()
+        created = len(harness.module.CONTROL.named("WMX3Api.CreateDevice"))
+        assert engine.api.CreateDevice(str(harness.folder), 0, 0) == ErrorCode.ResourceInUse
+        assert len(harness.module.CONTROL.named("WMX3Api.CreateDevice")) == created
+
+
+class TestNumbers:
+    def test_codes_have_the_ports_numbers_whatever_the_vendors_are(self, harness: VendorHarness) -> None:
+        engine = harness.communicating()
+        assert engine.core_motion.motion.StartPos(pos(POS, 1.0)) == CoreMotionErrorCode.NotServoOn
+        assert engine.core_motion.motion.Stop(N_AXES) == ErrorCode.AxisOutOfRange
+        theirs = harness.module.CoreMotionErrorCode.NotServoOn
+        if theirs != CoreMotionErrorCode.NotServoOn:
+            assert engine.core_motion.motion.StartPos(pos(POS, 1.0)) != theirs
+
+    def test_text_is_asked_of_the_module_in_its_own_number(self, harness: VendorHarness) -> None:
+        engine, control = harness.connect(), harness.module.CONTROL
+        module, code = harness.module, CoreMotionErrorCode.NotServoOn
+        assert engine.core_motion.ErrorToString(code) == "the servo is not on"
+        assert control.named("CoreMotion.ErrorToString")[-1] == (module.CoreMotionErrorCode.NotServoOn,)
+        assert engine.api.ErrorToString(code) == "error code not defined", "another module's code"
+        for owner, part in (("WMX3Api", engine.api), ("Io", engine.io), ("Ecat", engine.ecat)):
+            assert "being created" in part.ErrorToString(ErrorCode.CreateDeviceLockError)
+            assert control.named(f"{owner}.ErrorToString")[-1] == (module.ErrorCode.CreateDeviceLockError,)
+        assert "closely" in engine.advanced_motion.ErrorToString(94222) or engine.advanced_motion.ErrorToString(94222)
+
+    def test_code_that_only_a_newer_version_knows(self) -> None:
+        """Its number is one that the port has under another name: it must not be taken for that."""
+        with vendor_harness("newer") as harness:
+            engine, module = harness.connect(), harness.module
+            stranger = module.CoreMotionErrorCode.EntryOfANewerVersion
+            assert stranger == CoreMotionErrorCode.CurrentEmergencyStopLevelIsHigher
+            module.CoreMotion.ReleaseEStop = lambda _: stranger
+            code = harness.connect().core_motion.ReleaseEStop()
+            assert code == stranger + STRANGER
+            assert error_name(code) == str(code)
+            module.CoreMotion.ErrorToString = staticmethod(lambda number: f"text of {number}")
+            assert engine.core_motion.ErrorToString(code) == f"text of {stranger} (vendor's number {stranger})"
+            harness.end_test()
+
+    def test_states_and_modes(self, harness: VendorHarness) -> None:
+        engine = harness.ready()
+        assert engine.core_motion.motion.StartPos(pos(POS, 1000.0)) == GOOD
+        snapshot = status(engine)
+        assert snapshot.op_state[POS] == OperationState.Pos
+        assert snapshot.command_mode[[POS, VEL]].tolist() == [AxisCommandMode.Position, AxisCommandMode.Velocity]
+        assert engine.core_motion.GetStatus()[1].GetAxesStatus(POS).opState == OperationState.Pos
+        raw = harness.module.CONTROL.named("motion.StartPos")[-1][0]
+        assert raw["profile"]["type"] == harness.module.ProfileType.Trapezoidal
+        assert engine.core_motion.axisControl.GetAxisCommandMode(VEL) == (GOOD, AxisCommandMode.Velocity)
+
+    def test_number_map(self) -> None:
+        numbers = NumberMap({"A": 1, "B": 2, "OnlyOurs": 7}, {"A": 1, "New": 2, "B": 3})
+        assert [numbers.ours(number) for number in (1, 2, 3, 9)] == [1, 2 + STRANGER, 2, 9]
+        assert [numbers.theirs(number) for number in (1, 2 + STRANGER, 2, 9)] == [1, 2, 3, 9]
+        assert numbers.theirs(3) == 3 + STRANGER, "what we call 3 has no name; their 3 is B"
+
+    def test_every_error_of_the_port_comes_back(self) -> None:
+        for variant in VARIANTS:
+            with vendor_harness(variant) as harness:
+                codes = error_map(harness.module)
+                for kind in (port.ErrorCode, port.CoreMotionErrorCode, port.AdvancedMotionErrorCode, port.EcErrorCode):
+                    theirs = getattr(harness.module, kind.__name__)
+                    for member in kind:
+                        assert codes.ours(getattr(theirs, member.name)) == member
+                        assert codes.theirs(member) == getattr(theirs, member.name)
+
+
+class TestBlocks:
+    def test_what_only_the_vendor_knows_survives(self, harness: VendorHarness) -> None:
+        engine = harness.connect()
+        native = harness.module.CoreMotion(engine.api.theirs)  # type: ignore[attr-defined]
+        _, block = native.config.GetHomeParam(POS)
+        block.homingVelocityFast, block.openLoopHoming = 12.5, True
+        assert native.config.SetHomeParam(POS, block)[0] == 0
+        _, param = engine.core_motion.config.GetHomeParam(POS)
+        param.homePosition, param.homeType = 0.75, Config_HomeType.ZPulse
+        assert engine.core_motion.config.SetHomeParam(POS, param) == (GOOD, param)
+        _, block = native.config.GetHomeParam(POS)
+        assert (block.homingVelocityFast, block.openLoopHoming, block.homePosition) == (12.5, True, 0.75)
+        assert block.homeType == harness.module.Config_HomeType.ZPulse
+
+    def test_array_of_the_emergency_stop(self, harness: VendorHarness) -> None:
+        config = harness.connect().core_motion.config
+        code, param = config.GetEmergencyStopParam()
+        assert code == GOOD
+        assert len(param.eStopDec) == N_AXES
+        param.eStopDec = [10.0 + axis for axis in range(N_AXES)]
+        assert config.SetEmergencyStopParam(param)[0] == GOOD
+        assert config.GetEmergencyStopParam() == (GOOD, param)
+        short = replace(param, eStopDec=[1.0])
+        assert config.SetEmergencyStopParam(short) == (CoreMotionErrorCode.ParameterSettingsInvalid, short)
+
+    def test_all_parameters(self, harness: VendorHarness) -> None:
+        config = harness.connect().core_motion.config
+        code, system = config.GetParam()
+        assert code == GOOD
+        assert [system.GetMotionParam(axis) for axis in range(N_AXES)] == [
+            config.GetMotionParam(axis)[1] for axis in range(N_AXES)
+        ]
+        assert system.emergencyStopParam == config.GetEmergencyStopParam()[1]
+        code, axes = config.GetAxisParam()
+        assert code == GOOD
+        assert axes.axisPolarity == [1, 1, -1, -1, 1]
+        assert axes.axisCommandMode == [0, 1, 0, 1, 0]
+
+    def test_field_that_a_version_lacks(self, tmp_path: Path) -> None:
+        with vendor_harness(
+            "3.5", "del Config_HomeParam.homePosition; del Config_HomeParam.FIELDS['homePosition']"
+        ) as h:
+            config = h.connect().core_motion.config
+            code, param = config.GetHomeParam(POS)
+            assert (code, param.homePosition) == (GOOD, 0.0)
+            assert config.SetHomeParam(POS, param) == (ErrorCode.NoSupportedFunction, param)
+            assert h.module.CONTROL.faults == [], "nothing is written into thin air"
+            h.end_test()
+
+    def test_devices_and_network(self, harness: VendorHarness) -> None:
+        one, two = harness.communicating("one"), harness.connect("two")
+        code, devices = one.api.GetAllDevices()
+        assert code == GOOD
+        ids = {one.api.GetDeviceID()[1]: "one", two.api.GetDeviceID()[1]: "two"}
+        assert {device.id: device.name for device in devices.devices} == ids
+        code, info = one.ecat.GetMasterInfo()
+        assert code == GOOD
+        assert [slave.id for slave in info.slaves] == list(range(info.numOfSlaves))
+        assert info.statisticsInfo.commPeriod == 1_000_000
+
+
+class TestStatus:
+    def test_arrays(self, harness: VendorHarness) -> None:
+        engine = harness.ready()
+        assert engine.core_motion.velocity.StartVel(vel(VEL, 3.0)) == GOOD
+        wait_for(lambda: status(engine).velocity_cmd[VEL] == 3.0, "motion", poll_s=0.001)
+        harness.drives.inputs[1] = 5
+        wait_for(lambda: status(engine).input_bit(1, 2), "the inputs", poll_s=0.001)
+        snapshot = status(engine)
+        assert snapshot.engine_state is EngineState.Communicating
+        assert snapshot.n_axes == N_AXES
+        assert snapshot.servo_on.all()
+        assert snapshot.input_bit(1, 0)
+        assert not snapshot.input_bit(1, 1)
+        assert snapshot.cycle_time_s == pytest.approx(1e-3)
+        assert snapshot.engine_time_s == pytest.approx(1e-3 * snapshot.cycle_counter)
+        assert snapshot.age_s(snapshot.stamp_ns) == 0.0
+
+    def test_following_error_is_in_user_units(self, harness: VendorHarness) -> None:
+        """The vendor's own is in encoder counts, and 0 from a drive that is not set up to send it."""
+        engine = harness.ready()
+        harness.drives.frozen[POS] = True
+        assert engine.core_motion.motion.StartPos(pos(POS, 0.5)) == GOOD
+        wait_for(lambda: status(engine).motion_complete[POS], "the command's end", poll_s=0.001)
+        snapshot = status(engine)
+        assert snapshot.reals[Real.FOLLOWING_ERROR, POS] == snapshot.pos_cmd[POS] - snapshot.actual_pos[POS]
+        assert snapshot.reals[Real.FOLLOWING_ERROR, POS] == pytest.approx(0.5, abs=1e-3)
+        harness.drives.frozen[POS] = False
+
+    def test_engine_that_does_not_cycle_any_more(self, harness: VendorHarness) -> None:
+        config = harness.config.model_copy(update={"status_stale_s": 0.05})
+        with connect("node", config) as engine:
+            assert engine.api.StartCommunication(20000) == GOOD
+            control = harness.module.CONTROL
+            control.frozen = 4711
+            try:
+                wait_for(lambda: engine.read_status()[0] == ErrorCode.StatusChannelError, "a stale status")
+                assert engine.core_motion.GetStatus()[0] == ErrorCode.StatusChannelError
+                assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == ErrorCode.StatusChannelError
+            finally:
+                control.frozen = None
+            assert engine.read_status()[0] == GOOD
+
+    def test_age(self) -> None:
+        age = Age(0.1)
+        assert age.stamp(7, True, 1_000) == 1_000
+        assert age.stamp(7, True, 90_001_000) == 1_000
+        assert not age.stale(100_001_000)
+        assert age.stale(100_001_001)
+        assert age.stamp(7, False, 300_000_000) == 300_000_000, "without the bus nothing counts"
+        assert age.stamp(8, True, 400_000_000) == 400_000_000
+
+    def test_dead_bus_has_no_inputs(self, harness: VendorHarness) -> None:
+        """Whatever the vendor's image still holds: a normally closed contact must read as open."""
+        engine = harness.communicating()
+        harness.drives.inputs[0] = 255
+        wait_for(lambda: engine.io.GetInByte(0) == (GOOD, 255), "the inputs", poll_s=0.001)
+        kept = type(engine.io.theirs)  # type: ignore[attr-defined]
+        original = {name: getattr(kept, name) for name in ("GetInBit", "GetInByte", "GetInBytes")}
+        kept.GetInBit = kept.GetInByte = lambda *_: (0, 1)
+        kept.GetInBytes = lambda _, __, size: (0, [255] * size)
+        try:
+            assert engine.io.GetInBit(0, 0) == (GOOD, 1)
+            assert engine.api.StopCommunication(20000) == GOOD
+            assert engine.io.GetInBit(0, 0) == (ErrorCode.CommNotStarted, 0)
+            assert engine.io.GetInBytes(0, 2) == (ErrorCode.CommNotStarted, [])
+            assert not status(engine).input_bit(0, 0)
+        finally:
+            for name, method in original.items():
+                setattr(kept, name, method)
+            harness.drives.inputs[0] = 0
+
+    def test_unknown_engine_state(self, harness: VendorHarness) -> None:
+        engine = harness.connect()
+        native = type(engine.core_motion.theirs)  # type: ignore[attr-defined]
+        original = native.GetStatus
+
+        def strange(this: Any) -> Any:
+            code, record = original(this)
+            record.values["engineState"] = 99
+            return code, record
+
+        native.GetStatus = strange
+        try:
+            assert status(engine).engine_state is EngineState.Unknown
+        finally:
+            native.GetStatus = original
+
+
+class TestSplines:
+    def _start(self, engine: MotionEngine, times_ms: list[float]) -> int:
+        command = port.AdvMotion_PointTimeSplineCommand(1, [POS])
+        points = [port.AdvMotion_SplinePoint([0.1 * (index + 1)]) for index in range(len(times_ms))]
+        start = engine.advanced_motion.advMotion.StartCSplinePos_PointTime
+        return start(0, command, len(times_ms), points, times_ms)
+
+    def test_times_in_the_shape_that_the_version_takes(self, harness: VendorHarness) -> None:
+        engine, control = harness.ready(), harness.module.CONTROL
+        assert engine.advanced_motion.advMotion.CreateSplineBuffer(0, 10) == GOOD
+        for _ in range(2):
+            assert self._start(engine, [200.4, 399.6]) == GOOD
+            times = control.named("advMotion.StartCSplinePos_PointTime")[-1][4]
+            whole = harness.module.VARIANT.spline_times == "uintArray"
+            assert times == ([200, 400] if whole else [200.4, 399.6])
+            assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == GOOD
+            assert status(engine).pos_cmd[POS] == pytest.approx(0.2)
+            engine.core_motion.home.SetCommandPos(POS, 0.0)
+
+    def test_points_in_one_millisecond(self) -> None:
+        with vendor_harness("3.5 with whole milliseconds") as harness:
+            engine = harness.ready()
+            engine.advanced_motion.advMotion.CreateSplineBuffer(0, 10)
+            close = port.AdvancedMotionErrorCode.TimeBetweenPointsTooClose
+            assert self._start(engine, [100.1, 100.4]) == close
+            assert self._start(engine, [100.0, float("nan")]) == CoreMotionErrorCode.TimeArgumentOutOfRange
+            assert self._start(engine, [-1.0, 100.0]) == CoreMotionErrorCode.TimeArgumentOutOfRange
+            assert not status(engine).op_state.any()
+            harness.end_test()
+
+    def test_version_that_takes_none_of_the_shapes(self) -> None:
+        with vendor_harness("newer", "del doubleArray, uintArray") as harness:
+            engine = harness.ready()
+            assert self._start(engine, [100.0, 200.0]) == ErrorCode.NoSupportedFunction
+            assert not status(engine).op_state.any()
+            harness.end_test()
+
+
+class TestMutants:
+    """The fake sees an adapter that does its work wrongly: each fault of the mapping below fails a check."""
+
+    @pytest.fixture
+    def engine(self, harness: VendorHarness) -> MotionEngine:
+        return harness.ready()
+
+    def _seen(self, harness: VendorHarness, engine: MotionEngine, name: str) -> None:
+        with pytest.raises((AssertionError, TypeError, NotImplementedError)):
+            check(engine, harness.module.CONTROL, name)
+
+    @pytest.mark.parametrize(("one", "other"), [("acc", "dec"), ("velocity", "endVelocity"), ("type", "velocity")])
+    def test_fields_exchanged(
+        self, harness: VendorHarness, engine: MotionEngine, monkeypatch: pytest.MonkeyPatch, one: str, other: str
+    ) -> None:
+        original = records.Records.fill
+
+        def mutant(self: Any, value: Any, made: Any) -> Any:
+            if isinstance(value, port.Profile):
+                value = replace(value, **{one: getattr(value, other), other: getattr(value, one)})
+            return original(self, value, made)
+
+        monkeypatch.setattr(records.Records, "fill", mutant)
+        self._seen(harness, engine, "motion.StartPos")
+
+    @pytest.mark.parametrize("field", ["axis", "target"])
+    def test_field_left_out(
+        self, harness: VendorHarness, engine: MotionEngine, monkeypatch: pytest.MonkeyPatch, field: str
+    ) -> None:
+        original = records.plan
+        monkeypatch.setattr(records, "plan", lambda kind: tuple(item for item in original(kind) if item[0] != field))
+        CALLS["motion.StartPos"][0](engine)
+        assert f"Motion_PosCommand.{field} was never written" in harness.module.CONTROL.faults
+
+    def test_field_misspelt(
+        self, harness: VendorHarness, engine: MotionEngine, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """The vendor's proxies take any attribute: without the check in the adapter, the fake still tells."""
+        command = harness.module.Motion_PosCommand()
+        command.tragte = 1.0
+        assert harness.module.CONTROL.faults == ["Motion_PosCommand has no field tragte"]
+
+    def test_arguments_exchanged(
+        self, harness: VendorHarness, engine: MotionEngine, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        original = engine.core_motion.home.SetCommandPos
+        monkeypatch.setattr(engine.core_motion.home, "SetCommandPos", lambda axis, value: original(int(value), axis))
+        self._seen(harness, engine, "home.SetCommandPos")
+
+    def test_count_left_out(self, harness: VendorHarness, engine: MotionEngine) -> None:
+        with pytest.raises(NotImplementedError, match="overloaded function 'StartPos'"):
+            engine.core_motion.theirs.motion.StartPos([])  # type: ignore[attr-defined]
+
+    def test_selection_without_its_count(
+        self, harness: VendorHarness, engine: MotionEngine, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        original = records.Records._selection
+        monkeypatch.setattr(
+            records.Records, "_selection", lambda self, kind, name, count, axis: original(self, kind, name, 0, axis)
+        )
+        self._seen(harness, engine, "motion.Stop_AxisSel")
+
+    def test_numbers_not_translated(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(NumberMap, "ours", lambda _, number: number)
+        with vendor_harness("newer") as harness:
+            engine = connect("node", harness.config)
+            assert engine.api.StartCommunication(20000) == GOOD
+            assert engine.core_motion.motion.StartPos(pos(POS, 1.0)) != CoreMotionErrorCode.NotServoOn
+            harness.end_test()
+
+    def test_profile_type_not_translated(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(NumberMap, "theirs", lambda _, number: number)
+        with vendor_harness("newer") as harness:
+            engine = harness.connect()
+            profile = port.Profile.SetupTimeAccTrapezoidal(1.0, 10.0, 10.0)
+            engine.core_motion.motion.StartPos(port.Motion_PosCommand(POS, 1.0, profile))
+            sent = harness.module.CONTROL.named("motion.StartPos")[-1][0]["profile"]["type"]
+            assert sent != harness.module.ProfileType.TimeAccTrapezoidal == ProfileType.TimeAccTrapezoidal + 1
+            harness.end_test()
+
+
+class TestNothingBlocks:
+    WAITS = frozenset({"Wait", "Wait_AxisSel", "Wait_TimeMilli", "Wait_AxisSel_TimeMilli"})
+
+    def test_no_code_of_the_stack_waits_in_the_engine(self) -> None:
+        root = Path(str(robot_stack.__file__)).parent
+        found = []
+        for path in sorted(root.rglob("*.py")):
+            source = path.read_text(encoding="utf-8")
+            for node in ast.walk(ast.parse(source)) if "Wait" in source else ():
+                if isinstance(node, ast.Attribute) and node.attr in self.WAITS:
+                    found.append(f"{path.relative_to(root)}:{node.lineno}")
+        assert found == []
+
+    def test_waits_of_the_adapter_are_its_own(self, harness: VendorHarness) -> None:
+        engine = harness.ready()
+        motion = engine.core_motion.motion
+        assert motion.StartPos(pos(POS, 0.5)) == GOOD
+        assert motion.Wait(POS) == GOOD
+        assert motion.Wait_AxisSel(port.AxisSelection.of(POS)) == GOOD
+        assert motion.Wait_AxisSel_TimeMilli(port.AxisSelection.of(POS), 20000) == GOOD
+        assert harness.module.CONTROL.faults == []
+        engine.core_motion.theirs.motion.Wait(POS)  # type: ignore[attr-defined]
+        assert harness.module.CONTROL.faults == ["motion.Wait blocks in the vendor's library"]
+
+
+class TestTheFake:
+    """It refuses what the vendor's wrapper refuses; without that it would prove nothing."""
+
+    @pytest.fixture
+    def module(self, tmp_path: Path) -> Iterator[Any]:
+        with fake_module(tmp_path, "3.5") as module:
+            yield module
+
+    @pytest.mark.parametrize(
+        ("code", "error"),
+        [
+            ("m.CoreMotion()", TypeError),
+            ("m.CoreMotion('api')", TypeError),
+            ("m.CoreMotion(m.WMX3Api()).motion.Stop()", TypeError),
+            ("m.CoreMotion(m.WMX3Api()).motion.Stop(1.0)", TypeError),
+            ("m.CoreMotion(m.WMX3Api()).motion.Stop(np.int64(1))", TypeError),
+            ("m.CoreMotion(m.WMX3Api()).motion.Stop(2**31)", OverflowError),
+            ("m.CoreMotion(m.WMX3Api()).motion.StartPos(port.Motion_PosCommand())", NotImplementedError),
+            ("m.CoreMotion(m.WMX3Api()).motion.StartPos(m.Motion_JogCommand())", NotImplementedError),
+            ("m.CoreMotion(m.WMX3Api()).motion.StartPos(1, (m.Motion_PosCommand(),))", NotImplementedError),
+            ("m.CoreMotion(m.WMX3Api()).motion.Stop_AxisSel([0])", TypeError),
+            ("m.CoreMotion(m.WMX3Api()).config.SetHomeParam(0, port.Config_HomeParam())", TypeError),
+            ("m.WMX3Api().AutoQuitWithoutActiveDev(1)", TypeError),
+            ("m.WMX3Api().CreateDevice(Path('/opt/lmx'))", NotImplementedError),
+            ("m.WMX3Api().SetWatchdog(-1)", OverflowError),
+            ("m.Io(m.WMX3Api()).SetOutBit(0, 0, 256)", OverflowError),
+            ("m.Io(m.WMX3Api()).SetOutBytes(0, 1, b'1')", TypeError),
+            ("m.Ecat(m.WMX3Api()).ScanNetwork(0)", TypeError),
+            ("setattr(m.Profile(), 'velocity', '1')", TypeError),
+            ("setattr(m.Profile(), 'type', 0.0)", TypeError),
+            ("setattr(m.Config_HomeParam(), 'clearHomeDoneOnCommStop', 1)", TypeError),
+            ("m.AxisSelection().SetAxis(128, 0)", IndexError),
+            ("m.AxisSelection().axis[0]", TypeError),
+            ("m.uintArray(1).__setitem__(0, 1.5)", TypeError),
+            ("m.CoreMotionStatus().noSuchField", AttributeError),
+        ],
+    )
+    def test_wrong_use_raises(self, module: Any, code: str, error: type[Exception]) -> None:
+        with pytest.raises(error):
+            eval(code, {"m": module, "np": np, "port": port, "Path": Path})
+
+    def test_wrong_order_is_recorded(self, harness: VendorHarness) -> None:
+        module, control = harness.module, harness.module.CONTROL
+        api = module.WMX3Api()
+        core = module.CoreMotion(api)
+        core.motion.Stop(0)
+        assert control.disorder == ["motion.Stop before CreateDevice"]
+        assert api.CreateDevice(str(harness.folder)) == 0
+        core.motion.Stop(0)
+        core.config.GetHomeParam(0)
+        assert control.disorder[1:] == ["motion.Stop before StartCommunication"]
+        assert api.StartCommunication(20000) == 0
+        core.motion.Stop(0)
+        assert api.CloseDevice() == 0
+        core.GetStatus()
+        assert control.disorder[2:] == ["CoreMotion.GetStatus after CloseDevice"]
+
+    def test_count_beyond_the_list_is_recorded(self, harness: VendorHarness) -> None:
+        engine = harness.ready()
+        native = engine.core_motion.theirs  # type: ignore[attr-defined]
+        native.motion.StartPos(2, [harness.module.Motion_PosCommand()])
+        assert "motion.StartPos: 2 commands of a list of 1" in harness.module.CONTROL.faults
+
+    def test_numbers_of_a_newer_version_differ(self, tmp_path: Path) -> None:
+        with fake_module(tmp_path, "newer") as module:
+            assert module.CoreMotionErrorCode.NotServoOn == CoreMotionErrorCode.NotServoOn + 1
+            assert module.ErrorCode.CreateDeviceLockError == 297
+            assert module.ErrorCode.PyNone == 0
+            assert not hasattr(module, "Io")
+            assert issubclass(module.CoreMotionErrorCode, module.ErrorCode)
+            assert not hasattr(module, "INFINITE")
+
+
+def test_flags_of_limits_and_alarms(harness: VendorHarness) -> None:
+    engine = harness.ready()
+    harness.drives.alarms[POS] = 42
+    wait_for(lambda: status(engine).amp_alarm[POS], "the alarm", poll_s=0.001)
+    snapshot = status(engine)
+    assert snapshot.amp_alarm_code[POS] == 42
+    assert snapshot.flags[Flag.AMP_ALARM].tolist() == [int(axis == POS) for axis in range(N_AXES)]
+    assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == ErrorCode.AxisAmpAlarm
+    harness.drives.alarms[POS] = 0
