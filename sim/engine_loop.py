@@ -13,6 +13,8 @@ from sim.fault_table import FaultKind, FaultTable
 from sim.pacing import Pacer
 from sim.requests import RequestQueue
 
+_FAREWELL_S = 1.0
+
 
 class Plant(Protocol):
     """A machine on a bus. ``step`` is one engine cycle of it, with or without communication."""
@@ -58,12 +60,16 @@ class EngineLoop:
             self._turn()
 
     def shut_down(self) -> None:
-        """Stops all axes at their quick-stop deceleration, then the engine. For an orderly end."""
+        """Stops all axes at their quick-stop deceleration, then the engine. For an orderly end: clients that end at the
+        same time find the engine still there to switch their servos off.
+        """
         engine = self.server.engine
         for axis in range(engine.arrays.n_axes):
             engine.motion.quick_stop_axis(axis)
-        deadline_s = time.monotonic() + engine.config.server.shutdown_stop_s
-        self.run(lambda: engine.at_rest or time.monotonic() > deadline_s)
+        now_s = time.monotonic()
+        farewell_s, stop_s = now_s + _FAREWELL_S, now_s + engine.config.server.shutdown_stop_s
+        self.run(lambda: not len(engine.devices) or time.monotonic() > farewell_s)
+        self.run(lambda: engine.at_rest or time.monotonic() > stop_s)
         engine.stop_engine()
         self.server.close()
 
