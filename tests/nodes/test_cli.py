@@ -71,7 +71,7 @@ def test_without_a_stack(ros_domain: int, verb: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ("up --profile nothing", "there is no profile 'nothing'; known profiles: general, general_real, manipulator"),
+        ("up --profile nothing", "there is no profile 'nothing'; known profiles: diff_drive, diff_drive_real, general"),
         ("up --only nobody", "--only: nobody: not a built process of this profile"),
         ("up --set swerve_controller", "must read node.parameter=value"),
         ("up --profile robot --speed 2", "no simulated world"),
