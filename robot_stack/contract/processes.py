@@ -125,6 +125,27 @@ PROCESSES: tuple[Process, ...] = (
         "differential base on the motion engine",
         system=System.WMX,
     ),
+    _process(
+        "wmx_io_node",
+        "robot_stack.wmx.nodes.wmx_io_node",
+        _OPTIONAL,
+        "services of digital inputs and outputs of the motion engine",
+        system=System.WMX,
+    ),
+    _process(
+        "wmx_ethercat_node",
+        "robot_stack.wmx.nodes.wmx_ethercat_node",
+        _OPTIONAL,
+        "services of the EtherCAT network",
+        system=System.WMX,
+    ),
+    _process(
+        "wmx_params_node",
+        "robot_stack.wmx.nodes.wmx_params_node",
+        _OPTIONAL,
+        "services of parameter files and parameters of axes",
+        system=System.WMX,
+    ),
 )
 
 BY_NAME: dict[str, Process] = {process.name: process for process in PROCESSES}
