@@ -17,7 +17,8 @@ from robot_stack.cli.errors import WRONG_USE, CommandError
 from robot_stack.supervisor.control import NotRunning, ask
 
 Profile = Annotated[
-    str, typer.Option("--profile", "-p", help="sim, robot, manipulator, general, diff_drive, or the path of a profile file.")
+    str,
+    typer.Option("--profile", "-p", help="sim, robot, manipulator, general, diff_drive, or the path of a profile file."),
 ]
 Settings = Annotated[
     list[str] | None,
