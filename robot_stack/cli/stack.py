@@ -18,7 +18,7 @@ from robot_stack.supervisor.control import NotRunning, ask
 
 Profile = Annotated[
     str,
-    typer.Option("--profile", "-p", help="sim, robot, manipulator, general, diff_drive, or the path of a profile file."),
+    typer.Option("--profile", "-p", help="sim, robot, manipulator, general, diff_drive, or the path of a file."),
 ]
 Settings = Annotated[
     list[str] | None,
