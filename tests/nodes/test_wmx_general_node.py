@@ -15,12 +15,13 @@ import yaml
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
+from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import services, topics
 from robot_stack.contract.model import Service, Topic
 from robot_stack.ros.interfaces import interface_class
 from robot_stack.wmx.api import OperationState
 from robot_stack.wmx.axes import StatusSnapshot
-from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE
+from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE, HELD_UP_STALE_S, STALE_VARIABLE
 from tests.support.engine import TestEngine
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
@@ -43,6 +44,7 @@ NAN, INF = float("nan"), float("inf")
 @pytest.fixture(autouse=True)
 def _four_axes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(ENGINE_CONFIG_VARIABLE, "wmx_engine_general")
+    monkeypatch.setenv(STALE_VARIABLE, str(HELD_UP_STALE_S))  # an engine on a busy machine is no dead one
 
 
 class Bench:
@@ -74,8 +76,18 @@ class Bench:
         response = self.peer.call(row, request)
         return response.success, response.message
 
+    def call_later(self, row: Service, request: Any) -> Any:
+        """The future of the answer."""
+        client = self.peer.node.create_client(interface_class(row.type), row.name)
+        wait_for(client.service_is_ready, "the service")
+        return client.call_async(request)
+
     def set_axis(self, row: Service, index: list[int], data: list[int] | None = None) -> tuple[bool, str]:
         return self.call(row, SetAxis.Request(index=index, data=data or []))
+
+    def wait_answer(self, row: Service, answer: tuple[bool, str]) -> None:
+        """Asks for axis 0 again until that is the answer."""
+        wait_for(lambda: self.set_axis(row, [0], [1]) == answer, f"{row.name} to answer {answer}")
 
     def status(self) -> StatusSnapshot:
         code, snapshot = self.engine.device.read_status()
@@ -122,10 +134,10 @@ def at_rest(*axes: int) -> Callable[[StatusSnapshot], bool]:
 
 
 def test_every_interface_from_the_start_and_state_once_there_is_one(bench: Bench) -> None:
-    bench.start_node()  # no engine yet
+    bench.start_node("-p", "communication_timeout_s:=0.5")  # no engine yet
     bench.node.wait_output("attempt 5 of 5")
-    offered = dict(bench.peer.node.get_service_names_and_types_by_node(NAME, "/"))
-    assert {row.name: [row.type] for row in SERVICES}.items() <= offered.items()
+    rows = {row.name: [row.type] for row in SERVICES}
+    wait_for(lambda: rows.items() <= dict(bench.peer.node.get_service_names_and_types()).items(), "every service")
     assert bench.set_axis(services.AXIS_SET_ON, [0], [1]) == (False, f"Failed to set axis 0 on. {NULL}; ")
     assert bench.call(services.ENGINE_SET_COMM, SetBool.Request(data=True)) == (
         False,
@@ -141,8 +153,14 @@ def test_every_interface_from_the_start_and_state_once_there_is_one(bench: Bench
     )
     bench.wait_refused("/wmx/axis/position refused: no status of the engine: Error=301")
 
-    bench.engine.run()
+    bench.engine.run().set(connected=False)
     wait_for(lambda: bench.call(services.ENGINE_GET_STATUS) == (True, "Running"), "a device")
+    late = bench.call_later(services.ENGINE_SET_COMM, SetBool.Request(data=True))
+    assert bench.call(services.ENGINE_GET_STATUS) == (True, "Running")  # who waits holds nobody up
+    wait_for(late.done, "the answer")
+    text = "Failed to start communication. Error=1285 (communication did not start in the given time)"
+    assert (late.result().success, late.result().message) == (False, text)
+    bench.engine.set(connected=True)
     assert bench.states.items == []  # neither a device nor a bus so far: zeros would look valid
     assert bench.call(services.ENGINE_SET_COMM, SetBool.Request(data=True)) == (True, "Communication is started")
     wait_for(lambda: len(bench.states.items) > 150, "state")
@@ -158,19 +176,6 @@ def test_every_interface_from_the_start_and_state_once_there_is_one(bench: Bench
     bench.states.wait(lambda state: list(state.servo_on) == [0, 1], "servo of axis 1 on")
     assert bench.set_axis(services.AXIS_HOMING, [1]) == (True, "Homing axis 1; ")
     bench.states.wait(lambda state: list(state.home_done) == [0, 1], "axis 1 homed")
-
-
-def test_axis_count(bench: Bench, start: Start) -> None:
-    bench.engine.run().up()
-    bench.start_node("-p", "axis_count:=4", "-p", "rated_torque_nm:=[1.0, 0.0, 2.0, 3.0]")
-    bench.states.wait(lambda _: True, "state")
-    assert {len(getattr(bench.states.last, name)) for name in AxisState.get_fields_and_field_types()} == {4}
-    bench.node.stop()
-    for count, text in ((5, "axis_count is 5, the engine has 4 axes"), (0, "axis_count"), (129, "axis_count")):
-        refused = start(NAME, "-p", f"axis_count:={count}")
-        assert refused.wait() == 2
-        assert text in refused.output()
-        assert len(refused.output().strip().splitlines()) <= 2  # one clear line, beside "created a device"
 
 
 # --- the documents' examples -------------------------------------------------------------------------------------
@@ -309,20 +314,6 @@ def test_failures_of_every_service(bench: Bench) -> None:
     assert bench.call(services.ENGINE_GET_STATUS, Trigger.Request()) == (True, "Unknown")
 
 
-def test_a_bus_that_does_not_come_is_told_in_time_and_holds_nobody_up(bench: Bench) -> None:
-    bench.engine.run().set(connected=False)
-    bench.start_node("-p", "communication_timeout_s:=2.0")
-    wait_for(lambda: bench.call(services.ENGINE_GET_STATUS) == (True, "Running"), "a device")
-    client = bench.peer.node.create_client(SetBool, services.ENGINE_SET_COMM.name)
-    wait_for(client.service_is_ready, "the service")
-    answer = client.call_async(SetBool.Request(data=True))
-    assert bench.call(services.ENGINE_GET_STATUS) == (True, "Running")
-    assert not answer.done()
-    wait_for(answer.done, "the answer")
-    text = "Failed to start communication. Error=1285 (communication did not start in the given time)"
-    assert (answer.result().success, answer.result().message) == (False, text)
-
-
 # --- commands -----------------------------------------------------------------------------------------------------
 
 
@@ -357,7 +348,7 @@ def both(*values: Any) -> dict[str, Any]:
     return {"index": [0, values[0]], "velocity": [1.0] * 2, "acc": [1.0] * 2, "dec": [1.0] * 2}
 
 
-def test_bad_commands_move_nothing_and_say_why(bench: Bench) -> None:
+def test_commands_good_and_bad(bench: Bench) -> None:
     bench.up()
     assert bench.set_axis(services.AXIS_SET_MODE, [3], [1])[0]
     assert bench.set_axis(services.AXIS_SET_ON, [2], [0])[0]
@@ -396,9 +387,7 @@ def test_bad_commands_move_nothing_and_say_why(bench: Bench) -> None:
         bench.wait_status(lambda now: now.pos_cmd[0] == 0.0, "start")
     assert bench.node.output().count("profile is 'sine'") == 1
 
-
-def test_relative_to_where_the_axis_is(bench: Bench) -> None:
-    bench.up()
+    # relative, over a running motion
     bench.peer.publish(topics.WMX_AXIS_POSITION, pose(index=[0, 1], target=[50.0] * 2, velocity=[2.0] * 2, **_pair()))
     begun = bench.wait_status(lambda now: now.pos_cmd[0] > 0.5, "motion")
     message = pose(index=[0, 1], target=[1.0, -0.5], velocity=[20.0] * 2, **_pair())
@@ -415,7 +404,7 @@ def _pair() -> dict[str, Any]:
 # --- faults in motion ---------------------------------------------------------------------------------------------
 
 
-def test_alarm_lost_bus_and_killed_engine_in_motion(bench: Bench) -> None:
+def test_alarm_lost_bus_killed_engine_and_emergency_stop_in_motion(bench: Bench) -> None:
     bench.up("-p", "axis_count:=4")
     bench.turn([0, 1], 2.0)
     bench.engine.set(alarms={"0": 42})
@@ -451,11 +440,8 @@ def test_alarm_lost_bus_and_killed_engine_in_motion(bench: Bench) -> None:
     bench.engine.close()
     bench.engine.run().up()  # another one
     bench.states.wait(lambda state: list(state.servo_on) == [1] * 4, "the state of the new engine")
-    bench.turn([0], 1.0)
 
-
-def test_emergency_stop(bench: Bench) -> None:
-    bench.up()
+    # the emergency stop of the stack
     bench.turn([0], 3.0, dec=0.5)
     bench.peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
     began_s = time.monotonic()
@@ -467,30 +453,47 @@ def test_emergency_stop(bench: Bench) -> None:
     assert bench.set_axis(services.AXIS_SET_ON, [0], [1]) == (False, f"Failed to set axis 0 on. {stopped}")
     assert at_rest(0)(bench.status())
 
-
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_the_axes_of_a_node_that_ends_stop(bench: Bench, number: signal.Signals) -> None:
-    bench.up()
-    bench.turn([0, 1], 2.0)
-    bench.node.signal(number)
-    bench.wait_status(at_rest(0, 1), "standstill")
-    code = bench.node.wait()
-    assert code == (0 if number is signal.SIGTERM else -signal.SIGKILL)
-    now = bench.status()
-    assert now.communicating  # the bus stays for the others
-    assert now.servo_on.all()
+    bench.peer.publish(topics.EMERGENCY_STOP, Bool(data=False))  # alone it releases nothing
+    bench.peer.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(safety_state=SafetyStatus.EMERGENCY_STOP), 20.0)
+    seen = bench.peer.listen(topics.SAFETY_STATUS)
+    bench.peer.wait_matched(topics.SAFETY_STATUS, 2)
+    wait_for(lambda: len(seen.items) > 5, "the emergency in the safety status")
+    assert bench.set_axis(services.AXIS_SET_ON, [0], [1]) == (False, f"Failed to set axis 0 on. {stopped}")
+    bench.peer.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(safety_state=SafetyStatus.NORMAL), 20.0)
+    bench.wait_answer(services.AXIS_SET_ON, (True, "Set axis 0 on; "))
+    bench.turn([0], 1.0)
 
 
-def test_a_velocity_ends_with_its_messages_even_if_the_node_hangs(bench: Bench) -> None:
+def test_nothing_goes_on_moving_without_its_node(bench: Bench, start: Start) -> None:
     bench.up("-p", "velocity_timeout_s:=0.5", "-p", "watchdog_s:=600.0")
     bench.peer.repeat(topics.WMX_AXIS_VELOCITY, lambda: spin(), 20.0)
     assert bench.set_axis(services.AXIS_SET_MODE, [3], [1])[0]
     bench.wait_status(lambda now: now.velocity_cmd[3] == 5.0, "the velocity")
     since = bench.status().engine_time_s
-    bench.wait_status(lambda now: now.engine_time_s > since + 1.0, "a second of motion")
+    bench.wait_status(lambda now: now.engine_time_s > since + 0.8, "more than the time-out")
     assert bench.status().velocity_cmd[3] == 5.0
-    bench.node.signal(signal.SIGSTOP)
+    bench.node.signal(signal.SIGSTOP)  # it hangs
     try:
         bench.wait_status(at_rest(3), "standstill")
     finally:
         bench.node.signal(signal.SIGCONT)
+    bench.wait_status(lambda now: now.velocity_cmd[3] == 5.0, "the velocity again")
+    bench.peer.silence(topics.WMX_AXIS_VELOCITY)
+    bench.wait_status(at_rest(3), "standstill")
+    bench.node.stop()
+
+    for number in (signal.SIGKILL, signal.SIGTERM):
+        bench.start_node("-p", "axis_count:=4", "-p", "rated_torque_nm:=[1.0, 0.0, 2.0, 3.0]")
+        bench.states.wait(lambda state: len(state.servo_on) == N_AXES, "state of all axes")
+        assert {len(getattr(bench.states.last, name)) for name in AxisState.get_fields_and_field_types()} == {N_AXES}
+        bench.turn([0, 1], 2.0)
+        bench.node.signal(number)
+        bench.wait_status(at_rest(0, 1), "standstill")
+        assert bench.node.wait() == (0 if number is signal.SIGTERM else -signal.SIGKILL)
+        bench.states.items.clear()
+    assert bench.status().communicating  # the bus stays for the others
+    assert bench.status().servo_on.all()
+
+    refused = start(NAME, "-p", "axis_count:=5")
+    assert refused.wait() == 2, refused.output()
+    assert "axis_count is 5, the engine has 4 axes" in refused.output()

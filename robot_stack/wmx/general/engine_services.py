@@ -63,7 +63,7 @@ class EngineServices:
             code = device.rename(name)
             return failure("Failed to create device", code, device.base_text) if code else _created(name)
         if device.engine is not None:  # another engine: one device at a time
-            yield from self.stand(device.moving)
+            yield from self.stand(device.moving, self._params.stop_timeout_s)
             device.close()
         deadline_s = self._clock() + self._params.device_retry_s
         while True:
@@ -77,7 +77,7 @@ class EngineServices:
     def _close(self) -> Job:
         device = self._device
         device.wanted = False
-        yield from self.stand(device.moving)
+        yield from self.stand(device.moving, self._params.stop_timeout_s)
         code = device.close()
         return failure("Failed to close device", code, device.base_text) if code else Answer(True, "Device stopped")
 
@@ -100,7 +100,7 @@ class EngineServices:
     def _stop(self) -> Job:
         """Every axis of the engine is stopped first: a bus that ends cuts motions off without a ramp."""
         device = self._device
-        yield from self.stand(_moving)
+        yield from self.stand(_moving, self._params.stop_timeout_s)
         code = device.call(lambda engine: engine.api.StopCommunication(0))
         if not code:
             late = int(ErrorCode.CommNotStoppedInSpecifiedTime)
@@ -111,8 +111,8 @@ class EngineServices:
         device.started_communication = False
         return Answer(True, "Communication is stopped")
 
-    def stand(self, which: Callable[[StatusSnapshot], list[int]]) -> Generator[None, None, None]:
-        """Stops the axes that ``which`` names and waits for them, never longer than a stop may take."""
+    def stand(self, which: Callable[[StatusSnapshot], list[int]], timeout_s: float) -> Generator[None, None, None]:
+        """Stops the axes that ``which`` names and waits for them, at most ``timeout_s``."""
         _, snapshot = self._device.read()
         if snapshot is None or not snapshot.communicating:
             return
@@ -122,7 +122,7 @@ class EngineServices:
         def decided(now: StatusSnapshot, axis: int) -> int | None:
             return 0 if now.op_state[axis] == OperationState.Idle else None
 
-        yield from self._waits.until(axes, decided, self._params.stop_timeout_s)
+        yield from self._waits.until(axes, decided, timeout_s)
 
 
 def _moving(snapshot: StatusSnapshot) -> list[int]:

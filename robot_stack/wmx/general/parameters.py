@@ -28,6 +28,7 @@ class GeneralParams(Config):
     alarm_timeout_s: Positive
     homing_timeout_s: Positive
     stop_timeout_s: Positive
+    end_timeout_s: Positive
     stop_communication_at_exit: bool
 
     @model_validator(mode="after")

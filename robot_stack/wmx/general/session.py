@@ -48,11 +48,13 @@ class GeneralSession:
         self.motion = AxisMotion(self.device, params.velocity_timeout_s)
         self.worker = EngineWorker(1.0 / rate_hz, self._tick, self._close)
         self.problem = "starting"
+        self.idle = ""  # no problem: communication starts when a client asks for it
         self.n_axes: int | None = None
         self.refused = 0
         self.last_refusal = ""
         self._stopped = False
         self._told = ("", 0.0)
+        self._published = (-1, -1)
 
     # --- from the node's callbacks -----------------------------------------------------------------------------------
 
@@ -75,7 +77,7 @@ class GeneralSession:
 
     def end(self) -> None:
         """Stops what this node moves and gives the device back."""
-        self.worker.end(self._params.stop_timeout_s + _END_CALLS_S)
+        self.worker.end(self._params.end_timeout_s + _END_CALLS_S)
 
     # --- in the engine's thread --------------------------------------------------------------------------------------
 
@@ -86,15 +88,17 @@ class GeneralSession:
             self.problem = f"no status of the engine: {self.device.base_text(code)}"
             return
         self.n_axes = snapshot.n_axes
+        self.problem = self.idle = ""
         if not snapshot.communicating:
-            self.problem = f"the engine does not communicate with the drives: it is {snapshot.engine_state.name}"
+            self.idle = f"the engine does not communicate with the drives: it is {snapshot.engine_state.name}"
             return
-        self.problem = ""
         if self._stopped:
             self._stop_moving(
                 snapshot, [axis for axis in self.device.moving(snapshot) if not _stopping(snapshot, axis)]
             )
-        if snapshot.n_axes >= self._params.axis_count:
+        cycle = (snapshot.epoch, snapshot.cycle_counter)
+        if snapshot.n_axes >= self._params.axis_count and cycle != self._published:  # an engine that hangs is no news
+            self._published = cycle
             self._on_status(snapshot)
 
     def _hold(self) -> None:
@@ -128,7 +132,7 @@ class GeneralSession:
             self._log.error(text)
 
     def _close(self) -> None:
-        for _ in self.engine.stand(self.device.moving):
+        for _ in self.engine.stand(self.device.moving, self._params.end_timeout_s):
             time.sleep(_END_POLL_S)
         if self._params.stop_communication_at_exit and self.device.started_communication:
             self.device.call(lambda engine: engine.api.StopCommunication(0))

@@ -22,6 +22,7 @@ from robot_stack.wmx.general.worker import Job
 from tests.support.waiting import wait_for
 from tests.unit.wmx.conformance import pos
 from tests.unit.wmx.harness import POS, POS_MIRRORED, VEL, ThreadHarness, runtime_folder, status, wait_status
+from tests.unit.wmx.vendor_harness import vendor_harness
 
 QUICK = {
     "axis_count": 5,
@@ -543,3 +544,50 @@ def test_code_of_a_lost_device_closes_it(harness: ThreadHarness) -> None:
     assert rig.session.device.heed(int(ErrorCode.DeviceIsNull)) == ErrorCode.DeviceIsNull
     wait_for(lambda: rig.opened >= 2, "another device")
     rig.session.end()
+
+
+@pytest.mark.parametrize("variant", ["3.5", "newer"])
+def test_the_same_on_the_vendors_engine(variant: str) -> None:
+    """Every service and command through the vendor adapter, on a fake of its module that counts what is misused."""
+    with vendor_harness(variant) as harness:
+        onlooker = harness.communicating()
+        rig = Rig(harness, velocity_timeout_s=5.0).start()
+        axes, engine, motion = rig.session.axes, rig.session.engine, rig.session.motion
+        told = [
+            rig.ask(lambda: engine.set_device(True, "", "renamed")),
+            rig.ask(lambda: engine.set_comm(True)),
+            rig.ask(engine.get_status),
+            rig.ask(lambda: axes.clear_alarm([POS])),
+            rig.ask(lambda: axes.set_mode([POS, VEL], [0, 1])),
+            rig.ask(lambda: axes.set_polarity([POS], [-1])),
+            rig.ask(lambda: axes.set_gear_ratio([POS], [1000.0], [1.0])),
+            rig.ask(lambda: axes.set_on([POS, VEL], [1, 1])),
+            rig.ask(lambda: axes.homing([POS])),
+        ]
+        assert [answer.message for answer in told if answer.success] == [
+            "Created a device with name: renamed",
+            "Communication is started",
+            "Communicating",
+            "Cleared alarm axis 0; ",
+            "Set axis 0 in Position mode; Set axis 1 in Velocity mode; ",
+            "Set polarity on axis 0; ",
+            "Set gear ratio on axis 0; ",
+            "Set axis 0 on; Set axis 1 on; ",
+            "Homing axis 0; ",
+        ]
+        rig.move(motion.run, [VEL], [2.0], [100.0], [100.0])
+        wait_status(onlooker, moving(VEL), "velocity")
+        rig.move(motion.go_to, [POS], [20.0], [200.0], [200.0], [1.0])
+        wait_status(onlooker, lambda now: now.pos_cmd[POS] == 1.0 and at_rest(POS)(now), "target")
+        rig.move(motion.go_by, [POS], [20.0], [200.0], [200.0], [-0.25])
+        wait_status(onlooker, lambda now: now.pos_cmd[POS] == 0.75 and at_rest(POS)(now), "step")
+        assert rig.ask(lambda: axes.stop([POS, VEL])) == Answer(True, "Stopped axis 0; Stopped axis 1; ")
+        busy = rig.ask(lambda: axes.homing([POS_MIRRORED]))
+        assert busy.message.startswith("Failed to homing axis 2. Error=")
+        assert busy.message.endswith("(the servo is not on); ")
+        assert rig.ask(lambda: engine.estop(True)).success
+        assert rig.ask(lambda: engine.estop(False)).success
+        rig.session.end()
+        assert rig.session.worker.failure is None
+        assert harness.module.CONTROL.faults == []
+        harness.end_test()
