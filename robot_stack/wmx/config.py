@@ -207,6 +207,12 @@ class ClientConfig(Config):
     vendor_axes: Annotated[int, Field(ge=1, le=MAX_AXES)]
     vendor_io_bytes: Annotated[int, Field(ge=1, le=MAX_IO_BYTES)]
 
+    @model_validator(mode="after")
+    def _vendor_has_a_root(self) -> ClientConfig:
+        if self.engine == "vendor" and not self.path:
+            raise ValueError("path must name the installation of the vendor's engine, e.g. /opt/lmx/")
+        return self
+
 
 def load_engine_config() -> EngineConfig:
     """``config/wmx_engine.yaml``, or the file of config/ that ENGINE_CONFIG_VARIABLE names. Raises ConfigError."""

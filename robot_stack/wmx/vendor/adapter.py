@@ -168,7 +168,7 @@ class CoreMotion(Module):
             return code, empty_snapshot()
         communicating = self._reader.engine_state(status) is EngineState.Communicating
         inputs, outputs = io.images(communicating) if io is not None else ([], [])
-        return code, self._reader.read(status, inputs, outputs, stamp_ns)
+        return code, self._reader.read(status, inputs, outputs, stamp_ns, self._age.epoch)
 
     def _latest(self) -> tuple[int, Any, int]:
         """Code, the vendor's status, and when its engine was last seen to cycle."""

@@ -13,7 +13,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from robot_stack.wmx.api.enums import AxisCommandMode, DetailOperationState, EngineState, EStopLevel, OperationState
+from robot_stack.wmx.api.enums import (
+    AxisCommandMode,
+    DetailOperationState,
+    EngineState,
+    EStopLevel,
+    HomeError,
+    HomeState,
+    OperationState,
+)
 from robot_stack.wmx.api.values import MAX_AXES
 from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
 from robot_stack.wmx.vendor.records import Records
@@ -42,6 +50,10 @@ FLAGS: Final = {
     Flag.DEC_FLAG: "decFlag",
     Flag.ENCODER_COMMAND: "encoderCommand",
     Flag.ENCODER_FEEDBACK: "encoderFeedback",
+    Flag.POSITIVE_LS: "positiveLS",
+    Flag.NEGATIVE_LS: "negativeLS",
+    Flag.HOME_SWITCH: "homeSwitch",
+    Flag.HOME_ERROR: "homeError",
 }
 REALS: Final = {
     Real.POS_CMD: "posCmd",
@@ -60,19 +72,24 @@ _ENUMS: Final[dict[Flag, type[IntEnum]]] = {
     Flag.OP_STATE: OperationState,
     Flag.DETAIL_OP_STATE: DetailOperationState,
     Flag.COMMAND_MODE: AxisCommandMode,
+    Flag.HOME_STATE: HomeState,
+    Flag.HOME_ERROR: HomeError,
 }
 
 
 class Age:
-    """When the engine was last seen to cycle."""
+    """When the engine was last seen to cycle, and ``epoch``: how often it was seen to have begun anew."""
 
     def __init__(self, stale_s: float) -> None:
+        self.epoch = 0
         self._stale_ns = round(1e9 * stale_s)
         self._counter = -1
         self._seen_ns = 0
 
     def stamp(self, counter: int, communicating: bool, now_ns: int) -> int:
         """The monotonic time that a status with this cycle counter belongs to. The counter only runs with the bus."""
+        if counter < self._counter:
+            self.epoch += 1
         if counter != self._counter or not communicating:
             self._counter, self._seen_ns = counter, now_ns
         return self._seen_ns
@@ -89,7 +106,9 @@ class SnapshotReader:
         self._rows: tuple[_Rows, _Rows] | None = None
         self._maps = {flag: records.enum(kind) for flag, kind in _ENUMS.items()}
 
-    def read(self, status: Any, inputs: Sequence[int], outputs: Sequence[int], stamp_ns: int) -> StatusSnapshot:
+    def read(
+        self, status: Any, inputs: Sequence[int], outputs: Sequence[int], stamp_ns: int, epoch: int
+    ) -> StatusSnapshot:
         """The arrays of a vendor status and its I/O bytes."""
         n_axes = min(self._records.n_axes, MAX_AXES)
         axes = [status.GetAxesStatus(axis) for axis in range(n_axes)]
@@ -106,7 +125,7 @@ class SnapshotReader:
         cycles = int(status.GetCycleCounter(0))
         return StatusSnapshot(
             engine_state=self.engine_state(status),
-            epoch=0,
+            epoch=epoch,
             cycle_counter=cycles,
             engine_time_s=cycles * cycle_s,
             stamp_ns=stamp_ns,

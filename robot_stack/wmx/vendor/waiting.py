@@ -17,8 +17,8 @@ from robot_stack.wmx.axes import Flag, StatusSnapshot
 def motion_result(snapshot: StatusSnapshot, axes: Sequence[int]) -> int | None:
     """None while any of ``axes`` still moves without a fault; else the code that a Wait on them ends with.
 
-    PyNone: all are idle. AxisOutOfRange, ServoOffline, AxisAmpAlarm, ServoOff, or AxisSoftLimit for an axis that came
-    to rest on a limit, as with the vendor's Wait.
+    PyNone: all are idle. AxisOutOfRange, ServoOffline, AxisAmpAlarm, ServoOff, or AxisHardLimit or AxisSoftLimit for
+    an axis that came to rest on a limit, as with the vendor's Wait.
     """
     if any(not 0 <= axis < snapshot.n_axes for axis in axes):
         return ErrorCode.AxisOutOfRange
@@ -39,6 +39,9 @@ def _fault(snapshot: StatusSnapshot, axis: int) -> int:
         return ErrorCode.AxisAmpAlarm
     if not flags[Flag.SERVO_ON, axis]:
         return ErrorCode.ServoOff
-    at_rest = flags[Flag.OP_STATE, axis] == OperationState.Idle and not flags[Flag.MOTION_COMPLETE, axis]
+    if flags[Flag.OP_STATE, axis] != OperationState.Idle or flags[Flag.MOTION_COMPLETE, axis]:
+        return ErrorCode.PyNone
+    if flags[Flag.POSITIVE_LS, axis] or flags[Flag.NEGATIVE_LS, axis]:
+        return ErrorCode.AxisHardLimit
     on_limit = flags[Flag.POSITIVE_SOFT_LIMIT, axis] or flags[Flag.NEGATIVE_SOFT_LIMIT, axis]
-    return ErrorCode.AxisSoftLimit if at_rest and on_limit else ErrorCode.PyNone
+    return ErrorCode.AxisSoftLimit if on_limit else ErrorCode.PyNone

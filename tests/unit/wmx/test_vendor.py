@@ -41,6 +41,48 @@ from tests.unit.wmx.harness import N_AXES, POS, VEL, client_config, status
 from tests.unit.wmx.vendor_calls import CALLS, ELSEWHERE, check
 from tests.unit.wmx.vendor_harness import VendorHarness, vendor_harness
 
+# What each row of a snapshot is with the vendor, from its published status.
+_FLAG_FIELDS: dict[Flag, str] = {
+    Flag.SERVO_ON: "servoOn",
+    Flag.SERVO_REQUESTED: "servoOn",
+    Flag.SERVO_OFFLINE: "servoOffline",
+    Flag.AMP_ALARM: "ampAlarm",
+    Flag.AMP_ALARM_CODE: "ampAlarmCode",
+    Flag.FOLLOWING_ERROR_ALARM: "followingErrorAlarm",
+    Flag.OP_STATE: "opState",
+    Flag.DETAIL_OP_STATE: "detailOpState",
+    Flag.COMMAND_MODE: "axisCommandMode",
+    Flag.COMMAND_READY: "commandReady",
+    Flag.MOTION_COMPLETE: "motionComplete",
+    Flag.IN_POS: "inPos",
+    Flag.CMD_DISTRIBUTION_END: "cmdDistributionEnd",
+    Flag.POS_SET: "posSet",
+    Flag.DELAYED_POS_SET: "delayedPosSet",
+    Flag.POSITIVE_SOFT_LIMIT: "positiveSoftLimit",
+    Flag.NEGATIVE_SOFT_LIMIT: "negativeSoftLimit",
+    Flag.HOME_STATE: "homeState",
+    Flag.HOME_DONE: "homeDone",
+    Flag.ACC_FLAG: "accFlag",
+    Flag.DEC_FLAG: "decFlag",
+    Flag.ENCODER_COMMAND: "encoderCommand",
+    Flag.ENCODER_FEEDBACK: "encoderFeedback",
+    Flag.POSITIVE_LS: "positiveLS",
+    Flag.NEGATIVE_LS: "negativeLS",
+    Flag.HOME_SWITCH: "homeSwitch",
+    Flag.HOME_ERROR: "homeError",
+}
+_REAL_FIELDS: dict[Real, str] = {
+    Real.POS_CMD: "posCmd",
+    Real.ACTUAL_POS: "actualPos",
+    Real.VELOCITY_CMD: "velocityCmd",
+    Real.ACTUAL_VELOCITY: "actualVelocity",
+    Real.ACTUAL_TORQUE: "actualTorque",
+    Real.PROFILE_TARGET_POS: "profileTargetPos",
+    Real.PROFILE_REMAINING_MS: "profileRemainingMilliseconds",
+    Real.CMD_ACC: "cmdAcc",
+    Real.HOME_OFFSET: "homeOffset",
+}
+
 
 @pytest.fixture
 def config(tmp_path: Path) -> Iterator[ClientConfig]:
@@ -387,6 +429,32 @@ class TestStatus:
         assert age.stale(100_001_001)
         assert age.stamp(7, False, 300_000_000) == 300_000_000, "without the bus nothing counts"
         assert age.stamp(8, True, 400_000_000) == 400_000_000
+        assert age.epoch == 0
+        age.stamp(3, True, 500_000_000)
+        assert age.epoch == 1, "an engine that counts from the beginning is another one"
+
+    def test_every_row_of_a_snapshot(self, harness: VendorHarness) -> None:
+        engine = harness.connect()
+        native = type(engine.core_motion.theirs)  # type: ignore[attr-defined]
+        original = native.GetStatus
+        names = dict.fromkeys((*_FLAG_FIELDS.values(), *_REAL_FIELDS.values()))
+        values = {name: 100 + index for index, name in enumerate(names)}
+
+        def marked(this: Any) -> Any:
+            code, record = original(this)
+            record.arrays["axesStatus"][3].values.update(values)
+            return code, record
+
+        native.GetStatus = marked
+        try:
+            snapshot = status(engine)
+        finally:
+            native.GetStatus = original
+        flags = {row: int(snapshot.flags[row, 3]) for row in Flag}
+        not_told = {Flag.END_REASON: 0, Flag.OWNER: 0}
+        assert flags == {row: values[name] for row, name in _FLAG_FIELDS.items()} | not_told
+        reals = {row: snapshot.reals[row, 3] for row in Real if row != Real.FOLLOWING_ERROR}
+        assert reals == {row: values[name] for row, name in _REAL_FIELDS.items()}
 
     def test_dead_bus_has_no_inputs(self, harness: VendorHarness) -> None:
         """Whatever the vendor's image still holds: a normally closed contact must read as open."""
