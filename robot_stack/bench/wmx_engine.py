@@ -31,17 +31,16 @@ class NotingServer(EngineServer):
         self._due_ns = 0
 
     def cycle(self) -> None:
-        """Notes, then cycles."""
+        """Notes, cycles, and goes on to the next deadline as the loop around it does."""
         now_ns = time.monotonic_ns()
-        due_ns = self._due_ns + self._period_ns if self._due_ns else now_ns
-        late_ns = now_ns - due_ns
-        if late_ns > self._period_ns:
-            due_ns += late_ns // self._period_ns * self._period_ns
-        self._due_ns = due_ns
+        due_ns = self._due_ns or now_ns
         if self.count < len(self.notes):
             self.notes[self.count] = due_ns, now_ns
             self.count += 1
         super().cycle()
+        due_ns += self._period_ns
+        late_ns = time.monotonic_ns() - due_ns
+        self._due_ns = due_ns + max(0, late_ns // self._period_ns) * self._period_ns
 
 
 def main() -> None:

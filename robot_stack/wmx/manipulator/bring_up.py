@@ -61,30 +61,35 @@ class BringUp:
         self._cycle_s = math.inf
         self._probe_s = -math.inf
         self._was_ready = False
+        self._up = False
         self.progress: Progress = START
         self.status_problem = ""
         self.lines: deque[Line] = deque(maxlen=200)
 
     # --- the next step -----------------------------------------------------------------------------------------------
 
-    def poll(self, now_s: float, stop: bool) -> StatusSnapshot | None:
+    def poll(self, now_s: float, stopped: Callable[[], bool]) -> StatusSnapshot | None:
         """The present status if the joints are where it says: the bus runs, parameters are set, cycles go on.
 
-        stop: an emergency stop is in force, no servo comes on.
+        stopped: whether an emergency stop is in force, in which no servo comes on.
         """
         if self._engine is None:
             self._open(now_s)
             return None
-        snapshot = self._read(now_s)
-        if snapshot is None:
+        code, snapshot = self._engine.read_status()
+        if self._up and not code and snapshot.communicating and snapshot.cycle_counter != self._cycle:
+            self._cycle, self._cycle_s = snapshot.cycle_counter, now_s  # nearly always: nothing else to be done
+            return snapshot
+        if not self._readable(code, snapshot, now_s):
             return None
         if not snapshot.communicating:
             self._on_silence(snapshot)
         if self.progress.step is not Step.READY:
-            self._work(snapshot, now_s, stop)
+            self._work(snapshot, now_s, stopped)
         usable = snapshot.communicating and is_past(self.progress.step, Step.PARAMETERS)
         if not usable or self._standing_still(snapshot, now_s):
             return None
+        self._up = self.progress.step is Step.READY
         self.status_problem = ""
         return snapshot
 
@@ -99,18 +104,18 @@ class BringUp:
         self._asker = Asker(self._engine, self._settings.n_joints, self._settings.names, self._tell)
         self._on_outcome(Outcome(Result.DONE, "open"), now_s)
 
-    def _read(self, now_s: float) -> StatusSnapshot | None:
+    def _readable(self, code: int, snapshot: StatusSnapshot, now_s: float) -> bool:
         assert self._engine is not None
-        code, snapshot = self._engine.read_status()
+        self._up = False
         if code:
             self.status_problem = f"status: {self._engine.api.ErrorToString(code)} (error {code})"
             if code in _LOST or self._gone(now_s):
                 self._lose("the motion engine has ended")
-            return None
+            return False
         if snapshot.n_axes < self._settings.n_joints:
             self.status_problem = f"the engine has {snapshot.n_axes} axes, joint_number is {self._settings.n_joints}"
-            return None
-        return snapshot
+            return False
+        return True
 
     def _gone(self, now_s: float) -> bool:
         """An engine that died leaves a status that only grows old: ask it something, now and then."""
@@ -141,13 +146,13 @@ class BringUp:
         self._tell(Line(Level.ERROR, text))
         self.progress = back_to(Step.COMMUNICATION, text)
 
-    def _work(self, snapshot: StatusSnapshot, now_s: float, stop: bool) -> None:
+    def _work(self, snapshot: StatusSnapshot, now_s: float, stopped: Callable[[], bool]) -> None:
         progress, asker = self.progress, self._asker
         assert asker is not None
         if progress.waiting:
             self._on_outcome(asker.look(progress.step, snapshot), now_s)
         elif progress.due(now_s):
-            self._on_outcome(self._ask(asker, snapshot, stop), now_s)
+            self._on_outcome(self._ask(asker, snapshot, stopped()), now_s)
 
     def _ask(self, asker: Asker, snapshot: StatusSnapshot, stop: bool) -> Outcome:
         settings = self._settings

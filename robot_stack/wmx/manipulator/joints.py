@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robot_stack.wmx.axes import Real, StatusSnapshot
+
+_POSITION, _VELOCITY = int(Real.ACTUAL_POS), int(Real.ACTUAL_VELOCITY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,19 +26,20 @@ class JointSettings:
     finger_closed: float
 
 
-def fill(
-    snapshot: StatusSnapshot, settings: JointSettings, position: NDArray[np.float64], velocity: NDArray[np.float64]
-) -> bool:
-    """Puts measured positions (rad) and velocities (rad/s) of joints and fingers into the two arrays.
+def read(snapshot: StatusSnapshot, settings: JointSettings) -> tuple[list[float], list[float]] | None:
+    """Measured positions (rad) and velocities (rad/s), one per name; a finger's velocity is 0.
 
-    Both have one entry per name; the fingers' velocities stay as they are, 0. False if a value is not finite.
+    None if a joint's value is not finite. Lists and no arrays: for so few numbers they are several times as fast.
     """
     n = settings.n_joints
-    position[:n] = snapshot.reals[Real.ACTUAL_POS, :n]
-    velocity[:n] = snapshot.reals[Real.ACTUAL_VELOCITY, :n]
+    position: list[float] = snapshot.reals[_POSITION].tolist()[:n]
+    velocity: list[float] = snapshot.reals[_VELOCITY].tolist()[:n]
+    if not isfinite(sum(position) + sum(velocity)):
+        return None
     closed = snapshot.output_bit(settings.gripper_byte, settings.gripper_bit)
-    position[n:] = settings.finger_closed if closed else settings.finger_open
-    return math.isfinite(position.sum() + velocity.sum())
+    finger = settings.finger_closed if closed else settings.finger_open
+    fingers = len(settings.names) - n
+    return position + [finger] * fingers, velocity + [0.0] * fingers
 
 
 def faults(snapshot: StatusSnapshot, settings: JointSettings, servos: bool) -> str:

@@ -10,22 +10,14 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 _ENCAPSULATION = b"\x00\x01\x00\x00"  # CDR_LE, no options; alignment counts from behind it
 _STAMP = struct.Struct("<iI")
 _STAMP_AT = len(_ENCAPSULATION)
 _NS_PER_S = 1_000_000_000
 
-FloatArray = NDArray[np.float64]
-
 
 class JointStateBytes:
-    """A sensor_msgs/JointState: empty frame_id, the given names, as many positions and velocities, empty effort.
-
-    ``position`` and ``velocity`` are views to write into, rad and rad/s.
-    """
+    """A sensor_msgs/JointState: empty frame_id, the given names, as many positions and velocities, empty effort."""
 
     def __init__(self, names: Sequence[str]) -> None:
         out = _Writer()
@@ -34,12 +26,16 @@ class JointStateBytes:
         out.length(len(names))
         for name in names:
             out.string(name)
-        position_at = out.doubles(len(names))
-        velocity_at = out.doubles(len(names))
+        self._position_at = out.doubles(len(names))
+        self._velocity_at = out.doubles(len(names))
         out.length(0)
         self._data = out.data
-        self.position: FloatArray = np.frombuffer(self._data, "<f8", len(names), position_at)
-        self.velocity: FloatArray = np.frombuffer(self._data, "<f8", len(names), velocity_at)
+        self._row = struct.Struct(f"<{len(names)}d")
+
+    def put(self, position: Sequence[float], velocity: Sequence[float]) -> None:
+        """One value per name, rad and rad/s. Raises struct.error for another number of them."""
+        self._row.pack_into(self._data, self._position_at, *position)
+        self._row.pack_into(self._data, self._velocity_at, *velocity)
 
     def stamped(self, stamp_ns: int) -> bytes:
         """The message with its values as they are now; 0 is an unset stamp."""
@@ -49,18 +45,19 @@ class JointStateBytes:
 
 
 class ArrayBytes:
-    """A std_msgs/Float64MultiArray of ``size`` values without a layout; ``data`` is the view to write into."""
+    """A std_msgs/Float64MultiArray of ``size`` values without a layout."""
 
     def __init__(self, size: int) -> None:
         out = _Writer()
         out.length(0)  # layout.dim
         out.length(0)  # layout.data_offset
-        data_at = out.doubles(size)
+        self._data_at = out.doubles(size)
         self._data = out.data
-        self.data: FloatArray = np.frombuffer(self._data, "<f8", size, data_at)
+        self._row = struct.Struct(f"<{size}d")
 
-    def message(self) -> bytes:
-        """The message with its values as they are now."""
+    def filled(self, values: Sequence[float]) -> bytes:
+        """The message with ``values``. Raises struct.error for another number of them."""
+        self._row.pack_into(self._data, self._data_at, *values)
         return bytes(self._data)
 
 

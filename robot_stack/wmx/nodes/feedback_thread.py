@@ -84,7 +84,7 @@ class FeedbackThread:
 
     def _tick(self) -> None:
         bring_up = self._bring_up
-        snapshot = bring_up.poll(time.monotonic(), self._stopped())
+        snapshot = bring_up.poll(time.monotonic(), self._stopped)
         if snapshot is not None and self._publish(snapshot):
             self.snapshot = snapshot
             self.published += 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.publisher import Publisher
 
@@ -13,7 +15,7 @@ from robot_stack.wmx import connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config
 from robot_stack.wmx.manipulator.bring_up import BringUp, BringUpSettings
-from robot_stack.wmx.manipulator.joints import faults, fill
+from robot_stack.wmx.manipulator.joints import faults, read
 from robot_stack.wmx.manipulator.messages import ArrayBytes, JointStateBytes
 from robot_stack.wmx.manipulator.parameters import ManipulatorStateParams
 from robot_stack.wmx.manipulator.startup import Level, Step
@@ -37,6 +39,8 @@ class ManipulatorState(StackNode):
         self._encoder = self._publisher(topics.WMX_JOINT_STATES, encoder)
         self._isaac = self._publisher(topics.ISAAC_JOINT_COMMAND, isaac)
         self._gazebo = self._publisher(topics.GAZEBO_COMMANDS, gazebo)
+        self._isaac_stamp = params.isaacsim_stamp
+        self._look_around()
         self._skipped = 0
         settings = BringUpSettings(
             n_joints=params.joint_number,
@@ -71,23 +75,31 @@ class ManipulatorState(StackNode):
 
     def _publish(self, snapshot: StatusSnapshot) -> bool:
         """Isaac Sim first and, as documented, before the stamp is set."""
-        message = self._message
-        if not fill(snapshot, self._joints, message.position, message.velocity):
+        values = read(snapshot, self._joints)
+        if values is None:
             self._bring_up.status_problem = "a joint's position or velocity is not finite"
             return False
-        stamp_ns = self.get_clock().now().nanoseconds
-        if self._isaac is not None:
-            self._isaac.publish(message.stamped(stamp_ns if self.params.isaacsim_stamp else 0))
+        message = self._message
+        message.put(*values)
+        stamp_ns = time.time_ns() if self._system_time else self.get_clock().now().nanoseconds
+        if self._isaac is not None and self._isaac_heard:
+            self._isaac.publish(message.stamped(stamp_ns if self._isaac_stamp else 0))
         if self._encoder is not None:
             self._encoder.publish(message.stamped(stamp_ns))
-        if self._gazebo is not None:
-            self._array.data[:] = message.position
-            self._gazebo.publish(self._array.message())
+        if self._gazebo is not None and self._gazebo_heard:
+            self._gazebo.publish(self._array.filled(values[0]))
         return True
 
     # --- in the executor ---------------------------------------------------------------------------------------------
 
+    def _look_around(self) -> None:
+        """What is too dear to ask 500 times a second. Mirrors that nobody hears are not sent."""
+        self._system_time = not self.get_clock().ros_time_is_active
+        self._isaac_heard = self._isaac is not None and self._isaac.get_subscription_count() > 0
+        self._gazebo_heard = self._gazebo is not None and self._gazebo.get_subscription_count() > 0
+
     def _tell(self) -> None:
+        self._look_around()
         feedback = self._feedback
         if feedback.failure:
             raise RuntimeError(f"the feedback thread has ended:\n{feedback.failure}")

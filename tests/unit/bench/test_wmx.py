@@ -20,16 +20,17 @@ def test_jitter_is_the_distance_of_periods_from_the_nominal_one():
 
 def test_the_engine_notes_its_cycles_against_their_deadlines(monkeypatch: pytest.MonkeyPatch):
     config = engine_config()
-    began_ms = [10.0, 11.25, 12.0, 15.5, 16.0]  # the fourth is late by two cycles, which are left out
+    # A late begin is made up for; a cycle that ends late by more than a period leaves periods out.
+    cycles_ms = [(10.0, 10.25), (12.25, 12.5), (12.5, 12.75), (13.0, 15.5), (15.5, 15.75), (16.0, 16.25)]
     with runtime_folder() as folder:
         drives = VirtualDrives(config.n_axes, config.cycle_time_s)
         server = wmx_engine.NotingServer(Engine(config, drives), folder)
-        begins = iter(began_ms)
-        monkeypatch.setattr(wmx_engine.time, "monotonic_ns", lambda: round(next(begins) * MS))
-        for _ in began_ms:
+        times = iter([time for cycle in cycles_ms for time in cycle])
+        monkeypatch.setattr(wmx_engine.time, "monotonic_ns", lambda: round(next(times) * MS))
+        for _ in cycles_ms:
             server.cycle()
         monkeypatch.undo()
         server.close()
     due_ms = (server.notes[: server.count, 0] / MS).tolist()
-    assert due_ms == [10.0, 11.0, 12.0, 15.0, 16.0]
-    assert (server.notes[: server.count, 1] / MS).tolist() == began_ms
+    assert due_ms == [10.0, 11.0, 12.0, 13.0, 15.0, 16.0]
+    assert (server.notes[: server.count, 1] / MS).tolist() == [begin for begin, _ in cycles_ms]

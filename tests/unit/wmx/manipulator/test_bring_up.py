@@ -45,7 +45,7 @@ class Story:
 
     def tick(self, *, stop: bool = False) -> StatusSnapshot | None:
         self.now_s += TICK_S
-        return self.bring_up.poll(self.now_s, stop)
+        return self.bring_up.poll(self.now_s, lambda: stop)
 
     def run(self, seconds: float, *, stop: bool = False) -> StatusSnapshot | None:
         snapshots = [self.tick(stop=stop) for _ in range(round(seconds / TICK_S))]

@@ -6,7 +6,7 @@ import gc
 import sys
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -41,9 +41,9 @@ class FakeBringUp:
         self.ends: list[bool] = []
         self.stops: set[bool] = set()
 
-    def poll(self, now_s: float, stop: bool) -> Any:
+    def poll(self, now_s: float, stopped: Callable[[], bool]) -> Any:
         assert abs(now_s - time.monotonic()) < 60.0
-        self.stops.add(stop)
+        self.stops.add(stopped())
         if isinstance(self.status, Exception):
             raise self.status
         return self.status

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import struct
 
 import pytest
 from hypothesis import given
@@ -23,8 +24,7 @@ def _written(ours: bytes, theirs: bytes) -> bool:
 
 def test_a_joint_state_by_hand():
     message = JointStateBytes(["ab"])
-    message.position[:] = 1.0
-    message.velocity[:] = -2.0
+    message.put([1.0], [-2.0])
     assert message.stamped(3_000_000_004).hex(" ", 4) == " ".join(
         [
             "00010000",  # CDR, little endian
@@ -47,7 +47,7 @@ def test_any_joint_state(names: list[str], data: st.DataObject, stamp_ns: int):
     values = st.lists(st.floats(allow_nan=False), min_size=len(names), max_size=len(names))
     position, velocity = data.draw(values), data.draw(values)
     ours = JointStateBytes(names)
-    ours.position[:], ours.velocity[:] = position, velocity
+    ours.put(position, velocity)
     theirs = JointState(name=names, position=position, velocity=velocity)
     theirs.header.stamp.sec, theirs.header.stamp.nanosec = divmod(stamp_ns, 10**9)
     assert deserialize_message(ours.stamped(stamp_ns), JointState) == theirs
@@ -57,17 +57,16 @@ def test_any_joint_state(names: list[str], data: st.DataObject, stamp_ns: int):
 @given(st.lists(st.floats(allow_nan=False), max_size=20))
 def test_any_array(values: list[float]):
     ours = ArrayBytes(len(values))
-    ours.data[:] = values
     theirs = Float64MultiArray(data=values)
-    assert deserialize_message(ours.message(), Float64MultiArray) == theirs
-    assert _written(ours.message(), serialize_message(theirs))
+    assert deserialize_message(ours.filled(values), Float64MultiArray) == theirs
+    assert _written(ours.filled(values), serialize_message(theirs))
 
 
 def test_values_change_from_one_message_to_the_next_and_sent_ones_do_not():
     message = JointStateBytes(NAMES)
-    message.position[:] = range(8)
+    message.put(range(8), [0.0] * 8)
     first = message.stamped(1)
-    message.position[0] = 0.5
+    message.put([0.5] * 8, [0.0] * 8)
     second = message.stamped(2)
     assert list(deserialize_message(first, JointState).position) == [float(value) for value in range(8)]
     assert deserialize_message(second, JointState).position[0] == 0.5
@@ -82,8 +81,16 @@ def test_an_unset_stamp_after_a_set_one():
     assert (stamp.sec, stamp.nanosec) == (0, 0)
 
 
+@pytest.mark.parametrize("count", [0, 7, 9])
+def test_another_number_of_values_is_refused(count: int):
+    with pytest.raises(struct.error):
+        JointStateBytes(NAMES).put([0.0] * count, [0.0] * 8)
+    with pytest.raises(struct.error):
+        ArrayBytes(8).filled([0.0] * count)
+
+
 @pytest.mark.parametrize("value", [0.045, math.pi, 5e-324, 1.7e308])
 def test_doubles_are_kept_to_the_last_bit(value: float):
     message = JointStateBytes(["finger"])
-    message.position[:] = value
+    message.put([value], [0.0])
     assert deserialize_message(message.stamped(0), JointState).position[0] == value
