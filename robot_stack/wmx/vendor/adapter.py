@@ -37,21 +37,37 @@ class Module(Member):
 
 
 class Device(Module):
-    """WMX3Api."""
+    """WMX3Api. Whoever gives no time is not told that the time is over: the vendor goes on with what was asked."""
 
     def __init__(self, theirs: Any, records: Records) -> None:
         super().__init__(theirs, calls.API, records)
         self._create = self.bound("CreateDevice", calls.API["CreateDevice"])
+        self._start = self.bound("StartCommunication", calls.API["StartCommunication"])
+        self._stop = self.bound("StopCommunication", calls.API["StopCommunication"])
+        self._quit = self.bound("AutoQuitWithoutActiveDev", calls.API["AutoQuitWithoutActiveDev"])
+        self._creating = False
 
     def CreateDevice(self, path: str, deviceType: int = 0, waitTimeMilliseconds: int = 0) -> int:
         """A second device on an open handle is refused: what the vendor makes of it is not documented."""
         if self.IsDeviceValid():  # type: ignore[attr-defined]
-            return ErrorCode.ResourceInUse
+            came_late, self._creating = self._creating, False
+            return ErrorCode.PyNone if came_late else ErrorCode.ResourceInUse
         code: int = self._create(path, deviceType, waitTimeMilliseconds)
+        self._creating = code == ErrorCode.EngineNotStartedInSpecifiedTime
         return code
 
+    def StartCommunication(self, waitTimeMilliseconds: int = 0) -> int:
+        code: int = self._start(waitTimeMilliseconds)
+        on_its_way = code == ErrorCode.CommNotStartedInSpecifiedTime and not waitTimeMilliseconds
+        return ErrorCode.PyNone if on_its_way else code
+
+    def StopCommunication(self, waitTimeMilliseconds: int = 0) -> int:
+        code: int = self._stop(waitTimeMilliseconds)
+        on_its_way = code == ErrorCode.CommNotStoppedInSpecifiedTime and not waitTimeMilliseconds
+        return ErrorCode.PyNone if on_its_way else code
+
     def AutoQuitWithoutActiveDev(self, quit: bool) -> int:
-        code: int = self.bound("AutoQuitWithoutActiveDev", calls.API["AutoQuitWithoutActiveDev"])(bool(quit))
+        code: int = self._quit(bool(quit))
         return code
 
     def communicating(self) -> int:

@@ -155,6 +155,9 @@ IO: Final[Calls] = {
 ECAT: Final[Calls] = {
     "ScanNetwork": _COMMAND,
     "GetMasterInfo": Call((EcMasterInfo,)),
+    "RegisterRead": Call((list[int],)),
+    "ResetTransmitStatisticsInfo": _COMMAND,
+    "StartHotconnect": _COMMAND,
 }
 
 

@@ -255,6 +255,33 @@ class TestCalls:
         assert engine.api.CreateDevice(str(harness.folder), 0, 0) == ErrorCode.ResourceInUse
         assert len(harness.module.CONTROL.named("WMX3Api.CreateDevice")) == created
 
+    def test_no_time_given_is_no_time_over(self, harness: VendorHarness, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Nodes give no time and look at the status: what the vendor has begun is no failure to them."""
+        engine, codes = harness.connect(), harness.module.ErrorCode
+        native = harness.module.WMX3Api
+        started, stopped = codes.CommNotStartedInSpecifiedTime, codes.CommNotStoppedInSpecifiedTime
+        monkeypatch.setattr(native, "StartCommunication", lambda _, __: started)
+        monkeypatch.setattr(native, "StopCommunication", lambda _, __: stopped)
+        engine = harness.connect("again")
+        assert engine.api.StartCommunication(0) == engine.api.StopCommunication(0) == GOOD
+        assert engine.api.StartCommunication(10) == ErrorCode.CommNotStartedInSpecifiedTime
+        assert engine.api.StopCommunication(10) == ErrorCode.CommNotStoppedInSpecifiedTime
+        monkeypatch.setattr(native, "StartCommunication", lambda _, __: codes.StartCommunicationError)
+        assert harness.connect("third").api.StartCommunication(0) == ErrorCode.StartCommunicationError
+
+    def test_device_that_came_after_its_time(self, harness: VendorHarness, monkeypatch: pytest.MonkeyPatch) -> None:
+        native = harness.module.WMX3Api
+        original = native.CreateDevice
+
+        def late(this: Any, *arguments: Any) -> int:
+            assert original(this, *arguments) == 0
+            return harness.module.ErrorCode.EngineNotStartedInSpecifiedTime  # type: ignore[no-any-return]
+
+        monkeypatch.setattr(native, "CreateDevice", late)
+        engine = harness.connect()
+        assert engine.api.IsDeviceValid()
+        assert engine.api.CreateDevice(str(harness.folder)) == ErrorCode.ResourceInUse
+
 
 class TestNumbers:
     def test_codes_have_the_ports_numbers_whatever_the_vendors_are(self, harness: VendorHarness) -> None:
