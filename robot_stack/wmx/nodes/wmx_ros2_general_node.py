@@ -121,7 +121,7 @@ class WmxRos2GeneralNode(StackNode):
         if session.stopped and not self.emergency_stop:
             session.release()
         stopped = "emergency stop" if session.stopped else ""
-        self.set_health(not session.problem, session.problem or stopped or "ready")
+        self.set_health(not session.problem, session.problem or stopped or session.idle or "ready")
         self.report.values = {"refused commands": str(session.refused), "last refusal": session.last_refusal}
 
     # --- end ---------------------------------------------------------------------------------------------------------
