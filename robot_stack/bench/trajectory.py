@@ -140,8 +140,19 @@ def _cancel(measured: _Measured, spline: Any, record: Record, canceled_ns: int, 
     last = int(np.flatnonzero(moving)[-1])
     measured.standstill_ms.append((int(record.stamp_ns[min(last + 1, len(moving) - 1)]) - canceled_ns) * 1e-6)
     measured.canceled_ms.append((result_ns - canceled_ns) * 1e-6)
-    fine = spline(np.linspace(0.0, spline.x[-1], 20_000))
-    measured.off_path_rad.append(float(np.abs(fine - record.command[-1]).max(axis=1).min()))
+    measured.off_path_rad.append(_off_path(spline, record.command[-1]))
+
+
+def _off_path(spline: Any, place: FloatArray) -> float:
+    """How far a place is from the nearest one on the path, rad of the joint that is furthest off."""
+    low, high = 0.0, float(spline.x[-1])
+    distances = np.zeros(1)
+    for _ in range(3):
+        times_s = np.linspace(low, high, 2000)
+        distances = np.abs(spline(times_s) - place).max(axis=1)
+        nearest = int(np.argmin(distances))
+        low, high = float(times_s[max(0, nearest - 1)]), float(times_s[min(len(times_s) - 1, nearest + 1)])
+    return float(distances.min())
 
 
 def _figures(measured: _Measured, runs: int) -> dict[str, float]:
@@ -153,6 +164,7 @@ def _figures(measured: _Measured, runs: int) -> dict[str, float]:
         "start_latency_ms_p99": percentile(measured.start_ms, 0.99),
         "start_latency_ms_p50": percentile(measured.start_ms, 0.5),
         "start_latency_ms_max": max(measured.start_ms),
+        "start_latency_ms_of_first_goal": measured.start_ms[0],
         "feedback_error_rad_max": max(measured.feedbacks, default=0.0),
         "runs": runs,
         "cancels": len(measured.standstill_ms),

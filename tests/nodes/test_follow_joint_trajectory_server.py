@@ -22,7 +22,7 @@ from control_msgs.msg import JointTolerance
 from robot_stack.contract import actions, services, topics
 from robot_stack.wmx.api import ErrorCode, OperationState
 from robot_stack.wmx.axes import StatusSnapshot
-from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE
+from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE, STALE_VARIABLE
 from tests.support.engine import TestEngine
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
@@ -37,11 +37,13 @@ STATUS_SUCCEEDED, STATUS_CANCELED, STATUS_ABORTED = 4, 5, 6
 Result = FollowJointTrajectory.Result
 SERVO_OFF, ALARM, NO_COMMUNICATION, NO_ENGINE = 1567, 1568, 1537, 263
 EMERGENCY_STOP_ON = 65632
+PATIENT = ("-p", "link.watchdog_s:=2.0")  # a busy machine holds the server up
 
 
 @pytest.fixture(autouse=True)
 def _six_joints(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(ENGINE_CONFIG_VARIABLE, "wmx_engine_manipulator")
+    monkeypatch.setenv(STALE_VARIABLE, "1.0")  # a busy machine holds the engine up
 
 
 def duration(seconds: float) -> Duration:
@@ -104,7 +106,7 @@ class Rig:
         return self.serve(*ros_args)
 
     def serve(self, *ros_args: str) -> Rig:
-        self.server = self.start(NAME, *ros_args)
+        self.server = self.start(NAME, *PATIENT, *ros_args)
         self.wait_health("")
         wait_for(self._client.server_is_ready, "the action")
         return self

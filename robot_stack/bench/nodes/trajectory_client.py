@@ -26,6 +26,8 @@ FloatArray = NDArray[np.float64]
 _JOINTS = [f"joint{number}" for number in range(1, 7)]
 _LONGEST_S = 30.0
 _CANCELED = 5
+# A planner's client is there long before its first goal; that the server knows its ends, too, no call tells.
+_DISCOVERY_S = 1.0
 
 
 class TrajectoryClient:
@@ -43,6 +45,8 @@ class TrajectoryClient:
 
     def __enter__(self) -> TrajectoryClient:
         self._wait(self._client.server_is_ready, "the trajectory server")
+        ready_s = time.monotonic()
+        self._wait(lambda: time.monotonic() - ready_s > _DISCOVERY_S, "the server to know this client")
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -15,7 +15,7 @@ from robot_stack.wmx.trajectory.execution import Execution, Phase
 from robot_stack.wmx.trajectory.goal import CheckedGoal
 from robot_stack.wmx.trajectory.results import Fault, GoalCode, Outcome, Result, aborted, canceled
 from robot_stack.wmx.trajectory.tolerances import Tolerances
-from tests.unit.wmx_trajectory.fake_arm import SETTINGS, TICK_S, FakeArm, goal
+from tests.unit.wmx.trajectory.fake_arm import SETTINGS, TICK_S, FakeArm, goal
 
 THERE = goal((0.0, (0.0, 0.0)), (1.0, (0.4, 0.2)), (2.0, (1.0, -0.2)))
 SILENT = Blind(Fault(ErrorCode.StatusChannelError, "engine status: stale"), gone=False)

@@ -7,7 +7,7 @@ import pytest
 from robot_stack.wmx.trajectory.goal import CheckedGoal
 from robot_stack.wmx.trajectory.goal_queue import GoalQueue
 from robot_stack.wmx.trajectory.results import Fault, GoalCode, Outcome, Result
-from tests.unit.wmx_trajectory.fake_arm import SETTINGS, TICK_S, FakeArm, goal
+from tests.unit.wmx.trajectory.fake_arm import SETTINGS, TICK_S, FakeArm, goal
 
 FIRST = goal((0.0, (0.0, 0.0)), (2.0, (1.0, 0.0)))
 SECOND = goal((0.0, (0.0, 0.0)), (1.0, (0.0, 1.0)))

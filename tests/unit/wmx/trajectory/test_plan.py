@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from robot_stack.wmx.trajectory.plan import plan_spline
 from robot_stack.wmx.trajectory.results import GoalCode, GoalRefused
 from robot_stack.wmx.trajectory.spline import ClampedSpline
-from tests.unit.wmx_trajectory.fake_arm import JOINTS, NO_LIMITS
+from tests.unit.wmx.trajectory.fake_arm import JOINTS, NO_LIMITS
 
 HERE = np.array([0.5, -0.5])
 # What the engine documents of itself.

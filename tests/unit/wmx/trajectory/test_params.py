@@ -1,0 +1,49 @@
+"""The configuration of the trajectory server."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from robot_stack.contract import actions, services
+from robot_stack.core.config import ConfigError, config_dir, load, read_yaml, validate
+from robot_stack.wmx.trajectory.params import TrajectoryServerParams, execution_settings, goal_limits
+
+DATA = read_yaml(config_dir() / "follow_joint_trajectory_server.yaml")
+
+
+def test_the_documented_defaults() -> None:
+    params = load(TrajectoryServerParams, "follow_joint_trajectory_server")
+    assert params.joint_trajectory_action == actions.FOLLOW_JOINT_TRAJECTORY.name
+    assert params.wmx_gripper_topic == services.SET_GRIPPER.name
+    assert (params.joint_number, params.max_points) == (6, 1000)
+    assert goal_limits(params).joints == tuple(f"joint{number}" for number in range(1, 7))
+    plan = execution_settings(params).plan
+    assert (plan.max_start_deviation_rad, sum(plan.max_velocity_radps), sum(plan.max_acceleration_radps2)) == (0, 0, 0)
+
+
+def test_names_of_fingers_have_no_axis() -> None:
+    names = [*DATA["joint_name"], "picker_1_joint", "picker_2_joint"]
+    params = validate(TrajectoryServerParams, {**DATA, "joint_name": names}, "test")
+    assert len(params.joints) == 6
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"joint_number": 0}, "joint_number"),
+        ({"joint_number": 7}, "joint_number"),
+        ({"joint_name": ["joint1"]}, "1 names for joint_number 6"),
+        ({"joint_name": ["joint1"] * 6}, "names must differ"),
+        ({"poll_rate_hz": 50.0}, "poll_rate_hz"),
+        ({"max_points": 1001}, "max_points"),
+        ({"gripper_output_bit": 8}, "gripper_output_bit"),
+        ({"joint_trajectory_action": ""}, "joint_trajectory_action"),
+        ({"start": {**DATA["start"], "max_velocity_radps": [1.0]}}, "a value for each of 6 joints"),
+        ({"link": {**DATA["link"], "watchdog_s": 0.15}}, "feed_period_s must be below half"),
+    ],
+)
+def test_what_cannot_work_is_refused(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        validate(TrajectoryServerParams, {**DATA, **changes}, "test")
