@@ -231,17 +231,29 @@ class InputsOutputs(Module):
 
 
 class Network(Module):
-    """Ecat; engine 3.5 has its Python call without the master that other versions want."""
+    """Ecat. The Python calls of engine 3.5 are without the master that those of other versions want first."""
 
     def __init__(self, theirs: Any, records: Records) -> None:
         super().__init__(theirs, calls.ECAT, records)
-        self._scan = self.bound("ScanNetwork", calls.ECAT["ScanNetwork"])
+        for name, call in calls.ECAT.items():
+            if not hasattr(type(self), name):
+                setattr(self, name, self._of_a_master(self.bound(name, call)))
+        self._scan = self._of_a_master(self.bound("ScanNetwork", calls.ECAT["ScanNetwork"]))
+
+    @staticmethod
+    def _of_a_master(run: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            try:
+                return run(*arguments)
+            except WRONG_ARGUMENTS:
+                return run(0, *arguments)
+
+        return call
 
     def ScanNetwork(self, masterId: int = 0) -> int:
-        try:
-            code: int = self._scan(masterId)
-        except WRONG_ARGUMENTS:
-            code = ErrorCode.ArgumentOutOfRange if masterId else self._scan()
+        if masterId:
+            return ErrorCode.ArgumentOutOfRange
+        code: int = self._scan()
         return code
 
 

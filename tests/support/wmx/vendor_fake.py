@@ -38,7 +38,7 @@ class Variant:
     """A version of the module. ``inserted``: by enumeration, at which number newer headers put an entry between."""
 
     io: str = "Io"
-    scan_takes_master: bool = False
+    ecat_takes_master: bool = False
     spline_times: str = "list"
     spline_call: str = "StartCSplinePos_PointTime"
     inserted: Mapping[str, int] = field(default_factory=dict)
@@ -49,7 +49,7 @@ V35: Final = Variant()
 V35_UINT: Final = Variant(spline_times="uintArray")
 NEWER: Final = Variant(
     io="IO",
-    scan_takes_master=True,
+    ecat_takes_master=True,
     spline_times="doubleArray",
     inserted={
         "ErrorCode": 1540,

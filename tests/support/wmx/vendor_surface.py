@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from robot_stack.wmx import api as port
-from tests.support.wmx.swig import BOOL, DOUBLE, INT, STR, UCHAR, UINT, ListOf, Of
+from tests.support.wmx.swig import BOOL, DOUBLE, INT, STR, UCHAR, UINT, CType, ListOf, Of
 from tests.support.wmx.swig import taken as take
 from tests.support.wmx.vendor_fake import BLOCKS, VENDOR_ONLY, Builder, Control, Device, Overloads, Variant
 
@@ -60,6 +60,13 @@ IO: Final[dict[str, Overloads]] = {
     "SetOutBytes": ((INT, INT, ListOf(UCHAR)),),
     "GetOutBytes": ((INT, INT),),
     "GetInBytes": ((INT, INT),),
+}
+ECAT: Final[dict[str, tuple[CType, ...]]] = {
+    "ScanNetwork": (),
+    "GetMasterInfo": (),
+    "RegisterRead": (INT, INT, INT),
+    "ResetTransmitStatisticsInfo": (),
+    "StartHotconnect": (),
 }
 SPLINES: Final[dict[str, Overloads]] = {
     "CreateSplineBuffer": ((UINT, UINT),),
@@ -283,19 +290,29 @@ def _io(builder: Builder, device: type) -> type:
 
 
 def _ecat(builder: Builder, device: type) -> type:
-    overloads: Overloads = AXIS if builder.variant.scan_takes_master else NONE
-
     def init(self: Any, *arguments: Any) -> None:
         (api,) = take("Ecat", ((Of(device),),), arguments)
         self.device = api.device
         self.sim = api.device.library.Ecat(api.device.api)
 
-    calls = {
-        "__init__": init,
-        "ScanNetwork": builder.method("Ecat", "ScanNetwork", overloads, "device"),
-        "GetMasterInfo": builder.method("Ecat", "GetMasterInfo", NONE, "device"),
-    }
-    return type("Ecat", (), {**calls, "ErrorToString": builder.text("Ecat")})
+    members: dict[str, Any] = {"__init__": init, "ErrorToString": builder.text("Ecat")}
+    for name, kinds in ECAT.items():
+        members[name] = _of_a_master(builder, name, kinds)
+    return type("Ecat", (), members)
+
+
+def _of_a_master(builder: Builder, name: str, kinds: tuple[CType, ...]) -> Any:
+    """A call that takes the number of a master first where the version wants one."""
+    with_master = builder.variant.ecat_takes_master
+
+    def run(self: Any, *arguments: Any) -> Any:
+        overloads = ((INT, *kinds),) if with_master else (kinds,)
+        given = builder.called("Ecat", name, overloads, self, arguments, "device")
+        if with_master and given[0] != 0:
+            return builder.answer(port.ErrorCode.ArgumentOutOfRange)
+        return builder.answer(getattr(self.sim, name)(*given[int(with_master) :]))
+
+    return run
 
 
 def _advanced_motion(builder: Builder, device: type) -> type:
