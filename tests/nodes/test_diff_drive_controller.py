@@ -64,6 +64,7 @@ class Rig:
         self.engine = self.start("engine", command=[sys.executable, str(script), str(self.orders)])
         socket = runtime_dir() / SOCKET_FILE
         wait_for(lambda: socket.exists() and socket.stat().st_ctime_ns >= not_before_ns, "the engine to listen", 60.0)
+        self._view = StatusView(runtime_dir(), 5.0)  # an older one would still show the engine before
 
     def start_node(self, *ros_args: str) -> NodeProcess:
         self.node = self.start("diff_drive_controller", *QUICK, *ros_args)
@@ -211,7 +212,7 @@ def test_commands_that_are_absurd_old_or_no_numbers(rig: Rig) -> None:
 
 
 def test_emergency_stop_without_and_with_a_safety_monitor(rig: Rig) -> None:
-    rig.ready("-p", "dec_time:=5.0")
+    rig.ready("-p", "dec_time:=5.0", "-p", "end_timeout_s:=0.2")
     rig.drive(0.9)
     rig.wait_wheels(0.9 / RADIUS_M, 0.9 / RADIUS_M)
     rig.press()
@@ -226,7 +227,7 @@ def test_emergency_stop_without_and_with_a_safety_monitor(rig: Rig) -> None:
     assert rig.node is not None
     rig.node.wait_output("waiting for the command to be zero or silent once")
     rig.drive(0.0)
-    rig.node.wait_output("ready")
+    rig.stays_at_rest()
     rig.drive(0.3)
     rig.wait_wheels(0.3 / RADIUS_M, 0.3 / RADIUS_M)
 
@@ -247,7 +248,7 @@ def test_emergency_stop_without_and_with_a_safety_monitor(rig: Rig) -> None:
 
 
 def test_alarm_and_lost_bus_in_motion(rig: Rig) -> None:
-    rig.ready("-p", "dec_time:=5.0")
+    rig.ready("-p", "dec_time:=5.0", "-p", "end_timeout_s:=0.2")
     device = rig.device()
     assert rig.node is not None
     rig.drive(0.5)
@@ -286,7 +287,7 @@ def test_alarm_and_lost_bus_in_motion(rig: Rig) -> None:
 
 
 def test_wheel_stopped_by_another_client_stops_the_base(rig: Rig) -> None:
-    rig.ready("-p", "dec_time:=5.0")
+    rig.ready("-p", "dec_time:=5.0", "-p", "end_timeout_s:=0.2")
     rig.drive(0.5)
     rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
     assert rig.device().core_motion.velocity.ExecQuickStop(0) == 0

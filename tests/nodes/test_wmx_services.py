@@ -62,7 +62,7 @@ def test_digital_io(rig: Rig) -> None:
     rig.wait_connected(services.IO_GET_INPUT_BIT)
 
     rig.engine.set(input0=0b0110)
-    wait_for(lambda: rig.call(services.IO_GET_INPUT_BYTES, byte=0, length=1).data == b"\x06", "the inputs")
+    wait_for(lambda: bytes(rig.call(services.IO_GET_INPUT_BYTES, byte=0, length=1).data) == b"\x06", "the inputs")
     bits = [rig.call(services.IO_GET_INPUT_BIT, byte=0, bit=bit).value for bit in range(4)]
     assert bits == [0, 1, 1, 0]
     assert said(rig.call(services.IO_GET_INPUT_BIT, byte=0, bit=1)) == (True, "Input bit 0.1 is 1")
@@ -95,7 +95,9 @@ def test_digital_io(rig: Rig) -> None:
         ),
     ):
         assert said(rig.call(row, **fields)) == (False, says)
-    assert rig.call(services.IO_GET_OUTPUT_BYTES, byte=7, length=1).data == b"\x07", "a refused write writes nothing"
+    assert bytes(rig.call(services.IO_GET_OUTPUT_BYTES, byte=7, length=1).data) == b"\x07", (
+        "a refused write writes nothing"
+    )
 
     # An emergency stop forbids what may move something, and a lost bus has no inputs.
     rig.peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
