@@ -24,6 +24,7 @@ HELD_UP_STALE_S = 2.0
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
+Unsigned = Annotated[int, Field(ge=0, lt=2**32)]
 Bit = Annotated[int, Field(ge=0, lt=8)]
 
 
@@ -68,6 +69,14 @@ class Homing(Config):
     acceleration_radps2: Positive
 
 
+class DriveIdentity(Config):
+    """What a simulated drive says on the network who it is."""
+
+    vendor_id: Unsigned
+    product_code: Unsigned
+    revision_no: Unsigned
+
+
 class Switches(Config):
     """Where the switches of a simulated drive lie, from its encoder's zero, in its encoder's direction. null: none."""
 
@@ -92,7 +101,8 @@ class Switches(Config):
 class AxisKind(Config):
     """One kind of axis. Encoder counts = rad * gear_numerator / gear_denominator * polarity.
 
-    ``limit_switches`` and ``homing`` null: the vendor's defaults; ``switches`` null: the drive has none.
+    ``limit_switches`` and ``homing`` null: the vendor's defaults; ``switches`` null: the drive has none; ``drive``
+    null: its identity is all zeros.
     """
 
     mode: Literal["position", "velocity"]
@@ -111,6 +121,7 @@ class AxisKind(Config):
     limit_switches: LimitSwitches | None = None
     homing: Homing | None = None
     switches: Switches | None = None
+    drive: DriveIdentity | None = None
 
     @model_validator(mode="after")
     def _one_deceleration(self) -> AxisKind:

@@ -128,6 +128,8 @@ class EcErrorCode(IntEnum):
     """Codes of the EtherCAT module."""
 
     ScanNetworkFailed = 8193
+    HotconnectFailed = 8194
+    SlaveRegReadError = 8208
 
 
 _TEXTS: Final[dict[int, str]] = {
@@ -184,6 +186,7 @@ _TEXTS: Final[dict[int, str]] = {
     AdvancedMotionErrorCode.DimensionOutOfRange: "the number of axes of the spline is out of range",
     AdvancedMotionErrorCode.PointCountBelowMinimum: "the spline has too few points that differ",
     EcErrorCode.ScanNetworkFailed: "the network scan failed",
+    EcErrorCode.HotconnectFailed: "no slave can be connected without communication",
 }
 
 Codes = type[IntEnum]

@@ -9,6 +9,7 @@ from robot_stack.wmx.api.enums import (
     AxisCommandMode,
     DetailOperationState,
     DeviceType,
+    EcHotconnectState,
     EcStateMachine,
     EngineState,
     EStopLevel,
@@ -115,17 +116,51 @@ class DevicesInfo:
 
 @dataclass(slots=True)
 class EcSlaveInfo:
+    """One slave. ``position`` counts along the wire, ``address`` is its station address."""
+
     id: int = 0
+    position: int = 0
+    address: int = 0
+    vendorId: int = 0
+    productCode: int = 0
+    revisionNo: int = 0
+    serialNo: int = 0
+    alias: int = 0
+    numOfAxes: int = 0
     state: int = EcStateMachine.PyNone
+    alStatusCode: int = 0
+    offline: int = 0
+    inaccessible: int = 0
+    newSlave: int = 0
+    reverseSlave: int = 0
+    inputAddr: int = 0
+    inputSize: int = 0
+    outputAddr: int = 0
+    outputSize: int = 0
 
 
 @dataclass(slots=True)
 class EcMasterStatisticsInfo:
-    """``commPeriod`` in ns; ``packetLoss`` counts cycles without an answer since communication started."""
+    """``commPeriod`` in ns; ``packetLoss`` counts cycles without an answer since communication started.
+
+    ``packetTimeout`` counts how often the bus was given up, ``overCycle`` cycles that came too late. Sizes in bytes.
+    """
 
     commPeriod: int = 0
     cycleCounter: int = 0
+    txDelay: int = 0
+    minTxDelay: int = 0
+    maxTxDelay: int = 0
     packetLoss: int = 0
+    packetTimeout: int = 0
+    totalAxesNum: int = 0
+    totalRxPdoSize: int = 0
+    totalTxPdoSize: int = 0
+    totalInputSize: int = 0
+    totalOutputSize: int = 0
+    overCycle: int = 0
+    ringNum: int = 0
+    hcState: int = EcHotconnectState.Idle
 
 
 @dataclass(slots=True)

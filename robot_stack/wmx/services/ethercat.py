@@ -17,12 +17,12 @@ MASTER = {
     "master_state": "state",
     "master_mode": "mode",
     "comm_period": "statisticsInfo.commPeriod",
-    "total_axes": "totalAxes",
-    "total_input_size": "totalInputSize",
-    "total_output_size": "totalOutputSize",
-    "ring_num": "ringNum",
-    "total_rxpdo_size": "totalRxPdoSize",
-    "total_txpdo_size": "totalTxPdoSize",
+    "total_axes": "statisticsInfo.totalAxesNum",
+    "total_input_size": "statisticsInfo.totalInputSize",
+    "total_output_size": "statisticsInfo.totalOutputSize",
+    "ring_num": "statisticsInfo.ringNum",
+    "total_rxpdo_size": "statisticsInfo.totalRxPdoSize",
+    "total_txpdo_size": "statisticsInfo.totalTxPdoSize",
     "tx_delay": "statisticsInfo.txDelay",
     "min_tx_delay": "statisticsInfo.minTxDelay",
     "max_tx_delay": "statisticsInfo.maxTxDelay",
@@ -52,7 +52,7 @@ SLAVE_FLAGS = {
     "slave_offline": "offline",
     "slave_inaccessible": "inaccessible",
     "slave_new": "newSlave",
-    "slave_reverse": "reverse",
+    "slave_reverse": "reverseSlave",
 }
 
 

@@ -1,4 +1,4 @@
-"""The port on the simulated engine, as its clients use it: device, status, emergency stop, I/O, network.
+"""The port on the simulated engine, as its clients use it: device, status, emergency stop, I/O.
 
 The path of CreateDevice and StartEngine: the vendor's installation roots and "" mean the stack's own runtime folder,
 any other path is taken as the runtime folder of an engine. The engine's process is started by whoever owns it (the
@@ -16,16 +16,13 @@ from pathlib import Path
 from typing import Any, Final, overload
 
 from robot_stack.core.runtime import runtime_dir
-from robot_stack.wmx.api.enums import EcStateMachine, EngineState
-from robot_stack.wmx.api.errors import CoreMotionErrorCode, EcErrorCode, ErrorCode, error_text
+from robot_stack.wmx.api.enums import EngineState
+from robot_stack.wmx.api.errors import CoreMotionErrorCode, ErrorCode, error_text
 from robot_stack.wmx.api.status import (
     CoreMotionAxisStatus,
     CoreMotionStatus,
     DeviceInfo,
     DevicesInfo,
-    EcMasterInfo,
-    EcMasterStatisticsInfo,
-    EcSlaveInfo,
     EngineStatus,
 )
 from robot_stack.wmx.api.values import INFINITE
@@ -336,29 +333,6 @@ class Io:
     @staticmethod
     def ErrorToString(code: int) -> str:
         return error_text(code, ErrorCode)
-
-
-class Ecat:
-    """The simulated network: one master, one slave per axis."""
-
-    def __init__(self, api: WMX3Api) -> None:
-        self._api = api
-
-    def ScanNetwork(self, masterId: int = 0) -> int:
-        return self._api.command("ScanNetwork", operator.index(masterId))
-
-    def GetMasterInfo(self) -> tuple[int, EcMasterInfo]:
-        code, values = self._api.call("GetMasterInfo")
-        if code:
-            return code, EcMasterInfo()
-        state, n_slaves, period_ns, cycles, lost = values
-        statistics = EcMasterStatisticsInfo(commPeriod=period_ns, cycleCounter=cycles, packetLoss=lost)
-        slaves = [EcSlaveInfo(index, EcStateMachine(state)) for index in range(n_slaves)]
-        return code, EcMasterInfo(0, EcStateMachine(state), 0, n_slaves, slaves, statistics)
-
-    @staticmethod
-    def ErrorToString(code: int) -> str:
-        return error_text(code, EcErrorCode, ErrorCode)
 
 
 def core_motion_status(snapshot: StatusSnapshot) -> CoreMotionStatus:

@@ -29,6 +29,7 @@ from robot_stack.wmx.simulated.devices import Device, DeviceTable
 from robot_stack.wmx.simulated.homing import Homing, rename
 from robot_stack.wmx.simulated.kernel import absorb, advance, cancel
 from robot_stack.wmx.simulated.motion import MotionControl
+from robot_stack.wmx.simulated.network import Network
 from robot_stack.wmx.simulated.parameter_set import ParameterSet, rescale
 from robot_stack.wmx.simulated.parameters import Parameters
 from robot_stack.wmx.simulated.state import Condition, EngineArrays
@@ -54,6 +55,7 @@ class Engine:
         self.commands = DriveCommands.zeros(config.n_axes, config.n_output_bytes)
         self.feedback = DriveFeedback.zeros(config.n_axes, config.n_input_bytes)
         self.homing = Homing(self.arrays, self.parameters, self.feedback)
+        self.network = Network(config, self.condition)
         self._bus = bus
         self._starting_cycles = 0
         self._shutdown_cycles = 0
@@ -147,6 +149,7 @@ class Engine:
         self._lost_in_a_row += 1
         if self._lost_in_a_row > self.config.timing.bus_lost_cycles:
             self.condition.error = ErrorCode.ServoOffline
+            self.network.timeouts += 1
             self._leave_communication()
 
     def _communicate(self) -> None:
@@ -278,6 +281,7 @@ class Engine:
         self.motion.splines.clear()
         self.parameters.reset()
         self.parameter_set.reset()
+        self.network.reset()
         fresh = Condition(self.config.cycle_time_s)
         self.condition.error = fresh.error
         self.condition.emergency_stop = fresh.emergency_stop

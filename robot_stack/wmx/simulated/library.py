@@ -5,7 +5,8 @@ from __future__ import annotations
 from robot_stack.wmx import Library
 from robot_stack.wmx import api as port
 from robot_stack.wmx.axes import StatusSnapshot
-from robot_stack.wmx.simulated.client import ClientLimits, CoreMotion, Ecat, Io, WMX3Api
+from robot_stack.wmx.simulated.client import ClientLimits, CoreMotion, Io, WMX3Api
+from robot_stack.wmx.simulated.client_network import Ecat
 from robot_stack.wmx.simulated.client_splines import AdvancedMotion
 
 

@@ -13,8 +13,8 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_stack.wmx.api.enums import AxisCommandMode, DeviceType, EcStateMachine
-from robot_stack.wmx.api.errors import EcErrorCode, ErrorCode
+from robot_stack.wmx.api.enums import AxisCommandMode, DeviceType
+from robot_stack.wmx.api.errors import ErrorCode
 from robot_stack.wmx.api.parameters import Config_EmergencyStopParam
 from robot_stack.wmx.api.values import (
     MAX_AXES,
@@ -301,18 +301,9 @@ def _start_spline(call: _Call, channel: Any, axes: Any, points: Any, times_ms: A
 # -- network -----------------------------------------------------------------------------------------------------------
 
 
-def _scan_network(call: _Call, master: Any) -> Answer:
-    if _int(master) != 0:
-        return ErrorCode.ArgumentOutOfRange, []
-    # A scan would disturb a running bus.
-    return _plain(EcErrorCode.ScanNetworkFailed if call.engine.condition.communicating else _NO_ERROR)
-
-
-def _get_master_info(call: _Call) -> Answer:
-    condition = call.engine.condition
-    state = EcStateMachine.Op if condition.communicating else EcStateMachine.Init
-    period_ns = round(1e9 * condition.cycle_time_s)
-    return _NO_ERROR, [state, call.engine.arrays.n_axes, period_ns, condition.cycles, condition.lost_cycles]
+def _register_read(call: _Call, slave: Any, address: Any, length: Any) -> Answer:
+    code, data = call.engine.network.read_registers(_int(slave), _int(address), _int(length))
+    return code, [] if code else [data]
 
 
 _HANDLERS: Final[dict[str, Callable[..., Answer]]] = {
@@ -380,8 +371,11 @@ _HANDLERS: Final[dict[str, Callable[..., Answer]]] = {
     "GetAllParameters": lambda c: (_NO_ERROR, list(c.engine.parameter_set.collect())),
     "SetOutBit": lambda c, byte, bit, value: _plain(c.engine.set_output_bit(_int(byte), _int(bit), _int(value))),
     "SetOutBytes": lambda c, byte, data: _plain(c.engine.set_outputs(_int(byte), _list(data, _int, 8000))),
-    "ScanNetwork": _scan_network,
-    "GetMasterInfo": _get_master_info,
+    "ScanNetwork": lambda c, master: _plain(c.engine.network.scan(_int(master))),
+    "GetMasterInfo": lambda c: (_NO_ERROR, [asdict(c.engine.network.info())]),
+    "RegisterRead": _register_read,
+    "ResetTransmitStatisticsInfo": lambda c: _plain(c.engine.network.reset_statistics()),
+    "StartHotconnect": lambda c: _plain(c.engine.network.start_hotconnect()),
 }
 _ARITY: Final = {name: handler.__code__.co_argcount - 1 for name, handler in _HANDLERS.items()}
 _WITHOUT_DEVICE: Final = frozenset({"CreateDevice", "StartEngine"})

@@ -25,6 +25,9 @@ from robot_stack.wmx.api import (
     Config_ProhibitOvertravelType,
     CoreMotionErrorCode,
     DetailOperationState,
+    EcErrorCode,
+    EcHotconnectState,
+    EcStateMachine,
     EngineState,
     ErrorCode,
     EStopLevel,
@@ -179,6 +182,9 @@ DEVICE_CALLS: dict[str, Call] = {
     "GetInBytes": lambda e: e.io.GetInBytes(0, 1),
     "ScanNetwork": lambda e: e.ecat.ScanNetwork(0),
     "GetMasterInfo": lambda e: e.ecat.GetMasterInfo(),
+    "RegisterRead": lambda e: e.ecat.RegisterRead(0, 0, 1),
+    "ResetTransmitStatisticsInfo": lambda e: e.ecat.ResetTransmitStatisticsInfo(),
+    "StartHotconnect": lambda e: e.ecat.StartHotconnect(),
     "CreateSplineBuffer": lambda e: e.advanced_motion.advMotion.CreateSplineBuffer(0, 10),
     "FreeSplineBuffer": lambda e: e.advanced_motion.advMotion.FreeSplineBuffer(0),
     "GetSplineBufferPoints": lambda e: e.advanced_motion.advMotion.GetSplineBufferPoints(0),
@@ -1594,6 +1600,39 @@ class EngineConformance(SplineConformance):
         assert info.numOfSlaves == len(info.slaves) == N_AXES
         assert info.statisticsInfo.commPeriod == 1_000_000
         assert info.statisticsInfo.packetLoss == 0
+        assert info.statisticsInfo.packetTimeout == 0
+        assert info.statisticsInfo.totalAxesNum == N_AXES
+        assert [slave.id for slave in info.slaves] == list(range(N_AXES))
+        assert {slave.state for slave in info.slaves} == {info.state} == {EcStateMachine.Op}
+        assert len({slave.address for slave in info.slaves}) == N_AXES
+        assert sum(slave.numOfAxes for slave in info.slaves) == N_AXES
+        assert not any(slave.offline for slave in info.slaves)
+
+    def test_registers(self, harness: Harness) -> None:
+        engine = harness.communicating()
+        code, data = engine.ecat.RegisterRead(1, 0x0130, 2)
+        assert (code, data) == (GOOD, [int(EcStateMachine.Op), 0]), "the slave's state"
+        code, data = engine.ecat.RegisterRead(N_AXES - 1, 0x0000, 0x1000)
+        assert (code, len(data)) == (GOOD, 0x1000)
+        for slave, address, length in (
+            (N_AXES, 0, 1),
+            (-1, 0, 1),
+            (0, -1, 1),
+            (0, 0, 0),
+            (0, 0, -1),
+            (0, 0x1000, 1),
+            (0, 0xFFF, 2),
+            (0, 0, 0x1001),
+        ):
+            assert engine.ecat.RegisterRead(slave, address, length) == (ErrorCode.ArgumentOutOfRange, [])
+
+    def test_statistics_and_hot_connect(self, harness: Harness) -> None:
+        engine = harness.connect()
+        assert engine.ecat.StartHotconnect() == EcErrorCode.HotconnectFailed, "nothing to join"
+        assert engine.ecat.ResetTransmitStatisticsInfo() == GOOD
+        assert engine.api.StartCommunication(20000) == GOOD
+        assert engine.ecat.StartHotconnect() == GOOD
+        assert engine.ecat.GetMasterInfo()[1].statisticsInfo.hcState == EcHotconnectState.Idle
 
     def test_error_texts(self, harness: Harness) -> None:
         engine = harness.connect()
