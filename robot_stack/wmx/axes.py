@@ -197,11 +197,11 @@ class StatusSnapshot:
 
     def input_bit(self, byte: int, bit: int) -> bool:
         """Digital input; False beyond the image: a missing input must look like an open contact."""
-        return 0 <= byte < self.inputs.size and bool(self.inputs[byte] >> bit & 1)
+        return 0 <= byte < self.inputs.size and bool(self.inputs.item(byte) >> bit & 1)
 
     def output_bit(self, byte: int, bit: int) -> bool:
         """Digital output as commanded; False beyond the image."""
-        return 0 <= byte < self.outputs.size and bool(self.outputs[byte] >> bit & 1)
+        return 0 <= byte < self.outputs.size and bool(self.outputs.item(byte) >> bit & 1)
 
 
 def empty_snapshot(n_axes: int = 0) -> StatusSnapshot:

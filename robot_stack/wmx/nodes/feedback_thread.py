@@ -54,11 +54,12 @@ class FeedbackThread:
     def start(self) -> None:
         self._thread.start()
 
-    def end(self) -> None:
-        """Returns when the device is given back, at the latest when the time for it is over."""
+    def end(self) -> bool:
+        """Returns when the device is given back, at the latest when the time for it is over: then False."""
         self._ended = True
         if self._thread.is_alive():
             self._thread.join(self._end_timeout_s + _JOIN_MARGIN_S)
+        return not self._thread.is_alive()
 
     def _run(self) -> None:
         try:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 
 from rclpy.exceptions import InvalidTopicNameException
-from rclpy.publisher import Publisher
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.core.config import ConfigError, config_dir
 from robot_stack.ros.node import StackNode, run
+from robot_stack.ros.raw import RawSender
 from robot_stack.wmx import connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config
@@ -36,9 +36,9 @@ class ManipulatorState(StackNode):
         self._message = JointStateBytes(params.joint_name)
         self._array = ArrayBytes(len(params.joint_name))
         encoder, isaac, gazebo = params.topics
-        self._encoder = self._publisher(topics.WMX_JOINT_STATES, encoder)
-        self._isaac = self._publisher(topics.ISAAC_JOINT_COMMAND, isaac)
-        self._gazebo = self._publisher(topics.GAZEBO_COMMANDS, gazebo)
+        self._encoder = self._sender(topics.WMX_JOINT_STATES, encoder)
+        self._isaac = self._sender(topics.ISAAC_JOINT_COMMAND, isaac)
+        self._gazebo = self._sender(topics.GAZEBO_COMMANDS, gazebo)
         self._isaac_stamp = params.isaacsim_stamp
         self._look_around()
         self._skipped = 0
@@ -63,11 +63,11 @@ class ManipulatorState(StackNode):
         self.every(_REPORT_HZ, self._tell)
         self._feedback.start()
 
-    def _publisher(self, row: Topic, name: str) -> Publisher | None:
+    def _sender(self, row: Topic, name: str) -> RawSender | None:
         if not name:
             return None
         try:
-            return self.advertise(row, name)
+            return RawSender(self.advertise(row, name))
         except InvalidTopicNameException as error:
             raise ConfigError(f"{self.get_name()}: {' '.join(str(error).split())}") from error
 
@@ -83,11 +83,11 @@ class ManipulatorState(StackNode):
         message.put(*values)
         stamp_ns = time.time_ns() if self._system_time else self.get_clock().now().nanoseconds
         if self._isaac is not None and self._isaac_heard:
-            self._isaac.publish(message.stamped(stamp_ns if self._isaac_stamp else 0))
+            self._isaac.send(message.stamped(stamp_ns if self._isaac_stamp else 0))
         if self._encoder is not None:
-            self._encoder.publish(message.stamped(stamp_ns))
+            self._encoder.send(message.stamped(stamp_ns))
         if self._gazebo is not None and self._gazebo_heard:
-            self._gazebo.publish(self._array.filled(values[0]))
+            self._gazebo.send(self._array.filled(values[0]))
         return True
 
     # --- in the executor ---------------------------------------------------------------------------------------------
@@ -95,8 +95,8 @@ class ManipulatorState(StackNode):
     def _look_around(self) -> None:
         """What is too dear to ask 500 times a second. Mirrors that nobody hears are not sent."""
         self._system_time = not self.get_clock().ros_time_is_active
-        self._isaac_heard = self._isaac is not None and self._isaac.get_subscription_count() > 0
-        self._gazebo_heard = self._gazebo is not None and self._gazebo.get_subscription_count() > 0
+        self._isaac_heard = self._isaac is not None and self._isaac.heard
+        self._gazebo_heard = self._gazebo is not None and self._gazebo.heard
 
     def _tell(self) -> None:
         self._look_around()
@@ -140,8 +140,11 @@ class ManipulatorState(StackNode):
 
     def safe_output(self) -> None:
         """Joints stopped, servos off that were switched on here, the device given back."""
-        self._feedback.end()
+        ended = self._feedback.end()
         self._log_lines()
+        for sender in (self._encoder, self._isaac, self._gazebo):
+            if ended and sender is not None:
+                sender.close()
 
 
 def main() -> None:
