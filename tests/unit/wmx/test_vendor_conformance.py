@@ -14,10 +14,10 @@ import pytest
 
 from tests.unit.wmx import conformance
 from tests.unit.wmx.conformance import EngineConformance
+from tests.unit.wmx.conftest import ALL_VARIABLE
 from tests.unit.wmx.harness import Harness
 from tests.unit.wmx.vendor_harness import LIBRARY_VARIABLE, RealHarness, VendorHarness, vendor_harness
 
-ALL_VARIABLE = "ROBOT_STACK_WMX_CONFORMANCE"
 # What these show is how the engine moves, which the fake has from the simulated engine: its own suites run them all.
 KINEMATICS = (
     "test_override_that_cannot_stop_in_time",
@@ -47,7 +47,7 @@ def engine() -> Iterator[VendorHarness]:
 
 
 class TestAdapterOnTheFake(EngineConformance):
-    """Every conformance test but the kinematics; with ROBOT_STACK_WMX_CONFORMANCE=all those as well."""
+    """The conformance tests but the kinematics, with fewer values; ROBOT_STACK_WMX_CONFORMANCE=all runs everything."""
 
     if os.environ.get(ALL_VARIABLE) != "all":
         for _name in KINEMATICS:
