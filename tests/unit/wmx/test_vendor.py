@@ -224,6 +224,12 @@ class TestCalls:
         assert engine.core_motion.motion.StartPos(command) == GOOD
         assert engine.io.SetOutBytes(np.int32(0), np.int64(2), np.array([1, 2], np.uint8)) == GOOD
         assert engine.io.GetOutBytes(0, 2) == (GOOD, [1, 2])
+        points = [port.AdvMotion_SplinePoint(list(row)) for row in np.array([[0.5], [0.75]])]
+        command = port.AdvMotion_PointTimeSplineCommand(np.int64(1), [axis])
+        splines = engine.advanced_motion.advMotion
+        assert splines.CreateSplineBuffer(np.int64(0), np.int64(10)) == GOOD
+        assert engine.core_motion.motion.Wait_TimeMilli(axis, 20000) == GOOD
+        assert splines.StartCSplinePos_PointTime(0, command, np.int64(2), points, np.array([100.0, 200.0])) == GOOD
 
     @pytest.mark.parametrize("value", [-1, 256, 2**31, 2**40])
     def test_number_too_large_for_its_c_type(self, harness: VendorHarness, value: int) -> None:
