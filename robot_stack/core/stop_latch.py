@@ -1,16 +1,21 @@
 """May this node act? The two-key rule of the emergency stop, as every node applies it.
 
 ``/emergency_stop`` true stops at once. A false alone releases nothing, because another source may still be pressed: the
-safety monitor must have said in ``/safety/status`` that the emergency is over.
+safety monitor must have said in ``/safety/status`` that the emergency is over. A machine without a safety monitor has
+one key only, until a monitor speaks.
 """
 
 from __future__ import annotations
 
 
 class StopLatch:
-    """Active from the first ``true``, or emergency in the status, until the last is false and the status clean."""
+    """Active from the first ``true``, or emergency in the status, until the last is false and the status clean.
 
-    def __init__(self) -> None:
+    monitored: a safety monitor belongs to the machine, whether or not it has been heard.
+    """
+
+    def __init__(self, *, monitored: bool = True) -> None:
+        self._monitored = monitored
         self._pressed = False
         self._emergency = False
         self._waiting_for_status = False
@@ -23,10 +28,11 @@ class StopLatch:
         if pressed:
             # The status that is on its way may have been sent before the monitor knew: wait for one that shows the
             # emergency, and only then believe one that shows none.
-            self._waiting_for_status = not self._emergency
+            self._waiting_for_status = self._monitored and not self._emergency
         self._pressed = pressed
 
     def on_safety_status(self, emergency: bool) -> None:
+        self._monitored = True
         if emergency:
             self._waiting_for_status = False
         self._emergency = emergency

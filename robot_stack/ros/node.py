@@ -17,7 +17,8 @@ from std_msgs.msg import Bool
 
 from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import topics
-from robot_stack.contract.model import Action, ContractViolation, SafetyState, Service, Topic
+from robot_stack.contract.model import Action, ContractViolation, SafetyState, Service, System, Topic
+from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.health import InputHealth, InputState
 from robot_stack.core.pauses import PauseBudget
 from robot_stack.core.robot import Robot, load_robot
@@ -50,7 +51,8 @@ class StackNode(Node):
         self._paused_s = 0.0
         self._pauses = 0
         self._pause_budget = PauseBudget(time.monotonic())
-        self._stop_latch = StopLatch()
+        # The machines of the motion-engine layer have no safety monitor of their own.
+        self._stop_latch = StopLatch(monitored=name not in BY_NAME or BY_NAME[name].system is not System.WMX)
         self.report = Report(self)
         self._subscribe_safety()
 
@@ -151,7 +153,10 @@ class StackNode(Node):
 
     @property
     def emergency_stop(self) -> bool:
-        """True from the first /emergency_stop true until the last is false and /safety/status shows no emergency."""
+        """True from the first /emergency_stop true until the last is false and /safety/status shows no emergency.
+
+        On a machine of the motion-engine layer without a safety monitor, until the last is false.
+        """
         return self._stop_latch.active
 
     def on_emergency_stop(self) -> None:

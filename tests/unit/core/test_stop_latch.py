@@ -49,9 +49,26 @@ def test_an_emergency_in_the_status_alone_stops() -> None:
     assert not latch.active
 
 
-@given(st.lists(st.tuples(st.sampled_from(["stop", "status"]), st.booleans())))
-def test_never_free_while_the_last_word_of_either_key_says_stop(events: list[tuple[str, bool]]) -> None:
-    latch = StopLatch()
+def test_where_no_monitor_belongs_to_the_machine_false_releases_until_one_speaks() -> None:
+    latch = StopLatch(monitored=False)
+    latch.on_emergency_stop(True)
+    assert latch.active
+    latch.on_emergency_stop(False)
+    assert not latch.active
+    latch.on_safety_status(False)
+    latch.on_emergency_stop(True)
+    latch.on_emergency_stop(False)
+    assert latch.active
+    latch.on_safety_status(True)
+    latch.on_safety_status(False)
+    assert not latch.active
+
+
+@given(st.booleans(), st.lists(st.tuples(st.sampled_from(["stop", "status"]), st.booleans())))
+def test_never_free_while_the_last_word_of_either_key_says_stop(
+    monitored: bool, events: list[tuple[str, bool]]
+) -> None:
+    latch = StopLatch(monitored=monitored)
     last = {"stop": False, "status": False}
     for kind, value in events:
         (latch.on_emergency_stop if kind == "stop" else latch.on_safety_status)(value)
