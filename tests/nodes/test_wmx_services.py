@@ -154,3 +154,47 @@ def test_parameters(rig: Rig, tmp_path: Path) -> None:
     assert motion.motion.StartJog(Motion_JogCommand(1, Profile.SetupTrapezoidal(0.1, 5.0, 5.0))) == 0
     moving = (False, f"Failed to load parameters from '{file}': axes 1 are moving")
     wait_for(lambda: said(rig.call(services.PARAMS_LOAD, file_path=file)) == moving, "the refusal while it moves")
+
+
+def test_ethercat_network(rig: Rig) -> None:
+    rig.start("wmx_ethercat_node")
+    for row, failed in (
+        (services.ECAT_GET_NETWORK_STATE, "Failed to get network state"),
+        (services.ECAT_REGISTER_READ, "Failed to read registers"),
+        (services.ECAT_RESET_STATISTICS, "Failed to reset statistics"),
+        (services.ECAT_START_HOTCONNECT, "Failed to start hot connect"),
+    ):
+        assert said(rig.call(row)) == (False, f"{failed}. {NO_ENGINE}")
+    rig.start_engine()
+    rig.wait_connected(services.ECAT_GET_NETWORK_STATE)
+
+    state = rig.call(services.ECAT_GET_NETWORK_STATE)
+    assert said(state) == (True, "Master 0 with 4 slaves")
+    assert (state.master_state, state.comm_period, state.total_axes, state.num_of_slaves) == (8, 1_000_000, 4, 4)
+    assert (list(state.slave_ids), list(state.slave_states)) == ([0, 1, 2, 3], [8, 8, 8, 8])
+    assert list(state.slave_offline) == [False] * 4
+    read = rig.call(services.ECAT_REGISTER_READ, slave_id=1, reg_address=0x130, length=2)
+    assert said(read) == (True, "Read 2 register bytes of slave 1 from 0x130")
+    assert bytes(read.data) == b"\x08\0"
+    assert said(rig.call(services.ECAT_RESET_STATISTICS)) == (True, "Statistics reset of master 0")
+    assert said(rig.call(services.ECAT_START_HOTCONNECT)) == (True, "Hot connect started of master 0")
+
+    for row, fields, says in (
+        (services.ECAT_GET_NETWORK_STATE, {"master_id": 1}, "master_id must be 0, is 1"),
+        (services.ECAT_RESET_STATISTICS, {"master_id": -1}, "master_id must be 0, is -1"),
+        (services.ECAT_START_HOTCONNECT, {"master_id": 1}, "master_id must be 0, is 1"),
+        (services.ECAT_REGISTER_READ, {"master_id": 1, "length": 1}, "master_id must be 0, is 1"),
+        (services.ECAT_REGISTER_READ, {"length": 0}, "length must be in 1..4096, is 0"),
+        (services.ECAT_REGISTER_READ, {"reg_address": 4095, "length": 2}, "must be at most 0x1000, are 0x1001"),
+        (services.ECAT_REGISTER_READ, {"slave_id": 4, "length": 1}, "Error=1555 (an argument is out of range)"),
+    ):
+        answer = rig.call(row, **fields)
+        assert not answer.success
+        assert answer.message.endswith(says)
+
+    rig.engine.set(connected=False)
+    lost = "Error=8194 (no slave can be connected without communication)"
+    wait_for(lambda: rig.call(services.ECAT_START_HOTCONNECT).message.endswith(lost), "the lost bus")
+    state = rig.call(services.ECAT_GET_NETWORK_STATE)
+    assert (state.success, state.master_state) == (True, 1)
+    assert state.packet_timeout == 1

@@ -87,7 +87,7 @@ class DiffDriveController(StackNode):
     # --- tick --------------------------------------------------------------------------------------------------------
 
     def _tick(self) -> None:
-        state = self._session.poll(self.steady_s(), stop=self._stop_in_force())
+        state = self._session.poll(self.steady_s(), stop=self.emergency_stop)
         wish = self._command.wish(self.steady_s())
         if state.stage is Stage.READY and state.snapshot is not None:
             self._drive(wish, state.snapshot)
@@ -97,12 +97,6 @@ class DiffDriveController(StackNode):
         if state.snapshot is not None:
             self._report_motion(state.snapshot)
         self._tell(state.stage, state.text, wish)
-
-    def _stop_in_force(self) -> bool:
-        """Where no safety monitor has ever spoken, the last /emergency_stop alone decides."""
-        if self.safety_status_input.latest is None and self.emergency_stop_input.latest is not None:
-            return bool(self.emergency_stop_input.latest.data)
-        return self.emergency_stop
 
     def _drive(self, wish: Wish, snapshot: StatusSnapshot) -> None:
         """What has been sent is not sent again: it would begin the change of speed anew."""
@@ -170,7 +164,7 @@ class DiffDriveController(StackNode):
         """Wheels to a stop, servos off, device given back. The bus is left to those who still use it."""
         deadline_s = time.monotonic() + self.params.end_timeout_s
         while time.monotonic() < deadline_s:
-            state = self._session.poll(self.steady_s(), stop=self._stop_in_force())
+            state = self._session.poll(self.steady_s(), stop=self.emergency_stop)
             if state.snapshot is None:
                 break
             if self._session.standing(state.snapshot):

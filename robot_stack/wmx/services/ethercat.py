@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 from robot_stack.wmx.api import ErrorCode
 from robot_stack.wmx.api.port import Ecat
@@ -12,7 +11,7 @@ from robot_stack.wmx.general.answers import Answer, failure
 
 _REGISTERS = 0x1000
 
-# Fields of the answer -> where the engine's record holds them. What a version of it does not have stays 0 or false.
+# Fields of the answer -> where the engine's record holds them.
 MASTER = {
     "master_state": "state",
     "master_mode": "mode",
@@ -98,8 +97,9 @@ def read_registers(ecat: Ecat, master_id: int, slave_id: int, address: int, leng
     bad = _bad_registers(slave_id, address, length)
     if bad:
         return RegistersRead(Answer(False, f"{what}: {bad}"))
-    read = _function(ecat, "RegisterRead")
-    code, values = read(slave_id, address, length) if read else (ErrorCode.NoSupportedFunction, [])
+    code, values = ecat.RegisterRead(slave_id, address, length)
+    if not code and len(values) != length:
+        code = ErrorCode.ArgumentOutOfRange
     if code:
         return RegistersRead(failure(what, code, ecat.ErrorToString))
     return RegistersRead(
@@ -109,26 +109,20 @@ def read_registers(ecat: Ecat, master_id: int, slave_id: int, address: int, leng
 
 def reset_statistics(ecat: Ecat, master_id: int) -> Answer:
     """Starts the counters of a master anew."""
-    return _request(ecat, master_id, "ResetTransmitStatisticsInfo", "reset statistics", "Statistics reset")
+    return _request(ecat, master_id, ecat.ResetTransmitStatisticsInfo, "reset statistics", "Statistics reset")
 
 
 def start_hotconnect(ecat: Ecat, master_id: int) -> Answer:
     """Takes in slaves that were connected while the network communicates."""
-    return _request(ecat, master_id, "StartHotconnect", "start hot connect", "Hot connect started")
+    return _request(ecat, master_id, ecat.StartHotconnect, "start hot connect", "Hot connect started")
 
 
-def _request(ecat: Ecat, master_id: int, name: str, doing: str, done: str) -> Answer:
+def _request(ecat: Ecat, master_id: int, request: Callable[[], int], doing: str, done: str) -> Answer:
     what = f"Failed to {doing} of master {master_id}"
     if master_id != 0:
         return _unknown_master(what, master_id)
-    request = _function(ecat, name)
-    code = request() if request else int(ErrorCode.NoSupportedFunction)
+    code = request()
     return failure(what, code, ecat.ErrorToString) if code else Answer(True, f"{done} of master {master_id}")
-
-
-def _function(ecat: Ecat, name: str) -> Callable[..., Any] | None:
-    """A call that not every version of the engine has."""
-    return getattr(ecat, name, None)
 
 
 def _unknown_master(what: str, master_id: int) -> Answer:
@@ -149,5 +143,6 @@ def _bad_registers(slave_id: int, address: int, length: int) -> str:
 
 def _number(record: object, path: str) -> int:
     for name in path.split("."):
-        record = getattr(record, name, 0)
-    return int(record)  # type: ignore[call-overload, no-any-return]
+        record = getattr(record, name)
+    assert isinstance(record, int)
+    return int(record)
