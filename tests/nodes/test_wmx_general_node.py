@@ -70,7 +70,7 @@ class Bench:
         """Engine with bus and servos on, node with a device."""
         self.engine.run().up()
         self.start_node(*ros_args)
-        self.node.wait_output("ready")
+        self.node.wait_output("ready, the engine is Communicating")
 
     def call(self, row: Service, request: Any = None) -> tuple[bool, str]:
         response = self.peer.call(row, request)
@@ -480,19 +480,24 @@ def test_nothing_goes_on_moving_without_its_node(bench: Bench, start: Start) -> 
     bench.wait_status(lambda now: now.velocity_cmd[3] == 5.0, "the velocity again")
     bench.peer.silence(topics.WMX_AXIS_VELOCITY)
     bench.wait_status(at_rest(3), "standstill")
-    bench.node.stop()
+    far = {"index": [0, 1], "target": [1e3] * 2, "velocity": [5.0] * 2, **_pair()}
+    bench.peer.publish(topics.WMX_AXIS_POSITION, pose(**far))
+    bench.wait_status(lambda now: min(now.velocity_cmd[:2]) > 4.0, "motion")
+    bench.node.signal(signal.SIGKILL)
+    bench.wait_status(at_rest(0, 1), "standstill")
+    assert bench.node.wait() == -signal.SIGKILL
 
-    for number in (signal.SIGKILL, signal.SIGTERM):
-        bench.start_node("-p", "axis_count:=4", "-p", "rated_torque_nm:=[1.0, 0.0, 2.0, 3.0]")
-        bench.states.wait(lambda state: len(state.servo_on) == N_AXES, "state of all axes")
-        assert {len(getattr(bench.states.last, name)) for name in AxisState.get_fields_and_field_types()} == {N_AXES}
-        bench.turn([0, 1], 2.0)
-        bench.node.signal(number)
-        bench.wait_status(at_rest(0, 1), "standstill")
-        assert bench.node.wait() == (0 if number is signal.SIGTERM else -signal.SIGKILL)
-        bench.states.items.clear()
-    assert bench.status().communicating  # the bus stays for the others
-    assert bench.status().servo_on.all()
+    bench.states.items.clear()
+    bench.start_node("-p", "axis_count:=4", "-p", "rated_torque_nm:=[1.0, 0.0, 2.0, 3.0]")
+    bench.states.wait(lambda state: len(state.servo_on) == N_AXES, "state of all axes")
+    assert {len(getattr(bench.states.last, name)) for name in AxisState.get_fields_and_field_types()} == {N_AXES}
+    bench.turn([0, 1], 2.0)
+    bench.node.signal(signal.SIGTERM)
+    assert bench.node.wait() == 0
+    now = bench.status()
+    assert at_rest(0, 1)(now)
+    assert now.communicating  # the bus stays for the others
+    assert now.servo_on.all()
 
     refused = start(NAME, "-p", "axis_count:=5")
     assert refused.wait() == 2, refused.output()

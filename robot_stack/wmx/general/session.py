@@ -47,8 +47,7 @@ class GeneralSession:
         self.engine = EngineServices(self.device, waits, params, time.monotonic, lambda: self._stopped, log)
         self.motion = AxisMotion(self.device, params.velocity_timeout_s)
         self.worker = EngineWorker(1.0 / rate_hz, self._tick, self._close)
-        self.problem = "starting"
-        self.idle = ""  # no problem: communication starts when a client asks for it
+        self.problem, self.state = "starting", "Unknown"
         self.n_axes: int | None = None
         self.refused = 0
         self.last_refusal = ""
@@ -88,14 +87,12 @@ class GeneralSession:
             self.problem = f"no status of the engine: {self.device.base_text(code)}"
             return
         self.n_axes = snapshot.n_axes
-        self.problem = self.idle = ""
+        self.problem, self.state = "", snapshot.engine_state.name
         if not snapshot.communicating:
-            self.idle = f"the engine does not communicate with the drives: it is {snapshot.engine_state.name}"
             return
         if self._stopped:
-            self._stop_moving(
-                snapshot, [axis for axis in self.device.moving(snapshot) if not _stopping(snapshot, axis)]
-            )
+            moving = [axis for axis in self.device.moving(snapshot) if not _stopping(snapshot, axis)]
+            self._stop_moving(snapshot, moving)
         cycle = (snapshot.epoch, snapshot.cycle_counter)
         if snapshot.n_axes >= self._params.axis_count and cycle != self._published:  # an engine that hangs is no news
             self._published = cycle

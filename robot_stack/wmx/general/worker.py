@@ -24,6 +24,12 @@ class _Running:
     done: Callable[[Answer], None]
 
 
+def next_deadline(due_s: float, period_s: float, now_s: float) -> float:
+    """The deadline after ``due_s``; where several have passed, the last of them: ticks that are missed are missed."""
+    missed = (now_s - due_s) // period_s
+    return due_s + period_s * max(1.0, missed)
+
+
 class EngineWorker:
     """``tick`` is called once per period on absolute deadlines, ``close`` at the end; both in the thread."""
 
@@ -70,8 +76,7 @@ class EngineWorker:
                     break
                 self._tick()
                 self._jobs = [running for running in self._jobs if self._goes_on(running)]
-                # A tick that is missed is missed: the next ones are on time again, not all at once.
-                due_s = max(due_s + self._period_s, time.monotonic())
+                due_s = next_deadline(due_s, self._period_s, time.monotonic())
         except BaseException as error:
             self.failure = error
         finally:

@@ -120,8 +120,9 @@ class WmxRos2GeneralNode(StackNode):
             )
         if session.stopped and not self.emergency_stop:
             session.release()
-        stopped = "emergency stop" if session.stopped else ""
-        self.set_health(not session.problem, session.problem or stopped or session.idle or "ready")
+        # Without communication as well: to start it is one of the services.
+        stopped = ", emergency stop" if session.stopped else ""
+        self.set_health(not session.problem, session.problem or f"ready, the engine is {session.state}{stopped}")
         self.report.values = {"refused commands": str(session.refused), "last refusal": session.last_refusal}
 
     # --- end ---------------------------------------------------------------------------------------------------------
