@@ -69,7 +69,10 @@ class MotionEngine:
 
     def close(self) -> None:
         """Gives the device back: axes it commanded last are stopped by the engine."""
-        self.api.CloseDevice()
+        for _ in range(_CLOSE_TRIES):
+            if self.api.CloseDevice() != ErrorCode.CloseDeviceLockError:
+                return
+            time.sleep(_POLL_S)
 
     def __enter__(self) -> MotionEngine:
         return self
@@ -104,6 +107,8 @@ def connect(name: str, config: ClientConfig | None = None, timeout_s: float | No
     return MotionEngine(library, api)
 
 
+_CLOSE_TRIES: Final = 20
+"""While others close theirs. Whoever is not let in leaves it to the engine, which sees the process end."""
 _PASSING: Final = frozenset(
     {
         ErrorCode.CreateDeviceLockError,

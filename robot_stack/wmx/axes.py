@@ -97,6 +97,7 @@ class StatusSnapshot:
     flags: NDArray[np.int64]
     inputs: NDArray[np.uint8]
     outputs: NDArray[np.uint8]
+    invalid_license: bool = False
 
     def age_s(self, now_ns: int) -> float:
         """Seconds since publication at ``now_ns`` of the monotonic clock; infinite for a snapshot never published."""

@@ -171,12 +171,16 @@ class Server(Config):
 
 
 class EngineConfig(Config):
-    """The whole file. ``n_axes`` is the number of axes listed."""
+    """The whole file. ``n_axes`` is the number of axes listed.
+
+    ``license_s``: so long an engine may communicate, as one on a trial license; null: for ever.
+    """
 
     cycle_time_s: Annotated[float, Field(gt=0.0, le=0.1)]
     n_input_bytes: Annotated[int, Field(ge=1, le=MAX_IO_BYTES)]
     n_output_bytes: Annotated[int, Field(ge=1, le=MAX_IO_BYTES)]
     quit_without_devices: bool
+    license_s: Positive | None = None
     estop_servo_off: bool
     estop_signal: EStopSignal
     timing: Timing

@@ -142,6 +142,7 @@ _TEXTS: Final[dict[int, str]] = {
     ErrorCode.StatusChannelNull: "the engine publishes no status",
     ErrorCode.ReachMaxChannelNumber: "no free device channel is left",
     ErrorCode.CreateDeviceLockError: "another device is being created at this moment",
+    ErrorCode.CloseDeviceLockError: "another device is being closed at this moment",
     ErrorCode.DeviceIsNull: "there is no open device",
     ErrorCode.NoSupportedFunction: "the function is not supported",
     ErrorCode.EngineNotStartedInSpecifiedTime: "the engine did not start in the given time",

@@ -45,7 +45,10 @@ class WMX3Api(Protocol):
         ...
 
     def CloseDevice(self) -> int:
-        """Gives the device back; axes that it commanded last are stopped. The last device ends the engine."""
+        """Gives the device back; axes that it commanded last are stopped. The last device ends the engine.
+
+        With CloseDeviceLockError it stays open: try again.
+        """
         ...
 
     def IsDeviceValid(self) -> bool: ...

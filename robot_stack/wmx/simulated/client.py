@@ -171,7 +171,8 @@ class WMX3Api:
 
     def CloseDevice(self) -> int:
         code = self.command("CloseDevice")
-        self._forget()
+        if code != ErrorCode.CloseDeviceLockError:
+            self._forget()
         return code
 
     def IsDeviceValid(self) -> bool:
@@ -338,6 +339,7 @@ class Io:
 def core_motion_status(snapshot: StatusSnapshot) -> CoreMotionStatus:
     """The vendor's status record of a snapshot; the records of the axes are made when they are looked at."""
     return CoreMotionStatus(
+        invalidLicenseError=snapshot.invalid_license,
         engineState=snapshot.engine_state,
         numOfInterrupts=1,
         cycleTimeMilliseconds=[1e3 * snapshot.cycle_time_s, 0.0],

@@ -56,6 +56,7 @@ class Engine:
         self.feedback = DriveFeedback.zeros(config.n_axes, config.n_input_bytes)
         self.homing = Homing(self.arrays, self.parameters, self.feedback)
         self.network = Network(config, self.condition)
+        self._license_cycles = round((config.license_s or 0.0) / config.cycle_time_s)
         self._bus = bus
         self._starting_cycles = 0
         self._shutdown_cycles = 0
@@ -96,6 +97,8 @@ class Engine:
                 self._communicate()
         elif self.parameters.emergency_stop.enableEStopSignal:
             self._check_estop_signal()
+        if self._license_cycles:
+            self._use_license()
 
     def _advance(self) -> None:
         self.motion.splines.advance()
@@ -187,6 +190,14 @@ class Engine:
         self.commands.servo_on.fill(False)
         self.commands.velocity_counts_per_s.fill(0.0)
 
+    def _use_license(self) -> None:
+        """A trial license that has run out ends communication as a client would."""
+        condition = self.condition
+        condition.licensed_cycles += condition.communicating
+        if condition.licensed_cycles >= self._license_cycles and condition.communicating:
+            condition.invalid_license = True
+            self.stop_communication()
+
     def _check_estop_signal(self) -> None:
         if self._estop_signal_on():
             level = EStopLevel(self.parameters.emergency_stop.eStopSignalLevel)
@@ -253,7 +264,7 @@ class Engine:
         """Begins to start the bus; it is up some cycles later, or never if the bus does not answer."""
         if self.condition.communicating:
             return _NO_ERROR
-        if self.condition.state is not EngineState.Running:
+        if self.condition.state is not EngineState.Running or self.condition.invalid_license:
             return ErrorCode.StartCommunicationError
         if not self._starting_cycles:
             self._starting_cycles = self.config.timing.communication_start_cycles
@@ -287,6 +298,8 @@ class Engine:
         self.condition.emergency_stop = fresh.emergency_stop
         self.condition.emergency_stop_level = fresh.emergency_stop_level
         self.condition.lost_cycles = fresh.lost_cycles
+        self.condition.invalid_license = fresh.invalid_license
+        self.condition.licensed_cycles = fresh.licensed_cycles
         self.auto_quit = self.config.quit_without_devices
         self._may_quit = False
         self.commands.outputs.fill(0)

@@ -71,6 +71,7 @@ class EngineServer:
         self._clients: dict[int, _Client] = {}
         self._busy: set[int] = set()
         self._lock_until_ns = 0
+        self._close_lock_until_ns = 0
         self._creator: int | None = None
         self._published_ns = 0
         self._publish()
@@ -131,6 +132,10 @@ class EngineServer:
     def creating(self) -> bool:
         """A device is being created at this moment."""
         return self._creator is not None
+
+    def inject_close_lock(self, duration_s: float) -> None:
+        """Refuses to close devices for so long, as if others were at it. For tests."""
+        self._close_lock_until_ns = self._clock_ns() + round(1e9 * duration_s)
 
     def inject_create_lock(self, duration_s: float) -> None:
         """Makes device creation fail with the lock error for a while, as if another process were at it."""
@@ -194,6 +199,8 @@ class EngineServer:
             number, method, *arguments = client.requests.popleft()
             if method == "CreateDevice" and not client.session.device:
                 self._begin_creation(descriptor, client, number, arguments)
+            elif method == "CloseDevice" and self._clock_ns() < self._close_lock_until_ns:
+                self._put(client, number, (ErrorCode.CloseDeviceLockError, []))
             else:
                 self._put(client, number, execute(self.engine, client.session, method, arguments))
         if not client.requests:

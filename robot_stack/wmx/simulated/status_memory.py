@@ -35,13 +35,13 @@ from robot_stack.wmx.simulated.engine import Engine
 STATUS_FILE: Final = "engine.status"
 
 _MAGIC: Final = 0x53_58_4D_57  # "WMXS"
-_LAYOUT: Final = 2
+_LAYOUT: Final = 3
 _HEAD: Final = struct.Struct("<qqqqqqqq")
 """magic, layout, axes, input bytes, output bytes, checksum used, checksum, sequence number"""
 _CHECKSUM_AT: Final = 48
 _SEQUENCE_AT: Final = 56
-_META: Final = struct.Struct("<qqqqqqqqqq")
-"""state, epoch, cycles, stamp ns, cycle time ns, error, emergency stop, its level, lost cycles, overruns"""
+_META: Final = struct.Struct("<qqqqqqqqqqq")
+"""state, epoch, cycles, stamp ns, cycle time ns, error, emergency stop, its level, lost cycles, overruns, license"""
 
 _TRIES: Final = 2000
 _PATIENT_TRIES: Final = 50
@@ -92,6 +92,7 @@ class StatusWriter:
             condition.emergency_stop_level,
             condition.lost_cycles,
             condition.overruns,
+            condition.invalid_license,
         )
         self._reals[:] = engine.arrays.reals
         self._flags[:] = engine.arrays.flags
@@ -146,7 +147,8 @@ class _Layout:
 
     def snapshot(self, contents: NDArray[np.uint8]) -> StatusSnapshot:
         """The snapshot in a copy of the page's contents, which begin after the head."""
-        state, epoch, cycles, stamp_ns, cycle_ns, error, stop, level, lost, overruns = _META.unpack_from(contents.data)
+        meta = _META.unpack_from(contents.data)
+        state, epoch, cycles, stamp_ns, cycle_ns, error, stop, level, lost, overruns, unlicensed = meta
         skip = _HEAD.size
         reals = contents[self.reals - skip : self.flags - skip].view(np.float64).reshape(N_REALS, self.n_axes)
         flags = contents[self.flags - skip : self.inputs - skip].view(np.int64).reshape(N_FLAGS, self.n_axes)
@@ -166,6 +168,7 @@ class _Layout:
             flags=flags,
             inputs=contents[self.inputs - skip : self.outputs - skip],
             outputs=contents[self.outputs - skip :],
+            invalid_license=bool(unlicensed),
         )
 
 
