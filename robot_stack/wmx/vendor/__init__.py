@@ -27,7 +27,8 @@ def vendor_library(library_path: str, n_axes: int, n_io_bytes: int, status_stale
     try:
         surface = probe(import_vendor(library_path))
     except VendorLibraryError as error:
-        raise EngineError("vendor engine", ErrorCode.IMLibIsNotRunning, str(error)) from error
+        # Not "no engine is running there": that is waited for in silence, and this needs somebody to read it.
+        raise EngineError("vendor engine", ErrorCode.StartProcessFailed, str(error)) from error
     return library(surface, Records(surface.module, n_axes), n_io_bytes, status_stale_s)
 
 

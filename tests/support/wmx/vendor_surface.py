@@ -136,7 +136,8 @@ def _device(builder: Builder) -> type:
 
     def close_device(self: Any, *arguments: Any) -> int:
         code: int = close(self, *arguments)
-        self.device.created, self.device.closed = False, True
+        if not code:
+            self.device.created, self.device.closed = False, True
         return code
 
     calls |= {"__init__": init, "CreateDevice": create, "CloseDevice": close_device}

@@ -29,6 +29,7 @@ from robot_stack.wmx.api import (
 )
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.config import ClientConfig
+from robot_stack.wmx.link import EngineLink
 from robot_stack.wmx.vendor import records
 from robot_stack.wmx.vendor.names import STRANGER, NumberMap, error_map
 from robot_stack.wmx.vendor.probe import MODULE_NAME, VendorLibraryError, import_vendor
@@ -112,6 +113,13 @@ class TestProbe:
             load_library(config)
         assert "engine: simulated" in str(raised.value), "the way out is named"
         assert "\n" not in str(raised.value)
+
+    def test_missing_library_is_told_by_a_node_that_waits_for_its_engine(self, config: ClientConfig) -> None:
+        link = EngineLink(
+            lambda: connect("node", config, timeout_s=0.0), retry_s=1.0, feed_period_s=1.0, watchdog_s=0.0
+        )
+        assert not link.poll(0.0)
+        assert "set library_path in config/wmx_client.yaml" in link.text
 
     def test_missing_library_on_pythons_own_path(self, config: ClientConfig) -> None:
         with pytest.raises(EngineError, match="library_path is empty"):
