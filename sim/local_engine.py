@@ -79,6 +79,7 @@ def snapshot_of(engine: Engine) -> StatusSnapshot:
         flags=arrays.flags.copy(),
         inputs=engine.feedback.inputs.copy(),
         outputs=engine.commands.outputs.copy(),
+        invalid_license=condition.invalid_license,
     )
 
 

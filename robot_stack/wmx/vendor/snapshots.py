@@ -54,6 +54,10 @@ FLAGS: Final = {
     Flag.NEGATIVE_LS: "negativeLS",
     Flag.HOME_SWITCH: "homeSwitch",
     Flag.HOME_ERROR: "homeError",
+    Flag.POSITIVE_LS: "positiveLS",
+    Flag.NEGATIVE_LS: "negativeLS",
+    Flag.HOME_SWITCH: "homeSwitch",
+    Flag.HOME_ERROR: "homeError",
 }
 REALS: Final = {
     Real.POS_CMD: "posCmd",
@@ -139,6 +143,7 @@ class SnapshotReader:
             flags=made.flags,
             inputs=np.array(inputs, np.uint8),
             outputs=np.array(outputs, np.uint8),
+            invalid_license=bool(status.invalidLicenseError),
         )
 
     def engine_state(self, status: Any) -> EngineState:
