@@ -23,6 +23,7 @@ from robot_stack.wmx.api import (
     CoreMotionErrorCode,
     EngineState,
     ErrorCode,
+    EStopLevel,
     OperationState,
     ProfileType,
     error_name,
@@ -480,6 +481,7 @@ class TestStatus:
         def marked(this: Any) -> Any:
             code, record = original(this)
             record.arrays["axesStatus"][3].values.update(values)
+            record.values.update(invalidLicenseError=True, emergencyStop=True, emergencyStopLevel=1)
             return code, record
 
         native.GetStatus = marked
@@ -487,6 +489,8 @@ class TestStatus:
             snapshot = status(engine)
         finally:
             native.GetStatus = original
+        assert snapshot.invalid_license
+        assert (snapshot.emergency_stop, snapshot.emergency_stop_level) == (True, EStopLevel.Level1)
         flags = {row: int(snapshot.flags[row, 3]) for row in Flag}
         not_told = {Flag.END_REASON: 0, Flag.OWNER: 0}
         assert flags == {row: values[name] for row, name in _FLAG_FIELDS.items()} | not_told
