@@ -18,10 +18,13 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool
 
 from custom_msgs.msg import SafetyStatus
-from robot_stack.contract import topics
+from custom_msgs.srv import InjectFault
+from robot_stack.contract import services, topics
 from robot_stack.core.config import config_dir, read_yaml
 from robot_stack.core.runtime import runtime_dir
 from robot_stack.ros.conversions import time_to_s
+from robot_stack.supervisor import client
+from robot_stack.supervisor.control import ask
 from robot_stack.wmx import MotionEngine, connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE
@@ -30,6 +33,7 @@ from robot_stack.wmx.simulated.server import SOCKET_FILE
 from tests.support.peer import Heard, Peer
 from tests.support.processes import ROOT, NodeProcess
 from tests.support.waiting import wait_for
+from wmx_ros2_message.srv import SetAxis
 
 CONFIG = read_yaml(config_dir() / "diff_drive_controller.yaml")
 RADIUS_M, TRACK_M = CONFIG["wheel_radius"], CONFIG["wheel_to_wheel"]
@@ -392,6 +396,33 @@ def test_wheels_without_their_parameter_file_stay_off(rig: Rig, tmp_path: Path) 
     rig.wait_ready()
     rig.drive(0.3)
     rig.wait_wheels(0.3 / RADIUS_M, 0.3 / RADIUS_M)
+
+
+def test_profile_with_the_general_node_that_clears_alarms(ros_domain: int, peer: Peer, tmp_path: Path) -> None:
+    """As an operator does it: up, drive, an alarm, clear_alarm and set_on by service, drive on."""
+    settings = [f"diff_drive_controller.{name}={RAMP_S}" for name in ("acc_time", "dec_time")]
+    speeds = peer.listen(topics.WMX_WHEEL_VELOCITIES)
+    try:
+        status = client.start(client.Launch("diff_drive", settings=settings, log_dir=tmp_path / "logs"), 90.0)
+        assert status["ready"]
+        assert not status["missing"]
+        turning = 0.5 / RADIUS_M
+        peer.repeat(topics.WMX_CMD_VEL, lambda: twist(0.5), 20.0)
+        speeds.wait(lambda m: m.data[0] == pytest.approx(turning, abs=0.1), "wheels turning")
+        alarm = InjectFault.Request(kind="drive_alarm", target="left_wheel", duration_s=0.1)
+        assert peer.call(services.INJECT_ENGINE_FAULT, alarm).success
+        speeds.wait(lambda m: list(m.data) == pytest.approx([0.0, 0.0], abs=0.02), "both wheels at rest")
+        wait_for(lambda: not ask("status")["ready"], "the fault in the status")
+        peer.repeat(topics.WMX_CMD_VEL, twist, 20.0)
+        axis = {"index": [0], "data": [1]}
+        cleared = peer.call(services.AXIS_CLEAR_ALARM, SetAxis.Request(**axis))
+        assert cleared.message == "Cleared alarm axis 0; "
+        assert peer.call(services.AXIS_SET_ON, SetAxis.Request(**axis)).message == "Set axis 0 on; "
+        wait_for(lambda: ask("status")["ready"], "the base to be ready again")
+        peer.repeat(topics.WMX_CMD_VEL, lambda: twist(0.5), 20.0)
+        speeds.wait(lambda m: m.data[0] == pytest.approx(turning, abs=0.1), "wheels turning again")
+    finally:
+        client.stop()
 
 
 @pytest.mark.parametrize(
