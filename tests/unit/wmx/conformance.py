@@ -175,6 +175,8 @@ DEVICE_CALLS: dict[str, Call] = {
     "GetEmergencyStopParam": lambda e: e.core_motion.config.GetEmergencyStopParam(),
     "GetParam": lambda e: e.core_motion.config.GetParam(),
     "GetAxisParam": lambda e: e.core_motion.config.GetAxisParam(),
+    "ImportAndSetAll": lambda e: e.core_motion.config.ImportAndSetAll("/nowhere.xml"),
+    "GetAndExportAll": lambda e: e.core_motion.config.GetAndExportAll("/nowhere/parameters.xml"),
     "SetOutBit": lambda e: e.io.SetOutBit(0, 0, 1),
     "GetOutBit": lambda e: e.io.GetOutBit(0, 0),
     "GetInBit": lambda e: e.io.GetInBit(0, 0),
@@ -1500,6 +1502,55 @@ class EngineConformance(SplineConformance):
         assert axes.GetGearRatioNumerator(POS_GEARED) == 52953088.0
         assert axes.GetAxisCommandMode(VEL) == AxisCommandMode.Velocity
         assert axes.GetAbsoluteEncoderMode(POS_MIRRORED)
+
+    def test_parameter_file_there_and_back(self, harness: Harness) -> None:
+        config = harness.communicating().core_motion.config
+        first, second = harness.folder / "first.xml", harness.folder / "second.xml"
+        assert config.GetAndExportAll(str(first)) == GOOD
+        code, param = config.GetMotionParam(POS)
+        assert code == GOOD
+        before = param.quickStopDec
+        param.quickStopDec = before + 1.0
+        assert config.SetMotionParam(POS, param)[0] == GOOD
+        assert config.SetGearRatio(POS_GEARED, 1000.0, 3.0) == GOOD
+        assert config.ImportAndSetAll(str(first)) == GOOD
+        assert config.GetMotionParam(POS)[1].quickStopDec == before
+        assert config.GetGearRatio(POS_GEARED)[1] != 1000.0
+        assert config.GetAndExportAll(str(second)) == GOOD
+        assert first.read_bytes() == second.read_bytes()
+
+    def test_parameter_files_that_are_refused(self, harness: Harness) -> None:
+        config = harness.communicating().core_motion.config
+        path = harness.folder / "parameters.xml"
+        assert config.ImportAndSetAll(str(harness.folder / "missing.xml")) == ErrorCode.FileOperationFailed
+        assert config.ImportAndSetAll(str(harness.folder)) == ErrorCode.FileOperationFailed
+        assert config.GetAndExportAll(str(harness.folder / "no" / "folder.xml")) == ErrorCode.FileOperationFailed
+        path.write_text("<Parameters><GlobalParameters>", encoding="utf-8")
+        assert config.ImportAndSetAll(str(path)) == CoreMotionErrorCode.ParameterFileParseError
+        path.write_text("<Parameters><GlobalParameters/></Parameters>", encoding="utf-8")
+        assert config.ImportAndSetAll(str(path)) == CoreMotionErrorCode.ParameterSettingsInvalid, "all zeros"
+
+    def test_one_bad_parameter_of_a_file_and_none_is_set(self, harness: Harness) -> None:
+        config = harness.communicating().core_motion.config
+        path = harness.folder / "parameters.xml"
+        assert config.GetAndExportAll(str(path)) == GOOD
+        before = config.GetParam(), config.GetAxisParam()
+        text = path.read_text(encoding="utf-8")
+        # Axis 0 gets a good value and the last axis a bad one.
+        head, mark, rest = text.partition(f'<AxisParameters Axis="{N_AXES - 1}">')
+        head = head.replace("<InPosWidth>0.010000<", "<InPosWidth>0.500000<")
+        assert "0.500000" in head
+        bad = rest.replace("<LSDec>10000.000000<", "<LSDec>0.000000<", 1)
+        path.write_text(head + mark + bad, encoding="utf-8")
+        assert config.ImportAndSetAll(str(path)) == CoreMotionErrorCode.ParameterSettingsInvalid
+        assert (config.GetParam(), config.GetAxisParam()) == before
+
+    def test_no_parameter_file_under_a_moving_axis(self, harness: Harness) -> None:
+        engine = harness.ready()
+        path = str(harness.folder / "parameters.xml")
+        assert engine.core_motion.config.GetAndExportAll(path) == GOOD
+        assert engine.core_motion.motion.StartPos(pos(POS, LONG_WAY, SLOW)) == GOOD
+        assert engine.core_motion.config.ImportAndSetAll(path) == ErrorCode.NotIdleState
 
     # -- soft limits ---------------------------------------------------------------------------------------------------
 

@@ -1,0 +1,116 @@
+"""Switches and homing as a client of the port sees them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from robot_stack.wmx import MotionEngine
+from robot_stack.wmx.api import (
+    Config_HomeType,
+    Config_LimitSwitchType,
+    ErrorCode,
+    HomeError,
+    HomeState,
+    OperationState,
+)
+from robot_stack.wmx.axes import Flag
+from robot_stack.wmx.simulated.switches import DriveSwitches
+from tests.unit.wmx.conformance import GOOD, jog
+from tests.unit.wmx.harness import N_AXES, POS, ThreadHarness, runtime_folder, wait_status
+
+TURN = 131072.0
+"""Counts of a turn of the axis; a drive of the tests stands at 0 when it is new."""
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[ThreadHarness]:
+    with runtime_folder() as folder:
+        made = ThreadHarness(folder)
+        yield made
+        made.stop()
+
+
+@pytest.fixture
+def harness(running: ThreadHarness) -> Iterator[ThreadHarness]:
+    yield running
+    running.end_test()
+    running.drives.switches = [None] * N_AXES
+
+
+def ready(harness: ThreadHarness, sensors: DriveSwitches) -> MotionEngine:
+    """A client, servos on; ``sensors`` lie in counts from where the drive of POS stands."""
+    engine = harness.ready()
+    here = float(harness.drives.position[POS])
+    harness.drives.switches[POS] = DriveSwitches(
+        *(
+            value + here
+            for value in (sensors.positive_limit, sensors.negative_limit, sensors.home_from, sensors.home_to)
+        )
+    )
+    config = engine.core_motion.config
+    home = config.GetHomeParam(POS)[1]
+    home.homeType, home.homingVelocityFast, home.homeShiftVelocity = Config_HomeType.HS, 20.0, 5.0
+    home.homingVelocityFastAcc = home.homingVelocityFastDec = home.homingVelocitySlowDec = 400.0
+    assert config.SetHomeParam(POS, home)[0] == GOOD
+    limit = config.GetLimitParam(POS)[1]
+    limit.lsType, limit.lsDec = Config_LimitSwitchType.Dec, 400.0
+    assert config.SetLimitParam(POS, limit)[0] == GOOD
+    return engine
+
+
+def record(engine: MotionEngine) -> tuple[bool, bool, bool, int, int]:
+    """positiveLS, negativeLS, homeSwitch, homeState, homeError."""
+    code, status = engine.core_motion.GetStatus()
+    assert code == GOOD
+    axis = status.GetAxesStatus(POS)
+    return axis.positiveLS, axis.negativeLS, axis.homeSwitch, axis.homeState, axis.homeError
+
+
+def test_home_switch(harness: ThreadHarness) -> None:
+    engine = ready(harness, DriveSwitches(home_from=5 * TURN, home_to=100 * TURN))
+    assert engine.core_motion.home.StartHome(POS) == GOOD
+    snapshot = wait_status(engine, lambda now: now.flags[Flag.HOME_STATE, POS] == HomeState.HSSearch, "the search")
+    assert snapshot.op_state[POS] == OperationState.Home
+    assert not snapshot.home_done[POS]
+    assert engine.core_motion.motion.Wait_TimeMilli(POS, 60000) == GOOD
+    snapshot = wait_status(engine, lambda now: now.home_done[POS], "home")
+    assert snapshot.motion_complete[POS]
+    assert snapshot.pos_cmd[POS] == pytest.approx(0.0, abs=1e-9)
+    # 20 rad/s: two cycles are 0.04 rad
+    assert harness.drives.position[POS] == pytest.approx(5 * TURN, abs=0.05 * TURN / 6.28 + 1)
+    assert record(engine)[3:] == (HomeState.Idle, HomeError.NoError)
+
+
+def test_cancel(harness: ThreadHarness) -> None:
+    engine = ready(harness, DriveSwitches(home_from=1e9, home_to=2e9))
+    assert engine.core_motion.home.StartHome(POS) == GOOD
+    wait_status(engine, lambda now: now.flags[Flag.HOME_STATE, POS] == HomeState.HSSearch, "the search")
+    assert engine.core_motion.home.Cancel(POS) == GOOD
+    snapshot = wait_status(engine, lambda now: now.op_state[POS] == OperationState.Idle, "the end")
+    assert not snapshot.home_done[POS]
+    assert record(engine)[3:] == (HomeState.Idle, HomeError.NoError)
+
+
+def test_limit_while_homing(harness: ThreadHarness) -> None:
+    engine = ready(harness, DriveSwitches(2 * TURN, -2 * TURN, home_from=1e9, home_to=2e9))
+    assert engine.core_motion.home.StartHome(POS) == GOOD
+    assert engine.core_motion.motion.Wait_TimeMilli(POS, 60000) == ErrorCode.AxisHardLimit
+    positive, negative, _, state, error = record(engine)
+    assert (positive, negative) == (False, True), "it had turned round at the other one"
+    assert (state, error) == (HomeState.Idle, HomeError.LSTriggered)
+
+
+def test_limit_switch(harness: ThreadHarness) -> None:
+    engine = ready(harness, DriveSwitches(2 * TURN, -2 * TURN))
+    motion = engine.core_motion.motion
+    assert motion.StartJog(jog(POS, 10.0)) == GOOD
+    assert motion.Wait_TimeMilli(POS, 60000) == ErrorCode.AxisHardLimit
+    assert record(engine)[:2] == (True, False)
+    assert motion.StartJog(jog(POS, 1.0)) == ErrorCode.AxisHardLimit
+    assert "limit" in engine.api.ErrorToString(ErrorCode.AxisHardLimit)
+    assert motion.StartJog(jog(POS, -10.0)) == GOOD
+    wait_status(engine, lambda now: not now.flags[Flag.POSITIVE_LS, POS], "the switch to let go")
+    assert motion.Wait_TimeMilli(POS, 60000) == ErrorCode.AxisHardLimit
+    assert record(engine)[:2] == (False, True)
