@@ -312,7 +312,11 @@ class TestNumbers:
         for owner, part in (("WMX3Api", engine.api), ("Io", engine.io), ("Ecat", engine.ecat)):
             assert "being created" in part.ErrorToString(ErrorCode.CreateDeviceLockError)
             assert control.named(f"{owner}.ErrorToString")[-1] == (module.ErrorCode.CreateDeviceLockError,)
-        assert "closely" in engine.advanced_motion.ErrorToString(94222) or engine.advanced_motion.ErrorToString(94222)
+        close = port.AdvancedMotionErrorCode.TimeBetweenPointsTooClose
+        assert engine.advanced_motion.ErrorToString(close) == "time between points too close"
+        assert control.named("AdvancedMotion.ErrorToString")[-1] == (
+            module.AdvancedMotionErrorCode.TimeBetweenPointsTooClose,
+        )
 
     def test_code_that_only_a_newer_version_knows(self) -> None:
         """Its number is one that the port has under another name: it must not be taken for that."""
