@@ -6,9 +6,10 @@ engine has stopped, and what it published last is old.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
@@ -118,9 +119,8 @@ class SnapshotReader:
         axes = [status.GetAxesStatus(axis) for axis in range(n_axes)]
         flags, reals = self._present(axes[0])
         made = empty_snapshot(n_axes)
-        for column, axis in enumerate(axes):
-            made.flags[flags.rows, column] = [int(getattr(axis, name)) for name in flags.names]
-            made.reals[reals.rows, column] = [float(getattr(axis, name)) for name in reals.names]
+        made.flags[flags.rows] = np.array([flags.of_axis(axis) for axis in axes], np.int64).T
+        made.reals[reals.rows] = np.array([reals.of_axis(axis) for axis in axes], np.float64).T
         for flag, numbers in self._maps.items():
             made.flags[flag] = [numbers.ours(int(value)) for value in made.flags[flag]]
         # The vendor's own figure is in encoder counts, and only there if the drive was set up to send it.
@@ -159,12 +159,12 @@ class SnapshotReader:
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """Rows of a matrix whose fields this version of the library has, and the fields."""
+    """Rows of a matrix whose fields this version of the library has, and what reads those fields of an axis."""
 
     rows: list[int]
-    names: list[str]
+    of_axis: Callable[[Any], tuple[Any, ...]]
 
     @classmethod
     def of(cls, table: Mapping[Any, str], axis: Any) -> _Rows:
         present = {int(row): name for row, name in table.items() if hasattr(axis, name)}
-        return cls(list(present), list(present.values()))
+        return cls(list(present), attrgetter(*present.values()))

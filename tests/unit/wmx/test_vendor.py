@@ -313,7 +313,8 @@ class TestNumbers:
             assert "being created" in part.ErrorToString(ErrorCode.CreateDeviceLockError)
             assert control.named(f"{owner}.ErrorToString")[-1] == (module.ErrorCode.CreateDeviceLockError,)
         close = port.AdvancedMotionErrorCode.TimeBetweenPointsTooClose
-        assert engine.advanced_motion.ErrorToString(close) == "time between points too close"
+        text = port.error_text(close, port.AdvancedMotionErrorCode)
+        assert engine.advanced_motion.ErrorToString(close) == text != "error code not defined"
         assert control.named("AdvancedMotion.ErrorToString")[-1] == (
             module.AdvancedMotionErrorCode.TimeBetweenPointsTooClose,
         )
@@ -339,6 +340,9 @@ class TestNumbers:
         assert snapshot.op_state[POS] == OperationState.Pos
         assert snapshot.command_mode[[POS, VEL]].tolist() == [AxisCommandMode.Position, AxisCommandMode.Velocity]
         assert engine.core_motion.GetStatus()[1].GetAxesStatus(POS).opState == OperationState.Pos
+        assert engine.core_motion.axisControl.SetAxisCommandMode(VEL, AxisCommandMode.Velocity) == GOOD
+        sent = harness.module.CONTROL.named("axisControl.SetAxisCommandMode")[-1]
+        assert sent == (VEL, harness.module.AxisCommandMode.Velocity)
         raw = harness.module.CONTROL.named("motion.StartPos")[-1][0]
         assert raw["profile"]["type"] == harness.module.ProfileType.Trapezoidal
         assert engine.core_motion.axisControl.GetAxisCommandMode(VEL) == (GOOD, AxisCommandMode.Velocity)
