@@ -46,7 +46,7 @@ from robot_stack.navigation.path import Path
 from robot_stack.navigation.pose_source import Located, PoseSource
 from robot_stack.wmx import Library, MotionEngine
 from robot_stack.wmx.config import load_engine_config
-from robot_stack.wmx.simulated.client import Ecat
+from robot_stack.wmx.simulated.client_network import Ecat
 from robot_stack.wmx.simulated.client_splines import AdvancedMotion
 from sim.imu import ImuSample
 from sim.local_engine import LocalEngine
