@@ -301,6 +301,16 @@ def test_tolerances_preemption_and_cancellation(rig: Rig) -> None:
     assert rig.set_gripper(True) == (False, "Failed to close gripper")
     assert rig.standing
 
+    # where no safety monitor speaks, its end and the next one are told by the same topic
+    rig.peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
+    nothing = goal(joints=[])
+    wait_for(lambda: rig.send_message(nothing).result()[0] == STATUS_SUCCEEDED, "the release", poll_s=0.1)
+    sent = rig.send((3.0, FAR))
+    rig.wait_moving()
+    rig.peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
+    assert sent.result()[:2] == (STATUS_ABORTED, EMERGENCY_STOP_ON)
+    assert rig.standing
+
 
 def test_faults_in_motion_abort_and_the_server_recovers(rig: Rig) -> None:
     rig.up()
