@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from robot_stack.bench.framework import Aim, BenchError, Result, percentile
 from robot_stack.core.config import load
 from robot_stack.supervisor.params import SupervisorParams
+from robot_stack.wmx import connect
 
 if TYPE_CHECKING:
     from robot_stack.bench.nodes.joint_listener import JointListener
@@ -34,6 +35,7 @@ AIMS = {
     "engine_cycle_jitter_us_p99": Aim("<", 20.0),
 }
 _NODE = "robot_stack.ros.main", "manipulator_state"
+_ENGINE = "robot_stack.bench.wmx_engine"
 _PLAIN = ("robot_stack.bench.nodes.plain_joint_states",)
 _SETTLE = 1000  # messages before anything is measured
 _READS = 1000
@@ -55,11 +57,20 @@ class Measured:
     window_ns: tuple[int, int]
 
 
-def run(duration_s: float = 20.0, plain_s: float = 10.0, rate_hz: float = 500.0, realtime: bool = True) -> Result:
+def run(
+    duration_s: float = 20.0,
+    plain_s: float = 10.0,
+    spun_s: float = 5.0,
+    spin_s: float = 0.0002,
+    rate_hz: float = 500.0,
+    realtime: bool = True,
+) -> Result:
     """An engine of six virtual joints and the node, as processes in a domain of their own.
 
     plain_s: how long a straightforward rclpy node is measured at the same engine, for comparison; 0 leaves it out.
-    realtime: all of them get the priority that the supervisor gives them, if this process may give it.
+    spun_s: how long the engine alone is measured waiting awake for the last spin_s of each cycle, which it does not do
+    by default; 0 leaves it out. realtime: all of them get the priority that the supervisor gives, if this process
+    may give it.
     """
     priority = load(SupervisorParams, "supervisor").realtime_priority["manipulator_state"] if realtime else 0
     domain = 1 + os.getpid() % 19  # tests have those from 20 on
@@ -68,14 +79,12 @@ def run(duration_s: float = 20.0, plain_s: float = 10.0, rate_hz: float = 500.0,
         from robot_stack.bench.nodes.joint_listener import JointListener
 
         start = _Start(environment, priority)
-        with start("robot_stack.bench.wmx_engine", str(notes)), JointListener(domain) as listener:
+        with start(_ENGINE, str(notes), "0"), JointListener(domain) as listener, connect("bench"):
             ours = _measure(listener, start, _NODE, duration_s, rate_hz)
             plain = _measure(listener, start, _PLAIN, plain_s, rate_hz) if plain_s else None
-            reads_us = _status_reads()
-        cycles = np.load(notes)
-    begin_ns, end_ns = ours.window_ns
-    within = cycles[(cycles[:, 0] >= begin_ns) & (cycles[:, 0] < end_ns)]
-    late_us = ((within[:, 1] - within[:, 0]) * 1e-3).tolist()
+            reads_us, repeated_us = _status_reads(_READ_PAUSE_S), _status_reads(0.0)
+        late_us = _late_us(notes, ours.window_ns)
+        spinning_us = _spinning_us(start, notes, spin_s, spun_s) if spun_s else []
     figures = {
         "joint_states_hz": ours.rate_hz,
         "joint_states_hz_off": abs(ours.rate_hz - rate_hz),
@@ -87,6 +96,7 @@ def run(duration_s: float = 20.0, plain_s: float = 10.0, rate_hz: float = 500.0,
         "pss_mb": ours.pss_mb,
         "status_read_us_p50": percentile(reads_us, 0.5),
         "status_read_us_p99": percentile(reads_us, 0.99),
+        "status_read_repeated_us_p50": percentile(repeated_us, 0.5),
         "engine_cycle_jitter_us_p99": percentile(late_us, 0.99),
         "engine_cycle_jitter_us_p50": percentile(late_us, 0.5),
     }
@@ -96,19 +106,22 @@ def run(duration_s: float = 20.0, plain_s: float = 10.0, rate_hz: float = 500.0,
             "plain_period_jitter_ms_p99": percentile(plain.period_jitter_ms, 0.99),
             "plain_cpu_pct": plain.cpu_pct,
         }
+    if spinning_us:
+        figures["engine_cycle_jitter_us_p99_spinning"] = percentile(spinning_us, 0.99)
     conditions = {
         "joint_states_hz": "messages that an independent subscriber got (raw bytes, depth 500) over their stamps' span",
         "lost": "periods in that span without a message: left out by the node, or not delivered",
         "period_jitter": "|period - nominal| between stamps that the node takes right before it publishes",
         "arrival_jitter": "the same at the independent subscriber, a Python process on the same machine",
         "cpu_pct": "of one core: all threads of the node's process, heartbeat and diagnostics included, two topics",
-        "status_read": f"{_READS} reads, {1e3 * _READ_PAUSE_S:g} ms apart, in a process of its own",
+        "status_read": f"{_READS} reads, {1e3 * _READ_PAUSE_S:g} ms apart, in another process; repeated: without a pause",
         "engine_cycle_jitter": "begin of a cycle after its deadline, in the window in which the node was measured",
         "plain": "rclpy timer, message built and filled at each tick, same engine and topics",
         "realtime_priority": f"SCHED_RR {start.priority}" if start.priority else "none",
         "topics": ["/joint_states", "/gazebo_position_controller/commands"],
+        "spinning": f"the engine alone, awake for the last {1e6 * spin_s:g} us before each deadline, communicating",
         "messages": len(ours.period_jitter_ms) + 1,
-        "cycles": len(within),
+        "cycles": len(late_us),
         "domain": domain,
     }
     return Result(figures, conditions)
@@ -199,20 +212,37 @@ def _measure(
     )
 
 
+def _late_us(notes: Path, window_ns: tuple[int, int]) -> list[float]:
+    """How long after their deadlines the cycles of the window began."""
+    due_ns, began_ns = np.load(notes).T
+    within = (due_ns >= window_ns[0]) & (due_ns < window_ns[1])
+    late: list[float] = ((began_ns - due_ns)[within] * 1e-3).tolist()
+    return late
+
+
+def _spinning_us(start: _Start, notes: Path, spin_s: float, duration_s: float) -> list[float]:
+    with start(_ENGINE, str(notes), str(spin_s)), connect("bench") as engine:
+        engine.api.StartCommunication(10000)
+        time.sleep(1.0)  # the first cycles find nothing in the caches
+        begin_ns = time.monotonic_ns()
+        time.sleep(duration_s)
+        end_ns = time.monotonic_ns()
+    return _late_us(notes, (begin_ns, end_ns))
+
+
 def _off_ms(times_ns: NDArray[np.int64], period_ns: float) -> list[float]:
     off: list[float] = (np.abs(np.diff(times_ns) - period_ns) * 1e-6).tolist()
     return off
 
 
-def _status_reads() -> list[float]:
+def _status_reads(pause_s: float) -> list[float]:
     """How long each of many status reads took, us."""
-    from robot_stack.wmx import connect
-
     taken_us = []
     with connect("bench") as engine:
         for _ in range(_READS):
             begin_ns = time.perf_counter_ns()
             engine.read_status()
             taken_us.append((time.perf_counter_ns() - begin_ns) * 1e-3)
-            time.sleep(_READ_PAUSE_S)
+            if pause_s:
+                time.sleep(pause_s)
     return taken_us

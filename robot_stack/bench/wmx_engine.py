@@ -1,4 +1,4 @@
-"""The simulated engine with a note of when each of its cycles began: ``wmx_engine NOTES.npy``.
+"""The simulated engine with a note of when each of its cycles began: ``wmx_engine NOTES.npy SPIN_S``.
 
 Notes are pairs of monotonic times in nanoseconds: when the cycle was due, and when it began.
 """
@@ -52,7 +52,7 @@ def main() -> None:
         return servers[-1]
 
     vars(process)["EngineServer"] = server
-    process.run_engine(load_engine_config(), runtime_dir())
+    process.run_engine(load_engine_config(), runtime_dir(), spin_s=float(sys.argv[2]))
     np.save(notes, servers[0].notes[: servers[0].count])
 
 

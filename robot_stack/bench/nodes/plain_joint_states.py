@@ -23,7 +23,8 @@ class PlainJointStates(Node):
         super().__init__("plain_joint_states")
         self._params = load(ManipulatorStateParams, "manipulator_state")
         self._engine = connect("plain_joint_states")
-        self._engine.api.StartCommunication(10000)
+        code = self._engine.api.StartCommunication(10000)
+        assert code == 0, self._engine.api.ErrorToString(code)
         rows = topics.WMX_JOINT_STATES, topics.GAZEBO_COMMANDS
         self._joints = self.create_publisher(JointState, rows[0].name, qos_profile(rows[0].qos))
         self._gazebo = self.create_publisher(Float64MultiArray, rows[1].name, qos_profile(rows[1].qos))

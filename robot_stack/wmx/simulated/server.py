@@ -17,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any, Final
 
+from robot_stack.core.pacing import sharpen_sleep
 from robot_stack.core.runtime import AlreadyRunning
 from robot_stack.wmx.api.errors import ErrorCode
 from robot_stack.wmx.simulated.engine import Engine
@@ -94,8 +95,13 @@ class EngineServer:
         if served:
             self._answer()
 
-    def serve_forever(self, stop: Callable[[], bool], speed: float = 1.0) -> None:
-        """Cycles on absolute deadlines until ``stop()``; what it cannot catch up with is skipped and counted."""
+    def serve_forever(self, stop: Callable[[], bool], speed: float = 1.0, spin_s: float = 0.0) -> None:
+        """Cycles on absolute deadlines until ``stop()``; what it cannot catch up with is skipped and counted.
+
+        spin_s: the last part of each wait is spent awake, for a begin within microseconds; costs that share of a core.
+        """
+        sharpen_sleep()
+        spin_ns = round(1e9 * spin_s)
         period_ns = round(1e9 * self.engine.config.cycle_time_s / speed)
         deadline_ns = time.monotonic_ns()
         while not stop():
@@ -103,7 +109,10 @@ class EngineServer:
             deadline_ns += period_ns
             left_ns = deadline_ns - time.monotonic_ns()
             if left_ns > 0:
-                time.sleep(left_ns * 1e-9)
+                if left_ns > spin_ns:
+                    time.sleep((left_ns - spin_ns) * 1e-9)
+                while spin_ns and time.monotonic_ns() < deadline_ns:
+                    pass
             elif -left_ns > period_ns:
                 missed = -left_ns // period_ns
                 self.engine.condition.overruns += missed

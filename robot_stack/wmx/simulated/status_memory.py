@@ -43,6 +43,8 @@ _SEQUENCE_AT: Final = 56
 _META: Final = struct.Struct("<qqqqqqqqqqq")
 """state, epoch, cycles, stamp ns, cycle time ns, error, emergency stop, its level, lost cycles, overruns, license"""
 
+_STATES: Final = tuple(sorted(EngineState))  # 0, 1, ...: a look into a tuple instead of a call
+
 _TRIES: Final = 2000
 _PATIENT_TRIES: Final = 50
 """Tries at full speed before a reader starts to give up its time slice between tries."""
@@ -109,18 +111,18 @@ class StatusReader:
     def __init__(self, folder: Path) -> None:
         self._path = folder / STATUS_FILE
         self._page, self._layout, self._checked = _open(self._path)
-        self._number = np.frombuffer(self._page, np.int64, 1, _SEQUENCE_AT)
+        self._number = memoryview(self._page)[_SEQUENCE_AT : _SEQUENCE_AT + 8].cast("q")
         self._contents = np.frombuffer(self._page, np.uint8, self._layout.size - _HEAD.size, _HEAD.size)
 
     def read(self, pause: Callable[[float], object] = time.sleep) -> StatusSnapshot:
         """A consistent copy. Raises StatusUnreadable if none can be had, as after a writer's sudden death."""
         number = self._number
         for attempt in range(_TRIES):
-            before = int(number[0])
+            before = number[0]
             if not before & 1:
                 copy = self._contents.copy()
                 checksum = struct.unpack_from("<q", self._page, _CHECKSUM_AT)[0] if self._checked else 0
-                if int(number[0]) == before and (not self._checked or zlib.crc32(copy.data) == checksum):
+                if number[0] == before and (not self._checked or zlib.crc32(copy.data) == checksum):
                     return self._layout.snapshot(copy)
             if attempt >= _PATIENT_TRIES:
                 pause(0.0)
@@ -149,11 +151,11 @@ class _Layout:
         """The snapshot in a copy of the page's contents, which begin after the head."""
         meta = _META.unpack_from(contents.data)
         state, epoch, cycles, stamp_ns, cycle_ns, error, stop, level, lost, overruns, unlicensed = meta
-        skip = _HEAD.size
-        reals = contents[self.reals - skip : self.flags - skip].view(np.float64).reshape(N_REALS, self.n_axes)
-        flags = contents[self.flags - skip : self.inputs - skip].view(np.int64).reshape(N_FLAGS, self.n_axes)
+        skip, n_axes = _HEAD.size, self.n_axes
+        reals: NDArray[np.float64] = np.ndarray((N_REALS, n_axes), np.float64, contents, self.reals - skip)
+        flags: NDArray[np.int64] = np.ndarray((N_FLAGS, n_axes), np.int64, contents, self.flags - skip)
         return StatusSnapshot(
-            engine_state=EngineState(state),
+            engine_state=_STATES[state],
             epoch=epoch,
             cycle_counter=cycles,
             engine_time_s=cycles * cycle_ns * 1e-9,
