@@ -63,6 +63,8 @@ N_COUNT: Final = 3
 SAME_POINT: Final = 1e-6
 """Of two points closer than this in every dimension the later is dropped, user units."""
 _ROUNDING_S: Final = 1e-9
+_PASSES: Final = 2
+"""A stop looks at curve and rate in the middle of the cycle, which depends on how far the rate falls in it."""
 
 
 @compiled
@@ -174,8 +176,13 @@ def step_spline(
     stop_at = duration
     if stopping:
         s, rate = clock[PATH_TIME], clock[RATE]
-        u = s - times[count[SEGMENT]]
-        fall = clock[FALL] if clock[FALL] > 0.0 else _fall(work, curve, axes, bounds, mark, count[SEGMENT], u, rate)
+        fall = clock[FALL]
+        mean = rate
+        for _ in range(_PASSES if fall == 0.0 else 0):
+            halfway = min(s + 0.5 * mean * dt, duration)
+            segment = _segment(times, count[SEGMENT], halfway)
+            fall = _fall(work, curve, axes, bounds, mark, segment, halfway - times[segment], mean)
+            mean = max(rate - 0.5 * fall * dt, 0.5 * rate)
         rest = rate <= fall * dt * (1.0 + 1e-9)
         after = 0.0 if rest else rate - fall * dt
         s += 0.5 * rate * rate / fall if rest else 0.5 * (rate + after) * dt
