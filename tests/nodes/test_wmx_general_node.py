@@ -442,24 +442,25 @@ def test_alarm_lost_bus_killed_engine_and_emergency_stop_in_motion(bench: Bench)
     bench.states.wait(lambda state: list(state.servo_on) == [1] * 4, "the state of the new engine")
 
     # the emergency stop of the stack
-    bench.turn([0], 3.0, dec=0.5)
+    bench.turn([0], 3.0, dec=0.1)
     bench.peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
     began_s = time.monotonic()
     bench.wait_status(at_rest(0), "standstill")
-    assert time.monotonic() - began_s < 4.0  # 6 s at its own deceleration, 0.15 s at the quick stop's
+    assert time.monotonic() - began_s < 15.0  # 30 s at its own deceleration, 0.15 s at the quick stop's
     bench.velocity([0], 1.0)
     bench.wait_refused("/wmx/axis/velocity refused: /emergency_stop is in force")
     stopped = "Error=65632 (an emergency stop is active); "
     assert bench.set_axis(services.AXIS_SET_ON, [0], [1]) == (False, f"Failed to set axis 0 on. {stopped}")
     assert at_rest(0)(bench.status())
 
-    bench.peer.publish(topics.EMERGENCY_STOP, Bool(data=False))  # alone it releases nothing
-    bench.peer.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(safety_state=SafetyStatus.EMERGENCY_STOP), 20.0)
-    seen = bench.peer.listen(topics.SAFETY_STATUS)
-    bench.peer.wait_matched(topics.SAFETY_STATUS, 2)
-    wait_for(lambda: len(seen.items) > 5, "the emergency in the safety status")
-    assert bench.set_axis(services.AXIS_SET_ON, [0], [1]) == (False, f"Failed to set axis 0 on. {stopped}")
-    bench.peer.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(safety_state=SafetyStatus.NORMAL), 20.0)
+    bench.peer.publish(topics.EMERGENCY_STOP, Bool(data=False))  # no safety monitor here: one key
+    bench.wait_answer(services.AXIS_SET_ON, (True, "Set axis 0 on; "))
+    bench.turn([0], 3.0, dec=0.1)
+    state = {"safety_state": SafetyStatus.EMERGENCY_STOP}
+    bench.peer.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(**state), 20.0)
+    bench.wait_status(at_rest(0), "standstill at the word of a monitor")
+    bench.wait_answer(services.AXIS_SET_ON, (False, f"Failed to set axis 0 on. {stopped}"))
+    state["safety_state"] = SafetyStatus.NORMAL
     bench.wait_answer(services.AXIS_SET_ON, (True, "Set axis 0 on; "))
     bench.turn([0], 1.0)
 

@@ -13,7 +13,6 @@ from robot_stack.wmx import MotionEngine
 from robot_stack.wmx.api import (
     MAX_AXES,
     AxisCommandMode,
-    Config_HomeType,
     CoreMotionErrorCode,
     ErrorCode,
     OperationState,
@@ -21,6 +20,7 @@ from robot_stack.wmx.api import (
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.general.answers import Answer, failure, joined
 from robot_stack.wmx.general.device import Device
+from robot_stack.wmx.general.homing import home_is_present_position, homed
 from robot_stack.wmx.general.parameters import GeneralParams
 from robot_stack.wmx.general.requests import Refused, check_finite, check_index, check_lengths
 from robot_stack.wmx.general.waiting import Waits
@@ -168,23 +168,14 @@ class AxisServices:
         failed = f"Failed to homing axis {axis}"
         code = yield from self._rest(axis)
         code = code or (int(CoreMotionErrorCode.EmergencyStopSignalOn) if self._stopped() else _OK)
-        code = code or self._ask(axis, lambda engine: _home_to_present_position(engine, axis))
+        code = code or self._ask(axis, lambda engine: home_is_present_position(engine, axis))
         code = code or self._ask(axis, lambda engine: engine.core_motion.home.StartHome(axis))
         if code:
             return self._entry(code, "", failed)
-        ended = yield from self._waits.until([axis], self._homed, self._params.homing_timeout_s)
+        ended = yield from self._waits.until([axis], partial(homed, self._stopped), self._params.homing_timeout_s)
         if ended[axis] in (CoreMotionErrorCode.WaitTimeout, CoreMotionErrorCode.EmergencyStopSignalOn):
             self._ask(axis, lambda engine: engine.core_motion.home.Cancel(axis))
         return self._entry(ended[axis], f"Homing axis {axis}", failed)
-
-    def _homed(self, snapshot: StatusSnapshot, axis: int) -> int | None:
-        if snapshot.amp_alarm[axis] or snapshot.following_error_alarm[axis]:
-            return int(ErrorCode.AxisAmpAlarm)
-        if not snapshot.servo_on[axis]:
-            return int(ErrorCode.ServoOff)
-        if snapshot.emergency_stop or self._stopped():
-            return int(CoreMotionErrorCode.EmergencyStopSignalOn)
-        return _OK if snapshot.home_done[axis] and snapshot.op_state[axis] == OperationState.Idle else None
 
     def _rest(self, axis: int) -> Generator[None, None, int]:
         """Ends a motion at velocity zero, which is how the documents stop an axis: the engine calls it a motion still.
@@ -232,15 +223,6 @@ def _refusal(index: Sequence[int], fields: dict[str, Sequence[float]]) -> Answer
     except Refused as refused:
         return Answer(False, str(refused))
     return None
-
-
-def _home_to_present_position(engine: MotionEngine, axis: int) -> int:
-    config = engine.core_motion.config
-    code, param = config.GetHomeParam(axis)
-    if code:
-        return code
-    param.homeType = Config_HomeType.CurrentPos
-    return config.SetHomeParam(axis, param)[0]
 
 
 def _at_rest(snapshot: StatusSnapshot, axis: int) -> int | None:

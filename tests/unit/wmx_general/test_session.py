@@ -470,12 +470,14 @@ class TestEmergencyStop:
     def test_own_axes_stop_and_nothing_starts(self, rig: Rig, harness: ThreadHarness) -> None:
         onlooker = rig.up()
         other = harness.connect("other")
-        rig.move(rig.session.motion.run, [VEL], [3.0], [100.0], [1.0])
+        rig.move(rig.session.motion.run, [VEL], [3.0], [100.0], [0.1])
         wait_status(onlooker, moving(VEL), "motion")
         assert other.core_motion.motion.StartPos(pos(POS, 1e4)) == 0
         wait_status(onlooker, lambda now: moving(POS)(now), "motion of another client")
+        began_s = status(onlooker).engine_time_s
         rig.session.stop()
-        wait_status(onlooker, at_rest(VEL), "standstill")  # 3 s at its own deceleration
+        ended_s = wait_status(onlooker, at_rest(VEL), "standstill").engine_time_s
+        assert ended_s - began_s < 15.0  # 30 s at its own deceleration, 15 ms at the quick stop's
         assert not at_rest(POS)(status(onlooker))
         rig.move(rig.session.motion.run, [VEL], [3.0], [100.0], [100.0])
         rig.log.wait("topic refused: /emergency_stop is in force")
