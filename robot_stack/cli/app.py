@@ -5,6 +5,7 @@ from __future__ import annotations
 import typer
 
 from robot_stack.cli import bench, dock, doctor, programs, safety, stack, topics
+from robot_stack.cli.arm import arm
 from robot_stack.cli.calibrate import calibrate
 from robot_stack.cli.docking import docking
 from robot_stack.cli.map import maps
@@ -25,6 +26,7 @@ app.command()(stack.restart)
 app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(stack.run)
 app.add_typer(mission, name="mission")
 app.add_typer(docking, name="docking")
+app.add_typer(arm, name="arm")
 app.add_typer(calibrate, name="calibrate")
 app.add_typer(maps, name="map")
 app.command()(dock.dock)

@@ -19,8 +19,8 @@ FOLLOW_JOINT_TRAJECTORY = Action(
     "/movensys_manipulator_arm_controller/follow_joint_trajectory",
     "control_msgs/action/FollowJointTrajectory",
     "follow_joint_trajectory_server",
-    (),
-    "cubic spline through the trajectory's points; its clients are motion planners outside the stack",
+    (OPERATOR_TOOL,),
+    "cubic spline through the trajectory's points; its other clients are motion planners outside the stack",
     System.WMX,
 )
 

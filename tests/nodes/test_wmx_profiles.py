@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +22,7 @@ from robot_stack.contract import actions, services, topics
 from robot_stack.contract.model import Service
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import ask
+from tests.support.processes import ROOT
 from tests.support.waiting import wait_for
 from wmx_ros2_message.msg import AxisPose
 from wmx_ros2_message.srv import SetAxis
@@ -47,6 +50,12 @@ def up(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., dict[str, Any]
 def inject(peer: Peer, row: Service, kind: str, target: str = "", duration_s: float = 0.0) -> None:
     answer = peer.call(row, InjectFault.Request(kind=kind, target=target, duration_s=duration_s))
     assert answer.success, answer.message
+
+
+def operate(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """The real command line."""
+    command = [sys.executable, "-m", "robot_stack.cli", *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60.0, check=False)
 
 
 class Arm:
@@ -144,6 +153,11 @@ def test_a_bus_that_drops_in_motion_ends_the_trajectory_and_the_arm_stands(up: C
     assert peer.call(services.AXIS_SET_ON, SetAxis.Request(index=axes, data=every)).success
     wait_for(lambda: ask("status")["ready"], "every process to be ready again")
     assert arm.true_positions[:6] == pytest.approx(stood, abs=1e-3)
+    moved = operate("arm", "move", "--to=1.0,0.2,0.3,0,-0.5,0", "--in", "1")
+    assert moved.returncode == 0, moved.stderr
+    assert moved.stdout.splitlines()[-1].startswith("there; never more than ")
+    assert arm.true_positions[:6] == pytest.approx([1.0, 0.2, 0.3, 0.0, -0.5, 0.0], abs=0.002)
+    assert operate("arm", "grip", "close").stdout == "Gripper closed successfully\n"
 
 
 def test_the_general_node_moves_the_axes_of_a_bench(up: Callable[..., Any], peer: Peer) -> None:

@@ -23,8 +23,14 @@ class Ended:
     reason: str
 
 
-def follow_action(row: Action, goal: dict[str, Any], tell: Callable[[Any], None], timeout_s: float) -> Ended:
-    """Sends a goal, calls ``tell`` with each feedback, and returns its end.
+def follow_action(
+    row: Action,
+    goal: dict[str, Any],
+    tell: Callable[[Any], None],
+    timeout_s: float,
+    end: Callable[[Any], Ended] | None = None,
+) -> Ended:
+    """Sends a goal, calls ``tell`` with each feedback, and returns its end, as ``end`` reads it from the answer.
 
     KeyboardInterrupt cancels the goal; then its end is waited for, at most ``timeout_s`` from the interrupt on.
     Raises TimeoutError if nobody offers the action within ``timeout_s``, does not answer, or does not end it.
@@ -38,12 +44,12 @@ def follow_action(row: Action, goal: dict[str, Any], tell: Callable[[Any], None]
             if not operator.wait(client.server_is_ready, timeout_s):
                 raise TimeoutError(f"no {row.server} offers {row.name}: is it running?")
             answer = client.send_goal_async(action.Goal(**goal), feedback_callback=lambda m: tell(m.feedback))
-            return _follow(operator, row, answer, timeout_s)
+            return _follow(operator, row, answer, timeout_s, end or _end)
         finally:
             client.destroy()
 
 
-def _follow(operator: Operator, row: Action, answer: Any, timeout_s: float) -> Ended:
+def _follow(operator: Operator, row: Action, answer: Any, timeout_s: float, end: Callable[[Any], Ended]) -> Ended:
     try:
         handle = _accepted(operator, row, answer, timeout_s)
         if handle is None:
@@ -59,7 +65,7 @@ def _follow(operator: Operator, row: Action, answer: Any, timeout_s: float) -> E
         handle.cancel_goal_async()
         if not operator.wait(result.done, timeout_s):
             raise TimeoutError(f"{row.server} does not end the cancelled goal: stop the robot") from None
-    return _end(result.result())
+    return end(result.result())
 
 
 def _accepted(operator: Operator, row: Action, answer: Any, timeout_s: float) -> Any:

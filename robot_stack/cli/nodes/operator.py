@@ -72,14 +72,14 @@ class Operator:
             return False
         return bool(publisher.wait_for_all_acked(Duration(seconds=max(0.0, end_s - time.monotonic()))))
 
-    def call(self, row: Service, timeout_s: float) -> Any:
-        """The response of a service with an empty request. Raises TimeoutError if there is none in time."""
+    def call(self, row: Service, timeout_s: float, **request: Any) -> Any:
+        """The response of a service; ``request`` are its fields. Raises TimeoutError if there is none in time."""
         service = interface_class(row.type)
         client = self.node.create_client(service, row.name)
         try:
             if not self.wait(client.service_is_ready, timeout_s):
                 raise TimeoutError(f"nobody serves {row.name}")
-            future = client.call_async(service.Request())
+            future = client.call_async(service.Request(**request))
             if not self.wait(future.done, timeout_s):
                 raise TimeoutError(f"{row.server} does not answer {row.name}")
             return future.result()
