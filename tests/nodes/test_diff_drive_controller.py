@@ -357,9 +357,12 @@ def test_pose_transform_polarity_and_names(rig: Rig) -> None:
     rig.node = rig.start("diff_drive_controller", *QUICK, *ros_args)
     wait_for(lambda: commands.get_subscription_count() == 1, "the renamed subscriber")
     rig.wait_ready()
-    names = {name for name, _ in rig.peer.node.get_topic_names_and_types()}
-    assert "/base/wheels" in names
-    assert not any("no_param" in name for name in names)
+
+    def names() -> set[str]:
+        return {name for name, _ in rig.peer.node.get_topic_names_and_types()}
+
+    wait_for(lambda: "/base/wheels" in names(), "the renamed topic of wheel speeds")
+    assert not any("no_param" in name for name in names())
 
     timer = rig.peer.node.create_timer(0.05, lambda: commands.publish(twist(0.3, 1.0)))
     wheel = (0.3 - 0.5 * TRACK_M) / RADIUS_M, -(0.3 + 0.5 * TRACK_M) / RADIUS_M
