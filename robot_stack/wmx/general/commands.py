@@ -18,6 +18,7 @@ from robot_stack.wmx.api import (
 from robot_stack.wmx.axes import Flag, StatusSnapshot
 from robot_stack.wmx.general.requests import (
     Refused,
+    check_at_most,
     check_axes,
     check_finite,
     check_index,
@@ -43,12 +44,20 @@ class AxisOrder:
     target: Sequence[float] | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class CommandLimits:
+    """Largest magnitudes of commands; 0 for none."""
+
+    velocity_radps: float = 0.0
+    acceleration_radps2: float = 0.0
+
+
 def unknown_profile(profile: str) -> bool:
     """The reserved field asks for something that will not happen."""
     return profile.strip().lower() not in _TRAPEZOIDAL
 
 
-def check_order(order: AxisOrder) -> None:
+def check_order(order: AxisOrder, limits: CommandLimits) -> None:
     """What can be told from the message alone. Raises Refused."""
     fields = {"velocity": order.velocity, "acc": order.acc, "dec": order.dec}
     if order.target is not None:
@@ -61,6 +70,9 @@ def check_order(order: AxisOrder) -> None:
         check_positive("velocity", order.velocity)
     check_positive("acc", order.acc)
     check_positive("dec", order.dec)
+    check_at_most("velocity", order.velocity, limits.velocity_radps)
+    check_at_most("acc", order.acc, limits.acceleration_radps2)
+    check_at_most("dec", order.dec, limits.acceleration_radps2)
 
 
 def check_ready(index: Sequence[int], mode: AxisCommandMode, snapshot: StatusSnapshot) -> None:

@@ -6,6 +6,7 @@ from robot_stack.wmx.api import AxisCommandMode
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.general.commands import (
     AxisOrder,
+    CommandLimits,
     check_order,
     check_ready,
     from_present,
@@ -24,8 +25,8 @@ class AxisMotion:
     without this node too.
     """
 
-    def __init__(self, device: Device, velocity_timeout_s: float) -> None:
-        self._device, self._timeout_s = device, velocity_timeout_s
+    def __init__(self, device: Device, velocity_timeout_s: float, limits: CommandLimits) -> None:
+        self._device, self._timeout_s, self._limits = device, velocity_timeout_s, limits
 
     def run(self, order: AxisOrder) -> None:
         """Velocities."""
@@ -54,7 +55,7 @@ class AxisMotion:
         self._begun(code, order, snapshot)
 
     def _ready(self, order: AxisOrder, mode: AxisCommandMode) -> StatusSnapshot:
-        check_order(order)
+        check_order(order, self._limits)
         code, snapshot = self._device.read()
         if snapshot is None:
             raise Refused(f"no status of the engine: Error={int(code)} ({self._device.base_text(code)})")

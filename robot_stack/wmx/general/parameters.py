@@ -19,6 +19,8 @@ class GeneralParams(Config):
     axis_count: Annotated[int, Field(ge=1, le=MAX_AXES)]
     rated_torque_nm: tuple[NotNegative, ...]
     velocity_timeout_s: NotNegative
+    max_velocity_radps: NotNegative
+    max_acceleration_radps2: NotNegative
     command_max_wait_s: Positive
     device_attempts: Annotated[int, Field(ge=1)]
     device_retry_s: Positive

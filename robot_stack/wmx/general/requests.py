@@ -49,6 +49,13 @@ def check_positive(name: str, values: Sequence[float]) -> None:
             raise Refused(f"{name}[{place}] is {value:g}: it must be above 0")
 
 
+def check_at_most(name: str, values: Sequence[float], limit: float) -> None:
+    """Raises Refused if a magnitude is above ``limit``, of which 0 means none."""
+    for place, value in enumerate(values):
+        if limit and abs(value) > limit:
+            raise Refused(f"{name}[{place}] is {value:g}: at most {limit:g} is allowed")
+
+
 def check_axes(index: Sequence[int], n_axes: int) -> None:
     """Every axis exists. Raises Refused."""
     for place, axis in enumerate(index):

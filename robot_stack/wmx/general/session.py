@@ -8,7 +8,7 @@ from collections.abc import Callable
 from robot_stack.wmx.api import ErrorCode, OperationState
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.general.axis_services import AxisServices
-from robot_stack.wmx.general.commands import AxisOrder
+from robot_stack.wmx.general.commands import AxisOrder, CommandLimits
 from robot_stack.wmx.general.device import Device, Log, OpenEngine
 from robot_stack.wmx.general.engine_services import EngineServices
 from robot_stack.wmx.general.motion import AxisMotion
@@ -45,7 +45,8 @@ class GeneralSession:
         waits = Waits(self.device, time.monotonic)
         self.axes = AxisServices(self.device, waits, params, lambda: self._stopped)
         self.engine = EngineServices(self.device, waits, params, time.monotonic, lambda: self._stopped, log)
-        self.motion = AxisMotion(self.device, params.velocity_timeout_s)
+        limits = CommandLimits(params.max_velocity_radps, params.max_acceleration_radps2)
+        self.motion = AxisMotion(self.device, params.velocity_timeout_s, limits)
         self.worker = EngineWorker(1.0 / rate_hz, self._tick, self._close)
         self.problem, self.state = "starting", "Unknown"
         self.n_axes: int | None = None

@@ -12,6 +12,7 @@ from robot_stack.wmx.api import AxisCommandMode, EngineState, OperationState, Pr
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.general.commands import (
     AxisOrder,
+    CommandLimits,
     check_order,
     check_ready,
     from_present,
@@ -24,12 +25,13 @@ from robot_stack.wmx.general.requests import Refused
 from tests.unit.wmx_general.snapshots import standing, with_flag
 
 NAN, INF = math.nan, math.inf
+UNLIMITED = CommandLimits()
 POSITION, VELOCITY = AxisCommandMode.Position, AxisCommandMode.Velocity
 
 
 def refusal(order: AxisOrder) -> str:
     with pytest.raises(Refused) as caught:
-        check_order(order)
+        check_order(order, UNLIMITED)
     return str(caught.value)
 
 
@@ -60,7 +62,23 @@ def test_a_bad_message_is_refused_by_field_and_reason(order: AxisOrder, text: st
 
 
 def test_a_velocity_may_have_any_sign_and_be_zero() -> None:
-    check_order(AxisOrder([0, 1, 2], [-3.0, 0.0, 3.0], [1.0] * 3, [1.0] * 3))
+    check_order(AxisOrder([0, 1, 2], [-3.0, 0.0, 3.0], [1.0] * 3, [1.0] * 3), UNLIMITED)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "acc", "dec", "text"),
+    [
+        (5.01, 1.0, 1.0, r"velocity\[0\] is 5.01: at most 5 is allowed"),
+        (-5.01, 1.0, 1.0, r"velocity\[0\] is -5.01: at most 5 is allowed"),
+        (1.0, 20.1, 1.0, r"acc\[0\] is 20.1: at most 20 is allowed"),
+        (1.0, 1.0, 21.0, r"dec\[0\] is 21: at most 20 is allowed"),
+    ],
+)
+def test_limits(velocity: float, acc: float, dec: float, text: str) -> None:
+    with pytest.raises(Refused, match=text):
+        check_order(AxisOrder([0], [velocity], [acc], [dec]), CommandLimits(5.0, 20.0))
+    check_order(AxisOrder([0], [velocity], [acc], [dec]), UNLIMITED)
+    check_order(AxisOrder([0], [-5.0], [20.0], [20.0]), CommandLimits(5.0, 20.0))
 
 
 @pytest.mark.parametrize(
@@ -148,7 +166,7 @@ def test_whatever_passes_is_whole(
 ) -> None:
     order = AxisOrder(index, velocity, acc, dec, target)
     try:
-        check_order(order)
+        check_order(order, UNLIMITED)
     except Refused:
         return
     assert len(index) == len(velocity) == len(acc) == len(dec) == len(set(index)) > 0
