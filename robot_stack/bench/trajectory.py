@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from robot_stack.bench.framework import Aim, BenchError, Result, percentile
-from robot_stack.bench.trajectory_rig import JOINTS, Record, arm_rig
+from robot_stack.bench.trajectory_rig import JOINTS, Record, arm_rig, go_first
 
 FloatArray = NDArray[np.float64]
 
@@ -34,6 +34,7 @@ _DRIVES = {
 }
 _STANDSTILL_RADPS = 0.01
 _MOVED_RAD = 1e-7
+_LONGEST_S = 1.5
 
 
 @dataclass(slots=True)
@@ -67,6 +68,7 @@ def run(
     random_, moment = np.random.default_rng(seed), random.Random(seed)
     measured = _Measured()
     speeds = []
+    realtime = go_first(0)
     with arm_rig(1 + os.getpid() % 19, _SERVERS[world]) as rig:
         for number in range(runs + cancels):
             times_s, rows = _trajectory(random_, rig.position(), reach_rad, max_speed_radps)
@@ -84,7 +86,9 @@ def run(
                 _cancel(measured, spline, recorder.record, canceled_ns, result_ns)
             time.sleep(moment.uniform(0.0, 0.02))  # so that goals come at any moment of the server's period
         measured.feedbacks = rig.feedback_errors
-    return Result(_figures(measured, runs), _conditions(world, speeds, seed, reach_rad))
+    return Result(
+        _figures(measured, runs), {**_conditions(world, speeds, seed, reach_rad), "realtime_priority": realtime}
+    )
 
 
 def _trajectory(
@@ -96,8 +100,8 @@ def _trajectory(
     times_s = np.concatenate([[0.0], np.cumsum(random_.uniform(0.1, 0.3, n - 1))])
     speed = random_.uniform(0.2, 1.0) * max_speed_radps
     times_s *= _peak(CubicSpline(times_s, rows, bc_type="clamped")) / speed
-    if times_s[-1] > 3.0:  # long ones would only take long: less of the way, at the same speed
-        keep = max(2, int(np.searchsorted(times_s, 3.0)))
+    if times_s[-1] > _LONGEST_S:  # they would only take long: less of the way, at the same speed
+        keep = max(2, int(np.searchsorted(times_s, _LONGEST_S)))
         times_s, rows = times_s[:keep], rows[:keep]
         stretch = _peak(CubicSpline(times_s, rows, bc_type="clamped")) / speed
         times_s = times_s * max(1.0, stretch)
