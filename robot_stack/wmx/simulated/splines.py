@@ -17,9 +17,10 @@ import numpy as np
 
 from robot_stack.wmx.api.enums import DetailOperationState, OperationState
 from robot_stack.wmx.api.errors import AdvancedMotionErrorCode, CoreMotionErrorCode, ErrorCode
-from robot_stack.wmx.api.values import MAX_SPLINE_CHANNELS, MAX_SPLINE_DIMENSIONS
+from robot_stack.wmx.api.values import MAX_SPLINE_CHANNELS
 from robot_stack.wmx.axes import Flag, Real
-from robot_stack.wmx.simulated import checks, rows
+from robot_stack.wmx.simulated import rows
+from robot_stack.wmx.simulated.spline_checks import exact_counts, point_times, spline_axes
 from robot_stack.wmx.simulated.spline_kernel import (
     FALL,
     N_CLOCK,
@@ -36,11 +37,8 @@ from robot_stack.wmx.simulated.state import EngineArrays
 
 LARGEST_BUFFER: Final = 100_000
 """Points of one channel."""
-CLOSEST_MS: Final = 1e-3
-"""Least time between two points."""
 
 _NO_ERROR = int(ErrorCode.PyNone)
-_ROUNDING_MS = 1e-9
 
 
 @dataclass(slots=True)
@@ -122,11 +120,11 @@ class Splines:
     def start(self, device: int, channel: int, axes: Sequence[int], points: Reals, times_ms: Reals) -> int:
         """StartCSplinePos with point times; ``points`` (n, dimensions), ``times_ms`` (n,)."""
         code = (
-            self._dimensions(axes)
+            spline_axes(axes, self._a.n_axes)
             or self._allocated(channel)
             or self._roomy(channel, len(times_ms))
-            or self._positions(axes, points)
-            or _times(times_ms)
+            or self._exact(axes, points)
+            or point_times(times_ms)
         )
         if code:
             return code
@@ -142,32 +140,22 @@ class Splines:
             return code
         return self._begin(device, channel, axes, knots[:n].copy(), path[:n].copy())
 
-    def _dimensions(self, axes: Sequence[int]) -> int:
-        if axes:
-            code = checks.axes_in_range(axes, self._a.n_axes)
-            if code:
-                return code
-        good = 1 <= len(axes) <= MAX_SPLINE_DIMENSIONS
-        return _NO_ERROR if good else AdvancedMotionErrorCode.DimensionOutOfRange
-
     def _roomy(self, channel: int, count: int) -> int:
         return CoreMotionErrorCode.ChannelNotEnoughSpace if count > self._buffers[channel] else _NO_ERROR
 
-    def _positions(self, axes: Sequence[int], points: Reals) -> int:
-        scale = self._a.params[rows.COUNTS_PER_UNIT, list(axes)]
-        offset = self._a.reals[Real.HOME_OFFSET, list(axes)]
-        with np.errstate(over="ignore"):
-            exact = np.abs((points + offset) * scale) < checks.LARGEST_COUNT  # False for NaN
-        return _NO_ERROR if exact.all() else CoreMotionErrorCode.PositionArgumentOutOfRange
+    def _exact(self, axes: Sequence[int], positions: Reals | float) -> int:
+        chosen = list(axes)
+        scale, offset = self._a.params[rows.COUNTS_PER_UNIT, chosen], self._a.reals[Real.HOME_OFFSET, chosen]
+        return exact_counts(positions, scale, offset)
 
     def _begin(self, device: int, channel: int, axes: Sequence[int], times: Reals, points: Reals) -> int:
         a, chosen = self._a, list(axes)
         n, d = points.shape
         curve = np.empty((n - 1, d, 4))
         farthest = plan_spline(times, points, curve)
-        margin = np.abs(a.reals[Real.HOME_OFFSET, chosen])
-        if not ((farthest + margin) * np.abs(a.params[rows.COUNTS_PER_UNIT, chosen]) < checks.LARGEST_COUNT).all():
-            return CoreMotionErrorCode.PositionArgumentOutOfRange
+        code = self._exact(chosen, farthest) or self._exact(chosen, -farthest)
+        if code:
+            return code
         bounds = a.params[rows.QUICK_STOP_DEC, chosen]
         axis_array = np.array(chosen, np.int64)
         run = _Run(channel + 1, chosen, times, curve, points[-1].copy(), bounds, axis_array, on_path=d)
@@ -274,13 +262,3 @@ class Splines:
         self.stop(0, 1.0, DetailOperationState.Stop)
         self.advance()
         self._runs.clear()
-
-
-def _times(times_ms: Reals) -> int:
-    if not (np.isfinite(times_ms) & (times_ms >= 0.0) & (times_ms <= checks.LARGEST)).all():
-        return CoreMotionErrorCode.TimeArgumentOutOfRange
-    gaps = np.diff(times_ms, prepend=0.0)
-    if len(gaps) and times_ms[0] == 0.0:
-        gaps = gaps[1:]
-    close = gaps < CLOSEST_MS - _ROUNDING_MS
-    return AdvancedMotionErrorCode.TimeBetweenPointsTooClose if close.any() else _NO_ERROR
