@@ -114,7 +114,7 @@ def run(
         "period_jitter": "|period - nominal| between stamps that the node takes right before it publishes",
         "arrival_jitter": "the same at the independent subscriber, a Python process on the same machine",
         "cpu_pct": "of one core: all threads of the node's process, heartbeat and diagnostics included, two topics",
-        "status_read": f"{_READS} reads, {1e3 * _READ_PAUSE_S:g} ms apart, in another process; repeated: without a pause",
+        "status_read": f"{_READS} reads, {1e3 * _READ_PAUSE_S:g} ms apart, in another process; repeated: no pause",
         "engine_cycle_jitter": "begin of a cycle after its deadline, in the window in which the node was measured",
         "plain": "rclpy timer, message built and filled at each tick, same engine and topics",
         "realtime_priority": f"SCHED_RR {start.priority}" if start.priority else "none",
