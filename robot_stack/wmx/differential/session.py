@@ -42,6 +42,7 @@ class WheelSession:
         self._parameters_set = False
         self._was_ready = False
         self._bus = _NO_BUS_YET
+        self._sent: WheelPair | None = None
         self._driving_since_s: float | None = None
         self.state = SessionState(Stage.CONNECTING, link.text)
 
@@ -56,7 +57,7 @@ class WheelSession:
         self.state = self._next(now_s, stop)
         self._was_ready = self._was_ready or self.ready
         if not self.ready:
-            self._driving_since_s = None
+            self._sent = self._driving_since_s = None
         return self.state
 
     def _next(self, now_s: float, stop: bool) -> SessionState:
@@ -157,20 +158,31 @@ class WheelSession:
 
     # --- motion ------------------------------------------------------------------------------------------------------
 
-    def drive(self, speeds: WheelPair, now_s: float) -> str:
-        """Sets both wheels to speeds (rad/s), or neither. Returns why it could not, an empty text if it could."""
-        if not self.ready:
+    def follow(self, speeds: WheelPair, now_s: float) -> str:
+        """Has both wheels at speeds of their axes (rad/s), or neither. Returns why not, an empty text if it is so.
+
+        What has been sent is not sent again: it would begin the change of speed anew. What was refused is.
+        """
+        snapshot = self.state.snapshot
+        if not self.ready or snapshot is None:
             return f"not ready: {self.state.text}"
+        at_rest = not snapshot.velocity_cmd[list(self._settings.axes)].any()
+        if speeds == self._sent or (speeds == REST and self._sent is None and at_rest):
+            return ""
+        problem = self._drive(speeds)
+        self._sent = None if problem else speeds
+        self._driving_since_s = now_s if self._sent not in (None, REST) else None
+        return problem
+
+    def _drive(self, speeds: WheelPair) -> str:
         settings = self._settings
         times_s = settings.acc_time_s, settings.dec_time_s
         commands = [
             requests.run_at(settings.left_axis, speeds.left, *times_s),
             requests.run_at(settings.right_axis, speeds.right, *times_s),
         ]
-        if not self._link.ask(_DRIVING, lambda engine: engine.core_motion.velocity.StartVel(len(commands), commands)):
-            return self._link.refusal(_DRIVING, self._link.text)
-        self._driving_since_s = None if speeds == REST else now_s
-        return ""
+        done = self._link.ask(_DRIVING, lambda engine: engine.core_motion.velocity.StartVel(len(commands), commands))
+        return "" if done else self._link.refusal(_DRIVING, self._link.text)
 
     def quick_stop(self) -> str:
         """Stops both wheels in the engine, at once. Returns why it could not, an empty text if it could."""

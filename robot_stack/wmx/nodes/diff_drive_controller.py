@@ -54,7 +54,6 @@ class DiffDriveController(StackNode):
             watchdog_s=params.session.watchdog_s,
         )
         self._session = WheelSession(self._link, session_settings(params, config_dir()))
-        self._sent: WheelPair | None = None
         self._twist_covariance = twist_covariance(params.odometry)
         self._echo = self._optional(topics.WMX_CMD_VEL_CHECK, params.encoder_vel_topic)
         self._speeds = self._optional(topics.WMX_WHEEL_VELOCITIES, params.encoder_omega_topic)
@@ -89,24 +88,18 @@ class DiffDriveController(StackNode):
     def _tick(self) -> None:
         state = self._session.poll(self.steady_s(), stop=self.emergency_stop)
         wish = self._command.wish(self.steady_s())
-        if state.stage is Stage.READY and state.snapshot is not None:
-            self._drive(wish, state.snapshot)
+        if self._session.ready:
+            self._drive(wish)
         else:
             self._command.demand_rest()
-            self._sent = None
         if state.snapshot is not None:
             self._report_motion(state.snapshot)
         self._tell(state.stage, state.text, wish)
 
-    def _drive(self, wish: Wish, snapshot: StatusSnapshot) -> None:
-        """What has been sent is not sent again: it would begin the change of speed anew."""
-        params = self.params
-        speeds = wheel_speeds(wish.linear_mps, wish.angular_radps, self._base, params.max_wheel_speed_radps)
-        axes = [params.left_axis, params.right_axis]
-        if speeds == self._sent or (self._sent is None and speeds == REST and not snapshot.velocity_cmd[axes].any()):
-            return
-        problem = self._session.drive(self._turned(speeds), self.steady_s())
-        self._sent = None if problem else speeds
+    def _drive(self, wish: Wish) -> None:
+        limit_radps = self.params.max_wheel_speed_radps
+        speeds = wheel_speeds(wish.linear_mps, wish.angular_radps, self._base, limit_radps)
+        problem = self._session.follow(self._turned(speeds), self.steady_s())
         if problem:
             self._complain(problem)
 
@@ -170,8 +163,8 @@ class DiffDriveController(StackNode):
             if self._session.standing(state.snapshot):
                 self._session.servos_off()
                 break
-            if state.stage is Stage.READY and self._sent != REST:
-                self._sent = None if self._session.drive(REST, self.steady_s()) else REST
+            if self._session.ready:
+                self._session.follow(REST, self.steady_s())
             time.sleep(_END_POLL_S)
         self._link.close()
 

@@ -173,7 +173,7 @@ class Story:
 
     def driving(self) -> Story:
         self.ready()
-        assert self.session.drive(WheelPair(3.0, 4.0), self.now_s) == ""
+        assert self.session.follow(WheelPair(3.0, 4.0), self.now_s) == ""
         assert self.tick() == (Stage.READY, "ready")
         self.engine.calls.clear()
         return self
@@ -259,7 +259,7 @@ def test_engine_with_too_few_axes_is_named(story: Story) -> None:
 
 def test_both_wheels_in_one_command_with_times_in_milliseconds(story: Story) -> None:
     story.ready()
-    assert story.session.drive(WheelPair(-3.0, 4.0), story.now_s) == ""
+    assert story.session.follow(WheelPair(-3.0, 4.0), story.now_s) == ""
     assert [command.axis for command in story.engine.commands] == [LEFT, RIGHT]
     assert [command.profile.velocity for command in story.engine.commands] == [-3.0, 4.0]
     for command in story.engine.commands:
@@ -271,11 +271,49 @@ def test_both_wheels_in_one_command_with_times_in_milliseconds(story: Story) -> 
 def test_refused_motion_says_why(story: Story) -> None:
     story.ready()
     story.engine.codes["StartVel"] = CoreMotionErrorCode.NotVelocityMode
-    assert story.session.drive(WheelPair(1.0, 1.0), story.now_s) == "driving: NotVelocityMode (error 65572)"
+    assert story.session.follow(WheelPair(1.0, 1.0), story.now_s) == "driving: NotVelocityMode (error 65572)"
+
+
+def test_same_speeds_are_sent_once(story: Story) -> None:
+    """Sent again they would begin the change of speed anew."""
+    story.ready()
+    for _ in range(5):
+        assert story.session.follow(WheelPair(1.0, 2.0), story.now_s) == ""
+        story.tick()
+    assert story.called("StartVel") == 1
+    story.session.follow(WheelPair(1.0, 2.1), story.now_s)
+    assert story.called("StartVel") == 2
+
+
+def test_refused_speeds_are_sent_again(story: Story) -> None:
+    story.ready()
+    story.engine.codes["StartVel"] = ErrorCode.StartingPreviousCommand
+    assert "StartingPreviousCommand" in story.session.follow(WheelPair(1.0, 1.0), story.now_s)
+    del story.engine.codes["StartVel"]
+    assert story.session.follow(WheelPair(1.0, 1.0), story.now_s) == ""
+    assert story.called("StartVel") == 2
+
+
+def test_rest_is_not_sent_to_wheels_at_rest_but_to_others(story: Story) -> None:
+    story.ready()
+    assert story.session.follow(REST, story.now_s) == ""
+    assert story.called("StartVel") == 0
+    story.engine.run(1.0, LEFT)  # by somebody else
+    story.tick()
+    assert story.session.follow(REST, story.now_s) == ""
+    assert story.called("StartVel") == 1
+
+
+def test_after_a_stop_speeds_are_sent_again(story: Story) -> None:
+    story.driving()
+    story.tick(stop=True)
+    story.tick(0.1)
+    assert story.session.follow(WheelPair(3.0, 4.0), story.now_s) == ""
+    assert story.called("StartVel") == 1
 
 
 def test_nothing_drives_before_it_is_ready(story: Story) -> None:
-    assert story.session.drive(WheelPair(1.0, 1.0), story.now_s).startswith("not ready")
+    assert story.session.follow(WheelPair(1.0, 1.0), story.now_s).startswith("not ready")
     assert story.engine.commands == []
 
 
@@ -303,7 +341,7 @@ def test_fault_of_one_wheel_stops_both_and_waits_for_somebody(story: Story, flag
     stage, text = story.tick()
     assert (stage, text[: len(says)]) == (Stage.FAULT, says)
     assert story.asked() == ["ExecQuickStop"]
-    assert story.session.drive(WheelPair(1.0, 1.0), story.now_s)
+    assert story.session.follow(WheelPair(1.0, 1.0), story.now_s)
     story.tick(5.0)
     assert story.asked() == ["ExecQuickStop"]
     story.engine.put(flag, 1 - value, RIGHT)
@@ -329,14 +367,14 @@ def test_wheel_that_is_being_stopped_by_another_stops_the_other_too(story: Story
 
 def test_wheel_is_given_time_to_begin(story: Story) -> None:
     story.ready()
-    story.session.drive(WheelPair(1.0, 1.0), story.now_s)
+    story.session.follow(WheelPair(1.0, 1.0), story.now_s)
     story.engine.rest(LEFT, RIGHT)
     assert story.tick(0.05)[0] is Stage.READY
 
 
 def test_rest_is_no_motion_that_could_be_missed(story: Story) -> None:
     story.driving()
-    story.session.drive(REST, story.now_s)
+    story.session.follow(REST, story.now_s)
     story.engine.rest(LEFT, RIGHT)
     assert story.tick(1.0)[0] is Stage.READY
 
