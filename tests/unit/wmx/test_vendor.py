@@ -260,6 +260,12 @@ class TestCalls:
         assert engine.io.SetOutBytes(0, 3, [1, 2]) == ErrorCode.IOSizeOutOfRange
         assert len(harness.module.CONTROL.calls) == before
 
+    def test_list_longer_than_its_count_is_cut(self, harness: VendorHarness) -> None:
+        engine = harness.ready()
+        engine.core_motion.motion.StartPos(1, [pos(POS, 1.0), pos(POS, 2.0)])
+        count, commands = harness.module.CONTROL.named("motion.StartPos")[-1]
+        assert (count, [command["target"] for command in commands]) == (1, [1.0])
+
     def test_second_device_on_an_open_handle(self, harness: VendorHarness) -> None:
         engine = harness.connect()
         created = len(harness.module.CONTROL.named("WMX3Api.CreateDevice"))
@@ -505,25 +511,20 @@ class TestStatus:
         reals = {row: snapshot.reals[row, 3] for row in Real if row != Real.FOLLOWING_ERROR}
         assert reals == {row: values[name] for row, name in _REAL_FIELDS.items()}
 
-    def test_dead_bus_has_no_inputs(self, harness: VendorHarness) -> None:
+    def test_dead_bus_has_no_inputs(self, harness: VendorHarness, monkeypatch: pytest.MonkeyPatch) -> None:
         """Whatever the vendor's image still holds: a normally closed contact must read as open."""
+        native = getattr(harness.module, harness.module.VARIANT.io)
+        monkeypatch.setattr(native, "GetInBit", lambda *_: (0, 1))
+        monkeypatch.setattr(native, "GetInByte", lambda *_: (0, 255))
+        monkeypatch.setattr(native, "GetInBytes", lambda _, __, size: (0, [255] * size))
         engine = harness.communicating()
-        harness.drives.inputs[0] = 255
-        wait_for(lambda: engine.io.GetInByte(0) == (GOOD, 255), "the inputs", poll_s=0.001)
-        kept = type(engine.io.theirs)  # type: ignore[attr-defined]
-        original = {name: getattr(kept, name) for name in ("GetInBit", "GetInByte", "GetInBytes")}
-        kept.GetInBit = kept.GetInByte = lambda *_: (0, 1)
-        kept.GetInBytes = lambda _, __, size: (0, [255] * size)
-        try:
-            assert engine.io.GetInBit(0, 0) == (GOOD, 1)
-            assert engine.api.StopCommunication(20000) == GOOD
-            assert engine.io.GetInBit(0, 0) == (ErrorCode.CommNotStarted, 0)
-            assert engine.io.GetInBytes(0, 2) == (ErrorCode.CommNotStarted, [])
-            assert not status(engine).input_bit(0, 0)
-        finally:
-            for name, method in original.items():
-                setattr(kept, name, method)
-            harness.drives.inputs[0] = 0
+        assert engine.io.GetInBit(0, 0) == (GOOD, 1)
+        assert status(engine).input_bit(0, 0)
+        assert engine.api.StopCommunication(20000) == GOOD
+        assert engine.io.GetInBit(0, 0) == (ErrorCode.CommNotStarted, 0)
+        assert engine.io.GetInByte(0) == (ErrorCode.CommNotStarted, 0)
+        assert engine.io.GetInBytes(0, 2) == (ErrorCode.CommNotStarted, [])
+        assert not status(engine).input_bit(0, 0)
 
     def test_unknown_engine_state(self, harness: VendorHarness) -> None:
         engine = harness.connect()
