@@ -161,7 +161,7 @@ def test_a_bus_that_drops_in_motion_ends_the_trajectory_and_the_arm_stands(up: C
 
 
 def test_the_general_node_moves_the_axes_of_a_bench(up: Callable[..., Any], peer: Peer) -> None:
-    status = up("general", "wmx_ros2_general_node.axis_count=4")
+    status = up("general")
     assert not status["missing"]
     assert peer.call(services.ENGINE_SET_COMM, SetBool.Request(data=True)).message == "Communication is started"
     answer = peer.call(services.AXIS_SET_ON, SetAxis.Request(index=[0, 3], data=[1, 1]))

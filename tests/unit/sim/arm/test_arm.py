@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from robot_stack.core.config import load
+from robot_stack.supervisor.profile import load_plan
 from robot_stack.wmx.config import EngineConfig
 from sim.arm.faults import FAULT_KINDS, JOINTS
 from sim.arm.params import ArmParams, disagreement
@@ -24,6 +25,13 @@ def engine_config() -> EngineConfig:
 def test_the_shipped_arm_fits_the_shipped_engine(engine_config: EngineConfig) -> None:
     assert disagreement(arm_params(), engine_config) == ""
     assert arm_params().names == tuple(axis.name for axis in engine_config.axes) == JOINTS
+
+
+def test_the_profile_knows_the_rated_torques_and_the_axes() -> None:
+    general = load_plan("manipulator").parameters["wmx_ros2_general_node"]
+    params = arm_params()
+    assert general["rated_torque_nm"] == [params.kind(axis).rated_torque_nm for axis in range(len(JOINTS))]
+    assert general["axis_count"] == len(JOINTS)
 
 
 def test_an_engine_with_another_polarity_or_gear_is_named(engine_config: EngineConfig) -> None:
