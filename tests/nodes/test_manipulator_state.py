@@ -251,13 +251,18 @@ def test_the_end_takes_back_what_the_start_took(start: Start, peer: Peer, engine
     assert engine.device.core_motion.motion.StartPos(Motion_PosCommand(0, 100.0, profile)) == 0
     node.joints.wait(lambda m: m.velocity[0] > 0.5, "joint1 to move")
     node.process.signal(signal.SIGINT)
-    fastest = 0.0
-    while node.process.running():
+    speeds_at_servo_off: list[float] = []
+
+    def ended() -> bool:
         snapshot = status(engine)
         if not snapshot.servo_on[0]:
-            fastest = max(fastest, abs(float(snapshot.actual_velocity[0])))
+            speeds_at_servo_off.append(abs(float(snapshot.velocity_cmd[0])))
+        return not node.process.running()
+
+    wait_for(ended, "the node to end", poll_s=0.001)
     assert node.process.wait() == 0
-    assert fastest < 0.1  # it stood when its servo went off
+    assert max(speeds_at_servo_off) == 0.0  # it stood when its servo went off
+    assert "stopping joint1" in node.process.output()
     assert not status(engine).servo_on.any()
     assert status(engine).communicating  # others have devices
 

@@ -30,6 +30,8 @@ from robot_stack.wmx.manipulator.startup import (
 from robot_stack.wmx.manipulator.steps import Asker
 
 _LOST = (ErrorCode.IMLibIsNotRunning, ErrorCode.DeviceIsNull)
+# An engine that does not run yet is waited for; it refuses nothing.
+_ABSENT = (ErrorCode.IMLibIsNotRunning, ErrorCode.EngineNotStartedInSpecifiedTime)
 _PROBE_S = 0.5
 
 
@@ -52,7 +54,7 @@ class BringUp:
     """Belongs to one thread. Times are steady seconds. ``progress`` and ``lines`` may be looked at from another."""
 
     def __init__(self, open_engine: Callable[[], MotionEngine], settings: BringUpSettings) -> None:
-        """open_engine: opens a device without waiting, raises EngineError."""
+        """open_engine: opens a device, waiting shortly at most; raises EngineError."""
         self._open_engine = open_engine
         self._settings = settings
         self._engine: MotionEngine | None = None
@@ -99,7 +101,8 @@ class BringUp:
         try:
             self._engine = self._open_engine()
         except EngineError as error:
-            self._on_outcome(Outcome(Result.REFUSED, str(error)), now_s)
+            absent = Outcome(Result.HELD, "waiting for the motion engine")
+            self._on_outcome(absent if error.code in _ABSENT else Outcome(Result.REFUSED, str(error)), now_s)
             return
         self._asker = Asker(self._engine, self._settings.n_joints, self._settings.names, self._tell)
         self._on_outcome(Outcome(Result.DONE, "open"), now_s)

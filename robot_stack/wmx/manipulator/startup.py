@@ -102,6 +102,8 @@ class Progress:
 
 
 START = Progress(Step.DEVICE)
+HOLD_S = 0.1
+"""What may not be asked for now is looked at again after this."""
 
 
 def back_to(step: Step, text: str) -> Progress:
@@ -118,7 +120,7 @@ def advance(
             line = Line(outcome.level, f"{progress.step.value}: {outcome.text}") if outcome.text else None
             return Progress(NEXT[progress.step]), line
         case Result.HELD:
-            return _hold(progress, outcome.text)
+            return _hold(progress, outcome.text, now_s)
         case Result.REFUSED:
             return _fail(progress, outcome.text, now_s, rules[progress.step])
         case Result.ASKED:
@@ -133,9 +135,9 @@ def _wait(progress: Progress, text: str, now_s: float, rule: Rule) -> tuple[Prog
     return _fail(progress, f"{text or 'not done'} after {rule.limit_s:g} s", now_s, rule)
 
 
-def _hold(progress: Progress, text: str) -> tuple[Progress, Line | None]:
+def _hold(progress: Progress, text: str, now_s: float) -> tuple[Progress, Line | None]:
     line = None if text == progress.text else Line(Level.INFO, f"{progress.step.value}: {text}")
-    return replace(progress, asked_s=math.nan, text=text), line
+    return replace(progress, asked_s=math.nan, due_s=now_s + HOLD_S, text=text), line
 
 
 def _fail(progress: Progress, text: str, now_s: float, rule: Rule) -> tuple[Progress, Line | None]:

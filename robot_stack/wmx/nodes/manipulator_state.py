@@ -23,6 +23,7 @@ from robot_stack.wmx.nodes.feedback_thread import FeedbackThread
 
 _REPORT_HZ = 10.0
 _COMPLAIN_S = 5.0
+_CONNECT_S = 0.3  # others create devices at the same moment; the thread has the time to let them
 
 
 class ManipulatorState(StackNode):
@@ -51,7 +52,7 @@ class ManipulatorState(StackNode):
             stale_s=params.status_stale_s,
             rules=params.rules(),
         )
-        self._bring_up = BringUp(lambda: connect("manipulator_state", client, timeout_s=0.0), settings)
+        self._bring_up = BringUp(lambda: connect("manipulator_state", client, _CONNECT_S), settings)
         self._feedback = FeedbackThread(
             self._bring_up,
             self._publish,
@@ -106,7 +107,9 @@ class ManipulatorState(StackNode):
         self._log_lines()
         progress, snapshot = self._bring_up.progress, feedback.snapshot
         if progress.step is not Step.READY:
-            self.set_health(False, f"{progress.step.value}: {progress.text or 'under way'}")
+            on_its_way = not progress.failures and (progress.waiting or not progress.text)
+            if self.report.ok or not on_its_way:
+                self.set_health(False, f"{progress.step.value}: {progress.text or 'under way'}")
         elif snapshot is None:
             self.set_health(False, f"nothing published: {feedback.reason or 'no status yet'}")
         else:

@@ -136,6 +136,15 @@ def test_a_device_that_is_refused():
     assert story.step is Step.READY
 
 
+def test_an_engine_that_is_absent_is_waited_for():
+    story = Story()
+    story.refusals = [ErrorCode.IMLibIsNotRunning] * 20
+    story.run(1.5)
+    assert story.told() == ["info: device: waiting for the motion engine"]
+    story.run(3.0)
+    assert story.step is Step.READY
+
+
 def test_a_network_that_runs_is_not_scanned_nor_started():
     story = Story()
     story.engine.communicates(True)

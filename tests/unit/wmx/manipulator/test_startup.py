@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_stack.wmx.manipulator.startup import (
+    HOLD_S,
     NEXT,
     START,
     Level,
@@ -114,8 +115,9 @@ def test_held_is_no_failure_and_told_once():
     held = Outcome(Result.HELD, "emergency stop")
     progress, line = advance(Progress(Step.SERVO_ON), held, 0.0, RULES)
     assert line == Line(Level.INFO, "servo on: emergency stop")
-    assert (progress.failures, progress.due(0.0)) == (0, True)
-    assert advance(progress, held, 0.1, RULES) == (progress, None)
+    assert (progress.failures, progress.due(0.05), progress.due(HOLD_S)) == (0, False, True)
+    again, line = advance(progress, held, 0.1, RULES)
+    assert (again.failures, line) == (0, None)
 
 
 def test_back_to_a_step_is_due_at_once():
