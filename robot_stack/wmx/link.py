@@ -16,6 +16,7 @@ _ABSENT = (ErrorCode.IMLibIsNotRunning, ErrorCode.EngineNotStartedInSpecifiedTim
 # After these the device is worthless: the engine has ended, or was stopped by somebody.
 _LOST = (ErrorCode.IMLibIsNotRunning, ErrorCode.DeviceIsNull, ErrorCode.APIChannelError)
 _WAITING = "waiting for the motion engine"
+_HUNG_PAUSE_S = 3.0
 _STATUS, _WATCHDOG = "engine status", "engine watchdog"
 
 
@@ -43,7 +44,9 @@ class EngineLink:
         if self.engine is None:
             return self._connect(now_s)
         if self._watchdog_s and self.due(_WATCHDOG, now_s, self._feed_period_s):
-            self.ask(_WATCHDOG, lambda engine: engine.api.ResetWatchdogTimer())
+            fed = self.ask(_WATCHDOG, lambda engine: engine.api.ResetWatchdogTimer())
+            if not fed:  # an engine that hangs holds every call up: do not spend all time on it
+                self._pauses[_WATCHDOG] = now_s, now_s + _HUNG_PAUSE_S
         return self.engine is not None
 
     def _connect(self, now_s: float) -> bool:

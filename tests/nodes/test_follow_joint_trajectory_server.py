@@ -130,8 +130,12 @@ class Rig:
 
     @property
     def status(self) -> StatusSnapshot:
-        code, snapshot = self.engine.device.read_status()
-        assert code == 0
+        def read() -> StatusSnapshot | None:
+            code, snapshot = self.engine.device.read_status()
+            return None if code else snapshot
+
+        snapshot = wait_for(read, "a status", poll_s=0.001)
+        assert snapshot is not None
         return snapshot
 
     @property
@@ -341,6 +345,20 @@ def test_faults_in_motion_abort_and_the_server_recovers(rig: Rig) -> None:
     status, code, text = sent.result()
     assert (status, code) == (STATUS_ABORTED, ErrorCode.NoMotion)
     assert "stopped by somebody else" in text
+
+    # an engine that hangs: an end in time, and a stop as soon as it listens again
+    assert rig.send((0.5, HOME)).result()[0] == STATUS_SUCCEEDED
+    sent = rig.send((3.0, FAR))
+    rig.wait_moving()
+    assert rig.engine.process is not None
+    rig.engine.process.signal(signal.SIGSTOP)
+    status, code, text = sent.result()
+    assert (status, code) == (STATUS_ABORTED, ErrorCode.StatusChannelError)
+    assert "engine status" in text
+    rig.engine.process.signal(signal.SIGCONT)
+    wait_for(lambda: rig.standing, "the arm to stand")
+    assert abs(rig.status.pos_cmd[0]) < abs(FAR[0]) - 0.1, "it went on to its goal"
+    rig.wait_health("")
 
     sent = rig.send((3.0, FAR))
     rig.wait_moving()

@@ -7,7 +7,7 @@ from where a goal ends when the axes stand, or when they do not although they we
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -16,9 +16,12 @@ from numpy.typing import NDArray
 from robot_stack.wmx.api import CoreMotionErrorCode
 from robot_stack.wmx.trajectory.arm import Arm, ArmState, Blind, end_fault, fault_of, not_ready
 from robot_stack.wmx.trajectory.goal import CheckedGoal
-from robot_stack.wmx.trajectory.plan import PlanLimits, plan_spline
-from robot_stack.wmx.trajectory.results import Fault, GoalCode, GoalRefused, Outcome, Result, aborted, succeeded
+from robot_stack.wmx.trajectory.moment import Moment
+from robot_stack.wmx.trajectory.plan import plan_spline
+from robot_stack.wmx.trajectory.results import Fault, GoalCode, GoalRefused, Result, aborted, succeeded
+from robot_stack.wmx.trajectory.settings import ExecutionSettings
 from robot_stack.wmx.trajectory.spline import ClampedSpline
+from robot_stack.wmx.trajectory.stopping import Stopping
 from robot_stack.wmx.trajectory.tolerances import violation
 
 FloatArray = NDArray[np.float64]
@@ -34,23 +37,6 @@ class Phase(Enum):
     RUNNING = "running"
     SETTLING = "settling"
     STOPPING = "stopping"
-
-
-@dataclass(frozen=True, slots=True)
-class ExecutionSettings:
-    """start_timeout_s: until a started motion is seen. end_timeout_s: after the spline's time, until the engine is at
-    its end. status_timeout_s: without a status. standstill_radps: slower joints stand. stop_timeout_s,
-    quick_stop_timeout_s: until a stop, and then a quick stop, must have brought the joints to a stand.
-    """
-
-    joints: tuple[str, ...]
-    plan: PlanLimits
-    start_timeout_s: float
-    end_timeout_s: float
-    status_timeout_s: float
-    standstill_radps: float
-    stop_timeout_s: float
-    quick_stop_timeout_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,15 +61,12 @@ class Execution:
         self._arm, self._settings = arm, settings
         self._result: Result | None = None
         self._start_at_s = now_s + goal.start_in_s
-        self._seen_s = self._start_at_s
+        self._now = Moment(self._start_at_s, 0.0)  # of the last status
         self._spline = ClampedSpline(np.array([0.0, 1.0]), np.zeros((2, len(settings.joints))))
-        self._began_s = self._start_time_s = self._delay_s = 0.0
+        self._began = self._settling_since = self._now
+        self._delay_s = 0.0
         self._moved = False
-        self._settling_since_s = 0.0
-        self._ending: Result | None = None
-        self._stopping_since_s = self._quick_since_s = 0.0
-        self._quick = False
-        self._stop_problem = ""
+        self._stopping: Stopping | None = None
 
     def tick(self, now_s: float, status: ArmState | Blind) -> Result | None:
         """Looks at the arm and does what is next. The result, once the goal has ended."""
@@ -91,8 +74,8 @@ class Execution:
             if isinstance(status, Blind):
                 self._blind(now_s, status)
             elif self.phase is not Phase.WAITING or now_s >= self._start_at_s:
-                self._seen_s = now_s
-                self._look(now_s, status)
+                self._now = Moment(now_s, status.time_s)
+                self._look(status)
         return self._result
 
     def stop(self, now_s: float, ending: Result, *, quick: bool = False) -> None:
@@ -102,30 +85,28 @@ class Execution:
         if self.phase is Phase.WAITING:
             self._result = ending
             return
-        first = self._ending is None
-        if first:
-            self.phase, self._stopping_since_s = Phase.STOPPING, now_s
-        if self._ending is None or (quick and self._ending.outcome is Outcome.CANCELED):
-            self._ending = ending
-        if first and not quick:
-            self._stop_problem = _text(self._arm.stop())
-        if quick or (first and self._stop_problem):
-            self._quick_stop(now_s)
+        now = Moment(now_s, self._now.engine_s)
+        if self._stopping is None:
+            self.phase = Phase.STOPPING
+            self._stopping = Stopping(self._arm, self._settings, ending, now, quick=quick)
+        elif quick:
+            self._stopping.replace(ending)
+            self._stopping.hurry(now)
 
     # --- phases ------------------------------------------------------------------------------------------------------
 
-    def _look(self, now_s: float, state: ArmState) -> None:
+    def _look(self, state: ArmState) -> None:
         match self.phase:
             case Phase.WAITING:
-                self._begin(now_s, state)
+                self._begin(state)
             case Phase.RUNNING:
-                self._run(now_s, state)
+                self._run(state)
             case Phase.SETTLING:
-                self._settle(now_s, state)
+                self._settle(state)
             case Phase.STOPPING:
-                self._stand(now_s, state)
+                self._stand(state)
 
-    def _begin(self, now_s: float, state: ArmState) -> None:
+    def _begin(self, state: ArmState) -> None:
         if not len(self.goal.positions):
             self._result = succeeded("the trajectory has no points: nothing to do")
             return
@@ -148,32 +129,36 @@ class Execution:
             self._result = aborted(fault)
             return
         self._spline, self.phase = spline, Phase.RUNNING
-        self._began_s, self._start_time_s = now_s, state.time_s
+        self._began = self._now
 
-    def _run(self, now_s: float, state: ArmState) -> None:
+    def _run(self, state: ArmState) -> None:
         sample = self._compare(state)
         fault = fault_of(state, self._settings.joints)
         if fault is not None:
-            self._stop_for(now_s, fault, state)
+            self._stop_for(fault, state)
             return
         outside = self._outside(sample)
         idle = bool(state.idle.all())
         self._moved = self._moved or not idle
         if outside:
-            self.stop(now_s, aborted(Fault(GoalCode.PATH_TOLERANCE_VIOLATED, f"path tolerance: {outside}")))
+            self._stop(aborted(Fault(GoalCode.PATH_TOLERANCE_VIOLATED, f"path tolerance: {outside}")))
         elif idle and self._complete(state, sample.time_s):
-            self.phase, self._settling_since_s = Phase.SETTLING, now_s
-            self._settle(now_s, state)
-        elif idle and not state.complete.all() and self._had_time_to_start(now_s):
-            self._stop_for(now_s, end_fault(state, self._settings.joints), state)
-        elif now_s - self._began_s > self._spline.duration_s + self._settings.end_timeout_s:
-            late_s = now_s - self._began_s - self._spline.duration_s
-            self.stop(now_s, aborted(Fault(CoreMotionErrorCode.WaitTimeout, f"still moving {late_s:.2f} s too late")))
+            self.phase, self._settling_since = Phase.SETTLING, self._now
+            self._settle(state)
+        elif idle and not state.complete.all() and self._had_time_to_start():
+            self._stop_for(end_fault(state, self._settings.joints), state)
+        elif self._late_s > self._settings.end_timeout_s:
+            fault = Fault(CoreMotionErrorCode.WaitTimeout, f"still moving {self._late_s:.2f} s too late")
+            self._stop(aborted(fault))
 
-    def _settle(self, now_s: float, state: ArmState) -> None:
+    @property
+    def _late_s(self) -> float:
+        return self._now.since(self._began) - self._spline.duration_s
+
+    def _settle(self, state: ArmState) -> None:
         fault = fault_of(state, self._settings.joints)
         if fault is not None:
-            self._stop_for(now_s, fault, state)
+            self._stop_for(fault, state)
             return
         sample = self._compare(state)
         outside = violation(
@@ -182,49 +167,32 @@ class Execution:
             sample.velocity - sample.actual_velocity,
             self._settings.joints,
         )
-        waited_s = now_s - self._settling_since_s
         if not outside:
             self._result = succeeded("")
-        elif waited_s > self.goal.goal_time_s:
+        elif self._now.since(self._settling_since) > self.goal.goal_time_s:
             text = f"goal tolerance, {self.goal.goal_time_s:g} s after the end: {outside}"
             self._result = aborted(Fault(GoalCode.GOAL_TOLERANCE_VIOLATED, text))
 
-    def _stand(self, now_s: float, state: ArmState) -> None:
-        assert self._ending is not None
+    def _stand(self, state: ArmState) -> None:
+        assert self._stopping is not None
         self._compare(state)
-        fault = fault_of(state, self._settings.joints)
-        if fault is not None and self._ending.outcome is Outcome.CANCELED:
-            self._ending = aborted(Fault(fault.code, f"{self._ending.text}; while stopping: {fault.text}"))
-        taken_s = now_s - self._stopping_since_s
-        if not state.communicating:
-            self._result = self._ending
-        elif self._standing(state):
-            self._result = replace(self._ending, text=f"{self._ending.text}; stood {1e3 * taken_s:.0f} ms later")
-        elif not self._quick and taken_s > self._settings.stop_timeout_s:
-            self._quick_stop(now_s)
-        elif self._quick and now_s - self._quick_since_s > self._settings.quick_stop_timeout_s:
-            axis = int(np.argmax(np.abs(state.velocity)))
-            text = (
-                f"{self._ending.text}; STOP FAILED: {self._settings.joints[axis]} moves at "
-                f"{state.velocity[axis]:+.3f} rad/s {taken_s:.2f} s later{self._stop_problem}"
-            )
-            self._result = aborted(Fault(CoreMotionErrorCode.WaitTimeout, text))
+        self._result = self._stopping.look(self._now, state)
 
     def _blind(self, now_s: float, blind: Blind) -> None:
         """A goal that was not begun loses nothing by waiting until it is due."""
         if now_s < self._start_at_s and self.phase is Phase.WAITING:
             return
-        if blind.gone or now_s - self._seen_s > self._settings.status_timeout_s:
+        if blind.gone or now_s - self._now.steady_s > self._settings.status_timeout_s:
             if self.phase is not Phase.WAITING and not blind.gone:
                 self._arm.quick_stop()  # an engine that is silent may still listen
-            before = f"{self._ending.text}; " if self._ending is not None else ""
+            before = f"{self._stopping.ending.text}; " if self._stopping is not None else ""
             self._result = aborted(Fault(blind.fault.code, f"{before}{blind.fault.text}"))
 
     # --- details -----------------------------------------------------------------------------------------------------
 
     def _compare(self, state: ArmState) -> Sample:
         """The sample of this moment. Once the path is left on purpose, the engine's command is what is desired."""
-        time_s = state.time_s - self._start_time_s - self._delay_s
+        time_s = state.time_s - self._began.engine_s - self._delay_s
         position, velocity, acceleration = self._spline.evaluate(time_s)
         if self.phase is Phase.STOPPING:
             position, velocity, acceleration = state.command, state.command_velocity, np.zeros_like(velocity)
@@ -252,25 +220,15 @@ class Execution:
         left = np.abs(state.command - self._spline.positions[-1]).max()
         return bool(state.complete.all() and time_s >= self._spline.duration_s and left <= _AT_END_RAD)
 
-    def _had_time_to_start(self, now_s: float) -> bool:
-        return self._moved or now_s - self._began_s > self._settings.start_timeout_s
+    def _had_time_to_start(self) -> bool:
+        return self._moved or self._now.since(self._began) > self._settings.start_timeout_s
 
-    def _stop_for(self, now_s: float, fault: Fault, state: ArmState) -> None:
+    def _stop(self, ending: Result, *, quick: bool = False) -> None:
+        self.stop(self._now.steady_s, ending, quick=quick)
+
+    def _stop_for(self, fault: Fault, state: ArmState) -> None:
         """A fault in motion. What still moves is stopped, if there is a way to tell it."""
-        at_s = min(max(0.0, state.time_s - self._start_time_s), self._spline.duration_s)
+        at_s = min(max(0.0, state.time_s - self._began.engine_s), self._spline.duration_s)
         text = f"{fault.text}, {at_s:.3f} s into a motion of {self._spline.duration_s:.3f} s"
-        self.stop(now_s, aborted(Fault(fault.code, text)), quick=True)
-        self._stand(now_s, state)
-
-    def _quick_stop(self, now_s: float) -> None:
-        if not self._quick:
-            self._quick, self._quick_since_s = True, now_s
-            problem = self._arm.quick_stop()
-            self._stop_problem += f" ({problem.text})" if problem is not None else ""
-
-    def _standing(self, state: ArmState) -> bool:
-        return bool(state.idle.all() and (np.abs(state.velocity) <= self._settings.standstill_radps).all())
-
-
-def _text(problem: Fault | None) -> str:
-    return "" if problem is None else f" ({problem.text})"
+        self._stop(aborted(Fault(fault.code, text)), quick=True)
+        self._stand(state)

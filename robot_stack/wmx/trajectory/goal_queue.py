@@ -6,9 +6,10 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from robot_stack.wmx.trajectory.arm import Arm, ArmState, Blind
-from robot_stack.wmx.trajectory.execution import Execution, ExecutionSettings
+from robot_stack.wmx.trajectory.execution import Execution
 from robot_stack.wmx.trajectory.goal import CheckedGoal
 from robot_stack.wmx.trajectory.results import Fault, GoalCode, Result, aborted, canceled
+from robot_stack.wmx.trajectory.settings import ExecutionSettings
 
 KeyT = TypeVar("KeyT")
 _PREEMPTED = aborted(Fault(GoalCode.INVALID_GOAL, "preempted by a newer goal"))

@@ -8,9 +8,9 @@ from pydantic import Field, model_validator
 
 from robot_stack.core.config import Config
 from robot_stack.wmx.api.values import MAX_IO_BYTES, MAX_SPLINE_DIMENSIONS
-from robot_stack.wmx.trajectory.execution import ExecutionSettings
 from robot_stack.wmx.trajectory.goal import GoalLimits
 from robot_stack.wmx.trajectory.plan import PlanLimits
+from robot_stack.wmx.trajectory.settings import ExecutionSettings
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from robot_stack.wmx.trajectory.arm import ArmState
-from robot_stack.wmx.trajectory.execution import ExecutionSettings
 from robot_stack.wmx.trajectory.goal import CheckedGoal
 from robot_stack.wmx.trajectory.plan import PlanLimits
 from robot_stack.wmx.trajectory.results import Fault
+from robot_stack.wmx.trajectory.settings import ExecutionSettings
 from robot_stack.wmx.trajectory.spline import ClampedSpline
 from robot_stack.wmx.trajectory.tolerances import Tolerances
 

@@ -228,6 +228,31 @@ def test_a_motion_that_does_not_end_is_stopped() -> None:
     assert run.arm.calls == ["start", "stop"]
 
 
+def test_an_engine_that_is_held_up_is_not_late() -> None:
+    run = Run()
+    for _ in range(round(8.0 / TICK_S)):  # a quarter of real time
+        run.now_s += TICK_S
+        run.arm.advance(0.25 * TICK_S)
+        run.result = run.execution.tick(run.now_s, run.arm.state())
+    run.arm.advance(TICK_S)
+    run.tick()
+    assert run.result is not None
+    assert run.result.outcome is Outcome.SUCCEEDED
+
+
+def test_an_engine_whose_clock_stands_is_late_in_the_end() -> None:
+    run = Run()
+    run.to(0.5)
+    held = run.arm.state()
+    while run.result is None:
+        run.now_s += TICK_S
+        assert run.now_s < 100.0
+        run.result = run.execution.tick(run.now_s, held)
+    assert (run.result.outcome, run.result.code) == (Outcome.ABORTED, CoreMotionErrorCode.WaitTimeout)
+    assert run.arm.calls == ["start", "stop", "quick_stop"]
+    assert "STOP FAILED" in run.result.text
+
+
 def test_path_tolerance_stops_and_aborts() -> None:
     wish = goal((1.0, (0.4, 0.2)), path=Tolerances(np.array([np.inf, 0.05]), np.full(2, np.inf)))
     run = Run(wish)

@@ -1,0 +1,21 @@
+"""Time on two clocks, so that an engine that is held up is not taken for one that is late."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+# An engine whose clock stands or crawls is late all the same, by this share of the steady time.
+_SLOWEST = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """One instant. steady_s: this process's clock. engine_s: the engine's, which counts its cycles."""
+
+    steady_s: float
+    engine_s: float
+
+    def since(self, begin: Moment) -> float:
+        """Seconds that have passed on both clocks."""
+        steady_s = self.steady_s - begin.steady_s
+        return max(min(steady_s, self.engine_s - begin.engine_s), _SLOWEST * steady_s)

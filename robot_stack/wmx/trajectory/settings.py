@@ -1,0 +1,24 @@
+"""How patient an execution is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_stack.wmx.trajectory.plan import PlanLimits
+
+
+@dataclass(frozen=True, slots=True)
+class ExecutionSettings:
+    """start_timeout_s: until a started motion is seen. end_timeout_s: after the spline's time, until the engine is at
+    its end. status_timeout_s: without a status. standstill_radps: slower joints stand. stop_timeout_s,
+    quick_stop_timeout_s: until a stop, and then a quick stop, must have brought the joints to a stand.
+    """
+
+    joints: tuple[str, ...]
+    plan: PlanLimits
+    start_timeout_s: float
+    end_timeout_s: float
+    status_timeout_s: float
+    standstill_radps: float
+    stop_timeout_s: float
+    quick_stop_timeout_s: float

@@ -1,0 +1,70 @@
+"""From a stop that is asked for to axes that stand, or to word that they do not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from robot_stack.wmx.api import CoreMotionErrorCode
+from robot_stack.wmx.trajectory.arm import Arm, ArmState, fault_of
+from robot_stack.wmx.trajectory.moment import Moment
+from robot_stack.wmx.trajectory.results import Fault, Outcome, Result, aborted
+from robot_stack.wmx.trajectory.settings import ExecutionSettings
+
+
+class Stopping:
+    """A stop along the path; a quick one if that is asked for, or the other refused or in vain. ``ending``: its result."""
+
+    def __init__(self, arm: Arm, settings: ExecutionSettings, ending: Result, now: Moment, *, quick: bool) -> None:
+        self.ending = ending
+        self._arm, self._settings = arm, settings
+        self._begin, self._quick_begin = now, now
+        self._quick = False
+        self._problem = ""
+        if not quick:
+            self._problem = _text(arm.stop())
+        if quick or self._problem:
+            self.hurry(now)
+
+    def hurry(self, now: Moment) -> None:
+        """Asks for the quick stop, once."""
+        if not self._quick:
+            self._quick, self._quick_begin = True, now
+            self._problem += _text(self._arm.quick_stop())
+
+    def replace(self, ending: Result) -> None:
+        """A fault is the ending of a goal whose cancellation is not through yet; nothing else is."""
+        if self.ending.outcome is Outcome.CANCELED:
+            self.ending = ending
+
+    def look(self, now: Moment, state: ArmState) -> Result | None:
+        """The result, once the axes stand or should have."""
+        fault = fault_of(state, self._settings.joints)
+        if fault is not None:
+            self.replace(aborted(Fault(fault.code, f"{self.ending.text}; while stopping: {fault.text}")))
+        taken_s = now.since(self._begin)
+        if not state.communicating:
+            return self.ending
+        if self._standing(state):
+            return replace(self.ending, text=f"{self.ending.text}; stood {1e3 * taken_s:.0f} ms later")
+        if not self._quick and taken_s > self._settings.stop_timeout_s:
+            self.hurry(now)
+        elif self._quick and now.since(self._quick_begin) > self._settings.quick_stop_timeout_s:
+            return self._failed(state, taken_s)
+        return None
+
+    def _failed(self, state: ArmState, taken_s: float) -> Result:
+        axis = int(np.argmax(np.abs(state.velocity)))
+        text = (
+            f"{self.ending.text}; STOP FAILED: {self._settings.joints[axis]} moves at "
+            f"{state.velocity[axis]:+.3f} rad/s {taken_s:.2f} s later{self._problem}"
+        )
+        return aborted(Fault(CoreMotionErrorCode.WaitTimeout, text))
+
+    def _standing(self, state: ArmState) -> bool:
+        return bool(state.idle.all() and (np.abs(state.velocity) <= self._settings.standstill_radps).all())
+
+
+def _text(problem: Fault | None) -> str:
+    return "" if problem is None else f" ({problem.text})"
