@@ -54,6 +54,7 @@ class Device:
         self._next_try_s = self._next_feed_s = -float("inf")
         self._device_id = 0
         self._moved: dict[int, int] = {}
+        self._doubtful: set[int] = set()
 
     # --- life --------------------------------------------------------------------------------------------------------
 
@@ -122,6 +123,7 @@ class Device:
 
     def _forget(self) -> None:
         self._moved.clear()
+        self._doubtful.clear()
         self._device_id = 0
         self.started_communication = False
         self._next_try_s = -float("inf")
@@ -163,6 +165,17 @@ class Device:
         """This device has set ``axes`` in motion; ``snapshot`` was read just before."""
         for axis in axes:
             self._moved[axis] = snapshot.cycle_counter
+
+    def doubt(self, axes: Sequence[int]) -> None:
+        """The engine did not answer to a command for ``axes``, and may carry it out all the same, some time."""
+        self._doubtful.update(axes)
+
+    def settle_doubts(self, snapshot: StatusSnapshot) -> None:
+        """Stops the axes in doubt, once the engine answers again: it takes requests in their order."""
+        for axis, code in self.stop(sorted(self._doubtful), snapshot).items():
+            if code != ErrorCode.APIChannelTimeOut:
+                self._doubtful.discard(axis)
+                self._log.error(f"axis {axis} is stopped: the engine did not answer to its command")
 
     def moving(self, snapshot: StatusSnapshot) -> list[int]:
         """The axes that this device set in motion and that have not come to rest; others may have taken over since."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robot_stack.wmx.api import AxisCommandMode
+from robot_stack.wmx.api import AxisCommandMode, ErrorCode
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.general.commands import (
     AxisOrder,
@@ -68,6 +68,8 @@ class AxisMotion:
         self._begun(code, order, snapshot)
 
     def _begun(self, code: int, order: AxisOrder, snapshot: StatusSnapshot) -> None:
+        if code == ErrorCode.APIChannelTimeOut:
+            self._device.doubt(order.index)
         if code:
             raise Refused(f"the engine refuses it: Error={int(code)} ({self._device.motion_text(code)})")
         self._device.moved(order.index, snapshot)

@@ -91,6 +91,7 @@ class GeneralSession:
         self.problem, self.state = "", snapshot.engine_state.name
         if not snapshot.communicating:
             return
+        self.device.settle_doubts(snapshot)
         if self._stopped:
             moving = [axis for axis in self.device.moving(snapshot) if not _stopping(snapshot, axis)]
             self._stop_moving(snapshot, moving)

@@ -21,7 +21,16 @@ from robot_stack.wmx.general.session import GeneralSession
 from robot_stack.wmx.general.worker import Job
 from tests.support.waiting import wait_for
 from tests.unit.wmx.conformance import pos
-from tests.unit.wmx.harness import POS, POS_MIRRORED, VEL, ThreadHarness, runtime_folder, status, wait_status
+from tests.unit.wmx.harness import (
+    POS,
+    POS_MIRRORED,
+    VEL,
+    ThreadHarness,
+    runtime_folder,
+    some_cycles,
+    status,
+    wait_status,
+)
 from tests.unit.wmx.vendor_harness import vendor_harness
 
 QUICK = {
@@ -209,6 +218,52 @@ class TestDevice:
         rig.log.wait("the motion engine has ended")
         wait_for(lambda: rig.opened >= 2 and rig.session.device.engine is not None, "another device")
 
+    def test_an_engine_that_hangs_has_no_state_and_no_command_waits_for_it(self, harness: ThreadHarness) -> None:
+        harness.config = harness.config.model_copy(update={"call_timeout_s": 0.3, "status_stale_s": 0.2})
+        rig = Rig(harness, command_max_wait_s=0.05)
+        onlooker = rig.up()
+        wait_for(lambda: rig.states, "states")
+        resume, exchange = threading.Event(), harness.drives.exchange
+
+        def hangs(out: Any, inp: Any) -> bool:
+            resume.wait(10.0)
+            return exchange(out, inp)
+
+        harness.drives.exchange = hangs  # type: ignore[method-assign]
+        wait_for(lambda: rig.session.problem, "the silence")
+        count = len(rig.states)
+        rig.move(rig.session.motion.go_to, [POS], [1.0], [9.0], [9.0], [9.0])
+        rig.log.wait("topic refused: no status of the engine: Error=271")
+        assert rig.ask(rig.session.engine.get_status) == Answer(True, "Unknown")
+        assert len(rig.states) == count
+        resume.set()
+        wait_for(lambda: len(rig.states) > count + 2, "states again")
+        assert not status(onlooker).op_state.any()
+        rig.session.end()
+
+    def test_a_command_that_the_engine_took_without_an_answer_is_taken_back(self, harness: ThreadHarness) -> None:
+        """It was in the socket when the engine fell silent, and is carried out when the engine goes on."""
+        harness.config = harness.config.model_copy(update={"call_timeout_s": 0.2})
+        rig = Rig(harness)
+        onlooker = rig.up()
+        resume, exchange, began = threading.Event(), harness.drives.exchange, threading.Event()
+
+        def hangs(out: Any, inp: Any) -> bool:
+            began.set()
+            resume.wait(10.0)
+            return exchange(out, inp)
+
+        harness.drives.exchange = hangs  # type: ignore[method-assign]
+        assert began.wait(10.0)
+        rig.move(rig.session.motion.run, [VEL], [3.0], [100.0], [100.0])
+        rig.log.wait("topic refused: the engine refuses it: Error=270")
+        resume.set()
+        rig.log.wait("axis 1 is stopped: the engine did not answer to its command")
+        wait_status(onlooker, at_rest(VEL), "standstill")
+        ended = some_cycles(onlooker, 20)
+        assert ended.velocity_cmd[VEL] == 0.0
+        rig.session.end()
+
 
 class TestCommunication:
     def test_up_and_down(self, rig: Rig) -> None:
@@ -278,6 +333,19 @@ class TestServos:
             "Invalid servo value for axis 3: 2",
             "",
         ]
+
+    def test_who_waits_for_a_drive_holds_up_neither_state_nor_others(self, rig: Rig, harness: ThreadHarness) -> None:
+        harness.communicating()
+        harness.drives.broken[1] = True
+        rig.start()
+        answers: list[Answer] = []
+        rig.session.worker.ask(lambda: rig.session.axes.set_on([1], [1]), answers.append)
+        count = len(rig.states)
+        assert rig.ask(lambda: rig.session.axes.set_on([0], [1])) == Answer(True, "Set axis 0 on; ")
+        assert answers == []
+        wait_for(lambda: answers, "the slow answer")
+        assert not answers[0].success
+        assert len(rig.states) > count + 5  # 0.3 s
 
     def test_without_communication(self, rig: Rig) -> None:
         rig.start()
