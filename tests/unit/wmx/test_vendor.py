@@ -245,6 +245,17 @@ class TestCalls:
         engine = harness.ready()
         assert engine.io.SetOutByte(0, value) == ErrorCode.ArgumentOutOfRange
         assert engine.io.GetOutByte(0) == (GOOD, 0)
+        if value > 2**32:  # an overloaded call only says that its arguments are wrong
+            assert engine.api.StartCommunication(value) == ErrorCode.ArgumentOutOfRange
+
+    @pytest.mark.parametrize("values", [(99.0,), (), (None,)])
+    def test_values_of_a_failure_are_not_looked_at(
+        self, harness: VendorHarness, monkeypatch: pytest.MonkeyPatch, values: tuple[Any, ...]
+    ) -> None:
+        native = type(harness.module.CoreMotion(harness.module.WMX3Api()).axisControl)
+        failed = harness.module.ErrorCode.CommNotStarted
+        monkeypatch.setattr(native, "GetPosCommand", lambda _, __: (failed, *values))
+        assert harness.connect().core_motion.axisControl.GetPosCommand(0) == (ErrorCode.CommNotStarted, 0.0)
 
     def test_argument_of_a_wrong_type_is_the_callers_fault(self, harness: VendorHarness) -> None:
         engine = harness.ready()
