@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_stack.wmx.api import AxisCommandMode, EngineState, OperationState, Profile, ProfileType
@@ -160,6 +160,7 @@ def test_profile(profile: str, odd: bool) -> None:
 NUMBERS = st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=4)
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(-3, 140), max_size=4), NUMBERS, NUMBERS, NUMBERS, st.none() | NUMBERS)
 def test_whatever_passes_is_whole(
     index: list[int], velocity: list[float], acc: list[float], dec: list[float], target: list[float] | None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_stack.wmx.general.worker import next_deadline
@@ -17,6 +17,7 @@ def test_next_deadline(now_s: float, after_s: float) -> None:
     assert next_deadline(10.0, 0.5, now_s) == after_s
 
 
+@settings(deadline=None)
 @given(st.floats(0.0, 1e5), st.floats(1e-3, 1.0), st.floats(-1.0, 100.0))
 def test_it_is_on_the_grid_later_than_the_last_and_never_a_whole_period_behind(
     due_s: float, period_s: float, late_s: float
