@@ -16,8 +16,8 @@ from robot_stack.wmx.api.parameters import (
     Config_MotionParam,
     Config_SystemParam,
 )
+from robot_stack.wmx.simulated.parameter_blocks import BLOCKS, from_wire, to_wire
 from robot_stack.wmx.simulated.parameter_file import ParameterFileError, ParameterValues, read_file, write_file
-from robot_stack.wmx.simulated.parameters import BLOCKS, from_wire, to_wire
 
 if TYPE_CHECKING:
     from robot_stack.wmx.simulated.client import WMX3Api

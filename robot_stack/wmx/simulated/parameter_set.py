@@ -13,7 +13,9 @@ from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.simulated import parameter_layout as layout
 from robot_stack.wmx.simulated import rows
 from robot_stack.wmx.simulated.checks import LARGEST, target
-from robot_stack.wmx.simulated.parameters import BLOCKS, AxisBlock, Parameters, gear_in_range, valid_block
+from robot_stack.wmx.simulated.parameter_blocks import BLOCKS, AxisBlock
+from robot_stack.wmx.simulated.parameter_checks import gear_in_range, valid_block
+from robot_stack.wmx.simulated.parameters import Parameters
 from robot_stack.wmx.simulated.state import EngineArrays
 
 Entries = dict[str, layout.Number]

@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, fields, replace
-from typing import Any, Final, TypeVar
+from dataclasses import replace
 
 from robot_stack.wmx.api.enums import (
     AxisCommandMode,
-    Config_EStopLevel1Type,
-    Config_EStopSignalSource,
     Config_FollowingErrorAlarmType,
-    Config_HomeDirection,
-    Config_HomeType,
     Config_LimitSwitchDirection,
     Config_LimitSwitchType,
-    Config_ProhibitOvertravelType,
     Config_VelocityFollowingErrorAlarmType,
-    EStopLevel,
 )
 from robot_stack.wmx.api.errors import CoreMotionErrorCode, ErrorCode
 from robot_stack.wmx.api.parameters import (
@@ -29,35 +22,11 @@ from robot_stack.wmx.api.parameters import (
     Config_MotionParam,
 )
 from robot_stack.wmx.axes import Flag, Real
-from robot_stack.wmx.config import AxisKind, EngineConfig, Homing
+from robot_stack.wmx.config import EngineConfig
 from robot_stack.wmx.simulated import rows
-from robot_stack.wmx.simulated.checks import LARGEST, SMALLEST
+from robot_stack.wmx.simulated.parameter_blocks import AxisBlock, blocks_of, emergency_stop_of
+from robot_stack.wmx.simulated.parameter_checks import gear_in_range, valid_block, valid_emergency_stop
 from robot_stack.wmx.simulated.state import EngineArrays
-
-GEAR_SMALLEST: Final = 1e-6
-GEAR_LARGEST: Final = 2147483647.0
-
-AxisBlock = Config_FeedbackParam | Config_HomeParam | Config_LimitParam | Config_MotionParam | Config_AlarmParam
-BlockT = TypeVar("BlockT")
-
-LIMIT_ACTIONS: Final = {
-    "none": Config_LimitSwitchType.PyNone,
-    "servo_off": Config_LimitSwitchType.ServoOff,
-    "dec_servo_off": Config_LimitSwitchType.DecServoOff,
-    "dec": Config_LimitSwitchType.Dec,
-    "slow_dec_servo_off": Config_LimitSwitchType.SlowDecServoOff,
-    "slow_dec": Config_LimitSwitchType.SlowDec,
-}
-"""By their names in the engine's configuration."""
-
-BLOCKS: Final[dict[str, type[AxisBlock]]] = {
-    "feedback": Config_FeedbackParam,
-    "home": Config_HomeParam,
-    "limit": Config_LimitParam,
-    "motion": Config_MotionParam,
-    "alarm": Config_AlarmParam,
-}
-"""Names of the parameter blocks that exist once per axis."""
 
 
 class Parameters:
@@ -76,11 +45,11 @@ class Parameters:
     def reset(self) -> None:
         """The configuration's values for every axis."""
         kinds = [self._config.axis_kind(axis) for axis in range(self._config.n_axes)]
-        self._axes = [_blocks(kind) for kind in kinds]
+        self._axes = [blocks_of(kind) for kind in kinds]
         self.gear = [(kind.gear_numerator, kind.gear_denominator) for kind in kinds]
         self.polarity = [kind.polarity for kind in kinds]
         self._absolute = [kind.absolute_encoder for kind in kinds]
-        self.emergency_stop = _emergency_stop(self._config, kinds)
+        self.emergency_stop = emergency_stop_of(self._config, kinds)
         for axis, kind in enumerate(kinds):
             velocity = kind.mode == "velocity"
             self._a.flags[Flag.COMMAND_MODE, axis] = AxisCommandMode.Velocity if velocity else AxisCommandMode.Position
@@ -113,17 +82,7 @@ class Parameters:
 
     def set_emergency_stop(self, block: Config_EmergencyStopParam) -> int:
         """Checks and takes over the emergency-stop block."""
-        good = (
-            len(block.eStopDec) == self._a.n_axes
-            and _are_flags(block.enableEStopSignal, block.invertEStopSignalPolarity)
-            and all(_within(dec) for dec in block.eStopDec)
-            and block.eStopSignalSource == Config_EStopSignalSource.Input
-            and _is_member(EStopLevel, block.eStopSignalLevel)
-            and _is_member(Config_EStopLevel1Type, block.eStopLevel1Type)
-            and 0 <= block.eStopSignalByteAddress < self._config.n_input_bytes
-            and 0 <= block.eStopSignalBitAddress < 8
-        )
-        if not good:
+        if not valid_emergency_stop(block, self._a.n_axes, self._config.n_input_bytes):
             return CoreMotionErrorCode.ParameterSettingsInvalid
         self.emergency_stop = replace(block, eStopDec=list(block.eStopDec))
         for axis in range(self._a.n_axes):
@@ -202,184 +161,5 @@ class Parameters:
         work[rows.SERVO_OFF_ON_ALARM] = block.servoOffDuringAmpAlarm
 
 
-def to_wire(block: Any) -> dict[str, Any]:
-    """A block as plain names and values."""
-    return asdict(block)
-
-
-def from_wire(kind: type[BlockT], data: object) -> BlockT | None:
-    """A block from plain names and values; None if a name is missing or unknown or a value is of the wrong type."""
-    if not isinstance(data, dict):
-        return None
-    defaults = kind()
-    names = [item.name for item in fields(defaults)]  # type: ignore[arg-type]
-    if set(data) != set(names):
-        return None
-    try:
-        return kind(**{name: _like(data[name], getattr(defaults, name)) for name in names})
-    except (TypeError, OverflowError):
-        return None
-
-
-def _like(value: object, like: object) -> object:
-    """``value`` as the type of ``like``. Raises TypeError or OverflowError."""
-    if isinstance(like, bool):
-        if isinstance(value, bool):
-            return value
-    elif isinstance(like, list):
-        if isinstance(value, list):
-            return [_like(item, 0.0) for item in value]
-    elif isinstance(value, int | float) and not isinstance(value, bool):
-        if isinstance(like, float):
-            return float(value)
-        if isinstance(value, int):
-            return value
-    raise TypeError(f"{value!r} is not of type {type(like).__name__}")
-
-
 def _cycles(milliseconds: float, cycle_s: float) -> int:
     return math.ceil(1e-3 * milliseconds / cycle_s - 1e-9)
-
-
-def gear_in_range(value: float) -> bool:
-    """A numerator or denominator that the vendor takes too."""
-    return GEAR_SMALLEST <= value <= GEAR_LARGEST
-
-
-def _within(value: float) -> bool:
-    return SMALLEST <= value <= LARGEST
-
-
-def _are_flags(*values: object) -> bool:
-    return all(isinstance(value, bool) for value in values)
-
-
-def _is_member(kind: Any, value: int) -> bool:
-    return value in [int(member) for member in kind]
-
-
-def valid_block(name: str, block: AxisBlock) -> bool:
-    """Every field of the block named ``name`` is in its range."""
-    reals = [value for value in asdict(block).values() if isinstance(value, float)]
-    if not isinstance(block, BLOCKS[name]) or not all(abs(value) <= LARGEST for value in reals):
-        return False
-    match block:
-        case Config_FeedbackParam():
-            return all(value >= 0.0 for value in reals)
-        case Config_HomeParam():
-            return _valid_home(block)
-        case Config_LimitParam():
-            return _valid_limit(block)
-        case Config_MotionParam():
-            return (
-                _within(block.quickStopDec)
-                and _is_member(Config_ProhibitOvertravelType, block.prohibitOvertravel)
-                and _are_flags(block.interruptedIntplUseQuickStop)
-            )
-        case Config_AlarmParam():
-            return (
-                all(value >= 0.0 for value in reals)
-                and _is_member(Config_FollowingErrorAlarmType, block.followingErrorType)
-                and _is_member(Config_VelocityFollowingErrorAlarmType, block.velocityFollowingErrorType)
-                and _are_flags(block.servoOffDuringAmpAlarm)
-            )
-
-
-def _valid_home(block: Config_HomeParam) -> bool:
-    speeds = (
-        *(block.homingVelocitySlow, block.homingVelocitySlowAcc, block.homingVelocitySlowDec),
-        *(block.homingVelocityFast, block.homingVelocityFastAcc, block.homingVelocityFastDec),
-        *(block.homeShiftVelocity, block.homeShiftAcc, block.homeShiftDec),
-    )
-    distances = (block.homingReverseDistance, block.maxHSOnAtStartReverseDistance, block.maxLSReverseDistance)
-    return (
-        _is_member(Config_HomeType, block.homeType)
-        and _is_member(Config_HomeDirection, block.homeDirection)
-        and all(_within(speed) for speed in speeds)
-        and all(distance >= 0.0 for distance in distances)
-        and _are_flags(block.invertHSPolarity, block.clearHomeDoneOnServoOff, block.clearHomeDoneOnCommStop)
-    )
-
-
-def _valid_limit(block: Config_LimitParam) -> bool:
-    common = (block.lsType, block.softLimitType)
-    single = (block.positiveLSType, block.negativeLSType, block.positiveSoftLimitType, block.negativeSoftLimitType)
-    separate = Config_LimitSwitchType.SeparatePositiveLSNegativeLS
-    return (
-        all(_is_member(Config_LimitSwitchType, kind) for kind in (*common, *single))
-        and separate not in single
-        and _is_member(Config_LimitSwitchDirection, block.lsDirection)
-        and _are_flags(block.invertPositiveLSPolarity, block.invertNegativeLSPolarity)
-        and _within(block.lsDec)
-        and _within(block.lsSlowDec)
-    )
-
-
-def _blocks(kind: AxisKind) -> dict[str, AxisBlock]:
-    error, limits = kind.following_error, kind.soft_limits
-    milliseconds = 1e3 * error.velocity_time_s
-    alarm = Config_AlarmParam(
-        followingErrorStopped=error.stopped_rad,
-        followingErrorMoving=error.moving_rad,
-        followingErrorType=Config_FollowingErrorAlarmType(int(error.quick_stop)),
-        velocityFollowingErrorStopped=error.velocity_stopped_radps,
-        velocityFollowingErrorStoppedMilliseconds=milliseconds,
-        velocityFollowingErrorMoving=error.velocity_moving_radps,
-        velocityFollowingErrorMovingMilliseconds=milliseconds,
-        velocityFollowingErrorType=Config_VelocityFollowingErrorAlarmType(int(error.quick_stop)),
-        servoOffDuringAmpAlarm=kind.servo_off_during_alarm,
-    )
-    limit = Config_LimitParam()
-    if limits is not None:
-        limit = Config_LimitParam(
-            softLimitType=Config_LimitSwitchType.Dec,
-            softLimitPositivePos=limits.positive_rad,
-            softLimitNegativePos=limits.negative_rad,
-            lsDec=limits.dec_radps2,
-            lsSlowDec=limits.dec_radps2,
-        )
-    switches = kind.limit_switches
-    if switches is not None:
-        limit.lsType = LIMIT_ACTIONS[switches.action]
-        limit.lsDec, limit.lsSlowDec = switches.dec_radps2, switches.slow_dec_radps2
-    return {
-        "feedback": Config_FeedbackParam(
-            inPosWidth=kind.in_pos_width_rad,
-            posSetWidth=kind.pos_set_width_rad,
-            delayedPosSetWidth=kind.pos_set_width_rad,
-        ),
-        "home": _home(kind.homing),
-        "limit": limit,
-        "motion": Config_MotionParam(quickStopDec=kind.quick_stop_dec_radps2),
-        "alarm": alarm,
-    }
-
-
-def _home(homing: Homing | None) -> Config_HomeParam:
-    if homing is None:
-        return Config_HomeParam()
-    acc = homing.acceleration_radps2
-    return Config_HomeParam(
-        homingVelocitySlow=homing.slow_radps,
-        homingVelocitySlowAcc=acc,
-        homingVelocitySlowDec=acc,
-        homingVelocityFast=homing.fast_radps,
-        homingVelocityFastAcc=acc,
-        homingVelocityFastDec=acc,
-        homeShiftVelocity=homing.slow_radps,
-        homeShiftAcc=acc,
-        homeShiftDec=acc,
-    )
-
-
-def _emergency_stop(config: EngineConfig, kinds: list[AxisKind]) -> Config_EmergencyStopParam:
-    signal = config.estop_signal
-    return Config_EmergencyStopParam(
-        eStopDec=[kind.estop_dec_radps2 for kind in kinds],
-        enableEStopSignal=signal.enabled,
-        eStopSignalLevel=EStopLevel.Level1 if signal.level == "level1" else EStopLevel.Final,
-        invertEStopSignalPolarity=signal.active == 0,
-        eStopSignalByteAddress=signal.byte,
-        eStopSignalBitAddress=signal.bit,
-        eStopLevel1Type=Config_EStopLevel1Type(int(config.estop_servo_off)),
-    )

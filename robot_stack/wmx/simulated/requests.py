@@ -29,8 +29,8 @@ from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.simulated import checks
 from robot_stack.wmx.simulated.devices import Device
 from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.simulated.parameter_blocks import BLOCKS, AxisBlock, from_wire, to_wire
 from robot_stack.wmx.simulated.parameter_layout import AXIS_ENTRIES, GLOBAL_ENTRIES
-from robot_stack.wmx.simulated.parameters import BLOCKS, AxisBlock, from_wire, to_wire
 from robot_stack.wmx.simulated.protocol import unpack
 
 Answer = tuple[int, list[Any]]

@@ -326,15 +326,16 @@ class TestSet:
         assert reals[Real.POS_CMD, VEL] == pytest.approx(reals[Real.ACTUAL_POS, VEL], abs=1e-4)
 
 
+@pytest.fixture(scope="module")
+def arm() -> Engine:
+    config = load(EngineConfig, "wmx_engine_manipulator")
+    return Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s))
+
+
 class TestArmsFile:
     """config/wmx/cr3a_wmx_parameters.xml, which ``python -m robot_stack.wmx.simulated --export-parameters`` wrote."""
 
     PATH = config_dir() / "wmx" / "cr3a_wmx_parameters.xml"
-
-    @pytest.fixture(scope="class")
-    def arm(self) -> Engine:
-        config = load(EngineConfig, "wmx_engine_manipulator")
-        return Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s))
 
     def test_is_what_the_arms_engine_starts_with(self, arm: Engine) -> None:
         assert self.PATH.read_text(encoding="utf-8") == render(values(arm)), "export it again"
