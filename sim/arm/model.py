@@ -31,8 +31,9 @@ def write_arm(params: ArmParams, timestep_s: float) -> str:
     default = SubElement(root, "default")
     # Stiff dry friction: a closed brake must not creep under the arm's weight.
     SubElement(default, "joint", solreffriction="0.004 1", solimpfriction="0.9999 0.9999 0.001")
+    _looks(root)
     world = SubElement(root, "worldbody")
-    SubElement(world, "light", pos="0 0 3", dir="0 0.3 -1", directional="true")
+    SubElement(world, "light", pos="0.4 -0.5 2.5", dir="-0.2 0.3 -1", directional="true", diffuse="0.6 0.6 0.6")
     add_geom(world, "table", "plane", (1.0, 1.0, 0.05), _TABLE_BITS, WORLD_GROUP, rgba="0.72 0.66 0.58 1")
     _arm(world, params)
     if params.cube is not None:
@@ -42,6 +43,17 @@ def write_arm(params: ArmParams, timestep_s: float) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
+def _looks(root: Element) -> None:
+    """For pictures only."""
+    asset, visual = SubElement(root, "asset"), SubElement(root, "visual")
+    sky = {"type": "skybox", "builtin": "gradient", "rgb1": "0.93 0.95 0.97", "rgb2": "0.70 0.76 0.82"}
+    SubElement(asset, "texture", sky, width="256", height="1536")
+    SubElement(visual, "global", offwidth="1920", offheight="1080")
+    SubElement(visual, "quality", shadowsize="8192", offsamples="8")
+    SubElement(visual, "map", shadowclip="0.9")
+    SubElement(visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.4 0.4 0.4", specular="0 0 0")
+
+
 def _arm(world: Element, params: ArmParams) -> None:
     body, mass, radius = params.body, params.body.mass_kg, params.body.radius_m
     base = SubElement(world, "body", name="base", pos=vector((0.0, 0.0, body.pedestal_m)))
@@ -49,7 +61,16 @@ def _arm(world: Element, params: ArmParams) -> None:
         half_m = 0.5 * body.pedestal_m
         more = {"pos": vector((0.0, 0.0, -half_m)), "rgba": _GREY, "mass": "0"}
         add_geom(base, "pedestal", "cylinder", (1.2 * radius.base, half_m), NO_BITS, WORLD_GROUP, **more)
-    _bar(base, "base", (0.0, 0.0, 0.0), (0.0, 0.0, 0.5 * body.base_height_m), radius.base, mass.base, NO_BITS, _DARK)
+    _bar(
+        base,
+        "base",
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.5 * body.base_height_m),
+        0.97 * radius.base,
+        mass.base,
+        NO_BITS,
+        _DARK,
+    )
     shoulder = _link(base, params, 0, (0.0, 0.0, 0.5 * body.base_height_m), _Z)
     top = (0.0, 0.0, 0.5 * body.base_height_m)
     _bar(shoulder, "shoulder", (0.0, 0.0, 0.0), top, radius.base, mass.shoulder, NO_BITS, _WHITE)
@@ -67,7 +88,7 @@ def _arm(world: Element, params: ArmParams) -> None:
     _bar(wrist2, "wrist2", (0.0, 0.0, 0.0), up, radius.wrist, mass.wrist2, _ARM_BITS, _WHITE)
     wrist3 = _link(wrist2, params, 5, up, _Y)
     flange = (0.0, body.flange_m, 0.0)
-    _bar(wrist3, "wrist3", (0.0, 0.0, 0.0), flange, radius.wrist, mass.wrist3, _ARM_BITS, _GREY)
+    _bar(wrist3, "wrist3", (0.0, 0.0, 0.0), flange, 0.97 * radius.wrist, mass.wrist3, _ARM_BITS, _GREY)
     _gripper(wrist3, params, body.flange_m)
 
 
