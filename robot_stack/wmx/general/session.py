@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 
@@ -19,7 +20,9 @@ from robot_stack.wmx.general.worker import EngineWorker
 
 _END_POLL_S = 0.005
 _END_CALLS_S = 3.0
+# A refusal that differs from the one before in measured values only is told again after so long.
 _REPEATED_S = 1.0
+_FRACTIONS = re.compile(r"\d+\.\d+")
 
 Move = Callable[[AxisOrder], None]
 
@@ -88,7 +91,8 @@ class GeneralSession:
             self.problem = f"no status of the engine: {self.device.base_text(code)}"
             return
         self.n_axes = snapshot.n_axes
-        self.problem, self.state = "", snapshot.engine_state.name
+        license_text = ", its license is invalid" if snapshot.invalid_license else ""
+        self.problem, self.state = "", snapshot.engine_state.name + license_text
         if not snapshot.communicating:
             return
         self.device.settle_doubts(snapshot)
@@ -125,9 +129,9 @@ class GeneralSession:
     def _refuse(self, text: str) -> None:
         self.refused += 1
         self.last_refusal = text
-        now_s, (told, told_s) = time.monotonic(), self._told
-        if text != told or now_s - told_s > _REPEATED_S:
-            self._told = (text, now_s)
+        kind, now_s, (told, told_s) = _FRACTIONS.sub("#", text), time.monotonic(), self._told
+        if kind != told or now_s - told_s > _REPEATED_S:
+            self._told = (kind, now_s)
             self._log.error(text)
 
     def _close(self) -> None:

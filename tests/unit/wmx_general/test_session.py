@@ -480,6 +480,15 @@ class TestMotion:
         assert not status(onlooker).op_state.any()
         assert rig.session.refused == 2
 
+    def test_a_stream_of_refusals_is_told_once_a_second(self, rig: Rig) -> None:
+        rig.up()
+        for number in range(200):
+            rig.move(rig.session.motion.go_to, [POS], [1.0], [1.0], [-0.5 - 0.001 * number], [9.0])
+        wait_for(lambda: rig.session.refused == 200, "refusals")
+        told = [line for line in rig.log.lines if "refused" in line]
+        assert 1 <= len(told) < 20
+        assert told[0] == "error topic refused: dec[0] is -0.5: it must be above 0"
+
     def test_relative_over_a_running_motion_counts_from_where_the_axis_is(self, rig: Rig) -> None:
         onlooker = rig.up()
         rig.move(rig.session.motion.go_to, [POS], [2.0], [1000.0], [1000.0], [50.0])
