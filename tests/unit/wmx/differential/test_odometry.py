@@ -120,6 +120,18 @@ def test_uncertainty_of_a_straight_metre_by_hand() -> None:
     )
 
 
+def test_uncertainty_of_an_arc_is_that_of_its_end() -> None:
+    """Only the right wheel turns, so only its way is uncertain: where the arc ends if it were a little longer."""
+    way_rad, step_rad = 1.0, 1e-5
+    covariance = np.array(driven((0.0, way_rad)).covariance).reshape(3, 3)
+    longer, shorter = (np.array(xyyaw(driven((0.0, way_rad + sign * step_rad)))) for sign in (1.0, -1.0))
+    per_m = (longer - shorter) / (2.0 * step_rad * BASE.radius_m)
+    variance_m2 = SETTINGS.deviation_per_sqrt_m**2 * way_rad * BASE.radius_m
+
+    # The chord's Jacobians stand for the arc's: the error grows with the square of the turn, 0.2 rad here.
+    assert covariance == pytest.approx(variance_m2 * np.outer(per_m, per_m), rel=0.02)
+
+
 @given(st.lists(st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0)), min_size=1, max_size=8))
 def test_covariance_is_one_and_never_shrinks(ways: list[tuple[float, float]]) -> None:
     covariance = np.array(driven(*ways).covariance).reshape(3, 3)

@@ -427,6 +427,16 @@ def test_engine_that_ended_is_looked_for_again(story: Story, code: int) -> None:
     assert story.session.ready
 
 
+def test_new_engine_gets_the_parameters_again() -> None:
+    story = Story("/p.xml").ready()
+    story.engine.codes["read_status"] = ErrorCode.DeviceIsNull
+    story.tick()
+    story.engine.codes.clear()
+    story.tick(0.3)
+    assert story.session.ready
+    assert story.called("ImportAndSetAll(/p.xml)") == 1
+
+
 def test_stale_status_is_not_acted_on(story: Story) -> None:
     story.driving()
     story.engine.codes["read_status"] = ErrorCode.StatusChannelError
@@ -451,6 +461,17 @@ def test_emergency_stop_stops_clears_and_after_it_all_is_switched_on(story: Stor
     story.tick(0.1)
     assert story.session.ready
     assert story.called("SetServoOn([2], 1)") == 1
+
+
+def test_wheels_in_a_quick_stop_are_left_to_it(story: Story) -> None:
+    story.driving()
+    story.engine.put(Flag.OP_STATE, OperationState.Stop, LEFT, RIGHT)
+    story.engine.put(Flag.DETAIL_OP_STATE, DetailOperationState.Stop_QStop, LEFT, RIGHT)
+    story.tick(0.1, stop=True)
+    assert story.asked() == []
+    story.engine.put(Flag.DETAIL_OP_STATE, DetailOperationState.Stop, RIGHT)
+    story.tick(stop=True)
+    assert story.asked() == ["ExecQuickStop"], "a soft stop is not quick enough"
 
 
 def test_stop_that_was_refused_is_asked_for_again(story: Story) -> None:
