@@ -26,7 +26,8 @@ from robot_stack.wmx.bus import DriveCommands, DriveFeedback, ServoBus
 from robot_stack.wmx.config import EngineConfig
 from robot_stack.wmx.simulated import checks, rows
 from robot_stack.wmx.simulated.devices import Device, DeviceTable
-from robot_stack.wmx.simulated.homing import Homing, rename
+from robot_stack.wmx.simulated.homing import Homing
+from robot_stack.wmx.simulated.homing_motion import rename
 from robot_stack.wmx.simulated.kernel import absorb, advance, cancel
 from robot_stack.wmx.simulated.motion import MotionControl
 from robot_stack.wmx.simulated.network import Network

@@ -272,6 +272,13 @@ class TestLimitOnTheWay:
         assert bench.flag(Flag.END_REASON, POS) == ErrorCode.AxisHardLimit
         assert drive_position(bench) == pytest.approx(-0.35, abs=2 * CYCLE_M)
 
+    def test_a_limit_within_the_reverse_distance(self, bench: Machine) -> None:
+        bench.switches(POS, home_from=-0.6, home_to=-0.5, positive_limit=0.3, negative_limit=-0.8)
+        bench.homing(POS, homeType=Type.HS, homingReverseDistance=1.0)
+        home(bench)
+        failed(bench, HomeError.LSTriggered)
+        assert drive_position(bench) > -0.9, "it did not go on into the end"
+
     def test_z_pulse_types_stop_there(self, bench: Machine) -> None:
         bench.switches(POS, z_pulse_spacing=1e6, positive_limit=0.3, negative_limit=-0.3)
         bench.run(1)
