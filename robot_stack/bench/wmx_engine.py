@@ -21,26 +21,18 @@ _LONGEST_S = 300.0
 
 
 class NotingServer(EngineServer):
-    """Follows the deadlines of ``serve_forever`` from the first cycle on, skipped ones included."""
+    """``notes[:count]`` holds what the module says."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self._period_ns = round(1e9 * self.engine.config.cycle_time_s)
         self.notes = np.zeros((round(_LONGEST_S / self.engine.config.cycle_time_s), 2), np.int64)
         self.count = 0
-        self._due_ns = 0
 
     def cycle(self) -> None:
-        """Notes, cycles, and goes on to the next deadline as the loop around it does."""
-        now_ns = time.monotonic_ns()
-        due_ns = self._due_ns or now_ns
         if self.count < len(self.notes):
-            self.notes[self.count] = due_ns, now_ns
+            self.notes[self.count] = self.due_ns, time.monotonic_ns()
             self.count += 1
         super().cycle()
-        due_ns += self._period_ns
-        late_ns = time.monotonic_ns() - due_ns
-        self._due_ns = due_ns + max(0, late_ns // self._period_ns) * self._period_ns
 
 
 def main() -> None:

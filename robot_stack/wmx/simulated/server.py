@@ -75,6 +75,8 @@ class EngineServer:
         self._close_lock_until_ns = 0
         self._creator: int | None = None
         self._published_ns = 0
+        self.due_ns = 0
+        """When the present cycle was due by the monotonic clock, while ``serve_forever`` sets the pace."""
         self._publish()
 
     # -- one turn ------------------------------------------------------------------------------------------------------
@@ -105,6 +107,7 @@ class EngineServer:
         period_ns = round(1e9 * self.engine.config.cycle_time_s / speed)
         deadline_ns = time.monotonic_ns()
         while not stop():
+            self.due_ns = deadline_ns
             self.cycle()
             deadline_ns += period_ns
             left_ns = deadline_ns - time.monotonic_ns()
@@ -240,7 +243,10 @@ class EngineServer:
     @staticmethod
     def _put(client: _Client, number: int, answer: Answer) -> None:
         code, values = answer
-        client.answers += encode([number, int(code), *values])
+        try:
+            client.answers += encode([number, int(code), *values])
+        except FrameError:  # too long an answer is the client's loss, not the end of the engine
+            client.answers += encode([number, int(ErrorCode.SystemError)])
 
     def _answer(self) -> None:
         for descriptor in [key for key, client in self._clients.items() if client.answers]:

@@ -18,19 +18,29 @@ def test_jitter_is_the_distance_of_periods_from_the_nominal_one():
     assert wmx._off_ms(times_ns, 2.0 * MS) == [0.0, 1.0, 1.0]
 
 
-def test_the_engine_notes_its_cycles_against_their_deadlines(monkeypatch: pytest.MonkeyPatch):
+def test_the_engine_notes_its_cycles_against_their_deadlines():
     config = engine_config()
-    # A late begin is made up for; a cycle that ends late by more than a period leaves periods out.
-    cycles_ms = [(10.0, 10.25), (12.25, 12.5), (12.5, 12.75), (13.0, 15.5), (15.5, 15.75), (16.0, 16.25)]
+    with runtime_folder() as folder:
+        server = wmx_engine.NotingServer(Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s)), folder)
+        server.serve_forever(lambda: server.count >= 20)
+        server.close()
+    due_ns, began_ns = server.notes[: server.count].T
+    assert (began_ns >= due_ns).all()
+    assert (np.diff(due_ns) > 0).all()
+    assert (np.diff(due_ns) % round(1e9 * config.cycle_time_s) == 0).all()
+
+
+def test_an_engine_that_spins_begins_no_cycle_early_and_sleeps_only_until_it_spins(monkeypatch: pytest.MonkeyPatch):
+    config = engine_config()
+    sleeps_s: list[float] = []
+    sleep = wmx_engine.time.sleep
     with runtime_folder() as folder:
         drives = VirtualDrives(config.n_axes, config.cycle_time_s)
         server = wmx_engine.NotingServer(Engine(config, drives), folder)
-        times = iter([time for cycle in cycles_ms for time in cycle])
-        monkeypatch.setattr(wmx_engine.time, "monotonic_ns", lambda: round(next(times) * MS))
-        for _ in cycles_ms:
-            server.cycle()
+        monkeypatch.setattr(wmx_engine.time, "sleep", lambda seconds: (sleeps_s.append(seconds), sleep(seconds)))
+        server.serve_forever(lambda: server.count >= 20, spin_s=0.0006)
         monkeypatch.undo()
         server.close()
-    due_ms = (server.notes[: server.count, 0] / MS).tolist()
-    assert due_ms == [10.0, 11.0, 12.0, 13.0, 15.0, 16.0]
-    assert (server.notes[: server.count, 1] / MS).tolist() == [begin for begin, _ in cycles_ms]
+    due_ns, began_ns = server.notes[: server.count].T
+    assert (began_ns >= due_ns).all()
+    assert all(0.0 < seconds <= 0.0004 for seconds in sleeps_s)
