@@ -308,6 +308,16 @@ class TestTurns:
             assert answers[0][:2] == [1, 0]
             assert manual.view.read()[1].engine_state is EngineState.Running
 
+    def test_an_answer_too_long_is_an_error_and_no_end(self, manual: Manual, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("robot_stack.wmx.simulated.server.execute", lambda *_: (0, ["x" * LARGEST_FRAME]))
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+            client.connect(str(manual.server._path))
+            client.settimeout(20.0)
+            client.sendall(encode([7, "GetParam"]))
+            for _ in range(5):
+                manual.server.cycle()
+            assert Decoder().feed(client.recv(1000)) == [[7, int(ErrorCode.SystemError)]]
+
     def test_requests_that_wait_do_not_pile_up_in_the_engine(self, manual: Manual) -> None:
         """A flood stays in the socket's buffer, which is limited, and its sender has to wait."""
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as flood:
