@@ -91,8 +91,9 @@ class Finding:
 
 
 def rows_of(machine: System, use_sim_time: bool) -> tuple[Topic, ...]:
-    """The rows of one machine and its simulation; /clock is one of them only where nodes live on it."""
-    rows = topics.of_system(machine, System.SIMULATION)
+    """The rows of one machine and its simulation, and those of every node; /clock only where nodes live on it."""
+    own = topics.of_system(machine, System.SIMULATION)
+    rows = (row for row in topics.TOPICS if row in own or topics.EVERY_NODE in (*row.publishers, *row.subscribers))
     return tuple(row for row in rows if use_sim_time or row is not topics.CLOCK)
 
 

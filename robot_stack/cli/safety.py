@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from robot_stack.cli.errors import CommandError
+from robot_stack.contract.model import System
 from robot_stack.supervisor.control import NotRunning, ask
 
 Timeout = Annotated[float, typer.Option("--timeout", help="Seconds to wait for the answer.")]
@@ -24,9 +25,15 @@ _RESET_PAUSE_S = 0.1
 
 
 def estop(timeout_s: Timeout = 5.0) -> None:
-    """Emergency stop, now. Returns when the safety monitor shows it; exit code 1 if it does not."""
+    """Emergency stop, now. Returns when the safety monitor shows it; exit code 1 if it does not.
+
+    A machine of the motion-engine layer has no safety monitor: there it returns when the stop is sent.
+    """
     begun_s = time.monotonic()
     shown = _stop_by_supervisor(begun_s + timeout_s)
+    if shown is None:
+        print("emergency stop, sent; this machine has no safety monitor to confirm it; `robot-stack reset` releases it")
+        return
     if not shown:
         from robot_stack.cli.nodes.wishes import emergency_stop
 
@@ -52,12 +59,14 @@ def reset(timeout_s: Timeout = 5.0) -> None:
     print(reason or "released")
 
 
-def _stop_by_supervisor(end_s: float) -> bool:
-    """True if the supervisor sent the stop and the safety monitor then showed an emergency."""
+def _stop_by_supervisor(end_s: float) -> bool | None:
+    """True if the supervisor sent the stop and the safety monitor then showed an emergency; None if there is none."""
     try:
         sent = ask("estop", timeout_s=_SUPERVISOR_S)
         if not sent["ok"] or not sent["listeners"]:
             return False
+        if _without_monitor():
+            return None
         while time.monotonic() < end_s:
             safety = ask("safety", timeout_s=_SUPERVISOR_S)["safety"]
             if safety and safety["received"] > sent["received"] and safety["emergency"]:
@@ -73,6 +82,8 @@ def _reset_by_supervisor() -> tuple[bool, str] | None:
     try:
         if not ask("release", timeout_s=_SUPERVISOR_S)["ok"]:
             return None
+        if _without_monitor():
+            return True, "released; this machine has no safety monitor that would have to agree"
         answer = ask("reset")
         for _ in range(_RESET_TRIES - 1):
             if not answer["ok"] or answer["granted"]:
@@ -82,3 +93,10 @@ def _reset_by_supervisor() -> tuple[bool, str] | None:
     except (NotRunning, TimeoutError):
         return None
     return (bool(answer["granted"]), str(answer["reason"])) if answer["ok"] else None
+
+
+def _without_monitor() -> bool:
+    """A machine of the motion-engine layer runs, and none of its processes is a safety monitor."""
+    status = ask("status", timeout_s=_SUPERVISOR_S)
+    named = [*status["missing"], *(item["name"] for item in status["processes"])]
+    return bool(status["machine"] == System.WMX.value and "safety_monitor" not in named)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration
-from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectoryPoint
 
@@ -175,11 +174,11 @@ def test_the_general_node_moves_the_axes_of_a_bench(up: Callable[..., Any], peer
     states.wait(lambda state: math.isclose(state.actual_pos[3], -0.5, abs_tol=0.001), "axis 3 at -0.5 rad")
     assert len(arrived.actual_pos) == 4
     # This machine has no safety monitor: the last /emergency_stop decides alone.
-    peer.wait_matched(topics.EMERGENCY_STOP, 3)  # engine, general node, supervisor
-    peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
     turn_on = SetAxis.Request(index=[1], data=[1])
+    stopped = operate("estop")
+    assert (stopped.returncode, stopped.stdout[:21]) == (0, "emergency stop, sent;"), stopped.stderr
     wait_for(lambda: not peer.call(services.AXIS_SET_ON, turn_on).success, "the stop to be in force")
-    peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
+    assert operate("reset").stdout.startswith("released; this machine has no safety monitor")
     wait_for(lambda: peer.call(services.AXIS_SET_ON, turn_on).success, "the release")
     inject(peer, services.INJECT_ENGINE_FAULT, "drive_alarm", "axis3")
     states.wait(lambda state: list(state.amp_alarm) == [0, 0, 0, 1], "the alarm of axis 3")
