@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
+import yaml
 
 from robot_stack.core.config import ConfigError, validate
 from robot_stack.wmx.api import (
@@ -19,6 +21,8 @@ from robot_stack.wmx.api import (
 from robot_stack.wmx.axes import Flag
 from robot_stack.wmx.bus import DriveFeedback
 from robot_stack.wmx.config import EngineConfig
+from robot_stack.wmx.simulated import __main__ as main
+from robot_stack.wmx.simulated.parameter_file import read_file
 from robot_stack.wmx.simulated.switches import DriveSwitches, drive_switches
 from tests.unit.wmx.harness import POS, POS_MIRRORED, VEL, axis_kind, engine_config, engine_data
 from tests.unit.wmx.machine import Machine, machine
@@ -241,6 +245,32 @@ class TestVirtualSwitches:
         scale = 131072.0 / (2.0 * math.pi)
         assert first == DriveSwitches(scale, -math.inf, -0.5 * scale, 0.5 * scale, 0.0)
         assert second is None
+
+    def test_the_process_gives_them_to_its_drives(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        """The parameter file of a configuration is written without serving anybody."""
+        where = dict.fromkeys(
+            ("positive_limit_rad", "negative_limit_rad", "home_from_rad", "home_to_rad", "z_pulse_spacing_rad"), 1.0
+        ) | {"negative_limit_rad": -1.0, "home_to_rad": 2.0}
+        data = engine_data(kinds={"a": axis_kind(switches=where)}, axes=[{"name": "a", "kind": "a"}])
+        made = main._engine(validate(EngineConfig, data, "test"))
+        made.start_engine()
+        made.start_communication()
+        for _ in range(20):
+            made.cycle()
+        assert made.feedback.has_home_switch[0]
+        assert made.feedback.has_limit_switches[0]
+        assert made.feedback.has_z_pulse[0]
+        configuration, written = tmp_path / "engine.yaml", tmp_path / "parameters.xml"
+        configuration.write_text(yaml.safe_dump(data), encoding="utf-8")
+        arguments = ["engine", "--config", str(configuration), "--export-parameters"]
+        monkeypatch.setattr("sys.argv", [*arguments, str(written)])
+        assert main.main() == 0
+        assert read_file(str(written), 1).of_axes[0][0] == made.parameters.get("feedback", 0).inPosWidth  # type: ignore[union-attr]
+        monkeypatch.setattr("sys.argv", [*arguments, str(tmp_path / "no" / "folder.xml")])
+        assert main.main() == 1
+        assert "No such file" in capsys.readouterr().err
 
     @pytest.mark.parametrize(
         ("changes", "message"),
