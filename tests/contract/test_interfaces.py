@@ -68,7 +68,9 @@ ROBOT_MESSAGES = {
 
 # From the motion engine's topic and service documents; gear ratio with its denominator spelt right.
 _AXIS_REPLY = {"success": "boolean", "message": "string"}
-_INTS, _DOUBLES = "sequence<int32>", "sequence<double>"
+_INTS, _DOUBLES, _BYTES = "sequence<int32>", "sequence<double>", "sequence<uint8>"
+_BYTES_REPLY = {"success": "boolean", "data": _BYTES, "message": "string"}
+_BIT, _MASTER = {"byte": "int32", "bit": "int32"}, {"master_id": "int32"}
 WMX_TYPES: dict[str, list[dict[str, str]]] = {
     "msg.AxisState": [
         dict.fromkeys(
@@ -83,6 +85,19 @@ WMX_TYPES: dict[str, list[dict[str, str]]] = {
     "srv.SetEngine": [{"data": "boolean", "path": "string", "name": "string"}, _AXIS_REPLY],
     "srv.SetAxis": [{"index": _INTS, "data": _INTS}, _AXIS_REPLY],
     "srv.SetAxisGearRatio": [{"index": _INTS, "numerator": _DOUBLES, "denominator": _DOUBLES}, _AXIS_REPLY],
+    # Beyond those documents, as newer versions of the vendor's application have them.
+    "srv.GetIoBit": [_BIT, {"success": "boolean", "value": "int32", "message": "string"}],
+    "srv.GetIoBytes": [{"byte": "int32", "length": "int32"}, _BYTES_REPLY],
+    "srv.SetIoBit": [{**_BIT, "value": "int32"}, _AXIS_REPLY],
+    "srv.SetIoBytes": [{"byte": "int32", "data": _BYTES}, _AXIS_REPLY],
+    "srv.LoadWmxParams": [{"file_path": "string"}, _AXIS_REPLY],
+    "srv.GetWmxParams": [{"index": _INTS}, {**_AXIS_REPLY, "params_dump": "sequence<string>"}],
+    "srv.EcatRegisterRead": [
+        dict.fromkeys(("master_id", "slave_id", "reg_address", "length"), "int32"),
+        _BYTES_REPLY,
+    ],
+    "srv.EcatResetStatistics": [_MASTER, _AXIS_REPLY],
+    "srv.EcatStartHotconnect": [_MASTER, _AXIS_REPLY],
 }
 
 # Every set of states a document closes: the constants must be exactly these.
