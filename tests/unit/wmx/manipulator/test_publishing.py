@@ -1,0 +1,100 @@
+"""What one tick sends, and in which order."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from robot_stack.wmx.axes import Real, StatusSnapshot, empty_snapshot
+from robot_stack.wmx.manipulator.joints import JointSettings
+from robot_stack.wmx.manipulator.messages import ArrayBytes, JointStateBytes
+from robot_stack.wmx.nodes.manipulator_state import ManipulatorState
+
+NAMES = ("joint1", "left", "right")
+STAMP_NS = 5_000_000_006
+
+
+class Sent:
+    """Three senders that note what they are given."""
+
+    def __init__(self) -> None:
+        self.items: list[tuple[str, bytes]] = []
+
+    def sender(self, name: str) -> Any:
+        return SimpleNamespace(send=lambda data: self.items.append((name, data)))
+
+
+def node(sent: Sent, **changes: Any) -> Any:
+    """As much of the node as a tick needs."""
+    now = SimpleNamespace(nanoseconds=STAMP_NS)
+    parts = {
+        "_joints": JointSettings(NAMES, 1, 0, 0, finger_open=0.0, finger_closed=0.045),
+        "_message": JointStateBytes(NAMES),
+        "_array": ArrayBytes(3),
+        "_encoder": sent.sender("encoder"),
+        "_isaac": sent.sender("isaac"),
+        "_gazebo": sent.sender("gazebo"),
+        "_isaac_heard": True,
+        "_gazebo_heard": True,
+        "_isaac_stamp": False,
+        "_system_time": False,
+        "_bring_up": SimpleNamespace(status_problem=""),
+        "get_clock": lambda: SimpleNamespace(now=lambda: now),
+    }
+    return SimpleNamespace(**{**parts, **changes})
+
+
+def status(position: float = 0.5) -> StatusSnapshot:
+    snapshot = replace(empty_snapshot(1), outputs=np.array([1], np.uint8))
+    snapshot.reals[Real.ACTUAL_POS, 0] = position
+    snapshot.reals[Real.ACTUAL_VELOCITY, 0] = -1.0
+    return snapshot
+
+
+def test_isaac_without_stamp_then_the_stamped_one_then_gazebo():
+    sent = Sent()
+    assert ManipulatorState._publish(node(sent), status())
+    assert [name for name, _ in sent.items] == ["isaac", "encoder", "gazebo"]
+    isaac, encoder = (deserialize_message(data, JointState) for _, data in sent.items[:2])
+    assert (isaac.header.stamp.sec, isaac.header.stamp.nanosec) == (0, 0)
+    assert (encoder.header.stamp.sec, encoder.header.stamp.nanosec) == (5, 6)
+    assert list(isaac.position) == list(encoder.position) == [0.5, 0.045, 0.045]
+    assert list(isaac.velocity) == list(encoder.velocity) == [-1.0, 0.0, 0.0]
+    gazebo = deserialize_message(sent.items[2][1], Float64MultiArray)
+    assert list(gazebo.data) == [0.5, 0.045, 0.045]
+
+
+def test_a_stamp_for_isaac_if_so_configured():
+    sent = Sent()
+    assert ManipulatorState._publish(node(sent, _isaac_stamp=True), status())
+    assert deserialize_message(sent.items[0][1], JointState).header.stamp.sec == 5
+
+
+@pytest.mark.parametrize(
+    ("changes", "names"),
+    [
+        ({"_isaac": None, "_gazebo": None}, ["encoder"]),
+        ({"_encoder": None, "_isaac": None}, ["gazebo"]),
+        ({"_isaac_heard": False, "_gazebo_heard": False}, ["encoder"]),
+    ],
+)
+def test_what_is_not_set_or_not_heard_is_not_sent(changes: dict[str, Any], names: list[str]):
+    sent = Sent()
+    assert ManipulatorState._publish(node(sent, **changes), status())
+    assert [name for name, _ in sent.items] == names
+
+
+def test_a_value_that_is_not_finite_is_not_sent():
+    sent = Sent()
+    fake = node(sent)
+    assert not ManipulatorState._publish(fake, status(math.nan))
+    assert sent.items == []
+    assert fake._bring_up.status_problem == "a joint's position or velocity is not finite"
