@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from robot_stack.bench.framework import Aim, BenchError, Result, percentile
-from robot_stack.bench.trajectory_rig import JOINTS, Record, arm_rig, go_first
+from robot_stack.bench.trajectory_rig import JOINTS, ArmRig, Record, arm_engine, arm_rig, go_first
 
 FloatArray = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ AIMS = {
     "cancel_to_standstill_ms_max": Aim("<", 300.0),
     "runs": Aim(">=", 200),
 }
-_SERVERS = {
+_ENGINES = {
     "virtual": ("robot_stack.wmx.simulated",),
     "arm": ("robot_stack.ros.main", "sim_manipulator"),
 }
@@ -32,9 +32,12 @@ _DRIVES = {
     "virtual": "virtual drives, first-order lag of 5 ms, no feed-forward",
     "arm": "six-axis arm in physics (MuJoCo), cascaded servo loops, gravity and friction",
 }
+_SERVER = "robot_stack.ros.main", "follow_joint_trajectory_server"
+_PLAIN = ("robot_stack.bench.nodes.plain_trajectory_server",)
+_COMPARED = ("tracking_error_rad_max", "start_latency_ms_p99", "start_latency_ms_p50", "cancel_to_standstill_ms_max")
 _STANDSTILL_RADPS = 0.01
 _MOVED_RAD = 1e-7
-_LONGEST_S = 1.5
+_LONGEST_S = 1.0
 
 
 @dataclass(slots=True)
@@ -52,7 +55,8 @@ class _Measured:
 
 def run(
     runs: int = 200,
-    cancels: int = 40,
+    cancels: int = 20,
+    plain_runs: int = 20,
     world: str = "virtual",
     max_speed_radps: float = 0.9,
     reach_rad: float = 0.5,
@@ -60,35 +64,65 @@ def run(
 ) -> Result:
     """An engine and the trajectory server as processes in a domain of their own; goals come from this process.
 
-    world: virtual or arm, what the engine's axes drive. max_speed_radps: the fastest joint of a trajectory peaks
-    between a fifth of it and it. reach_rad: joints stay so near to zero. cancels: of further trajectories.
+    cancels: of further trajectories. plain_runs: how many a straightforward rclpy server gets at the same engine, for
+    comparison, and a quarter of it cancels; 0 leaves it out. world: virtual or arm, what the engine's axes drive.
+    max_speed_radps: the fastest joint of a trajectory peaks between a fifth of it and it. reach_rad: joints stay so
+    near to zero.
     """
-    if world not in _SERVERS:
-        raise BenchError(f"world must be one of {', '.join(_SERVERS)}")
-    random_, moment = np.random.default_rng(seed), random.Random(seed)
-    measured = _Measured()
-    speeds = []
+    if world not in _ENGINES:
+        raise BenchError(f"world must be one of {', '.join(_ENGINES)}")
+    domain = 1 + os.getpid() % 19  # tests have those from 20 on
     realtime = go_first(0)
-    with arm_rig(1 + os.getpid() % 19, _SERVERS[world]) as rig:
-        for number in range(runs + cancels):
-            times_s, rows = _trajectory(random_, rig.position(), reach_rad, max_speed_radps)
-            spline = CubicSpline(times_s, rows, bc_type="clamped")
-            speeds.append(_peak(spline))
-            if number < runs:
-                with rig.recording() as recorder:
-                    sent_ns, code, text = rig.follow(times_s, rows)
-                if code != 0:
-                    raise BenchError(f"trajectory {number}: error {code} {text}")
-                _follow(measured, spline, recorder.record, sent_ns)
-            else:
-                with rig.recording() as recorder:
-                    canceled_ns, result_ns = rig.cancel(times_s, rows, moment.uniform(0.3, 0.7) * float(times_s[-1]))
-                _cancel(measured, spline, recorder.record, canceled_ns, result_ns)
-            time.sleep(moment.uniform(0.0, 0.02))  # so that goals come at any moment of the server's period
-        measured.feedbacks = rig.feedback_errors
-    return Result(
-        _figures(measured, runs), {**_conditions(world, speeds, seed, reach_rad), "realtime_priority": realtime}
-    )
+    course = _Course(np.random.default_rng(seed), random.Random(seed), max_speed_radps, reach_rad)
+    plain = None
+    with arm_engine(domain, _ENGINES[world]) as engine:
+        with arm_rig(domain, engine, _SERVER) as rig:
+            ours = _measure(rig, course, runs, cancels)
+        if plain_runs:
+            with arm_rig(domain, engine, _PLAIN) as rig:
+                plain = _measure(rig, course, plain_runs, plain_runs // 4)
+    figures = _figures(ours, runs)
+    if plain is not None:
+        compared = _figures(plain, plain_runs)
+        figures |= {f"plain_{name}": compared[name] for name in _COMPARED if name in compared}
+    return Result(figures, {**_conditions(world, course, seed), "realtime_priority": realtime})
+
+
+@dataclass(slots=True)
+class _Course:
+    """What is driven. peaks: fastest joint of each trajectory so far, rad/s."""
+
+    generator: np.random.Generator
+    moment: random.Random
+    max_speed_radps: float
+    reach_rad: float
+    peaks: list[float] = field(default_factory=list)
+
+    def next(self, here: FloatArray) -> tuple[FloatArray, FloatArray, Any]:
+        times_s, rows = _trajectory(self.generator, here, self.reach_rad, self.max_speed_radps)
+        spline = CubicSpline(times_s, rows, bc_type="clamped")
+        self.peaks.append(_peak(spline))
+        return times_s, rows, spline
+
+
+def _measure(rig: ArmRig, course: _Course, runs: int, cancels: int) -> _Measured:
+    measured = _Measured()
+    for number in range(runs + cancels):
+        times_s, rows, spline = course.next(rig.position())
+        if number < runs:
+            with rig.recording() as recorder:
+                sent_ns, code, text = rig.follow(times_s, rows)
+            if code != 0:
+                raise BenchError(f"trajectory {number}: error {code} {text}")
+            _follow(measured, spline, recorder.record, sent_ns)
+        else:
+            after_s = course.moment.uniform(0.3, 0.7) * float(times_s[-1])
+            with rig.recording() as recorder:
+                canceled_ns, result_ns = rig.cancel(times_s, rows, after_s)
+            _cancel(measured, spline, recorder.record, canceled_ns, result_ns)
+        time.sleep(course.moment.uniform(0.0, 0.02))  # so that goals come at any moment of the server's period
+    measured.feedbacks = rig.feedback_errors
+    return measured
 
 
 def _trajectory(
@@ -184,7 +218,7 @@ def _figures(measured: _Measured, runs: int) -> dict[str, float]:
     return figures
 
 
-def _conditions(world: str, speeds: list[float], seed: int, reach_rad: float) -> dict[str, Any]:
+def _conditions(world: str, course: _Course, seed: int) -> dict[str, Any]:
     return {
         "drives": _DRIVES[world],
         "engine": "simulated, 1 ms cycle, real time",
@@ -195,8 +229,9 @@ def _conditions(world: str, speeds: list[float], seed: int, reach_rad: float) ->
         "cancel_to_standstill": "from the client's cancel_goal until command and joints stand "
         f"(< {_STANDSTILL_RADPS} rad/s)",
         "feedback_error": "largest error of desired against actual in the action's feedback",
-        "trajectory_peak_speed_radps_max": round(max(speeds), 3),
-        "trajectory_peak_speed_radps_mean": round(float(np.mean(speeds)), 3),
-        "reach_rad": reach_rad,
+        "trajectory_peak_speed_radps_max": round(max(course.peaks), 3),
+        "trajectory_peak_speed_radps_mean": round(float(np.mean(course.peaks)), 3),
+        "reach_rad": course.reach_rad,
+        "plain": "rclpy action server in a multi-threaded executor, looks every 10 ms, no checks and no feedback",
         "seed": seed,
     }

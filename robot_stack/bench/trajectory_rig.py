@@ -31,7 +31,6 @@ _END_S = 10.0
 _SETTLED_S = 0.15
 _SAMPLE_PAUSE_S = 0.0004
 _PRIORITY = 5
-_SERVER = ("robot_stack.ros.main", "follow_joint_trajectory_server")
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,16 +124,21 @@ def go_first(pid: int) -> bool:
 
 
 @contextmanager
-def arm_rig(domain: int, engine_module: tuple[str, ...]) -> Iterator[ArmRig]:
-    """Everything up, servos on. Raises BenchError."""
+def arm_engine(domain: int, engine_module: tuple[str, ...]) -> Iterator[MotionEngine]:
+    """An engine with its servos on, in a domain and a runtime folder of its own. Raises BenchError."""
     with ExitStack() as stack:
         stack.enter_context(_environment(domain))
         stack.enter_context(_process(*engine_module))
-        engine = stack.enter_context(_servos_on())
-        stack.enter_context(_process(*_SERVER))
-        from robot_stack.bench.nodes.trajectory_client import TrajectoryClient
+        yield stack.enter_context(_servos_on())
 
-        yield ArmRig(engine, stack.enter_context(TrajectoryClient(domain)))
+
+@contextmanager
+def arm_rig(domain: int, engine: MotionEngine, server_module: tuple[str, ...]) -> Iterator[ArmRig]:
+    """A trajectory server and its client at this engine. Raises BenchError."""
+    from robot_stack.bench.nodes.trajectory_client import TrajectoryClient
+
+    with _process(*server_module), TrajectoryClient(domain) as client:
+        yield ArmRig(engine, client)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from robot_stack.wmx.trajectory.settings import ExecutionSettings
 
 
 class Stopping:
-    """A stop along the path; a quick one if that is asked for, or the other refused or in vain. ``ending``: its result."""
+    """Along the path; quick if that is asked for, or the other refused or in vain. ``ending``: the result then."""
 
     def __init__(self, arm: Arm, settings: ExecutionSettings, ending: Result, now: Moment, *, quick: bool) -> None:
         self.ending = ending
