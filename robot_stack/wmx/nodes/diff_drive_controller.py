@@ -54,7 +54,9 @@ class DiffDriveController(StackNode):
             watchdog_s=params.session.watchdog_s,
         )
         self._session = WheelSession(self._link, session_settings(params, config_dir()))
-        self._twist_covariance = twist_covariance(params.odometry)
+        self._measured = Odometry(child_frame_id=params.base_frame)  # one for all ticks: most of it never changes
+        self._measured.header.frame_id = params.odom_frame
+        self._measured.twist.covariance = twist_covariance(params.odometry)
         self._echo = self._optional(topics.WMX_CMD_VEL_CHECK, params.encoder_vel_topic)
         self._speeds = self._optional(topics.WMX_WHEEL_VELOCITIES, params.encoder_omega_topic)
         self._odom = self._optional(topics.WMX_ODOM_ENC, params.encoder_odometry_topic)
@@ -117,10 +119,9 @@ class DiffDriveController(StackNode):
         if self._speeds is not None:
             self._speeds.publish(Float64MultiArray(data=[speeds.left, speeds.right]))
         stamp_s = self.now_s() - self._age_s(snapshot)
-        message = Odometry(child_frame_id=self.params.base_frame)
-        message.header.frame_id, message.header.stamp = self.params.odom_frame, time_from_s(stamp_s)
+        message = self._measured
+        message.header.stamp = time_from_s(stamp_s)
         message.twist.twist.linear.x, message.twist.twist.angular.z = body_twist(speeds, self._base)
-        message.twist.covariance = self._twist_covariance
         if self.params.publish_pose:
             self._fill_pose(message, snapshot)
         if self._odom is not None:
