@@ -20,7 +20,7 @@ from robot_stack.wmx.general.parameters import GeneralParams
 from robot_stack.wmx.general.session import GeneralSession
 from robot_stack.wmx.general.worker import Job
 from tests.support.waiting import wait_for
-from tests.unit.wmx.conformance import pos
+from tests.unit.wmx.conformance import pos, vel
 from tests.unit.wmx.harness import (
     POS,
     POS_MIRRORED,
@@ -548,7 +548,7 @@ class TestEmergencyStop:
         onlooker = rig.up()
         other = harness.connect("other")
         rig.move(rig.session.motion.run, [VEL], [3.0], [100.0], [0.1])
-        wait_status(onlooker, moving(VEL), "motion")
+        wait_status(onlooker, lambda now: now.velocity_cmd[VEL] == 3.0, "cruise")
         assert other.core_motion.motion.StartPos(pos(POS, 1e4)) == 0
         wait_status(onlooker, lambda now: moving(POS)(now), "motion of another client")
         began_s = status(onlooker).engine_time_s
@@ -589,6 +589,17 @@ class TestEnd:
         assert at_rest(VEL)(status(onlooker))
         assert status(onlooker).servo_on.all()  # bus and servos stay as they are
         assert status(onlooker).communicating
+
+    def test_an_axis_that_another_client_has_taken_over_is_not_its_own_any_more(self, harness: ThreadHarness) -> None:
+        rig = Rig(harness)
+        onlooker = rig.up()
+        rig.move(rig.session.motion.run, [VEL], [2.0], [100.0], [20.0])
+        wait_status(onlooker, moving(VEL), "motion")
+        assert onlooker.core_motion.velocity.StartVel(vel(VEL, 1.0)) == 0
+        some_cycles(onlooker, 10)
+        rig.session.end()
+        ended = some_cycles(onlooker, 300)
+        assert ended.velocity_cmd[VEL] == 1.0
 
     def test_a_bus_that_this_node_started_may_end_with_it(self, harness: ThreadHarness) -> None:
         onlooker = harness.connect()
