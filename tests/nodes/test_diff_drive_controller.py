@@ -299,12 +299,20 @@ def test_wheel_stopped_by_another_client_stops_the_base(rig: Rig) -> None:
     rig.stays_at_rest()
 
 
-def test_killed_node_killed_engine_and_orderly_end(rig: Rig) -> None:
+def test_hung_node_killed_node_killed_engine_and_orderly_end(rig: Rig) -> None:
     rig.ready()
     rig.device()  # the engine outlives the node
     rig.drive(0.5)
     rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
     assert rig.node is not None
+    rig.node.signal(signal.SIGSTOP)  # a node that hangs: the engine's watchdog notices
+    rig.wait_rest()
+    rig.node.signal(signal.SIGCONT)
+    rig.stays_at_rest()
+    rig.drive(0.0)
+    rig.stays_at_rest()
+    rig.drive(0.5)
+    rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
     rig.node.process.kill()
     rig.node.process.wait()
     rig.wait_rest()
