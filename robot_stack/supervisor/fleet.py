@@ -96,9 +96,19 @@ class Fleet:
     def _write(self, name: str, parameters: Mapping[str, Mapping[str, Any]]) -> Path:
         """The overrides in force, as a ROS parameter file beside the logs."""
         path = self._run_dir / f"{name}.parameters.yaml"
-        tree = {node: {"ros__parameters": dict(values)} for node, values in parameters.items()}
+        tree = {
+            node: {"ros__parameters": {key: ros_value(value) for key, value in values.items()}}
+            for node, values in parameters.items()
+        }
         path.write_text(yaml.safe_dump(tree), encoding="utf-8")
         return path
+
+
+def ros_value(value: Any) -> Any:
+    """ROS takes a sequence of one type only: whole numbers among others become floats."""
+    if isinstance(value, list) and any(isinstance(item, float) for item in value):
+        return [float(item) if type(item) is int else item for item in value]
+    return value
 
 
 def _signal_group(pid: int, number: signal.Signals) -> bool:
