@@ -292,6 +292,27 @@ class TestLimitOnTheWay:
         home(bench)
         failed(bench, HomeError.LSTriggered)
 
+    def test_while_shifting_back(self, bench: Machine) -> None:
+        bench.switches(POS, home_from=0.1, home_to=0.2, negative_limit=-0.5)
+        bench.homing(POS, homeType=Type.HS, homeShiftDistance=-1.0)
+        home(bench)
+        failed(bench, HomeError.LSTriggered)
+        assert drive_position(bench) > -0.6
+
+    def test_turns_round_once(self, bench: Machine) -> None:
+        bench.switches(POS, home_from=-0.6, home_to=-0.5, positive_limit=0.3)
+        bench.homing(POS, homeType=Type.HS)
+        assert bench.engine.start_home([POS]) == 0
+        turned = HomeState.HSFallingEdgeSearchReverse
+        bench.until(lambda: bench.flag(Flag.HOME_STATE, POS) == turned, "the way back")
+        bench.until(lambda: bench.flag(Flag.HOME_STATE, POS) == HomeState.HSSearch, "the second search")
+        sensors = bench.drives.switches[POS]
+        assert sensors is not None
+        sensors.home_from = sensors.home_to = 1e12  # the switch has broken
+        bench.rest(POS)
+        failed(bench, HomeError.LSTriggered)
+        assert drive_position(bench) > 0.3
+
     def test_reversed_switches(self, bench: Machine) -> None:
         bench.switches(POS_MIRRORED, negative_limit=-0.3)
         bench.limits(POS_MIRRORED, lsDirection=Config_LimitSwitchDirection.Reverse)
