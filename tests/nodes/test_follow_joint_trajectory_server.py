@@ -251,7 +251,11 @@ def test_goals_that_cannot_be_followed_say_why(rig: Rig) -> None:
     wait_for(lambda: not rig.status.servo_on[2], "servo 3 off")
     refused(goal((1.0, THERE)), SERVO_OFF, "joint3: the servo is off")
     rig.engine.servos(1)
-    assert rig.send((1.0, THERE)).result() == (STATUS_SUCCEEDED, 0, "")
+    # as many points as are allowed, a millisecond apart
+    ways = [3.0 * (0.001 * i) ** 2 - 2.0 * (0.001 * i) ** 3 for i in range(1, 1001)]
+    many = [(0.001 * (i + 1), [way * angle for angle in THERE]) for i, way in enumerate(ways)]
+    assert rig.send(*many).result() == (STATUS_SUCCEEDED, 0, "")
+    assert rig.status.actual_pos == pytest.approx(THERE, abs=1e-3)
 
 
 def test_tolerances_preemption_and_cancellation(rig: Rig) -> None:

@@ -195,6 +195,13 @@ def test_a_motion_that_somebody_else_stops_is_no_success() -> None:
     assert run.now_s == pytest.approx(0.6, abs=0.02)
 
 
+def test_a_motion_that_is_stopped_right_after_its_start_is_noticed_at_once() -> None:
+    run = Run()
+    run.arm.cut_at_s = 0.03
+    assert run.to_end().code == ErrorCode.NoMotion
+    assert run.now_s < 0.05
+
+
 def test_a_motion_cut_by_a_limit_names_it() -> None:
     run = Run()
     run.arm.cut_at_s = 0.6
