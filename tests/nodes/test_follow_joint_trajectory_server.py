@@ -382,7 +382,7 @@ def test_faults_in_motion_abort_and_the_server_recovers(rig: Rig) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGINT])
 def test_a_server_that_is_gone_leaves_an_arm_that_stands(rig: Rig, number: signal.Signals) -> None:
-    rig.up()
+    rig.up("-p", "link.watchdog_s:=0.5")
     sent = rig.send((6.0, FAR))
     rig.wait_moving()
     assert rig.server is not None
