@@ -14,10 +14,10 @@ from hypothesis import settings
 from tests.support.domains import held_domain
 from tests.support.processes import NodeProcess, node_command
 
-# CI repeats itself exactly; every other run looks for new counterexamples.
-settings.register_profile("ci", derandomize=True)
-if os.environ.get("CI"):
-    settings.load_profile("ci")
+# CI repeats itself exactly; every other run looks for new counterexamples. A slow machine is no counterexample.
+settings.register_profile("ci", derandomize=True, deadline=None)
+settings.register_profile("here", deadline=None)
+settings.load_profile("ci" if os.environ.get("CI") else "here")
 
 
 # A shell that runs the tests in the background has SIGINT ignored, and what they start would inherit that: deaf to the
