@@ -42,6 +42,7 @@ class WatchParams(Config):
     end_timeout_s: Positive
     status_timeout_s: Positive
     standstill_radps: Positive
+    standstill_s: NotNegative
     stop_timeout_s: Positive
     quick_stop_timeout_s: Positive
 

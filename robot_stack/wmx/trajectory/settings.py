@@ -10,8 +10,8 @@ from robot_stack.wmx.trajectory.plan import PlanLimits
 @dataclass(frozen=True, slots=True)
 class ExecutionSettings:
     """start_timeout_s: until a started motion is seen. end_timeout_s: after the spline's time, until the engine is at
-    its end. status_timeout_s: without a status. standstill_radps: slower joints stand. stop_timeout_s,
-    quick_stop_timeout_s: until a stop, and then a quick stop, must have brought the joints to a stand.
+    its end. status_timeout_s: without a status. standstill_radps, standstill_s: joints that are slower for so long
+    stand. stop_timeout_s, quick_stop_timeout_s: until a stop, and then a quick stop, must have brought them to it.
     """
 
     joints: tuple[str, ...]
@@ -20,5 +20,6 @@ class ExecutionSettings:
     end_timeout_s: float
     status_timeout_s: float
     standstill_radps: float
+    standstill_s: float
     stop_timeout_s: float
     quick_stop_timeout_s: float

@@ -21,6 +21,7 @@ class Stopping:
         self._arm, self._settings = arm, settings
         self._begin, self._quick_begin = now, now
         self._quick = False
+        self._stands_since: Moment | None = None
         self._problem = ""
         if not quick:
             self._problem = _text(arm.stop())
@@ -47,12 +48,20 @@ class Stopping:
         if not state.communicating:
             return self.ending
         if self._standing(state):
-            return replace(self.ending, text=f"{self.ending.text}; stood {1e3 * taken_s:.0f} ms later")
+            return self._stood(now)
+        self._stands_since = None
         if not self._quick and taken_s > self._settings.stop_timeout_s:
             self.hurry(now)
         elif self._quick and now.since(self._quick_begin) > self._settings.quick_stop_timeout_s:
             return self._failed(state, taken_s)
         return None
+
+    def _stood(self, now: Moment) -> Result | None:
+        """A joint that swings back is at rest for a moment only."""
+        since = self._stands_since = self._stands_since or now
+        if now.since(since) < self._settings.standstill_s:
+            return None
+        return replace(self.ending, text=f"{self.ending.text}; stood {1e3 * since.since(self._begin):.0f} ms later")
 
     def _failed(self, state: ArmState, taken_s: float) -> Result:
         axis = int(np.argmax(np.abs(state.velocity)))

@@ -22,6 +22,7 @@ SETTINGS = ExecutionSettings(
     end_timeout_s=1.0,
     status_timeout_s=0.2,
     standstill_radps=0.01,
+    standstill_s=0.0,
     stop_timeout_s=0.5,
     quick_stop_timeout_s=0.3,
 )
@@ -62,6 +63,7 @@ class FakeArm:
         self.start_takes_s = 0.001
         self.cut_at_s = np.inf
         self.hangs = False
+        self.swing_radps = 0.0
         self.communicating = True
         self.emergency_stop = False
         self.servo_on = np.ones(2, bool)
@@ -129,7 +131,7 @@ class FakeArm:
             command=self.command.copy(),
             position=self.command + self.offset,
             command_velocity=velocity,
-            velocity=velocity,
+            velocity=velocity + self.swing_radps,
             idle=np.full(2, not moving) & ~self.foreign_motion,
             complete=self.complete.copy(),
             position_mode=self.position_mode.copy(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from robot_stack.wmx.trajectory.arm import Blind
 from robot_stack.wmx.trajectory.execution import Execution, Phase
 from robot_stack.wmx.trajectory.goal import CheckedGoal
 from robot_stack.wmx.trajectory.results import Fault, GoalCode, Outcome, Result, aborted, canceled
+from robot_stack.wmx.trajectory.settings import ExecutionSettings
 from robot_stack.wmx.trajectory.tolerances import Tolerances
 from tests.unit.wmx.trajectory.fake_arm import SETTINGS, TICK_S, FakeArm, goal
 
@@ -25,10 +27,12 @@ GONE = Blind(Fault(ErrorCode.IMLibIsNotRunning, "the motion engine has ended"), 
 class Run:
     """An execution and its arm on one fake clock."""
 
-    def __init__(self, wish: CheckedGoal = THERE, arm: FakeArm | None = None) -> None:
+    def __init__(
+        self, wish: CheckedGoal = THERE, arm: FakeArm | None = None, settings_: ExecutionSettings = SETTINGS
+    ) -> None:
         self.arm = arm or FakeArm()
         self.now_s = 0.0
-        self.execution = Execution(wish, self.arm, SETTINGS, self.now_s)
+        self.execution = Execution(wish, self.arm, settings_, self.now_s)
         self.blind: Blind | None = None
         self.result = self.execution.tick(self.now_s, self.arm.state())
 
@@ -299,6 +303,19 @@ def test_cancel_ends_when_the_axes_stand() -> None:
     assert (result.outcome, result.code, result.text) == (Outcome.CANCELED, 0, "canceled; stood 100 ms later")
     assert run.arm.calls == ["start", "stop"]
     assert run.now_s == pytest.approx(0.8, abs=0.02)
+
+
+def test_a_joint_that_swings_back_does_not_stand_yet() -> None:
+    run = Run(settings_=replace(SETTINGS, standstill_s=0.02))
+    run.to(0.7)
+    run.stop(canceled("canceled"))
+    run.to(0.805)
+    run.arm.swing_radps = 0.05
+    run.to(0.9)
+    run.arm.swing_radps = 0.0
+    result = run.to_end()
+    assert result.text == "canceled; stood 205 ms later"
+    assert run.now_s == pytest.approx(0.925, abs=0.011)
 
 
 def test_cancel_while_waiting_and_while_settling() -> None:
