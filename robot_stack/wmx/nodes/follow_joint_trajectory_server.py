@@ -51,7 +51,7 @@ class FollowJointTrajectoryServer(StackNode):
         except GoalRefused as refusal:
             self._end(job, aborted(refusal.fault))
             return
-        if self._stopped or self._leaving:
+        if self.emergency_stop or self._leaving:
             self._end(job, aborted(_SHUTDOWN if self._leaving else _EMERGENCY))
             return
         job.order = goal.order
@@ -68,19 +68,12 @@ class FollowJointTrajectoryServer(StackNode):
     def on_emergency_stop(self) -> None:
         self._goals.stop_all(_EMERGENCY, self.steady_s())
 
-    @property
-    def _stopped(self) -> bool:
-        """Where no safety monitor has ever spoken, the last /emergency_stop alone decides."""
-        if self.safety_status_input.latest is None and self.emergency_stop_input.latest is not None:
-            return bool(self.emergency_stop_input.latest.data)
-        return self.emergency_stop
-
     # --- tick --------------------------------------------------------------------------------------------------------
 
     def _tick(self) -> None:
         now_s = self.steady_s()
         missing = self._arm.poll(now_s)
-        if self._stopped:
+        if self.emergency_stop:
             self._goals.stop_all(_EMERGENCY, now_s)
         self._action.look_for_cancellations()
         active = self._goals.active
@@ -89,7 +82,7 @@ class FollowJointTrajectoryServer(StackNode):
             self._tell(now_s)
         phase = active[1].phase.value if active is not None else "no trajectory"
         self.report.values = {"goal": phase}
-        self.set_health(not missing, missing or ("emergency stop" if self._stopped else "ready"))
+        self.set_health(not missing, missing or ("emergency stop" if self.emergency_stop else "ready"))
 
     def _tell(self, now_s: float) -> None:
         """Feedback of the goal under way, at its rate."""
@@ -108,7 +101,7 @@ class FollowJointTrajectoryServer(StackNode):
     def _set_gripper(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         """The gripper is a motion too: none during an emergency stop."""
         fault: Fault | None = _EMERGENCY
-        if not self._stopped:
+        if not self.emergency_stop:
             byte, bit = self.params.gripper_output_byte, self.params.gripper_output_bit
             fault = self._arm.set_output(byte, bit, int(request.data))
         verb = "close" if request.data else "open"
