@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from robot_stack.bench.framework import Aim, BenchError, Result, percentile
-from robot_stack.bench.trajectory_rig import JOINTS, ArmRig, Record, arm_engine, arm_rig, go_first
+from robot_stack.bench.own_engine import go_first
+from robot_stack.bench.trajectory_rig import JOINTS, PRIORITY, ArmRig, Record, arm_engine, arm_rig
 
 FloatArray = NDArray[np.float64]
 
@@ -72,7 +73,7 @@ def run(
     if world not in _ENGINES:
         raise BenchError(f"world must be one of {', '.join(_ENGINES)}")
     domain = 1 + os.getpid() % 19  # tests have those from 20 on
-    realtime = go_first(0)
+    realtime = go_first(0, PRIORITY)
     course = _Course(np.random.default_rng(seed), random.Random(seed), max_speed_radps, reach_rad)
     plain = None
     with arm_engine(domain, _ENGINES[world]) as engine:

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import os
-import shutil
-import signal
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.bench.framework import BenchError
+from robot_stack.bench.own_engine import Processes, own_environment
 from robot_stack.wmx import EngineError, MotionEngine, connect
 
 if TYPE_CHECKING:
@@ -27,10 +23,9 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 JOINTS = 6
 _UP_S = 60.0
-_END_S = 10.0
 _SETTLED_S = 0.15
 _SAMPLE_PAUSE_S = 0.0004
-_PRIORITY = 5
+PRIORITY = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,21 +109,12 @@ class ArmRig:
         return self._client.feedback_errors
 
 
-def go_first(pid: int) -> bool:
-    """The priority that the supervisor gives these processes; before there are threads, which inherit it."""
-    try:
-        os.sched_setscheduler(pid, os.SCHED_RR, os.sched_param(_PRIORITY))
-    except PermissionError:
-        return False
-    return True
-
-
 @contextmanager
 def arm_engine(domain: int, engine_module: tuple[str, ...]) -> Iterator[MotionEngine]:
     """An engine with its servos on, in a domain and a runtime folder of its own. Raises BenchError."""
     with ExitStack() as stack:
-        stack.enter_context(_environment(domain))
-        stack.enter_context(_process(*engine_module))
+        environment = stack.enter_context(own_environment(domain))
+        stack.enter_context(Processes(environment, PRIORITY)(*engine_module))
         yield stack.enter_context(_servos_on())
 
 
@@ -137,53 +123,8 @@ def arm_rig(domain: int, engine: MotionEngine, server_module: tuple[str, ...]) -
     """A trajectory server and its client at this engine. Raises BenchError."""
     from robot_stack.bench.nodes.trajectory_client import TrajectoryClient
 
-    with _process(*server_module), TrajectoryClient(domain) as client:
+    with Processes(os.environ, PRIORITY)(*server_module), TrajectoryClient(domain) as client:
         yield ArmRig(engine, client)
-
-
-@contextmanager
-def _environment(domain: int) -> Iterator[None]:
-    """Of this process and those it starts: a domain and a runtime folder of their own, an engine of six joints."""
-    folder = Path(f"/dev/shm/robot_stack_bench-{os.getpid()}")
-    own = {
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "ROBOT_STACK_RUNTIME_DIR": str(folder),
-        "ROBOT_STACK_WMX_ENGINE": "simulated",
-        "ROBOT_STACK_WMX_ENGINE_CONFIG": "wmx_engine_manipulator",
-    }
-    before = {name: os.environ.get(name) for name in own}
-    folder.mkdir(mode=0o700)
-    os.environ.update(own)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-@contextmanager
-def _process(*module: str) -> Iterator[None]:
-    """``python -m module``, which ends with the block by SIGINT."""
-    log = Path(os.environ["ROBOT_STACK_RUNTIME_DIR"]) / f"{module[-1]}.log"
-    with log.open("w") as output:
-        started = subprocess.Popen([sys.executable, "-m", *module], stdout=output, stderr=subprocess.STDOUT)
-    go_first(started.pid)
-    try:
-        yield
-        if started.poll() is not None:
-            raise BenchError(f"{module[-1]} ended: {log.read_text(errors='replace')[-2000:]}")
-    finally:
-        started.send_signal(signal.SIGINT)
-        try:
-            started.wait(_END_S)
-        except subprocess.TimeoutExpired:
-            started.kill()
-            started.wait()
 
 
 @contextmanager

@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import os
-import shutil
-import signal
-import subprocess
-import sys
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import psutil
 from numpy.typing import NDArray
 
-from robot_stack.bench.framework import Aim, BenchError, Result, percentile
+from robot_stack.bench.framework import Aim, Result, percentile
+from robot_stack.bench.own_engine import Processes, own_environment
 from robot_stack.core.config import load
 from robot_stack.supervisor.params import SupervisorParams
 from robot_stack.wmx import connect
@@ -40,7 +34,6 @@ _PLAIN = ("robot_stack.bench.nodes.plain_joint_states",)
 _SETTLE = 1000  # messages before anything is measured
 _READS = 1000
 _READ_PAUSE_S = 0.002
-_END_S = 30.0
 _MIB = 2**20
 
 
@@ -74,11 +67,11 @@ def run(
     """
     priority = load(SupervisorParams, "supervisor").realtime_priority["manipulator_state"] if realtime else 0
     domain = 1 + os.getpid() % 19  # tests have those from 20 on
-    with _environment(domain) as environment:
+    with own_environment(domain) as environment:
         notes = Path(environment["ROBOT_STACK_RUNTIME_DIR"]) / "cycles.npy"
         from robot_stack.bench.nodes.joint_listener import JointListener
 
-        start = _Start(environment, priority)
+        start = Processes(environment, priority)
         with start(_ENGINE, str(notes), "0"), JointListener(domain) as listener, connect("bench"):
             ours = _measure(listener, start, _NODE, duration_s, rate_hz)
             plain = _measure(listener, start, _PLAIN, plain_s, rate_hz) if plain_s else None
@@ -127,69 +120,8 @@ def run(
     return Result(figures, conditions)
 
 
-@contextmanager
-def _environment(domain: int) -> Iterator[dict[str, str]]:
-    """Of this process and those it starts: a domain and a runtime folder of their own, an engine of six joints."""
-    folder = Path(f"/dev/shm/robot_stack_bench-{os.getpid()}")
-    own = {
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "ROBOT_STACK_RUNTIME_DIR": str(folder),
-        "ROBOT_STACK_WMX_ENGINE": "simulated",
-        "ROBOT_STACK_WMX_ENGINE_CONFIG": "wmx_engine_manipulator",
-    }
-    before = {name: os.environ.get(name) for name in own}
-    folder.mkdir(mode=0o700)
-    os.environ.update(own)
-    try:
-        yield dict(os.environ)
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-class _Start:
-    """Starts modules as processes, with a real-time priority while this process may give one."""
-
-    def __init__(self, environment: Mapping[str, str], priority: int) -> None:
-        self._environment = dict(environment)
-        self.priority = priority
-
-    @contextmanager
-    def __call__(self, *module: str) -> Iterator[psutil.Process]:
-        """``python -m module``, which ends with the block by SIGINT."""
-        log = Path(self._environment["ROBOT_STACK_RUNTIME_DIR"]) / f"{module[-1].rpartition('/')[2]}.log"
-        command = [sys.executable, "-m", *module]
-        with log.open("w") as output:
-            started = subprocess.Popen(command, env=self._environment, stdout=output, stderr=subprocess.STDOUT)
-        self._go_first(started.pid)
-        try:
-            yield psutil.Process(started.pid)
-            if started.poll() is not None:
-                raise BenchError(f"{module[-1]} ended: {log.read_text(errors='replace')[-2000:]}")
-        finally:
-            started.send_signal(signal.SIGINT)
-            try:
-                started.wait(_END_S)
-            except subprocess.TimeoutExpired:
-                started.kill()
-                started.wait()
-
-    def _go_first(self, pid: int) -> None:
-        """Before there are threads, which inherit it."""
-        if self.priority:
-            try:
-                os.sched_setscheduler(pid, os.SCHED_RR, os.sched_param(self.priority))
-            except PermissionError:
-                self.priority = 0
-
-
 def _measure(
-    listener: JointListener, start: _Start, module: tuple[str, ...], duration_s: float, rate_hz: float
+    listener: JointListener, start: Processes, module: tuple[str, ...], duration_s: float, rate_hz: float
 ) -> Measured:
     with start(*module) as process:
         listener.wait(_SETTLE)
@@ -220,7 +152,7 @@ def _late_us(notes: Path, window_ns: tuple[int, int]) -> list[float]:
     return late
 
 
-def _spinning_us(start: _Start, notes: Path, spin_s: float, duration_s: float) -> list[float]:
+def _spinning_us(start: Processes, notes: Path, spin_s: float, duration_s: float) -> list[float]:
     with start(_ENGINE, str(notes), str(spin_s)), connect("bench") as engine:
         engine.api.StartCommunication(10000)
         time.sleep(1.0)  # the first cycles find nothing in the caches
