@@ -17,8 +17,10 @@ all_tests() {
   logs=$(mktemp -d)
   # What computes runs beside what is bound to real time, and gives way to it. The safety kernel's own tests run under
   # coverage in tests/mutation.
-  tests patient tests/contract tests/mutation tests/setup tests/unit --ignore=tests/unit/safety >"$logs/patient" 2>&1 &
-  renice -n 19 "$!" >/dev/null
+  {
+    renice -n 19 "$BASHPID" >/dev/null
+    tests patient tests/contract tests/mutation tests/setup tests/unit --ignore=tests/unit/safety
+  } >"$logs/patient" 2>&1 &
   local patient=$!
   # A node test takes half a core, a scenario two, and a sweep is lost where a receiver gets no time for a second.
   local greedy=(tests/scenarios tests/nodes/test_transport.py)

@@ -124,8 +124,7 @@ def test_markers_of_both_cameras_in_one_array_at_10_hz(cameras: Cameras, peer: P
     heard.wait(lambda message: ids(message) == [0, 1, 2, 3, 4, 5, 6, 7], "all eight markers")
     first = len(heard.items)
     wait_for(lambda: len(heard.items) >= first + 21, "21 arrays")
-    times = [at_s for at_s, _ in heard.items[first:]]
-    assert (times[-1] - times[0]) / (len(times) - 1) == pytest.approx(0.1, rel=0.05)
+    assert heard.period_s(first) == pytest.approx(0.1, rel=0.05)
     stamps = [time_to_s(message.header.stamp) for message in heard.messages[first:]]
     assert len(set(stamps)) == len(stamps)  # no exposure twice
     message = heard.last
@@ -144,20 +143,19 @@ def test_a_dead_camera_costs_neither_rate_nor_the_other_cameras_markers(cameras:
     cameras.start()
     heard.wait(lambda message: len(ids(message)) == 8, "all eight markers")
     cameras.running.discard("rear")
-    heard.wait(lambda message: ids(message) == [0, 1, 2, 3], "the front camera's markers alone")
+    # An image of the rear camera may still be on its way, and come late.
+    wait_for(lambda: [ids(m) for m in heard.messages[-3:]] == 3 * [[0, 1, 2, 3]], "the front camera's markers alone")
     first = len(heard.items)
     wait_for(lambda: len(heard.items) >= first + 16, "16 arrays")
     assert all(ids(message) == [0, 1, 2, 3] for message in heard.messages[first:])
-    times = [at_s for at_s, _ in heard.items[first:]]
-    assert (times[-1] - times[0]) / (len(times) - 1) == pytest.approx(0.1, rel=0.05)
+    assert heard.period_s(first) == pytest.approx(0.1, rel=0.05)
     stamps = [time_to_s(message.header.stamp) for message in heard.messages]
     assert all(later > earlier for earlier, later in itertools.pairwise(stamps))
     cameras.running.clear()
     heard.wait(lambda message: ids(message) == [] and time_to_s(message.header.stamp) == 0.0, "empty arrays")
     first = len(heard.items)
     wait_for(lambda: len(heard.items) >= first + 11, "11 empty arrays")
-    times = [at_s for at_s, _ in heard.items[first:]]
-    assert (times[-1] - times[0]) / (len(times) - 1) == pytest.approx(0.1, rel=0.1)
+    assert heard.period_s(first) == pytest.approx(0.1, rel=0.1)
     assert all(not message.detections for message in heard.messages[first:])
 
 

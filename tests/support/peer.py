@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import statistics
 import threading
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import rclpy
@@ -33,6 +35,11 @@ class Heard:
     @property
     def last(self) -> Any:
         return self.items[-1][1] if self.items else None
+
+    def period_s(self, first: int = 0) -> float:
+        """The middle interval of reception from message ``first`` on: a machine that is held up delays some."""
+        times = [at_s for at_s, _ in self.items[first:]]
+        return statistics.median(later - earlier for earlier, later in pairwise(times))
 
     def wait(self, condition: Callable[[Any], bool], what: str, deadline_s: float = DEADLINE_S) -> Any:
         """The newest message, once ``condition`` holds for it."""

@@ -1,4 +1,4 @@
-"""A suite that runs on several engines need not ask the last one every question with every value."""
+"""A suite that runs on several engines need not ask the later ones every question with every value."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from collections import defaultdict
 import pytest
 
 ALL_VARIABLE = "ROBOT_STACK_WMX_CONFORMANCE"
-_THINNED = "TestAdapterOnTheFake"
-_AT_MOST = 8
+_THINNED = ("TestAdapterOnTheFake", "TestEngineProcess")
+_AT_MOST = 4
 _WHOLE = ("test_call_on_a_closed_device",)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Of each test of the thinned suite at most so many sets of values, evenly spread; all with the variable set."""
+    """Of each test of the thinned suites at most so many sets of values, evenly spread; all with the variable set."""
     if os.environ.get(ALL_VARIABLE) == "all":
         return
     groups: dict[str, list[pytest.Item]] = defaultdict(list)
     for item in items:
         name = getattr(item, "originalname", item.name)
-        if isinstance(item.parent, pytest.Class) and item.parent.name == _THINNED and name not in _WHOLE:
+        if isinstance(item.parent, pytest.Class) and item.parent.name in _THINNED and name not in _WHOLE:
             groups[name].append(item)
     left_out = {
         item.nodeid
