@@ -196,3 +196,42 @@ def test_clearance_depends_on_the_direction_alone(twist: Twist2, factor: float, 
     slow, fast = (approach(points(place), BODY, twist.scaled(f)) for f in (1.0, factor))
     assert fast.clearance_m == pytest.approx(slow.clearance_m, rel=1e-6, abs=1e-6)
     assert fast.time_s * factor == pytest.approx(slow.time_s, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_all_around_every_centre_of_rotation_as_in_small_steps(seed: int) -> None:
+    """Centres of rotation before, behind, beside and within the robot, and points on every side of them."""
+    random = np.random.default_rng(seed)
+    vx, vy = random.uniform(-1.0, 1.0, 2)
+    twist = Twist2(float(vx), float(vy), float(random.choice([-1.0, -0.4, 0.4, 1.0])))
+    places = random.uniform(-2.5, 2.5, (150, 2))
+    places = places[BODY.distances(places) > 0.02]
+    step_s, turn_s = 2e-3, 2.0 * math.pi / abs(twist.omega)
+    cx, cy = -twist.vy / twist.omega, twist.vx / twist.omega
+    times = np.arange(0.0, turn_s, step_s)
+    angle = -twist.omega * times[:, None]
+    x, y = places[:, 0] - cx, places[:, 1] - cy
+    seen = np.stack([cx + np.cos(angle) * x - np.sin(angle) * y, cy + np.sin(angle) * x + np.cos(angle) * y], axis=-1)
+    inside = BODY.contains(seen.reshape(-1, 2)).reshape(seen.shape[:2])
+    well_inside = Outline(BODY.front - 0.02, BODY.rear + 0.02, BODY.half - 0.02)
+    deep = well_inside.contains(seen.reshape(-1, 2)).reshape(seen.shape[:2]).any(axis=0)
+    stepped = np.where(inside.any(axis=0), times[np.argmax(inside, axis=0)], math.inf)
+    exact = contact_times(places, BODY, twist)
+    assert deep.any()
+    assert np.abs(exact[deep] - stepped[deep]).max() <= step_s + 1e-6
+    assert np.isinf(exact[~inside.any(axis=0) & (_least_gap(seen) > 0.01)]).all()
+
+
+def _least_gap(seen: NDArray[np.float64]) -> NDArray[np.float64]:
+    return BODY.distances(seen.reshape(-1, 2)).reshape(seen.shape[:2]).min(axis=0)
+
+
+def test_a_corner_that_is_just_met_is_touched() -> None:
+    box = Outline(0.5, -0.5, 0.25)
+    assert time_to(1.5, 0.75, 1.0, 1.0, 0.0, box) == 1.0
+
+
+def test_deeper_is_a_matter_of_direction_not_of_speed() -> None:
+    for speed in (0.01, 0.1, 1.0, 10.0):
+        assert time_to(0.0, 0.25, speed, 0.5 * speed, 0.0) == 0.0
+        assert time_to(0.0, 0.25, speed, 0.1 * speed, 0.0) == math.inf

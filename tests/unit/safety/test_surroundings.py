@@ -342,3 +342,9 @@ def test_a_dock_that_makes_no_sense_is_none(pose: Pose2, latency_s: float) -> No
 def test_parameters_that_make_no_sense(model: type, shipped: object, changes: dict[str, float], complaint: str) -> None:
     with pytest.raises(ValidationError, match=complaint):
         model(**{**shipped.model_dump(), **changes})  # type: ignore[attr-defined]
+
+
+def test_what_is_gone_beside_the_robot_where_its_rays_reach_is_forgotten() -> None:
+    scene = Scene().keep_seeing(1.0, (0.2, 2.0, 0.1))
+    assert [0.2, 2.0, 0.1] in scene.known()
+    assert [0.2, 2.0, 0.1] not in scene.keep_seeing(1.0, (-3.0, 0.0, 1.0)).known()
