@@ -18,7 +18,7 @@ all_tests() {
   # What computes runs beside what is bound to real time, and gives way to it. The safety kernel's own tests run under
   # coverage in tests/mutation.
   {
-    renice -n 19 "$BASHPID" >/dev/null
+    renice -n 10 "$BASHPID" >/dev/null
     tests patient tests/contract tests/mutation tests/setup tests/unit --ignore=tests/unit/safety
   } >"$logs/patient" 2>&1 &
   local patient=$!
