@@ -39,9 +39,9 @@ SETUP = """
 source_paths=
     robot_stack/safety
 pytest_add_cli_args_test_selection=
-    tests/unit/safety
+    {tests}
 do_not_mutate=
-    robot_stack/safety/nodes/*
+    {kept}
 also_copy=
     robot_stack
     config
@@ -87,9 +87,9 @@ class Result:
 
 
 class Workshop:
-    """A copy of the kernel and its tests in which mutmut works."""
+    """A copy of the kernel and its tests in which mutmut works. module: mutates that one alone, with its own tests."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, module: str | None = None) -> None:
         self._folder = folder
         for name in COPIED:
             source, target = ROOT / name, folder / name
@@ -98,7 +98,11 @@ class Workshop:
                 shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__", "nodes"))
             else:
                 shutil.copy(source, target)
-        (folder / "setup.cfg").write_text(SETUP)
+        kernel = sorted((ROOT / "robot_stack" / "safety").glob("*.py"))
+        others = [f"robot_stack/safety/{file.name}" for file in kernel if module and file.stem != module]
+        kept = "\n    ".join(["robot_stack/safety/nodes/*", *others])
+        tests = f"tests/unit/safety/test_{module}.py" if module else "tests/unit/safety"
+        (folder / "setup.cfg").write_text(SETUP.format(tests=tests, kept=kept))
         (folder / "pytest.ini").write_text(PYTEST)
 
     def run(self, names: list[str]) -> None:
@@ -134,8 +138,9 @@ def listed() -> dict[Change, str]:
     return {Change(entry["function"], entry["removed"], entry["added"]): entry["why"] for entry in entries}
 
 
-def check_mutants(folder: Path, sample: int | None = None, seed: int = 0) -> Result:
-    workshop = Workshop(folder)
+def check_mutants(folder: Path, sample: int | None = None, seed: int = 0, module: str | None = None) -> Result:
+    """All mutants, or a sample of them; with ``module`` (timing, where FIRST is) of that module alone."""
+    workshop = Workshop(folder, module)
     workshop.run([FIRST])
     every = sorted(workshop.exit_codes())
     chosen = every

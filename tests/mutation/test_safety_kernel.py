@@ -11,7 +11,7 @@ import pytest
 
 from tests.mutation.safety_kernel import ROOT, check_mutants
 
-SAMPLE = 1  # shows that the tool still works; each further one takes a minute and a half here
+SAMPLE = 3  # of one small module: shows that the tool still works; the whole kernel takes hours
 
 
 @pytest.mark.timeout(900)
@@ -29,6 +29,6 @@ def test_every_branch_of_the_kernel_is_tested(tmp_path: Path) -> None:
 @pytest.mark.timeout(900)
 @pytest.mark.skipif(importlib.util.find_spec("mutmut") is None, reason="mutmut is not installed")
 def test_a_sample_of_mutants_is_noticed(tmp_path: Path) -> None:
-    result = check_mutants(tmp_path, SAMPLE)
+    result = check_mutants(tmp_path, SAMPLE, module="timing")
     assert result.checked == SAMPLE
     assert not result.unexplained, "\n".join(map(str, result.unexplained))
