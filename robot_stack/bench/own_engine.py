@@ -17,6 +17,8 @@ import psutil
 from robot_stack.bench.framework import BenchError
 
 _END_S: Final = 30.0
+PRIORITY: Final = 5
+"""What config/supervisor.yaml gives the processes that a benchmark looks at."""
 
 
 def go_first(pid: int, priority: int) -> bool:

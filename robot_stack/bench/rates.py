@@ -9,7 +9,7 @@ from pathlib import Path
 from robot_stack.bench.commands import robot_stack
 from robot_stack.bench.framework import Aim, BenchError, Result
 from robot_stack.bench.graph import judge_all, rows_of, worst_rate_error
-from robot_stack.bench.own_engine import go_first
+from robot_stack.bench.own_engine import PRIORITY, go_first
 from robot_stack.bench.stack import Load, running_stack
 from robot_stack.contract import topics
 from robot_stack.supervisor.profile import load_plan
@@ -22,7 +22,6 @@ _SETTLE_S = 10.0
 # measure the meter, so each is counted by itself, for so long.
 _HEAVY = frozenset({"sensor_msgs/msg/Image", "sensor_msgs/msg/PointCloud2"})
 _HEAVY_S = 10.0
-_PRIORITY = 5
 
 
 def run(duration_s: float = 30.0, profile: str = "sim", mission: str = "yard_tour") -> Result:
@@ -39,7 +38,7 @@ def run(duration_s: float = 30.0, profile: str = "sim", mission: str = "yard_tou
             robot_stack("reset", check=False)  # a slow start may have latched something
             robot_stack("mission", "start", mission)
         # Who counts must not wait for the processor behind those whose messages it counts.
-        first = go_first(0, _PRIORITY)
+        first = go_first(0, PRIORITY)
         try:
             with Meter([row for row in rows if row.type not in _HEAVY]) as meter:
                 meter.settle(_SETTLE_S)
@@ -77,7 +76,7 @@ def run(duration_s: float = 30.0, profile: str = "sim", mission: str = "yard_tou
             {
                 "profile": plan.name,
                 "processes": len(plan.processes),
-                "realtime_priority_of_the_meter": _PRIORITY if first else 0,
+                "realtime_priority_of_the_meter": PRIORITY if first else 0,
                 "riding": mission or "no",
                 "heavy_topics": f"images and point clouds one after the other, {_HEAVY_S:.0f} s each",
                 "worst_topic": name,

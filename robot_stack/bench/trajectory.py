@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from robot_stack.bench.framework import Aim, BenchError, Result, percentile
-from robot_stack.bench.own_engine import go_first
-from robot_stack.bench.trajectory_rig import JOINTS, PRIORITY, ArmRig, Record, arm_engine, arm_rig
+from robot_stack.bench.own_engine import PRIORITY, go_first
+from robot_stack.bench.trajectory_rig import JOINTS, ArmRig, Record, arm_engine, arm_rig
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.bench.framework import BenchError
-from robot_stack.bench.own_engine import Processes, own_environment
+from robot_stack.bench.own_engine import PRIORITY, Processes, own_environment
 from robot_stack.wmx import EngineError, MotionEngine, connect
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ JOINTS = 6
 _UP_S = 60.0
 _SETTLED_S = 0.15
 _SAMPLE_PAUSE_S = 0.0004
-PRIORITY = 5
 
 
 @dataclass(frozen=True, slots=True)

@@ -152,7 +152,8 @@ class GlobalPlanner:
         """
         bins = self._params.heading_bins
         wish, step_m = _course(points, float(ends[0, 2]))
-        margin = self._margins(np.cumsum(step_m), at_ends)
+        along = np.cumsum(step_m)
+        margin = self._margins(along, at_ends)
         place = self.grid.resolution_m, self.grid.x_m, self.grid.y_m
         edge = outline(footprint)
         free = free_headings(
@@ -163,9 +164,9 @@ class GlobalPlanner:
         picked = headings(free, wish, step_m, first, last, self._params.turn_cost_m_per_rad)
         possible = picked[0] >= 0
         yaws = np.unwrap(picked * (2.0 * math.pi / bins)) if possible else wish
-        tight = _backwards(yaws - wish, np.cumsum(step_m), 2.0 * reach_m(footprint)) if possible else int(picked[1])
+        tight = _backwards(yaws - wish, along, 2.0 * reach_m(footprint)) if possible else int(picked[1])
         if tight is not None and passages:
-            through = self._through(points, wish, ends, at_ends, tight, footprint, passages)
+            through = self._through(points, along, wish, ends, at_ends, tight, footprint, passages)
             if through is not None:
                 return through, points[tight]
         if not possible:
@@ -176,6 +177,7 @@ class GlobalPlanner:
     def _through(
         self,
         points: Array,
+        along: Array,
         wish: Array,
         ends: Array,
         at_ends: Array,
@@ -184,7 +186,6 @@ class GlobalPlanner:
         passages: int,
     ) -> Array | None:
         """The way with the stretch around a narrow place sought over positions and headings together."""
-        along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
         around_m = 2.0 * reach_m(footprint)
         into = max(0, int(np.searchsorted(along, along[tight] - around_m)) - 1)
         out = min(len(points) - 1, int(np.searchsorted(along, along[tight] + around_m)))
@@ -193,16 +194,15 @@ class GlobalPlanner:
         middle = passage(self.grid, footprint, self._params, start, goal, any_heading=out < len(points) - 1)
         if middle is None:
             return None
-        free_m = np.full(2, FAR_M)
         before = after = middle[:0]
         if into > 0:
-            clear = np.array([at_ends[0], free_m[0]])
+            clear = np.array([at_ends[0], FAR_M])
             head, _ = self._headed(points[: into + 1], np.array([ends[0], middle[0]]), clear, footprint, passages - 1)
             if head is None:
                 return None
             before = head[:-1]
         if out < len(points) - 1:
-            clear = np.array([free_m[0], at_ends[1]])
+            clear = np.array([FAR_M, at_ends[1]])
             tail, _ = self._headed(points[out:], np.array([middle[-1], ends[1]]), clear, footprint, passages - 1)
             if tail is None:
                 return None

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from robot_stack.bench.framework import Aim, Result, percentile
-from robot_stack.bench.own_engine import go_first
+from robot_stack.bench.own_engine import PRIORITY, go_first
 from robot_stack.bench.stack import running_stack
 from sim.settings import world_settings
 
@@ -20,7 +20,6 @@ AIMS = {
     "standstill_distance_m_max": Aim("<", 0.40),
     "runs": Aim(">=", 100),
 }
-_PRIORITY = 5
 _CHAIR_KG = 30.0  # config/robot.yaml chair_mass_kg, which the simulated wheelchair weighs
 
 
@@ -43,7 +42,7 @@ def run(runs: int = 100, speed_mps: float = 1.0, load_kg: float = 150.0, world: 
         stops = []
         with running_stack("sim", settings):
             # Who looks must not wait for the processor behind those it looks at.
-            first = go_first(0, _PRIORITY)
+            first = go_first(0, PRIORITY)
             with Stopper() as stopper:
                 stopper.begin(passenger=True)
                 for number in range(runs):
@@ -70,6 +69,6 @@ def run(runs: int = 100, speed_mps: float = 1.0, load_kg: float = 150.0, world: 
             "stops_by_delay": stopper.delays,
             "profile": "sim",
             "world": world,
-            "realtime_priority_of_the_meter": _PRIORITY if first else 0,
+            "realtime_priority_of_the_meter": PRIORITY if first else 0,
         },
     )
