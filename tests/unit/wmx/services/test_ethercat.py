@@ -17,16 +17,8 @@ from robot_stack.wmx.services.ethercat import (
     reset_statistics,
     start_hotconnect,
 )
-from tests.unit.wmx.harness import N_AXES, Harness, ThreadHarness, runtime_folder
+from tests.unit.wmx.harness import N_AXES, Harness
 from wmx_ros2_message.srv import EcatGetNetworkState
-
-
-@pytest.fixture(scope="module")
-def harness() -> Iterator[Harness]:
-    with runtime_folder() as folder:
-        harness = ThreadHarness(folder)
-        yield harness
-        harness.stop()
 
 
 @pytest.fixture

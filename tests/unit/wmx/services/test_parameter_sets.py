@@ -10,15 +10,7 @@ import pytest
 from robot_stack.wmx import MotionEngine
 from robot_stack.wmx.api import Motion_JogCommand, Profile
 from robot_stack.wmx.services.parameter_sets import load_file, show
-from tests.unit.wmx.harness import N_AXES, POS, POS_GEARED, VEL_MIRRORED, Harness, ThreadHarness, runtime_folder
-
-
-@pytest.fixture(scope="module")
-def harness() -> Iterator[Harness]:
-    with runtime_folder() as folder:
-        harness = ThreadHarness(folder)
-        yield harness
-        harness.stop()
+from tests.unit.wmx.harness import N_AXES, POS, POS_GEARED, VEL_MIRRORED, Harness
 
 
 @pytest.fixture
