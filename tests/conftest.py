@@ -38,7 +38,7 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[int]
         runtime = Path(f"/dev/shm/robot_stack_test-{domain}")
         shutil.rmtree(runtime, ignore_errors=True)
         monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(runtime))
-        transport.apply()
+        transport.apply(bulk=True)
         yield domain
         shutil.rmtree(runtime, ignore_errors=True)
 

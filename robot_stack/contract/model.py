@@ -55,6 +55,7 @@ class Topic:
     stale_s: age in seconds after which a subscriber calls its newest message stale; None where age means nothing.
     queue: messages a subscriber keeps until it looks, where that is more than the QoS depth: for topics of which no
         message may be missed. It is no part of what endpoints negotiate.
+    bulk: messages so large that a socket loses them: they go by shared memory (``robot_stack.ros.transport``).
     on_demand: published at that rate only while its publisher has something to command; silence is no fault then.
     publishers, subscribers: node names. ``EVERY_NODE`` stands for every node process; names in ``OUTSIDE`` belong to
         tools and operators outside the process table.
@@ -70,6 +71,7 @@ class Topic:
     stale_s: float | None = None
     queue: int | None = None
     on_demand: bool = False
+    bulk: bool = False
     system: System = System.ROBOT
 
 

@@ -254,6 +254,7 @@ LIDAR_POINTS = Topic(
     "full sweep, about 150k points: x y z intensity ring time",
     rate_hz=10.0,
     stale_s=0.5,
+    bulk=True,
 )
 LIDAR_HALF_SWEEP = Topic(
     "/sensors/lidar/half_sweep",
@@ -264,6 +265,7 @@ LIDAR_HALF_SWEEP = Topic(
     "internal: each half sweep as it arrives",
     rate_hz=20.0,
     stale_s=0.3,
+    bulk=True,
 )
 FRONT_IMAGE = Topic(
     "/sensors/camera/front/image_raw",
@@ -274,6 +276,7 @@ FRONT_IMAGE = Topic(
     "1280x720 mono8; stamp: middle of the exposure of the middle row",
     rate_hz=10.0,
     stale_s=0.5,
+    bulk=True,
 )
 REAR_IMAGE = Topic(
     "/sensors/camera/rear/image_raw",
@@ -284,6 +287,7 @@ REAR_IMAGE = Topic(
     "1280x720 mono8; stamp: middle of the exposure of the middle row",
     rate_hz=10.0,
     stale_s=0.5,
+    bulk=True,
 )
 FRONT_CAMERA_INFO = Topic(
     "/sensors/camera/front/camera_info",

@@ -178,7 +178,7 @@ def _given_pose(message: PoseWithCovarianceStamped) -> tuple[Pose2, str]:
 
 
 def main() -> None:
-    run(Localization)
+    run(Localization, bulk=True)
 
 
 if __name__ == "__main__":

@@ -160,7 +160,7 @@ class PerceptionPipeline(StackNode):
 
 
 def main() -> None:
-    run(PerceptionPipeline)
+    run(PerceptionPipeline, bulk=True)
 
 
 if __name__ == "__main__":

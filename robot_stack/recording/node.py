@@ -198,4 +198,4 @@ def _open(folder: Path, rows: list[Topic], params: RecorderParams) -> Background
 
 
 def main() -> None:
-    run(Recorder)
+    run(Recorder, bulk=True)

@@ -24,6 +24,8 @@ from robot_stack.core.pauses import PauseBudget
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.core.runtime import hold_lock
 from robot_stack.core.stop_latch import StopLatch
+from robot_stack.ros import transport
+from robot_stack.ros.bulk import BulkInputs
 from robot_stack.ros.inputs import Input
 from robot_stack.ros.interfaces import interface_class, qos_profile
 from robot_stack.ros.parameters import load_parameters, refuse_overrides
@@ -54,6 +56,7 @@ class StackNode(Node):
         # The machines of the motion-engine layer have no safety monitor of their own.
         self._stop_latch = StopLatch(monitored=name not in BY_NAME or BY_NAME[name].system is not System.WMX)
         self.report = Report(self)
+        self._bulk: BulkInputs | None = None
         self._subscribe_safety()
 
     # --- endpoints ---------------------------------------------------------------------------------------------------
@@ -61,9 +64,11 @@ class StackNode(Node):
     def advertise(self, row: Topic, name: str = "") -> Publisher:
         """The publisher of a contract row, under ``name`` where the contract calls the name configurable.
 
-        Raises ContractViolation if the row does not name this node.
+        Raises ContractViolation if the row does not name this node, or is bulk and the process was not started for it.
         """
         self._check(row.name, "publish", row.publishers)
+        if row.bulk and not transport.carries_bulk():
+            raise ContractViolation(f"{self.get_name()} may not publish {row.name}: its process runs without bulk=True")
         return self.create_publisher(
             interface_class(row.type),
             name or row.name,
@@ -80,7 +85,9 @@ class StackNode(Node):
         entry = Input(row, callback, self._health, self.steady_s)
         profile = qos_profile(row.qos)
         profile.depth = row.queue or row.qos.depth
-        self.create_subscription(interface_class(row.type), name or row.name, entry.on_message, profile)
+        apart = row.bulk and not transport.carries_bulk()
+        create = self._bulk_inputs.subscribe if apart else self.create_subscription
+        create(interface_class(row.type), name or row.name, entry.on_message, profile)
         return entry
 
     def serve(self, row: Service, callback: Callable[[Any, Any], Any], name: str = "") -> None:
@@ -106,6 +113,12 @@ class StackNode(Node):
         loop = Loop(callback.__name__.lstrip("_"), 1.0 / rate_hz)
         self.report.loops.append(loop)
         self.create_timer(1.0 / rate_hz, loop.timed(callback))
+
+    @property
+    def _bulk_inputs(self) -> BulkInputs:
+        if self._bulk is None:
+            self._bulk = BulkInputs(self)
+        return self._bulk
 
     def _check(self, name: str, verb: str, allowed: tuple[str, ...]) -> None:
         if self.get_name() not in allowed and topics.EVERY_NODE not in allowed:
@@ -185,15 +198,20 @@ class StackNode(Node):
             self.on_emergency_stop()
 
     def destroy_node(self) -> None:
+        if self._bulk is not None:
+            self._bulk.close()
         super().destroy_node()
         self._lock.close()
 
 
-def run(*node_classes: Callable[[], StackNode]) -> None:
-    """The body of every node's ``main``: runs the nodes until a signal, then exits with its code."""
+def run(*node_classes: Callable[[], StackNode], bulk: bool = False) -> None:
+    """The body of every node's ``main``: runs the nodes until a signal, then exits with its code.
+
+    bulk: they send or take clouds or images.
+    """
     from robot_stack.ros.process import run_nodes
 
-    raise SystemExit(run_nodes(*node_classes))
+    raise SystemExit(run_nodes(*node_classes, bulk=bulk))
 
 
 __all__ = ["StackNode", "run"]

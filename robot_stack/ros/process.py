@@ -46,9 +46,11 @@ class StopSignal:
 
 
 @contextmanager
-def ros_process(*node_classes: Callable[[], StackNode]) -> Iterator[tuple[LeanExecutor, list[StackNode]]]:
+def ros_process(
+    *node_classes: Callable[[], StackNode], bulk: bool = False
+) -> Iterator[tuple[LeanExecutor, list[StackNode]]]:
     """An executor with the nodes in it. On the way out the nodes leave their outputs safe and everything is closed."""
-    transport.apply()
+    transport.apply(bulk=bulk)
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     executor = LeanExecutor()
     nodes: list[StackNode] = []
@@ -66,11 +68,11 @@ def ros_process(*node_classes: Callable[[], StackNode]) -> Iterator[tuple[LeanEx
         rclpy.try_shutdown()
 
 
-def run_nodes(*node_classes: Callable[[], StackNode]) -> int:
+def run_nodes(*node_classes: Callable[[], StackNode], bulk: bool = False) -> int:
     """Runs the nodes until SIGINT or SIGTERM. Returns the exit code; errors of use are one line on stderr."""
     should_stop = StopSignal()
     try:
-        with ros_process(*node_classes) as (executor, _):
+        with ros_process(*node_classes, bulk=bulk) as (executor, _):
             executor.spin(should_stop)
     except (ConfigError, AlreadyRunning, ContractViolation) as error:
         print(f"error: {error}", file=sys.stderr, flush=True)

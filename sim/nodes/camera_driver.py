@@ -171,7 +171,7 @@ def _camera_info(calibrated: Intrinsics) -> CameraInfo:
 
 
 def main() -> None:
-    run(CameraDriver)
+    run(CameraDriver, bulk=True)
 
 
 if __name__ == "__main__":

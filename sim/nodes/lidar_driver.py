@@ -130,7 +130,7 @@ class LidarDriver(StackNode):
 
 
 def main() -> None:
-    run(LidarDriver)
+    run(LidarDriver, bulk=True)
 
 
 if __name__ == "__main__":

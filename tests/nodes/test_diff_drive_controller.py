@@ -101,6 +101,27 @@ class Rig:
     def drive(self, linear_mps: float = 0.0, angular_radps: float = 0.0) -> None:
         self.peer.repeat(topics.WMX_CMD_VEL, lambda: twist(linear_mps, angular_radps), 20.0)
 
+    def set_out(self, linear_mps: float) -> None:
+        """As an operator does: centre the stick, push it, and once more if the wheels do not turn. The node may not
+        have seen yet that the drive is ready, and takes no command that was there before.
+        """
+        radps = linear_mps / RADIUS_M
+
+        def turning() -> bool:
+            self.drive(0.0)
+            self._pass_s(0.3)
+            self.drive(linear_mps)
+            self._pass_s(1.0)
+            return bool((abs(self._view.read()[1].velocity_cmd - radps) < 1e-6).all())
+
+        wait_for(turning, f"wheels told to turn at {radps:.2f} rad/s")
+        self.wait_wheels(radps, radps)
+
+    def _pass_s(self, seconds: float) -> None:
+        """Of the engine's time."""
+        end_s = self.wait_status(lambda s: True, "a status").engine_time_s + seconds
+        self.wait_status(lambda s: s.engine_time_s > end_s, f"{seconds} s of the engine")
+
     def press(self, pressed: bool = True) -> None:
         self.peer.publish(topics.EMERGENCY_STOP, Bool(data=pressed))
 
@@ -269,10 +290,7 @@ def test_alarm_and_lost_bus_in_motion(rig: Rig) -> None:
     device.core_motion.axisControl.SetServoOn(1, 1)
     rig.wait_ready()
     rig.stays_at_rest()
-    rig.drive(0.0)
-    rig.stays_at_rest()
-    rig.drive(0.5)
-    rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
+    rig.set_out(0.5)
 
     rig.break_drives(connected=False)
     rig.wait_status(lambda s: not s.communicating, "the loss of the bus")
@@ -405,8 +423,7 @@ def test_wheels_without_their_parameter_file_stay_off(rig: Rig, tmp_path: Path) 
     assert device.core_motion.config.GetAndExportAll(str(fresh)) == 0
     os.replace(fresh, file)
     rig.wait_ready()
-    rig.drive(0.3)
-    rig.wait_wheels(0.3 / RADIUS_M, 0.3 / RADIUS_M)
+    rig.set_out(0.3)
 
 
 def test_profile_with_the_general_node_that_clears_alarms(ros_domain: int, peer: Peer, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -142,7 +143,8 @@ def test_joint_states_of_all_axes_at_their_rate(rig: Rig) -> None:
     assert messages[-1].name == list(JOINTS)
     assert [len(field) for field in (messages[-1].position, messages[-1].velocity, messages[-1].effort)] == [8, 8, 8]
     stamps = [time_to_s(message.header.stamp) for message in messages]
-    assert (stamps[-1] - stamps[0]) / (len(stamps) - 1) == pytest.approx(0.02, rel=0.02)
+    # The middle one: on a machine that is held up some ticks come late or not at all.
+    assert statistics.median(later - earlier for earlier, later in pairwise(stamps)) == pytest.approx(0.02, rel=0.02)
     assert abs(time.time() - stamps[-1]) < 0.5
 
 

@@ -25,6 +25,6 @@ def stack_environment(folder: Path) -> Iterator[None]:
         monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(runtime))
         from robot_stack.ros import transport
 
-        transport.apply()
+        transport.apply(bulk=True)
         yield
         shutil.rmtree(runtime, ignore_errors=True)

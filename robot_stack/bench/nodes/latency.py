@@ -21,7 +21,7 @@ class LatencyMeter:
     """Ages by stamp in s, on the ROS clock of the machine (system time). A context manager."""
 
     def __init__(self, rows: Sequence[Topic]) -> None:
-        transport.apply()
+        transport.apply(bulk=True)
         self._context = Context()
         rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node(

@@ -39,7 +39,7 @@ class Meter:
     """
 
     def __init__(self, rows: Sequence[Topic]) -> None:
-        transport.apply()
+        transport.apply(bulk=True)
         self._context = Context()
         rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node(

@@ -160,7 +160,7 @@ def _marker_id(entry: ArucoDetection) -> int:
 
 
 def main() -> None:
-    run(ArucoDetector)
+    run(ArucoDetector, bulk=True)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from robot_stack.ros.interfaces import qos_profile
 
 wanted = int(sys.argv[1])
 seen: set[int] = set()
-transport.apply()
+transport.apply(bulk=True)
 rclpy.init()
 node = rclpy.create_node(f"cloud_counter_{time.monotonic_ns()}")
 subscription = node.create_subscription(

@@ -1,0 +1,41 @@
+"""Which DDS settings a process takes, whatever its parent has chosen for itself."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot_stack.contract import processes, topics
+from robot_stack.core.config import config_dir
+from robot_stack.ros import transport
+
+SHARED, UDP = str(config_dir() / "fastdds.xml"), str(config_dir() / "fastdds_udp.xml")
+
+
+def applied(environment: dict[str, str], bulk: bool) -> tuple[str, str]:
+    transport.apply(environment, bulk=bulk)
+    return environment[transport.PROFILE], environment[transport.REACH]
+
+
+@pytest.mark.parametrize(("bulk", "chosen"), [(False, (UDP, "SYSTEM_DEFAULT")), (True, (SHARED, "LOCALHOST"))])
+@pytest.mark.parametrize("start", [{}, {transport.REACH: "LOCALHOST"}])
+def test_only_bulk_has_shared_memory(start: dict[str, str], bulk: bool, chosen: tuple[str, str]) -> None:
+    assert applied(dict(start), bulk) == chosen
+
+
+@pytest.mark.parametrize("parent", [False, True])
+@pytest.mark.parametrize("child", [False, True])
+def test_a_parent_does_not_decide_for_its_child(parent: bool, child: bool) -> None:
+    environment: dict[str, str] = {}
+    transport.apply(environment, bulk=parent)
+    assert applied(environment, child) == applied({}, child)
+
+
+@pytest.mark.parametrize("bulk", [False, True])
+def test_who_opens_the_network_or_has_a_profile_of_their_own_keeps_it(bulk: bool) -> None:
+    assert applied({transport.REACH: "SUBNET"}, bulk) == (SHARED, "SUBNET")
+    assert applied({transport.PROFILE: "/mine.xml"}, bulk) == ("/mine.xml", "LOCALHOST")
+
+
+def test_every_sender_of_bulk_is_a_process_of_the_table() -> None:
+    senders = {name for row in topics.TOPICS if row.bulk for name in row.publishers}
+    assert senders == {"lidar_driver", "camera_driver"} <= processes.BY_NAME.keys()
