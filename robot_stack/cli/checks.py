@@ -21,7 +21,7 @@ from robot_stack.core.runtime import ros_domain_id, runtime_dir
 
 _GIB = 2**30
 _MIB = 2**20
-# Fast DDS holds a segment of this size for each process that exchanges clouds or images (config/fastdds.xml); tools too.
+# Fast DDS holds a segment of this size for each process or tool that exchanges clouds or images (config/fastdds.xml).
 _SEGMENT_BYTES = 36 * _MIB
 _PROCESSES = 12
 _SOCKET_BUFFER_BYTES = 2 * _MIB
