@@ -8,12 +8,15 @@ given_tests() {
 }
 
 run_tests() {
-  python -m pytest -o cache_dir=".pytest_cache/$1" "${@:2}"
+  local code=0
+  python -m pytest -o cache_dir=".pytest_cache/$1" "${@:2}" || code=$?
+  ((code < 2)) || rm -f ".pytest_cache/$1/v/cache/lastfailed" # not ended by failed tests: nothing to repeat
+  return $code
 }
 
 run_again() {
   local cache=.pytest_cache/$1 count
-  count=$(grep -c ': true' "$cache/v/cache/lastfailed") || return 1 # it did not end in failed tests
+  count=$(grep -c ': true' "$cache/v/cache/lastfailed" 2>/dev/null) || return 1
   echo "== tests: $count of the $1 FAILED, listed above; once more those, alone"
   python -m pytest -o cache_dir="$cache" --last-failed --last-failed-no-failures none || return
   echo "== tests: $count passed only when repeated"

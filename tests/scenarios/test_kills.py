@@ -16,10 +16,8 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.timeout(300)
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["swerve_hardware_interface", "swerve_controller", "safety_monitor", "ndt_localization"],
-)
+# The controller's death is in test_real_time: this world waits for its odometry until it is nearly back.
+@pytest.mark.parametrize("name", ["swerve_hardware_interface", "safety_monitor", "ndt_localization"])
 def test_a_critical_process_is_killed_and_the_robot_stands(stack: StackUnderTest, name: str) -> None:
     stack.drive_at(0.6)
     pid = stack.kill(name)

@@ -105,6 +105,19 @@ def pause(stack: StackUnderTest, seconds: float) -> None:
         os.kill(pid, signal.SIGCONT)
 
 
+def test_the_controller_is_killed_and_the_robot_stands_before_it_is_back(stack: StackUnderTest) -> None:
+    stack.drive_at(0.6)
+    pid = stack.kill("swerve_controller")
+    stack.wait_stands(6.0)
+    stack.let_go()
+    stack.wait_restarted("swerve_controller", pid)
+    if stack.safety.last.emergency_stop_active:
+        stack.release()
+    stack.wait_safety("NORMAL", deadline_s=60.0)
+    stack.drive_at(0.3)
+    stack.let_go()
+
+
 def test_the_world_and_its_engine_are_killed(stack: StackUnderTest) -> None:
     stack.drive_at(0.6)
     pid = stack.kill("sim_world")
