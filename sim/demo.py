@@ -13,29 +13,32 @@ import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
-from robot_stack.core.config import ConfigError, config_dir
+from robot_stack.core.config import ConfigError
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
-from robot_stack.mission.library import MissionError, MissionLibrary
-from robot_stack.mission.model import Kind, Mission
-from robot_stack.supervisor import client
+from robot_stack.core.mission import Kind, Mission
+from robot_stack.core.mission_library import MissionError, mission_library
+from robot_stack.core.runtime import touch_screen_url
+from robot_stack.supervisor import client, progress
 from robot_stack.supervisor.control import NotRunning
-from sim.ride import Carriage, Figures, Ride, carriage, figures
+from sim.run.demo_display import MOVING_MPS, Display, describe
+from sim.run.demo_recording import Recording, film_of
+from sim.run.result_page import Result, result_page
+from sim.run.ride import Carriage, Figures, Ride, arrivals, carriage, figures, stops
 from sim.settings import WORLDLY, own_map, pose_settings, world_settings
 from sim.worldfile import load_world
 
 _READY_S = 60.0
 _SILENCE_S = 5.0
-_TELL_EVERY_S = 2.0
-_TELL_AT_REST_EVERY_S = 10.0
 _REDRAW_EVERY_S = 0.2
-_MOVING_MPS = 0.05
-_PATIENCE_S = 60.0  # for somebody who resets an emergency stop and resumes the mission in another terminal
+_PATIENCE_S = 60.0  # of the world's time without progress
 _SETTLE_S = 30.0
-_OVERCOME = 20
-_DELAYS = frozenset({"JOINT_STATES_TIMEOUT", "DRIVE_FAULT"})
+_STOP_S = 2.0  # standing for so long is told as a stop
+_RECORDING_S = 15.0  # a ride without a recording is better than none
+# Near the wheelchair, in the yard.
+SHORT, SHORT_START = "short_transport", Pose2(-0.3, 8.8, 2.4)
 _OVER = ("COMPLETED", "FAILED", "ABORTED", "IDLE")
 
 
@@ -49,7 +52,7 @@ def main() -> int:
     signal.signal(signal.SIGTERM, _interrupt)
     signal.signal(signal.SIGINT, _interrupt)
     try:
-        mission = MissionLibrary(config_dir() / "missions").find(options.mission)
+        mission = mission_library().find(options.mission)
         load_world(options.world)
         client.refuse_second()
         folder = _folder(options.output)
@@ -76,24 +79,27 @@ def _interrupt(*_: object) -> None:
 
 def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
     print(f"starting the stack in the world {options.world} ...", flush=True)
+    recording: Recording | None = None
     launch = client.Launch("sim", _settings(options, folder), speed=options.speed, log_dir=folder / "logs")
     try:
-        status = client.start(launch, _READY_S)
+        with progress.shown() as show:
+            status = client.start(launch, _READY_S, show)
         print(f"{len(status['processes'])} processes are ready after {status['ready_after_s']:.1f} s", flush=True)
-        ride, outcome, delays = _drive(mission)
+        recording = Recording(folder)
+        print(f"follow and drive it from the touch screen: {touch_screen_url()}   (staff PIN 2468)", flush=True)
+        ride, outcome = _drive(mission, recording)
     finally:
-        _stop()
-    if delays:
-        print(f"the safety monitor stopped the robot {delays} times because this machine was too slow")
+        _stop(recording)
     return _report(options, mission, folder, ride, outcome)
 
 
 def _settings(options: argparse.Namespace, folder: Path) -> list[str]:
-    start = load_world(options.world).start.pose()
+    start = options.start or load_world(options.world).start.pose()
     off_m, off_rad = options.start_error_m, math.radians(options.start_error_deg)
     believed = Pose2(start.x + 0.8 * off_m, start.y - 0.6 * off_m, start.yaw + off_rad)
     return [
         *world_settings(options.world),
+        *(pose_settings("sim_world.start", start) if options.start else []),
         *(f"{node}.seed={options.seed}" for node in WORLDLY),
         # Without a map nobody can find out that the robot stands elsewhere.
         *pose_settings("ndt_localization.start", believed if own_map(options.world) else start),
@@ -103,138 +109,96 @@ def _settings(options: argparse.Namespace, folder: Path) -> list[str]:
     ]
 
 
-def _drive(mission: Mission) -> tuple[Ride, Any, int]:
-    """The ride, the mission's last status, and how often a busy machine made the safety monitor stop the robot."""
-    from sim.nodes.rider import Rider
+def _drive(mission: Mission, recording: Recording) -> tuple[Ride, Any]:
+    """The ride, and the mission's last status."""
+    from sim.nodes.mission_observer import MissionObserver
 
-    with Rider() as rider:
-        rider.board()
-        delays = _Delays(rider)
-        delays.settle()
+    with MissionObserver() as observer:
+        observer.board()
+        _settle(observer)
+        observer.wait(recording.under_way, _RECORDING_S)
         print(f"START_MISSION {mission.id}: {mission.name_in('en')}, {len(mission.waypoints)} waypoints", flush=True)
         try:
-            rider.start(mission.id)
+            observer.start(mission.id)
         except ValueError as error:
             raise DemoError(f"the mission was refused: {error}") from error
         display = Display(sys.stdout)
-        progress_s = rider.now_s()
-        while rider.mission is None or rider.mission.state not in _OVER:
-            rider.wait(lambda: False, _REDRAW_EVERY_S)
-            display.show(rider)
-            now_s, last = rider.now_s(), rider.ride.samples[-1]
-            if now_s - rider.heard_s > _SILENCE_S:
-                raise DemoError("the world has fallen silent")
-            if last.speed_mps > _MOVING_MPS or rider.docking_now() or delays.overcome():
-                progress_s = now_s
-            if now_s - progress_s > _PATIENCE_S:
-                raise DemoError(f"no progress for {_PATIENCE_S:.0f} s: {describe(rider)}")
-        rider.wait(lambda: False, 0.5)  # the last centimetres
-        display.end()
-        return rider.ride, rider.mission, delays.count
+        try:
+            _follow(observer, display)
+        finally:
+            display.end()
+        observer.wait(lambda: False, 0.5)  # the last centimetres
+        return observer.ride, observer.mission
 
 
-class _Delays:
-    """A machine that is too busy misses deadlines of the safety monitor, which stops the robot and latches.
-
-    The demo then acts as the operator: it resets and resumes, a few times, and says so. A stop that somebody asked for
-    (``robot-stack estop``) is left to whoever asked.
-    """
-
-    def __init__(self, rider: Any) -> None:
-        self._rider = rider
-        self.count = 0
-
-    def settle(self) -> None:
-        """Waits until nothing stops the robot. Raises DemoError if that does not come about."""
-        if not self._rider.wait(self._released, _SETTLE_S):
-            raise DemoError(f"the robot may not move: {', '.join(self._rider.safety.active_faults)}")
-
-    def _released(self) -> bool:
-        if self._rider.safety.emergency_stop_active:
-            self._reset()
-            return False
-        return bool(self._rider.safety.safety_state == "NORMAL")
-
-    def overcome(self) -> bool:
-        """Resets and resumes after a stop by delay. True if it did."""
-        safety = self._rider.safety
-        faults = set(safety.active_faults)
-        asked_for = "ESTOP_PRESSED" in faults  # by whatever: nobody but whoever asked may release it
-        if not safety.emergency_stop_active or asked_for or not faults & _DELAYS or self.count >= _OVERCOME:
-            return False
-        self.count += 1
-        print(f"\nthis machine was too slow ({', '.join(safety.active_faults)}): reset and resume", flush=True)
-        self.settle()
-        self._rider.resume()
-        return True
-
-    def _reset(self) -> None:
-        from robot_stack.cli.nodes.wishes import reset
-
-        granted, reason = reset(_READY_S)
-        if not granted:
-            print(f"  not released yet: {reason}", flush=True)
-            self._rider.wait(lambda: False, 1.0)
-        self._rider.wait(lambda: not self._rider.safety.emergency_stop_active, 1.0)
+def _follow(observer: Any, display: Display) -> None:
+    """Shows the ride until the mission is over. Raises DemoError if it does not get on."""
+    progress_s = observer.world_s
+    while observer.mission is None or observer.mission.state not in _OVER:
+        observer.wait(lambda: False, _REDRAW_EVERY_S)
+        display.show(observer)
+        if observer.now_s() - observer.heard_s > _SILENCE_S:
+            raise DemoError("the world has fallen silent")
+        if observer.ride.samples[-1].speed_mps > MOVING_MPS or observer.docking_now():
+            progress_s = observer.world_s
+        if observer.world_s - progress_s > _PATIENCE_S:
+            raise DemoError(f"no progress for {_PATIENCE_S:.0f} s: {describe(observer)}")
 
 
-class Display:
-    """Where the robot is, on one line that is drawn again on a terminal, else now and then on a new one."""
-
-    def __init__(self, out: TextIO) -> None:
-        self._out = out
-        self._live = out.isatty()
-        self._told_s = 0.0
-        self._text = ""
-
-    def show(self, rider: Any) -> None:
-        text = describe(rider)
-        moving = rider.ride.samples[-1].speed_mps > _MOVING_MPS
-        if self._live:
-            self._out.write(f"\r{text:<{len(self._text)}}")
-            self._text = text
-        elif time.monotonic() - self._told_s >= (_TELL_EVERY_S if moving else _TELL_AT_REST_EVERY_S):
-            self._told_s = time.monotonic()
-            self._out.write(text + "\n")
-        self._out.flush()
-
-    def end(self) -> None:
-        if self._live:
-            self._out.write("\n")
-
-
-def describe(rider: Any) -> str:
-    """One line: time, waypoint, distance, speed, safety."""
-    mission, safety, last = rider.mission, rider.safety, rider.ride.samples[-1]
-    docking = rider.docking.state if rider.docking is not None else "IDLE"
-    doing = f"  {docking}" if docking not in ("IDLE", "DOCKED") else "  with passenger" if docking == "DOCKED" else ""
-    state = safety.safety_state + (f" ({', '.join(safety.active_faults)})" if safety.active_faults else "")
-    advice = "; `robot-stack reset`, then `robot-stack mission resume`" if safety.emergency_stop_active else ""
-    way = f"{mission.waypoints_completed}/{mission.total_waypoints} to {mission.current_waypoint or '-':<12}"
-    motion = f"{rider.moved_m:6.1f} m  {last.speed_mps:4.2f} m/s"
-    return f"{rider.now_s():5.0f} s  {mission.state:<8} {way} {motion}  {state}{doing}{advice}"
+def _settle(observer: Any) -> None:
+    """Waits until nothing stops the robot. Raises DemoError if that does not come about."""
+    begun_s = observer.world_s
+    while not observer.may_move():
+        observer.wait(observer.may_move, 1.0)
+        if observer.world_s - begun_s > _SETTLE_S or observer.safety.safety_state == "EMERGENCY_STOP":
+            faults = ", ".join(observer.safety.active_faults)
+            raise DemoError(f"the robot may not move: {faults}; `robot-stack up`, then `robot-stack reset` releases it")
 
 
 def _report(options: argparse.Namespace, mission: Mission, folder: Path, ride: Ride, outcome: Any) -> int:
-    from sim.ride_plots import draw_course, draw_map
-
-    goal = mission.waypoints[-1].pose
-    found = figures(ride, goal)
     carried = carriage(ride, _dock_pose(mission), _destination(mission))
-    waypoints: list[tuple[str, Pose2]] = [(item.name, item.pose) for item in mission.waypoints]
-    draw_map(folder / "map.png", load_world(options.world), ride, waypoints)
-    draw_course(folder / "course.png", ride)
+    result = Result(
+        mission=mission.name_in("en"),
+        world=options.world,
+        seed=options.seed,
+        state=outcome.state,
+        reason=outcome.reason,
+        figures=figures(ride, mission.waypoints[-1].pose),
+        carried=carried,
+        arrivals=arrivals(ride.steps),
+        stops=stops(ride, MOVING_MPS, _STOP_S),
+        touched=ride.touched,
+    )
+    _plot(options.world, mission, folder, ride, result)
     arrived = outcome.state == "COMPLETED"
-    result = {"mission": mission.id, "world": options.world, "seed": options.seed, "state": outcome.state}
-    result |= {"reason": outcome.reason, "figures": asdict(found), "wheelchair": carried and asdict(carried)}
-    (folder / "figures.json").write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    print(result_line(arrived, outcome.reason, found))
-    print(estimate_line(found, ride.touched))
+    print(result_line(arrived, outcome.reason, result.figures))
+    print(estimate_line(result.figures, ride.touched))
     if carried is not None and math.isfinite(carried.docked_mm):
         print(carriage_line(carried))
-    for name in ("map.png", "course.png", "figures.json"):
+    print("drawing the film ...", flush=True)
+    missing = film_of(folder / "recording", folder / "film.gif", own_map(options.world))
+    page = folder / "result.html"
+    page.write_text(result_page(result, "" if missing else "film.gif"), encoding="utf-8")
+    print("results:")
+    for name in ("map.png", "course.png", "figures.json", "recording", *(() if missing else ("film.gif",))):
         print(f"  {folder / name}")
+    if missing:
+        print(f"  no film: {missing}")
+    print(f"all of it on one page: {page.as_uri()}")
     return 0 if arrived else 1
+
+
+def _plot(world: str, mission: Mission, folder: Path, ride: Ride, result: Result) -> None:
+    """The plots, and the figures as JSON."""
+    from sim.pictures.ride_plots import draw_course, draw_map
+
+    waypoints: list[tuple[str, Pose2]] = [(item.name, item.pose) for item in mission.waypoints]
+    draw_map(folder / "map.png", load_world(world), ride, waypoints, result.stops)
+    draw_course(folder / "course.png", ride)
+    told = {"mission": mission.id, "world": world, "seed": result.seed, "state": result.state, "reason": result.reason}
+    told |= {"figures": asdict(result.figures), "wheelchair": result.carried and asdict(result.carried)}
+    told |= {"stops": [asdict(stop) for stop in result.stops]}
+    (folder / "figures.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
 
 
 def result_line(arrived: bool, reason: str, found: Figures) -> str:
@@ -276,10 +240,12 @@ def _dock_pose(mission: Mission) -> Pose2:
     return dock.dock_pose.pose()
 
 
-def _stop() -> None:
+def _stop(recording: Recording | None) -> None:
     # A second Ctrl-C must not leave half a stack behind.
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
+        if recording is not None:
+            recording.finish()
         client.stop()
     except NotRunning:
         pass
@@ -302,10 +268,14 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--mission", default="site_transport", help="a mission of config/missions/")
     parser.add_argument("--world", default="yard", help="a world of config/worlds/")
     parser.add_argument("--seed", type=int, default=1, help="of the simulation's noise")
-    parser.add_argument("--speed", type=float, default=None, help="of the world; below 1 on a slow machine")
+    parser.add_argument("--speed", type=float, default=None, help="of the world, times real time at the most")
     parser.add_argument("--start-error-m", type=float, default=1.0, help="how wrong the believed start is")
     parser.add_argument("--start-error-deg", type=float, default=10.0, help="how wrong its heading is")
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder for plots and figures")
+    parser.add_argument("--short", action="store_true", help="the wheelchair's transport alone, in about a minute")
+    parser.set_defaults(start=None)
+    if parser.parse_known_args()[0].short:
+        parser.set_defaults(mission=SHORT, start=SHORT_START, start_error_m=0.0, start_error_deg=0.0)
     return parser.parse_args()
 
 

@@ -1,7 +1,7 @@
 """Process sim_world: physics and motion engine in the main thread, ROS in a second one.
 
 The main thread steps engine, drives, physics and sensors every millisecond and publishes; the second thread serves the
-ROS side that may wait: services, timers of heartbeat and diagnostics, /clock.
+ROS side that may wait: services, timers of heartbeat and diagnostics.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import ContractViolation
 from robot_stack.core.config import ConfigError
 from robot_stack.core.runtime import AlreadyRunning, runtime_dir
+from robot_stack.docking.nodes.attached_file import AttachedFile
 from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.process import EXIT_CRASHED, EXIT_REFUSED, StopSignal, ros_process
 from robot_stack.wmx.config import load_engine_config
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.server import EngineServer
-from sim.faults import Faults
-from sim.imu import ImuSample
-from sim.lockstep import Lockstep
-from sim.loop import Loop, Task
 from sim.nodes.battery_driver import BatteryDriver
 from sim.nodes.imu_driver import ImuDriver
 from sim.nodes.sim_world import SimWorld
-from sim.pacing import Pacer
+from sim.nodes.world_time import WorldTime
 from sim.parameters import SimParams, load_sim_params
-from sim.simulation import Simulation
+from sim.plant.faults import Faults
+from sim.plant.imu import ImuSample
+from sim.plant.simulation import Simulation
+from sim.run.loop import Loop, Task
+from sim.run.pacing import Pacer
 
 _NANOSECONDS = 1_000_000_000
 _CLOCK_RATE_HZ = 100.0
 _REPORT_RATE_HZ = 1.0
 _SENSOR_WATCH_RATE_HZ = 10.0
-_WAIT_S = 0.005
 
 
 class WorldProcess:
@@ -53,11 +53,13 @@ class WorldProcess:
         self.server = _serve_engine(self._sim)
         dt_s = self._sim.world.dt_s
         settings = world_node.params
-        self._pacer = Pacer(dt_s, settings.speed, settings.catch_up_s, time.monotonic())
-        self._loop = Loop(self._sim, Faults(self._sim), self._pacer, self._tasks(dt_s), self._on_sample)
+        block = settings.block_steps
+        self._pacer = Pacer(block * dt_s, settings.speed, settings.catch_up_s, time.monotonic())
+        self._time = None if world_node.real_time else WorldTime(world_node, self._serve)
+        self._loop = Loop(
+            self._sim, Faults(self._sim), self._pacer, self._tasks(dt_s), self._on_sample, block, self._before_block
+        )
         world_node.inject = self._loop.inject
-        self._lockstep = world_node.lockstep(lambda: self._sim.time_s) if settings.wait_for_stack_s else None
-        self._waited_s = 0.0
 
     def run(self, should_stop: Callable[[], bool]) -> None:
         """Until ``should_stop`` says so. Raises SimulationDiverged."""
@@ -66,40 +68,37 @@ class WorldProcess:
         self._loop.run(should_stop)
 
     def _tasks(self, dt_s: float) -> tuple[Task, ...]:
-        def every(rate_hz: float | None, run: object) -> Task:
-            assert rate_hz is not None
+        def every(rate_hz: float, run: object) -> Task:
             return Task(round(1.0 / (rate_hz * dt_s)), run)  # type: ignore[arg-type]
 
         tasks = [
-            every(topics.SIM_GROUND_TRUTH.rate_hz, self._publish_truth),
-            every(topics.BATTERY_STATE.rate_hz, self._publish_battery),
+            every(topics.SIM_GROUND_TRUTH.nominal_rate_hz, self._publish_truth),
+            every(topics.BATTERY_STATE.nominal_rate_hz, self._publish_battery),
             every(_SENSOR_WATCH_RATE_HZ, lambda: self._imu_node.watch(self._sim.time_s)),
             every(_REPORT_RATE_HZ, self._report),
         ]
-        return tuple(tasks) if self._node.real_time else (every(_CLOCK_RATE_HZ, self._tick), *tasks)
+        if self._time is None:
+            return tuple(tasks)
+        clock = self._time
+        block = self._node.params.block_steps
+        tell = Task(block, lambda: clock.write(self._sim.time_s, block * dt_s))
+        return (tell, every(_CLOCK_RATE_HZ, lambda: clock.publish(self._sim.time_s)), *tasks)
 
-    def _tick(self) -> None:
-        """Tells the time, after everybody has followed up to it."""
-        if self._lockstep is not None:
-            self._wait_for_stack(self._lockstep)
-        self._node.publish_clock(self._stamp(self._sim.time_s))
+    def _before_block(self) -> None:
+        if self._time is not None:
+            self._time.follow(self._sim.time_s)
 
-    def _wait_for_stack(self, lockstep: Lockstep) -> None:
-        start_s = now_s = time.monotonic()
-        behind = lockstep.behind(self._sim.time_s)
-        while behind and now_s - start_s < self._node.params.wait_for_stack_s:
-            self._node.publish_clock(self._stamp(self._sim.time_s))  # the one before may have been lost
-            time.sleep(_WAIT_S)
-            behind, now_s = lockstep.behind(self._sim.time_s), time.monotonic()
-        lockstep.give_up(behind)
-        self._waited_s += now_s - start_s
+    def _serve(self) -> None:
+        """What others may be waiting for while the world waits for them."""
+        self._loop.requests.serve()
+        if not self._sim.engine_stalled:
+            self.server.poll()
 
     def _stamp(self, time_s: float) -> Time:
         """The time on the nodes' clock at a simulated time."""
-        if self._node.real_time:
-            nanoseconds = time.time_ns() - round((self._sim.time_s - time_s) * _NANOSECONDS)
-        else:
-            nanoseconds = round((self._node.params.clock_start_s + time_s) * _NANOSECONDS)
+        if self._time is not None:
+            return self._time.stamp(time_s)
+        nanoseconds = time.time_ns() - round((self._loop.block_end_s - time_s) * _NANOSECONDS)
         return Time(sec=nanoseconds // _NANOSECONDS, nanosec=nanoseconds % _NANOSECONDS)
 
     def _on_sample(self, sample: ImuSample) -> None:
@@ -117,7 +116,10 @@ class WorldProcess:
     def _report(self) -> None:
         self._node.publish_touched(self._sim.world.touched)
         report = self._pacer.report(time.monotonic())
-        self._node.show_pace(report, self._pacer.total_overruns, self._pacer.total_dropped_s, self._waited_s)
+        waited_s = 0.0 if self._time is None else self._time.waited_s
+        if self._time is not None:
+            self._time.write_pace(report.speed)
+        self._node.show_pace(report, self._pacer.total_overruns, self._pacer.total_dropped_s, waited_s)
 
 
 def _build(node: SimWorld, params: SimParams) -> Simulation:
@@ -134,8 +136,9 @@ def _serve_engine(sim: Simulation) -> EngineServer:
         raise ConfigError(
             f"wmx_engine.yaml: cycle_time_s ({config.cycle_time_s}) must equal sim.yaml's timestep_s ({sim.world.dt_s})"
         )
+    AttachedFile().forget()  # this is another wheelchair than the one of the world before
     server = EngineServer(Engine(config, sim.world.drives), runtime_dir())
-    sim.engine_cycle = server.cycle
+    sim.engine_begin, sim.engine_cycle, sim.engine_end = server.begin, server.engine.cycle, server.end
     return server
 
 

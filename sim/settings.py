@@ -7,7 +7,7 @@ from robot_stack.core.geometry import Pose2
 from robot_stack.core.site_map import map_folder
 
 # Nodes that simulate something of the world.
-WORLDLY = ("sim_world", "camera_driver", "lidar_driver")
+WORLDLY = ("sim_world", "camera_driver", "lidar_driver", "overhead_lidar_driver")
 # A LiDAR with a sixth of its beams, for machines and tests that have other things to do.
 FEW_BEAMS = ("lidar_driver.columns=400", "perception_pipeline.watch.points_min=2500")
 
@@ -24,6 +24,7 @@ def world_settings(world: str) -> list[str]:
         *(f"{node}.world={world}" for node in WORLDLY),
         f'ndt_localization.map="{name}"',
         f'navigation_controller.map="{name}"',
+        f'touch_ui.pages.map="{name}"',
     ]
 
 

@@ -10,7 +10,7 @@ from steps import run_logged
 
 PACKAGES = ("custom_msgs", "wmx_ros2_message", "control_msgs", "tf2_msgs")
 PROVIDED_UPSTREAM = ("control_msgs", "tf2_msgs")
-INCLUDE_FIX = Path(__file__).with_name("wheels_include_dirs.cmake")
+PROJECT_INCLUDE = Path(__file__).with_name("interface_build.cmake")
 
 
 def sources(package: Path) -> list[Path]:
@@ -53,7 +53,7 @@ def _configuration(package: Path, prefix: Path, build: Path) -> list[str]:
         "CMAKE_INSTALL_PREFIX": prefix,
         "CMAKE_PREFIX_PATH": prefix,
         "CMAKE_MAKE_PROGRAM": prefix / "bin/ninja",
-        "CMAKE_PROJECT_INCLUDE": INCLUDE_FIX,
+        "CMAKE_PROJECT_INCLUDE": PROJECT_INCLUDE,
         "CMAKE_BUILD_TYPE": "Release",
         "Python3_EXECUTABLE": prefix / "bin/python",
         "Python3_FIND_VIRTUALENV": "ONLY",

@@ -49,7 +49,8 @@ def set_up() -> int:
     project = digest(packages, str(ROOT), ROOT / "pyproject.toml")
     steps.run("project", "2/6 the project itself, editable", project, install_project)
 
-    toolchain = digest(packages, (ROOT / "launch_scripts/lib").glob("*interfaces.py"), interfaces.INCLUDE_FIX)
+    library = ROOT / "launch_scripts/lib"
+    toolchain = digest(packages, library / "interfaces.py", sorted(library.glob("*.cmake")))
     due = {
         package: digest(toolchain, str(package), interfaces.sources(package))
         for package in interfaces.needed(ROOT, PREFIX)
@@ -62,8 +63,8 @@ def set_up() -> int:
     modules = digest(packages, str(ROOT), *due.values(), *(sorted((ROOT / name).rglob("*.py")) for name in OWN))
     steps.run("bytecode", "5/6 compiled modules of packages and project", modules, compile_modules)
 
-    loops = digest(packages, str(ROOT), compiled_sources())
-    steps.run("loops", "6/6 inner loops of engine and drives, compiled", loops, compile_loops)
+    # What a loop is called with may be decided anywhere, and what is compiled already costs only seconds.
+    steps.run("loops", "6/6 inner loops, compiled", modules, compile_loops)
     return steps.done
 
 
@@ -179,11 +180,6 @@ def wheels_env() -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
-
-
-def compiled_sources() -> list[Path]:
-    """What the compiled loops are made of; anything else compiles at its first use."""
-    return sorted([*(ROOT / "robot_stack/wmx").rglob("*.py"), *(ROOT / "sim").glob("drive*.py")])
 
 
 def compile_modules() -> None:

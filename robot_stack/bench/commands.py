@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 
 from robot_stack.bench.framework import BenchError
 
 
-def robot_stack(*arguments: str, check: bool = True) -> str:
-    """What ``robot-stack ...`` printed. Raises BenchError if it failed, unless told not to."""
-    command = [sys.executable, "-m", "robot_stack.cli", *arguments]
-    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+def robot_stack(
+    *arguments: str, check: bool = True, before: Sequence[str] = (), environment: Mapping[str, str] | None = None
+) -> str:
+    """What ``robot-stack ...`` printed. Raises BenchError if it failed, unless told not to.
+
+    before: a command that runs it. environment: variables on top of this process's.
+    """
+    command = [*before, sys.executable, "-m", "robot_stack.cli", *arguments]
+    own = {**os.environ, **(environment or {})}
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False, env=own)
     if check and done.returncode != 0:
         raise BenchError(f"robot-stack {' '.join(arguments)}: {done.stderr.strip()}")
     return done.stdout

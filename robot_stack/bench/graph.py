@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 from robot_stack.contract import topics
-from robot_stack.contract.model import Durability, Reliability, System, Topic
+from robot_stack.contract.graph import Endpoints, lacking, strangers
+from robot_stack.contract.model import EVERY_NODE, Durability, Reliability, System, Topic
+
+_SUPERVISOR = "supervisor"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,9 +94,12 @@ class Finding:
 
 
 def rows_of(machine: System, use_sim_time: bool) -> tuple[Topic, ...]:
-    """The rows of one machine and its simulation, and those of every node; /clock only where nodes live on it."""
+    """The rows of one machine and its simulation, those of every node, and those of the supervisor, which runs with
+    every machine; /clock only where nodes live on it.
+    """
     own = topics.of_system(machine, System.SIMULATION)
-    rows = (row for row in topics.TOPICS if row in own or topics.EVERY_NODE in (*row.publishers, *row.subscribers))
+    common = {EVERY_NODE, _SUPERVISOR}
+    rows = (row for row in topics.TOPICS if row in own or common & {*row.publishers, *row.subscribers})
     return tuple(row for row in rows if use_sim_time or row is not topics.CLOCK)
 
 
@@ -102,15 +108,13 @@ def judge(row: Topic, seen: Seen, nodes: frozenset[str], tolerance: float) -> Fi
 
     nodes: the nodes that should run. tolerance: relative error of a rate that is still right.
     """
-    wanted = frozenset(row.publishers) & nodes
-    anybody = topics.EVERY_NODE in row.publishers
-    problems = [*_type_problems(row, seen), *_qos_problems(row, seen), *_stranger_problems(row, seen)]
-    if wanted or anybody:
-        present = {endpoint.node for endpoint in seen.publishers}
-        absent = sorted((nodes if anybody else wanted) - present)
-        # A topic of events may be advertised by whom it concerns only: one publisher must be there.
-        if absent and (anybody or not present & wanted or row.rate_hz is not None):
-            problems.append(f"not published by {', '.join(absent)}")
+    endpoints = Endpoints(
+        frozenset(endpoint.node for endpoint in seen.publishers),
+        frozenset(endpoint.node for endpoint in seen.subscribers),
+    )
+    problems = [*_type_problems(row, seen), *_qos_problems(row, seen)]
+    problems += [f"{stranger}, which the contract does not name" for stranger in strangers(row, endpoints, nodes)]
+    problems += lacking(row, endpoints, nodes)
     finding = Finding(row, seen, Verdict.OK, ())
     if seen.publishers:
         problems += _traffic_problems(finding, tolerance)
@@ -147,13 +151,6 @@ def _qos_problems(row: Topic, seen: Seen) -> list[str]:
         for endpoint in seen.publishers
         if (endpoint.reliability, endpoint.durability) != wanted
     ]
-
-
-def _stranger_problems(row: Topic, seen: Seen) -> list[str]:
-    if topics.EVERY_NODE in row.publishers:
-        return []
-    strangers = sorted({endpoint.node for endpoint in seen.publishers} - set(row.publishers))
-    return [f"published by {name}, which the contract does not name" for name in strangers]
 
 
 def _traffic_problems(finding: Finding, tolerance: float) -> list[str]:

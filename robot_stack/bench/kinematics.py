@@ -9,6 +9,7 @@ from statistics import quantiles
 from robot_stack.bench.framework import Aim
 from robot_stack.core.config import load
 from robot_stack.core.geometry import Twist2
+from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import load_robot
 from robot_stack.drive.arbitration import Arbiter, Source
 from robot_stack.drive.kinematics import ZEROS
@@ -17,9 +18,8 @@ from robot_stack.drive.parameters import (
     drive_settings,
     module_limits,
     module_positions,
-    motion_limits,
 )
-from robot_stack.drive.permission import Situation, SpeedLimit, permit
+from robot_stack.drive.permission import SafetyLimit, Situation, permit
 from robot_stack.drive.swerve_drive import SwerveDrive
 
 NAME = "kinematics"
@@ -28,7 +28,7 @@ _TICK_S = 0.05
 
 
 def course(t_s: float) -> Twist2:
-    """A ride with everything in it: curves, sideways, turning, stops, and now and then a step of the wish."""
+    """A ride with everything in it: curves, sideways, turning, stops, and now and then a step of the command."""
     if t_s % 40.0 < 4.0:
         return Twist2(0.0, 0.0, 0.0)
     sign = -1.0 if t_s % 40.0 > 30.0 else 1.0
@@ -60,17 +60,17 @@ def _controller_us(twists: list[Twist2]) -> list[float]:
         module_positions(robot), module_limits(params.module, robot), drive_settings(params.drive, robot)
     )
     measured = drive.halt(ZEROS).modules.angles_rad
-    arbiter = Arbiter(params.command_timeout_s)
-    empty, with_passenger = motion_limits(robot.empty), motion_limits(robot.with_passenger)
-    limit = SpeedLimit(robot.empty.max_speed_mps, robot.empty.max_yaw_rate_radps, "")
+    arbiter = Arbiter()
+    empty, with_passenger = MotionLimits.of(robot.empty), MotionLimits.of(robot.with_passenger)
+    limit = SafetyLimit(robot.empty.max_speed_mps, robot.empty.max_yaw_rate_radps, "")
     times = []
     for tick, twist in enumerate(twists):
         now_s = tick * _TICK_S
         start_ns = time.perf_counter_ns()
         arbiter.command(Source.NAVIGATION, twist, now_s)
-        holder, wish = arbiter.wish(now_s)
-        permission = permit(Situation(False, True, True, limit, False, holder, wish), empty, with_passenger)
-        output = drive.step(permission.wish, permission.limits, _TICK_S, measured, standing=False)
+        holder, requested = arbiter.requested(now_s)
+        permission = permit(Situation(False, True, True, limit, True, False, holder, requested), empty, with_passenger)
+        output = drive.step(permission.requested, permission.limits, _TICK_S, measured, standing=False)
         times.append((time.perf_counter_ns() - start_ns) * 1e-3)
         measured = output.modules.angles_rad
     return times

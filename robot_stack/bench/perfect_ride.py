@@ -26,7 +26,7 @@ class PerfectRide:
     """What perfect encoders read on a ride, and where it really went.
 
     stamps_s: (n,). drive_m, steer_rad: (4, n), accumulated way of the wheels and headings without wraps. x_m, y_m,
-    yaw_rad: (n,), the true pose in the frame of the start. way_m: length of the path.
+    yaw_rad: (n,), the true pose in the frame of the start. distance_m: length of the path.
     """
 
     stamps_s: Array
@@ -35,7 +35,7 @@ class PerfectRide:
     x_m: Array
     y_m: Array
     yaw_rad: Array
-    way_m: float
+    distance_m: float
 
     def encoders(self, index: int, wheel_radius_m: float) -> Encoders:
         drive = [float(way) / wheel_radius_m for way in self.drive_m[:, index]]
@@ -58,9 +58,9 @@ def mixed_twist(t_s: Array) -> tuple[Array, Array, Array]:
     return vx, vy, omega
 
 
-def perfect_ride(robot: Robot, way_m: float, rate_hz: int = RATE_HZ) -> PerfectRide:
-    """The mixed ride until its path is ``way_m`` long, by fine midpoint integration."""
-    seconds = math.ceil(way_m)  # the mean speed is above 1 m/s
+def perfect_ride(robot: Robot, distance_m: float, rate_hz: int = RATE_HZ) -> PerfectRide:
+    """The mixed ride until its path is ``distance_m`` long, by fine midpoint integration."""
+    seconds = math.ceil(distance_m)  # the mean speed is above 1 m/s
     step_s = 1.0 / (rate_hz * _FINE_STEPS)
     edges = np.arange(seconds * rate_hz * _FINE_STEPS + 1) * step_s
     middles = edges[:-1] + 0.5 * step_s
@@ -75,7 +75,7 @@ def perfect_ride(robot: Robot, way_m: float, rate_hz: int = RATE_HZ) -> PerfectR
     for px, py in robot.module_positions_m():
         drive.append(_accumulated(np.hypot(vx - omega * py, vy + omega * px) * step_s))
         steer.append(np.unwrap(np.arctan2(edge_vy + edge_omega * px, edge_vx - edge_omega * py)))
-    end = int(np.searchsorted(way, way_m)) + 1
+    end = int(np.searchsorted(way, distance_m)) + 1
     take = slice(0, end, _FINE_STEPS)
     return PerfectRide(
         edges[take],

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -17,11 +20,15 @@ _MIB = 2**20
 
 
 @contextmanager
-def running_stack(profile: str, settings: Sequence[str] = (), own: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
+def running_stack(
+    profile: str, settings: Sequence[str] = (), own: Sequence[str] = (), *, system_time: bool = False
+) -> Iterator[dict[str, Any]]:
     """Status of a stack whose processes are all ready: the one that runs, else one that ends with the benchmark.
 
     settings: parameters without which the benchmark measures something else; with them, a running stack is refused.
     own: parameters of a stack that is started here; a running one is taken as it is.
+    system_time: nodes live on the system clock, for what is measured in real time; a running stack of another clock is
+        refused.
     """
     try:
         status = ask("status")
@@ -32,15 +39,66 @@ def running_stack(profile: str, settings: Sequence[str] = (), own: Sequence[str]
     if status:
         if not status["ready"]:
             raise BenchError(client.not_ready(status))
+        if system_time and status["use_sim_time"]:
+            raise BenchError(
+                "this benchmark measures real time; the running stack lives on the world's: `robot-stack down`"
+            )
         yield status
         return
     try:
-        yield client.start(client.Launch(profile, [*settings, *own]), _DEADLINE_S)
+        yield client.start(client.Launch(profile, [*settings, *own], system_time=system_time), _DEADLINE_S)
     except client.StartError as error:
         raise BenchError(str(error)) from error
     finally:
         with suppress(NotRunning):  # it may have died
             client.stop()
+
+
+@contextmanager
+def busy_loops(count: int) -> Iterator[None]:
+    """So many foreign processes at ordinary priority that never wait, in a session of their own."""
+    # What a benchmark has of real-time priority must not be inherited.
+    command = [
+        sys.executable,
+        "-c",
+        "import os; os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))\nwhile 1: pass",
+    ]
+    loops = [subprocess.Popen(command, start_new_session=True) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
+
+
+class ProcessLoad:
+    """CPU of one process since this was made."""
+
+    def __init__(self, process: psutil.Process) -> None:
+        self._process = process
+        self._before_s, self._begun_s = _cpu_s(process), time.monotonic()
+
+    def cpu_pct(self) -> float:
+        """Of one core."""
+        return 100.0 * (_cpu_s(self._process) - self._before_s) / (time.monotonic() - self._begun_s)
+
+
+def _cpu_s(process: psutil.Process) -> float:
+    times = process.cpu_times()
+    return float(times.user + times.system)
+
+
+def cpu_pct(process: psutil.Process, duration_s: float) -> float:
+    """What a process takes of one core, watched for so long."""
+    load = ProcessLoad(process)
+    time.sleep(duration_s)
+    return load.cpu_pct()
+
+
+def pss_mb(process: psutil.Process) -> float:
+    """Proportional memory: what is shared counts once."""
+    return float(process.memory_full_info().pss) / _MIB
 
 
 class Load:
@@ -49,19 +107,19 @@ class Load:
     def __init__(self, status: dict[str, Any]) -> None:
         supervisor = psutil.Process(status["pid"])
         self._processes = [supervisor, *supervisor.children(recursive=True)]
+        self._names = {item["pid"]: item["name"] for item in status["processes"]}
         self._before_s = self._cpu_s()
 
-    def _cpu_s(self) -> float:
-        total_s = 0.0
+    def _cpu_s(self) -> dict[str, float]:
+        used_s: dict[str, float] = {}
         for process in self._processes:
-            times = process.cpu_times()
-            total_s += times.user + times.system
-        return total_s
+            name = self._names.get(process.pid, "supervisor")
+            used_s[name] = used_s.get(name, 0.0) + _cpu_s(process)
+        return used_s
 
-    def cpu_cores(self, elapsed_s: float) -> float:
-        """Cores used since the beginning, ``elapsed_s`` ago."""
-        return (self._cpu_s() - self._before_s) / elapsed_s
+    def cores_by_process(self, elapsed_s: float) -> dict[str, float]:
+        """Cores used since the beginning, ``elapsed_s`` ago; the supervisor's with its forkserver."""
+        return {name: (used_s - self._before_s[name]) / elapsed_s for name, used_s in self._cpu_s().items()}
 
     def pss_mb(self) -> float:
-        """Proportional memory: what is shared counts once."""
-        return float(sum(process.memory_full_info().pss for process in self._processes)) / _MIB
+        return sum(pss_mb(process) for process in self._processes)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from robot_stack.bench.framework import Aim, Result, percentile
 from robot_stack.bench.own_engine import Processes, own_environment
+from robot_stack.bench.stack import ProcessLoad, cpu_pct, pss_mb
 from robot_stack.core.config import load
 from robot_stack.supervisor.params import SupervisorParams
 from robot_stack.wmx import connect
@@ -34,7 +35,7 @@ _PLAIN = ("robot_stack.bench.nodes.plain_joint_states",)
 _SETTLE = 1000  # messages before anything is measured
 _READS = 1000
 _READ_PAUSE_S = 0.002
-_MIB = 2**20
+_WARM_S = 3.0  # the first cycles find nothing in the caches, and the engine learns how early to be awake
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,34 +51,42 @@ class Measured:
     window_ns: tuple[int, int]
 
 
+@dataclass(frozen=True, slots=True)
+class EngineMeasured:
+    """The engine's process in one window of time. late_us: how long after their deadlines its cycles began."""
+
+    cpu_pct: float
+    late_us: list[float]
+
+
 def run(
     duration_s: float = 20.0,
     plain_s: float = 10.0,
-    spun_s: float = 5.0,
-    spin_s: float = 0.0002,
+    slept_s: float = 5.0,
     rate_hz: float = 500.0,
     realtime: bool = True,
 ) -> Result:
     """An engine of six virtual joints and the node, as processes in a domain of their own.
 
     plain_s: how long a straightforward rclpy node is measured at the same engine, for comparison; 0 leaves it out.
-    spun_s: how long the engine alone is measured waiting awake for the last spin_s of each cycle, which it does not do
-    by default; 0 leaves it out. realtime: all of them get the priority that the supervisor gives, if this process
-    may give it.
+    slept_s: how long the engine alone is measured, as shipped and again waiting for its cycles asleep, which shows what
+    waiting awake costs and gains; 0 leaves it out. realtime: all of them get the priority that the supervisor gives, if
+    this process may give it.
     """
     priority = load(SupervisorParams, "supervisor").realtime_priority["manipulator_state"] if realtime else 0
     domain = 1 + os.getpid() % 19  # tests have those from 20 on
     with own_environment(domain) as environment:
-        notes = Path(environment["ROBOT_STACK_RUNTIME_DIR"]) / "cycles.npy"
+        cycle_log = Path(environment["ROBOT_STACK_RUNTIME_DIR"]) / "cycles.npy"
         from robot_stack.bench.nodes.joint_listener import JointListener
 
         start = Processes(environment, priority)
-        with start(_ENGINE, str(notes), "0"), JointListener(domain) as listener, connect("bench"):
+        with start(_ENGINE, str(cycle_log)), JointListener(domain) as listener, connect("bench"):
             ours = _measure(listener, start, _NODE, duration_s, rate_hz)
             plain = _measure(listener, start, _PLAIN, plain_s, rate_hz) if plain_s else None
             reads_us, repeated_us = _status_reads(_READ_PAUSE_S), _status_reads(0.0)
-        late_us = _late_us(notes, ours.window_ns)
-        spinning_us = _spinning_us(start, notes, spin_s, spun_s) if spun_s else []
+        late_us = _late_us(cycle_log, ours.window_ns)
+        alone = _engine_alone(start, cycle_log, slept_s) if slept_s else None
+        asleep = _engine_alone(start, cycle_log, slept_s, "sleep") if slept_s else None
     figures = {
         "joint_states_hz": ours.rate_hz,
         "joint_states_hz_off": abs(ours.rate_hz - rate_hz),
@@ -99,8 +108,13 @@ def run(
             "plain_period_jitter_ms_p99": percentile(plain.period_jitter_ms, 0.99),
             "plain_cpu_pct": plain.cpu_pct,
         }
-    if spinning_us:
-        figures["engine_cycle_jitter_us_p99_spinning"] = percentile(spinning_us, 0.99)
+    if alone is not None and asleep is not None:
+        figures |= {
+            "engine_cpu_pct": alone.cpu_pct,
+            "engine_cpu_pct_asleep": asleep.cpu_pct,
+            "engine_cycle_jitter_us_p99_asleep": percentile(asleep.late_us, 0.99),
+            "engine_cycle_jitter_us_p50_asleep": percentile(asleep.late_us, 0.5),
+        }
     conditions = {
         "joint_states_hz": "messages that an independent subscriber got (raw bytes, depth 500) over their stamps' span",
         "lost": "periods in that span without a message: left out by the node, or not delivered",
@@ -112,7 +126,7 @@ def run(
         "plain": "rclpy timer, message built and filled at each tick, same engine and topics",
         "realtime_priority": f"SCHED_RR {start.priority}" if start.priority else "none",
         "topics": ["/joint_states", "/gazebo_position_controller/commands"],
-        "spinning": f"the engine alone, awake for the last {1e6 * spin_s:g} us before each deadline, communicating",
+        "engine_cpu_pct": "the engine alone, communicating; asleep: the same without waiting awake before its cycles",
         "messages": len(ours.period_jitter_ms) + 1,
         "cycles": len(late_us),
         "domain": domain,
@@ -125,41 +139,37 @@ def _measure(
 ) -> Measured:
     with start(*module) as process:
         listener.wait(_SETTLE)
-        before = process.cpu_times()
-        begin_ns = time.monotonic_ns()
+        used, begin_ns = ProcessLoad(process), time.monotonic_ns()
         arrived_ns, stamped_ns = listener.run(duration_s)
-        end_ns = time.monotonic_ns()
-        after = process.cpu_times()
-        pss = float(process.memory_full_info().pss) / _MIB
-    used_s = after.user + after.system - before.user - before.system
+        used_pct, end_ns, memory_mb = used.cpu_pct(), time.monotonic_ns(), pss_mb(process)
     period_ns = 1e9 / rate_hz
     return Measured(
         rate_hz=1e9 * (len(stamped_ns) - 1) / float(stamped_ns[-1] - stamped_ns[0]),
         period_jitter_ms=_off_ms(stamped_ns, period_ns),
         arrival_jitter_ms=_off_ms(arrived_ns, period_ns),
-        cpu_pct=100.0 * used_s / ((end_ns - begin_ns) * 1e-9),
+        cpu_pct=used_pct,
         lost=max(0, round(float(stamped_ns[-1] - stamped_ns[0]) / period_ns) + 1 - len(stamped_ns)),
-        pss_mb=pss,
+        pss_mb=memory_mb,
         window_ns=(begin_ns, end_ns),
     )
 
 
-def _late_us(notes: Path, window_ns: tuple[int, int]) -> list[float]:
+def _late_us(cycle_log: Path, window_ns: tuple[int, int]) -> list[float]:
     """How long after their deadlines the cycles of the window began."""
-    due_ns, began_ns = np.load(notes).T
+    due_ns, began_ns = np.load(cycle_log).T
     within = (due_ns >= window_ns[0]) & (due_ns < window_ns[1])
     late: list[float] = ((began_ns - due_ns)[within] * 1e-3).tolist()
     return late
 
 
-def _spinning_us(start: Processes, notes: Path, spin_s: float, duration_s: float) -> list[float]:
-    with start(_ENGINE, str(notes), str(spin_s)), connect("bench") as engine:
+def _engine_alone(start: Processes, cycle_log: Path, duration_s: float, *how: str) -> EngineMeasured:
+    with start(_ENGINE, str(cycle_log), *how) as process, connect("bench") as engine:
         engine.api.StartCommunication(10000)
-        time.sleep(1.0)  # the first cycles find nothing in the caches
+        time.sleep(_WARM_S)
         begin_ns = time.monotonic_ns()
-        time.sleep(duration_s)
+        used_pct = cpu_pct(process, duration_s)
         end_ns = time.monotonic_ns()
-    return _late_us(notes, (begin_ns, end_ns))
+    return EngineMeasured(used_pct, _late_us(cycle_log, (begin_ns, end_ns)))
 
 
 def _off_ms(times_ns: NDArray[np.int64], period_ns: float) -> list[float]:

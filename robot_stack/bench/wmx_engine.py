@@ -1,4 +1,6 @@
-"""The simulated engine with a note of when each of its cycles began: ``wmx_engine NOTES.npy SPIN_S``.
+"""The simulated engine with a note of when each of its cycles began: ``wmx_engine NOTES.npy [sleep]``.
+
+sleep: it waits for its cycles asleep, whatever its configuration says.
 
 Notes are pairs of monotonic times in nanoseconds: when the cycle was due, and when it began.
 """
@@ -21,22 +23,22 @@ _LONGEST_S = 300.0
 
 
 class NotingServer(EngineServer):
-    """``notes[:count]`` holds what the module says."""
+    """``cycle_log[:count]`` holds what the module says."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self.notes = np.zeros((round(_LONGEST_S / self.engine.config.cycle_time_s), 2), np.int64)
+        self.cycle_log = np.zeros((round(_LONGEST_S / self.engine.config.cycle_time_s), 2), np.int64)
         self.count = 0
 
     def cycle(self) -> None:
-        if self.count < len(self.notes):
-            self.notes[self.count] = self.due_ns, time.monotonic_ns()
+        if self.count < len(self.cycle_log):
+            self.cycle_log[self.count] = self.due_ns, time.monotonic_ns()
             self.count += 1
         super().cycle()
 
 
 def main() -> None:
-    notes = Path(sys.argv[1])
+    cycle_log = Path(sys.argv[1])
     servers: list[NotingServer] = []
 
     def server(*arguments: Any) -> NotingServer:
@@ -44,8 +46,11 @@ def main() -> None:
         return servers[-1]
 
     vars(process)["EngineServer"] = server
-    process.run_engine(load_engine_config(), runtime_dir(), spin_s=float(sys.argv[2]))
-    np.save(notes, servers[0].notes[: servers[0].count])
+    config = load_engine_config()
+    if "sleep" in sys.argv[2:]:
+        config = config.model_copy(update={"server": config.server.model_copy(update={"spin": None})})
+    process.run_engine(config, runtime_dir())
+    np.save(cycle_log, servers[0].cycle_log[: servers[0].count])
 
 
 if __name__ == "__main__":

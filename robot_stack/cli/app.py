@@ -7,9 +7,13 @@ import typer
 from robot_stack.cli import bench, dock, doctor, programs, safety, stack, topics
 from robot_stack.cli.arm import arm
 from robot_stack.cli.calibrate import calibrate
+from robot_stack.cli.coverage import coverage
 from robot_stack.cli.docking import docking
+from robot_stack.cli.film import film
 from robot_stack.cli.map import maps
 from robot_stack.cli.mission import mission
+from robot_stack.cli.pin import pin
+from robot_stack.cli.view import view
 
 app = typer.Typer(
     name="robot-stack",
@@ -35,6 +39,10 @@ app.command()(safety.estop)
 app.command()(safety.reset)
 app.command()(topics.topics)
 app.command()(programs.record)
+app.command()(view)
+app.command()(film)
+app.command()(pin)
 app.command()(doctor.doctor)
 app.command()(bench.bench)
+app.command()(coverage)
 app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(programs.scenario)

@@ -89,7 +89,7 @@ def _follow(waypoints: Sequence[Waypoint], timeout_s: float) -> None:
 
     progress = Progress()
     try:
-        ended = follow_trajectory(JOINTS, waypoints, progress.tell, timeout_s)
+        ended = follow_trajectory(JOINTS, waypoints, progress.report, timeout_s)
     except TimeoutError as error:
         raise CommandError(str(error)) from None
     if not ended.success:
@@ -104,7 +104,7 @@ class Progress:
         self.worst_rad = 0.0
         self._next_s = 0.0
 
-    def tell(self, feedback: Any) -> None:
+    def report(self, feedback: Any) -> None:
         self.worst_rad = max(self.worst_rad, *map(abs, feedback.error.positions))
         elapsed = feedback.desired.time_from_start
         elapsed_s = elapsed.sec + 1e-9 * elapsed.nanosec

@@ -15,11 +15,6 @@ _NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 calibrate = typer.Typer(help="Measure what differs from robot to robot.", no_args_is_help=True)
 
 
-@calibrate.callback()
-def _verbs() -> None:
-    """Keeps ``camera`` a verb of its own."""
-
-
 @calibrate.command()
 def camera(
     folder: Annotated[Path | None, typer.Argument(help="Folder with pictures of the ChArUco board.")] = None,
@@ -43,6 +38,34 @@ def camera(
         raise CommandError("name a folder of pictures, or a file for the board: --board-pdf FILE", WRONG_USE)
     else:
         _calibrate(folder, frame, output)
+
+
+@calibrate.command()
+def lidar(
+    recording: Annotated[Path, typer.Argument(help="Ride of a full circle and more, made by robot-stack record.")],
+    rpy_deg: Annotated[
+        tuple[float, float, float],
+        typer.Option(help="The driver's rpy_deg when it was recorded: roll, pitch, yaw."),
+    ] = (0.0, 0.0, 0.0),
+    picture: Annotated[Path | None, typer.Option(help="Draw what was measured and what is left into this PNG.")] = None,
+) -> None:
+    """Find how the LiDAR is mounted: tilt and height by the ground, heading by the way it moves."""
+    from robot_stack.cli.calibrate_lidar import calibrate_lidar
+
+    if not all(-180.0 <= angle <= 180.0 for angle in rpy_deg):
+        raise CommandError(f"rpy-deg must be three angles of -180 to 180 deg, is {rpy_deg}", WRONG_USE)
+    calibrate_lidar(recording, rpy_deg, picture)
+
+
+@calibrate.command()
+def wheels(
+    recording: Annotated[Path, typer.Argument(help="Ride ahead and sideways, made by robot-stack record.")],
+    picture: Annotated[Path | None, typer.Option(help="Draw the differences into this PNG.")] = None,
+) -> None:
+    """Find which wheels are greater than the others and which steering encoders show too much."""
+    from robot_stack.cli.calibrate_wheels import calibrate_wheels
+
+    calibrate_wheels(recording, picture)
 
 
 def _calibrate(folder: Path, frame: str, output: Path | None) -> None:

@@ -77,6 +77,18 @@ def cores() -> Iterable[Finding]:
         yield Finding("cpu governor", Level.NOTE, "powersave", "cpupower frequency-set -g performance")
 
 
+def rights() -> Iterable[Finding]:
+    from robot_stack.cli.rights import rights as asked_for
+    from robot_stack.supervisor.params import load_params
+
+    missing = [right for right in asked_for(load_params()) if not right.granted]
+    for right in missing:
+        advice = "sudo launch_scripts/grant_rights, then log in anew; the simulation works without"
+        yield Finding("rights", Level.NOTE, f"no {right.name}: {right.purpose}", advice)
+    if not missing:
+        yield Finding("rights", Level.OK, "real-time priority, nice values below 0, locked memory")
+
+
 def memory() -> Iterable[Finding]:
     available = psutil.virtual_memory().available
     fit = available > 2 * _GIB
@@ -189,6 +201,15 @@ def display() -> Iterable[Finding]:
         )
 
 
+def robot_devices() -> Iterable[Finding]:
+    """Of the real robot; a computer that simulates it has none of them, and misses nothing."""
+    from robot_stack.cli.devices import devices
+
+    for device in devices():
+        level = Level.OK if device.there else Level.NOTE
+        yield Finding(f"device of {device.driver}", level, device.what, device.advice)
+
+
 def leftovers() -> Iterable[Finding]:
     from robot_stack.supervisor import orphans
     from robot_stack.supervisor.control import NotRunning, ask
@@ -211,6 +232,7 @@ CHECKS: tuple[Callable[[], Iterable[Finding]], ...] = (
     python,
     compiler,
     cores,
+    rights,
     memory,
     shared_memory,
     domain,
@@ -221,5 +243,6 @@ CHECKS: tuple[Callable[[], Iterable[Finding]], ...] = (
     interfaces,
     configuration,
     display,
+    robot_devices,
     leftovers,
 )

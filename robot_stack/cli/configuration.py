@@ -12,8 +12,8 @@ from pydantic import BaseModel
 
 from robot_stack.contract.processes import available
 from robot_stack.core.config import ConfigError, config_dir, load, read_yaml
+from robot_stack.core.mission_library import MissionError, MissionLibrary
 from robot_stack.core.robot import load_robot
-from robot_stack.mission.library import MissionError, MissionLibrary
 from robot_stack.supervisor.params import load_params
 from robot_stack.supervisor.profile import load_plan
 

@@ -38,14 +38,14 @@ def _follow(row: Action, goal: dict[str, Any], describe: Any, timeout_s: float) 
 
     shown: list[str] = []
 
-    def tell(feedback: Any) -> None:
+    def report(feedback: Any) -> None:
         line = describe(feedback)
         if [line] != shown:
             shown[:] = [line]
             print(line, flush=True)
 
     try:
-        ended = follow_action(row, goal, tell, timeout_s)
+        ended = follow_action(row, goal, report, timeout_s)
     except TimeoutError as error:
         raise CommandError(str(error)) from None
     if not ended.success:

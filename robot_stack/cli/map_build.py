@@ -20,7 +20,7 @@ from robot_stack.core.robot import load_robot
 from robot_stack.core.site_map import FREE, OCCUPIED, SiteMap, save_map
 from robot_stack.mapping.build import Built, build_map
 from robot_stack.mapping.params import MappingParams
-from robot_stack.mapping.report import drift, way_m
+from robot_stack.mapping.report import distance_m, drift
 from robot_stack.mapping.ride import Ride, RideError
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
@@ -38,7 +38,7 @@ def build_from_recording(
     params, robot = load(MappingParams, "mapping"), load_robot()
     folder = (output if output is not None else config_dir() / "maps") / name
     start = None if origin is None else Pose2(*origin)
-    with _Bar() as bar:
+    with ProgressBar() as bar:
         ride, warnings = read_ride(recording, params.sweeps, robot, lambda done, total: bar("reading", done, total))
         try:
             built = build_map(ride, params, robot, start, bar)
@@ -69,7 +69,7 @@ def _about(recording: Path, ride: Ride, built: Built, start: Pose2 | None) -> di
         "recorded": time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(float(built.stamps_s[0]))),
         "begins_at": {"x_m": origin.x, "y_m": origin.y, "yaw_rad": origin.yaw},
         "ride": {
-            "length_m": round(way_m(built.poses), 1),
+            "length_m": round(distance_m(built.poses), 1),
             "duration_s": round(float(built.stamps_s[-1] - built.stamps_s[0]), 1),
             "sweeps": len(ride.sweeps),
         },
@@ -121,7 +121,7 @@ def problems_of(site: SiteMap) -> list[str]:
     return problems
 
 
-class _Bar:
+class ProgressBar:
     """A progress bar on the terminal; silent elsewhere."""
 
     def __init__(self) -> None:
@@ -132,7 +132,7 @@ class _Bar:
         self._task: Any = None
         self._what = ""
 
-    def __enter__(self) -> _Bar:
+    def __enter__(self) -> ProgressBar:
         self._bar.start()
         return self
 

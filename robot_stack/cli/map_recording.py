@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from robot_stack.cli.errors import WRONG_USE, CommandError
 from robot_stack.cli.recordings import Recorded, read_messages, recording_files
 from robot_stack.contract import topics
 from robot_stack.core.config import read_yaml
-from robot_stack.core.geometry import yaw_from_quaternion
+from robot_stack.core.geometry import planar_pose
 from robot_stack.core.point_cloud import SWEEP, Points
 from robot_stack.core.robot import Robot
 from robot_stack.mapping.collector import Collector
@@ -33,7 +33,7 @@ def read_ride(
     collector = Collector(settings, robot)
     warnings: list[str] = []
     counts = dict.fromkeys(TOPICS, 0)
-    for item in _messages(path, progress):
+    for item in messages(path, TOPICS, progress):
         if isinstance(item, str):
             warnings.append(item)
             continue
@@ -54,14 +54,15 @@ def read_ride(
         raise CommandError(f"{path}: {error}{damage}") from None
 
 
-def _messages(path: Path, progress: Callable[[int, int], None]) -> Iterator[Recorded | str]:
+def messages(path: Path, names: Collection[str], progress: Callable[[int, int], None]) -> Iterator[Recorded | str]:
+    """Those of the topics ``names``, and what was wrong with the files as text. Raises CommandError."""
     if _is_sqlite(path):
-        yield from _rosbag(path, progress)
+        yield from _rosbag(path, names, progress)
         return
     files = recording_files(path)
     total, before = sum(file.stat().st_size for file in files), 0
     for file in files:
-        yield from read_messages(file, TOPICS, partial(_shifted, progress, before, total))
+        yield from read_messages(file, names, partial(_shifted, progress, before, total))
         before += file.stat().st_size
         progress(before, total)
 
@@ -74,7 +75,7 @@ def _is_sqlite(path: Path) -> bool:
     return path.suffix == ".db3" or (path.is_dir() and any(path.glob("*.db3")))
 
 
-def _rosbag(path: Path, progress: Callable[[int, int], None]) -> Iterator[Recorded | str]:
+def _rosbag(path: Path, names: Collection[str], progress: Callable[[int, int], None]) -> Iterator[Recorded | str]:
     """A rosbag2 in SQLite."""
     from rosbags.highlevel import AnyReader, AnyReaderError
     from rosbags.typesys import Stores, get_typestore
@@ -83,7 +84,7 @@ def _rosbag(path: Path, progress: Callable[[int, int], None]) -> Iterator[Record
     read_yaml(folder / "metadata.yaml")
     try:
         with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-            wanted = [connection for connection in reader.connections if connection.topic in TOPICS]
+            wanted = [connection for connection in reader.connections if connection.topic in names]
             total = sum(connection.msgcount for connection in wanted)
             for done, (connection, at_ns, data) in enumerate(reader.messages(wanted) if wanted else (), 1):
                 yield Recorded(connection.topic, 1e-9 * at_ns, partial(reader.deserialize, data, connection.msgtype))
@@ -98,10 +99,8 @@ def _feed(collector: Collector, item: Recorded) -> None:
     message = item.decode()
     stamp_s = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
     if item.topic == topics.ODOM.name:
-        pose = message.pose.pose
-        turn = pose.orientation
-        yaw = yaw_from_quaternion(turn.x, turn.y, turn.z, turn.w)
-        collector.odometry(stamp_s, pose.position.x, pose.position.y, yaw)
+        pose = planar_pose(message.pose.pose.position, message.pose.pose.orientation)
+        collector.odometry(stamp_s, pose.x, pose.y, pose.yaw)
     elif item.topic == topics.IMU.name:
         # REP 145: -1 in the first place of the covariance says that there is no orientation.
         there = message.orientation_covariance[0] != -1.0

@@ -11,18 +11,17 @@ from robot_stack.cli.errors import CommandError
 from robot_stack.cli.safety import Timeout
 
 if TYPE_CHECKING:
-    from robot_stack.cli.nodes.wishes import Mission
+    from robot_stack.cli.nodes.operator_commands import Mission
 
 mission = typer.Typer(help="Missions: list, start, pause, resume, abort, watch.", no_args_is_help=True)
 
 
 @mission.command("list")
 def list_missions() -> None:
-    """The missions of config/missions/. Exit code 1 if a file is wrong."""
-    from robot_stack.core.config import config_dir
-    from robot_stack.mission.library import MissionError, MissionLibrary
+    """The missions of config/missions/ and those made on this robot. Exit code 1 if a file is wrong."""
+    from robot_stack.core.mission_library import MissionError, mission_library
 
-    library = MissionLibrary(config_dir() / "missions")
+    library = mission_library()
     wrong = False
     for mission_id in library.ids():
         try:
@@ -68,11 +67,11 @@ def watch(
     timeout_s: Timeout = 5.0,
 ) -> None:
     """Follow the mission's status until Ctrl-C."""
-    from robot_stack.cli.nodes.wishes import watch_mission
+    from robot_stack.cli.nodes.operator_commands import watch_mission
 
     shown: list[str] = []
 
-    def tell(status: Mission) -> None:
+    def report(status: Mission) -> None:
         line = describe(status)
         if [line] != shown:
             shown[:] = [line]
@@ -80,7 +79,7 @@ def watch(
 
     try:
         with contextlib.suppress(KeyboardInterrupt):
-            watch_mission(tell, timeout_s, follow=not once)
+            watch_mission(report, timeout_s, follow=not once)
     except TimeoutError as error:
         raise CommandError(str(error)) from None
 
@@ -102,7 +101,7 @@ def describe(status: Mission) -> str:
 
 
 def _command(command: str, mission_id: str, timeout_s: float) -> None:
-    from robot_stack.cli.nodes.wishes import command_mission
+    from robot_stack.cli.nodes.operator_commands import command_mission
 
     try:
         status = command_mission(command, mission_id, timeout_s)

@@ -15,7 +15,7 @@ from robot_stack.cli.errors import CommandError
 from robot_stack.supervisor.control import NotRunning, ask
 
 # By name: the stack does not import the simulation.
-_SCENARIO_RUNNER = "sim.runner"
+_SCENARIO_RUNNER = "sim.run.runner"
 
 
 def record(

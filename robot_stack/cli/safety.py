@@ -6,16 +6,23 @@ takes the others up to a few seconds to discover.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from typing import Annotated
 
 import typer
 
 from robot_stack.cli.errors import CommandError
+from robot_stack.contract import topics
 from robot_stack.contract.model import System
 from robot_stack.supervisor.control import NotRunning, ask
 
 Timeout = Annotated[float, typer.Option("--timeout", help="Seconds to wait for the answer.")]
+Clear = Annotated[
+    list[str] | None,
+    typer.Option("--clear", metavar="SOURCE", help="A source that is gone or unknown: its press is cleared first."),
+]
+_CLEAR_HINT = "; a source that is gone or unknown is cleared by name: robot-stack reset --clear NAME"
 # A supervisor that takes longer is not waited for.
 _SUPERVISOR_S = 0.5
 _POLL_S = 0.02
@@ -35,7 +42,7 @@ def estop(timeout_s: Timeout = 5.0) -> None:
         print("emergency stop, sent; this machine has no safety monitor to confirm it; `robot-stack reset` releases it")
         return
     if not shown:
-        from robot_stack.cli.nodes.wishes import emergency_stop
+        from robot_stack.cli.nodes.operator_commands import emergency_stop
 
         shown = emergency_stop(timeout_s) is not None
     if not shown:
@@ -43,19 +50,28 @@ def estop(timeout_s: Timeout = 5.0) -> None:
     print(f"emergency stop, confirmed after {time.monotonic() - begun_s:.2f} s; `robot-stack reset` releases it")
 
 
-def reset(timeout_s: Timeout = 5.0) -> None:
-    """Release the emergency stop. The safety monitor refuses while a source is pressed or the robot moves."""
-    answer = _reset_by_supervisor()
-    if answer is None:
-        from robot_stack.cli.nodes.wishes import reset as ask_for_reset
+def reset(timeout_s: Timeout = 5.0, clear: Clear = None) -> None:
+    """Release the emergency stop. The safety monitor refuses while a source is pressed or the robot moves.
+
+    Nothing moves by it: who wants the robot to drive asks for it again, after the release.
+    """
+    answer = None
+    if clear:
+        _release_by_supervisor()
+    else:
+        answer = _reset_by_supervisor()
+    # A press of this tool outlives it: whoever resets with it takes that back.
+    if answer is None or (not answer[0] and topics.OPERATOR_TOOL in answer[1]):
+        from robot_stack.cli.nodes.operator_commands import reset as ask_for_reset
 
         try:
-            answer = ask_for_reset(timeout_s)
+            answer = ask_for_reset(timeout_s, clear or ())
         except TimeoutError as error:
             raise CommandError(str(error)) from None
     granted, reason = answer
     if not granted:
-        raise CommandError(reason if reason.startswith("refused") else f"refused: {reason}")
+        hint = _CLEAR_HINT if "(gone)" in reason or "pressed by unknown" in reason or ", unknown" in reason else ""
+        raise CommandError((reason if reason.startswith("refused") else f"refused: {reason}") + hint)
     print(reason or "released")
 
 
@@ -75,6 +91,12 @@ def _stop_by_supervisor(end_s: float) -> bool | None:
     except (NotRunning, TimeoutError):
         pass
     return False
+
+
+def _release_by_supervisor() -> None:
+    """The supervisor's own press ends, if it can; whoever clears others asks for the reset by a node of its own."""
+    with contextlib.suppress(NotRunning, TimeoutError):
+        ask("release", timeout_s=_SUPERVISOR_S)
 
 
 def _reset_by_supervisor() -> tuple[bool, str] | None:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from robot_stack.cli.errors import WRONG_USE, CommandError
+from robot_stack.cli.safety_state import safety_lines, settled_safety
+from robot_stack.core.runtime import touch_screen_url
 from robot_stack.supervisor.control import NotRunning, ask
+
+_MONITOR = "safety_monitor"
+_SAFETY_S = 5.0  # it speaks ten times a second, but a new subscription takes a moment
 
 Profile = Annotated[
     str,
@@ -31,8 +35,12 @@ def up(
     settings: Settings = None,
     only: Annotated[list[str] | None, typer.Option("--only", help="Run just this process; may be repeated.")] = None,
     speed: Annotated[
-        float | None, typer.Option(help="Speed of the simulated world; other than 1, nodes live on /clock.")
+        float | None, typer.Option(help="Speed of the simulated world, times real time at the most.")
     ] = None,
+    system_time: Annotated[
+        bool,
+        typer.Option("--system-time", help="The simulated world waits for nobody; nodes live on the system clock."),
+    ] = False,
     foreground: Annotated[
         bool, typer.Option("--foreground", "-f", help="Stay; Ctrl-C or SIGTERM stops the stack. For systemd.")
     ] = False,
@@ -44,18 +52,18 @@ def up(
     ] = None,
 ) -> None:
     """Start the stack and return when every process is ready."""
-    from robot_stack.supervisor import client
+    from robot_stack.supervisor import client, progress
     from robot_stack.supervisor.profile import load_plan
 
-    launch = client.Launch(profile, settings or (), only or (), speed, log_dir)
+    launch = client.Launch(profile, settings or (), only or (), speed, log_dir, system_time)
     # Read here too: a mistake shall be told at once.
-    plan = load_plan(profile, settings=launch.settings, only=launch.only, speed=speed)
+    plan = load_plan(profile, settings=launch.settings, only=launch.only, speed=speed, system_time=system_time)
     try:
         if foreground:
             client.refuse_second()
             command = launch.command("--foreground")
             os.execve(command[0], command, client.environment())
-        with _progress() as show:
+        with progress.shown() as show:
             status = client.start(launch, deadline_s or plan.ready_deadline_s, show)
     except client.StartError as error:
         raise CommandError(str(error)) from None
@@ -63,6 +71,16 @@ def up(
     if status["missing"]:
         print(f"missing, not built yet: {', '.join(status['missing'])}")
     print(f"logs: {status['log_dir']}")
+    if url := touch_screen_url():
+        print(f"touch screen: {url}")
+    if any(item["name"] == _MONITOR for item in status["processes"]):
+        print("\n".join(safety_lines(settled_safety(_SAFETY_S))))
+        with contextlib.suppress(NotRunning, TimeoutError):
+            status = ask("status")
+    if progress.pace_text(status):
+        print(
+            f"{progress.pace_text(status)}: this machine is too slow for real time, and the world waits for its robot"
+        )
 
 
 def down() -> None:
@@ -121,21 +139,3 @@ def _ask(verb: str, **arguments: Any) -> dict[str, Any]:
         raise CommandError(f"no stack is running in ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}") from None
     except TimeoutError:
         raise CommandError("the supervisor does not answer; `robot-stack down` ends it") from None
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[dict[str, Any]], None]]:
-    """A line that tells what is still missing; nothing where nobody watches."""
-    if not sys.stderr.isatty():
-        yield lambda status: None
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status("starting") as line:
-
-        def show(status: dict[str, Any]) -> None:
-            ready = sum(item["state"] == "ready" for item in status["processes"])
-            waiting = ", ".join(item["name"] for item in status["processes"] if item["state"] != "ready")
-            line.update(f"{ready} of {len(status['processes'])} ready; waiting for {waiting}")
-
-        yield show

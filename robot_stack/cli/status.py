@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 import time
 from collections.abc import Callable
 from typing import Any
 
 import psutil
-from rich.console import Console
+from rich.console import Group
 from rich.live import Live
-from rich.table import Table
+
+from robot_stack.cli.tables import Column, console, notes, table
+from robot_stack.supervisor.progress import pace_text
 
 _COLOURS = {
     "ready": "green",
@@ -30,8 +31,7 @@ class StatusView:
 
     def __init__(self) -> None:
         self._processes: dict[int, psutil.Process] = {}
-        # A pipe has no width; wrapped reasons there would be hard to search.
-        self._console = Console() if sys.stdout.isatty() else Console(width=160)
+        self._console = console()
 
     def measure(self, status: dict[str, Any]) -> dict[str, Any]:
         """Adds to each process ``cpu_pct`` (of one core, since the last call; None at the first) and ``pss_mb``."""
@@ -52,30 +52,25 @@ class StatusView:
             return None, None
 
     def print(self, status: dict[str, Any]) -> None:
-        self._console.print(self._table(status))
+        self._console.print(self.shown(status))
 
     def follow(self, ask: Callable[[], dict[str, Any]], period_s: float = 1.0) -> None:
         """Until Ctrl-C, or until the stack is gone."""
         with contextlib.suppress(KeyboardInterrupt), Live(console=self._console, auto_refresh=False) as live:
             while True:
-                live.update(self._table(self.measure(ask())), refresh=True)
+                live.update(self.shown(self.measure(ask())), refresh=True)
                 time.sleep(period_s)
 
-    def _table(self, status: dict[str, Any]) -> Table:
+    def shown(self, status: dict[str, Any]) -> Group:
         state = "stopping" if status["stopping"] else "ready" if status["ready"] else "not ready"
-        table = Table(
-            title=f"profile {status['profile']}, ROS domain {status['domain']}: {state}{_safety(status['safety'])}",
-            caption=_caption(status),
-            caption_justify="left",
-        )
-        for name, justify in _COLUMNS:
-            table.add_column(name, justify=justify, no_wrap=bool(name))  # type: ignore[arg-type]
+        shown = table(f"profile {status['profile']}, ROS domain {status['domain']}: {state}", _COLUMNS)
         for item in status["processes"]:
-            table.add_row(*_cells(item))
-        return table
+            shown.add_row(*_cells(item))
+        reasons = [(item["name"], item["reason"]) for item in status["processes"] if item["reason"]]
+        return Group(shown, notes(reasons, "yellow"), notes(_summary(status)))
 
 
-_COLUMNS = (
+_COLUMNS: tuple[Column, ...] = (
     ("process", "left"),
     ("pid", "right"),
     ("state", "left"),
@@ -83,16 +78,13 @@ _COLUMNS = (
     ("heartbeat", "right"),
     ("cpu", "right"),
     ("memory", "right"),
-    ("", "left"),
 )
 
 
-def _safety(safety: dict[str, Any] | None) -> str:
-    if safety is None:
-        return ""
+def _safety(safety: dict[str, Any]) -> str:
     if safety["age_s"] > _SAFETY_STALE_S:
-        return f"; the safety monitor is silent for {safety['age_s']:.0f} s"
-    return f"; {safety['state']}{' (' + ', '.join(safety['faults']) + ')' if safety['faults'] else ''}"
+        return f"the safety monitor is silent for {safety['age_s']:.0f} s"
+    return f"{safety['state']}{': ' + ', '.join(safety['faults']) if safety['faults'] else ''}"
 
 
 def _cells(item: dict[str, Any]) -> list[str]:
@@ -105,7 +97,6 @@ def _cells(item: dict[str, Any]) -> list[str]:
         _number(item["heartbeat_age_s"], "{:.1f} s"),
         _number(item["cpu_pct"], "{:.0f} %"),
         _number(item["pss_mb"], "{:.0f} MB"),
-        item["reason"],
     ]
 
 
@@ -113,12 +104,16 @@ def _number(value: float | None, form: str) -> str:
     return "-" if value is None else form.format(value)
 
 
-def _caption(status: dict[str, Any]) -> str:
+def _summary(status: dict[str, Any]) -> list[tuple[str, str]]:
     cpu_pct = sum(item["cpu_pct"] or 0.0 for item in status["processes"])
     memory_mb = sum(item["pss_mb"] or 0.0 for item in status["processes"])
-    lines = [f"together {cpu_pct / 100.0:.2f} cores, {memory_mb:.0f} MB; logs {status['log_dir']}"]
+    lines = [("together", f"{cpu_pct / 100.0:.2f} cores, {memory_mb:.0f} MB"), ("logs", status["log_dir"])]
+    if status["safety"]:
+        lines.insert(0, ("safety", _safety(status["safety"])))
+    if pace_text(status):
+        lines.append(("world", f"{pace_text(status)}: it waits for a stack that has no time to follow"))
     if status["missing"]:
-        lines.append(f"not built: {', '.join(status['missing'])}")
-    if status["deaf"]:
-        lines.append(f"[red]{status['deaf']}[/]")
-    return "\n".join(lines)
+        lines.append(("not built", ", ".join(status["missing"])))
+    if status["without_node"]:
+        lines.append(("ROS", status["without_node"]))
+    return lines

@@ -12,15 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from robot_stack.bench.graph import Finding
     from robot_stack.bench.nodes.meter import Meter
     from robot_stack.supervisor.profile import Plan
 
 # One row's rate is right within this; benchmarks measure longer and ask for more.
 TOLERANCE = 0.1
-_STYLES = {"ok": "", "quiet": "", "not run": "dim", "wrong": "red"}
 
 
 def topics(
@@ -50,7 +47,10 @@ def topics(
     if as_json:
         print(json.dumps(_as_json(plan, findings, unknown), indent=2))
     else:
-        _console().print(_table(plan, findings, unknown))
+        from robot_stack.cli.tables import console
+        from robot_stack.cli.topics_table import topics_table
+
+        console().print(topics_table(plan.name, findings, unknown))
     raise typer.Exit(1 if unknown or any(finding.problems for finding in findings) else 0)
 
 
@@ -85,47 +85,13 @@ def _judge(meter: Meter, plan: Plan) -> tuple[tuple[Finding, ...], tuple[str, ..
 def _follow(meter: Meter, plan: Plan, window_s: float) -> None:
     from rich.live import Live
 
-    with contextlib.suppress(KeyboardInterrupt), Live(console=_console(), auto_refresh=False) as live:
+    from robot_stack.cli.tables import console
+    from robot_stack.cli.topics_table import topics_table
+
+    with contextlib.suppress(KeyboardInterrupt), Live(console=console(), auto_refresh=False) as live:
         while True:
             meter.run(window_s)
-            live.update(_table(plan, *_judge(meter, plan)), refresh=True)
-
-
-def _console() -> Any:
-    from rich.console import Console
-
-    # A pipe has no width; cutting columns there would lose what a reader searches for.
-    return Console() if sys.stdout.isatty() else Console(width=200)
-
-
-def _table(plan: Plan, findings: Sequence[Finding], unknown: Sequence[str]) -> Table:
-    from rich.table import Table
-
-    wrong = sum(bool(finding.problems) for finding in findings)
-    caption = f"{wrong} topics differ from the contract" if wrong else "as in the contract"
-    if unknown:
-        caption += f"; not in the contract: {', '.join(unknown)}"
-    table = Table(title=f"topics, profile {plan.name}", caption=caption, caption_justify="left")
-    for name in ("topic", "type", "QoS", "rate", "measured", "age", "publishers", ""):
-        table.add_column(name, justify="right" if name in ("rate", "measured", "age") else "left")
-    for finding in findings:
-        table.add_row(*_cells(finding), style=_STYLES[finding.verdict.value])
-    return table
-
-
-def _cells(finding: Finding) -> list[str]:
-    row, seen = finding.row, finding.seen
-    publishers = {endpoint.node for endpoint in seen.publishers}
-    return [
-        row.name,
-        row.type.split("/")[-1],
-        f"{row.qos.reliability.name}, {row.qos.durability.name}",
-        "event" if finding.expected_hz is None else f"{finding.expected_hz:g} Hz",
-        f"{seen.traffic.rate_hz:.1f} Hz" if seen.traffic.age_s is not None else "-",
-        f"{seen.traffic.age_s:.2f} s" if seen.traffic.age_s is not None else "-",
-        ", ".join(sorted(publishers)) if len(publishers) < 4 else f"{len(publishers)} nodes",
-        "; ".join(finding.problems) or finding.verdict.value,
-    ]
+            live.update(topics_table(plan.name, *_judge(meter, plan)), refresh=True)
 
 
 def _as_json(plan: Plan, findings: Sequence[Finding], unknown: Sequence[str]) -> dict[str, Any]:

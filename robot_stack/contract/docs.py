@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 from robot_stack.contract import topics
 from robot_stack.contract.actions import ACTIONS
 from robot_stack.contract.faults import FAULTS
-from robot_stack.contract.model import Action, Process, Service, System, Topic
+from robot_stack.contract.model import EVERY_NODE, Action, Process, Service, System, Topic
 from robot_stack.contract.processes import PROCESSES
 from robot_stack.contract.services import SERVICES
 
@@ -29,6 +29,8 @@ commit both. `robot-stack topics` compares the same rows with a running system.
 - Names, types and QoS hold for publisher and subscribers alike; history is always KEEP_LAST of the given depth.
 - *Rate* is that of each publisher; *event* topics are sent on change. *Stale* is the age after which a subscriber
   treats its newest message as missing.
+- *Wakes* are the subscribers that a message wakes at once; the others take it at their tick.
+- A row names exactly who has an endpoint; a node with an asterisk has it only in some situations or configurations.
 - *every node* is every process of the table at the end. *{outside}* are tools and people outside that table.
 - Fields, units, frames and ranges are described in the message definitions: `custom_msgs/`, `wmx_ros2_message/`.
 - The robot and the WMX layer share the names `/joint_states` and `/cmd_vel`; a profile runs one machine, never both.
@@ -61,7 +63,7 @@ dies; *limiting*: it goes on slowly; *optional*: its loss is shown. One without 
 
 def _topics(rows: Sequence[Topic]) -> str:
     return _table(
-        ("topic", "type", "QoS", "rate", "stale", "publishers", "subscribers", "what"),
+        ("topic", "type", "QoS", "rate", "stale", "publishers", "subscribers", "wakes", "what"),
         (
             (
                 f"`{row.name}`",
@@ -69,8 +71,9 @@ def _topics(rows: Sequence[Topic]) -> str:
                 row.qos.describe(),
                 "event" if row.rate_hz is None else f"{row.rate_hz:g} Hz",
                 "-" if row.stale_s is None else f"{row.stale_s:g} s",
-                _nodes(row.publishers),
-                _nodes(row.subscribers),
+                _nodes(row.publishers, row.sometimes),
+                _nodes(row.subscribers, row.sometimes),
+                _nodes(row.wakes),
                 row.note,
             )
             for row in rows
@@ -121,8 +124,9 @@ def _processes(rows: Sequence[Process]) -> str:
     )
 
 
-def _nodes(names: Iterable[str]) -> str:
-    return ", ".join("every node" if name == topics.EVERY_NODE else name for name in names) or "-"
+def _nodes(names: Iterable[str], sometimes: Collection[str] = ()) -> str:
+    shown = {name: "every node" if name == EVERY_NODE else name for name in names}
+    return ", ".join(f"{text}*" if name in sometimes else text for name, text in shown.items()) or "-"
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

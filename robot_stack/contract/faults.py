@@ -10,7 +10,9 @@ _WARN, _LIMIT, _STOP, _ESTOP = SafetyAction.WARN, SafetyAction.LIMIT, SafetyActi
 _DEGRADED, _AVOIDANCE, _EMERGENCY = SafetyState.DEGRADED, SafetyState.COLLISION_AVOIDANCE, SafetyState.EMERGENCY_STOP
 
 FAULTS: tuple[Fault, ...] = (
-    Fault("ESTOP_PRESSED", "any /emergency_stop true", _ESTOP, _EMERGENCY, _RESET),
+    Fault(
+        "ESTOP_PRESSED", "any /emergency_stop true, or the button's process silent > 0.4 s", _ESTOP, _EMERGENCY, _RESET
+    ),
     Fault(
         "DRIVE_FAULT",
         "amplifier alarm, servo off unasked, following error, or engine not communicating > 0.1 s",
@@ -19,6 +21,7 @@ FAULTS: tuple[Fault, ...] = (
         _RESET,
     ),
     Fault("JOINT_STATES_TIMEOUT", "/joint_states older than 0.1 s", _ESTOP, _EMERGENCY, _RESET),
+    Fault("OVERSPEED", "measured faster than the limit permits for 0.3 s", _ESTOP, _EMERGENCY, _RESET),
     Fault("TILT", "tilt > 15 deg", _ESTOP, _EMERGENCY, _RESET),
     Fault(
         "COLLISION_IMMINENT",
@@ -29,13 +32,27 @@ FAULTS: tuple[Fault, ...] = (
         0.5,
     ),
     Fault("OBSTACLE_NEAR", "time to collision < 3.0 s or clearance < 1.0 m", _LIMIT, _AVOIDANCE, _GONE),
-    Fault("LIDAR_TIMEOUT", "/sensors/lidar/points older than 0.5 s", _STOP, _DEGRADED, _GONE, 1.0),
+    Fault(
+        "LIDAR_TIMEOUT",
+        "/sensors/lidar/points older than 0.5 s, or /sensors/overhead_lidar/points than 0.3 s",
+        _STOP,
+        _DEGRADED,
+        _GONE,
+        1.0,
+    ),
     Fault("OBSTACLES_TIMEOUT", "/perception/obstacles older than 0.3 s", _STOP, _DEGRADED, _GONE, 1.0),
     Fault("LOCALIZATION_LOST", "quality < 0.3, pose older than 0.5 s, or a jump > 1 m", _STOP, _DEGRADED, _GONE, 2.0),
     Fault("IMU_TIMEOUT", "/sensors/imu older than 0.1 s, or frozen", _LIMIT, _DEGRADED, _GONE, 1.0),
     Fault("CAMERA_TIMEOUT", "a camera image older than 0.5 s while docking", _WARN, _DEGRADED, _GONE),
     Fault("NODE_DEAD", "no heartbeat of a process for 1 s: critical stops, others limit", _STOP, _DEGRADED, _GONE),
-    Fault("SLOPE", "slope > 5 deg limits, > 10 deg stops", _STOP, _DEGRADED, _GONE),
+    Fault(
+        "SLOPE",
+        "slope > 5 deg limits, > 10 deg stops every motion but a slow one downhill along the fall line",
+        _STOP,
+        _DEGRADED,
+        _GONE,
+    ),
+    Fault("LATCH_NOT_STORED", "latched stop and passenger cannot be written to disk", _LIMIT, _DEGRADED, _GONE),
     Fault("BATTERY_LOW", "charge < 30 %", _WARN, _DEGRADED, _GONE),
     Fault("BATTERY_CRITICAL", "charge < 15 %", _LIMIT, _DEGRADED, _GONE),
     Fault("OVERHEAT", "> 85 C", _WARN, _DEGRADED, _GONE),
@@ -50,3 +67,4 @@ BY_CODE: dict[str, Fault] = {fault.code: fault for fault in FAULTS}
 
 # Reasons of a speed limit that are no faults.
 PASSENGER_ONBOARD = "PASSENGER_ONBOARD"
+WAY_UNSEEN = "WAY_UNSEEN"  # the motion leads into what is neither seen nor remembered

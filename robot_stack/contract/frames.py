@@ -5,6 +5,7 @@ ODOM = "odom"
 BASE_LINK = "base_link"  # robot centre on the ground, x forward, y left
 IMU = "imu"
 LIDAR = "lidar"
+OVERHEAD_LIDAR = "overhead_lidar"
 FRONT_CAMERA = "front_camera"
 REAR_CAMERA = "rear_camera"
 

@@ -9,9 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
+EVERY_NODE = "*"  # in the publishers and subscribers of a row
+
 
 class ContractViolation(Exception):
-    """A node asked for an endpoint that its contract rows do not give it."""
+    """A node asked for an endpoint, or for a number of a row, that the contract does not give."""
 
 
 class System(Enum):
@@ -53,10 +55,14 @@ class Topic:
     qos: the QoS that publisher and subscribers of this stack use.
     rate_hz: publication rate of each publisher in Hz; None for topics published on events.
     stale_s: age in seconds after which a subscriber calls its newest message stale; None where age means nothing.
-    queue: messages a subscriber keeps until it looks, where that is more than the QoS depth: for topics of which no
-        message may be missed. It is no part of what endpoints negotiate.
+    queue: messages a subscriber with a callback keeps until it looks, where that is more than the QoS depth: for topics
+        of which no message may be missed. It is no part of what endpoints negotiate.
+    wakes: subscribers that a message wakes at once: stops, commands, goals, and what a node works on. The others take
+        it when they wake for something else, at their tick at the latest; its age counts from its reception.
     bulk: messages so large that a socket loses them: they go by shared memory (``robot_stack.ros.transport``).
     on_demand: published at that rate only while its publisher has something to command; silence is no fault then.
+    sometimes: of its publishers and subscribers those that have the endpoint only in some situations or configurations,
+        each for a reason that the row tells; the others always have it.
     publishers, subscribers: node names. ``EVERY_NODE`` stands for every node process; names in ``OUTSIDE`` belong to
         tools and operators outside the process table.
     """
@@ -70,9 +76,29 @@ class Topic:
     rate_hz: float | None = None
     stale_s: float | None = None
     queue: int | None = None
+    wakes: tuple[str, ...] = ()
     on_demand: bool = False
     bulk: bool = False
+    sometimes: tuple[str, ...] = ()
     system: System = System.ROBOT
+
+    @property
+    def nominal_rate_hz(self) -> float:
+        """``rate_hz`` of a topic that has one. Raises ContractViolation for one that is published on events."""
+        if self.rate_hz is None:
+            raise ContractViolation(f"{self.name} has no rate: it is published on events")
+        return self.rate_hz
+
+    @property
+    def stale_limit_s(self) -> float:
+        """``stale_s`` of a topic that has one. Raises ContractViolation for one whose age means nothing."""
+        if self.stale_s is None:
+            raise ContractViolation(f"{self.name} has no staleness limit: its age means nothing")
+        return self.stale_s
+
+    def wakes_node(self, node: str) -> bool:
+        """True if a message wakes this subscriber."""
+        return node in self.wakes or EVERY_NODE in self.wakes
 
 
 @dataclass(frozen=True, slots=True)

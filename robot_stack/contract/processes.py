@@ -6,6 +6,11 @@ not built; tools then name it as missing instead of leaving it out.
 
 from robot_stack.contract.model import Criticality, Process, System
 
+# Of a node's record in shared memory (``robot_stack.core.node_record``): how often it says that it lives, and the
+# silence after which it counts as dead. For who is outside this machine the topic /system/heartbeat says it too.
+HEARTBEAT_HZ = 5.0
+HEARTBEAT_STALE_S = 1.0
+
 _CRITICAL, _LIMITING, _OPTIONAL = Criticality.CRITICAL, Criticality.LIMITING, Criticality.OPTIONAL
 
 
@@ -51,10 +56,12 @@ PROCESSES: tuple[Process, ...] = (
         _CRITICAL,
         "faults, speed limits, release from an emergency stop",
     ),
-    _process("ndt_localization", "robot_stack.localization.node", _CRITICAL, "pose in map"),
-    _process("navigation_controller", "robot_stack.navigation.node", _LIMITING, "drives to goal poses"),
-    _process("mission_manager", "robot_stack.mission.node", _LIMITING, "missions from UI commands"),
-    _process("recorder", "robot_stack.recording.node", _OPTIONAL, "every contract topic into MCAP"),
+    _process("ndt_localization", "robot_stack.localization.nodes.ndt_localization", _CRITICAL, "pose in map"),
+    _process(
+        "navigation_controller", "robot_stack.navigation.nodes.navigation_controller", _LIMITING, "drives to goal poses"
+    ),
+    _process("mission_manager", "robot_stack.mission.nodes.mission_manager", _LIMITING, "missions from UI commands"),
+    _process("recorder", "robot_stack.recording.nodes.recorder", _OPTIONAL, "every contract topic into MCAP"),
     _process(
         "lidar_driver",
         "sim.nodes.lidar_driver",
@@ -63,16 +70,72 @@ PROCESSES: tuple[Process, ...] = (
         system=System.SIMULATION,
     ),
     _process(
+        "overhead_lidar_driver",
+        "sim.nodes.overhead_lidar_driver",
+        _CRITICAL,
+        "simulated overhead LiDAR; a real driver publishes the same topic",
+        system=System.SIMULATION,
+    ),
+    _process(
+        "point_cloud_adapter",
+        "robot_stack.drivers.nodes.point_cloud_adapter",
+        _CRITICAL,
+        "main LiDAR by its vendor's own ROS driver",
+    ),
+    _process(
+        "joystick_driver",
+        "robot_stack.drivers.nodes.joystick_driver",
+        _OPTIONAL,
+        "driving by hand with a joystick while its dead-man button is held",
+    ),
+    _process(
+        "velodyne_driver",
+        "robot_stack.drivers.nodes.velodyne_driver",
+        _CRITICAL,
+        "main LiDAR, a Velodyne VLP-16, by its packets",
+    ),
+    _process(
+        "ouster_driver",
+        "robot_stack.drivers.nodes.ouster_driver",
+        _CRITICAL,
+        "main LiDAR, an Ouster OS sensor, by its packets",
+    ),
+    _process(
+        "overhead_lidar_adapter",
+        "robot_stack.drivers.nodes.overhead_lidar_adapter",
+        _CRITICAL,
+        "overhead LiDAR by its vendor's own ROS driver",
+    ),
+    _process(
         "camera_driver",
         "sim.nodes.camera_driver",
         _LIMITING,
         "simulated front and rear cameras; a real driver publishes the same topics",
         system=System.SIMULATION,
     ),
-    _process("imu_driver", None, _CRITICAL, "IMU of a real robot; the simulation brings its own"),
-    _process("battery_driver", None, _LIMITING, "battery of a real robot; the simulation brings its own"),
-    _process("perception_pipeline", "robot_stack.perception.node", _CRITICAL, "obstacle points"),
-    _process("costmap_server", "robot_stack.costmap.node", _LIMITING, "local costmap"),
+    _process(
+        "v4l2_camera_driver",
+        "robot_stack.drivers.nodes.v4l2_camera_driver",
+        _LIMITING,
+        "front and rear camera by Video4Linux",
+    ),
+    _process(
+        "xsens_driver", "robot_stack.drivers.nodes.xsens_driver", _CRITICAL, "Xsens inertial unit on a serial line"
+    ),
+    _process(
+        "pylontech_driver",
+        "robot_stack.drivers.nodes.pylontech_driver",
+        _LIMITING,
+        "battery on a CAN bus, Pylontech's protocol",
+    ),
+    _process(
+        "modbus_battery_driver",
+        "robot_stack.drivers.nodes.modbus_battery_driver",
+        _LIMITING,
+        "battery whose monitor is asked over Modbus",
+    ),
+    _process("perception_pipeline", "robot_stack.perception.nodes.perception_pipeline", _CRITICAL, "obstacle points"),
+    _process("costmap_server", "robot_stack.costmap.nodes.costmap_server", _LIMITING, "local costmap"),
     _process("aruco_detector", "robot_stack.docking.nodes.aruco_detector", _LIMITING, "markers in the camera images"),
     _process(
         "docking_controller",
@@ -80,9 +143,28 @@ PROCESSES: tuple[Process, ...] = (
         _LIMITING,
         "docking and undocking, and the latch",
     ),
-    _process("ehmi_bridge", None, _OPTIONAL, "external display over a serial line"),
-    _process("touch_ui", None, _OPTIONAL, "touch screen"),
-    _process("system_monitor", None, _OPTIONAL, "robot status and computer health"),
+    _process("ehmi_bridge", "robot_stack.ehmi.nodes.ehmi_bridge", _OPTIONAL, "external display over a serial line"),
+    _process(
+        "ehmi_display",
+        "sim.nodes.ehmi_display",
+        _OPTIONAL,
+        "simulated external display on a pseudo terminal; on a robot the firmware of the real one",
+        system=System.SIMULATION,
+    ),
+    _process("touch_ui", "robot_stack.ui.nodes.touch_ui", _OPTIONAL, "touch screen"),
+    _process(
+        "system_monitor",
+        "robot_stack.system_monitor.nodes.system_monitor",
+        _OPTIONAL,
+        "robot status, computer health, diagnostics as a tree",
+    ),
+    _process(
+        "sim_computer",
+        "sim.nodes.sim_computer",
+        _OPTIONAL,
+        "the simulated robot's computer as its kernel tells it, and the browser on its screen",
+        system=System.SIMULATION,
+    ),
     _process(
         "wmx_engine",
         "sim.nodes.wmx_engine",
@@ -125,27 +207,6 @@ PROCESSES: tuple[Process, ...] = (
         "differential base on the motion engine",
         system=System.WMX,
     ),
-    _process(
-        "wmx_io_node",
-        "robot_stack.wmx.nodes.wmx_io_node",
-        _OPTIONAL,
-        "services of digital inputs and outputs of the motion engine",
-        system=System.WMX,
-    ),
-    _process(
-        "wmx_ethercat_node",
-        "robot_stack.wmx.nodes.wmx_ethercat_node",
-        _OPTIONAL,
-        "services of the EtherCAT network",
-        system=System.WMX,
-    ),
-    _process(
-        "wmx_params_node",
-        "robot_stack.wmx.nodes.wmx_params_node",
-        _OPTIONAL,
-        "services of parameter files and parameters of axes",
-        system=System.WMX,
-    ),
 )
 
 BY_NAME: dict[str, Process] = {process.name: process for process in PROCESSES}
@@ -154,11 +215,3 @@ BY_NAME: dict[str, Process] = {process.name: process for process in PROCESSES}
 def available() -> tuple[Process, ...]:
     """The processes that are built."""
     return tuple(process for process in PROCESSES if process.available)
-
-
-def process_of_node(node: str) -> Process:
-    """The built process a node lives in, else the row of the node's own name; KeyError for an unknown node."""
-    for process in available():
-        if node in process.nodes:
-            return process
-    return BY_NAME[node]

@@ -7,6 +7,12 @@ _WMX = System.WMX
 SAFETY_RESET = Service(
     "/safety/reset", "std_srvs/srv/Trigger", "safety_monitor", "second key of the release from an emergency stop"
 )
+CLEAR_EMERGENCY_STOP = Service(
+    "/safety/clear_emergency_stop",
+    "custom_msgs/srv/ClearEmergencyStop",
+    "safety_monitor",
+    "an operator clears the press of a source that is gone or unknown, by name",
+)
 RESET_ODOMETRY = Service(
     "/swerve/reset_odometry",
     "std_srvs/srv/Trigger",
@@ -32,6 +38,27 @@ INJECT_LIDAR_FAULT = Service(
     "custom_msgs/srv/InjectFault",
     "lidar_driver",
     "raises or clears a fault of the simulated LiDAR",
+    System.SIMULATION,
+)
+INJECT_OVERHEAD_LIDAR_FAULT = Service(
+    "/sim/inject_overhead_lidar_fault",
+    "custom_msgs/srv/InjectFault",
+    "overhead_lidar_driver",
+    "raises or clears a fault of the simulated overhead LiDAR",
+    System.SIMULATION,
+)
+INJECT_EHMI_FAULT = Service(
+    "/sim/inject_ehmi_fault",
+    "custom_msgs/srv/InjectFault",
+    "ehmi_display",
+    "raises or clears a fault of the simulated external display or of its cable; durations are real time",
+    System.SIMULATION,
+)
+INJECT_COMPUTER_FAULT = Service(
+    "/sim/inject_computer_fault",
+    "custom_msgs/srv/InjectFault",
+    "sim_computer",
+    "raises or clears a trouble of the simulated robot's computer or of its screen; durations are real time",
     System.SIMULATION,
 )
 INJECT_ENGINE_FAULT = Service(
@@ -111,92 +138,6 @@ SET_GRIPPER = Service(
     "std_srvs/srv/SetBool",
     "follow_joint_trajectory_server",
     "closes (true) or opens (false) the gripper",
-    _WMX,
-)
-
-# Beyond the documents: optional nodes, in no profile by default.
-IO_GET_INPUT_BIT = Service(
-    "/wmx/io/get_input_bit",
-    "wmx_ros2_message/srv/GetIoBit",
-    "wmx_io_node",
-    "one digital input",
-    _WMX,
-)
-IO_GET_OUTPUT_BIT = Service(
-    "/wmx/io/get_output_bit",
-    "wmx_ros2_message/srv/GetIoBit",
-    "wmx_io_node",
-    "one digital output as commanded",
-    _WMX,
-)
-IO_GET_INPUT_BYTES = Service(
-    "/wmx/io/get_input_bytes",
-    "wmx_ros2_message/srv/GetIoBytes",
-    "wmx_io_node",
-    "bytes of the input image",
-    _WMX,
-)
-IO_GET_OUTPUT_BYTES = Service(
-    "/wmx/io/get_output_bytes",
-    "wmx_ros2_message/srv/GetIoBytes",
-    "wmx_io_node",
-    "bytes of the output image as commanded",
-    _WMX,
-)
-IO_SET_OUTPUT_BIT = Service(
-    "/wmx/io/set_output_bit",
-    "wmx_ros2_message/srv/SetIoBit",
-    "wmx_io_node",
-    "writes one digital output",
-    _WMX,
-)
-IO_SET_OUTPUT_BYTES = Service(
-    "/wmx/io/set_output_bytes",
-    "wmx_ros2_message/srv/SetIoBytes",
-    "wmx_io_node",
-    "writes bytes of the output image",
-    _WMX,
-)
-PARAMS_LOAD = Service(
-    "/wmx/params/load",
-    "wmx_ros2_message/srv/LoadWmxParams",
-    "wmx_params_node",
-    "imports a parameter file into the engine",
-    _WMX,
-)
-PARAMS_GET = Service(
-    "/wmx/params/get",
-    "wmx_ros2_message/srv/GetWmxParams",
-    "wmx_params_node",
-    "parameters of axes as text",
-    _WMX,
-)
-ECAT_GET_NETWORK_STATE = Service(
-    "/wmx/ecat/get_network_state",
-    "wmx_ros2_message/srv/EcatGetNetworkState",
-    "wmx_ethercat_node",
-    "an EtherCAT master and its slaves",
-    _WMX,
-)
-ECAT_REGISTER_READ = Service(
-    "/wmx/ecat/register_read",
-    "wmx_ros2_message/srv/EcatRegisterRead",
-    "wmx_ethercat_node",
-    "registers of a slave",
-    _WMX,
-)
-ECAT_RESET_STATISTICS = Service(
-    "/wmx/ecat/reset_statistics",
-    "wmx_ros2_message/srv/EcatResetStatistics",
-    "wmx_ethercat_node",
-    "starts a master's counters anew",
-    _WMX,
-)
-ECAT_START_HOTCONNECT = Service(
-    "/wmx/ecat/start_hotconnect",
-    "wmx_ros2_message/srv/EcatStartHotconnect",
-    "wmx_ethercat_node",
-    "takes in slaves connected while communicating",
     _WMX,
 )
 

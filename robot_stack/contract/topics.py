@@ -4,33 +4,64 @@ Node names that stand for people and tools outside the process table are listed 
 """
 
 from robot_stack.contract import qos
-from robot_stack.contract.model import System, Topic
+from robot_stack.contract.model import EVERY_NODE, System, Topic
 
-EVERY_NODE = "*"
 OPERATOR_TOOL = "robot_stack_cli"
 TEST_TOOL = "scenario_runner"
-OUTSIDE = (OPERATOR_TOOL, TEST_TOOL, "rviz")
+# Programs of others: a planner, ros2 topic pub, a screen on another computer.
+EXTERNAL = "external"
+OUTSIDE = (OPERATOR_TOOL, TEST_TOOL, EXTERNAL, "rviz")
+
+# Who lets the robot move by itself.
+_DEPARTING = ("mission_manager", "navigation_controller", "docking_controller")
+
+# Drivers of real devices (robot_stack.drivers): a profile runs one for each sensor in the place of the simulated one.
+_CAMERA_PORTS = ("v4l2_camera_driver",)
+_BATTERY_PORTS = ("pylontech_driver", "modbus_battery_driver")
+_IMU_PORTS = ("xsens_driver",)
+_LIDAR_PORTS = ("point_cloud_adapter", "velodyne_driver", "ouster_driver")
+_OVERHEAD_LIDAR_PORTS = ("overhead_lidar_adapter",)
 
 _WMX = System.WMX
 _SIM = System.SIMULATION
 
 # --- system -------------------------------------------------------------------------------------------------------
+_STOP_SOURCES = (
+    "emergency_stop_button",
+    "touch_ui",
+    "mission_manager",
+    "docking_controller",
+    "supervisor",
+    OPERATOR_TOOL,
+)
 EMERGENCY_STOP = Topic(
     "/emergency_stop",
     "std_msgs/msg/Bool",
     qos.LATCHED,
-    ("emergency_stop_button", "touch_ui", "mission_manager", "docking_controller", "supervisor", OPERATOR_TOOL),
+    _STOP_SOURCES,
     (EVERY_NODE,),
     "true: stop at once; false: a request to release, which the safety monitor alone grants",
     queue=10,  # a true that is followed by a false at once must still be seen
+    wakes=(EVERY_NODE,),
+)
+EMERGENCY_STOP_SOURCES = Topic(
+    "/emergency_stop/sources",
+    "custom_msgs/msg/EmergencyStopSource",
+    qos.REQUEST_QUEUE,
+    _STOP_SOURCES,
+    ("safety_monitor",),
+    "who says what on /emergency_stop: a press stands until the process that pressed releases it",
+    rate_hz=5.0,
+    stale_s=1.0,
+    queue=50,
 )
 ROBOT_STATUS = Topic(
     "/robot_status",
     "custom_msgs/msg/RobotStatus",
     qos.STATUS,
     ("system_monitor",),
-    ("touch_ui", "mission_manager"),
-    "battery, pose, safety, mission and computer health in one message",
+    ("touch_ui", "mission_manager", "safety_monitor"),
+    "battery, pose, safety, mission and computer health in one message; NaN and empty mean unknown",
     rate_hz=10.0,
     stale_s=1.0,
 )
@@ -55,27 +86,49 @@ HEARTBEAT = Topic(
     "custom_msgs/msg/Heartbeat",
     qos.HEARTBEAT,
     (EVERY_NODE,),
-    ("safety_monitor", "supervisor"),
-    "sent from the node's own loop, so that a hung node falls silent",
-    rate_hz=5.0,
-    stale_s=1.0,
+    (EXTERNAL,),
+    "for who is outside this machine: safety monitor and supervisor read the nodes' records in shared memory (5 Hz)",
+    rate_hz=1.0,
+    stale_s=3.0,
 )
 DIAGNOSTICS = Topic(
     "/diagnostics",
     "diagnostic_msgs/msg/DiagnosticArray",
     qos.DIAGNOSTICS,
     (EVERY_NODE,),
-    ("system_monitor", "touch_ui", OPERATOR_TOOL),
+    ("system_monitor", "touch_ui"),
     "each node's inputs (age, rate), faults and loop statistics",
     rate_hz=1.0,
     stale_s=3.0,
+    queue=100,  # all nodes of a stack that were started together report together
+    sometimes=("touch_ui",),  # while a page shows it
+)
+DIAGNOSTICS_AGG = Topic(
+    "/diagnostics_agg",
+    "diagnostic_msgs/msg/DiagnosticArray",
+    qos.COMMAND,  # diagnostic_aggregator's
+    ("system_monitor",),
+    (EXTERNAL,),
+    "/diagnostics of all nodes as one tree with slash paths, by diagnostic_aggregator's conventions",
+    rate_hz=1.0,
+    stale_s=3.0,
+)
+COMPUTER_TEMPERATURE = Topic(
+    "/system/temperature",
+    "sensor_msgs/msg/Temperature",
+    qos.STATUS,
+    ("system_monitor",),
+    ("safety_monitor",),
+    "the computer's hottest thermal zone, which frame_id names; NaN where the kernel has none",
+    rate_hz=5.0,
+    stale_s=1.0,
 )
 BATTERY_STATE = Topic(
     "/battery_state",
     "sensor_msgs/msg/BatteryState",
     qos.STATUS,
-    ("battery_driver",),
-    ("system_monitor", "safety_monitor", "mission_manager"),
+    ("battery_driver", *_BATTERY_PORTS),
+    ("system_monitor", "safety_monitor", "mission_manager", "touch_ui"),
     "48 V pack",
     rate_hz=1.0,
     stale_s=5.0,
@@ -85,15 +138,24 @@ TF = Topic(
     "tf2_msgs/msg/TFMessage",
     qos.TF,
     ("ndt_localization", "swerve_controller"),
-    ("perception_pipeline", "costmap_server", "rviz"),
+    ("rviz",),
     "map->odom from localization (10 Hz), odom->base_link from the swerve controller (50 Hz)",
 )
 TF_STATIC = Topic(
     "/tf_static",
     "tf2_msgs/msg/TFMessage",
     qos.TF_STATIC,
-    ("imu_driver", "lidar_driver", "camera_driver"),
-    ("perception_pipeline", "costmap_server", "rviz"),
+    (
+        "imu_driver",
+        "lidar_driver",
+        "overhead_lidar_driver",
+        "camera_driver",
+        *_CAMERA_PORTS,
+        *_IMU_PORTS,
+        *_LIDAR_PORTS,
+        *_OVERHEAD_LIDAR_PORTS,
+    ),
+    ("rviz",),
     "base_link->sensor, each from the sensor's driver",
 )
 
@@ -107,6 +169,7 @@ WHEEL_COMMANDS = Topic(
     "m/s and rad per module, order FL FR RL RR",
     rate_hz=20.0,
     stale_s=0.15,
+    wakes=("swerve_hardware_interface",),
 )
 JOINT_STATES = Topic(
     "/joint_states",
@@ -117,6 +180,8 @@ JOINT_STATES = Topic(
     "8 joints fl_drive, fl_steer, ... rr_steer; rad, rad/s, Nm; drive position is the accumulated wheel angle",
     rate_hz=50.0,
     stale_s=0.1,
+    queue=5,
+    wakes=("swerve_controller",),  # odometry is due with each
 )
 ODOM = Topic(
     "/odom",
@@ -128,12 +193,14 @@ ODOM = Topic(
         "navigation_controller",
         "docking_controller",
         "perception_pipeline",
-        "costmap_server",
         "mission_manager",
+        "touch_ui",
     ),
     "wheel odometry, odom -> base_link, with covariance",
     rate_hz=50.0,
     stale_s=0.2,
+    queue=15,
+    sometimes=("touch_ui",),  # while a page shows it
 )
 CMD_VEL_LIMITED = Topic(
     "/swerve/cmd_vel_limited",
@@ -172,13 +239,15 @@ TELEOP_CMD_VEL = Topic(
     "/teleop/cmd_vel",
     "geometry_msgs/msg/TwistStamped",
     qos.COMMAND,
-    ("touch_ui", OPERATOR_TOOL),
-    ("swerve_controller", "safety_monitor"),
+    ("touch_ui", "joystick_driver", TEST_TOOL),
+    ("swerve_controller", "safety_monitor", "mission_manager"),
     "velocity in base_link from a person's hand; highest of the three command sources",
     rate_hz=20.0,
     stale_s=0.2,
     on_demand=True,
 )
+# What the drive follows: a later one goes before the ones before it; one that is silent for its stale_s gives it up.
+DRIVE_COMMANDS = (CMD_VEL, DOCKING_CMD_VEL, TELEOP_CMD_VEL)
 
 # --- pose and navigation ------------------------------------------------------------------------------------------
 CURRENT_POSE = Topic(
@@ -196,7 +265,7 @@ LOCALIZATION_QUALITY = Topic(
     "std_msgs/msg/Float32",
     qos.SENSOR,
     ("ndt_localization",),
-    ("safety_monitor", "system_monitor"),
+    ("safety_monitor", "system_monitor", "touch_ui"),
     "[0, 1]",
     rate_hz=10.0,
     stale_s=0.5,
@@ -205,17 +274,19 @@ INITIAL_POSE = Topic(
     "/initialpose",
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     qos.COMMAND,
-    ("touch_ui", OPERATOR_TOOL, "rviz"),
+    ("touch_ui", "rviz"),
     ("ndt_localization",),
     "start or correction of the pose in map",
+    wakes=("ndt_localization",),
 )
 GOAL_POSE = Topic(
     "/goal_pose",
     "geometry_msgs/msg/PoseStamped",
     qos.COMMAND,
-    ("mission_manager", "docking_controller", "touch_ui", OPERATOR_TOOL),
+    ("mission_manager", "docking_controller", "touch_ui", TEST_TOOL),
     ("navigation_controller",),
     "goal in map; an empty frame_id cancels the current goal",
+    wakes=("navigation_controller",),
 )
 PLAN = Topic(
     "/plan",
@@ -233,28 +304,46 @@ NAVIGATION_STATUS = Topic(
     ("mission_manager", "touch_ui"),
     "internal: what navigation does or why it gave up, for people; nobody's decision depends on it",
 )
+NAVIGATION_PEOPLE = Topic(
+    "/navigation/people",
+    "visualization_msgs/msg/MarkerArray",
+    qos.SENSOR,
+    ("navigation_controller",),
+    ("touch_ui",),
+    "internal: what of a person's size it follows, in odom at the costmap's stamp: a cylinder each, its namespace "
+    "walking, person (has walked) or object, and an arrow, namespace velocity, to where who walks will be in 1 s; for "
+    "pictures, while somebody listens",
+    rate_hz=5.0,
+    stale_s=1.0,
+    on_demand=True,
+    sometimes=("touch_ui",),  # while a page shows it
+)
 
 # --- sensors and perception ---------------------------------------------------------------------------------------
 IMU = Topic(
     "/sensors/imu",
     "sensor_msgs/msg/Imu",
     qos.SENSOR,
-    ("imu_driver",),
+    ("imu_driver", *_IMU_PORTS),
     ("ndt_localization", "safety_monitor", "perception_pipeline"),
     "at base_link",
     rate_hz=100.0,
     stale_s=0.1,
+    queue=30,
 )
 LIDAR_POINTS = Topic(
     "/sensors/lidar/points",
     "sensor_msgs/msg/PointCloud2",
     qos.SENSOR,
-    ("lidar_driver",),
+    ("lidar_driver", *_LIDAR_PORTS),
     ("perception_pipeline", "ndt_localization", "safety_monitor"),
     "full sweep, about 150k points: x y z intensity ring time",
     rate_hz=10.0,
     stale_s=0.5,
     bulk=True,
+    # The one without half sweeps, the other with a map.
+    sometimes=("perception_pipeline", "ndt_localization"),
+    wakes=("ndt_localization",),
 )
 LIDAR_HALF_SWEEP = Topic(
     "/sensors/lidar/half_sweep",
@@ -266,34 +355,76 @@ LIDAR_HALF_SWEEP = Topic(
     rate_hz=20.0,
     stale_s=0.3,
     bulk=True,
+    wakes=("perception_pipeline",),
+)
+OVERHEAD_LIDAR_POINTS = Topic(
+    "/sensors/overhead_lidar/points",
+    "sensor_msgs/msg/PointCloud2",
+    qos.SENSOR,
+    ("overhead_lidar_driver", *_OVERHEAD_LIDAR_PORTS),
+    ("perception_pipeline", "safety_monitor"),
+    "frames of up to 20k points around and ahead of robot and chair: x y z intensity ring time",
+    rate_hz=10.0,
+    stale_s=0.3,
+    bulk=True,
+)
+VENDOR_POINTS = Topic(
+    "/lidar/vendor_points",
+    "sensor_msgs/msg/PointCloud2",
+    qos.SENSOR,
+    (EXTERNAL,),
+    ("point_cloud_adapter",),
+    "the main LiDAR's cloud by its vendor's own ROS driver, in that driver's layout; the name is a parameter",
+    rate_hz=10.0,
+    stale_s=0.5,
+    bulk=True,
+    wakes=("point_cloud_adapter",),
+    sometimes=("point_cloud_adapter",),  # under the name that its parameters give
+)
+OVERHEAD_VENDOR_POINTS = Topic(
+    "/overhead_lidar/vendor_points",
+    "sensor_msgs/msg/PointCloud2",
+    qos.SENSOR,
+    (EXTERNAL,),
+    ("overhead_lidar_adapter",),
+    "likewise the overhead LiDAR's",
+    rate_hz=10.0,
+    stale_s=0.5,
+    bulk=True,
+    wakes=("overhead_lidar_adapter",),
+    sometimes=("overhead_lidar_adapter",),  # under the name that its parameters give
 )
 FRONT_IMAGE = Topic(
     "/sensors/camera/front/image_raw",
     "sensor_msgs/msg/Image",
     qos.SENSOR,
-    ("camera_driver",),
-    ("aruco_detector",),
+    ("camera_driver", *_CAMERA_PORTS),
+    ("aruco_detector", "touch_ui"),
     "1280x720 mono8; stamp: middle of the exposure of the middle row",
     rate_hz=10.0,
     stale_s=0.5,
     bulk=True,
+    wakes=("aruco_detector",),
+    sometimes=("touch_ui",),  # while a page shows it
 )
 REAR_IMAGE = Topic(
     "/sensors/camera/rear/image_raw",
     "sensor_msgs/msg/Image",
     qos.SENSOR,
-    ("camera_driver",),
-    ("aruco_detector",),
+    ("camera_driver", *_CAMERA_PORTS),
+    ("aruco_detector", "touch_ui"),
     "1280x720 mono8; stamp: middle of the exposure of the middle row",
     rate_hz=10.0,
     stale_s=0.5,
     bulk=True,
+    wakes=("aruco_detector",),
+    sometimes=("touch_ui",),  # while a page shows it
 )
 FRONT_CAMERA_INFO = Topic(
     "/sensors/camera/front/camera_info",
     "sensor_msgs/msg/CameraInfo",
     qos.SENSOR,
-    ("camera_driver",),
+    ("camera_driver", *_CAMERA_PORTS),
     ("aruco_detector", "safety_monitor"),
     "intrinsics of the front camera, with each image",
     rate_hz=10.0,
@@ -303,7 +434,7 @@ REAR_CAMERA_INFO = Topic(
     "/sensors/camera/rear/camera_info",
     "sensor_msgs/msg/CameraInfo",
     qos.SENSOR,
-    ("camera_driver",),
+    ("camera_driver", *_CAMERA_PORTS),
     ("aruco_detector", "safety_monitor"),
     "intrinsics of the rear camera, with each image",
     rate_hz=10.0,
@@ -314,20 +445,46 @@ OBSTACLES = Topic(
     "sensor_msgs/msg/PointCloud2",
     qos.SENSOR,
     ("perception_pipeline",),
-    ("costmap_server", "safety_monitor"),
-    "obstacle points without ground, 0.1-2.0 m above it; base_link at the stamp, which is the newest point's time",
+    ("costmap_server", "safety_monitor", "touch_ui"),
+    "obstacle points without ground, 0.1-2.0 m above it, seen or remembered; base_link at the stamp, which is the "
+    "newest point's time",
     rate_hz=20.0,
     stale_s=0.3,
+    queue=8,
+    sometimes=("touch_ui",),  # while a page shows it
 )
-FREE_SPACE = Topic(
-    "/perception/free_space",
-    "sensor_msgs/msg/LaserScan",
+UNSEEN_SPACE = Topic(
+    "/perception/unseen",
+    "sensor_msgs/msg/PointCloud2",
+    qos.SENSOR,
+    ("perception_pipeline",),
+    ("safety_monitor",),
+    "with each obstacle cloud, where the space that is seen or remembered ends: the cells beside it",
+    rate_hz=20.0,
+    stale_s=0.3,
+    queue=8,
+)
+MOVING = Topic(
+    "/perception/moving",
+    "sensor_msgs/msg/PointCloud2",
+    qos.SENSOR,
+    ("perception_pipeline",),
+    ("safety_monitor",),
+    "with each obstacle cloud, points of who moves, and velocity over ground: x, y, z, vx, vy along base_link's axes",
+    rate_hz=20.0,
+    stale_s=0.3,
+    queue=8,
+)
+SPACE = Topic(
+    "/perception/space",
+    "nav_msgs/msg/OccupancyGrid",
     qos.SENSOR,
     ("perception_pipeline",),
     ("costmap_server",),
-    "internal: with each obstacle cloud, how far the ground has been seen free in each direction; 0: not seen",
-    rate_hz=20.0,
-    stale_s=0.3,
+    "internal: rolling grid in odom of what is free (0), occupied (100), or neither seen nor remembered (-1)",
+    rate_hz=5.0,
+    stale_s=1.0,
+    wakes=("costmap_server",),
 )
 LOCAL_COSTMAP = Topic(
     "/local_costmap/costmap",
@@ -338,6 +495,7 @@ LOCAL_COSTMAP = Topic(
     "rolling grid in odom",
     rate_hz=5.0,
     stale_s=1.0,
+    sometimes=("navigation_controller", "touch_ui"),  # which can be told to go without
 )
 
 # --- docking ------------------------------------------------------------------------------------------------------
@@ -350,6 +508,8 @@ ARUCO_DETECTIONS = Topic(
     "markers of both cameras, each in its camera's frame; empty while docking needs none",
     rate_hz=10.0,
     stale_s=0.5,
+    queue=3,
+    sometimes=("touch_ui",),  # while a page shows it
 )
 DOCKING_STATUS = Topic(
     "/docking/status",
@@ -383,14 +543,18 @@ SAFETY_STATUS = Topic(
     "state, active faults, nearest obstacle, e-stop",
     rate_hz=10.0,
     stale_s=0.5,
+    queue=10,  # an emergency that is followed by its end must still be seen by who looks seldom
 )
 VELOCITY_LIMIT = Topic(
     "/safety/velocity_limit",
     "custom_msgs/msg/VelocityLimit",
     qos.LATCHED,
     ("safety_monitor",),
-    ("swerve_controller", "navigation_controller", "docking_controller"),
-    "the smallest limit in force and its reason; 0 is a stop",
+    ("swerve_controller", "navigation_controller", "docking_controller", "touch_ui", OPERATOR_TOOL),
+    "the smallest limit in force and its reason; 0 is a stop, and so is silence",
+    rate_hz=10.0,
+    stale_s=0.25,
+    wakes=("swerve_controller",),
 )
 
 # --- mission, eHMI, UI --------------------------------------------------------------------------------------------
@@ -401,6 +565,7 @@ UI_COMMAND = Topic(
     ("touch_ui", OPERATOR_TOOL),
     ("mission_manager",),
     "START_MISSION, PAUSE, RESUME, ABORT, EMERGENCY_STOP",
+    wakes=("mission_manager",),
 )
 MISSION_STATUS = Topic(
     "/mission/status",
@@ -409,6 +574,30 @@ MISSION_STATUS = Topic(
     ("mission_manager",),
     ("touch_ui", "system_monitor", "ehmi_bridge", OPERATOR_TOOL),
     "state, waypoint, progress, ETA, reason of a refusal",
+)
+UI_HEARTBEAT = Topic(
+    "/ui/heartbeat",
+    "std_msgs/msg/Header",
+    qos.COMMAND,
+    ("touch_ui",),
+    ("safety_monitor", "system_monitor", "sim_computer"),
+    "only while a page is connected and answers; frame_id unused",
+    rate_hz=1.0,
+    stale_s=5.0,
+    on_demand=True,
+)
+DEPARTURE_WARNING = Topic(
+    "/departure_warning",
+    "std_msgs/msg/Header",
+    qos.COMMAND,
+    _DEPARTING,
+    _DEPARTING,
+    "people are being warned; frame_id: the node that is about to let the robot go, stamp: when it will; "
+    "at that moment once more",
+    rate_hz=10.0,
+    stale_s=0.5,
+    queue=10,
+    on_demand=True,
 )
 EHMI_STATE_COMMAND = Topic(
     "/ehmi/state_command",
@@ -423,10 +612,11 @@ EHMI_STATUS = Topic(
     "custom_msgs/msg/EHMIStatus",
     qos.STATUS,
     ("ehmi_bridge",),
-    ("safety_monitor", "system_monitor"),
+    ("safety_monitor", "system_monitor", "touch_ui"),
     "link, acknowledged state, firmware fault",
     rate_hz=1.0,
     stale_s=5.0,
+    sometimes=("touch_ui",),  # while a page shows it
 )
 
 # --- WMX layer (vendor default QoS: KeepLast(1), reliable, volatile) ----------------------------------------------
@@ -450,6 +640,7 @@ ISAAC_JOINT_COMMAND = Topic(
     "the joint states for Isaac Sim, stamp zero",
     rate_hz=500.0,
     stale_s=0.1,
+    sometimes=("manipulator_state",),  # where its parameters name the topic
     system=_WMX,
 )
 GAZEBO_COMMANDS = Topic(
@@ -461,6 +652,7 @@ GAZEBO_COMMANDS = Topic(
     "8 positions for the Gazebo position controller",
     rate_hz=500.0,
     stale_s=0.1,
+    sometimes=("manipulator_state",),  # where its parameters name the topic
     system=_WMX,
 )
 WMX_AXIS_STATE = Topic(
@@ -478,37 +670,52 @@ WMX_AXIS_VELOCITY = Topic(
     "/wmx/axis/velocity",
     "wmx_ros2_message/msg/AxisVelocity",
     qos.COMMAND,
-    (OPERATOR_TOOL,),
+    (EXTERNAL,),
     ("wmx_ros2_general_node",),
     "velocity motion per axis, rad/s",
     system=_WMX,
+    wakes=("wmx_ros2_general_node",),
 )
 WMX_AXIS_POSITION = Topic(
     "/wmx/axis/position",
     "wmx_ros2_message/msg/AxisPose",
     qos.COMMAND,
-    (OPERATOR_TOOL,),
+    (EXTERNAL,),
     ("wmx_ros2_general_node",),
     "absolute position motion per axis, rad",
     system=_WMX,
+    wakes=("wmx_ros2_general_node",),
 )
 WMX_AXIS_POSITION_RELATIVE = Topic(
     "/wmx/axis/position/relative",
     "wmx_ros2_message/msg/AxisPose",
     qos.COMMAND,
-    (OPERATOR_TOOL,),
+    (EXTERNAL,),
     ("wmx_ros2_general_node",),
     "relative position motion per axis, rad",
     system=_WMX,
+    wakes=("wmx_ros2_general_node",),
 )
 WMX_CMD_VEL = Topic(
     "/cmd_vel",
     "geometry_msgs/msg/Twist",
     qos.COMMAND,
-    (OPERATOR_TOOL,),
+    (EXTERNAL,),
     ("diff_drive_controller",),
     "twist of the differential base",
     system=_WMX,
+    wakes=("diff_drive_controller",),
+)
+WMX_CMD_VEL_STAMPED = Topic(
+    "/diff_drive_controller/cmd_vel",
+    "geometry_msgs/msg/TwistStamped",
+    qos.COMMAND,
+    (EXTERNAL,),
+    ("diff_drive_controller",),
+    "twist of the differential base, for senders that stamp it; of both topics the newest counts",
+    sometimes=("diff_drive_controller",),  # where its parameters name the topic
+    system=_WMX,
+    wakes=("diff_drive_controller",),
 )
 WMX_CMD_VEL_CHECK = Topic(
     "/cmd_vel_check",
@@ -517,6 +724,7 @@ WMX_CMD_VEL_CHECK = Topic(
     ("diff_drive_controller",),
     (),
     "echo of the received twist",
+    sometimes=("diff_drive_controller",),  # where its parameters name the topic
     system=_WMX,
 )
 WMX_WHEEL_VELOCITIES = Topic(
@@ -528,6 +736,7 @@ WMX_WHEEL_VELOCITIES = Topic(
     "measured [left, right] wheel speed, rad/s",
     rate_hz=100.0,
     stale_s=0.1,
+    sometimes=("diff_drive_controller",),  # where its parameters name the topic
     system=_WMX,
 )
 WMX_ODOM_ENC = Topic(
@@ -539,6 +748,7 @@ WMX_ODOM_ENC = Topic(
     "encoder twist of the differential base",
     rate_hz=100.0,
     stale_s=0.1,
+    sometimes=("diff_drive_controller",),  # where its parameters name the topic
     system=_WMX,
 )
 WMX_TF = Topic(
@@ -548,6 +758,7 @@ WMX_TF = Topic(
     ("diff_drive_controller",),
     ("rviz",),
     "odom->base_link of the differential base, where its parameter publish_tf says so",
+    sometimes=("diff_drive_controller",),  # where its parameters name the topic
     system=_WMX,
 )
 
@@ -559,7 +770,9 @@ CLOCK = Topic(
     ("sim_world",),
     (EVERY_NODE,),
     "simulation time; published only when the world does not run at real time",
+    sometimes=("sim_world", EVERY_NODE),  # nodes of this machine have the world's time from shared memory
     system=_SIM,
+    wakes=(EVERY_NODE,),
 )
 SIM_GROUND_TRUTH = Topic(
     "/sim/ground_truth",
@@ -589,11 +802,12 @@ SIM_BODIES = Topic(
     "tf2_msgs/msg/TFMessage",
     qos.SENSOR,
     ("sim_world",),
-    ("camera_driver", "lidar_driver", TEST_TOOL, OPERATOR_TOOL),
+    ("camera_driver", "lidar_driver", "overhead_lidar_driver", TEST_TOOL, OPERATOR_TOOL),
     "true poses of base_link, wheelchair, station boards and people in map: what a simulated sensor looks at",
     rate_hz=50.0,
     stale_s=0.2,
     system=_SIM,
+    wakes=("camera_driver", "lidar_driver", "overhead_lidar_driver"),
 )
 
 SIM_TOUCHED = Topic(
@@ -605,6 +819,17 @@ SIM_TOUCHED = Topic(
     "names of the solids and people that robot or wheelchair have touched since the start, joined by commas",
     system=_SIM,
 )
+SIM_EHMI_DISPLAY = Topic(
+    "/sim/ehmi_display",
+    "std_msgs/msg/String",
+    qos.STATUS,
+    ("ehmi_display",),
+    (TEST_TOOL, OPERATOR_TOOL),
+    "what the simulated external display shows, JSON: state, colour, motion, pictogram, text, sound; changes at once",
+    rate_hz=1.0,
+    stale_s=5.0,
+    system=_SIM,
+)
 
 ROWS: dict[str, Topic] = {key: value for key, value in list(globals().items()) if isinstance(value, Topic)}
 TOPICS: tuple[Topic, ...] = tuple(ROWS.values())
@@ -613,11 +838,3 @@ TOPICS: tuple[Topic, ...] = tuple(ROWS.values())
 def of_system(*systems: System) -> tuple[Topic, ...]:
     """The topics of the given systems, in the order of this file."""
     return tuple(topic for topic in TOPICS if topic.system in systems)
-
-
-def published_by(node: str) -> tuple[Topic, ...]:
-    return tuple(topic for topic in TOPICS if node in topic.publishers)
-
-
-def subscribed_by(node: str) -> tuple[Topic, ...]:
-    return tuple(topic for topic in TOPICS if node in topic.subscribers)

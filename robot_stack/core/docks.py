@@ -89,6 +89,11 @@ class Docks(Config):
         """The dock that carries a marker."""
         return next(((name, dock) for name, dock in self.docks.items() if marker_id in dock.markers), None)
 
+    def latched_wheelchair(self) -> Pose2 | None:
+        """A docked wheelchair's frame in base_link: they all hang at the same latch. None: no dock is one."""
+        chairs = (dock for dock in self.docks.values() if dock.kind == "wheelchair")
+        return next((dock.dock_pose.pose().inverse() for dock in chairs), None)
+
 
 def marker_corners(size_m: float) -> NDArray[np.float64]:
     """(4, 3) corners in the marker's frame, m, in OpenCV's order: top left, top right, bottom right, bottom left."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 
 def wrap_angle(angle_rad: float) -> float:
@@ -85,6 +86,26 @@ def exp_se2(twist: Twist2, dt_s: float) -> Pose2:
 def yaw_from_quaternion(x: float, y: float, z: float, w: float) -> float:
     """Yaw of a unit quaternion (rotation about z first in the z-y-x convention), rad."""
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+class Vector(Protocol):
+    """As of geometry_msgs: x, y in m."""
+
+    x: float
+    y: float
+
+
+class Quaternion(Vector, Protocol):
+    """As of geometry_msgs."""
+
+    z: float
+    w: float
+
+
+def planar_pose(position: Vector, orientation: Quaternion) -> Pose2:
+    """What a pose in space is on the ground."""
+    q = orientation
+    return Pose2(position.x, position.y, yaw_from_quaternion(q.x, q.y, q.z, q.w))
 
 
 def quaternion_from_yaw(yaw_rad: float) -> tuple[float, float, float, float]:

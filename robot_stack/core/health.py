@@ -7,6 +7,8 @@ invent a fault, because ages are taken from the time of reception on the steady 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 # Rates are judged over this many seconds at least: shorter windows flag the ordinary jitter of a busy machine.
@@ -24,6 +26,41 @@ class InputState:
     received: int
 
 
+# Of the keys under which a node's entry in /diagnostics tells of its inputs.
+INPUT_PREFIX = "input "
+
+
+def describe_input(item: InputState) -> str:
+    """An input as /diagnostics tells it; ``parse_input`` reads it."""
+    if not item.received:
+        return "nothing received"
+    rate = "" if math.isnan(item.rate_hz) else f", {item.rate_hz:.1f} Hz"
+    return f"{item.received} received{rate}, age {item.age_s:.2f} s{'' if item.fresh else ', STALE'}"
+
+
+_DESCRIBED = re.compile(r"(\d+) received(?:, ([\d.]+) Hz)?, age (-?[\d.]+|nan|-?inf) s(, STALE)?")
+
+
+def parse_input(name: str, text: str) -> InputState | None:
+    """What ``describe_input`` was given, to its two digits; None for any other text."""
+    if text == "nothing received":
+        return InputState(name, math.inf, math.nan, False, 0)
+    found = _DESCRIBED.fullmatch(text)
+    if found is None:
+        return None
+    received, rate, age, stale = found.groups()
+    return InputState(name, float(age), math.nan if rate is None else float(rate), stale is None, int(received))
+
+
+def parse_inputs(values: Iterable[tuple[str, str]]) -> Iterator[InputState]:
+    """The inputs of which a node's entry in /diagnostics tells among its keys and values."""
+    for key, value in values:
+        if key.startswith(INPUT_PREFIX):
+            state = parse_input(key.removeprefix(INPUT_PREFIX), value)
+            if state is not None:
+                yield state
+
+
 class InputHealth:
     """Ages and rates of a node's inputs."""
 
@@ -33,6 +70,10 @@ class InputHealth:
     def add(self, name: str, stale_s: float | None) -> None:
         """Watches an input; ``stale_s`` None means that its age is never held against it."""
         self._inputs[name] = _Input(stale_s)
+
+    def remove(self, name: str) -> None:
+        """Nobody waits for this input any more."""
+        self._inputs.pop(name, None)
 
     def received(self, name: str, now_s: float) -> None:
         self._inputs[name].received(now_s)

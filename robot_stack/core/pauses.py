@@ -17,7 +17,7 @@ class PauseBudget:
     """Times are plain steady seconds."""
 
     def __init__(self, now_s: float) -> None:
-        self._left_s = LONGEST_S
+        self._remaining_s = LONGEST_S
         self._at_s = now_s
 
     def excuse(self, late_s: float, now_s: float) -> float:
@@ -27,8 +27,8 @@ class PauseBudget:
             return 0.0
         # The pause itself fills nothing: only time in which the process ran does.
         ran_s = max(0.0, elapsed_s - late_s)
-        self._left_s = min(LONGEST_S, self._left_s + SHARE * ran_s)
+        self._remaining_s = min(LONGEST_S, self._remaining_s + SHARE * ran_s)
         self._at_s = now_s
-        excused_s = min(late_s, self._left_s)
-        self._left_s -= excused_s
+        excused_s = min(late_s, self._remaining_s)
+        self._remaining_s -= excused_s
         return excused_s

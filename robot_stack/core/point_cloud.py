@@ -26,6 +26,9 @@ SWEEP = np.dtype(
 # One obstacle point, m.
 XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
 
+# One point of somebody who moves, m, and their velocity over ground along the same axes, m/s.
+MOVING = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("vx", "<f4"), ("vy", "<f4")])
+
 
 def xyz_of(points: Points) -> npt.NDArray[np.float32]:
     """(n, 3) view of x, y, z of a structured array that begins with them; no copy."""
@@ -37,3 +40,13 @@ def xyz_of(points: Points) -> npt.NDArray[np.float32]:
 def points_from_xyz(xyz_m: npt.NDArray[Any]) -> Points:
     """(n,) of ``XYZ`` from (n, 3) coordinates."""
     return np.ascontiguousarray(xyz_m, dtype=np.float32).view(XYZ).reshape(-1)
+
+
+def moving_points(rows: npt.NDArray[Any]) -> Points:
+    """(n,) of ``MOVING`` from (n, 5) rows."""
+    return np.ascontiguousarray(rows, dtype=np.float32).view(MOVING).reshape(-1)
+
+
+def rows_of(points: Points) -> npt.NDArray[np.float32]:
+    """(n, 5) of ``MOVING``."""
+    return np.ascontiguousarray(points.astype(MOVING)).view(np.float32).reshape(len(points), 5)

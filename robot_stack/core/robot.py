@@ -6,7 +6,9 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from robot_stack.contract import frames
 from robot_stack.core.config import Config, load
+from robot_stack.core.range_sensor import RangeSensor
 
 Positive = Annotated[float, Field(gt=0.0)]
 Bit = Annotated[int, Field(ge=0, lt=8)]
@@ -68,6 +70,22 @@ class Latch(Config):
         return self
 
 
+class Mast(Config):
+    """The upright tube that carries the overhead LiDAR's boom, m, base_link."""
+
+    x_m: float
+    y_m: float
+    radius_m: Positive
+    bottom_m: Positive
+    top_m: Positive
+
+    @model_validator(mode="after")
+    def _stands(self) -> Mast:
+        if self.top_m <= self.bottom_m:
+            raise ValueError("top_m must be above bottom_m")
+        return self
+
+
 class Robot(Config):
     """Everything that is true of the machine, whoever drives it."""
 
@@ -89,12 +107,27 @@ class Robot(Config):
     drive: Drive
     steer: Steer
     imu_xyz_m: Xyz
-    lidar_xyz_m: Xyz
     front_camera_xyz_m: Xyz
     rear_camera_xyz_m: Xyz
+    range_sensors: dict[str, RangeSensor]
+    mast: Mast
     estop_input_byte: Annotated[int, Field(ge=0, lt=8000)]
     estop_input_bit: Bit
     latch: Latch
+
+    @model_validator(mode="after")
+    def _has_its_lidar(self) -> Robot:
+        lidar = self.range_sensors.get(frames.LIDAR)
+        if lidar is None:
+            raise ValueError(f"range_sensors.{frames.LIDAR} is missing")
+        if any(lidar.rpy_deg):
+            raise ValueError(f"range_sensors.{frames.LIDAR}.rpy_deg must be 0: the sweep's users take it for upright")
+        return self
+
+    @property
+    def lidar_xyz_m(self) -> tuple[float, float, float]:
+        """The spinning LiDAR in base_link, m; it is not turned."""
+        return self.range_sensors[frames.LIDAR].xyz_m
 
     @model_validator(mode="after")
     def _inputs_differ(self) -> Robot:

@@ -11,6 +11,8 @@ import os
 from pathlib import Path
 from typing import IO
 
+_TOUCH_SCREEN = "touch_ui.url"
+
 
 class AlreadyRunning(Exception):
     """Another process holds the lock of this name."""
@@ -33,7 +35,12 @@ def runtime_dir() -> Path:
 
 
 def state_home() -> Path:
-    """The user's folder for what outlives a reboot: ``$XDG_STATE_HOME/robot_stack``, else in ``~/.local/state``."""
+    """The folder for what outlives a reboot: a service's ``$STATE_DIRECTORY``, else the user's
+    ``$XDG_STATE_HOME/robot_stack``, else in ``~/.local/state``.
+    """
+    of_service = os.environ.get("STATE_DIRECTORY", "").split(":")[0]
+    if of_service:
+        return Path(of_service)
     home = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
     return Path(home) / "robot_stack"
 
@@ -43,9 +50,44 @@ def state_dir() -> Path:
     return state_home() / f"domain-{ros_domain_id()}"
 
 
+def recordings_dir(chosen: str = "") -> Path:
+    """Where recordings go: the configured folder; empty: beside what else people keep."""
+    if chosen:
+        return Path(chosen).expanduser().absolute()
+    return data_home() / "recordings"
+
+
+def own_missions_dir() -> Path:
+    """Where missions go that are made on this robot; those of ``config/`` come with the software."""
+    return data_home() / "missions"
+
+
+def data_home() -> Path:
+    """The user's folder for what people keep: ``$XDG_DATA_HOME/robot_stack``, else in ``~/.local/share``."""
+    home = os.environ.get("XDG_DATA_HOME") or str(Path.home() / ".local" / "share")
+    return Path(home) / "robot_stack"
+
+
 def _shared_memory() -> Path:
     memory = Path("/dev/shm")
     return memory if os.access(memory, os.W_OK) else Path("/tmp")
+
+
+def tell_touch_screen(url: str | None) -> None:
+    """Leaves word where the touch screen's page is served; None: no longer."""
+    path = runtime_dir() / _TOUCH_SCREEN
+    if url is None:
+        path.unlink(missing_ok=True)
+    else:
+        path.write_text(url, encoding="ascii")
+
+
+def touch_screen_url() -> str | None:
+    """Where the touch screen's page is served, None if it is not, or has not said so yet."""
+    try:
+        return (runtime_dir() / _TOUCH_SCREEN).read_text(encoding="ascii")
+    except OSError:
+        return None
 
 
 def lock_path(name: str) -> Path:

@@ -1,1 +1,1 @@
-"""The local costmap: marking, clearing, decay, inflation."""
+"""The local costmap: inflation of the known space."""

@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from robot_stack.docking.params import ContactParams
+
+
+def push_n(torques_nm: Iterable[float], headings_rad: Iterable[float], wheel_radius_m: float) -> float:
+    """What the wheels push along base_link's x, N: each by the torque of its drive and the heading of its module."""
+    pairs = zip(torques_nm, headings_rad, strict=True)
+    return sum(torque * math.cos(heading) for torque, heading in pairs) / wheel_radius_m
 
 
 class ContactWatch:

@@ -14,9 +14,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.departure import SETTING_OUT, Departure
 from robot_stack.core.docks import Dock
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
-from robot_stack.docking.eyes import Eyes
+from robot_stack.docking.dock_tracker import DockTracker
 from robot_stack.docking.guard import Guard, held
 from robot_stack.docking.latch import LatchCommand, LatchKeeper
 from robot_stack.docking.learning import Correction, learnt
@@ -31,6 +32,8 @@ from robot_stack.docking.situation import Output, Situation, Step, View
 from robot_stack.docking.states import State, Trigger, target_of
 
 _WAYS = {"front": 1.0, "rear": -1.0}
+# What moves a robot that may have stood. FINE_ALIGN goes on from SERVOING, so slowly that it looks like standing.
+_MOVING = (Search, Servoing, BackToStaging, BackingOff)
 _LET_GO = "the latch has let go of the wheelchair by itself"
 
 
@@ -56,18 +59,21 @@ class _Idle:
 class DockingController:
     """One job at a time. Times are ROS time.
 
-    mountings: (4, 4) optical frame in base_link by camera frame. corrections: by dock id, as learnt before.
+    mountings: (4, 4) optical frame in base_link by camera frame. departure: knows whether people expect the robot to
+    move. corrections: by dock id, as learnt before.
     """
 
     def __init__(
         self,
         params: DockingParams,
         mountings: Mapping[str, NDArray[np.float64]],
+        departure: Departure,
         corrections: Mapping[str, Correction] | None = None,
     ) -> None:
         self._params = params
         self.corrections = dict(corrections or {})
-        self.eyes = Eyes(params.target, mountings)
+        self.tracker = DockTracker(params.target, mountings)
+        self._departure = departure
         self._keeper = LatchKeeper()
         self._guard = Guard(params, undocking=False)
         self._state = State.IDLE
@@ -95,6 +101,15 @@ class DockingController:
         """The dock of the present or the last job, empty before any."""
         return self._dock_id
 
+    @property
+    def attached(self) -> bool | None:
+        """A wheelchair is attached, or has come loose and not been undocked from. None while nobody knows."""
+        return self._keeper.attached
+
+    def recall(self, attached: bool) -> None:
+        """Tells, before the first tick, whether a wheelchair was attached when the controller before this one ended."""
+        self._keeper.recall(attached)
+
     # --- requests ----------------------------------------------------------------------------------------------------
 
     def dock(self, dock_id: str, dock: Dock, *, approach_only: bool = False) -> Result | None:
@@ -110,7 +125,7 @@ class DockingController:
         self._dock_id, self._dock = dock_id, dock
         self._undocking, self._tries, self._distance_m = False, 1, 0.0
         self._guard = Guard(self._params, undocking=False)
-        self.eyes.look_for(dock, self.corrections.get(dock_id, Correction()))
+        self.tracker.look_for(dock, self.corrections.get(dock_id, Correction()))
         self._enter(Trigger.DOCK, DriveToStaging(dock.staging.pose(), self._params.staging, only=approach_only))
         return None
 
@@ -122,7 +137,7 @@ class DockingController:
         self._undocking, self._tries, self._distance_m = True, 1, 0.0
         self._guard = Guard(self._params, undocking=True)
         if self._dock is not None:
-            self.eyes.look_for(self._dock, self.corrections.get(self._dock_id, Correction()))
+            self.tracker.look_for(self._dock, self.corrections.get(self._dock_id, Correction()))
         self._enter(Trigger.UNDOCK, Unlatching(self._params.latch, has_latch=bool(self._keeper.attached)))
         return None
 
@@ -152,11 +167,11 @@ class DockingController:
 
     def on_odometry(self, stamp_s: float, pose: Pose2) -> None:
         """Takes base_link in odom, which must be finite."""
-        self.eyes.on_odometry(stamp_s, pose)
+        self.tracker.on_odometry(stamp_s, pose)
 
     def on_markers(self, markers: Sequence[Marker]) -> None:
         """Takes the markers of all cameras' newest images."""
-        self.eyes.on_markers(markers)
+        self.tracker.on_markers(markers)
 
     # --- tick --------------------------------------------------------------------------------------------------------
 
@@ -165,6 +180,7 @@ class DockingController:
         dt_s = situation.now_s - self._now_s
         self._now_s = situation.now_s
         dt_s = min(dt_s, self._params.motion.longest_step_s) if dt_s > 0.0 else 0.0
+        self._departure.elapse(situation.twist, dt_s)
         was_busy = self.busy
         let_go = self._watch_latch(situation)
         view = self._view(situation, dt_s)
@@ -172,7 +188,10 @@ class DockingController:
         if failure is not None:
             step = Step(failure.reason, ZERO_TWIST, Trigger.TRY_FAILED, failure)
         elif self.busy and held(situation):
+            self._departure.drop()
             step = Step("stopped by safety", ZERO_TWIST)
+        elif self._warns(dt_s):
+            step = Step(SETTING_OUT, ZERO_TWIST)
         else:
             step = self._phase.tick(view)
         output = self._act(step, view)
@@ -180,6 +199,13 @@ class DockingController:
             return output
         ended = self._result(DockCode.LATCH_FAILED, _LET_GO, view) if was_busy else None
         return replace(output, emergency=True, result=ended)
+
+    def _warns(self, dt_s: float) -> bool:
+        """People are being warned before this moves a robot that has stood for long. Else navigation does, or did."""
+        if not isinstance(self._phase, _MOVING):
+            self._departure.drop()
+            return False
+        return not self._departure.cleared(dt_s)
 
     def _act(self, step: Step, view: View) -> Output:
         was_driven = isinstance(self._phase, DriveToStaging)
@@ -221,7 +247,7 @@ class DockingController:
         phase = self._phase
         if isinstance(phase, Latching) and phase.closed:
             self._phase = LookingOnce(self._params.latch)
-            self.eyes.count_from(self._now_s + self._params.latch.learn_after_s)
+            self.tracker.count_from(self._now_s + self._params.latch.learn_after_s)
         elif isinstance(phase, LookingOnce) and phase.finished:
             return self._docked(view)
         if step.trigger is None or (step.trigger is Trigger.FOUND and self._must_open(view)):
@@ -241,10 +267,10 @@ class DockingController:
         if trigger is Trigger.UNLATCHED:
             return BackingOff(p.undock, p.motion)
         if trigger in (Trigger.STAGED, Trigger.LOST):
-            last = self.eyes.dock_pose_in_odom() if trigger is Trigger.LOST else None
+            last = self.tracker.dock_pose_in_odom() if trigger is Trigger.LOST else None
             if trigger is Trigger.STAGED:
                 self._guard.begin_try()
-            self.eyes.forget()
+            self.tracker.forget()
             return Search(last, p.search, p.motion)
         if trigger is Trigger.FOUND:
             return Servoing(p)
@@ -261,12 +287,12 @@ class DockingController:
             self._enter(Trigger.GAVE_UP, self._resting_phase(failure.reason))
             return self._result(failure.code, failure.reason, view)
         assert self._dock is not None
-        back = self.eyes.dock_pose_in_odom()
+        back = self.tracker.dock_pose_in_odom()
         phase: Phase = DriveToStaging(self._dock.staging.pose(), self._params.staging, only=False)
         if back is not None and self._state is not State.APPROACH:
             phase = BackToStaging(back, self._params.staging, self._params.motion)
         self._tries += 1
-        self.eyes.forget()
+        self.tracker.forget()
         self._enter(Trigger.TRY_FAILED, phase)
         self._text = f"try {self._tries}: {failure.reason}"
         return None
@@ -283,7 +309,7 @@ class DockingController:
         before = self.corrections.get(self._dock_id, Correction())
         found = learnt(
             before,
-            self.eyes.sightings,
+            self.tracker.sightings,
             dock.dock_pose.pose(),
             p.learn_share,
             p.largest_correction_m,
@@ -307,7 +333,7 @@ class DockingController:
         return let_go
 
     def _view(self, situation: Situation, dt_s: float) -> View:
-        dock_pose = None if self._undocking else self.eyes.dock_pose_in_odom()
+        dock_pose = None if self._undocking else self.tracker.dock_pose_in_odom()
         base = None
         if dock_pose is not None and situation.odom is not None:
             base = situation.odom.relative_to(dock_pose)
@@ -315,12 +341,12 @@ class DockingController:
             situation=situation,
             dt_s=dt_s,
             base=base,
-            estimate=self.eyes.estimate,
-            seen_ago_s=situation.now_s - self.eyes.seen_s,
-            sightings=self.eyes.sightings,
-            board=self.eyes.board(situation.now_s, self._params.servo.hold_after_s),
-            moved=self.eyes.moved,
-            way=1.0 if self._dock is None else _WAYS[self._dock.camera],
+            estimate=self.tracker.estimate,
+            seen_ago_s=situation.now_s - self.tracker.seen_s,
+            sightings=self.tracker.sightings,
+            board=self.tracker.board(situation.now_s, self._params.servo.hold_after_s),
+            moved=self.tracker.moved,
+            approach_sign=1.0 if self._dock is None else _WAYS[self._dock.camera],
             commanded=self._commanded,
         )
 
@@ -330,7 +356,7 @@ class DockingController:
     def _enter(self, trigger: Trigger, phase: Phase) -> None:
         self._state = target_of(self._state, trigger)
         self._phase = phase
-        self.eyes.count_from(self._now_s)
+        self.tracker.count_from(self._now_s)
 
     def _progress(self, position_error_m: float) -> float:
         """1 at the dock pose, 0 at staging and before."""

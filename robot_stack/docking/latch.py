@@ -75,6 +75,11 @@ class LatchKeeper:
         self.attached: bool | None = None
         self.holding = False  # as the inputs said last
 
+    def recall(self, attached: bool) -> None:
+        """What was known before a restart. A chair that the latch does not hold any more has been let go since."""
+        if attached:
+            self.attached = self.holding = True
+
     def released(self) -> None:
         """The robot is clear of the wheelchair."""
         self.attached = False

@@ -1,7 +1,7 @@
 """Jerk-limited references of the approach, and the command that keeps the robot on them.
 
-All poses here are base_link in the frame of the dock pose: x = 0, y = 0, yaw = 0 is docked. ``way`` is +1 for a robot
-that docks forwards (it comes from negative x) and -1 for one that docks backwards.
+All poses here are base_link in the frame of the dock pose: x = 0, y = 0, yaw = 0 is docked. ``approach_sign`` is +1
+for a robot that docks forwards (it comes from negative x) and -1 for one that docks backwards.
 
 Each reference is one or two ruckig trajectories, so that position, speed and acceleration are continuous from the first
 movement to standstill: the robot neither stops nor goes in between.
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
+from scipy.optimize import brentq
 
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2, wrap_angle
 from robot_stack.docking.params import MotionParams
@@ -41,26 +42,56 @@ class Reference:
 
     def at(self, time_s: float) -> Point:
         """The moment ``time_s`` after the start; at and after the end: the goal at rest."""
-        left_s = max(time_s, 0.0)
+        remaining_s = max(time_s, 0.0)
         for part in self._parts:
-            if left_s <= part.duration or part is self._parts[-1]:
-                left_s = min(left_s, part.duration)
-                position, velocity, _ = part.at_time(left_s)
+            if remaining_s <= part.duration or part is self._parts[-1]:
+                remaining_s = min(remaining_s, part.duration)
+                position, velocity, _ = part.at_time(remaining_s)
                 return Point(Pose2(*position), Twist2(*velocity))
-            left_s -= part.duration
+            remaining_s -= part.duration
         raise AssertionError("a reference has a part")
 
 
-def approach(start: Point, way: float, params: MotionParams) -> Reference:
+def approach(start: Point, approach_sign: float, params: MotionParams) -> Reference:
     """From anywhere before the dock to the dock pose: fast until ``final_m`` before it, then slowly straight in."""
-    before_m = -way * start.pose.x
+    before_m = -approach_sign * start.pose.x
     if before_m <= params.final_m:
         return Reference(_trajectory(start, Pose2(0.0, 0.0, 0.0), ZERO_TWIST, params, params.final_mps))
-    gate = Pose2(-way * params.final_m, 0.0, 0.0)
-    through = Twist2(way * params.final_mps, 0.0, 0.0)
+    start = _slow_enough(start, approach_sign, before_m - params.final_m, params)
+    gate = Pose2(-approach_sign * params.final_m, 0.0, 0.0)
+    through = Twist2(approach_sign * params.final_mps, 0.0, 0.0)
     first = _trajectory(start, gate, through, params, params.along_mps)
     last = _trajectory(Point(gate, through), Pose2(0.0, 0.0, 0.0), ZERO_TWIST, params, params.final_mps)
     return Reference(first, last)
+
+
+def _slow_enough(start: Point, approach_sign: float, distance_m: float, params: MotionParams) -> Point:
+    """``start`` no faster towards the dock than what slows down to ``final_mps`` within ``distance_m``.
+
+    A faster robot would be brought back to the gate by a reference that keeps its acceleration: it would enter the last
+    centimetres too fast. A reference that begins slower than the robot is left to the drive, whose own limits brake it
+    several times as hard.
+    """
+    velocity = start.velocity
+    fastest_mps = _fastest_before(distance_m, params)
+    if approach_sign * velocity.vx <= fastest_mps:
+        return start
+    return Point(start.pose, Twist2(approach_sign * fastest_mps, velocity.vy, velocity.omega))
+
+
+def _fastest_before(distance_m: float, params: MotionParams) -> float:
+    """The speed from which ``distance_m`` is just enough to slow down to ``final_mps``, m/s."""
+    final_mps, acceleration, jerk = params.final_mps, params.acceleration_mps2, params.jerk_mps3
+
+    def needed_m(speed_mps: float) -> float:
+        lost_mps = speed_mps - final_mps
+        reaches_full = lost_mps >= acceleration**2 / jerk
+        duration_s = lost_mps / acceleration + acceleration / jerk if reaches_full else 2.0 * math.sqrt(lost_mps / jerk)
+        return 0.5 * (speed_mps + final_mps) * duration_s - distance_m
+
+    if needed_m(params.along_mps) <= 0.0:
+        return params.along_mps
+    return float(brentq(needed_m, final_mps, params.along_mps)) * (1.0 - _TIGHT)
 
 
 def straight_to(start: Point, goal: Pose2, params: MotionParams) -> Reference:

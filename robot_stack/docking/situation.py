@@ -50,7 +50,8 @@ class View:
     base: base_link in the frame of the dock pose by the present estimate, None without one or without odometry.
     seen_ago_s: since the image of the last accepted sighting. sightings: the dock in base_link, as accepted since the
     phase began, oldest first. board: the dock in base_link as the newest image shows it, None without a recent one.
-    moved: the dock was found elsewhere. way: +1 docks forwards, -1 backwards. commanded: the last command, base_link.
+    moved: the dock was found elsewhere. approach_sign: +1 docks forwards, -1 backwards. commanded: the last command,
+    base_link.
     """
 
     situation: Situation
@@ -61,7 +62,7 @@ class View:
     sightings: Sequence[Pose2]
     board: Pose2 | None
     moved: bool
-    way: float
+    approach_sign: float
     commanded: Twist2
 
 

@@ -54,9 +54,9 @@ class DockTarget:
 
     def drive(self, step: Pose2) -> None:
         """The robot has moved by ``step`` in its own frame: odometry may be off by a little more."""
-        p, way_m, turn_rad = self._params, math.hypot(step.x, step.y), abs(step.yaw)
-        self._variance_m2 += p.odometry_m_per_sqrt_m**2 * way_m
-        self._variance_rad2 += p.odometry_rad_per_sqrt_m**2 * way_m + p.odometry_rad_per_sqrt_rad**2 * turn_rad
+        p, distance_m, turn_rad = self._params, math.hypot(step.x, step.y), abs(step.yaw)
+        self._variance_m2 += p.odometry_m_per_sqrt_m**2 * distance_m
+        self._variance_rad2 += p.odometry_rad_per_sqrt_m**2 * distance_m + p.odometry_rad_per_sqrt_rad**2 * turn_rad
 
     def see(self, sighting: Sighting, base_in_odom: Pose2) -> Seen:
         """Takes a sighting; ``base_in_odom`` is the robot's pose at the sighting's stamp."""

@@ -1,1 +1,1 @@
-"""The drive: from velocity wishes to wheel set points, from encoders to odometry."""
+"""The drive: from velocity commands to wheel set points, from encoders to odometry."""

@@ -48,7 +48,7 @@ class ModuleStates:
 
     angles_rad: Four
     rates_radps: Four = ZEROS
-    senses: Four = (1.0, 1.0, 1.0, 1.0)
+    wheel_directions: Four = (1.0, 1.0, 1.0, 1.0)
     speeds_mps: Four = ZEROS
 
 
@@ -62,13 +62,15 @@ def follow(
     vx, vy, omega = twist.vx, twist.vy, twist.omega
     speed_change = limits.max_wheel_acceleration_mps2 * dt_s + 1e-12
     angles, rates = list(states.angles_rad), list(states.rates_radps)
-    senses, speeds = list(states.senses), list(states.speeds_mps)
+    wheel_directions, speeds = list(states.wheel_directions), list(states.speeds_mps)
     for i, (x, y) in enumerate(positions):
         wx, wy = vx - omega * y, vy + omega * x
         speed = math.hypot(wx, wy)
         turn = 0.0
         if speed > _NO_SPEED_MPS:
-            turn, senses[i] = turn_to(math.atan2(wy, wx), angles[i], senses[i], limits.reversal_hysteresis_rad)
+            turn, wheel_directions[i] = turn_to(
+                math.atan2(wy, wx), angles[i], wheel_directions[i], limits.reversal_hysteresis_rad
+            )
         if turn == 0.0 and rates[i] == 0.0:
             step = 0.0
         else:
@@ -81,11 +83,11 @@ def follow(
             along, slip = speed * math.cos(error), speed * abs(math.sin(error))
         else:
             along, slip = 0.0, speed  # within the hysteresis beyond 90 degrees the wheel stands: all of it is slip
-        new_speed = senses[i] * along
+        new_speed = wheel_directions[i] * along
         if slip > limits.slip_tolerance_mps or abs(new_speed - speeds[i]) > speed_change:
             return states, False
         speeds[i] = new_speed
-    return _states(angles, rates, senses, speeds), True
+    return _states(angles, rates, wheel_directions, speeds), True
 
 
 def follow_anyhow(
@@ -110,18 +112,20 @@ def turn_in_place(
 
     Returns (new states, largest remaining error in rad).
     """
-    angles, rates, senses = list(states.angles_rad), list(states.rates_radps), list(states.senses)
+    angles, rates, wheel_directions = list(states.angles_rad), list(states.rates_radps), list(states.wheel_directions)
     largest = 0.0
     for i, direction in enumerate(directions_rad):
         turn = 0.0
         if direction is not None:
-            turn, senses[i] = turn_to(direction, angles[i], senses[i], limits.reversal_hysteresis_rad)
+            turn, wheel_directions[i] = turn_to(
+                direction, angles[i], wheel_directions[i], limits.reversal_hysteresis_rad
+            )
         step, rates[i] = steering_step(
             turn, rates[i], limits.max_steering_rate_radps, limits.max_steering_acceleration_radps2, dt_s
         )
         angles[i] = wrapped(angles[i] + step)
         largest = max(largest, abs(turn - step))
-    return _states(angles, rates, senses, [0.0, 0.0, 0.0, 0.0]), largest
+    return _states(angles, rates, wheel_directions, [0.0, 0.0, 0.0, 0.0]), largest
 
 
 def feasible_step(
@@ -155,10 +159,12 @@ def _between(start: Twist2, goal: Twist2, part: float) -> Twist2:
     )
 
 
-def _states(angles: list[float], rates: list[float], senses: list[float], speeds: list[float]) -> ModuleStates:
+def _states(
+    angles: list[float], rates: list[float], wheel_directions: list[float], speeds: list[float]
+) -> ModuleStates:
     return ModuleStates(
         (angles[0], angles[1], angles[2], angles[3]),
         (rates[0], rates[1], rates[2], rates[3]),
-        (senses[0], senses[1], senses[2], senses[3]),
+        (wheel_directions[0], wheel_directions[1], wheel_directions[2], wheel_directions[3]),
         (speeds[0], speeds[1], speeds[2], speeds[3]),
     )

@@ -6,43 +6,63 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from robot_stack.contract import topics
 from robot_stack.core.config import Config
 from robot_stack.core.robot import Robot
-from robot_stack.drive.engine_session import SessionSettings
 from robot_stack.drive.parameters import Positive, max_wheel_speed_mps
+from robot_stack.drive.session import SessionSettings
 from robot_stack.drive.wheel_axes import AxisSettings
+from robot_stack.wmx.session import Patience
+
+_COMMAND_STALE_S = topics.WHEEL_COMMANDS.stale_limit_s
 
 
 class SessionParams(Config):
-    """See ``SessionSettings``."""
+    """See ``SessionSettings`` and ``Patience``; absent_retry_s is its retry_s."""
 
     absent_retry_s: Positive
     attempts: Annotated[int, Field(ge=1)]
     attempt_pause_s: Positive
     communication_retry_s: Positive
     request_pause_s: Positive
-    feed_period_s: Positive
-    watchdog_s: Annotated[float, Field(gt=0.0, le=10.0)]
+    probe_period_s: Positive
     standstill_radps: Positive
-
-    @model_validator(mode="after")
-    def _fed_in_time(self) -> SessionParams:
-        if self.feed_period_s >= 0.5 * self.watchdog_s:
-            raise ValueError("feed_period_s must be below half of watchdog_s")
-        return self
 
 
 class SwerveHardwareParams(Config):
-    """``config/swerve_hardware_interface.yaml``. end_timeout_s: how long the end waits for the wheels to stand."""
+    """``config/swerve_hardware_interface.yaml``. command_lifetime_s: the engine itself stops wheels that get no other
+    command for so long. softest_slowing_mps2: see ``AxisSettings``. end_timeout_s: how long the end waits for the
+    wheels to stand.
+    """
 
     max_wheel_acceleration_mps2: Positive
     steering_periods: Annotated[float, Field(ge=1.0, le=3.0)]
+    command_lifetime_s: Annotated[float, Field(gt=0.0, le=0.5)]
+    softest_slowing_mps2: Annotated[float, Field(ge=0.5)]
     end_timeout_s: Positive
     session: SessionParams
 
+    @model_validator(mode="after")
+    def _silence_is_answered_here_first(self) -> SwerveHardwareParams:
+        if self.command_lifetime_s <= _COMMAND_STALE_S:
+            raise ValueError(
+                f"command_lifetime_s must be above {_COMMAND_STALE_S}: such silence is answered by the node"
+            )
+        return self
+
 
 def session_settings(params: SessionParams) -> SessionSettings:
-    return SessionSettings(**params.model_dump())
+    return SessionSettings(
+        connection=Patience(
+            retry_s=params.absent_retry_s,
+            attempts=params.attempts,
+            attempt_pause_s=params.attempt_pause_s,
+            probe_period_s=params.probe_period_s,
+        ),
+        communication_retry_s=params.communication_retry_s,
+        request_pause_s=params.request_pause_s,
+        standstill_radps=params.standstill_radps,
+    )
 
 
 def axis_settings(params: SwerveHardwareParams, robot: Robot, command_rate_hz: float) -> AxisSettings:
@@ -55,4 +75,6 @@ def axis_settings(params: SwerveHardwareParams, robot: Robot, command_rate_hz: f
         max_steering_rate_radps=robot.steer.max_rate_radps,
         max_steering_acceleration_radps2=robot.steer.max_acceleration_radps2,
         steering_periods=params.steering_periods,
+        command_lifetime_s=params.command_lifetime_s,
+        softest_slowing_mps2=params.softest_slowing_mps2,
     )

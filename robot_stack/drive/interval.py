@@ -60,9 +60,11 @@ def curvature(interval: Interval, previous: Interval | None, max_acceleration_ra
     return Curvature(four([turn if abs(turn) <= most else 0.0 for turn in turns]), four(ways), ratio, previous.motion)
 
 
-def split(interval: Interval, bend: Curvature | None, parts: int) -> list[Interval]:
-    """``parts`` parts of equal time, along the parabolas that ``bend`` describes."""
-    turns_bend, ways_bend = (bend.turns_rad, bend.ways_m) if bend else (ZEROS, ZEROS)
+def split(interval: Interval, second_difference: Curvature | None, parts: int) -> list[Interval]:
+    """``parts`` parts of equal time, along the parabolas that ``second_difference`` describes."""
+    turns_bend, ways_bend = (
+        (second_difference.turns_rad, second_difference.ways_m) if second_difference else (ZEROS, ZEROS)
+    )
     pieces = []
     for index in range(parts):
         start, end = index / parts, (index + 1) / parts
@@ -79,21 +81,25 @@ def split(interval: Interval, bend: Curvature | None, parts: int) -> list[Interv
     return pieces
 
 
-def _along(totals: Four, bends: Four, share: float) -> Four:
-    """Parabolas from 0 to ``totals`` with the second differences ``bends``, at ``share`` of the interval."""
-    return four(total * share - 0.5 * bend * share * (1.0 - share) for total, bend in zip(totals, bends, strict=True))
+def _along(totals: Four, second_differences: Four, share: float) -> Four:
+    """Parabolas from 0 to ``totals`` with the second differences ``second_differences``, at ``share`` of the
+    interval."""
+    return four(
+        total * share - 0.5 * second_difference * share * (1.0 - share)
+        for total, second_difference in zip(totals, second_differences, strict=True)
+    )
 
 
-def displacements(interval: Interval, bend: Curvature | None) -> list[tuple[float, float]]:
+def displacements(interval: Interval, second_difference: Curvature | None) -> list[tuple[float, float]]:
     """Displacement vectors of the modules, m, base_link."""
     vectors = []
     for i, (heading, turn, way) in enumerate(
         zip(interval.headings_rad, interval.turns_rad, interval.ways_m, strict=True)
     ):
         angle, along, across = heading + 0.5 * turn, way * _chord_over_arc(turn), 0.0
-        if bend:
-            angle -= bend.turns_rad[i] * _PARABOLA
-            across = bend.ways_m[i] * turn * _PARABOLA
+        if second_difference:
+            angle -= second_difference.turns_rad[i] * _PARABOLA
+            across = second_difference.ways_m[i] * turn * _PARABOLA
         c, s = math.cos(angle), math.sin(angle)
         vectors.append((along * c - across * s, along * s + across * c))
     return vectors
@@ -104,12 +110,12 @@ def _chord_over_arc(turn: float) -> float:
     return math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0
 
 
-def with_commutator(motion: Twist2, bend: Curvature | None) -> Twist2:
+def with_commutator(motion: Twist2, second_difference: Curvature | None) -> Twist2:
     """``motion`` with the correction for the twist's change within the interval."""
-    if bend is None:
+    if second_difference is None:
         return motion
-    before = bend.motion.scaled(bend.motion_ratio)
-    factor = _PARABOLA * 2.0 * bend.motion_ratio / (1.0 + bend.motion_ratio)
+    before = second_difference.motion.scaled(second_difference.motion_ratio)
+    factor = _PARABOLA * 2.0 * second_difference.motion_ratio / (1.0 + second_difference.motion_ratio)
     return Twist2(
         motion.vx + factor * (motion.omega * before.vy - before.omega * motion.vy),
         motion.vy + factor * (before.omega * motion.vx - motion.omega * before.vx),

@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import Twist2
-from robot_stack.drive.ramp import stoppable_rate
+from robot_stack.core.ramp import stoppable_rate
 
 TURN = 2.0 * math.pi
 HALF_TURN = math.pi
@@ -66,20 +66,22 @@ def x_lock_angles(positions: Positions) -> Four:
     return a, b, c, d
 
 
-def turn_to(direction_rad: float, angle_rad: float, sense: float, hysteresis_rad: float) -> tuple[float, float]:
+def turn_to(
+    direction_rad: float, angle_rad: float, wheel_direction: float, hysteresis_rad: float
+) -> tuple[float, float]:
     """How far a module at heading ``angle_rad`` has to turn for its wheel to move along ``direction_rad``.
 
-    sense: +1 if the wheel has been rolling forward along its heading, -1 if backward. The sense is kept unless the turn
-    would exceed 90 degrees by more than the hysteresis, so that a direction that hovers at 90 degrees does not make it
-    chatter.
+    wheel_direction: +1 if the wheel has been rolling forward along its heading, -1 if backward. It is kept
+    unless the turn would exceed 90 degrees by more than the hysteresis, so that a direction that hovers at 90
+    degrees does not make it chatter.
 
     Returns (turn in rad, new sense); the magnitude of the turn is at most 90 degrees plus the hysteresis.
     """
-    offset = 0.0 if sense > 0.0 else HALF_TURN
+    offset = 0.0 if wheel_direction > 0.0 else HALF_TURN
     turn = math.remainder(direction_rad - angle_rad - offset, TURN)
     if abs(turn) <= QUARTER_TURN + hysteresis_rad:
-        return turn, sense
-    return turn - math.copysign(HALF_TURN, turn), -sense
+        return turn, wheel_direction
+    return turn - math.copysign(HALF_TURN, turn), -wheel_direction
 
 
 def steering_step(

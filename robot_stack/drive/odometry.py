@@ -166,9 +166,9 @@ class SwerveOdometry:
         most_m, most_rad = 2.0 * s.max_wheel_speed_mps * elapsed_s, 2.0 * s.max_steering_rate_radps * elapsed_s
         believed, faults = [], []
         for i, name in enumerate(MODULES):
-            way_m, turn_rad = interval.ways_m[i], interval.turns_rad[i]
-            if abs(way_m) > most_m:
-                faults.append(_jump(f"{name}_drive", "m", way_m, most_m, elapsed_s))
+            distance_m, turn_rad = interval.ways_m[i], interval.turns_rad[i]
+            if abs(distance_m) > most_m:
+                faults.append(_jump(f"{name}_drive", "m", distance_m, most_m, elapsed_s))
             elif abs(turn_rad) > most_rad:
                 faults.append(_jump(f"{name}_steer", "rad", turn_rad, most_rad, elapsed_s))
             else:
@@ -182,12 +182,12 @@ class SwerveOdometry:
         slack_m = s.slip_speed_mps * interval.elapsed_s + s.slip_share * max(map(abs, interval.ways_m))
         pose, x, y, yaw, fits = self._odometry.pose, 0.0, 0.0, 0.0, []
         for piece in self._pieces(interval, parts):
-            bend = curvature(piece, self._previous, s.max_steering_acceleration_radps2)
-            wheels = displacements(piece, bend)
+            second_difference = curvature(piece, self._previous, s.max_steering_acceleration_radps2)
+            wheels = displacements(piece, second_difference)
             fit = robust_fit(self._positions, wheels, slack_m / parts, believed)
             if parts == 1 and fit.consistent and len(fit.used) == len(MODULES):
                 self.calibration.observe(wheels)
-            motion = with_commutator(fit.motion, bend)
+            motion = with_commutator(fit.motion, second_difference)
             pose = pose.compose(exp_se2(motion, 1.0))
             x, y, yaw = x + motion.vx, y + motion.vy, yaw + motion.omega
             fits.append(fit)

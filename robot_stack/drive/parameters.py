@@ -9,10 +9,9 @@ from typing import Annotated
 from pydantic import Field
 
 from robot_stack.core.config import Config
-from robot_stack.core.robot import Motion, Robot
+from robot_stack.core.robot import Robot
 from robot_stack.drive.feasibility import ModuleLimits
 from robot_stack.drive.kinematics import Positions
-from robot_stack.drive.limits import MotionLimits
 from robot_stack.drive.odometry import OdometrySettings
 from robot_stack.drive.self_calibration import CalibrationSettings
 from robot_stack.drive.swerve_drive import DriveSettings
@@ -81,27 +80,13 @@ class OdometryParams(Config):
 
 
 class SwerveControllerParams(Config):
-    """``config/swerve_controller.yaml``. command_timeout_s: a source that is silent for longer gives up the drive.
-    assume_passenger: what holds until ``/passenger_attached`` has said it.
-    """
+    """``config/swerve_controller.yaml``. assume_passenger: what holds until ``/passenger_attached`` has said it."""
 
-    command_timeout_s: Annotated[float, Field(gt=0.0, le=1.0)]
     assume_passenger: bool
     module: ModuleParams
     drive: DriveParams
     standing: StandingParams
     odometry: OdometryParams
-
-
-def motion_limits(motion: Motion) -> MotionLimits:
-    return MotionLimits(
-        motion.max_speed_mps,
-        motion.max_yaw_rate_radps,
-        motion.max_acceleration_mps2,
-        motion.max_yaw_acceleration_radps2,
-        motion.max_jerk_mps3,
-        motion.max_yaw_jerk_radps3,
-    )
 
 
 def module_positions(robot: Robot) -> Positions:

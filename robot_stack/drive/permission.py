@@ -11,13 +11,13 @@ from enum import Enum
 from robot_stack.contract import topics
 from robot_stack.contract.faults import BY_CODE
 from robot_stack.contract.model import SafetyAction, SafetyState, Topic
-from robot_stack.drive.arbitration import NO_WISH, Source, Wish
-from robot_stack.drive.limits import MotionLimits
+from robot_stack.core.limits import MotionLimits, SpeedLimit
+from robot_stack.drive.arbitration import NO_COMMAND, Command, Source
 
 
 class Action(Enum):
-    """DRIVE: towards the wish within the comfort limits (a zero wish is a gentle stop). BRAKE: stop at the emergency
-    deceleration. HALT: command zero at once; the engine decelerates.
+    """DRIVE: towards the command within the comfort limits (a zero command is a gentle stop). BRAKE: stop at the
+    emergency deceleration. HALT: command zero at once; the engine decelerates.
     """
 
     DRIVE = "drive"
@@ -26,16 +26,14 @@ class Action(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class SpeedLimit:
+class SafetyLimit(SpeedLimit):
     """The safety monitor's limit; ``reason`` names fault codes, joined by commas."""
 
-    max_speed_mps: float
-    max_yaw_rate_radps: float
     reason: str
 
     def is_hard_stop(self) -> bool:
         """True for a stop that cannot wait for comfort: something is in the way, or an emergency."""
-        if self.max_speed_mps > 0.0 or self.max_yaw_rate_radps > 0.0:
+        if self.linear_mps > 0.0 or self.angular_radps > 0.0:
             return False
         faults = [BY_CODE[code] for code in self.reason.split(",") if code in BY_CODE]
         return any(
@@ -47,24 +45,28 @@ class SpeedLimit:
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What is known at one tick. speed_limit: None before the first one. passenger: the slower limits apply."""
+    """What is known at one tick. speed_limit: None before the first one. passenger: the slower limits apply.
+    must_rest: the holder has not asked for standstill since an emergency stop.
+    """
 
     emergency_stop: bool
     joint_states_fresh: bool
     safety_status_fresh: bool
-    speed_limit: SpeedLimit | None
+    speed_limit: SafetyLimit | None
+    speed_limit_fresh: bool
     passenger: bool
     holder: Source | None
-    wish: Wish
+    requested: Command
+    must_rest: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Permission:
-    """limits, wish: for the drive's step. ready: nothing that the drive needs is missing.
+    """limits, requested: for the drive's step. ready: nothing that the drive needs is missing.
     reason: one short sentence."""
 
     action: Action
-    wish: Wish
+    requested: Command
     limits: MotionLimits
     ready: bool
     reason: str
@@ -75,19 +77,29 @@ def permit(situation: Situation, empty: MotionLimits, with_passenger: MotionLimi
     limits = with_passenger if situation.passenger else empty
     limit = situation.speed_limit
     if situation.emergency_stop:
-        return Permission(Action.HALT, NO_WISH, limits, True, "emergency stop")
+        return Permission(Action.HALT, NO_COMMAND, limits, True, "emergency stop")
     if not situation.joint_states_fresh:
-        return Permission(Action.BRAKE, NO_WISH, limits, False, _silent(topics.JOINT_STATES))
-    if not situation.safety_status_fresh:
-        return Permission(Action.DRIVE, NO_WISH, limits, False, _silent(topics.SAFETY_STATUS))
+        return Permission(Action.BRAKE, NO_COMMAND, limits, False, _silent(topics.JOINT_STATES))
     if limit is None:
-        return Permission(Action.DRIVE, NO_WISH, limits, False, f"waiting for {topics.VELOCITY_LIMIT.name}")
+        return Permission(Action.DRIVE, NO_COMMAND, limits, False, f"waiting for {topics.VELOCITY_LIMIT.name}")
+    # A monitor that is dead or hangs sees nothing any more: every metre until standstill is driven blind.
+    for fresh, topic in (
+        (situation.speed_limit_fresh, topics.VELOCITY_LIMIT),
+        (situation.safety_status_fresh, topics.SAFETY_STATUS),
+    ):
+        if not fresh:
+            return Permission(Action.BRAKE, NO_COMMAND, limits, False, _silent(topic))
     if limit.is_hard_stop():
-        return Permission(Action.BRAKE, NO_WISH, limits, True, f"stop: {limit.reason}")
-    limits = limits.slower(limit.max_speed_mps, limit.max_yaw_rate_radps)
+        return Permission(Action.BRAKE, NO_COMMAND, limits, True, f"stop: {limit.reason}")
+    limits = limits.slower(limit)
     holder = situation.holder
+    if holder is not None and situation.must_rest:
+        name = holder.name.lower()
+        return Permission(
+            Action.DRIVE, NO_COMMAND, limits, True, f"{name} must ask for standstill first, after the emergency stop"
+        )
     return Permission(
-        Action.DRIVE, situation.wish, limits, True, "idle" if holder is None else f"{holder.name.lower()} drives"
+        Action.DRIVE, situation.requested, limits, True, "idle" if holder is None else f"{holder.name.lower()} drives"
     )
 
 

@@ -9,16 +9,19 @@ several directions nothing. What all wheels have in common they cannot know of e
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.drive.interval import four
 from robot_stack.drive.kinematics import ZEROS, Four, Positions
 
 _MODULES = 4
 _UNKNOWN = 2 * _MODULES
+_SPARE = 5  # rows of a reading that a rigid motion leaves
 # Standard deviation of what all wheels have in common: none.
 _COMMON = 1e-6
 # An estimate further out than this many standard deviations of the prior is no tolerance.
@@ -38,6 +41,22 @@ class CalibrationSettings:
     readings_per_update: int
 
 
+@dataclass(frozen=True, slots=True)
+class Learnt:
+    """What a ride has taught, with standard deviations. radius_*: relative. readings: that were used.
+
+    unlike_m, left_m: rms of what no rigid motion explains of a wheel's displacement, without and with the correction.
+    """
+
+    radius_errors: Four
+    radius_deviations: Four
+    zero_errors_rad: Four
+    zero_deviations_rad: Four
+    readings: int
+    unlike_m: float
+    left_m: float
+
+
 class WheelCalibration:
     """The present estimate. radius_errors: relative, positive for a greater wheel. zero_errors_rad: what the steering
     encoders show too much.
@@ -51,6 +70,7 @@ class WheelCalibration:
         self._deviations = np.repeat([settings.radius_deviation, settings.zero_deviation_rad], _MODULES)
         self._estimate: NDArray[np.float64] = np.zeros(_UNKNOWN)
         self._readings = 0
+        self._seen_m2 = 0.0
         self.radius_errors: Four = ZEROS
         self.zero_errors_rad: Four = ZEROS
 
@@ -66,8 +86,27 @@ class WheelCalibration:
         self._information += weight * (effect.T @ effect)
         self._evidence += weight * (effect.T @ seen)
         self._readings += 1
+        self._seen_m2 += float(seen @ seen)
         if self._readings % self._settings.readings_per_update == 0:
             self._solve()
+
+    def learnt(self) -> Learnt:
+        """Of all readings so far."""
+        self._solve()
+        deviations = np.sqrt(np.diagonal(np.linalg.inv(self._information))).tolist()
+        weight, e = self._settings.noise_m**-2, self._estimate
+        told = (self._information - _prior(self._settings)) / weight
+        left_m2 = self._seen_m2 - 2.0 * float(e @ self._evidence) / weight + float(e @ told @ e)
+        rows = max(1, _SPARE * self._readings)
+        return Learnt(
+            self.radius_errors,
+            four(deviations[:_MODULES]),
+            self.zero_errors_rad,
+            four(deviations[_MODULES:]),
+            self._readings,
+            math.sqrt(self._seen_m2 / rows),
+            math.sqrt(max(0.0, left_m2) / rows),
+        )
 
     def _solve(self) -> None:
         bound = _BOUND * self._deviations

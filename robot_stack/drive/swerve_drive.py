@@ -1,6 +1,6 @@
 """The drive's set point: what twist the robot tries to have now, and what each module does for it.
 
-Every step goes from the last set point towards the wish: speed limits, jerk and acceleration, feasibility,
+Every step goes from the last set point towards the requested: speed limits, jerk and acceleration, feasibility,
 desaturation. The set point is the only memory; sensors only tell where the modules stand, never how fast to go.
 """
 
@@ -11,7 +11,9 @@ from dataclasses import dataclass
 from enum import Enum
 
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
-from robot_stack.drive.arbitration import Wish
+from robot_stack.core.limits import MotionLimits
+from robot_stack.core.twist_limits import approach, brake, followable_rate, limit_speed, no_faster
+from robot_stack.drive.arbitration import Command
 from robot_stack.drive.feasibility import ModuleLimits, ModuleStates, feasible_step, follow_anyhow, turn_in_place
 from robot_stack.drive.kinematics import (
     ZEROS,
@@ -24,7 +26,6 @@ from robot_stack.drive.kinematics import (
     wrapped,
     x_lock_angles,
 )
-from robot_stack.drive.limits import MotionLimits, approach, brake, followable_rate, limit_speed
 
 
 class DriveState(Enum):
@@ -45,7 +46,7 @@ class DriveSettings:
     brake_mps2, brake_radps2: decelerations of ``step(braking=True)``.
     align_tolerance_rad: a standing robot starts when every heading is this near.
     align_timeout_s: after this long, modules that are still off are named as stuck.
-    rest_speed_mps, rest_yaw_rate_radps: smaller wishes are none.
+    rest_speed_mps, rest_yaw_rate_radps: smaller commands are none.
     x_lock_after_s: time at rest after which the wheels cross.
     longest_step_s: longer steps are taken as this long, so that a late tick makes no leap.
     """
@@ -97,7 +98,7 @@ class SwerveDrive:
         known.
         """
         angles = self._states.angles_rad if measured_rad is None else _wrapped_all(measured_rad)
-        self._states = ModuleStates(angles, senses=self._states.senses)
+        self._states = ModuleStates(angles, wheel_directions=self._states.wheel_directions)
         self._twist = self._acceleration = ZERO_TWIST
         self._rest_s = 0.0
         self._state = DriveState.HALTED
@@ -105,7 +106,7 @@ class SwerveDrive:
 
     def step(
         self,
-        wish: Wish,
+        requested: Command,
         limits: MotionLimits,
         dt_s: float,
         measured_rad: Four | None,
@@ -113,17 +114,17 @@ class SwerveDrive:
         standing: bool,
         braking: bool = False,
     ) -> DriveOutput:
-        """One step of ``dt_s`` towards ``wish`` (one that is not finite counts as standstill).
+        """One step of ``dt_s`` towards ``requested`` (one that is not finite counts as standstill).
 
         measured_rad: measured headings, any number of turns; None if unknown. standing: no wheel turns, as measured.
-        braking: towards standstill at the emergency deceleration, whatever is wished.
+        braking: towards standstill at the emergency deceleration, whatever is requested.
         A step without time (0, negative, NaN) changes nothing.
         """
         if not dt_s > 0.0:
             return self._output(measured_rad)
         dt_s = min(dt_s, self._settings.longest_step_s)
         self._aligning_s = self._aligning_s + dt_s if self._state is DriveState.ALIGNING else 0.0
-        target, rate = self._target(wish, limits)
+        target, rate = self._target(requested, limits)
         if braking:
             self._brake(dt_s)
         elif self._twist != ZERO_TWIST:
@@ -134,24 +135,26 @@ class SwerveDrive:
             self._rest(dt_s, standing)
         return self._output(measured_rad)
 
-    def _target(self, wish: Wish, limits: MotionLimits) -> tuple[Twist2, Twist2]:
-        """(what to reach now, how that moves). A wish that grows is carried on to now, since commands are samples."""
-        if not wish.twist.is_finite():
+    def _target(self, requested: Command, limits: MotionLimits) -> tuple[Twist2, Twist2]:
+        """(what to reach now, how that moves). A command that grows is carried on to now, since commands are
+        samples."""
+        if not requested.twist.is_finite():
             return ZERO_TWIST, ZERO_TWIST
-        limited = limit_speed(wish.twist, limits.max_speed_mps, limits.max_yaw_rate_radps)
+        limited = limit_speed(requested.twist, limits.speed_mps, limits.yaw_rate_radps)
         s = self._settings
         if limited.speed() < s.rest_speed_mps and abs(limited.omega) < s.rest_yaw_rate_radps:
             return ZERO_TWIST, ZERO_TWIST
-        rate = followable_rate(wish.rate, limits)
-        if limited is not wish.twist or rate == ZERO_TWIST:
+        rate = followable_rate(requested.rate, limits)
+        if limited is not requested.twist or rate == ZERO_TWIST:
             return limited, ZERO_TWIST
-        age_s = min(wish.age_s, s.longest_step_s)
+        age_s = min(requested.age_s, s.longest_step_s)
         ahead = Twist2(limited.vx + rate.vx * age_s, limited.vy + rate.vy * age_s, limited.omega + rate.omega * age_s)
-        return limit_speed(ahead, limits.max_speed_mps, limits.max_yaw_rate_radps), rate
+        return limit_speed(ahead, limits.speed_mps, limits.yaw_rate_radps), rate
 
     def _drive(self, target: Twist2, rate: Twist2, limits: MotionLimits, dt_s: float) -> None:
         start = self._twist
         goal, acceleration = approach(start, self._acceleration, target, rate, limits, dt_s)
+        goal, acceleration = no_faster(goal, acceleration, start, limits, dt_s)
         result = feasible_step(self._positions, self._limits, self._states, start, goal, dt_s)
         if result is None:
             self._brake(dt_s)

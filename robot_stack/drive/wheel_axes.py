@@ -17,6 +17,8 @@ from robot_stack.drive.kinematics import Four, ModuleSetPoints, nearest_equivale
 # The engine takes no change in zero time and no motion at zero speed.
 _LEAST_ACCELERATION_RADPS2 = 0.5
 _LEAST_RATE_RADPS = 0.05
+# Of the softest slowing: what changes less keeps its speed, and a jolt of it is none that anybody feels.
+_STEADY = 0.25
 # Headings come as float64 of an angle wrapped in float64: rounding only.
 _ANGLE_SLACK_RAD = 1e-9
 
@@ -29,7 +31,9 @@ class BadWheelCommands(ValueError):
 class AxisSettings:
     """period_s: between set points. steering_periods: in how many of them a heading reaches its set point; more than
     one keeps a steadily turning axis from stopping between set points. max_wheel_acceleration_mps2: of ordinary
-    changes. stop_deceleration_mps2: of a command of zero for all wheels.
+    changes. stop_deceleration_mps2: of a command of zero for all wheels, and of wheels whose commands have ended.
+    command_lifetime_s: a wheel that got no other command for so long is stopped by the engine. softest_slowing_mps2: of
+    wheels that slow down, and of their stop where the commands end just then.
     """
 
     wheel_radius_m: float
@@ -40,15 +44,23 @@ class AxisSettings:
     max_steering_rate_radps: float
     max_steering_acceleration_radps2: float
     steering_periods: float
+    command_lifetime_s: float
+    softest_slowing_mps2: float
 
 
 @dataclass(frozen=True, slots=True)
 class DriveMove:
-    """A wheel's axis to a signed speed at an acceleration."""
+    """A wheel's axis to a signed speed. acceleration_radps2: where the speed grows. deceleration_radps2: where it
+    falls, and of the stop when the command has ended: to the engine they are one. growth_s: of the speed. reached_s:
+    the whole change.
+    """
 
     axis: int
     velocity_radps: float
     acceleration_radps2: float
+    deceleration_radps2: float
+    growth_s: float
+    reached_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,28 +97,51 @@ def checked_set_points(
 def drive_moves(speeds_mps: Four, velocities_radps: Sequence[float], settings: AxisSettings) -> list[DriveMove]:
     """Moves from the axes' present commanded ``velocities_radps`` to ``speeds_mps``, all arriving together: with the
     next set point, or as soon as the limits allow. Zero for all wheels is a stop and may be harder.
+
+    A change that would outlast the command's life goes as far as it gets within it: a wheel that is on its way up when
+    the commands end must not go on speeding up. A wheel that slows down would be stopped at the same rate, because to
+    the engine they are one: it slows down no more softly than ``softest_slowing_mps2``, and then is there before the
+    next set point. One that keeps its speed or gains some would be stopped at the stop deceleration.
     """
-    stop = not any(speeds_mps)
-    hardest_mps2 = settings.stop_deceleration_mps2 if stop else settings.max_wheel_acceleration_mps2
+    if not any(speeds_mps):
+        return stop_moves(velocities_radps, settings, settings.period_s)
+    hardest_radps2 = settings.max_wheel_acceleration_mps2 / settings.wheel_radius_m
     targets = [speed / settings.wheel_radius_m for speed in speeds_mps]
-    return _together(targets, velocities_radps, hardest_mps2 / settings.wheel_radius_m, settings.period_s)
+    changes = [target - now for target, now in zip(targets, velocities_radps, strict=True)]
+    seconds = max(settings.period_s, max(map(abs, changes)) / hardest_radps2)
+    share = min(1.0, settings.command_lifetime_s / seconds)
+    moves = []
+    for axis, now, target, change in zip(DRIVE_AXES, velocities_radps, targets, changes, strict=True):
+        reached = target if share == 1.0 else now + share * change
+        rate_mps2 = abs(change) / seconds * settings.wheel_radius_m
+        slows_down = abs(reached) < abs(now) and rate_mps2 > _STEADY * settings.softest_slowing_mps2
+        softest_mps2 = settings.softest_slowing_mps2 if slows_down else settings.stop_deceleration_mps2
+        moves.append(_move(axis, now, reached, abs(change) / seconds, softest_mps2 / settings.wheel_radius_m))
+    return moves
 
 
-def stop_moves(velocities_radps: Sequence[float], settings: AxisSettings) -> list[DriveMove]:
-    """Moves of all wheels to standstill, at the stop deceleration whenever they are asked for anew."""
+def stop_moves(velocities_radps: Sequence[float], settings: AxisSettings, least_s: float = 0.0) -> list[DriveMove]:
+    """Moves of all wheels to standstill, at the stop deceleration whenever they are asked for anew. They stand
+    together, after ``least_s`` at the earliest.
+    """
     hardest_radps2 = settings.stop_deceleration_mps2 / settings.wheel_radius_m
-    return _together([0.0] * len(DRIVE_AXES), velocities_radps, hardest_radps2, 0.0)
-
-
-def _together(
-    targets: Sequence[float], velocities: Sequence[float], hardest_radps2: float, least_s: float
-) -> list[DriveMove]:
-    changes = [abs(target - now) for target, now in zip(targets, velocities, strict=True)]
-    seconds = max(least_s, max(changes) / hardest_radps2)
+    seconds = max(least_s, max(map(abs, velocities_radps)) / hardest_radps2)
     return [
-        DriveMove(axis, target, max(change / seconds if seconds else 0.0, _LEAST_ACCELERATION_RADPS2))
-        for axis, target, change in zip(DRIVE_AXES, targets, changes, strict=True)
+        _move(axis, now, 0.0, abs(now) / seconds if seconds else 0.0, 0.0)
+        for axis, now in zip(DRIVE_AXES, velocities_radps, strict=True)
     ]
+
+
+def _move(axis: int, now: float, target: float, rate_radps2: float, softest_radps2: float) -> DriveMove:
+    """At a rate, where the speed falls at ``softest_radps2`` at least."""
+    acceleration = max(rate_radps2, _LEAST_ACCELERATION_RADPS2)
+    deceleration = max(acceleration, softest_radps2)
+    if now * target < 0.0:
+        grows, falls = abs(target), abs(now)
+    else:
+        grows, falls = max(abs(target) - abs(now), 0.0), max(abs(now) - abs(target), 0.0)
+    growth_s = grows / acceleration
+    return DriveMove(axis, target, acceleration, deceleration, growth_s, growth_s + falls / deceleration)
 
 
 def steer_moves(angles_rad: Four, positions_rad: Sequence[float], settings: AxisSettings) -> list[SteerMove]:

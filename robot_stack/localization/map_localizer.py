@@ -1,6 +1,6 @@
 """Localization against a map: matches of LiDAR sweeps correct the filter of odometry and gyro, late but at their time.
 
-The matching itself takes milliseconds, a search seconds: ``question`` hands out what is to be computed, anywhere, and
+The matching itself takes milliseconds, a search seconds: ``request`` hands out what is to be computed, anywhere, and
 ``answer`` takes the result.
 """
 
@@ -16,10 +16,10 @@ from robot_stack.core.point_cloud import Points
 from robot_stack.localization.filter import Array
 from robot_stack.localization.history import Correction
 from robot_stack.localization.localizer import Estimate, Localizer
-from robot_stack.localization.ndt.gate import Confidence, ConfidenceLadder, problem_of
+from robot_stack.localization.ndt.gate import Confidence, LocalizationState, problem_of
 from robot_stack.localization.ndt.matcher import Match, NdtMatcher, pose_of
 from robot_stack.localization.ndt.search import Region
-from robot_stack.localization.ndt.solver import Answer, Question
+from robot_stack.localization.ndt.solver import MatchRequest, MatchResult
 from robot_stack.localization.odometry import OdometryEvent, OdometryReading
 from robot_stack.localization.params import LocalizationParams
 
@@ -38,7 +38,7 @@ class MapLocalizer(Localizer):
         self._ndt = params.ndt
         super().__init__(params, max_speed_mps, max_yaw_rate_radps)
         self._matcher = matcher
-        self._ladder = ConfidenceLadder(params.ndt)
+        self._localization = LocalizationState(params.ndt)
         self._up = np.array([0.0, 0.0, 1.0])
         self._z_m = math.nan
         self._sweep: tuple[float, Points] | None = None
@@ -52,7 +52,7 @@ class MapLocalizer(Localizer):
 
     @property
     def confidence(self) -> Confidence:
-        return self._ladder.state
+        return self._localization.state
 
     def start_covariance(self) -> Array:
         position, yaw = self._ndt.start_position_sigma_m**2, self._ndt.start_yaw_sigma_rad**2
@@ -81,7 +81,7 @@ class MapLocalizer(Localizer):
         if math.isfinite(stamp_s):
             self._sweep = (stamp_s, sweep)
 
-    def question(self) -> Question | None:
+    def request(self) -> MatchRequest | None:
         """What is to be computed now; each sweep is asked about once."""
         if self._sweep is None:
             return None
@@ -102,16 +102,16 @@ class MapLocalizer(Localizer):
         off_m = gate.reach_sigmas * (state.position_sigma_m + gate.reach_radius_m * state.yaw_sigma_rad)
         guess = pose_of(predicted, z_m if math.isfinite(z_m) else 0.0, self._up)
         motion = self._motion(stamp_s, travelled)
-        region = self._region(predicted) if self._ladder.state is Confidence.SEARCHING else None
-        return Question(stamp_s, sweep, motion, guess, self._up, off_m, region, travelled, self._epoch)
+        region = self._region(predicted) if self._localization.state is Confidence.SEARCHING else None
+        return MatchRequest(stamp_s, sweep, motion, guess, self._up, off_m, region, travelled, self._epoch)
 
-    def answer(self, answer: Answer, steady_s: float) -> None:
+    def answer(self, answer: MatchResult, steady_s: float) -> None:
         """Takes the answer to an earlier question. steady_s: the steady clock now."""
-        question = answer.question
-        if question.epoch != self._epoch:
+        request = answer.request
+        if request.epoch != self._epoch:
             return
-        searched = self._ladder.state is Confidence.SEARCHING
-        if searched != (question.region is not None):
+        searched = self._localization.state is Confidence.SEARCHING
+        if searched != (request.region is not None):
             return  # asked before the pose was lost
         if answer.match is None:
             self._problem = answer.problem
@@ -119,58 +119,58 @@ class MapLocalizer(Localizer):
             return
         self.match = answer.match
         if searched:
-            self._take_up(question, answer.match, steady_s)
+            self._relocalize(request, answer.match, steady_s)
         else:
-            self._weigh(question, answer.match, steady_s)
+            self._apply_match(request, answer.match, steady_s)
 
     def reset(self, pose: Pose2, covariance: Array, stamp_s: float) -> None:
         super().reset(pose, covariance, stamp_s)
         self._epoch += 1
         self._z_m = math.nan
         self._searched_near = False
-        self._ladder.restart(Confidence.CONFIRMING)
+        self._localization.restart(Confidence.CONFIRMING)
 
     def estimate(self, steady_s: float) -> Estimate:
         estimate = super().estimate(steady_s)
-        value = min(estimate.quality * self._ladder.factor(steady_s), self._ladder.cap())
+        value = min(estimate.quality * self._localization.factor(steady_s), self._localization.cap())
         return replace(estimate, quality=value, faults=(*estimate.faults, *self._map_faults()))
 
-    def _take_up(self, question: Question, match: Match, steady_s: float) -> None:
+    def _relocalize(self, request: MatchRequest, match: Match, steady_s: float) -> None:
         """A search found the pose: the filter starts anew from it."""
         search = self._ndt.search
         sigmas = [search.position_sigma_m, search.position_sigma_m, search.yaw_sigma_rad]
         newest = self.travelled.newest
-        since = IDENTITY if newest is None else newest.pose.relative_to(question.travelled)
+        since = IDENTITY if newest is None else newest.pose.relative_to(request.travelled)
         self._pose_filter.set_pose(match.planar.compose(since), np.diag(np.square(sigmas)))
         if not math.isnan(self._filter.stamp_s):
             self._filter.start(self._filter.stamp_s)
         self._z_m = float(match.pose[2, 3])
         self._searched_near, self._problem = False, ""
-        self._ladder.found(match.score, steady_s)
+        self._localization.found(match.score, steady_s)
 
-    def _weigh(self, question: Question, match: Match, steady_s: float) -> None:
+    def _apply_match(self, request: MatchRequest, match: Match, steady_s: float) -> None:
         """Corrects by a match if every gate lets it pass."""
         newest, state = self.travelled.newest, self._filter.state()
-        moved = IDENTITY if newest is None else question.travelled.relative_to(newest.pose)
+        moved = IDENTITY if newest is None else request.travelled.relative_to(newest.pose)
         predicted = state.pose.compose(moved)
         problem = problem_of(match, predicted, state.position_sigma_m, state.yaw_sigma_rad, self._ndt.gate)
         if not problem:
-            result = self.correct(match.planar, match.planar_covariance, question.stamp_s)
+            result = self.correct(match.planar, match.planar_covariance, request.stamp_s)
             if result in (Correction.TOO_OLD, Correction.TOO_NEW):
                 self._problem = f"match came too late: {result.value}"
                 return
             if result is not Correction.APPLIED:
                 problem = f"match refused: {result.value}"
-                self._doubt()
+                self._inflate_covariance()
         self._problem = problem
         if problem:
-            self._ladder.refuse()
+            self._localization.refuse()
             return
         self._z_m = float(match.pose[2, 3])
         turn_rad = abs(math.remainder(match.planar.yaw - predicted.yaw, math.tau))
-        self._ladder.accept(match.score, match.planar.distance_to(predicted), turn_rad, steady_s)
+        self._localization.accept(match.score, match.planar.distance_to(predicted), turn_rad, steady_s)
 
-    def _doubt(self) -> None:
+    def _inflate_covariance(self) -> None:
         # A good match that the filter cannot believe: the wheels may have slid further than they know.
         self._pose_filter.grow(_DOUBT)
         self._filter.start(self._filter.stamp_s)
@@ -192,8 +192,8 @@ class MapLocalizer(Localizer):
 
     def _map_faults(self) -> tuple[str, ...]:
         faults = [self._problem]
-        if self._ladder.state is not Confidence.TRACKING:
-            faults.append(self._ladder.state.value)
+        if self._localization.state is not Confidence.TRACKING:
+            faults.append(self._localization.state.value)
         if self._repeats >= self._ndt.gate.frozen_sweeps:
             faults.append(f"/sensors/lidar/points frozen: {self._repeats} equal sweeps")
         return tuple(fault for fault in faults if fault)

@@ -111,6 +111,20 @@ class GridSettings(Config):
     fewest_structure_points: Annotated[int, Field(ge=1)]
 
 
+class Mount(Config):
+    """How the LiDAR's mount is found, ``robot-stack calibrate lidar``."""
+
+    nearest_m: Positive
+    farthest_m: Positive
+    band_m: Positive
+    narrowest_band_m: Positive
+    fewest_points: Annotated[int, Field(ge=3)]
+    fewest_sweeps: Annotated[int, Field(ge=3)]
+    step_m: Positive
+    shortest_m: Positive
+    deviation_deg: Positive
+
+
 class MappingParams(Config):
     sweeps: Sweeps
     lidar_odometry: LidarOdometry
@@ -120,3 +134,4 @@ class MappingParams(Config):
     movers: Movers
     cells: CellSize
     grid: GridSettings
+    mount: Mount

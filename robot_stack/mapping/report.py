@@ -10,7 +10,7 @@ from robot_stack.mapping.build import Built
 from robot_stack.mapping.poses import Floats, difference, inverse
 
 
-def way_m(poses: Floats) -> float:
+def distance_m(poses: Floats) -> float:
     """Length of the way, m."""
     return float(np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).sum())
 

@@ -7,37 +7,15 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from enum import IntEnum
 
+from robot_stack.contract.display import Display
+from robot_stack.core.mission import Kind
 from robot_stack.mission.docking import Task
 from robot_stack.mission.events import Inputs
-from robot_stack.mission.model import Kind
+from robot_stack.mission.guards import stopping_faults
 from robot_stack.mission.record import Record
 from robot_stack.mission.states import AT_DOCK, UNDER_WAY, State
 
-
-class Display(IntEnum):
-    """The states of the display that the mission manager can ask for."""
-
-    IDLE = 1
-    NAVIGATING = 2
-    PAUSED = 3
-    ERROR = 5
-    EMERGENCY_STOP = 6
-    LOCALIZATION_LOST = 8
-    LOW_BATTERY = 9
-    OBSTACLE = 10
-    APPROACHING_CHAIR = 21
-    DOCKING = 22
-    DOCKING_COMPLETE = 23
-    PASSENGER_ONBOARD = 24
-    TRANSPORT = 25
-    DESTINATION_REACHED = 26
-    PASSENGER_DISEMBARK = 27
-    DOCKING_FAILED = 28
-
-
-_OBSTACLE_FAULTS = frozenset({"COLLISION_IMMINENT", "OBSTACLE_NEAR"})
 # States of /docking/status, and of the action's feedback, in which the robot aims at a board.
 _ALIGNING = frozenset({"SEARCH", "SERVOING", "FINE_ALIGN"})
 
@@ -76,10 +54,12 @@ class Announcements:
         return self._queue[0] if self._queue else None
 
 
-def announced_at_end_of(task: Task) -> tuple[Display, ...]:
-    """What a task that succeeded is worth telling."""
+def announced_at_end_of(task: Task, docking_state: str) -> tuple[Display, ...]:
+    """What a task that succeeded is worth telling. docking_state: of the last feedback."""
     if task.kind is Kind.DOCK:
-        return (Display.DOCKING_COMPLETE, Display.PASSENGER_ONBOARD) if task.carried else (Display.DOCKING_COMPLETE,)
+        # "Docking complete" has been shown already since the docking controller said DOCKED.
+        complete = () if docking_state == "DOCKED" and task.carried else (Display.DOCKING_COMPLETE,)
+        return (*complete, Display.PASSENGER_ONBOARD) if task.carried else complete
     return (Display.PASSENGER_DISEMBARK,) if task.carried else ()
 
 
@@ -94,29 +74,63 @@ def display_of(
     emergency: bool,
     battery_low: bool,
     docking: Docking = Docking(),
+    setting_out: bool = False,
+    waiting: bool = False,
+    moving: bool = False,
+    awake: bool = True,
     announced: Display | None = None,
 ) -> Display:
+    """What the display shows now.
+
+    setting_out: people are being warned that the robot is about to move: then it shows what it will do.
+    waiting: it has stood for a while, whatever keeps it. moving: its wheels turn.
+    awake: pose and safety have been known once. announced: see Announcements.
+    """
     if emergency:
         return Display.EMERGENCY_STOP
+    if inputs.manual:
+        return Display.MANUAL
     if record.state in UNDER_WAY:
-        hindrance = _hindrance(record, inputs)
-        return hindrance or announced or _under_way(record, docking)
+        if setting_out:
+            return _under_way(record, docking)
+        # Docking stands for moments between its steps; an obstacle beside it has nothing to do with that.
+        stands = waiting if record.state in AT_DOCK else not moving
+        hindrance = _hindrance(record, inputs, stands) or _standing(record, inputs, announced)
+        if hindrance is None and waiting and not docking.state and record.state is not State.WAITING:
+            hindrance = Display.OBSTACLE
+        return hindrance or _under_way(record, docking)
     if record.state in (State.PAUSED, State.STOPPED):
         return Display.PAUSED
+    by_hand = _by_hand(record, inputs, setting_out=setting_out, waiting=waiting, moving=moving) if awake else None
+    if by_hand is not None:
+        return by_hand
     if record.state is State.FAILED:
         failed_dock = record.docking_begun and docking.task is not None and docking.task.kind is Kind.DOCK
         return Display.DOCKING_FAILED if failed_dock else Display.ERROR
     if announced is not None and record.state is State.COMPLETED:
         return announced
-    return _at_rest(record, inputs, battery_low)
+    return _at_rest(record, inputs, battery_low) if awake else Display.OFF
 
 
-def _hindrance(record: Record, inputs: Inputs) -> Display | None:
-    # At a dock the robot goes by the dock's markers.
+def _hindrance(record: Record, inputs: Inputs, stands: bool) -> Display | None:
+    stopping = set(stopping_faults(inputs)) - {"LOCALIZATION_LOST"}
     lost = inputs.pose is None or "LOCALIZATION_LOST" in inputs.faults
+    # At a dock the robot goes by the dock's markers.
     if lost and record.state not in AT_DOCK:
         return Display.LOCALIZATION_LOST
-    return Display.OBSTACLE if _OBSTACLE_FAULTS.intersection(inputs.faults) else None
+    # One that only slows the robot down is no reason to say that it waits.
+    if "COLLISION_IMMINENT" in inputs.faults or ("OBSTACLE_NEAR" in inputs.faults and stands):
+        return Display.OBSTACLE
+    return Display.ERROR if stopping or not inputs.safety_known else None
+
+
+def _standing(record: Record, inputs: Inputs, announced: Display | None) -> Display | None:
+    """What is worth telling of a robot that stands: the light of driving is for what moves, or is about to."""
+    if announced is not None or record.state is not State.WAITING:
+        return announced
+    if inputs.charging:
+        return Display.CHARGING
+    return Display.PASSENGER_ONBOARD if record.passenger_attached else Display.PAUSED
 
 
 def _under_way(record: Record, docking: Docking) -> Display:
@@ -134,14 +148,27 @@ def _under_way(record: Record, docking: Docking) -> Display:
     return Display.APPROACHING_CHAIR if to_a_chair else Display.NAVIGATING
 
 
+def _by_hand(record: Record, inputs: Inputs, *, setting_out: bool, waiting: bool, moving: bool) -> Display | None:
+    """Without a mission the robot may still drive by itself: an operator has asked for a docking, or given a goal."""
+    aboard = record.passenger_attached
+    if inputs.docking_state == "APPROACH" or inputs.docking_state in _ALIGNING:
+        if aboard:  # it backs off from the wheelchair
+            return Display.PASSENGER_DISEMBARK
+        approaching = setting_out or inputs.docking_state == "APPROACH"
+        return Display.APPROACHING_CHAIR if approaching else Display.DOCKING
+    driving = Display.TRANSPORT if aboard else Display.NAVIGATING
+    if setting_out:
+        return driving
+    if inputs.plan_end is None:
+        return None
+    return _hindrance(record, inputs, not moving) or (Display.OBSTACLE if waiting else driving)
+
+
 def _at_rest(record: Record, inputs: Inputs, battery_low: bool) -> Display:
-    """Without a mission somebody may still dock: an operator."""
-    if inputs.docking_state == "APPROACH":
-        return Display.APPROACHING_CHAIR
-    if inputs.docking_state in _ALIGNING:
-        return Display.DOCKING
     if record.passenger_attached:
         return Display.DESTINATION_REACHED if record.state is State.COMPLETED else Display.PASSENGER_ONBOARD
+    if inputs.charging:
+        return Display.CHARGING
     if inputs.docking_state == "DOCKED":
         return Display.DOCKING_COMPLETE
     if inputs.docking_state == "FAILED":

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from robot_stack.core.mission import Kind
 from robot_stack.mission import route
 from robot_stack.mission.events import (
     CancelDocking,
@@ -20,7 +21,6 @@ from robot_stack.mission.events import (
     Inputs,
     StartDocking,
 )
-from robot_stack.mission.model import Kind
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.record import Record
 
@@ -105,6 +105,10 @@ class DockingCalls:
         self._phase, self.text, self.state = Phase.NONE, "", ""
         self._since_cancel_s = 0.0
         return (CancelDocking(),) if self._open is not None else ()
+
+    def about_to_start(self, inputs: Inputs) -> bool:
+        """Nothing is waited for any more but to be allowed to send the task's goal: then the robot will move."""
+        return self._phase is Phase.WAITING and not self._awaited(inputs)
 
     @property
     def succeeded(self) -> bool:

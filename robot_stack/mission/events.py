@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import Pose2, Twist2
-from robot_stack.mission.model import Kind, Mission
+from robot_stack.core.mission import Kind, Mission
 from robot_stack.mission.record import Record
 
 START_MISSION = "START_MISSION"
@@ -30,6 +30,8 @@ class Inputs:
     docking_served: somebody offers the docking actions.
     docking_state: state of /docking/status, empty while stale.
     navigation_text: what navigation says of itself, for people; nothing is decided by it.
+    charging: the battery is being charged. manual: a person drives, by /teleop/cmd_vel.
+    setting_out: navigation or docking is warning people, because it is about to let the robot go.
     detour_m: by how much the way along that plan is longer than the straight line.
     """
 
@@ -44,11 +46,14 @@ class Inputs:
     docking_state: str = ""
     navigation_text: str = ""
     detour_m: float = 0.0
+    charging: bool = False
+    manual: bool = False
+    setting_out: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A person's wish. START_MISSION carries the mission of the asked id, or the problem with it."""
+    """A person's command. START_MISSION carries the mission of the asked id, or the problem with it."""
 
     name: str
     mission: Mission | None = None
@@ -181,8 +186,24 @@ class PublishEmergencyStop:
 
 
 @dataclass(frozen=True, slots=True)
+class WarnOfDeparture:
+    """Tell the others that people are being warned. remaining_s: until the robot sets out, 0 as it does."""
+
+    remaining_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class ReportStatus:
     status: Status
 
 
-Effect = SaveRecord | SendGoal | CancelGoal | StartDocking | CancelDocking | PublishEmergencyStop | ReportStatus
+Effect = (
+    SaveRecord
+    | SendGoal
+    | CancelGoal
+    | StartDocking
+    | CancelDocking
+    | PublishEmergencyStop
+    | WarnOfDeparture
+    | ReportStatus
+)

@@ -18,8 +18,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.mission import Mission
 from robot_stack.core.runtime import state_dir
-from robot_stack.mission.model import Mission
 from robot_stack.mission.perform import JournalDamaged, JournalError
 from robot_stack.mission.record import Record, problem_of
 from robot_stack.mission.states import State

@@ -10,7 +10,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+from robot_stack.core.departure import SETTING_OUT, Departure, DepartureParams
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.mission import Kind, docking_problem
 from robot_stack.mission import display, docking, guards, route, status
 from robot_stack.mission import events as ev
 from robot_stack.mission.docking import DockingCalls
@@ -23,10 +25,10 @@ from robot_stack.mission.events import (
     PublishEmergencyStop,
     SaveRecord,
     SendGoal,
+    WarnOfDeparture,
 )
 from robot_stack.mission.guards import finite
 from robot_stack.mission.leg import Leg
-from robot_stack.mission.model import Kind
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.record import Record, restored
 from robot_stack.mission.states import ACTIVE, AT_DOCK, UNDER_WAY, State, Trigger, target_of
@@ -43,7 +45,7 @@ _EMERGENCY = "emergency stop is active: release it and reset the safety monitor 
 class MissionKernel:
     """State machine of one mission at a time.
 
-    params: tolerances and times.
+    params: tolerances and times. departure: of the warning before the robot sets out.
     record: what the journal kept; an active mission comes up PAUSED.
     problem: what was wrong with the journal, shown as the reason in /mission/status.
     docks: kind of each dock by its id.
@@ -52,6 +54,7 @@ class MissionKernel:
     def __init__(
         self,
         params: MissionParams,
+        departure: DepartureParams,
         record: Record | None = None,
         problem: str = "",
         docks: Mapping[str, str] | None = None,
@@ -63,10 +66,12 @@ class MissionKernel:
         self._record = restored(record or Record())
         self._before = self._record
         self._leg = Leg(params)
+        self._departure = Departure(departure)
         self._speed = route.MeanSpeed(params.eta_speed_time_constant_s)
         self._reporting = status.Reporting(1.0 / params.status_rate_hz)
         self._now_s = math.nan
         self._held = ""
+        self._awake = False  # pose and safety have been known once
         self._journal_problem = problem
         self._unsaved = False
         self._since_retry_s = 0.0
@@ -90,10 +95,12 @@ class MissionKernel:
     def step(self, event: Event, inputs: Inputs, now_s: float) -> tuple[Effect, ...]:
         """What to do about ``event``, in this order. ``now_s``: steady seconds; a jump either way harms nothing."""
         dt_s = self._elapsed(now_s)
+        self._departure.elapse(inputs.twist, dt_s)
         self._answering = isinstance(event, ev.Command) or (self._answering and isinstance(event, ev.JournalFailed))
         effects = self._react(event, inputs, dt_s)
         forced = isinstance(event, (ev.Command, ev.JournalFailed))
-        return (*effects, *self._report(inputs, dt_s, forced=forced))
+        warning = () if self._departure.remaining_s is None else (WarnOfDeparture(self._departure.remaining_s),)
+        return (*effects, *warning, *self._report(inputs, dt_s, forced=forced))
 
     def _react(self, event: Event, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         match event:
@@ -139,8 +146,8 @@ class MissionKernel:
         if command.mission is None:
             return self._refuse(command.problem)
         passenger = self._record.passenger_attached
-        undockable = guards.undockable(command.mission, self._docks, passenger)
-        problem = undockable or self._may_not_go(inputs) or self._battery_low(inputs)
+        undockable = docking_problem(command.mission, self._docks, passenger)
+        problem = (undockable and undockable[1]) or self._may_not_go(inputs) or self._battery_low(inputs)
         if problem:
             return self._refuse(problem)
         fresh = Record(self._record.state, command.mission, passenger_attached=passenger, start=finite(inputs.pose))
@@ -178,11 +185,11 @@ class MissionKernel:
     # --- changes of state --------------------------------------------------------------------------------------------
 
     def _go(self, trigger: Trigger, record: Record) -> tuple[Effect, ...]:
-        """On to the record's waypoint: journaled first, then the robot may go."""
-        save = self._change(trigger, record, "")
+        """On to the record's waypoint: journaled first, then the robot may go, after a warning if it has stood long."""
+        save = self._change(trigger, record, "", goal_due=self._departure.due)
         current = self._record.current
         assert current is not None
-        return (save, SendGoal(current.pose))
+        return (save,) if self._leg.goal_due else (save, SendGoal(current.pose))
 
     def _stand(self, trigger: Trigger, reason: str, record: Record | None = None) -> tuple[Effect, ...]:
         """To a state in which the robot stands; a command that means nothing here is refused."""
@@ -205,6 +212,7 @@ class MissionKernel:
         self._before = self._record
         self._record = replace(record, state=target, reason=reason)
         self._leg = Leg(self._params, goal_due=goal_due)
+        self._departure.drop()
         self._held = ""
         return self._save()
 
@@ -231,7 +239,8 @@ class MissionKernel:
         current = self._record.current
         if self._record.state is State.RUNNING and current is not None and not self._in_emergency(inputs):
             self._leg.unconfirmed_s = 0.0
-            return (SendGoal(current.pose),)
+            self._leg.goal_due = self._leg.goal_due or self._departure.due
+            return () if self._leg.goal_due else (SendGoal(current.pose),)
         # It may still be driving for a mission manager that died.
         return (CancelGoal(),) if self._record.state in ACTIVE - UNDER_WAY else ()
 
@@ -253,6 +262,8 @@ class MissionKernel:
     def _tick(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         released = self._release_own_stop(inputs)
         self._announcements.elapse(dt_s)
+        if self._departure.moving:
+            self._announcements.say()  # from now on it is worth more to show that the robot drives
         if self._in_emergency(inputs) and target_of(self._record.state, Trigger.EMERGENCY_STOP):
             return (*released, *self._emergency_stop())
         if self._record.state in AT_DOCK:
@@ -269,8 +280,11 @@ class MissionKernel:
         assert current is not None
         self._held = guards.held_by(inputs)
         if self._leg.goal_due:
-            self._leg.goal_due = False
-            return (SendGoal(current.pose),)
+            return self._set_out(current.pose, dt_s)
+        if self._departure.due:
+            # Navigation would go on whenever it can: it gets its goal back after a warning.
+            self._leg.goal_due = True
+            return (CancelGoal(),)
         if pose is not None:
             self._note_motion(pose, inputs, dt_s)
             if self._leg.arrived(inputs, self._record.stops, self._record.waypoint, dt_s):
@@ -278,6 +292,16 @@ class MissionKernel:
             if not self._held and self._leg.stalls(pose, current.pose, inputs.detour_m, dt_s):
                 return self._try_failed(pose, inputs.navigation_text)
         return (SendGoal(current.pose),) if self._leg.unconfirmed(self._is_planned(current.pose, inputs), dt_s) else ()
+
+    def _set_out(self, goal: Pose2, dt_s: float) -> tuple[Effect, ...]:
+        if self._held:  # a warning long before the motion warns nobody
+            self._departure.drop()
+            return ()
+        if not self._departure.cleared(dt_s):
+            self._held = SETTING_OUT
+            return ()
+        self._leg.goal_due, self._leg.unconfirmed_s = False, 0.0
+        return (SendGoal(goal),)
 
     def _is_planned(self, goal: Pose2, inputs: Inputs) -> bool:
         end = inputs.plan_end
@@ -303,13 +327,17 @@ class MissionKernel:
         task = docking.task_of(self._record, self._docks)
         assert task is not None
         held, attached = guards.held_by(inputs), self._record.passenger_attached
+        if held or not self._calls.about_to_start(inputs):
+            self._departure.drop()
+        elif not self._departure.cleared(dt_s):
+            held = SETTING_OUT
         effects, outcome = self._calls.tick(task, inputs, attached, held, dt_s)
         self._held = self._calls.text
         if outcome is None:
             return effects
         if outcome.problem:
             return (*effects, *self._stand(Trigger.DOCKING_FAILED, outcome.problem))
-        self._announcements.say(*display.announced_at_end_of(task))
+        self._announcements.say(*display.announced_at_end_of(task, self._calls.state))
         self._calls.drop()
         return self._next(inputs)
 
@@ -384,6 +412,7 @@ class MissionKernel:
     # --- status ------------------------------------------------------------------------------------------------------
 
     def _report(self, inputs: Inputs, dt_s: float, *, forced: bool) -> tuple[Effect, ...]:
+        self._awake = self._awake or (inputs.pose is not None and inputs.safety_known)
         record = self._record
         eta = math.nan if self._held else status.eta_s(record, inputs, self._speed.mps, self._leg.waited_s)
         # Said once: a pause for the journal's sake has it in its reason already.
@@ -397,6 +426,12 @@ class MissionKernel:
             emergency=self._in_emergency(inputs),
             low=bool(self._battery_low(inputs)),
             docking=display.Docking(docking.task_of(record, self._docks), self._calls.state),
+            setting_out=self._departure.warning
+            or inputs.setting_out
+            or (self._leg.goal_due and not guards.held_by(inputs)),
+            waiting=self._departure.stood_s > self._params.shown_waiting_after_s,
+            moving=self._departure.moving,
+            awake=self._awake,
             announced=self._announcements.current,
         )
         return (ev.ReportStatus(built),) if self._reporting.due(built, record, dt_s, forced=forced) else ()

@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.mission import Waypoint
 from robot_stack.mission import route
 from robot_stack.mission.events import Inputs
-from robot_stack.mission.model import Waypoint
 from robot_stack.mission.params import MissionParams
 
 _NEW_PLAN_M = 0.5
@@ -19,11 +19,20 @@ _NEW_PLAN_M = 0.5
 class Leg:
     """Volatile state of the current try; a new one is made whenever the mission manager changes its state."""
 
-    __slots__ = ("_best_m", "_left_m", "_params", "goal_due", "settled_s", "stalled_s", "unconfirmed_s", "waited_s")
+    __slots__ = (
+        "_best_m",
+        "_params",
+        "_remaining_m",
+        "goal_due",
+        "settled_s",
+        "stalled_s",
+        "unconfirmed_s",
+        "waited_s",
+    )
 
     def __init__(self, params: MissionParams, *, goal_due: bool = False) -> None:
         self._params = params
-        self._best_m, self._left_m = math.inf, math.nan
+        self._best_m, self._remaining_m = math.inf, math.nan
         self.settled_s = -1.0
         self.stalled_s = 0.0
         self.waited_s = 0.0
@@ -49,20 +58,20 @@ class Leg:
         """True once the robot has not come nearer, along its plan, for progress_timeout_s. Call only while it may
         move. detour_m: ``route.detour_m``.
         """
-        left_m = route.effort_m(pose, goal, self._params) + detour_m
-        if abs(left_m - self._left_m) > _NEW_PLAN_M:
+        remaining_m = route.effort_m(pose, goal, self._params) + detour_m
+        if abs(remaining_m - self._remaining_m) > _NEW_PLAN_M:
             # No robot moves so far in a tick: the plan or the pose is another. That is no progress, and no loss either.
-            self._best_m += left_m - self._left_m
-        self._left_m = left_m
-        if left_m < self._best_m - self._params.progress_min_m:
-            self._best_m, self.stalled_s = left_m, 0.0
+            self._best_m += remaining_m - self._remaining_m
+        self._remaining_m = remaining_m
+        if remaining_m < self._best_m - self._params.progress_min_m:
+            self._best_m, self.stalled_s = remaining_m, 0.0
             return False
         self.stalled_s += dt_s
         return self.stalled_s >= self._params.progress_timeout_s
 
-    def unconfirmed(self, as_wished: bool, dt_s: float) -> bool:
-        """True every goal_confirm_s for as long as the navigation controller's plan is not as wished."""
-        self.unconfirmed_s = 0.0 if as_wished else self.unconfirmed_s + dt_s
+    def unconfirmed(self, as_requested: bool, dt_s: float) -> bool:
+        """True every goal_confirm_s for as long as the navigation controller's plan is not as requested."""
+        self.unconfirmed_s = 0.0 if as_requested else self.unconfirmed_s + dt_s
         if self.unconfirmed_s < self._params.goal_confirm_s:
             return False
         self.unconfirmed_s = 0.0

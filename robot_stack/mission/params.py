@@ -30,6 +30,7 @@ class MissionParams(Config):
     docking_timeout_s: Annotated[float, Field(ge=1.0, le=3600.0)]
     docking_silence_s: Annotated[float, Field(ge=0.5, le=60.0)]
     docking_confirm_s: Annotated[float, Field(ge=0.2, le=60.0)]
+    shown_waiting_after_s: Annotated[float, Field(gt=0.0, le=10.0)]
     announcement_s: Annotated[float, Field(ge=0.0, le=60.0)]
     eta_speed_time_constant_s: Positive
     minimum_battery: Annotated[float, Field(ge=0.0, le=1.0)]
@@ -37,6 +38,7 @@ class MissionParams(Config):
     language: Literal["en", "ja", "zh"]
     ehmi_volume: Annotated[int, Field(ge=0, le=10)]
     missions_folder: str
+    own_missions_folder: str
     journal_file: str
 
     @model_validator(mode="after")

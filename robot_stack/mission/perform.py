@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.mission import Kind
 from robot_stack.mission.events import (
     CancelDocking,
     CancelGoal,
@@ -18,9 +19,9 @@ from robot_stack.mission.events import (
     SendGoal,
     StartDocking,
     Status,
+    WarnOfDeparture,
 )
 from robot_stack.mission.kernel import MissionKernel
-from robot_stack.mission.model import Kind
 from robot_stack.mission.record import Record
 
 
@@ -52,6 +53,7 @@ class Outputs(Protocol):
     def start_docking(self, call: int, kind: Kind, dock_id: str) -> None: ...
     def cancel_docking(self, everything: bool) -> None: ...
     def publish_emergency_stop(self, active: bool) -> None: ...
+    def warn_of_departure(self, remaining_s: float) -> None: ...
     def publish_status(self, status: Status) -> None: ...
 
 
@@ -88,6 +90,8 @@ class Performer:
                     self._outputs.cancel_docking(everything)
                 case PublishEmergencyStop(active):
                     self._outputs.publish_emergency_stop(active)
+                case WarnOfDeparture(remaining_s):
+                    self._outputs.warn_of_departure(remaining_s)
                 case ReportStatus(status):
                     self._outputs.publish_status(status)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from robot_stack.core.geometry import Pose2
-from robot_stack.mission.model import Action, Kind, Mission, Waypoint
+from robot_stack.core.mission import Action, Kind, Mission, Waypoint
 from robot_stack.mission.states import ACTIVE, State, Trigger, target_of
 
 HOME_NAME = "home"

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.core.geometry import Pose2, Twist2, wrap_angle
-from robot_stack.mission.model import Kind, Waypoint
+from robot_stack.core.mission import Kind, Waypoint
 from robot_stack.mission.params import MissionParams
 
 
@@ -53,9 +53,9 @@ def detour_m(pose: Pose2, plan: NDArray[np.float64]) -> float:
         return 0.0
     from_here = plan[int(np.argmin(np.hypot(plan[:, 0] - pose.x, plan[:, 1] - pose.y))) :]
     steps = np.diff(from_here, axis=0)
-    way_m = float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+    distance_m = float(np.hypot(steps[:, 0], steps[:, 1]).sum())
     straight_m = float(np.hypot(*(from_here[-1] - from_here[0])))
-    return max(0.0, way_m - straight_m)
+    return max(0.0, distance_m - straight_m)
 
 
 def length_m(points: list[Pose2]) -> float:

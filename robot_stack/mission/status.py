@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from robot_stack.contract.display import Display
 from robot_stack.mission import route
-from robot_stack.mission.display import Display, Docking, display_of
+from robot_stack.mission.display import Docking, display_of
 from robot_stack.mission.events import Inputs, Status
 from robot_stack.mission.guards import finite
 from robot_stack.mission.record import Record
@@ -53,9 +54,13 @@ def build(
     emergency: bool,
     low: bool,
     docking: Docking,
+    setting_out: bool,
+    waiting: bool,
+    moving: bool,
+    awake: bool,
     announced: Display | None,
 ) -> Status:
-    """The status: ``reasons`` are joined for people, ``low`` means a low battery, ``announced`` see Announcements."""
+    """The status: ``reasons`` are joined for people, the rest is for the external display (``display_of``)."""
     state = _SHOWN_AS.get(record.state, record.state)
     return Status(
         state=state.value,
@@ -70,7 +75,18 @@ def build(
         last_command=answer.command,
         last_command_accepted=bool(answer.command) and not answer.refusal,
         display=int(
-            display_of(record, inputs, emergency=emergency, battery_low=low, docking=docking, announced=announced)
+            display_of(
+                record,
+                inputs,
+                emergency=emergency,
+                battery_low=low,
+                docking=docking,
+                setting_out=setting_out,
+                waiting=waiting,
+                moving=moving,
+                awake=awake,
+                announced=announced,
+            )
         ),
     )
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import Footprint
-from robot_stack.navigation.limits import MotionLimits
 from robot_stack.navigation.params import CapParams, PeopleParams
 from robot_stack.navigation.people import Person
 

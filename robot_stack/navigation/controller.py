@@ -8,8 +8,9 @@ States and what ends them:
               goal, where nothing is near it       something comes near it           -> FOLLOWING
                                                    forbidden                         -> HELD
                                                    cancelled, or a refused goal      -> BRAKING
-    FOLLOWING a route among obstacles              the rest of the way is clear      -> DRIVING
-                                                   no way for too long               -> IDLE, given up
+    FOLLOWING a route among obstacles, or waiting  the rest of the way is clear      -> DRIVING
+              until it is planned                  no way for too long               -> IDLE, given up
+                                                   no way by the map                 -> BRAKING, refused
                                                    forbidden                         -> HELD
                                                    cancelled, or a refused goal      -> BRAKING
     ARRIVING  the last centimetres by feedback     within tolerance and standing     -> IDLE, goal reached
@@ -17,29 +18,34 @@ States and what ends them:
     BRAKING   no goal, still moving                end of the braking plan           -> IDLE
                                                    forbidden                         -> IDLE
 
+Before a robot that has stood for long moves, people are warned: HELD, or FOLLOWING with a zero command.
 Forbidden means a zero command at once: the drive ramps it by its own limits.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 
+from robot_stack.core.departure import SETTING_OUT, Departure
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
+from robot_stack.core.limits import NO_LIMIT, MotionLimits, SpeedLimit
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.core.site_map import Grid
 from robot_stack.navigation.direct import allowed_speed, is_direct
 from robot_stack.navigation.follower import RouteFollower
 from robot_stack.navigation.goal import GoalRequest, refusal, too_far
-from robot_stack.navigation.limits import NO_LIMIT, MotionLimits, PlanningLimits, SpeedLimit, planning_limits
+from robot_stack.navigation.limits import PlanningLimits, planning_limits
 from robot_stack.navigation.motion import MotionState, Trajectory, moving
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.path import Path, path_of
 from robot_stack.navigation.plan import plan_motion, plan_stop
 from robot_stack.navigation.pose_source import Located
+from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteSolver
 from robot_stack.navigation.surroundings import Surroundings
 from robot_stack.navigation.tracker import (
     TrackingError,
@@ -54,7 +60,10 @@ from robot_stack.navigation.tracker import (
 # A repeated goal this near to the present one is the same goal.
 _SAME_M, _SAME_RAD = 1e-3, 1e-3
 _SAME_WAY_M = 5e-3
+# A goal that could not be reached from here is not planned for again from nearer than this.
+_SAME_START_M = 1.0
 _NO_ERROR = TrackingError(0.0, 0.0, 0.0)
+_EMERGENCY = "an emergency stop is in force: ask again after its release"
 
 
 class NavigationState(Enum):
@@ -86,7 +95,8 @@ class Situation:
 class Output:
     """twist: the command, base_link. planned: the pose the robot should have now, None without a plan.
 
-    text: what goes on, for people. reached: this tick ended at the goal.
+    text: what goes on, for people. reached: this tick ended at the goal. refused: why the goal is, in the tick that
+    finds out that the map leaves no way to it.
     """
 
     twist: Twist2
@@ -95,13 +105,37 @@ class Output:
     planned: Pose2 | None = None
     error: TrackingError = _NO_ERROR
     reached: bool = False
+    refused: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Unreachable:
+    """What need not be planned again, since the map stays as it is."""
+
+    goal: Pose2
+    footprint: Footprint
+    start: Pose2
+    reason: str
 
 
 class NavigationController:
-    """One goal at a time. ``path`` is what ``/plan`` shows; it is replaced, never changed, when the plan changes."""
+    """One goal at a time. ``path`` is what ``/plan`` shows; it is replaced, never changed, when the plan changes.
 
-    def __init__(self, params: NavigationParams, robot: Robot, map_frame: str, grid: Grid | None = None) -> None:
+    departure: knows whether people expect the robot to move. routes: makes who plans the routes; as it is, they are
+    planned in the tick that asks for them.
+    """
+
+    def __init__(
+        self,
+        params: NavigationParams,
+        robot: Robot,
+        map_frame: str,
+        departure: Departure,
+        grid: Grid | None = None,
+        routes: Callable[[RouteSolver], RoutePlanner] = PromptRoutes,
+    ) -> None:
         self._params = params
+        self._departure = departure
         self._robot = robot
         self._map_frame = map_frame
         self._passenger = False
@@ -119,7 +153,8 @@ class NavigationController:
         self.path: Path | None = None
         # What is around the robot: whoever runs the controller feeds the costmaps in.
         self.around = Surroundings(params, grid)
-        self._follower = RouteFollower(params, self.around)
+        self._follower = RouteFollower(params, self.around, routes(RouteSolver(params.planner, self.around.grid)))
+        self._unreachable: _Unreachable | None = None
         self._narrow_mps = math.inf
         self._now_s = 0.0
         self._looked = -1
@@ -150,8 +185,12 @@ class NavigationController:
             self._speed_limit = limit
             self._replan_with_limits()
 
-    def request(self, request: GoalRequest, now_s: float, located: Located | None) -> str:
+    def request(
+        self, request: GoalRequest, now_s: float, located: Located | None, *, emergency_stop: bool = False
+    ) -> str:
         """A message of ``/goal_pose``. Returns why it was refused, else an empty text.
+
+        emergency_stop: one is in force. A goal of before its release would be driven to at the release.
 
         A refused goal ends the one before: what is wanted is no longer known, so the robot stands.
         """
@@ -160,8 +199,9 @@ class NavigationController:
             return ""
         pose = None if located is None else located.pose
         self._know(now_s, located)
-        problem = refusal(request, self._map_frame, now_s, pose, self._params.goal)
+        problem = _EMERGENCY if emergency_stop else refusal(request, self._map_frame, now_s, pose, self._params.goal)
         problem = problem or self.around.goal_problem(self._footprint(), request.pose)
+        problem = problem or self._known_unreachable(request.pose, located)
         if problem:
             self._cancel(f"goal refused: {problem}")
             return problem
@@ -169,24 +209,47 @@ class NavigationController:
         return ""
 
     def stop(self) -> None:
-        """Ends the motion at once, keeping the goal: for an emergency stop between two ticks."""
+        """Ends the motion at once, and the goal with it: the end of an emergency stop starts no motion (ISO 13850)."""
         if self._state is not NavigationState.IDLE:
-            self._hold("stopped")
+            self._goal = None
+            self._hold("emergency stop: the goal is dropped")
 
     def tick(self, situation: Situation) -> Output:
         """One step of the control loop. Never returns a twist that is not finite."""
         dt_s = self._step_s(situation.now_s)
         self._since_plan_s += dt_s
         self._know(situation.now_s, situation.located)
+        located = situation.located
+        self._departure.elapse(None if located is None else located.twist, dt_s)
+        if situation.emergency_stop:
+            self.stop()
         obstacle = self._obstacle(situation)
         if obstacle and self._state is not NavigationState.IDLE:
             self._hold(obstacle)
-        located = situation.located
-        output = self._idle() if located is None or obstacle else self._step(located, dt_s)
+        if located is None or obstacle or self._state is NavigationState.IDLE:
+            self._departure.drop()
+            output = self._idle()
+        else:
+            output = self._set_out(located, dt_s)
         self._twist = output.twist if output.twist.is_finite() else ZERO_TWIST
-        return Output(self._twist, output.state, output.text, output.planned, output.error, output.reached)
+        return replace(output, twist=self._twist)
 
     # --- one tick, by state ------------------------------------------------------------------------------------------
+
+    def _set_out(self, located: Located, dt_s: float) -> Output:
+        """A step, unless it would move a robot of which people do not expect it: they are warned first."""
+        if not self._departure.warning:
+            output = self._step(located, dt_s)
+            if output.twist == ZERO_TWIST or not self._departure.due:
+                return output
+            if self._state is not NavigationState.FOLLOWING:
+                self._hold(SETTING_OUT)  # planned anew from rest when the warning is over
+        if not self._departure.cleared(dt_s):
+            self._text = SETTING_OUT
+            return self._idle()
+        if self._state is NavigationState.FOLLOWING:
+            self._follow(located)
+        return self._step(located, dt_s)
 
     def _step(self, located: Located, dt_s: float) -> Output:
         if self._state is NavigationState.HELD:
@@ -218,11 +281,9 @@ class NavigationController:
         t = self._params.tracking
         ahead_s = t.start_ahead_s if self._starting else rate * t.command_delay_s
         ahead = self._trajectory.at(self._elapsed_s + ahead_s)
-        motion = self._robot.motion(self._passenger)
-        twist = command(now, ahead, located.pose, t, rate)
-        speed_mps = min(motion.max_speed_mps, self._speed_limit.speed_mps)
-        yaw_rate_radps = min(motion.max_yaw_rate_radps, self._speed_limit.yaw_rate_radps)
-        return Output(bounded(twist, speed_mps, yaw_rate_radps), self._state, self._text, now.pose, error)
+        most = MotionLimits.of(self._robot.motion(self._passenger)).slower(self._speed_limit)
+        twist = bounded(command(now, ahead, located.pose, t, rate), most.speed_mps, most.yaw_rate_radps)
+        return Output(twist, self._state, self._text, now.pose, error)
 
     def _progress(self, located: Located, dt_s: float) -> float:
         """Moves the plan on. Returns its rate: below 1 it waits for the robot."""
@@ -238,7 +299,7 @@ class NavigationController:
 
     def _end_of_plan(self, located: Located) -> Output:
         if self._state is NavigationState.BRAKING:
-            self._finish("stopped")
+            self._finish(self._text)  # why it has stopped
             return self._idle()
         self._state, self._settling_s = NavigationState.ARRIVING, 0.0
         return self._arrive(located, 0.0)
@@ -262,7 +323,7 @@ class NavigationController:
             return Output(ZERO_TWIST, self._state, self._text, self._goal, error)
         limits = self._limits()
         assert limits is not None  # else the tick had found an obstacle
-        slow = _slower(limits.cruise, g.arrival_speed_mps, g.arrival_yaw_rate_radps)
+        slow = limits.cruise.slower(SpeedLimit(g.arrival_speed_mps, g.arrival_yaw_rate_radps))
         twist = settle_command(self._goal, located.pose, slow, self._params.tracking)
         return Output(twist, self._state, "arriving", self._goal, error)
 
@@ -290,8 +351,7 @@ class NavigationController:
         moves = self._state in (NavigationState.DRIVING, NavigationState.FOLLOWING, NavigationState.BRAKING)
         self._trajectory, self._state = None, NavigationState.FOLLOWING
         self._narrow_mps, self._since_try_s = math.inf, 0.0
-        problem = self._follower.begin(self._goal, located, self._footprint(), self._twist if moves else ZERO_TWIST)
-        self._text = problem or "driving along the route"
+        self._text = self._follower.begin(self._goal, located, self._footprint(), self._twist if moves else ZERO_TWIST)
         self.path = self._follower.route or _straight(self._goal, located)
 
     def _follow_on(self, located: Located, dt_s: float) -> Output:
@@ -307,6 +367,8 @@ class NavigationController:
                 self._run(trajectory, NavigationState.DRIVING, "driving to the goal")
                 return self._drive(located, 0.0)
         step = self._follower.step(located, limits, self._footprint(), self._now_s, dt_s)
+        if step.unreachable:
+            return self._refuse(step.text, located)
         if step.gave_up:
             self._finish(step.text)
             return self._idle()
@@ -315,6 +377,23 @@ class NavigationController:
             self.path = self._follower.route
         limit = limits.cruise
         return Output(bounded(step.twist, limit.speed_mps, limit.yaw_rate_radps), self._state, self._text)
+
+    def _refuse(self, reason: str, located: Located) -> Output:
+        """The map leaves no way to the goal: it is as if the goal had been refused when it came."""
+        assert self._goal is not None
+        self._unreachable = _Unreachable(self._goal, self._footprint(), located.pose, reason)
+        self._cancel(f"goal refused: {reason}")
+        refused = replace(self._idle(), refused=reason)
+        if self._state is NavigationState.BRAKING:
+            return replace(self._drive(located, 0.0), refused=reason)
+        return refused
+
+    def _known_unreachable(self, goal: Pose2, located: Located | None) -> str:
+        """Why there is no way to a goal that was asked for before, from about the same place."""
+        known = self._unreachable
+        if known is None or located is None or not _same(goal, known.goal) or known.footprint != self._footprint():
+            return ""
+        return known.reason if known.start.distance_to(located.pose) < _SAME_START_M else ""
 
     def _is_direct(self, trajectory: Trajectory, from_s: float, *, entering: bool) -> bool:
         return is_direct(
@@ -448,7 +527,7 @@ class NavigationController:
         return ""
 
     def _limits(self) -> PlanningLimits | None:
-        limit = SpeedLimit(min(self._speed_limit.speed_mps, self._narrow_mps), self._speed_limit.yaw_rate_radps)
+        limit = SpeedLimit(min(self._speed_limit.linear_mps, self._narrow_mps), self._speed_limit.angular_radps)
         return planning_limits(self._robot.motion(self._passenger), limit, self._params.limits)
 
     def _lost(self, error: TrackingError) -> bool:
@@ -482,14 +561,3 @@ def _straight(goal: Pose2, located: Located | None) -> Path:
     """The way that will be planned once the robot may drive."""
     poses = [goal] if located is None else [located.pose, goal]
     return Path(np.array([(pose.x, pose.y, pose.yaw) for pose in poses]))
-
-
-def _slower(limits: MotionLimits, speed_mps: float, yaw_rate_radps: float) -> MotionLimits:
-    return MotionLimits(
-        min(limits.speed_mps, speed_mps),
-        min(limits.yaw_rate_radps, yaw_rate_radps),
-        limits.acceleration_mps2,
-        limits.yaw_acceleration_radps2,
-        limits.jerk_mps3,
-        limits.yaw_jerk_radps3,
-    )

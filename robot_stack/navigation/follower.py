@@ -1,6 +1,8 @@
 """Drives along a route among obstacles: speed caps, the sampling controller, planning afresh, giving up.
 
-route        from the global planner, kept until it is blocked, left behind, or gets the robot nowhere
+stand-off    somebody who waits for the robot is made room for
+route        asked of a planner that answers in a later tick; kept until another one is there, which is asked for when
+             it is blocked, left behind, or gets the robot nowhere
 reference    the next metres of it in the costmap's frame, with the speed that narrow places and people allow
 command      the best motion along the reference, under acceleration and jerk limits
 """
@@ -16,80 +18,109 @@ import numpy.typing as npt
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.caps import caps
-from robot_stack.navigation.global_planner import NoWay
-from robot_stack.navigation.limits import MotionLimits, PlanningLimits
+from robot_stack.navigation.giving_way import nearest_m, way_out
+from robot_stack.navigation.limits import PlanningLimits
 from robot_stack.navigation.local_map import LocalMap
 from robot_stack.navigation.params import NavigationParams, PeopleParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.people import Person
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.ramp import Ramp
+from robot_stack.navigation.routes import RoutePlanner
 from robot_stack.navigation.sampling import SamplingController
 from robot_stack.navigation.surroundings import Surroundings
 
 Array = npt.NDArray[np.float64]
 _SPACING_M = 0.1
+# A robot that has come so far from where there was no way is planned for anew.
+_MOVED_M = 0.5
+_PLANNING, _ALONG, _ASIDE = "planning a route", "driving along the route", "making room for somebody"
 _NOWHERE = LocalMap(0.0, 1.0, 0.0, 0.0, np.zeros((1, 1), np.int8), np.full((1, 1), 10.0, np.float32))
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """text: what goes on. gave_up: there was no way for too long; the text says why."""
+    """text: what goes on. gave_up: there was no way for too long; the text says why.
+
+    unreachable: the map leaves no way, and says so at once; the text is the reason.
+    """
 
     twist: Twist2
     text: str
     gave_up: bool = False
+    unreachable: bool = False
 
 
 class RouteFollower:
     """One goal at a time. ``route`` is replaced, never changed; None while there is no way."""
 
-    def __init__(self, params: NavigationParams, surroundings: Surroundings) -> None:
+    def __init__(self, params: NavigationParams, surroundings: Surroundings, routes: RoutePlanner) -> None:
         self._params = params
         self._around = surroundings
+        self._routes = routes
         self._sampling = SamplingController(params.local)
         self._ramp = Ramp()
         self.route: Path | None = None
         self._goal: Pose2 | None = None
         self._problem = ""
+        self._asked = self._unreachable = False
+        self._asked_with: tuple[bytes, Pose2] | None = None
         self._since_plan_s = math.inf
         self._without_way_s = 0.0
         self._stuck_s = 0.0
+        self._giving_s = 0.0
+        self._gave_way = 0
+        self._progress_at: Pose2 | None = None
         self._checked = -1
         self._blocked_at: tuple[float, float] | None = None
         self._blocked_looks = 0
 
     def begin(self, goal: Pose2, located: Located, footprint: Footprint, twist: Twist2) -> str:
-        """Plans a route. twist: the last command, from which this goes on. Returns why there is none, else nothing.
+        """Asks for a route. twist: the last command, from which this goes on. Returns what goes on.
 
         A step may follow either way: without a route the robot waits for one.
         """
         if goal != self._goal:
-            self._without_way_s = 0.0
+            self._without_way_s, self._progress_at, self._gave_way = 0.0, None, 0
         self._goal = goal
         self._sampling.reset()
         self._ramp.reset(twist)
-        self._stuck_s = 0.0
-        return self._plan(located, footprint)
+        self._stuck_s = self._giving_s = 0.0
+        self.route, self._problem, self._blocked_at, self._blocked_looks = None, "", None, 0
+        self._ask(located, footprint)
+        return self._take()
 
     def forget(self) -> None:
+        self._routes.drop()
         self.route, self._goal, self._without_way_s, self._stuck_s = None, None, 0.0, 0.0
-        self._blocked_at, self._problem = None, ""
+        self._blocked_at, self._problem, self._asked_with, self._progress_at = None, "", None, None
+        self._giving_s = 0.0
+        self._asked = self._unreachable = False
 
     def step(self, located: Located, limits: PlanningLimits, footprint: Footprint, now_s: float, dt_s: float) -> Step:
         assert self._goal is not None
         f = self._params.follow
         self._since_plan_s += dt_s
+        self._take()
+        if self._unreachable:
+            return self._refuse()
         self._look(located, footprint)
-        again = self.route is None or self._blocked_at is not None or self._stuck_s >= f.stuck_s
-        if again and self._since_plan_s >= f.replan_interval_s:
-            self._plan(located, footprint)
+        again = self._blocked_at is not None or self._stuck_s >= f.stuck_s
+        if again if self.route is not None else self._has_changed(located):
+            self._ask_again(located, footprint)
         if self.route is None:
-            return self._wait(limits.cruise, located, dt_s)
-        self._without_way_s = 0.0 if self._stuck_s < f.stuck_s else self._without_way_s + dt_s
+            return self._wait(located, limits, footprint, now_s, dt_s)
+        self._note_progress(located.pose, dt_s)
         if self._without_way_s >= f.give_up_s:
             return self._give_up("no progress along the route", located)
         return self._drive(self.route, located, limits, footprint, now_s, dt_s)
+
+    def _note_progress(self, pose: Pose2, dt_s: float) -> None:
+        f = self._params.follow
+        if self._progress_at is None or pose.distance_to(self._progress_at) > f.progress_m:
+            self._progress_at, self._without_way_s, self._gave_way = pose, 0.0, 0
+        elif self._stuck_s >= f.stuck_s and self._giving_s <= 0.0:
+            self._without_way_s += dt_s
 
     # --- driving -----------------------------------------------------------------------------------------------------
 
@@ -98,21 +129,21 @@ class RouteFollower:
     ) -> Step:
         around, p, limits = self._around, self._params, planning.cruise
         along_m, beside_m = route.project(located.pose.x, located.pose.y)
-        if abs(beside_m) > p.follow.off_route_m and self._since_plan_s >= p.follow.replan_interval_s:
-            self._plan(located, footprint)
-            if self.route is None:
-                return self._wait(planning.cruise, located, dt_s)
-            along_m, _ = self.route.project(located.pose.x, located.pose.y)
-            route = self.route
+        if abs(beside_m) > p.follow.off_route_m:
+            self._ask_again(located, footprint)
         ahead = self._ahead(route, along_m)
         clear = around.clearance_m(footprint, ahead)
         at = around.to_odom(ahead)
         metres = np.arange(len(ahead)) * _SPACING_M
-        local = around.local if around.seeing and around.local is not None else _NOWHERE
+        local = self._local()
         speed = self._ramp.twist.speed()
         people = around.people if around.seeing else ()
         cap = caps(np.column_stack((at, metres)), clear, people, now_s, speed, limits, footprint, p.caps, p.people)
         start = self._ramp.start(located.twist)
+        table = _table(people, now_s, p.people)
+        aside = self._give_way(located, footprint, now_s, dt_s)
+        if aside is not None:
+            return Step(self._ramp.towards(aside, start, limits, dt_s), _ASIDE)
         choice = self._sampling.step(
             located.pose.relative_to(around.map_to_odom),
             start,
@@ -120,14 +151,40 @@ class RouteFollower:
             limits,
             footprint,
             local,
-            _table(people, now_s, p.people),
+            table,
         )
         twist = self._ramp.towards(choice.twist, start, planning.braking if choice.urgent else limits, dt_s)
         slow = twist.speed() < p.follow.stuck_mps and abs(twist.omega) < 2.0 * p.follow.stuck_mps
         self._stuck_s = self._stuck_s + dt_s if slow else 0.0
         if cap.yields and speed < 0.2:
             return Step(twist, "waiting for somebody to pass")
-        return Step(twist, "looking for a way past" if slow else "driving along the route")
+        return Step(twist, "looking for a way past" if slow else _ALONG)
+
+    def _local(self) -> LocalMap:
+        return self._around.local if self._around.seeing and self._around.local is not None else _NOWHERE
+
+    def _give_way(self, located: Located, footprint: Footprint, now_s: float, dt_s: float) -> Twist2 | None:
+        """The motion to make room for somebody, zero to let him pass; None where that is not called for, or no use."""
+        p, giving = self._params.give_way, self._giving_s > 0.0
+        if not giving and (self._stuck_s < self._params.follow.stuck_s or self._gave_way >= p.tries):
+            return None
+        pose = located.pose.relative_to(self._around.map_to_odom)
+        # Whoever has come out from behind something may stand, and has not been seen walking.
+        everybody = self._around.people if self._around.seeing else ()
+        people = _rows(everybody, now_s, self._params.people)
+        gap_m, twist = nearest_m(pose, footprint, people), None
+        if self._giving_s < p.most_s and gap_m < (p.room_m if giving else p.near_m):
+            twist = way_out(pose, footprint, self._local(), people, self._params.local.governor_margin_m, p)
+        walkers = _rows(tuple(one for one in everybody if one.walks), now_s, self._params.people)
+        if twist is None and giving and self._giving_s < p.most_s and nearest_m(pose, footprint, walkers) < p.watch_m:
+            twist = ZERO_TWIST
+        if twist is not None:
+            self._giving_s += dt_s
+            return twist
+        if giving:
+            self._giving_s, self._stuck_s, self._gave_way = 0.0, 0.0, self._gave_way + 1
+            self._ask_again(located, footprint)
+        return None
 
     def _ahead(self, route: Path, along_m: float) -> Array:
         """(n, 3) poses of the route from ``along_m`` on, evenly spaced, as far as the local controller looks."""
@@ -140,15 +197,38 @@ class RouteFollower:
 
     # --- routes ------------------------------------------------------------------------------------------------------
 
-    def _plan(self, located: Located, footprint: Footprint) -> str:
+    def _ask(self, located: Located, footprint: Footprint) -> None:
         assert self._goal is not None
         self._since_plan_s = 0.0
-        found = self._around.plan(located.pose, self._goal, footprint)
-        if isinstance(found, NoWay):
-            self.route, self._problem = None, found.reason
-            return found.reason
-        self.route, self._problem, self._blocked_at, self._blocked_looks = found, "", None, 0
-        return ""
+        self._asked, self._asked_with = True, (self._around.shown(), located.pose)
+        self._routes.ask(self._around.question(located.pose, self._goal, footprint))
+
+    def _ask_again(self, located: Located, footprint: Footprint) -> None:
+        """Not sooner than the interval, and not while a question is being thought about."""
+        if not self._asked and self._since_plan_s >= self._params.follow.replan_interval_s:
+            self._ask(located, footprint)
+            self._take()
+
+    def _has_changed(self, located: Located) -> bool:
+        """Whether another answer can be expected than "no way": something else is seen, or the robot was moved."""
+        if self._asked or self._since_plan_s < self._params.follow.replan_interval_s or self._asked_with is None:
+            return False
+        shown, pose = self._asked_with
+        if pose.distance_to(located.pose) > _MOVED_M or shown != self._around.shown():
+            return True
+        self._since_plan_s = 0.0  # asked again after the interval, which spares the digest of every tick
+        return False
+
+    def _take(self) -> str:
+        """Takes an answer if it is there. Returns what goes on."""
+        answer = self._routes.take() if self._asked else None
+        if answer is None:
+            return _PLANNING
+        self._asked = False
+        self.route, self._problem, self._unreachable = answer.route, answer.reason, answer.lasting
+        if self.route is not None:
+            self._blocked_at, self._blocked_looks = None, 0
+        return self._problem or _ALONG
 
     def _look(self, located: Located, footprint: Footprint) -> None:
         """Whether a new costmap shows something on the route."""
@@ -167,13 +247,24 @@ class RouteFollower:
         else:
             self._blocked_at = None
 
-    def _wait(self, limits: MotionLimits, located: Located, dt_s: float) -> Step:
+    def _wait(self, located: Located, limits: PlanningLimits, footprint: Footprint, now_s: float, dt_s: float) -> Step:
+        if self._asked and not self._problem:
+            # What lies ahead is not known to be clear any more: as short a way to a stop as may be.
+            return Step(self._ramp.towards(ZERO_TWIST, self._ramp.twist, limits.braking, dt_s), _PLANNING)
+        self._stuck_s += dt_s
+        aside = self._give_way(located, footprint, now_s, dt_s)
+        if aside is not None:
+            return Step(self._ramp.towards(aside, self._ramp.twist, limits.cruise, dt_s), _ASIDE)
         self._without_way_s += dt_s
         text = f"the only way is blocked{self._where()}"
         if self._without_way_s >= self._params.follow.give_up_s:
             return self._give_up(text, located)
-        twist = self._ramp.towards(ZERO_TWIST, self._ramp.twist, limits, dt_s)
-        return Step(twist, f"waiting: {text}")
+        return Step(self._ramp.towards(ZERO_TWIST, self._ramp.twist, limits.cruise, dt_s), f"waiting: {text}")
+
+    def _refuse(self) -> Step:
+        text = self._problem
+        self.forget()
+        return Step(ZERO_TWIST, text, unreachable=True)
 
     def _where(self) -> str:
         if self._blocked_at is None:
@@ -188,9 +279,12 @@ class RouteFollower:
 
 def _table(people: tuple[Person, ...], now_s: float, params: PeopleParams) -> Array:
     """(m, 6) of everybody who has walked, as the rollouts want them."""
+    return _rows(tuple(one for one in people if one.walked), now_s, params)
+
+
+def _rows(people: tuple[Person, ...], now_s: float, params: PeopleParams) -> Array:
     rows = [
         (*one.at(now_s), *one.velocity, one.radius_m, params.walking_gap_m if one.walks else params.standing_gap_m)
         for one in people
-        if one.walked
     ]
     return np.array(rows).reshape(-1, 6)

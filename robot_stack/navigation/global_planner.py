@@ -21,6 +21,7 @@ from robot_stack.navigation.grid_kernels import astar, free_headings, headings, 
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
+from robot_stack.navigation.stop import Stop
 from robot_stack.navigation.tight_passage import passage
 
 Array = npt.NDArray[np.float64]
@@ -30,6 +31,8 @@ _LINE_STEPS = 400
 _BACKWARDS = -0.3
 # Narrow places of one way that are sought anew, over positions and headings together.
 _PASSAGES = 3
+# Around the goal, of the search: 800 m2, so that a goal that is closed in is found out at once.
+_FLOOD_CELLS = 20_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +64,14 @@ def goal_problem(grid: PlanningGrid, footprint: Footprint, goal: Pose2, params: 
 class GlobalPlanner:
     """Routes over one grid. A plan is a pure function of its arguments and of what was laid over the grid."""
 
-    def __init__(self, grid: PlanningGrid, params: PlannerParams) -> None:
+    def __init__(
+        self, grid: PlanningGrid, params: PlannerParams, stop: Stop | None = None, *, doubtful: bool = False
+    ) -> None:
+        """stop: once it is set a plan ends soon, without a way. doubtful: that there is none shall be known soon."""
         self.grid = grid
         self._params = params
+        self._stop = stop or Stop()
+        self._flood_cells = grid.field.size if doubtful else _FLOOD_CELLS
 
     def plan(self, start: Pose2, goal: Pose2, footprint: Footprint) -> Path | NoWay:
         """Poses at most heading-step apart, from ``start`` to ``goal`` inclusive."""
@@ -75,6 +83,8 @@ class GlobalPlanner:
         closed: list[tuple[float, float]] = []
         problem = ""
         for _ in range(self._params.tries):
+            if self._stop.wanted:
+                return NoWay("not wanted any more")
             points = self._points(start, goal, footprint, closed)
             if points is None:
                 return NoWay(problem or f"no way from ({start.x:.1f}, {start.y:.1f}) to ({goal.x:.1f}, {goal.y:.1f})")
@@ -114,6 +124,8 @@ class GlobalPlanner:
             p.heuristic_weight,
             np.array(cells, np.int64).reshape(-1, 3),
             math.ceil(p.escape_m / coarse_m),
+            self._flood_cells,
+            self._stop.flag,
         )
         if not len(found):
             return None
@@ -151,7 +163,7 @@ class GlobalPlanner:
         ends: (2, 3) poses. at_ends: (2,) clearance there. passages: so many narrow places may be sought anew.
         """
         bins = self._params.heading_bins
-        wish, step_m = _course(points, float(ends[0, 2]))
+        requested, step_m = _course(points, float(ends[0, 2]))
         along = np.cumsum(step_m)
         margin = self._margins(along, at_ends)
         place = self.grid.resolution_m, self.grid.x_m, self.grid.y_m
@@ -161,24 +173,24 @@ class GlobalPlanner:
         )
         first, last = (round(float(yaw) / (2.0 * math.pi) * bins) % bins for yaw in ends[:, 2])
         free[0, first] = free[-1, last] = True
-        picked = headings(free, wish, step_m, first, last, self._params.turn_cost_m_per_rad)
+        picked = headings(free, requested, step_m, first, last, self._params.turn_cost_m_per_rad)
         possible = picked[0] >= 0
-        yaws = np.unwrap(picked * (2.0 * math.pi / bins)) if possible else wish
-        tight = _backwards(yaws - wish, along, 2.0 * reach_m(footprint)) if possible else int(picked[1])
+        yaws = np.unwrap(picked * (2.0 * math.pi / bins)) if possible else requested
+        tight = _backwards(yaws - requested, along, 2.0 * reach_m(footprint)) if possible else int(picked[1])
         if tight is not None and passages:
-            through = self._through(points, along, wish, ends, at_ends, tight, footprint, passages)
+            through = self._through(points, along, requested, ends, at_ends, tight, footprint, passages)
             if through is not None:
                 return through, points[tight]
         if not possible:
             assert tight is not None
             return None, points[tight]
-        return np.column_stack((points, self._exact(points, yaws, wish, margin, edge))), points[0]
+        return np.column_stack((points, self._exact(points, yaws, requested, margin, edge))), points[0]
 
     def _through(
         self,
         points: Array,
         along: Array,
-        wish: Array,
+        requested: Array,
         ends: Array,
         at_ends: Array,
         tight: int,
@@ -189,9 +201,9 @@ class GlobalPlanner:
         around_m = 2.0 * reach_m(footprint)
         into = max(0, int(np.searchsorted(along, along[tight] - around_m)) - 1)
         out = min(len(points) - 1, int(np.searchsorted(along, along[tight] + around_m)))
-        start = ends[0] if into == 0 else np.array([*points[into], wish[into]])
-        goal = ends[1] if out == len(points) - 1 else np.array([*points[out], wish[out]])
-        middle = passage(self.grid, footprint, self._params, start, goal, any_heading=out < len(points) - 1)
+        start = ends[0] if into == 0 else np.array([*points[into], requested[into]])
+        goal = ends[1] if out == len(points) - 1 else np.array([*points[out], requested[out]])
+        middle = passage(self.grid, footprint, self._params, start, goal, self._stop, any_heading=out < len(points) - 1)
         if middle is None:
             return None
         before = after = middle[:0]
@@ -219,9 +231,9 @@ class GlobalPlanner:
         margin[near_goal] = np.minimum(margin[near_goal], at_ends[1] - grid.resolution_m)
         return margin
 
-    def _exact(self, points: Array, yaws: Array, wish: Array, margin: Array, edge: Array) -> Array:
+    def _exact(self, points: Array, yaws: Array, requested: Array, margin: Array, edge: Array) -> Array:
         """Headings between the steps of the search: the course itself, where it is as near and clear."""
-        off = np.array([wrap_angle(a) for a in wish - yaws])
+        off = np.array([wrap_angle(a) for a in requested - yaws])
         refined = np.where(np.abs(off) <= 2.0 * math.pi / self._params.heading_bins, yaws + off, yaws)
         smooth = refined.copy()
         for _ in range(3):

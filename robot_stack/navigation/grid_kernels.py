@@ -3,6 +3,9 @@
 All compiled functions that call each other live in this file: numba's cache looks at one file only. Grids are (rows,
 columns), row 0 at the lowest y; clearances are metres from a cell's middle to the middle of the nearest occupied cell.
 Exact distance transform: Felzenszwalb and Huttenlocher 2012. Outside a grid nothing is clear.
+
+They release the interpreter lock, so that a plan of a second in another thread delays nobody. What takes long looks at
+``stop``, a (1,) flag that the other thread sets when it wants no answer any more.
 """
 
 from __future__ import annotations
@@ -20,10 +23,16 @@ Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
 
 _FAR = 1e12
+# Steps of a search between two looks at ``stop``: some milliseconds.
+_LOOK = 4096
+# Cells that the flood from the goal takes for each one that the search takes, and how many of these without having come
+# nearer to the goal stall it.
+_FLOOD, _STALLED = 4, 40_000
+_ESCAPE_COST = 20.0
 
 
 def compiled(function: FunctionT) -> FunctionT:
-    return cast(FunctionT, numba.njit(cache=True, fastmath=False)(function))
+    return cast(FunctionT, numba.njit(cache=True, fastmath=False, nogil=True)(function))
 
 
 @compiled
@@ -189,6 +198,58 @@ def _pop(keys: Floats, items: npt.NDArray[np.int64], size: int) -> int:
 
 
 @compiled
+def _enter_cost(
+    cost: Singles,
+    field: Singles,
+    unknown: npt.NDArray[np.bool_],
+    factor: int,
+    row: int,
+    column: int,
+    near: tuple[float, float, float, float],
+    start: tuple[int, int],
+    escape_cells: int,
+) -> float:
+    """Cost of a coarse cell, noted in ``cost``; negative: not to be entered.
+
+    near: radius, preferred clearance, cost near to something, cost of the unknown.
+    """
+    entering = _block_cost(field, unknown, factor, row, column, near[0], near[1], near[2], near[3])
+    if entering < 0.0 and max(abs(row - start[0]), abs(column - start[1])) <= escape_cells:
+        entering = _ESCAPE_COST
+    cost[row * ((field.shape[1] + factor - 1) // factor) + column] = entering
+    return entering
+
+
+@compiled
+def _close_discs(cost: Singles, rows: int, columns: int, blocked: npt.NDArray[np.int64]) -> None:
+    for m in range(len(blocked)):
+        for r in range(max(0, blocked[m, 0] - blocked[m, 2]), min(rows, blocked[m, 0] + blocked[m, 2] + 1)):
+            for c in range(max(0, blocked[m, 1] - blocked[m, 2]), min(columns, blocked[m, 1] + blocked[m, 2] + 1)):
+                if (r - blocked[m, 0]) ** 2 + (c - blocked[m, 1]) ** 2 <= blocked[m, 2] ** 2:
+                    cost[r * columns + c] = -1.0
+
+
+@compiled
+def _octile(row: int, column: int, goal: tuple[int, int]) -> float:
+    dr, dc = abs(row - goal[0]), abs(column - goal[1])
+    return max(dr, dc) + (math.sqrt(2.0) - 1.0) * min(dr, dc)
+
+
+@compiled
+def _way_back(parent: npt.NDArray[np.int32], first: int, last: int, columns: int) -> npt.NDArray[np.int64]:
+    count, at = 1, last
+    while at != first:
+        at = parent[at]
+        count += 1
+    cells = np.empty((count, 2), np.int64)
+    at = last
+    for k in range(count - 1, -1, -1):
+        cells[k, 0], cells[k, 1] = at // columns, at % columns
+        at = parent[at]
+    return cells
+
+
+@compiled
 def astar(
     field: Singles,
     unknown: npt.NDArray[np.bool_],
@@ -202,40 +263,76 @@ def astar(
     weight: float,
     blocked: npt.NDArray[np.int64],
     escape_cells: int,
+    flood_cells: int,
+    stop: npt.NDArray[np.bool_],
 ) -> npt.NDArray[np.int64]:
-    """(n, 2) coarse cells (row, column) from start to goal, empty if there is no way.
+    """(n, 2) coarse cells (row, column) from start to goal, empty if there is no way, or if it was stopped.
 
     weight: of the octile heuristic, >= 1. blocked: (m, 3) discs of coarse cells (row, column, radius) not to enter.
     escape_cells: so near to the start any cell may be entered, at a high cost: to leave a tight spot.
+
+    A search that comes no nearer is helped by a flood from the goal, whose first flood_cells are looked at in any case.
+    Where it ends without having met the search there is no way, which is so known once the smaller of the two
+    regions, and not the whole site, has been looked at.
     """
     rows = (field.shape[0] + factor - 1) // factor
     columns = (field.shape[1] + factor - 1) // factor
     cost = np.full(rows * columns, np.float32(np.nan), np.float32)
     g = np.full(rows * columns, np.inf)  # in single precision a rounded cost could be improved for ever
     parent = np.full(rows * columns, -1, np.int32)
-    capacity = 1 << 16
-    keys, items = np.empty(capacity), np.empty(capacity, np.int64)
-    for m in range(len(blocked)):
-        for r in range(max(0, blocked[m, 0] - blocked[m, 2]), min(rows, blocked[m, 0] + blocked[m, 2] + 1)):
-            for c in range(max(0, blocked[m, 1] - blocked[m, 2]), min(columns, blocked[m, 1] + blocked[m, 2] + 1)):
-                if (r - blocked[m, 0]) ** 2 + (c - blocked[m, 1]) ** 2 <= blocked[m, 2] ** 2:
-                    cost[r * columns + c] = -1.0
+    near = (radius_m, prefer_m, near_cost, unknown_cost)
+    _close_discs(cost, rows, columns, blocked)
     first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
     g[first] = 0.0
     parent[first] = first
+    capacity = 1 << 16
+    keys, items = np.empty(capacity), np.empty(capacity, np.int64)
     size = _push(keys, items, 0, 0.0, first)
+    flooded = np.zeros(rows * columns, np.bool_)
+    flood = np.empty(rows * columns, np.int32)
+    flood_from, flood_to, floods = 0, 0, first != last
+    if floods:
+        if _enter_cost(cost, field, unknown, factor, goal[0], goal[1], near, start, escape_cells) < 0.0:
+            return np.empty((0, 2), np.int64)
+        flood[0], flooded[last], flood_to = last, True, 1
     diagonal = math.sqrt(2.0)
+    taken, nearest, nearest_at = 0, np.inf, 0
     while size > 0:
+        taken += 1
+        if taken % _LOOK == 0 and stop[0]:
+            return np.empty((0, 2), np.int64)
+        for _ in range(_FLOOD):
+            if not floods or (flood_to > flood_cells and taken - nearest_at < _STALLED):
+                break
+            if flood_from == flood_to:
+                return np.empty((0, 2), np.int64)
+            from_row, from_column = flood[flood_from] // columns, flood[flood_from] % columns
+            flood_from += 1
+            for i in range(-1, 2):
+                for j in range(-1, 2):
+                    r, c = from_row + i, from_column + j
+                    if r < 0 or c < 0 or r >= rows or c >= columns or flooded[r * columns + c]:
+                        continue
+                    flooded[r * columns + c] = True
+                    if g[r * columns + c] < np.inf:
+                        floods = False
+                    entering = cost[r * columns + c]
+                    if math.isnan(entering):
+                        entering = _enter_cost(cost, field, unknown, factor, r, c, near, start, escape_cells)
+                    if entering >= 0.0:
+                        flood[flood_to] = r * columns + c
+                        flood_to += 1
         here = items[0]
         key = keys[0]
         size = _pop(keys, items, size)
         if here == last:
             break
         row, column = here // columns, here % columns
-        dr, dc = abs(row - goal[0]), abs(column - goal[1])
-        h = max(dr, dc) + (diagonal - 1.0) * min(dr, dc)
-        if key > g[here] + weight * h + 1e-6:
+        left = _octile(row, column, goal)
+        if key > g[here] + weight * left + 1e-6:
             continue  # found a better way here since
+        if left < nearest:
+            nearest, nearest_at = left, taken
         if size + 8 >= capacity:
             more_keys, more_items = np.empty(2 * capacity), np.empty(2 * capacity, np.int64)
             more_keys[:size], more_items[:size] = keys[:size], items[:size]
@@ -249,33 +346,19 @@ def astar(
                 step = diagonal if i != 0 and j != 0 else 1.0
                 if g[there] <= g[here] + step:
                     continue
-                if math.isnan(cost[there]):
-                    cost[there] = _block_cost(field, unknown, factor, r, c, radius_m, prefer_m, near_cost, unknown_cost)
-                    close = max(abs(r - start[0]), abs(c - start[1])) <= escape_cells
-                    if cost[there] < 0.0 and close:
-                        cost[there] = 20.0
-                if cost[there] < 0.0:
+                entering = cost[there]
+                if math.isnan(entering):
+                    entering = _enter_cost(cost, field, unknown, factor, r, c, near, start, escape_cells)
+                if entering < 0.0:
                     continue
-                total = g[here] + step * cost[there]
+                total = g[here] + step * entering
                 if total < g[there] - 1e-6:
                     g[there] = total
                     parent[there] = here
-                    dr, dc = abs(r - goal[0]), abs(c - goal[1])
-                    h = max(dr, dc) + (diagonal - 1.0) * min(dr, dc)
-                    size = _push(keys, items, size, total + weight * h, there)
+                    size = _push(keys, items, size, total + weight * _octile(r, c, goal), there)
     if parent[last] < 0:
         return np.empty((0, 2), np.int64)
-    count = 1
-    at = last
-    while at != first:
-        at = parent[at]
-        count += 1
-    cells = np.empty((count, 2), np.int64)
-    at = last
-    for k in range(count - 1, -1, -1):
-        cells[k, 0], cells[k, 1] = at // columns, at % columns
-        at = parent[at]
-    return cells
+    return _way_back(parent, first, last, columns)
 
 
 @compiled
@@ -380,11 +463,11 @@ def relax(
 
 @compiled
 def headings(
-    free: npt.NDArray[np.bool_], wish: Floats, step_m: Floats, first: int, last: int, turn_cost: float
+    free: npt.NDArray[np.bool_], requested: Floats, step_m: Floats, first: int, last: int, turn_cost: float
 ) -> npt.NDArray[np.int64]:
     """The cheapest heading for every point of a way (Viterbi): along the way if that is clear, turning little.
 
-    free: (n, h) is the footprint clear at point i with heading k * 2 pi / h. wish: (n,) course of the way, rad.
+    free: (n, h) is the footprint clear at point i with heading k * 2 pi / h. requested: (n,) course of the way, rad.
     step_m: (n,) from the point before. first, last: given headings. turn_cost: m per radian.
     Returns (n,) headings; where that is impossible, (2,) of -1 and the first point that cannot be passed.
     """
@@ -400,7 +483,7 @@ def headings(
         for k in range(h):
             if not free[i, k]:
                 continue
-            here = step_m[i] * (1.0 - math.cos(k * unit - wish[i]))
+            here = step_m[i] * (1.0 - math.cos(k * unit - requested[i]))
             # Turning happens at this point, through headings that are all clear here.
             for sign in (-1, 1):
                 for turn in range(0 if sign > 0 else 1, h // 2 + 1):

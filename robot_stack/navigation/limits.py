@@ -2,40 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
+from robot_stack.core.limits import MotionLimits, SpeedLimit
 from robot_stack.core.robot import Motion
 from robot_stack.navigation.params import LimitParams
-
-
-@dataclass(frozen=True, slots=True)
-class MotionLimits:
-    """Bounds of the translation (norm of the planar vector) and of the yaw: m and rad, s. All > 0."""
-
-    speed_mps: float
-    yaw_rate_radps: float
-    acceleration_mps2: float
-    yaw_acceleration_radps2: float
-    jerk_mps3: float
-    yaw_jerk_radps3: float
-
-    def __post_init__(self) -> None:
-        for name in self.__slots__:
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"motion limit {name} must be positive and finite, is {value}")
-
-
-@dataclass(frozen=True, slots=True)
-class SpeedLimit:
-    """The newest ``/safety/velocity_limit``: m/s and rad/s. NaN and negative count as 0, +inf is no limit."""
-
-    speed_mps: float
-    yaw_rate_radps: float
-
-
-NO_LIMIT = SpeedLimit(math.inf, math.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +25,9 @@ class PlanningLimits:
 
 def planning_limits(motion: Motion, limit: SpeedLimit, params: LimitParams) -> PlanningLimits | None:
     """The limits to plan with; None where the speed limit leaves nothing to drive with: then the robot stands."""
-    speed_mps = min(motion.max_speed_mps, params.cruise_speed_mps, _known(limit.speed_mps))
-    yaw_rate_radps = min(motion.max_yaw_rate_radps, _known(limit.yaw_rate_radps))
+    speed_mps, yaw_rate_radps = limit.usable()
+    speed_mps = min(motion.max_speed_mps, params.cruise_speed_mps, speed_mps)
+    yaw_rate_radps = min(motion.max_yaw_rate_radps, yaw_rate_radps)
     if speed_mps < params.stop_below_mps or yaw_rate_radps < params.stop_below_mps:
         return None
     speed_mps, yaw_rate_radps = params.speed_share * speed_mps, params.speed_share * yaw_rate_radps
@@ -77,7 +49,3 @@ def _limits(
         jerk_share * motion.max_jerk_mps3,
         jerk_share * motion.max_yaw_jerk_radps3,
     )
-
-
-def _known(limit: float) -> float:
-    return limit if limit > 0.0 else 0.0  # NaN is greater than nothing

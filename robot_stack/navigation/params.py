@@ -183,6 +183,25 @@ class PeopleParams(Config):
     yield_stop_m: Positive
 
 
+class GiveWayParams(Config):
+    """Making room for somebody whom the robot, and who, stands in the way."""
+
+    near_m: Positive
+    room_m: Positive
+    least_m: Positive
+    speed_mps: Positive
+    look_s: Positive
+    watch_m: Positive
+    most_s: Positive
+    tries: Annotated[int, Field(ge=0, le=10)]
+
+    @model_validator(mode="after")
+    def _makes_room(self) -> GiveWayParams:
+        if self.least_m >= self.speed_mps * self.look_s:
+            raise ValueError("least_m must be smaller than speed_mps x look_s, or nothing makes a difference")
+        return self
+
+
 class FollowParams(Config):
     """Following a route, taking the exact motion to the goal where it is free, and giving up."""
 
@@ -203,6 +222,7 @@ class FollowParams(Config):
     stuck_mps: Positive
     off_route_m: Positive
     give_up_s: Positive
+    progress_m: Positive
 
     @model_validator(mode="after")
     def _leaves_later_than_it_enters(self) -> FollowParams:
@@ -229,4 +249,5 @@ class NavigationParams(Config):
     local: LocalParams
     caps: CapParams
     people: PeopleParams
+    give_way: GiveWayParams
     follow: FollowParams

@@ -12,7 +12,8 @@ import math
 from collections.abc import Iterator
 
 from robot_stack.core.geometry import Pose2, wrap_angle
-from robot_stack.navigation.limits import MotionLimits, PlanningLimits
+from robot_stack.core.limits import MotionLimits
+from robot_stack.navigation.limits import PlanningLimits
 from robot_stack.navigation.motion import MotionState, Segment, Trajectory, Vector
 from robot_stack.navigation.speed_profile import AxisLimits, Profile, to_position, to_speed
 

@@ -19,11 +19,12 @@ FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
+_LOOK = 4096
 _ROWS, _COLUMNS = (0, 0, 1, -1, 1, 1, -1, -1), (1, -1, 0, 0, 1, -1, 1, -1)
 
 
 def compiled(function: FunctionT) -> FunctionT:
-    return cast(FunctionT, numba.njit(cache=True)(function))
+    return cast(FunctionT, numba.njit(cache=True, nogil=True)(function))
 
 
 @compiled
@@ -35,8 +36,9 @@ def search_poses(
     cell_m: float,
     turn_cost_m_per_rad: float,
     weight: float,
+    stop: npt.NDArray[np.bool_],
 ) -> Ints:
-    """(n, 3) row, column, heading from start to goal, empty if there is no way.
+    """(n, 3) row, column, heading from start to goal, empty if there is no way, or if ``stop``, (1,), was set.
 
     free: (rows, columns, headings), heading k is k * 2 pi / headings. cost: (rows, columns) per metre, >= 1. goal: a
     heading of -1 is any. Driving sideways or backwards costs up to three times as much. weight: of the straight
@@ -49,8 +51,11 @@ def search_poses(
     first = (start[0] * columns + start[1]) * bins + start[2]
     g[first] = 0.0
     heap = [(0.0, first)]
-    last = -1
+    last, taken = -1, 0
     while len(heap) > 0:
+        taken += 1
+        if taken % _LOOK == 0 and stop[0]:
+            break
         key, here = heapq.heappop(heap)
         k = here % bins
         cell = here // bins

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
-from robot_stack.navigation.limits import MotionLimits
+from robot_stack.core.limits import MotionLimits
 
 # A drive that has not followed so far is not left behind farther.
 _LEAD_MPS, _LEAD_RADPS = 0.3, 0.3
@@ -30,26 +30,26 @@ class Ramp:
         turn = max(-_LEAD_RADPS, min(_LEAD_RADPS, t.omega - measured.omega))
         return Twist2(measured.vx + share * dx, measured.vy + share * dy, measured.omega + turn)
 
-    def towards(self, wish: Twist2, start: Twist2, limits: MotionLimits, dt_s: float) -> Twist2:
-        """The next command on the way from ``start`` to ``wish``. Not finite counts as zero."""
+    def towards(self, requested: Twist2, start: Twist2, limits: MotionLimits, dt_s: float) -> Twist2:
+        """The next command on the way from ``start`` to ``requested``. Not finite counts as zero."""
         if dt_s <= 0.0:
             return self.twist
-        wish = wish if wish.is_finite() else ZERO_TWIST
-        ax, ay = (wish.vx - start.vx) / dt_s, (wish.vy - start.vy) / dt_s
+        requested = requested if requested.is_finite() else ZERO_TWIST
+        ax, ay = (requested.vx - start.vx) / dt_s, (requested.vy - start.vy) / dt_s
         ax, ay = _within(ax, ay, limits.acceleration_mps2)
         ox, oy, ow = self._acceleration
         if math.hypot(ax, ay) > math.hypot(ox, oy) or ax * ox + ay * oy < 0.0:
             jx, jy = _within(ax - ox, ay - oy, limits.jerk_mps3 * dt_s)
             ax, ay = ox + jx, oy + jy
-            if ax * (wish.vx - start.vx) + ay * (wish.vy - start.vy) < 0.0:
-                ax, ay = 0.0, 0.0  # an acceleration that leads away from the wish
+            if ax * (requested.vx - start.vx) + ay * (requested.vy - start.vy) < 0.0:
+                ax, ay = 0.0, 0.0  # an acceleration that leads away from the command
         aw = max(
-            -limits.yaw_acceleration_radps2, min(limits.yaw_acceleration_radps2, (wish.omega - start.omega) / dt_s)
+            -limits.yaw_acceleration_radps2, min(limits.yaw_acceleration_radps2, (requested.omega - start.omega) / dt_s)
         )
         change = limits.yaw_jerk_radps3 * dt_s
         if abs(aw) > abs(ow) or aw * ow < 0.0:
             aw = ow + max(-change, min(change, aw - ow))
-            if aw * (wish.omega - start.omega) < 0.0:
+            if aw * (requested.omega - start.omega) < 0.0:
                 aw = 0.0
         self._acceleration = (ax, ay, aw)
         self.twist = Twist2(start.vx + ax * dt_s, start.vy + ay * dt_s, start.omega + aw * dt_s)

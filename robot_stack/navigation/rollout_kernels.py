@@ -164,10 +164,10 @@ def evaluate(
             gy = route[target, _Y] + math.cos(tangent) * beside - y
             far = math.hypot(gx, gy)
             towards = wrapped(route[min(at + 3, last), _YAW] + turn - yaw)
-            wish = share * min(speed_max, route[at, _SPEED]) * max(0.15, 1.0 - abs(towards) / 1.2)
+            requested = share * min(speed_max, route[at, _SPEED]) * max(0.15, 1.0 - abs(towards) / 1.2)
             left = far + route[last, _ALONG] - route[target, _ALONG]
-            wish = min(wish, math.sqrt(1.4 * acceleration * left), 1.5 * left)
-            wx, wy = (wish * gx / far, wish * gy / far) if far > 1e-6 else (0.0, 0.0)
+            requested = min(requested, math.sqrt(1.4 * acceleration * left), 1.5 * left)
+            wx, wy = (requested * gx / far, requested * gy / far) if far > 1e-6 else (0.0, 0.0)
             cos, sin = math.cos(yaw), math.sin(yaw)
             ax, ay = cos * wx + sin * wy - vx, -sin * wx + cos * wy - vy
             size = math.hypot(ax, ay)

@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.grid_kernels import Singles
-from robot_stack.navigation.limits import MotionLimits
 from robot_stack.navigation.local_map import LocalMap
 from robot_stack.navigation.params import LocalParams
 from robot_stack.navigation.rollout_kernels import COLLISION, evaluate, free_time
@@ -102,28 +102,29 @@ class SamplingController:
         pick = int(np.argmin(costs))
         self._last = candidates[pick].copy()
         standing = bool(self._last[1] < 0.02)
-        wish = Twist2(*map(float, firsts[pick]))
+        requested = Twist2(*map(float, firsts[pick]))
         if costs[pick] >= 0.4 * COLLISION and people.size == 0:
-            wish, standing = Twist2(0.0, 0.0, 0.0), True
-        governed = self._governed(at, wish, place, edge, here, box, people)
-        return Choice(governed, standing, float(self._last[0]), governed is not wish)
+            requested, standing = Twist2(0.0, 0.0, 0.0), True
+        governed = self._governed(at, requested, place, edge, here, box, people)
+        return Choice(governed, standing, float(self._last[0]), governed is not requested)
 
     def _governed(
         self,
         at: Array,
-        wish: Twist2,
+        requested: Twist2,
         place: tuple[Singles, float, float, float],
         edge: Array,
         here: float,
         box: Array,
         people: Array,
     ) -> Twist2:
-        """``wish``, slower if it went on unchanged would come too near too soon: what the safety monitor judges by."""
+        """``requested``, slower if it went on unchanged would come too near too soon: what the safety monitor judges
+        by."""
         p = self._params
         margin = min(p.governor_margin_m, here - 0.03)
-        slower = wish
+        slower = requested
         for share in _SLOWER:
-            slower = wish if share == 1.0 else wish.scaled(share)
+            slower = requested if share == 1.0 else requested.scaled(share)
             twist = np.array([slower.vx, slower.vy, slower.omega])
             free_s = free_time(*place, edge, at, twist, margin, p.governor_s, box, people)
             if free_s >= p.governor_s:

@@ -48,49 +48,51 @@ def to_position(
     A start outside the limits is brought inside first. ``min_duration_s`` asks for a slower motion that takes so long.
     Raises ValueError for numbers that are not finite.
     """
-    wish = _input(speed, acceleration, limits)
-    wish.target_position = [distance]
-    wish.target_velocity = [0.0]
-    natural = _solve(wish)
+    requested = _input(speed, acceleration, limits)
+    requested.target_position = [distance]
+    requested.target_velocity = [0.0]
+    natural = _solve(requested)
     if min_duration_s <= natural.duration_s:
         return natural
-    wish.minimum_duration = min_duration_s
-    return _solve(wish)
+    requested.minimum_duration = min_duration_s
+    return _solve(requested)
 
 
 def to_speed(target_speed: float, speed: float, acceleration: float, limits: AxisLimits) -> Profile:
     """From 0 with ``speed`` and ``acceleration`` to a steady ``target_speed``. Raises ValueError as above."""
-    wish = _input(speed, acceleration, limits)
-    wish.control_interface = ruckig.ControlInterface.Velocity
-    wish.target_velocity = [target_speed]
-    return _solve(wish)
+    requested = _input(speed, acceleration, limits)
+    requested.control_interface = ruckig.ControlInterface.Velocity
+    requested.target_velocity = [target_speed]
+    return _solve(requested)
 
 
 def _input(speed: float, acceleration: float, limits: AxisLimits) -> ruckig.InputParameter:
-    wish = ruckig.InputParameter(1)
-    wish.current_position = [0.0]
-    wish.current_velocity = [speed]
-    wish.current_acceleration = [acceleration]
-    wish.target_acceleration = [0.0]
-    wish.max_velocity = [limits.speed]
-    wish.max_acceleration = [limits.acceleration]
-    wish.max_jerk = [limits.jerk]
-    return wish
+    requested = ruckig.InputParameter(1)
+    requested.current_position = [0.0]
+    requested.current_velocity = [speed]
+    requested.current_acceleration = [acceleration]
+    requested.target_acceleration = [0.0]
+    requested.max_velocity = [limits.speed]
+    requested.max_acceleration = [limits.acceleration]
+    requested.max_jerk = [limits.jerk]
+    return requested
 
 
-def _solve(wish: ruckig.InputParameter) -> Profile:
-    """The profile for ``wish``.
+def _solve(requested: ruckig.InputParameter) -> Profile:
+    """The profile for ``requested``.
 
     Ruckig fails where two kinds of profile meet to the last digit, e.g. over 0.4 m with 0.8 m/s2 and 1.6 m/s3, where
     the acceleration just reaches its limit. Limits smaller by less than a thousandth lie beside such a point.
     """
     problem = ""
-    limits = wish.max_velocity, wish.max_acceleration, wish.max_jerk
+    limits = requested.max_velocity, requested.max_acceleration, requested.max_jerk
     for share in _SHARES:
-        wish.max_velocity, wish.max_acceleration, wish.max_jerk = ([share * limit[0]] for limit in limits)
+        requested.max_velocity, requested.max_acceleration, requested.max_jerk = (
+            [share * limit[0]] for limit in limits
+        )
         trajectory = ruckig.Trajectory(1)
         try:
-            result = ruckig.Ruckig(1).calculate(wish, trajectory)
+            result = ruckig.Ruckig(1).calculate(requested, trajectory)
         except ruckig.RuckigError as error:
             problem = " ".join(str(error).split())
             continue

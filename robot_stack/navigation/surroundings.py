@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 
 import numpy as np
@@ -11,12 +12,12 @@ from robot_stack.core.geometry import IDENTITY, Pose2
 from robot_stack.core.robot import Footprint
 from robot_stack.core.site_map import Grid
 from robot_stack.navigation.footprint import outline
-from robot_stack.navigation.global_planner import GlobalPlanner, NoWay, goal_problem
+from robot_stack.navigation.global_planner import goal_problem
 from robot_stack.navigation.local_map import LETHAL, LocalMap, costmap_problem, local_map
 from robot_stack.navigation.params import NavigationParams
-from robot_stack.navigation.path import Path
 from robot_stack.navigation.people import PeopleTracker, Person
-from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid, empty_grid
+from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
+from robot_stack.navigation.routes import RouteRequest
 
 Array = npt.NDArray[np.float64]
 # Lethal cells this near to an obstacle of the map are that obstacle.
@@ -118,13 +119,16 @@ class Surroundings:
     def goal_problem(self, footprint: Footprint, goal: Pose2) -> str:
         return "" if self.grid is None else goal_problem(self.grid, footprint, goal, self._params.planner)
 
-    def plan(self, start: Pose2, goal: Pose2, footprint: Footprint) -> Path | NoWay:
-        """A route around all that map and costmap have shown."""
-        grid, p = self.grid, self._params.planner
-        if grid is None:
-            grid = PlanningGrid(empty_grid(start, goal, p.open_pad_m, p.open_resolution_m), bounded=False)
-        grid.lay_over(self._remembered)
-        return GlobalPlanner(grid, p).plan(start, goal, footprint)
+    def question(self, start: Pose2, goal: Pose2, footprint: Footprint) -> RouteRequest:
+        """For a route around all that map and costmap have shown until now."""
+        return RouteRequest(start, goal, footprint, self._remembered)  # replaced with each costmap, never changed
+
+    def shown(self) -> bytes:
+        """A digest of the obstacles that a planner would be told of: as long as it is the same, so is the answer."""
+        size_m = self._params.planner.search_resolution_m
+        column, row = np.floor(self._remembered / size_m).astype(np.int64).T
+        cells = np.unique((row << 32) + column)  # as one number each: sorting pairs would take most of a tick
+        return hashlib.blake2b(cells.tobytes(), digest_size=16).digest()
 
     # --- memory ------------------------------------------------------------------------------------------------------
 

@@ -15,6 +15,7 @@ from robot_stack.navigation.grid_kernels import clearances, free_headings
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.pose_search import search_poses
+from robot_stack.navigation.stop import Stop
 
 Array = npt.NDArray[np.float64]
 _STEP_M = 0.1
@@ -45,11 +46,18 @@ class _Window:
 
 
 def passage(
-    grid: PlanningGrid, footprint: Footprint, params: PlannerParams, start: Array, goal: Array, *, any_heading: bool
+    grid: PlanningGrid,
+    footprint: Footprint,
+    params: PlannerParams,
+    start: Array,
+    goal: Array,
+    stop: Stop,
+    *,
+    any_heading: bool,
 ) -> Array | None:
     """(n, 3) poses from ``start`` to ``goal`` (both (3,), map), both included; None if there is no way.
 
-    any_heading: the goal's heading does not matter; it is the last pose's then.
+    any_heading: the goal's heading does not matter; it is the last pose's then. stop: ends the search.
     """
     margin_m = params.margin_m + grid.half_cell_m
     window = _window(grid, footprint, params, start, goal, margin_m)
@@ -68,6 +76,7 @@ def passage(
         _STEP_M,
         params.turn_cost_m_per_rad,
         _COST_BETWEEN_WALLS * params.heuristic_weight,
+        stop.flag,
     )
     if not len(found):
         return None
@@ -106,8 +115,12 @@ def _window(
 
 
 def _unknown(grid: PlanningGrid, points: Array) -> npt.NDArray[np.bool_]:
-    cells = [grid.cell(float(x), float(y)) if grid.contains(float(x), float(y)) else None for x, y in points]
-    return np.array([cell is None or bool(grid.unknown[cell]) for cell in cells])
+    cells = np.floor((points - (grid.x_m, grid.y_m)) / grid.resolution_m).astype(np.int64)
+    rows, columns = cells[:, 1], cells[:, 0]
+    inside = (rows >= 0) & (columns >= 0) & (rows < grid.unknown.shape[0]) & (columns < grid.unknown.shape[1])
+    unknown = np.ones(len(points), np.bool_)
+    unknown[inside] = grid.unknown[rows[inside], columns[inside]]
+    return unknown
 
 
 def _straightened(grid: PlanningGrid, edge: Array, poses: Array, margin_m: float) -> Array:

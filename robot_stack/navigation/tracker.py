@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import Pose2, Twist2, wrap_angle
-from robot_stack.navigation.limits import MotionLimits
+from robot_stack.core.limits import MotionLimits
 from robot_stack.navigation.motion import MotionState
 from robot_stack.navigation.params import TrackingParams
 

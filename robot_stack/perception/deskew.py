@@ -109,26 +109,38 @@ class Motion:
         """(k, 3, 4): base_link at stamp_s - i * step_s to base_link at ``stamp_s``, back to ``oldest_s`` <= 0."""
         count = max(2, math.ceil(-oldest_s / self._params.step_s - 1e-6) + 1)
         end, level = self.pose_at(stamp_s), self.attitude_at(stamp_s) or LEVEL
-        inverse = level.matrix().T
-        found = np.zeros((count, 3, 4), dtype=np.float32)
+        rows = []
         for i in range(count):
             at_s = stamp_s - i * self._params.step_s
-            step = self.pose_at(at_s).relative_to(end)
-            attitude = self.attitude_at(at_s) or level
-            c, s = math.cos(step.yaw), math.sin(step.yaw)
-            turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-            found[i, :, :3] = inverse @ turn @ attitude.matrix()
-            found[i, :2, 3] = step.x, step.y  # the wheels roll in the robot's own plane
-        return found
+            step, attitude = self.pose_at(at_s).relative_to(end), self.attitude_at(at_s) or level
+            rows.append((step.x, step.y, step.yaw, attitude.roll_rad, attitude.pitch_rad))
+        return _matrices(np.array(rows), level)
 
 
-def deskew(xyz: Float, times: Float, steps: Float, step_s: float) -> Float:
+def _matrices(rows: Matrix, level: Attitude) -> Float:
+    """(k, 3, 4) of rows x m, y m, yaw, roll, pitch rad: by the attitude there, the turn in the plane, back to level."""
+    (cy, cr, cp), (sy, sr, sp) = np.cos(rows[:, 2:].T), np.sin(rows[:, 2:].T)
+    turned = np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+    found = np.zeros((len(rows), 3, 4), dtype=np.float32)
+    found[:, :, :3] = np.einsum("ji,jkn->nik", level.matrix(), turned)
+    found[:, :2, 3] = rows[:, :2]  # the wheels roll in the robot's own plane
+    return found
+
+
+def deskew(xyz: Float, times: Float, steps: Float, step_s: float, out: Float | None = None) -> Float:
     """(m, 3) in base_link at the stamp.
 
     xyz: (m, 3) in base_link at each point's moment; times: (m,) s relative to the stamp, <= 0; steps: as
     ``Motion.steps`` gives, ``step_s`` apart. Between steps the matrices are interpolated; older points take the oldest.
+    out: where to write, perhaps xyz itself; None: a new array.
     """
-    moved = np.empty_like(xyz)
+    moved = np.empty_like(xyz) if out is None else out
     _deskew(xyz, times, steps, np.float32(step_s), moved)
     return moved
 
@@ -136,14 +148,17 @@ def deskew(xyz: Float, times: Float, steps: Float, step_s: float) -> Float:
 @numba.njit(cache=True)
 def _deskew(xyz: Float, times: Float, steps: Float, step_s: Any, moved: Float) -> None:
     last = len(steps) - 1
+    matrix, known_s = np.empty((3, 4), np.float32), np.float32(np.nan)
     for i in range(len(xyz)):
-        at = -times[i] / step_s
-        at = min(max(at, np.float32(0.0)), np.float32(last))
-        k = min(int(at), last - 1)
-        share = at - np.float32(k)
+        if times[i] != known_s:  # the points of a column come one after the other, and have one time
+            known_s = times[i]
+            at = min(max(-known_s / step_s, np.float32(0.0)), np.float32(last))
+            k = min(int(at), last - 1)
+            share = at - np.float32(k)
+            for row in range(3):
+                for column in range(4):
+                    near = steps[k, row, column]
+                    matrix[row, column] = near + share * (steps[k + 1, row, column] - near)
         x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
         for row in range(3):
-            a, b = steps[k, row], steps[k + 1, row]
-            near = a[0] * x + a[1] * y + a[2] * z + a[3]
-            far = b[0] * x + b[1] * y + b[2] * z + b[3]
-            moved[i, row] = near + share * (far - near)
+            moved[i, row] = matrix[row, 0] * x + matrix[row, 1] * y + matrix[row, 2] * z + matrix[row, 3]

@@ -16,11 +16,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.core.robot import Robot
-from robot_stack.perception.cells import DROP, FLOOR, GROUND, HIGH, KERB, LOW, OBSTACLE, STEP, TALL, UNKNOWN
+from robot_stack.perception.cells import DROP, EMPTY, FLOOR, GROUND, HIGH, KERB, LOW, OBSTACLE, STEP, TALL, UNKNOWN
 from robot_stack.perception.params import FreeSpaceParams, GroundParams
-from robot_stack.perception.polar import PolarGrid, Sorted
-from robot_stack.perception.steps import look_again
+from robot_stack.perception.polar import COUNT, DISTANCE, GROUND_M, HEIGHT, TOP, PolarGrid, Sorted
+from robot_stack.perception.steps import RingErrors, look_again
 
 Float = NDArray[np.float32]
 Int = NDArray[np.int32]
@@ -29,26 +30,47 @@ Bytes = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """kind: (sectors, rings) of the cells' kinds; ground_m: the ground's height there (last seen, where it is hidden).
+    """kind: (sectors, rings) of the cells' kinds; covered: (sectors,) directions in which any cell holds points.
 
     free_m: (sectors,) distance from the sensor to which ground was seen without a gap or an obstacle, 0: not at all.
     drop_m: (sectors,) distance from the sensor to the edge of a drop-off, 0: none; drop_height_m: the ground before it.
     """
 
     kind: Bytes
-    ground_m: Float
+    covered: NDArray[np.bool_]
     free_m: Float
     drop_m: Float
     drop_height_m: Float
 
 
-def seeds(robot: Robot, level: NDArray[Any], origin: tuple[float, float], grid: PolarGrid) -> tuple[Float, Float]:
-    """(sectors,) distances from the sensor to the border of the wheels' rectangle, and the ground's height there.
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """What follows from a sensor's mounting: first_ground_m: the first ring of ground must be nearer than this;
+    ring_spacing_rad: between its rings; edge_m: beyond this a ramp down hides itself as a drop-off does.
 
-    The wheels stand on it. level: (3, 3) base_link to levelled; origin: the sensor in the levelled frame.
+    range_bias_m, elevation_bias_rad: by how much two of its rings may be wrong against each other.
+    """
+
+    first_ground_m: float
+    ring_spacing_rad: float
+    edge_m: float
+    range_bias_m: float
+    elevation_bias_rad: float
+
+
+def reach_of(sensor: RangeSensor, params: GroundParams, free: FreeSpaceParams) -> Reach:
+    edge_m = sensor.xyz_m[2] / math.tan(math.radians(params.max_slope_deg))
+    first_m, tilt_rad = free.first_ground_factor * sensor.first_ground_m(), math.radians(sensor.elevation_bias_deg)
+    return Reach(first_m, sensor.ring_spacing_rad, edge_m, 2.0 * sensor.range_bias_m, 2.0 * tilt_rad)
+
+
+def wheel_border(robot: Robot, grid: PolarGrid, sensor_xy_m: tuple[float, float]) -> NDArray[np.float64]:
+    """(sectors, 3) where each direction from the sensor leaves the wheels' rectangle, base_link, m.
+
+    The wheels stand on the ground there.
     """
     angles = (np.arange(grid.sectors) + 0.5) * (2.0 * math.pi / grid.sectors) - math.pi
-    x0, y0 = robot.lidar_xyz_m[0], robot.lidar_xyz_m[1]
+    x0, y0 = sensor_xy_m
     half_x, half_y = 0.5 * robot.wheelbase_m, 0.5 * robot.track_m
     c, s = np.cos(angles), np.sin(angles)
     with np.errstate(divide="ignore"):
@@ -56,7 +78,15 @@ def seeds(robot: Robot, level: NDArray[Any], origin: tuple[float, float], grid: 
         to_y = (np.sign(s) * half_y - y0) / s
     distance = np.maximum(np.minimum(np.where(c == 0, np.inf, to_x), np.where(s == 0, np.inf, to_y)), 0.0)
     x, y = x0 + distance * c, y0 + distance * s
-    turned = np.stack([x, y, np.zeros_like(x)], axis=1) @ np.asarray(level).T
+    return np.stack([x, y, np.zeros_like(x)], axis=1)
+
+
+def seeds(border: NDArray[np.float64], level: NDArray[np.float64], origin: tuple[float, float]) -> tuple[Float, Float]:
+    """(sectors,) distances from the sensor to ``wheel_border``, and the ground's height there, both levelled.
+
+    level: (3, 3) base_link to levelled; origin: the sensor in the levelled frame.
+    """
+    turned = border @ level.T
     away = np.hypot(turned[:, 0] - origin[0], turned[:, 1] - origin[1])
     return away.astype(np.float32), turned[:, 2].astype(np.float32)
 
@@ -68,10 +98,10 @@ def follow(
     sensor_height_m: float,
     params: GroundParams,
     free: FreeSpaceParams,
+    reach: Reach,
 ) -> Profile:
     """The ground in every direction. sensor_height_m: in the levelled frame, above base_link's origin."""
-    shape = (grid.sectors, grid.rings)
-    kind, ground = np.zeros(shape, np.uint8), np.zeros(shape, np.float32)
+    kind = np.zeros((grid.sectors, grid.rings), np.uint8)
     free_m, drop_m, drop_z = (np.zeros(grid.sectors, np.float32) for _ in range(3))
     numbers = np.array(
         [
@@ -85,31 +115,33 @@ def follow(
             params.wall_extent_m,
             params.wall_foot_m,
             params.kerb_height_m,
-            params.edge_range_m,
-            free.first_ground_m,
-            free.ring_spacing_rad,
+            reach.edge_m,
+            reach.first_ground_m,
+            reach.ring_spacing_rad,
             free.gap_factor,
             free.gap_m,
             sensor_height_m,
+            reach.range_bias_m,
+            reach.elevation_bias_rad,
         ],
         dtype=np.float32,
     )
-    cells = points.cells
-    _follow(
-        cells.low, cells.height_m, cells.distance_m, cells.top_m, grid.edges_m, *start, numbers,
-        kind, ground, free_m, drop_m, drop_z,
-    )  # fmt: skip
-    look_again(cells, start, kind, ground, free_m, free.ring_spacing_rad, params)
-    return Profile(kind, ground, free_m, drop_m, drop_z)
+    cells, covered = points.cells, np.zeros(grid.sectors, np.bool_)
+    _follow(cells.values, cells.sectors, grid.edges_m, *start, numbers, kind, free_m, drop_m, drop_z, covered)
+    errors = RingErrors(sensor_height_m, reach.range_bias_m, reach.elevation_bias_rad)
+    look_again(cells, start, kind, free_m, reach.ring_spacing_rad, errors, params)
+    return Profile(kind, covered, free_m, drop_m, drop_z)
 
 
-def classify(points: Sorted, profile: Profile, sensor_height_m: float, params: GroundParams) -> tuple[Bytes, Float]:
+def classify(
+    points: Sorted, profile: Profile, sensor_height_m: float, params: GroundParams, reach: Reach
+) -> tuple[Bytes, Float]:
     """(n,) what each point is, and (n,) its height above the local ground, m."""
     labels, height = np.empty(len(points.cell), np.uint8), np.empty(len(points.cell), np.float32)
     numbers = np.array(
         [
             params.point_tolerance_m,
-            3.0 * params.range_sigma_m,
+            3.0 * params.range_sigma_m + reach.range_bias_m,
             params.kerb_point_m,
             params.obstacle_min_m,
             params.obstacle_max_m,
@@ -118,35 +150,33 @@ def classify(points: Sorted, profile: Profile, sensor_height_m: float, params: G
         ],
         dtype=np.float32,
     )
-    _classify(
-        points.cell, points.height_m, points.distance_m, points.cells.distance_m.ravel(), profile.kind.ravel(),
-        profile.ground_m.ravel(), numbers, labels, height,
-    )  # fmt: skip
+    values = points.cells.values
+    cells = values.reshape(-1, values.shape[2])
+    _classify(points.cell, points.height_m, points.distance_m, cells, profile.kind.ravel(), numbers, labels, height)
     return labels, height
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _follow(
-    low: Int,
-    height: Float,
-    distance: Float,
-    top: Float,
+    cells: Float,
+    active: Int,
     edges: Float,
     seed_d: Float,
     seed_z: Float,
     p: Float,
     kind: Bytes,
-    ground: Float,
     free: Float,
     drop: Float,
     drop_z: Float,
+    covered: Any,
 ) -> None:
-    sectors, rings = low.shape
+    sectors, rings = cells.shape[0], cells.shape[1]
     slope, sigma, step_tolerance, drop_tolerance, drop_min, drop_points = p[0], p[1], p[2], p[3], p[4], p[5]
     lateral, extent, foot, kerb_height, edge_range = p[6], p[7], p[8], p[9], p[10]
-    first_ground, spacing, gap_factor, gap, sensor = p[11], p[12], p[13], p[14], p[15]
+    first_ground, spacing, gap_factor, gap, sensor, bias, tilt = p[11], p[12], p[13], p[14], p[15], p[16], p[17]
     zero = np.float32(0.0)
     upper, lower = seed_z.copy(), seed_z.copy()  # the cone, at the radius ``at``
+    firm = seed_z.copy()  # lower, but of cells with enough points: single ones may be in the air above the ground
     at = seed_d.copy()
     last_z, last_d = seed_z.copy(), seed_d.copy()  # the last ground
     seen = np.zeros(sectors, np.bool_)  # ground beyond the seed
@@ -158,32 +188,33 @@ def _follow(
         inner, outer = edges[k], edges[k + 1]
         middle = np.float32(0.5) * (inner + outer)
         width = middle * np.float32(2.0 * math.pi / sectors)
-        for s in range(sectors):
+        for s in active:
             if outer <= seed_d[s]:
                 continue
             grown = slope * max(middle - at[s], zero)
             upper[s] += grown
             lower[s] -= grown
+            firm[s] -= grown
             at[s] = max(at[s], middle)
-            ground[s, k] = last_z[s]
-            n = low[s, k]
-            if n == 0:
+            n = cells[s, k, COUNT]
+            if n == zero:
                 continue
+            cells[s, k, GROUND_M] = last_z[s]
             anything[s] = True
             if upper[s] - lower[s] > lateral:
-                _ask_neighbours(s, sectors, upper, lower, at, seed_d, slope * width)
-            z, d = height[s, k], distance[s, k]
-            # Range noise seen at the angle of incidence: along the ray, so little of it is height.
-            # A slope adds its own share.
+                _ask_neighbours(s, sectors, upper, lower, firm, at, seed_d, slope * width)
+            z, d = cells[s, k, HEIGHT], cells[s, k, DISTANCE]
+            # Range errors seen at the angle of incidence: along the ray, so little of them is height. A slope adds its
+            # own share. Noise averages out over a cell's points; what is a ring's own does not.
             incline = abs(sensor - z) / max(d, np.float32(0.5)) + abs(z - seed_z[s]) / max(
                 d - seed_d[s], np.float32(0.5)
             )
-            noise = np.float32(3.0) * sigma * min(incline, np.float32(1.0)) / math.sqrt(np.float32(n))
+            noise = (np.float32(3.0) * sigma / math.sqrt(n) + bias) * min(incline, np.float32(1.0)) + tilt * d
             past = slope * (d - middle)
             above = z - (upper[s] + past)
-            below = (lower[s] - past) - z
+            below = (firm[s] - past) - z
             wide = upper[s] - lower[s] > np.float32(0.5) * lateral
-            wall = top[s, k] - z > extent and wide and z - last_z[s] > foot
+            wall = cells[s, k, TOP] - z > extent and wide and z - last_z[s] > foot
             if above > step_tolerance + noise or wall:
                 kind[s, k] = STEP if z - last_z[s] <= kerb_height and not wall else TALL
                 open_way[s] = False
@@ -195,20 +226,21 @@ def _follow(
                     if fallen[s] == 0:
                         fallen_d[s] = d
                     fallen_z[s] = z
-                fallen[s] += n
-                ground[s, k] = z
+                fallen[s] += np.int32(n)
+                cells[s, k, GROUND_M] = z
                 if fallen[s] >= drop_points and last_z[s] - z >= drop_min:
                     if drop[s] == zero and open_way[s] and last_d[s] < edge_range:
                         drop[s] = _edge(last_d[s], last_z[s], d, z, sensor, seen[s])
                         drop_z[s] = last_z[s]
                     open_way[s] = False
-                    upper[s], lower[s], last_z[s], last_d[s] = z, z, z, d
+                    upper[s], lower[s], firm[s], last_z[s], last_d[s] = z, z, z, z, d
                     fallen[s] = 0
                 continue
             kind[s, k] = FLOOR
-            ground[s, k] = z
+            cells[s, k, GROUND_M] = z
             upper[s] = min(upper[s], z)
             lower[s] = min(max(lower[s], z), upper[s])
+            firm[s] = min(max(firm[s], z), upper[s]) if n >= drop_points else min(firm[s], upper[s])
             if open_way[s]:
                 ring_gap = (last_d[s] * last_d[s] + sensor * sensor) / sensor * spacing
                 limit = gap + gap_factor * ring_gap if seen[s] else first_ground
@@ -223,13 +255,19 @@ def _follow(
     # Ground that ends near the robot with nothing at all behind it: no sensor loses all of that. A sector alone at the
     # border of what a half sweep covered says nothing: turned back to the stamp, its last column lies in two sectors.
     ended = seen & ~anything & open_way & (last_d < edge_range)
-    for s in range(sectors):
+    for s in active:
         if ended[s] and (ended[s - 1] or ended[(s + 1) % sectors]):
             drop[s], drop_z[s] = last_d[s], last_z[s]
+        for k in range(rings):
+            if kind[s, k] != EMPTY:
+                covered[s] = True
+                break
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _ask_neighbours(s: int, sectors: int, upper: Float, lower: Float, at: Float, seed_d: Float, rise: Any) -> None:
+def _ask_neighbours(
+    s: int, sectors: int, upper: Float, lower: Float, firm: Float, at: Float, seed_d: Float, rise: Any
+) -> None:
     """Where a sector has not seen ground for long, its neighbours' ground narrows the cone."""
     for step in (-1, 1):
         other = (s + step) % sectors
@@ -240,6 +278,7 @@ def _ask_neighbours(s: int, sectors: int, upper: Float, lower: Float, at: Float,
         high, deep = upper[other] + rise, lower[other] - rise
         if deep <= upper[s] and high >= lower[s]:
             upper[s], lower[s] = min(upper[s], high), max(lower[s], deep)
+            firm[s] = min(max(firm[s], firm[other] - rise), upper[s])
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -258,30 +297,23 @@ def _edge(last_d: Any, last_z: Any, d: Any, z: Any, sensor: Any, seen: bool) -> 
 
 @numba.njit(cache=True, error_model="numpy")
 def _classify(
-    cell: Int,
-    z: Float,
-    distance: Float,
-    cell_distance: Float,
-    kind: Bytes,
-    ground: Float,
-    p: Float,
-    labels: Bytes,
-    height: Float,
+    cell: Int, z: Float, distance: Float, cells: Float, kind: Bytes, p: Float, labels: Bytes, height: Float
 ) -> None:
     tolerance, three_sigma, kerb_min, low, high, sensor, slope = p[0], p[1], p[2], p[3], p[4], p[5], p[6]
     for i in range(len(cell)):
-        c = cell[i]
-        if c < 0:
+        if cell[i] < 0:
             labels[i], height[i] = UNKNOWN, np.float32(0.0)
             continue
-        h = z[i] - ground[c]
+        c = np.uint32(cell[i])
+        ground = cells[c, GROUND_M]
+        h = z[i] - ground
         height[i] = h
         what = kind[c]
         if what == FLOOR or what == DROP:
             limit = tolerance + three_sigma * min(
-                abs(sensor - ground[c]) / max(distance[i], np.float32(0.5)), np.float32(1.0)
+                abs(sensor - ground) / max(distance[i], np.float32(0.5)), np.float32(1.0)
             )
-            limit += np.float32(0.8) * slope * abs(distance[i] - cell_distance[c])
+            limit += np.float32(0.8) * slope * abs(distance[i] - cells[c, DISTANCE])
             if h <= limit:
                 labels[i] = GROUND
                 continue

@@ -20,6 +20,8 @@ class CropParams(Config):
     range_max_m: Positive
     robot_margin_m: NotNegative
     robot_height_m: Positive
+    mast_margin_m: NotNegative
+    mast_columns: NotNegative
     chair_height_m: Positive
     below_m: NotNegative
 
@@ -69,8 +71,10 @@ class GroundParams(Config):
     kerb_gap_m: Positive
     kerb_rise_m: Positive
     kerb_range_m: Positive
+    steep_slope_deg: Annotated[float, Field(gt=0.0, lt=45.0)]
+    steep_m: Positive
+    steep_tolerance_m: Positive
     deck_m: Positive
-    edge_range_m: Positive
     obstacle_min_m: Positive
     obstacle_max_m: Positive
 
@@ -79,26 +83,42 @@ class GroundParams(Config):
         radii = [item.radius_m for item in self.bins]
         if radii != sorted(set(radii)):
             raise ValueError("bins: radius_m must grow")
+        if not self.max_slope_deg < self.steep_slope_deg:
+            raise ValueError("steep_slope_deg must be greater than max_slope_deg")
         if self.obstacle_min_m >= self.obstacle_max_m:
             raise ValueError("obstacle_min_m must be smaller than obstacle_max_m")
         return self
 
 
 class ObstacleParams(Config):
-    """Thinning of the obstacle points."""
+    """Thinning of the obstacle points.
+
+    A point is believed if cells of neighbourhood_m around it hold as many as a thing of smallest_m2 would return from
+    there, at least neighbours_min, no more than neighbours_max being asked for. With
+    doubt_share of them it is no thing, but keeps one that was there.
+    """
 
     range_m: Positive
     voxel_m: Positive
+    far_m: Positive
+    far_column_m: Positive
     neighbourhood_m: Positive
     neighbours_min: Count
+    neighbours_max: Annotated[int, Field(ge=1, le=250)]
+    smallest_m2: Positive
+    doubt_share: Annotated[float, Field(gt=0.0, le=1.0)]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> ObstacleParams:
+        if self.neighbours_min > self.neighbours_max:
+            raise ValueError("neighbours_min must not be greater than neighbours_max")
+        return self
 
 
 class FreeSpaceParams(Config):
     """How far the ground counts as seen."""
 
-    directions: Annotated[int, Field(ge=36, le=7200)]
-    first_ground_m: Positive
-    ring_spacing_rad: Positive
+    first_ground_factor: Annotated[float, Field(ge=1.0)]
     gap_factor: Annotated[float, Field(ge=1.0)]
     gap_m: Positive
 
@@ -109,6 +129,8 @@ class WatchParams(Config):
     stamp_future_s: Positive
     stamp_old_s: Positive
     sectors: Annotated[int, Field(ge=4, le=360)]
+    low_beam_deg: Annotated[float, Field(gt=0.0, lt=90.0)]
+    obstructed_min: Count
     sector_points_min: Count
     sector_silent_s: Positive
     blind_sectors_max: Annotated[int, Field(ge=0)]
@@ -118,12 +140,114 @@ class WatchParams(Config):
     remembered: Annotated[int, Field(ge=1, le=20)]
     sample: Count
 
+    @model_validator(mode="after")
+    def _whole_degrees(self) -> WatchParams:
+        if 360 % self.sectors:
+            raise ValueError("sectors must divide 360: each holds whole directions of 1 deg")
+        return self
+
+
+class OverheadParams(Config):
+    """What is taken from the overhead LiDAR, and how long it is shown again."""
+
+    range_m: Positive
+    keep_s: Positive
+
+
+class MixedParams(Config):
+    """Which points beside the attached chair are a thing, and no range between its edge and what is behind.
+
+    points_min, overhead_points_min: in a cell and the eight beside it, of a half sweep and of the overhead LiDAR's
+    frame. reach_m: from base_link along x and y; farther away nothing is mixed with the chair.
+    """
+
+    reach_m: Positive
+    cell_m: Annotated[float, Field(ge=0.01)]
+    points_min: Count
+    overhead_points_min: Count
+
 
 class OutputParams(Config):
     """When full sweeps are taken instead of halves, and how long the other half is shown again."""
 
     full_sweep_after_s: Positive
     keep_s: Positive
+
+
+class MoverParams(Config):
+    """Who moves: what came to places that were seen free, followed from look to look of one sensor.
+
+    A return came to its place if that was free ``new_s`` ago, and nothing that stands longer is within ``apart_m``.
+    Returns within ``link_m`` of each other are one body, if they are at least ``points_min`` and no more than
+    ``widest_m`` apart; one that returns less than the share ``whole`` of what it did is being hidden. A body is
+    sought within ``gate_m`` of where it is expected, and expected for ``coast_s`` after it was seen last, but only
+    ``missed_s`` where rays pass; who moves is taken to have gone on so long, up to ``beside_m`` before the robot,
+    where nobody looks. place_sigma_m, acceleration_mps2: of its place, and of what it does. It moves if it has been
+    followed for ``follow_s`` and over ``distance_m``, is faster than ``slowest_mps`` and than ``sure`` times what its
+    speed may be wrong by, and no more than the share ``vacated_share`` of its points of ``vacated_s`` ago has one
+    within ``same_m`` now.
+    """
+
+    new_s: Positive
+    apart_m: NotNegative
+    link_m: Positive
+    points_min: Count
+    widest_m: Positive
+    whole: Annotated[float, Field(ge=0.0, le=1.0)]
+    gate_m: Positive
+    missed_s: Positive
+    coast_s: Positive
+    beside_m: NotNegative
+    place_sigma_m: Positive
+    acceleration_mps2: Positive
+    follow_s: Positive
+    distance_m: Positive
+    slowest_mps: Positive
+    fastest_mps: Positive
+    sure: Positive
+    vacated_s: Positive
+    same_m: Positive
+    vacated_share: Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class SpaceParams(Config):
+    """The model of the space around the robot.
+
+    passes: looks whose rays pass through an occupied cell until it is not any more, at least ``top_margin_m`` below
+    its top; or, if that is no higher than ``low_m``, that show ground in its place. A return within ``thing_m`` of a
+    higher one is part of the same thing. free_below_m: a ray so low makes an
+    unseen cell free; watched_below_m: rays so low keep it free. ``fade_s`` after the last of them it is unseen again,
+    if somebody can have come there: from another such place, or from where something was seen within ``enter_m`` of it.
+    memory_m: of driving, a turn counting by ``lever_m``, after which the place of what was not seen since is not
+    trusted.
+    """
+
+    size_m: Annotated[float, Field(ge=2.0, le=50.0)]
+    cell_m: Annotated[float, Field(ge=0.01, le=0.5)]
+    passes: Annotated[int, Field(ge=1, le=100)]
+    top_margin_m: NotNegative
+    low_m: NotNegative
+    thing_m: NotNegative
+    free_below_m: Positive
+    watched_below_m: Positive
+    fade_s: Positive
+    enter_m: NotNegative
+    memory_m: Positive
+    lever_m: NotNegative
+    jump_m: Positive
+    attach_margin_m: NotNegative
+    movers: MoverParams
+
+    @property
+    def reach_m(self) -> float:
+        """How far from a sensor rays are looked at: the corners are farther than the sides."""
+        return 0.75 * self.size_m
+
+    @model_validator(mode="after")
+    def _ordered(self) -> SpaceParams:
+        if self.free_below_m > self.watched_below_m:
+            raise ValueError("free_below_m must not be greater than watched_below_m")
+        return self
 
 
 class PerceptionParams(Config):
@@ -135,4 +259,7 @@ class PerceptionParams(Config):
     obstacles: ObstacleParams
     free_space: FreeSpaceParams
     watch: WatchParams
+    overhead: OverheadParams
+    mixed: MixedParams
+    space: SpaceParams
     output: OutputParams

@@ -20,6 +20,12 @@ Float = NDArray[np.float32]
 Int = NDArray[np.int32]
 
 TABLE_STEP_M = 0.05
+# What a cell holds, beside each other in memory: its points come together, and so do the loops that judge it.
+# LOWEST, SECOND, TOP: heights of the two lowest points and the highest. COUNT: points of the lowest band, whose means
+# HEIGHT and DISTANCE are. GROUND_M: height of the ground there. RISE: how far it stands above the ground before it.
+LOWEST, SECOND, TOP, COUNT, HEIGHT, DISTANCE, GROUND_M, RISE = range(8)
+_COLUMNS = 8
+_BLOCK = 256  # points taken together: their coordinates stay in the fastest cache
 _NONE = np.float32(np.inf)
 PI = np.float32(math.pi)
 HALF_PI = np.float32(0.5 * math.pi)
@@ -37,14 +43,13 @@ class PolarGrid:
     def rings(self) -> int:
         return len(self.edges_m) - 1
 
-    @property
-    def middles_m(self) -> Float:
-        return (0.5 * (self.edges_m[1:] + self.edges_m[:-1])).astype(np.float32)
 
-
-def make_grid(params: GroundParams) -> PolarGrid:
+def make_grid(params: GroundParams, reach_m: float = math.inf) -> PolarGrid:
+    """reach_m: farther cells are left out, but for what is left of their kind."""
     edges = [0.0]
     for bins in params.bins:
+        if edges[-1] >= reach_m:
+            break
         count = max(1, round((bins.radius_m - edges[-1]) / bins.length_m))
         edges += [edges[-1] + bins.length_m * (i + 1) for i in range(count)]
     edges_m = np.array(edges, dtype=np.float32)
@@ -55,15 +60,14 @@ def make_grid(params: GroundParams) -> PolarGrid:
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """What lies in the cells, (sectors, rings) each; heights in m, levelled frame.
+    """What lies in the cells; heights and distances in m, levelled frame.
 
-    low: points of the lowest band; height_m, distance_m: their means; top_m: the highest point. Empty: low 0.
+    values: (sectors, rings, 8), columns LOWEST to RISE; an empty cell has COUNT 0. sectors: (k,) directions that hold
+    points, and two on each side of them: values of all others are not set. A half sweep shows half of them.
     """
 
-    low: Int
-    height_m: Float
-    distance_m: Float
-    top_m: Float
+    values: Float
+    sectors: Int
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,18 +88,15 @@ def sort_points(
     A cell's height is the mean of its points within ``band_m`` of the lowest; a single lowest point more than ``gap_m``
     below the next one is left out.
     """
-    n, shape = len(xyz), (grid.sectors, grid.rings)
+    n = len(xyz)
     cell, height, distance = np.empty(n, np.int32), np.empty(n, np.float32), np.empty(n, np.float32)
-    lowest = np.full((grid.sectors * grid.rings, 2), _NONE, np.float32)
-    top = np.full(grid.sectors * grid.rings, -_NONE, np.float32)
+    values = np.empty((grid.sectors, grid.rings, _COLUMNS), np.float32)
+    touched = np.zeros(grid.sectors, np.bool_)
     upright, x0, y0 = np.ascontiguousarray(level, dtype=np.float32), np.float32(origin[0]), np.float32(origin[1])
-    _place(xyz, upright, x0, y0, grid.sectors, cell, height, distance)
-    _assign(height, distance, grid.sectors, grid.rings, grid.table, cell, lowest, top)
-    low = np.zeros(grid.sectors * grid.rings, np.int32)
-    mean_z, mean_d = np.zeros_like(top), np.zeros_like(top)
-    _average(cell, height, distance, lowest, np.float32(band_m), np.float32(gap_m), low, mean_z, mean_d)
-    cells = Cells(low.reshape(shape), mean_z.reshape(shape), mean_d.reshape(shape), top.reshape(shape))
-    return Sorted(cell, height, distance, cells)
+    _place(xyz, upright, x0, y0, grid.table, values, touched, cell, height, distance)
+    sectors = np.flatnonzero(np.any([np.roll(touched, step) for step in range(-2, 3)], axis=0)).astype(np.int32)
+    _average(cell, height, distance, np.float32(band_m), np.float32(gap_m), sectors, touched, values)
+    return Sorted(cell, height, distance, Cells(values, sectors))
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
@@ -112,70 +113,107 @@ def angle_of(y: Any, x: Any) -> Any:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _place(
-    xyz: Float, level: Float, x0: Any, y0: Any, sectors: int, sector: Int, height: Float, distance: Float
-) -> None:
-    """Direction, distance and height of every point: arithmetic alone, for vector code."""
-    per_rad = np.float32(sectors / (2.0 * math.pi))
-    for i in range(len(xyz)):
-        px, py, pz = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        x = level[0, 0] * px + level[0, 1] * py + level[0, 2] * pz - x0
-        y = level[1, 0] * px + level[1, 1] * py + level[1, 2] * pz - y0
-        height[i] = level[2, 0] * px + level[2, 1] * py + level[2, 2] * pz
-        distance[i] = math.sqrt(x * x + y * y)
-        sector[i] = np.int32((angle_of(y, x) + PI) * per_rad)
+def _empty_direction(rings: int) -> Float:
+    """(rings * 8,) what the cells of a direction without points hold."""
+    empty = np.zeros((rings, _COLUMNS), np.float32)
+    empty[:, LOWEST] = empty[:, SECOND] = _NONE
+    empty[:, TOP] = -_NONE
+    return empty.ravel()
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _assign(
-    height: Float, distance: Float, sectors: int, rings: int, table: Int, cell: Int, lowest: Float, top: Float
+def _clear(flat: Float, sector: int, empty: Float) -> None:
+    """Makes the cells of a direction empty. flat: all cells in a row."""
+    first = sector * len(empty)
+    direction = flat[first : first + len(empty)]
+    for i in range(len(empty)):
+        direction[i] = empty[i]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _place(
+    xyz: Float,
+    level: Float,
+    x0: Any,
+    y0: Any,
+    table: Int,
+    values: Float,
+    touched: Any,
+    cell: Int,
+    height: Float,
+    distance: Float,
 ) -> None:
-    """Cells from sectors, in place, and what is lowest and highest in each."""
-    per_m = np.float32(1.0 / TABLE_STEP_M)
-    for i in range(len(cell)):
-        slot = np.uint32(distance[i] * per_m)
-        if slot >= np.uint32(len(table)):
-            cell[i] = -1
-            continue
-        cell[i] = min(cell[i], np.int32(sectors - 1)) * np.int32(rings) + table[slot]
-        c = np.uint32(cell[i])  # unsigned: no wrap-around to look after
-        z = height[i]
-        if z > top[c]:
-            top[c] = z
-        if z < lowest[c, 1]:
-            if z < lowest[c, 0]:
-                lowest[c, 1] = lowest[c, 0]
-                lowest[c, 0] = z
-            else:
-                lowest[c, 1] = z
+    """Direction, distance, height and cell of every point, and what is lowest and highest in each cell."""
+    sectors, rings = values.shape[0], values.shape[1]
+    cells = values.reshape((sectors * rings, _COLUMNS))
+    flat, empty = values.ravel(), _empty_direction(rings)
+    per_rad, per_m = np.float32(sectors / (2.0 * math.pi)), np.float32(1.0 / TABLE_STEP_M)
+    a0, a1, a2 = level[0, 0], level[0, 1], level[0, 2]
+    b0, b1, b2 = level[1, 0], level[1, 1], level[1, 2]
+    c0, c1, c2 = level[2, 0], level[2, 1], level[2, 2]
+    outside = np.float32(len(table))
+    # x, y and z one after the other, and so sector and slot: of more arrays the compiler would not know that they lie
+    # apart, and make no vector code.
+    place, found = np.empty(3 * _BLOCK, np.float32), np.empty(2 * _BLOCK, np.int32)
+    for begin in range(0, len(xyz), _BLOCK):
+        size = min(_BLOCK, len(xyz) - begin)
+        for i in range(size):
+            place[i], place[_BLOCK + i], place[2 * _BLOCK + i] = xyz[begin + i, 0], xyz[begin + i, 1], xyz[begin + i, 2]
+        high, away = height[begin : begin + size], distance[begin : begin + size]
+        for i in range(size):  # arithmetic alone
+            px, py, pz = place[i], place[_BLOCK + i], place[2 * _BLOCK + i]
+            x = a0 * px + a1 * py + a2 * pz - x0
+            y = b0 * px + b1 * py + b2 * pz - y0
+            high[i] = c0 * px + c1 * py + c2 * pz
+            d = np.float32(math.sqrt(x * x + y * y))
+            away[i] = d
+            found[i] = np.int32((angle_of(y, x) + PI) * per_rad)
+            d *= per_m
+            found[_BLOCK + i] = np.int32(d if d < outside else outside)
+        for i in range(size):
+            slot = found[_BLOCK + i]
+            if slot >= len(table):
+                cell[begin + i] = -1
+                continue
+            s = min(found[i], np.int32(sectors - 1))
+            if not touched[s]:
+                touched[s] = True
+                _clear(flat, s, empty)
+            number = s * np.int32(rings) + table[slot]
+            cell[begin + i] = number
+            c = np.uint32(number)  # unsigned: no wrap-around to look after
+            z = high[i]
+            # Without branches: which way they go is chance, and a wrong guess costs more than three writes.
+            first, second, top = cells[c, LOWEST], cells[c, SECOND], cells[c, TOP]
+            higher = first if z < first else z
+            cells[c, LOWEST] = z if z < first else first
+            cells[c, SECOND] = higher if higher < second else second
+            cells[c, TOP] = z if z > top else top
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _average(
-    cell: Int,
-    height: Float,
-    distance: Float,
-    lowest: Float,
-    band: Any,
-    gap: Any,
-    low: Int,
-    mean_z: Float,
-    mean_d: Float,
+    cell: Int, height: Float, distance: Float, band: Any, gap: Any, active: Int, touched: Any, values: Float
 ) -> None:
-    for c in range(len(lowest)):
-        first, second = lowest[c, 0], lowest[c, 1]
-        lowest[c, 0] = second if math.isfinite(second) and second - first > gap else first
+    sectors, rings = values.shape[0], values.shape[1]
+    cells = values.reshape((sectors * rings, _COLUMNS))
+    flat, empty = values.ravel(), _empty_direction(rings)
     for i in range(len(cell)):
         if cell[i] < 0:
             continue
-        k = np.uint32(cell[i])
-        above = height[i] - lowest[k, 0]
+        c = np.uint32(cell[i])
+        first, second = cells[c, LOWEST], cells[c, SECOND]
+        above = height[i] - (second if second < _NONE and second - first > gap else first)
         if np.float32(0.0) <= above <= band:
-            low[k] += 1
-            mean_z[k] += height[i]
-            mean_d[k] += distance[i]
-    for c in range(len(low)):
-        if low[c]:
-            share = np.float32(1.0) / np.float32(low[c])
-            mean_z[c] *= share
-            mean_d[c] *= share
+            cells[c, COUNT] += np.float32(1.0)
+            cells[c, HEIGHT] += height[i]
+            cells[c, DISTANCE] += distance[i]
+    for s in active:
+        if not touched[s]:
+            _clear(flat, s, empty)
+            continue
+        for k in range(rings):
+            if values[s, k, COUNT] > np.float32(0.0):
+                share = np.float32(1.0) / values[s, k, COUNT]
+                values[s, k, HEIGHT] *= share
+                values[s, k, DISTANCE] *= share

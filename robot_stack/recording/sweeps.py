@@ -1,4 +1,4 @@
-"""Which of the LiDAR's sweeps are recorded: all of them make 36 MB/s, a map needs two a second."""
+"""Which of the LiDARs' sweeps are recorded: all of them make 40 MB/s, a map needs two a second."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.recording.images import Thinning
 
-_ROWS = (topics.LIDAR_POINTS, topics.LIDAR_HALF_SWEEP)
+_ROWS = (topics.LIDAR_POINTS, topics.LIDAR_HALF_SWEEP, topics.OVERHEAD_LIDAR_POINTS)
 
 
 class SweepChoice:

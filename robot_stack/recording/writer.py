@@ -19,8 +19,8 @@ from typing import BinaryIO
 from mcap.writer import CompressionType, Writer
 
 from robot_stack.contract.model import Topic
+from robot_stack.core.message_definitions import message_definition, type_hash
 from robot_stack.recording import metadata
-from robot_stack.recording.definitions import message_definition, type_hash
 from robot_stack.recording.metadata import FileInfo, TopicInfo
 
 PROFILE = "ros2"

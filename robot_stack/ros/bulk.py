@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
-import rclpy
-from rclpy.context import Context
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.signals import SignalHandlerOptions
 
 from robot_stack.ros import transport
-from robot_stack.ros.executor import LeanExecutor
+from robot_stack.ros.guest import Guest
 
 _JOIN_S = 5.0
+_HIDDEN = re.compile(r"_(.+)_bulk")
+
+
+def owner_of(node: str) -> str:
+    """The node that a node of the graph belongs to: another one only for the hidden one that takes its bulk inputs."""
+    found = _HIDDEN.fullmatch(node)
+    return found.group(1) if found else node
+
+
+class Owner(Protocol):
+    """The node that the bulk inputs are for."""
+
+    def get_name(self) -> str: ...
+    def call_soon(self, callback: Callable[[], None], *, wakes: bool) -> None: ...
 
 
 class BulkInputs:
@@ -27,42 +38,45 @@ class BulkInputs:
     ``_<owner>_bulk``.
     """
 
-    def __init__(self, owner: Node) -> None:
+    def __init__(self, owner: Owner) -> None:
         self._owner = owner
-        self._context = Context()
+        transport.keep_memory()
         with transport.shared_memory():
-            rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node(
-            f"_{owner.get_name()}_bulk",
-            context=self._context,
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
-        self._executor = LeanExecutor(context=self._context)
-        self._executor.add_node(self._node)
+            self._guest = Guest(f"_{owner.get_name()}_bulk")
+        self._node, self._executor = self._guest.node, self._guest.executor
         self._thread = threading.Thread(target=self._executor.spin, name="bulk", daemon=True)
         self._thread.start()
 
-    def subscribe(self, message_class: Any, name: str, callback: Callable[[Any], None], profile: QoSProfile) -> None:
-        """Calls ``callback`` in the owner's executor; of what it has no time for, the newest ``depth`` are kept."""
-        arrived: deque[Any] = deque(maxlen=profile.depth)
+    def subscribe(
+        self,
+        message_class: Any,
+        name: str,
+        callback: Callable[[Any, Any], None],
+        profile: QoSProfile,
+        raw: bool,
+        *,
+        wakes: bool,
+    ) -> Any:
+        """Calls ``callback`` with message and info in the owner's executor; of what it has no time for, the newest
+        ``depth`` are kept. wakes: the owner is woken for it; else it takes the message when it is awake.
+        Returns what ``unsubscribe`` takes.
+        """
+        arrived: deque[tuple[Any, Any]] = deque(maxlen=profile.depth)
 
         def hand_over() -> None:
             while arrived:
-                callback(arrived.popleft())
+                callback(*arrived.popleft())
 
-        guard = self._owner.create_guard_condition(hand_over)
+        def keep(message: Any, info: Any) -> None:
+            arrived.append((message, info))
+            self._owner.call_soon(hand_over, wakes=wakes)
 
-        def keep(message: Any) -> None:
-            arrived.append(message)
-            guard.trigger()
+        return self._node.create_subscription(message_class, name, keep, profile, raw=raw)
 
-        self._node.create_subscription(message_class, name, keep, profile)
+    def unsubscribe(self, subscription: Any) -> None:
+        self._node.destroy_subscription(subscription)
 
     def close(self) -> None:
         self._executor.stop()
         self._thread.join(_JOIN_S)
-        self._node.destroy_node()
-        self._executor.shutdown()
-        rclpy.try_shutdown(context=self._context)
+        self._guest.close()

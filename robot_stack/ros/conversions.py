@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Pose, PoseStamped, Quaternion, TransformStamped, Twist, TwistStamped
+from geometry_msgs.msg import Pose, PoseStamped, Quaternion, Transform, TransformStamped, Twist, TwistStamped
+from sensor_msgs.msg import CameraInfo
 
-from robot_stack.core.geometry import Pose2, Twist2, quaternion_from_yaw, yaw_from_quaternion
+from robot_stack.core.camera import Intrinsics
+from robot_stack.core.geometry import Pose2, Twist2, planar_pose, quaternion_from_yaw
 
 NANOSECONDS = 1_000_000_000
 
@@ -47,8 +50,11 @@ def pose_to_msg(pose: Pose2) -> Pose:
 
 
 def pose_from_msg(message: Pose) -> Pose2:
-    q = message.orientation
-    return Pose2(message.position.x, message.position.y, yaw_from_quaternion(q.x, q.y, q.z, q.w))
+    return planar_pose(message.position, message.orientation)
+
+
+def pose_from_transform(message: Transform) -> Pose2:
+    return planar_pose(message.translation, message.rotation)
 
 
 def pose_stamped(pose: Pose2, frame_id: str, stamp: Time) -> PoseStamped:
@@ -65,3 +71,17 @@ def transform_stamped(pose: Pose2, parent: str, child: str, stamp: Time, z_m: fl
     translation.x, translation.y, translation.z = float(pose.x), float(pose.y), float(z_m)
     message.transform.rotation = quaternion_to_msg(pose.yaw)
     return message
+
+
+def camera_info(calibrated: Intrinsics) -> CameraInfo:
+    """Without frame and stamp. Images are not rectified."""
+    k = calibrated.matrix()
+    return CameraInfo(
+        height=calibrated.height,
+        width=calibrated.width,
+        distortion_model="plumb_bob",
+        d=list(calibrated.distortion),
+        k=k.ravel().tolist(),
+        r=np.eye(3).ravel().tolist(),
+        p=np.c_[k, np.zeros(3)].ravel().tolist(),
+    )

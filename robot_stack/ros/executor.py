@@ -1,47 +1,64 @@
-"""A single-threaded executor that does little per message.
+"""A single-threaded executor that wakes for what is urgent and for timers, and takes the rest while it is awake.
 
-rclpy's own executor builds a wait set, a task and several guard-condition triggers for every callback: 0.3-0.6 ms of
-CPU per message on a small machine. This one keeps its wait set until an entity is added or removed and calls
-subscriptions, timers and services directly. Waitables (actions, event handlers) and futures still run as rclpy tasks.
+rclpy's own executor builds a wait set, a task and several guard-condition triggers for every callback, and rmw attaches
+every entity of the set anew at each wait: together 0.3-0.7 ms of processor time a wake-up on a small machine, several
+hundred times a second. This one sleeps in one ``epoll`` (``robot_stack.ros.wakeups``) until an urgent message, a
+service call, an action or the next timer is due. Messages that wake nobody (``StackNode.subscribe``) are taken then.
+Coroutines and actions still run as rclpy tasks.
 """
 
 from __future__ import annotations
 
 import inspect
+import math
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any
 
+from rclpy.client import Client
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import Executor, ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
+from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.waitable import Waitable
 
-# A wait is cut into pieces of this length: a blocked wait holds Python's signal handlers back, and a piece that takes
-# much longer tells that the process itself was held up (a busy or paused machine) and could not have heard anything.
-_LONGEST_WAIT_NS = 20_000_000
+from robot_stack.ros.timers import RclTimers, Schedule
+from robot_stack.ros.wakeups import Wakeups, can_follow
+
+# Nothing is due for so long only where there is no timer at all.
+_LONGEST_WAIT_S = 1.0
+# A wait that ends so much later than it should tells that the process itself was held up (a busy or paused machine) and
+# could not have heard anything.
 _PAUSE_S = 0.03
-# While a coroutine waits for something, it is asked again this often: rclpy's futures wake no one.
-_TASK_POLL_NS = 5_000_000
+# While a coroutine waits for something that no entity of this executor brings, it is asked again this often.
+_TASK_POLL_S = 0.02
+# What rcl cannot wake for (QoS events, goals of an action that expire) is looked at this often.
+_SLOW_CHECK_S = 5.0
 
 
 class LeanExecutor(Executor):
     """Runs the callbacks of its nodes in the thread that spins."""
 
     def __init__(self, *, context: Any = None) -> None:
+        self._wakeups = Wakeups()
         super().__init__(context=context)
         self._tasks: list[Any] = self._tasks  # rclpy's list; declared here for the type checker
-        self._wait_set: Any = None
         self._entities = _Entities([])
-        # Handles in the wait set stay alive until it is rebuilt, even if another thread destroys their entity.
-        self._held = ExitStack()
-        self._stop = False
+        # Handles that are followed stay alive until they are forgotten, even if another thread destroys their entity.
+        self._held: dict[int, tuple[Any, ExitStack]] = {}
+        self._slow_check_s = 0.0
+        self._stop = self._closed = False
+
+    # --- spinning ----------------------------------------------------------------------------------------------------
 
     def spin(self, should_stop: Callable[[], bool] = lambda: False) -> None:
-        """Runs callbacks until ``should_stop`` says so or ``stop`` is called. Raises ExternalShutdownException."""
+        """Runs callbacks until ``should_stop`` says so or ``stop`` is called. Raises ExternalShutdownException.
+
+        ``should_stop`` is asked after each wake-up: whoever changes its answer calls ``wake``.
+        """
         self._stop = False
         while not self._stop and not should_stop():
             self.spin_once(None)
@@ -51,36 +68,48 @@ class LeanExecutor(Executor):
         self._stop = True
         self.wake()
 
+    def wake(self) -> None:
+        """Ends a wait; may be called from any thread and from a signal handler."""
+        if not self._closed:
+            self._wakeups.wake()
+
     def spin_once(self, timeout_sec: float | None = None) -> None:
         self._run_tasks()
-        timeout_ns = _LONGEST_WAIT_NS if timeout_sec is None else min(_LONGEST_WAIT_NS, int(timeout_sec * 1e9))
         if not self._context.ok():
             raise ExternalShutdownException()
-        if self._wait_set is None:
-            self._rebuild()
+        for node in self._entities.stack_nodes:
+            node.before_wait()
+        timeout_s = self._timeout_s(timeout_sec)
         start_s = time.monotonic()
-        try:
-            self._wait(timeout_ns)
-        except InvalidHandle:  # an entity was destroyed since the wait set was built
-            self._wait_set = None
-            return
-        late_s = time.monotonic() - start_s - 1e-9 * timeout_ns
+        woken, ready = self._wakeups.wait(timeout_s)
+        late_s = time.monotonic() - start_s - timeout_s
         if late_s > _PAUSE_S:
-            self._tell_pause(late_s)
-        if self._woken() and self._entities.changed(self.get_nodes()):
-            self._wait_set = None  # what is ready now is ready still when the new set is waited for
-        else:
-            self._dispatch()
+            self._report_pause(late_s)
+        for node in self._entities.stack_nodes:
+            node.after_wait()
+        if woken:
+            self._follow_changes()
+        self._dispatch(ready)
 
-    def _tell_pause(self, late_s: float) -> None:
-        for node in self.get_nodes():
-            on_pause = getattr(node, "on_pause", None)
-            if on_pause is not None:
-                on_pause(late_s)
+    def add_node(self, node: Node) -> bool:
+        added = bool(super().add_node(node))
+        self.wake()
+        return added
+
+    def remove_node(self, node: Node) -> None:
+        super().remove_node(node)
+        self.wake()
+
+    def create_task(self, callback: Any, *args: Any, **kwargs: Any) -> Any:
+        task = super().create_task(callback, *args, **kwargs)
+        self.wake()
+        return task
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
-        self._wait_set = None
-        self._held.close()
+        if not self._closed:
+            self._closed = True
+            self._forget(list(self._held))
+            self._wakeups.close()
         return bool(super().shutdown(timeout_sec))
 
     def spin_once_until_future_complete(self, future: Any, timeout_sec: Any = None) -> None:
@@ -89,82 +118,125 @@ class LeanExecutor(Executor):
         if not future.done():
             self.spin_once(seconds)
 
-    def _rebuild(self) -> None:
-        self._held.close()
-        self._entities = _Entities(self.get_nodes())
-        for entity in self._entities.all():
+    # --- waiting -----------------------------------------------------------------------------------------------------
+
+    def _timeout_s(self, asked_s: float | None) -> float:
+        due_s = min((schedule.wait_s() for schedule in self._entities.schedules), default=math.inf)
+        limits = [due_s, _LONGEST_WAIT_S, *([_TASK_POLL_S] if self._tasks else [])]
+        if asked_s is not None and asked_s >= 0.0:
+            limits.append(asked_s)
+        return max(0.0, min(limits))
+
+    def _report_pause(self, late_s: float) -> None:
+        for node in self.get_nodes():
+            on_pause = getattr(node, "on_pause", None)
+            if on_pause is not None:
+                on_pause(late_s)
+
+    # --- entities ----------------------------------------------------------------------------------------------------
+
+    def _follow_changes(self) -> None:
+        """Wakes for what has been added since, no longer for what has gone."""
+        now = _Entities(self.get_nodes())
+        if now.same(self._entities):
+            return
+        self._entities = now
+        wanted = {id(entity): entity for entity in now.followed}
+        self._forget([key for key in self._held if key not in wanted])
+        for key, entity in wanted.items():
+            if key not in self._held:
+                self._hold(entity)
+
+    def _hold(self, entity: Any) -> None:
+        stack = ExitStack()
+        try:
+            stack.enter_context(entity if isinstance(entity, Waitable) else entity.handle)
+        except InvalidHandle:  # being destroyed by another thread: its wake-up is on the way
+            return
+        self._held[id(entity)] = entity, stack
+        self._wakeups.follow(entity)
+
+    def _forget(self, keys: list[int]) -> None:
+        for key in keys:
+            entity, stack = self._held.pop(key)
+            self._wakeups.forget([entity])
+            stack.close()
+
+    # --- callbacks ---------------------------------------------------------------------------------------------------
+
+    def _dispatch(self, ready: list[tuple[Any, int]]) -> None:
+        """Messages before timers: a tick shall see what has already arrived."""
+        for entity, count in ready:
+            self._take(entity, count)
+        for subscription in self._entities.polled:
+            self._take_messages(subscription)
+        for node in self._entities.stack_nodes:
+            node.on_taken()
+        if time.monotonic() >= self._slow_check_s:
+            self._slow_check_s = time.monotonic() + _SLOW_CHECK_S
+            self._start_ready(self._entities.waitables)
+        for schedule in self._entities.schedules:
+            for callback in schedule.due():
+                self._call(callback)
+
+    def _take(self, entity: Any, count: int) -> None:
+        match entity:
+            case Subscription():
+                self._take_messages(entity)
+            case Service():
+                for _ in range(count):
+                    self._run(self._take_service(entity))
+            case Client():
+                for _ in range(count):
+                    self._run(self._take_client(entity))
+            case _:
+                while self._start_ready([entity]):
+                    pass
+
+    def _take_messages(self, subscription: Any) -> None:
+        """Everything that has arrived, oldest first."""
+        handle, raw, message_type = subscription.handle, subscription.raw, subscription.msg_type
+        only_message = subscription._callback_type is Subscription.CallbackType.MessageOnly
+        while True:
             try:
-                self._held.enter_context(entity if isinstance(entity, Waitable) else entity.handle)
-            except InvalidHandle:  # being destroyed by another thread: its wake-up is on the way
-                self._entities.remove(entity)
-        self._wait_set = _rclpy.WaitSet(*self._entities.counts(extra_guards=1), self._context.handle)
-
-    def _woken(self) -> bool:
-        return self._guard.handle.pointer in self._wait_set.get_ready_entities("guard_condition")
-
-    def _wait(self, timeout_ns: int) -> None:
-        wait_set, entities = self._wait_set, self._entities
-        wait_set.clear_entities()
-        for subscription in entities.subscriptions:
-            wait_set.add_subscription(subscription.handle)
-        for timer in entities.timers:
-            wait_set.add_timer(timer.handle)
-        for service in entities.services:
-            wait_set.add_service(service.handle)
-        for client in entities.clients:
-            wait_set.add_client(client.handle)
-        for guard in entities.guards:
-            wait_set.add_guard_condition(guard.handle)
-        wait_set.add_guard_condition(self._guard.handle)
-        for waitable in entities.waitables:
-            waitable.add_to_wait_set(wait_set)
-        with self._context.handle:
-            wait_set.wait(min(timeout_ns, _TASK_POLL_NS) if self._tasks else timeout_ns)
-
-    def _dispatch(self) -> None:
-        wait_set, entities = self._wait_set, self._entities
-        for guard in _ready(entities.guards, wait_set.get_ready_entities("guard_condition")):
-            if guard.callback is not None:
-                self._call(guard.callback)
-        for waitable in entities.waitables:
-            if waitable.is_ready(wait_set):
-                self._start(waitable)
-        # Messages before timers: a tick shall see what has already arrived.
-        for subscription in _ready(entities.subscriptions, wait_set.get_ready_entities("subscription")):
-            self._take_message(subscription)
-        for service in _ready(entities.services, wait_set.get_ready_entities("service")):
-            self._run(self._take_service(service))
-        for client in _ready(entities.clients, wait_set.get_ready_entities("client")):
-            self._run(self._take_client(client))
-        for timer in _ready(entities.timers, wait_set.get_ready_entities("timer")):
-            self._fire(timer)
-
-    def _start(self, waitable: Waitable) -> None:
-        data = waitable.take_data()
-        for future in waitable._futures:
-            future._set_executor(self)
-        self.create_task(waitable.execute, data)
-
-    def _fire(self, timer: Any) -> None:
-        try:
-            if not timer.handle.is_timer_ready():  # cancelled by an earlier callback
+                taken = handle.take_message(message_type, raw)
+            except (InvalidHandle, _rclpy.RCLError):
+                if self._has(subscription):
+                    raise
+                return  # destroyed by an earlier callback
+            if taken is None:
                 return
-            timer.handle.call_timer()
-        except InvalidHandle:  # destroyed by an earlier callback
-            return
-        self._call(timer.callback)
+            if only_message:
+                self._call(subscription.callback, taken[0])
+            else:
+                self._call(subscription.callback, *taken)
 
-    def _take_message(self, subscription: Any) -> None:
-        try:
-            taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-        except InvalidHandle:  # destroyed by an earlier callback
-            return
-        if taken is None:
-            return
-        if subscription._callback_type is Subscription.CallbackType.MessageOnly:
-            self._call(subscription.callback, taken[0])
-        else:
-            self._call(subscription.callback, *taken)
+    def _has(self, subscription: Any) -> bool:
+        return any(item is subscription for node in self.get_nodes() for item in node.subscriptions)
+
+    def _start_ready(self, waitables: list[Waitable]) -> bool:
+        """Starts what is ready, found by a wait of no length. True if anything was."""
+        with ExitStack() as held:
+            alive = []
+            for waitable in waitables:
+                with suppress(InvalidHandle):
+                    held.enter_context(waitable)
+                    alive.append(waitable)
+            if not alive:
+                return False
+            held.enter_context(self._context.handle)
+            wait_set = _rclpy.WaitSet(*_counts(alive), self._context.handle)
+            wait_set.clear_entities()
+            for waitable in alive:
+                waitable.add_to_wait_set(wait_set)
+            wait_set.wait(0)
+            ready = [waitable for waitable in alive if waitable.is_ready(wait_set)]
+        for waitable in ready:
+            data = waitable.take_data()
+            for future in waitable._futures:
+                future._set_executor(self)
+            self._finish(waitable.execute(data))
+        return bool(ready)
 
     def _run(self, coroutine_function: Callable[[], Any] | None) -> None:
         if coroutine_function is not None:
@@ -177,7 +249,7 @@ class LeanExecutor(Executor):
 
     def _finish(self, coroutine: Any) -> None:
         """Runs a coroutine; one that really waits for something goes on as a task."""
-        task = self.create_task(coroutine)
+        task = super().create_task(coroutine)
         task()
         if task.done() and task.exception() is not None:
             raise task.exception()
@@ -197,48 +269,45 @@ class LeanExecutor(Executor):
                 raise task.exception()
 
 
-def _ready(entities: list[Any], pointers: Any) -> list[Any]:
-    return [entity for entity in entities if entity.handle.pointer in pointers] if pointers else []
-
-
 class _Entities:
-    """What the nodes of an executor wait for, as lists that stay until something is added or removed."""
+    """What the nodes of an executor have, as lists that stay until something is added or removed."""
 
     def __init__(self, nodes: list[Node]) -> None:
-        self.subscriptions = [item for node in nodes for item in node.subscriptions]
-        self.timers = [item for node in nodes for item in node.timers]
-        self.services = [item for node in nodes for item in node.services]
-        self.clients = [item for node in nodes for item in node.clients]
-        self.guards = [item for node in nodes for item in node.guards]
+        self.stack_nodes = [node for node in nodes if hasattr(node, "taken_at_tick")]
+        taken_at_tick = {id(item) for node in self.stack_nodes for item in node.taken_at_tick}
+        subscriptions = [item for node in nodes for item in node.subscriptions]
+        self.polled = [item for item in subscriptions if id(item) in taken_at_tick]
+        urgent = [item for item in subscriptions if id(item) not in taken_at_tick]
+        services = [item for node in nodes for item in node.services]
+        clients = [item for node in nodes for item in node.clients]
         self.waitables = [item for node in nodes for item in node.waitables]
+        actions = [item for item in self.waitables if can_follow(item)]
+        self.followed = [*urgent, *services, *clients, *actions]
+        self._timers = [item for node in nodes for item in node.timers]
+        self.schedules: list[Schedule | RclTimers] = [item for node in self.stack_nodes for item in node.schedules]
+        if self._timers:
+            self.schedules.append(RclTimers(self._timers))
 
-    def all(self) -> list[Any]:
-        return [item for name in _LIST_NAMES for item in getattr(self, name)]
-
-    def remove(self, entity: Any) -> None:
-        for name in _LIST_NAMES:
-            if entity in getattr(self, name):
-                getattr(self, name).remove(entity)
-
-    def counts(self, extra_guards: int) -> tuple[int, int, int, int, int, int]:
-        counts = [
-            len(self.subscriptions),
-            len(self.guards) + extra_guards,
-            len(self.timers),
-            len(self.clients),
-            len(self.services),
-            0,
-        ]
-        for waitable in self.waitables:
-            extra = waitable.get_num_entities()
-            for index, name in enumerate(_COUNT_NAMES):
-                counts[index] += getattr(extra, name)
-        return tuple(counts)  # type: ignore[return-value]
-
-    def changed(self, nodes: list[Node]) -> bool:
-        now = _Entities(nodes)
-        return any(getattr(self, name) != getattr(now, name) for name in _LIST_NAMES)
+    def same(self, other: _Entities) -> bool:
+        return (
+            self.followed == other.followed
+            and self.polled == other.polled
+            and self.waitables == other.waitables
+            and self._timers == other._timers
+            and self.stack_nodes == other.stack_nodes
+        )
 
 
-_COUNT_NAMES = ("num_subscriptions", "num_guard_conditions", "num_timers", "num_clients", "num_services", "num_events")
-_LIST_NAMES = ("subscriptions", "timers", "services", "clients", "guards", "waitables")
+def _counts(waitables: list[Waitable]) -> list[int]:
+    extra = [waitable.get_num_entities() for waitable in waitables]
+    return [sum(getattr(item, name) for item in extra) for name in _COUNT_NAMES]
+
+
+_COUNT_NAMES = (
+    "num_subscriptions",
+    "num_guard_conditions",
+    "num_timers",
+    "num_clients",
+    "num_services",
+    "num_events",
+)

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import math
 from functools import cache
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from robot_stack.contract.model import Qos
+from robot_stack.contract.model import Qos, Topic
+
+# Who is busy for a moment shall lose nothing: a second of every topic is kept, and some messages of the rare ones.
+_DEPTH_S = 1.0
+_LEAST_DEPTH = 10
 
 
 @cache
@@ -29,3 +34,10 @@ def qos_profile(qos: Qos) -> QoSProfile:
         reliability=ReliabilityPolicy[qos.reliability.name],
         durability=DurabilityPolicy[qos.durability.name],
     )
+
+
+def listener_profile(row: Topic) -> QoSProfile:
+    """The row's QoS for who wants every message, deeper: depth is no matter between publisher and subscriber."""
+    profile = qos_profile(row.qos)
+    profile.depth = max(row.qos.depth, _LEAST_DEPTH, math.ceil((row.rate_hz or 0.0) * _DEPTH_S))
+    return profile

@@ -2,34 +2,45 @@
 
 from __future__ import annotations
 
+import math
 import time
+from collections import deque
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import IO, Any
 
 from builtin_interfaces.msg import Time
 from pydantic import BaseModel
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.time_source import CLOCK_TOPIC, USE_SIM_TIME_NAME
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool
 
 from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import topics
-from robot_stack.contract.model import Action, ContractViolation, SafetyState, Service, System, Topic
+from robot_stack.contract.model import EVERY_NODE, Action, ContractViolation, SafetyState, Service, System, Topic
 from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.health import InputHealth, InputState
+from robot_stack.core.node_record import NodeRecord
 from robot_stack.core.pauses import PauseBudget
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.core.runtime import hold_lock
 from robot_stack.core.stop_latch import StopLatch
+from robot_stack.core.world_clock import WorldClock
 from robot_stack.ros import transport
 from robot_stack.ros.bulk import BulkInputs
+from robot_stack.ros.clocks import NodeClock, SharedWorldClock, SystemClock, TopicClock
+from robot_stack.ros.conversions import NANOSECONDS
+from robot_stack.ros.emergency_stop import StopSource
 from robot_stack.ros.inputs import Input
 from robot_stack.ros.interfaces import interface_class, qos_profile
 from robot_stack.ros.parameters import load_parameters, refuse_overrides
 from robot_stack.ros.report import Loop, Report
+from robot_stack.ros.timers import NodeTimer, Schedule
 
 
 class StackNode(Node):
@@ -45,7 +56,18 @@ class StackNode(Node):
     def __init__(self, name: str, parameters: type[BaseModel] | None = None) -> None:
         # Taken before the node exists: two nodes of one name in the graph would answer for each other.
         self._lock: IO[str] = hold_lock(name)
+        self.node_record = NodeRecord(name)
+        self.node_record.constructing("construction")
+        self.taken_at_tick: list[Any] = []
+        self._soon: deque[Callable[[], None]] = deque()
+        self._world_clock = WorldClock.find()
         super().__init__(name)
+        self._time: NodeClock = self._choose_clock()
+        self._schedule = Schedule(self._time)
+        # What tells that a node lives goes on where simulated time stands still.
+        self._own_schedule = Schedule(SystemClock()) if self._time.simulated else self._schedule
+        self.schedules = [self._schedule, *([self._own_schedule] if self._time.simulated else [])]
+        self._taken_s = time.monotonic()
         if parameters is None:
             refuse_overrides(self)
         self.params: Any = load_parameters(self, parameters) if parameters else None
@@ -55,6 +77,7 @@ class StackNode(Node):
         self._pause_budget = PauseBudget(time.monotonic())
         # The machines of the motion-engine layer have no safety monitor of their own.
         self._stop_latch = StopLatch(monitored=name not in BY_NAME or BY_NAME[name].system is not System.WMX)
+        self._stop_source: StopSource | None = None
         self.report = Report(self)
         self._bulk: BulkInputs | None = None
         self._subscribe_safety()
@@ -79,16 +102,48 @@ class StackNode(Node):
     def subscribe(self, row: Topic, callback: Callable[[Any], None] | None = None, name: str = "") -> Input:
         """Subscribes to a contract row, under ``name`` where the contract calls the name configurable.
 
+        Clouds and images come as views on the received bytes, with the message's fields (``robot_stack.ros.wire``).
         Raises ContractViolation if the row does not name this node.
         """
         self._check(row.name, "subscribe to", row.subscribers)
-        entry = Input(row, callback, self._health, self.steady_s)
+        wakes = row.wakes_node(self.get_name())
+        entry = Input(row, callback, self._health, self._received_s, self.steady_s)
         profile = qos_profile(row.qos)
-        profile.depth = row.queue or row.qos.depth
-        apart = row.bulk and not transport.carries_bulk()
-        create = self._bulk_inputs.subscribe if apart else self.create_subscription
-        create(interface_class(row.type), name or row.name, entry.on_message, profile)
+        if callback is not None:  # without one only the newest is looked at
+            profile.depth = row.queue or row.qos.depth
+        message_class, topic = interface_class(row.type), name or row.name
+        if row.bulk and not transport.carries_bulk():
+            guest = self._bulk_inputs.subscribe(message_class, topic, entry.on_message, profile, entry.raw, wakes=wakes)
+            entry.end = partial(self._bulk_inputs.unsubscribe, guest)
+            return entry
+        subscription = self.create_subscription(message_class, topic, entry.on_message, profile, raw=entry.raw)
+        entry.end = partial(self.destroy_subscription, subscription)
+        if not wakes:
+            self.taken_at_tick.append(subscription)
+            self._wake_executor()
         return entry
+
+    def unsubscribe(self, entry: Input) -> None:
+        """Ends what ``subscribe`` began: for what is needed at times only. Its silence is no fault any more."""
+        if not entry.ended:
+            entry.ended = True
+            entry.end()
+            self._health.remove(entry.topic.name)
+
+    def prepare_bulk(self) -> None:
+        """Makes the participant for clouds and images now: one that comes up later holds others for a moment."""
+        if not transport.carries_bulk():
+            _ = self._bulk_inputs
+
+    def create_subscription(self, msg_type: Any, topic: str, *args: Any, **kwargs: Any) -> Any:
+        """As rclpy's; every message wakes the node. Not for /clock where the world's time is in shared memory."""
+        if topic == CLOCK_TOPIC and self._world_clock is not None:
+            return None
+        return super().create_subscription(msg_type, topic, *args, **kwargs)
+
+    def destroy_subscription(self, subscription: Any) -> bool:
+        self.taken_at_tick = [item for item in self.taken_at_tick if item is not subscription]
+        return bool(super().destroy_subscription(subscription))
 
     def serve(self, row: Service, callback: Callable[[Any, Any], Any], name: str = "") -> None:
         """Offers a contract row's service, under ``name`` where the contract calls the name configurable.
@@ -109,10 +164,59 @@ class StackNode(Node):
         return ActionClient(self, interface_class(row.type), row.name)
 
     def every(self, rate_hz: float, callback: Callable[[], None]) -> None:
-        """Calls ``callback`` at ``rate_hz`` on the ROS clock; its duration and overruns go to /diagnostics."""
+        """Calls ``callback`` at ``rate_hz``; its duration and overruns go to /diagnostics.
+
+        On the steady clock, or on simulated time. Messages that wake nobody are taken before.
+        """
         loop = Loop(callback.__name__.lstrip("_"), 1.0 / rate_hz)
         self.report.loops.append(loop)
         self.create_timer(1.0 / rate_hz, loop.timed(callback))
+
+    def every_real(self, rate_hz: float, callback: Callable[[], None]) -> None:
+        """The same on the steady clock, also where simulated time stands still: for what tells that a node lives."""
+        self._own_schedule.add(1.0 / rate_hz, callback)
+
+    def create_timer(self, timer_period_sec: float, callback: Callable[[], Any], *_: Any, **__: Any) -> NodeTimer:
+        """A timer as ``every`` makes it, without statistics. ``destroy`` ends it."""
+        timer = self._schedule.add(timer_period_sec, callback)
+        self._wake_executor()
+        return timer
+
+    def destroy_timer(self, timer: NodeTimer) -> bool:
+        timer.destroy()
+        return True
+
+    def call_soon(self, callback: Callable[[], None], *, wakes: bool = True) -> None:
+        """Calls ``callback`` once in the node's loop, which is woken for it; may be called from any thread.
+
+        wakes: else it is called when the loop is awake.
+        """
+        self._soon.append(callback)
+        if wakes:
+            self._wake_executor()
+
+    def before_wait(self) -> None:
+        """The executor is about to sleep: a simulated world waits for a node that is late with what it has to do."""
+        if self._time.simulated:
+            self.node_record.due(min(self._schedule.next_due_s(), self.work_since_s()))
+
+    def work_since_s(self) -> float:
+        """On the node's clock, since when a thread of the node computes what its loop waits for; infinite: none does.
+
+        A simulated world waits for it as for the loop, so that the answer comes after the same time at every speed.
+        """
+        return math.inf
+
+    def after_wait(self) -> None:
+        """The executor is awake: until it sleeps again the node has something to do."""
+        if self._time.simulated:
+            self.node_record.due(self._time.timer_s())
+
+    def on_taken(self) -> None:
+        """The executor has taken what had arrived."""
+        self._taken_s = time.monotonic()
+        while self._soon:
+            self._soon.popleft()()
 
     @property
     def _bulk_inputs(self) -> BulkInputs:
@@ -121,24 +225,63 @@ class StackNode(Node):
         return self._bulk
 
     def _check(self, name: str, verb: str, allowed: tuple[str, ...]) -> None:
-        if self.get_name() not in allowed and topics.EVERY_NODE not in allowed:
+        if self.get_name() not in allowed and EVERY_NODE not in allowed:
             raise ContractViolation(f"{self.get_name()} may not {verb} {name}: the contract names {', '.join(allowed)}")
 
     # --- time --------------------------------------------------------------------------------------------------------
 
+    @property
+    def simulated_time(self) -> bool:
+        """The node lives on simulated time."""
+        return self._time.simulated
+
     def now_s(self) -> float:
-        """The ROS clock in seconds: system time, or /clock with use_sim_time."""
-        return float(self.get_clock().now().nanoseconds) * 1e-9
+        """The ROS clock in seconds: system time, or the simulated world's with use_sim_time."""
+        return self._time.ros_s()
+
+    def now_ns(self) -> int:
+        return self._time.ros_ns()
+
+    def age_s(self, real_s: float) -> float:
+        """The age on the ROS clock of what was read ``real_s`` ago by the monotonic clock, e.g. an engine's status."""
+        return self._time.age_s(real_s)
 
     def stamp(self) -> Time:
-        return self.get_clock().now().to_msg()
+        nanoseconds = self.now_ns()
+        return Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
 
     def steady_s(self) -> float:
         """Seconds for ages and watchdogs: never stepped, and standing still while this process was held up.
 
-        Where /clock drives, it drives here too.
+        Where a simulated world drives, it drives here too.
         """
-        return self.now_s() if self.get_clock().ros_time_is_active else time.monotonic() - self._paused_s
+        return self._time.timer_s() if self._time.simulated else time.monotonic() - self._paused_s
+
+    def _received_s(self, received_ns: int) -> float:
+        """The time of a reception, which the middleware gives in system time, on the steady clock.
+
+        A message that wakes nobody lies for a while before it is taken, but never since before the last look: so a
+        system clock that is set shifts nothing by more than that.
+        """
+        now_s = self.steady_s()
+        if self._time.simulated:
+            return now_s
+        waited_s = (time.time_ns() - received_ns) / NANOSECONDS
+        return now_s - min(max(waited_s, 0.0), time.monotonic() - self._taken_s)
+
+    def _choose_clock(self) -> NodeClock:
+        simulated = bool(self.get_parameter(USE_SIM_TIME_NAME).value)
+        self.add_on_set_parameters_callback(_keep_clock)
+        if not simulated:
+            return SystemClock()
+        if self._world_clock is not None:
+            return SharedWorldClock(self._world_clock)
+        return TopicClock(lambda: float(self.get_clock().now().nanoseconds) / NANOSECONDS)
+
+    def follow_clock(self) -> None:
+        """Sets rclpy's own clock, which stamps logs and goals, by the world's time in shared memory."""
+        if self._time.simulated and self._world_clock is not None:
+            self._time_source.clock_callback(Clock(clock=self.stamp()))
 
     def on_pause(self, late_s: float) -> None:
         """The executor noticed that this process did not run for so long."""
@@ -172,6 +315,17 @@ class StackNode(Node):
         """
         return self._stop_latch.active
 
+    def emergency_stop_source(self, *, until_latched: bool = False) -> StopSource:
+        """Makes this node a source of the emergency stop, which reports itself until the node ends.
+
+        until_latched: see ``StopSource``.
+        """
+        stop, sources = self.advertise(topics.EMERGENCY_STOP), self.advertise(topics.EMERGENCY_STOP_SOURCES)
+        source = StopSource(self.get_name(), stop, sources, self.stamp, until_latched=until_latched)
+        self.every(topics.EMERGENCY_STOP_SOURCES.nominal_rate_hz, source.repeat)
+        self._stop_source = source
+        return source
+
     def on_emergency_stop(self) -> None:
         """Called at once, in the subscription's callback, when the emergency stop becomes active."""
 
@@ -190,7 +344,10 @@ class StackNode(Node):
 
     def _on_safety_status(self, message: SafetyStatus) -> None:
         was_active = self._stop_latch.active
-        self._stop_latch.on_safety_status(message.safety_state == SafetyState.EMERGENCY_STOP.name)
+        emergency = message.safety_state == SafetyState.EMERGENCY_STOP.name
+        self._stop_latch.on_safety_status(emergency)
+        if emergency and self._stop_source is not None:
+            self._stop_source.on_latched()
         self._notice_stop(was_active)
 
     def _notice_stop(self, was_active: bool) -> None:
@@ -202,6 +359,13 @@ class StackNode(Node):
             self._bulk.close()
         super().destroy_node()
         self._lock.close()
+
+
+def _keep_clock(parameters: list[Any]) -> SetParametersResult:
+    """A node cannot change its clock while it runs: every age and timer would jump."""
+    changed = any(item.name == USE_SIM_TIME_NAME for item in parameters)
+    reason = f"{USE_SIM_TIME_NAME} is chosen at the start of a node" if changed else ""
+    return SetParametersResult(successful=not changed, reason=reason)
 
 
 def run(*node_classes: Callable[[], StackNode], bulk: bool = False) -> None:

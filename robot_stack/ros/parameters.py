@@ -26,9 +26,17 @@ def load_parameters(node: Node, model: type[ModelT]) -> ModelT:
     path = config_dir() / f"{node.get_name()}.yaml"
     values = _flatten(read_yaml(path))
     overrides = {name: item.value for name, item in node._parameter_overrides.items() if not _is_rclpy_own(name)}
-    parameters = validate(model, _unflatten({**values, **overrides}), f"{node.get_name()} ({path} and overrides)")
+    merged = _unflatten({**values, **_empty_lists(overrides, values)})
+    parameters = validate(model, merged, f"{node.get_name()} ({path} and overrides)")
     _declare(node, _flatten(parameters.model_dump(mode="json")))
     return parameters
+
+
+def _empty_lists(overrides: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
+    """ROS knows no type for a list without items and hands it over as no value."""
+    return {
+        name: [] if value is None and isinstance(values.get(name), list) else value for name, value in overrides.items()
+    }
 
 
 def refuse_overrides(node: Node) -> None:

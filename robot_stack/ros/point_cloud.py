@@ -8,6 +8,7 @@ import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
 from robot_stack.core.point_cloud import Points
+from robot_stack.ros.wire import CloudView
 
 _TYPES = {
     np.dtype("<f4"): PointField.FLOAT32,
@@ -43,7 +44,7 @@ def fill(message: PointCloud2, points: Points) -> None:
     message.data = data
 
 
-def points_of(message: PointCloud2, layout: np.dtype[np.void]) -> Points:
+def points_of(message: PointCloud2 | CloudView, layout: np.dtype[np.void]) -> Points:
     """The points as a structured array on the message's own memory, read-only in spirit.
 
     Fields of ``layout`` are found by name; a message that has more, or has them elsewhere, is read where it has them.
@@ -68,4 +69,5 @@ def points_of(message: PointCloud2, layout: np.dtype[np.void]) -> Points:
     there = np.dtype(
         {"names": list(layout.names), "formats": formats, "offsets": offsets, "itemsize": message.point_step}
     )
-    return np.frombuffer(message.data, dtype=there)
+    data = message.data if isinstance(message.data, np.ndarray) else np.frombuffer(message.data, np.uint8)
+    return data.view(there)

@@ -9,6 +9,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any, Protocol, TypeVar
 
 import rclpy
 from rclpy.duration import Duration
@@ -20,11 +21,22 @@ from robot_stack.core.config import ConfigError
 from robot_stack.core.runtime import AlreadyRunning
 from robot_stack.ros import transport
 from robot_stack.ros.executor import LeanExecutor
-from robot_stack.ros.node import StackNode
 
 _DELIVERY_S = 0.3
 EXIT_CRASHED = 1
 EXIT_REFUSED = 2  # a mistake in configuration or use: starting again will not help
+
+
+class EndingNode(Protocol):
+    """A node whose outputs can be left safe."""
+
+    @property
+    def publishers(self) -> Any: ...
+    def safe_output(self) -> None: ...
+    def destroy_node(self) -> Any: ...
+
+
+NodeT = TypeVar("NodeT", bound=EndingNode)
 
 
 class StopSignal:
@@ -35,25 +47,27 @@ class StopSignal:
 
     def __init__(self) -> None:
         self.received: signal.Signals | None = None
+        self.wake: Callable[[], None] = lambda: None  # who waits for it sleeps until something happens
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._on_signal)
 
     def _on_signal(self, number: int, _: FrameType | None) -> None:
         self.received = signal.Signals(number)
+        self.wake()
 
     def __call__(self) -> bool:
         return self.received is not None
 
 
 @contextmanager
-def ros_process(
-    *node_classes: Callable[[], StackNode], bulk: bool = False
-) -> Iterator[tuple[LeanExecutor, list[StackNode]]]:
+def ros_process(*node_classes: Callable[[], NodeT], bulk: bool = False) -> Iterator[tuple[LeanExecutor, list[NodeT]]]:
     """An executor with the nodes in it. On the way out the nodes leave their outputs safe and everything is closed."""
     transport.apply(bulk=bulk)
+    if bulk:
+        transport.keep_memory()
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     executor = LeanExecutor()
-    nodes: list[StackNode] = []
+    nodes: list[NodeT] = []
     try:
         for node_class in node_classes:
             nodes.append(node_class())
@@ -68,11 +82,12 @@ def ros_process(
         rclpy.try_shutdown()
 
 
-def run_nodes(*node_classes: Callable[[], StackNode], bulk: bool = False) -> int:
+def run_nodes(*node_classes: Callable[[], EndingNode], bulk: bool = False) -> int:
     """Runs the nodes until SIGINT or SIGTERM. Returns the exit code; errors of use are one line on stderr."""
     should_stop = StopSignal()
     try:
         with ros_process(*node_classes, bulk=bulk) as (executor, _):
+            should_stop.wake = executor.wake
             executor.spin(should_stop)
     except (ConfigError, AlreadyRunning, ContractViolation) as error:
         print(f"error: {error}", file=sys.stderr, flush=True)
@@ -85,7 +100,7 @@ def run_nodes(*node_classes: Callable[[], StackNode], bulk: bool = False) -> int
     return 0
 
 
-def _leave_safe(node: StackNode) -> None:
+def _leave_safe(node: EndingNode) -> None:
     try:
         node.safe_output()
         _wait_delivered(node)
@@ -93,11 +108,11 @@ def _leave_safe(node: StackNode) -> None:
         traceback.print_exc()
 
 
-def _wait_delivered(node: StackNode) -> None:
+def _wait_delivered(node: EndingNode) -> None:
     """A last message that is still on its way dies with its publisher: give it time, but never long."""
     end_s = time.monotonic() + _DELIVERY_S
     for publisher in node.publishers:
-        left_s = end_s - time.monotonic()
-        if left_s <= 0.0:
+        remaining_s = end_s - time.monotonic()
+        if remaining_s <= 0.0:
             return
-        publisher.wait_for_all_acked(Duration(seconds=left_s))
+        publisher.wait_for_all_acked(Duration(seconds=remaining_s))

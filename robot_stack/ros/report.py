@@ -1,23 +1,24 @@
-"""What a node says about itself: the heartbeat and its entry in ``/diagnostics``."""
+"""What a node says about itself: its record on this machine, the heartbeat topic, its entry in ``/diagnostics``."""
 
 from __future__ import annotations
 
-import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from custom_msgs.msg import Heartbeat
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
-from robot_stack.core.health import InputState
+from robot_stack.contract.processes import HEARTBEAT_HZ
+from robot_stack.core.health import INPUT_PREFIX, InputState, describe_input
+from robot_stack.core.node_record import NodeRecord
 
-if TYPE_CHECKING:
-    from robot_stack.ros.node import StackNode
+# A simulated world sees who is late by a node's timers. One that works on messages looks at the clock this often.
+_LOOK_S = 0.05
 
 
 @dataclass(slots=True)
@@ -42,10 +43,26 @@ class Loop:
         return call
 
 
-class Report:
-    """Publishes heartbeat and diagnostics of a node from the node's own loop, so that a hung node falls silent."""
+class ReportingNode(Protocol):
+    """What a report needs of its node."""
 
-    def __init__(self, node: StackNode) -> None:
+    node_record: NodeRecord
+
+    @property
+    def simulated_time(self) -> bool: ...
+    def get_name(self) -> str: ...
+    def advertise(self, row: Topic) -> Any: ...
+    def create_timer(self, period_s: float, callback: Callable[[], None], /) -> Any: ...
+    def every_real(self, rate_hz: float, callback: Callable[[], None]) -> Any: ...
+    def follow_clock(self) -> None: ...
+    def input_states(self) -> dict[str, InputState]: ...
+    def stamp(self) -> Any: ...
+
+
+class Report:
+    """Says it from the node's own loop, so that a hung node falls silent."""
+
+    def __init__(self, node: ReportingNode) -> None:
         self._node = node
         self._heartbeat = node.advertise(topics.HEARTBEAT)
         self._diagnostics = node.advertise(topics.DIAGNOSTICS)
@@ -54,10 +71,21 @@ class Report:
         self.text = "starting"
         self.values: dict[str, str] = {}
         self.loops: list[Loop] = []
-        node.create_timer(1.0 / _rate_hz(topics.HEARTBEAT), self.beat)
-        node.create_timer(1.0 / _rate_hz(topics.DIAGNOSTICS), self.diagnose)
+        # More entries of a node that reports on more than itself, made when they are due.
+        self.more: Callable[[], Sequence[DiagnosticStatus]] = tuple
+        node.every_real(HEARTBEAT_HZ, self.beat)
+        if node.simulated_time:  # a world faster than real time judges silence by its own time
+            node.create_timer(1.0 / HEARTBEAT_HZ, self.beat)
+            node.create_timer(_LOOK_S, lambda: None)
+        node.every_real(topics.HEARTBEAT.nominal_rate_hz, self.publish_heartbeat)
+        node.every_real(topics.DIAGNOSTICS.nominal_rate_hz, self.diagnose)
 
     def beat(self) -> None:
+        self._node.node_record.beat(self.ok, self.text)
+        self._node.follow_clock()
+
+    def publish_heartbeat(self) -> None:
+        """For who is outside this machine."""
         self._sequence += 1
         self._heartbeat.publish(
             Heartbeat(
@@ -80,14 +108,14 @@ class Report:
             message=self.text if not stale else f"{self.text}; stale: {', '.join(stale)}",
             values=[KeyValue(key=key, value=value) for key, value in self._values(inputs).items()],
         )
-        message = DiagnosticArray(status=[status])
+        message = DiagnosticArray(status=[status, *self.more()])
         message.header.stamp = self._node.stamp()
         self._diagnostics.publish(message)
 
     def _values(self, inputs: dict[str, InputState]) -> dict[str, str]:
         values = dict(self.values)
         for item in inputs.values():
-            values[f"input {item.name}"] = _describe_input(item)
+            values[f"{INPUT_PREFIX}{item.name}"] = describe_input(item)
         for loop in self.loops:
             values[f"loop {loop.name}"] = (
                 f"{loop.calls} calls, worst {loop.worst_s * 1e3:.1f} ms of {loop.period_s * 1e3:.0f} ms, "
@@ -95,15 +123,3 @@ class Report:
             )
             loop.calls, loop.worst_s, loop.overruns = 0, 0.0, 0
         return values
-
-
-def _describe_input(item: InputState) -> str:
-    if not item.received:
-        return "nothing received"
-    rate = "" if math.isnan(item.rate_hz) else f", {item.rate_hz:.1f} Hz"
-    return f"{item.received} received{rate}, age {item.age_s:.2f} s{'' if item.fresh else ', STALE'}"
-
-
-def _rate_hz(topic: Topic) -> float:
-    assert topic.rate_hz is not None
-    return topic.rate_hz

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot_stack.contract.faults import PASSENGER_ONBOARD
+from robot_stack.contract.faults import PASSENGER_ONBOARD, WAY_UNSEEN
 from robot_stack.contract.model import SafetyAction, SafetyState
-from robot_stack.safety.inputs import STANDSTILL, SpeedLimit
+from robot_stack.core.limits import STANDSTILL, SpeedLimit
 from robot_stack.safety.rows import ActiveRow
 
 
@@ -17,6 +17,7 @@ class Verdict:
 
     faults: codes of all rows in force, in the order of the contract.
     limit, reason: the speed limit and the codes it comes from, joined by commas; "" = the robot's own limits.
+    hard: a stop that does not wait for comfort, as the drive takes it: an emergency, or something in the way.
     """
 
     action: SafetyAction
@@ -24,19 +25,25 @@ class Verdict:
     faults: tuple[str, ...]
     limit: SpeedLimit
     reason: str
+    hard: bool = False
 
 
-def arbitrate(rows: Sequence[ActiveRow], own: SpeedLimit, passenger: SpeedLimit | None) -> Verdict:
+def arbitrate(
+    rows: Sequence[ActiveRow], own: SpeedLimit, passenger: SpeedLimit | None, unseen: SpeedLimit | None = None
+) -> Verdict:
     """The verdict on the rows in force.
 
     Args:
         rows: rows in force, in the order of the contract.
         own: the robot's own limits.
         passenger: limits with a passenger aboard, None without one.
+        unseen: limits where the way leads into what is neither seen nor remembered, None where it does not.
     """
     limits = [(row.code, limit) for row in rows if (limit := _limit_of(row)) is not None]
     if passenger is not None:
         limits.append((PASSENGER_ONBOARD, passenger))
+    if unseen is not None:
+        limits.append((WAY_UNSEEN, unseen))
     linear_mps = min([own.linear_mps, *(limit.linear_mps for _, limit in limits)])
     angular_radps = min([own.angular_radps, *(limit.angular_radps for _, limit in limits)])
     return Verdict(
@@ -45,6 +52,7 @@ def arbitrate(rows: Sequence[ActiveRow], own: SpeedLimit, passenger: SpeedLimit 
         faults=tuple(row.code for row in rows),
         limit=SpeedLimit(linear_mps, angular_radps),
         reason=",".join(code for code, limit in limits if _binds(limit, SpeedLimit(linear_mps, angular_radps), own)),
+        hard=any(_is_hard(row) for row in rows),
     )
 
 
@@ -54,6 +62,11 @@ def _binds(limit: SpeedLimit, smallest: SpeedLimit, own: SpeedLimit) -> bool:
         limit.linear_mps == smallest.linear_mps < own.linear_mps
         or limit.angular_radps == smallest.angular_radps < own.angular_radps
     )
+
+
+def _is_hard(row: ActiveRow) -> bool:
+    in_the_way = row.action is SafetyAction.STOP and row.state is SafetyState.COLLISION_AVOIDANCE
+    return in_the_way or row.action is SafetyAction.EMERGENCY_STOP
 
 
 def _limit_of(row: ActiveRow) -> SpeedLimit | None:

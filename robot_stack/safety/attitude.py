@@ -107,6 +107,10 @@ class UpDirection:
             return math.nan
         return math.atan2(math.hypot(self._up.x, self._up.y), self._up.z)
 
+    def downhill_rad(self) -> float:
+        """Bearing of the fall line in base_link, down: 0 ahead, +pi/2 to the left; NaN while unknown."""
+        return math.nan if self._up is None else math.atan2(-self._up.y, -self._up.x)
+
     def _restart(self, now_s: float) -> None:
         self._up: Vector3 | None = None
         self._sum, self._started_s = ZERO, now_s

@@ -11,6 +11,7 @@ from enum import Enum
 
 from robot_stack.safety.debounce import Debounce
 from robot_stack.safety.timing import Hold
+from robot_stack.wmx.axes import StatusSnapshot
 
 
 class Contact(Enum):
@@ -19,6 +20,13 @@ class Contact(Enum):
     RELEASED = "released"
     PRESSED = "pressed"
     UNREADABLE = "unreadable"
+
+
+def read_contact(status: StatusSnapshot | None, byte: int, bit: int) -> Contact:
+    """The contact at an input bit of the motion engine. Normally closed: a cut wire reads as pressed."""
+    if status is None or not status.communicating:
+        return Contact.UNREADABLE
+    return Contact.RELEASED if status.input_bit(byte, bit) else Contact.PRESSED
 
 
 class EmergencyButton:

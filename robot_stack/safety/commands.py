@@ -15,25 +15,25 @@ class CommandWatch:
     def __init__(self, stale_s: float) -> None:
         self._stale_s = stale_s
         self._limited: tuple[Twist2, float] | None = None
-        self._wishes: dict[str, tuple[Twist2, float]] = {}
+        self._requests: dict[str, tuple[Twist2, float]] = {}
 
     def limited(self, twist: Twist2, now_s: float) -> None:
         """What the drive tries to do. One that is not finite counts as not received."""
         if twist.is_finite():
             self._limited = (twist, now_s)
 
-    def wish(self, source: str, twist: Twist2, now_s: float) -> None:
+    def request(self, source: str, twist: Twist2, now_s: float) -> None:
         """A command of one of ``SOURCES``. One that is not finite is a standstill, as the drive takes it."""
-        self._wishes[source] = (twist if twist.is_finite() else ZERO_TWIST, now_s)
+        self._requests[source] = (twist if twist.is_finite() else ZERO_TWIST, now_s)
 
     def driven(self, now_s: float) -> Twist2 | None:
         """What the drive tries to do, None if it does not say."""
         return self._fresh(self._limited, now_s)
 
-    def wished(self, now_s: float) -> Twist2:
+    def requested(self, now_s: float) -> Twist2:
         """The command of the highest source that has a fresh one; standstill without any."""
-        wishes = (self._fresh(self._wishes.get(source), now_s) for source in SOURCES)
-        return next((twist for twist in wishes if twist is not None), ZERO_TWIST)
+        requests = (self._fresh(self._requests.get(source), now_s) for source in SOURCES)
+        return next((twist for twist in requests if twist is not None), ZERO_TWIST)
 
     def _fresh(self, command: tuple[Twist2, float] | None, now_s: float) -> Twist2 | None:
         if command is None or not age_s(now_s, command[1]) <= self._stale_s:

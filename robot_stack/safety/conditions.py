@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Criticality, SafetyAction, Topic
-from robot_stack.safety.inputs import CLEAR, Finding, Level, Snapshot, SpeedLimit
-from robot_stack.safety.outlook import speed_limit_mps
+from robot_stack.contract.processes import HEARTBEAT_STALE_S
+from robot_stack.core.limits import SpeedLimit
+from robot_stack.safety.collision_prediction import seen_limit_mps, speed_limit_mps
+from robot_stack.safety.inputs import CLEAR, Finding, Level, Snapshot
 
 if TYPE_CHECKING:
     from robot_stack.safety.params import SafetyParams
@@ -24,17 +26,17 @@ _UNKNOWN = Finding(Level.UNKNOWN)
 Condition = Callable[[Snapshot, "SafetyParams", SafetyAction], Finding]
 
 
-def estop_pressed(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
-    """Any true on /emergency_stop."""
+def estop_pressed(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """Any true on /emergency_stop, any source that is pressed, or a button of which nobody tells."""
     return _present(_EMERGENCY, now.estop) if now.estop else CLEAR
 
 
-def drive_fault(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+def drive_fault(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """Judged by ``DriveWatch``."""
     return now.drive
 
 
-def joint_states_timeout(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+def joint_states_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """Too old. Until they have come up, the robot waits but nothing is latched within the start-up grace."""
     if now.joint_states_age_s <= stale_s(topics.JOINT_STATES):
         return CLEAR if now.joint_states_up else _waiting("/joint_states: settling")
@@ -44,32 +46,33 @@ def joint_states_timeout(now: Snapshot, params: SafetyParams, held: SafetyAction
     return _present(_EMERGENCY, detail)
 
 
-def tilt(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+def overspeed(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """Faster than the speed limit permits. Judged by ``ObedienceWatch``."""
+    return now.obedience
+
+
+def tilt(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """About to tip over."""
     if math.isnan(now.inclination_rad):
         return _UNKNOWN
-    threshold_deg = params.tilt_clear_deg if held else params.tilt_stop_deg
-    return _steeper(now, threshold_deg, _EMERGENCY) or CLEAR
+    if not now.inclination_rad > math.radians(params.tilt_clear_deg if active_action else params.tilt_stop_deg):
+        return CLEAR
+    return _present(_EMERGENCY, f"inclination {math.degrees(now.inclination_rad):.1f} deg")
 
 
-def slope(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
-    """Too steep to drive fast, or at all."""
-    if math.isnan(now.inclination_rad):
-        return _UNKNOWN
-    stop_deg = params.slope_stop_deg - (params.slope_hysteresis_deg if held >= _STOP else 0.0)
-    limit_deg = params.slope_limit_deg - (params.slope_hysteresis_deg if held else 0.0)
-    limit = SpeedLimit(params.slope_limit_mps, params.slope_limit_radps)
-    return _steeper(now, stop_deg, _STOP) or _steeper(now, limit_deg, _LIMIT, limit) or CLEAR
+def slope(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """Too steep to drive fast, or anywhere but downhill. Judged by ``SlopeWatch``."""
+    return now.slope
 
 
-def imu_timeout(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+def imu_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """No new sample, a frozen sensor included."""
     if now.imu_age_s <= stale_s(topics.IMU):
         return CLEAR
     return _present(_LIMIT, f"/sensors/imu: {now.imu_problem or _for_s(now.imu_age_s)}", _degraded(params))
 
 
-def localization_lost(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+def localization_lost(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """Nobody knows where the robot is."""
     if not now.pose_age_s <= stale_s(topics.CURRENT_POSE):
         return _present(_STOP, f"/current_pose: {_for_s(now.pose_age_s)}")
@@ -77,13 +80,13 @@ def localization_lost(now: Snapshot, params: SafetyParams, held: SafetyAction) -
         return _present(_STOP, f"/localization/quality: {_for_s(now.quality_age_s)}")
     if now.pose_jump_m > params.pose_jump_m:
         return _present(_STOP, f"/current_pose jumped by {now.pose_jump_m:.2f} m")
-    enough = now.quality > params.found_quality if held else now.quality >= params.lost_quality
+    enough = now.quality > params.found_quality if active_action else now.quality >= params.lost_quality
     return CLEAR if enough else _present(_STOP, f"localization quality {now.quality:.2f}")
 
 
-def node_dead(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+def node_dead(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """Expected processes without a heartbeat; the most critical one decides."""
-    dead = {name: p for name, p in now.processes.items() if not p.age_s <= stale_s(topics.HEARTBEAT)}
+    dead = {name: p for name, p in now.processes.items() if not p.age_s <= HEARTBEAT_STALE_S}
     if not dead:
         return CLEAR
     action = max(_LOSS[process.criticality] for process in dead.values())
@@ -91,21 +94,26 @@ def node_dead(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Findin
     return _present(action, detail, _degraded(params) if action == _LIMIT else None)
 
 
-def battery_low(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+def latch_not_stored(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """A power cut would forget an emergency stop, or a passenger."""
+    return _present(_LIMIT, now.latch_problem, _degraded(params)) if now.latch_problem else CLEAR
+
+
+def battery_low(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """Not enough charge for a new mission. A charge that nobody knows is taken for a low one."""
     if not now.battery_age_s <= stale_s(topics.BATTERY_STATE):
         return _present(_WARN, f"/battery_state: {_for_s(now.battery_age_s)}")
-    return _emptier(now, _refilled(params.battery_low, params, held), _WARN)
+    return _emptier(now, _refilled(params.battery_low, params, active_action), _WARN)
 
 
-def battery_critical(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+def battery_critical(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """Hardly any charge left: slowly home."""
     if not now.battery_age_s <= stale_s(topics.BATTERY_STATE):
         return _UNKNOWN
-    return _emptier(now, _refilled(params.battery_critical, params, held), _LIMIT, _degraded(params))
+    return _emptier(now, _refilled(params.battery_critical, params, active_action), _LIMIT, _degraded(params))
 
 
-def camera_timeout(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+def camera_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """A docking that is guided by images does not get them. The docking controller ends it; nobody else is slower."""
     late = [
         f"{name}: {_for_s(age_s)}"
@@ -115,52 +123,105 @@ def camera_timeout(now: Snapshot, params: SafetyParams, held: SafetyAction) -> F
     return _present(_WARN, ", ".join(late)) if late else CLEAR
 
 
-def lidar_timeout(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
-    """No new sweep, a frozen or covered sensor included."""
-    if now.lidar_age_s <= stale_s(topics.LIDAR_POINTS):
-        return CLEAR
-    return _present(_STOP, f"/sensors/lidar/points: {now.lidar_problem or _for_s(now.lidar_age_s)}")
+def lidar_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """No new sweep of one of the LiDARs, a frozen or covered sensor included."""
+    lidars = (
+        (topics.LIDAR_POINTS, now.lidar_age_s, now.lidar_problem),
+        (topics.OVERHEAD_LIDAR_POINTS, now.overhead_lidar_age_s, now.overhead_lidar_problem),
+    )
+    late = [f"{topic.name}: {why or _for_s(age_s)}" for topic, age_s, why in lidars if not age_s <= stale_s(topic)]
+    return _present(_STOP, ", ".join(late)) if late else CLEAR
 
 
-def obstacles_timeout(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+def obstacles_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """Nobody says what is around the robot."""
     if now.obstacles_age_s <= stale_s(topics.OBSTACLES):
         return CLEAR
     return _present(_STOP, f"/perception/obstacles: {now.obstacles_problem or _for_s(now.obstacles_age_s)}")
 
 
-def collision_imminent(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+def collision_imminent(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """Too late to do anything but brake, or too near to set out in that direction."""
-    outlook, p = now.outlook, params.collision
-    if outlook is None:
+    prediction, p = now.prediction, params.collision
+    if prediction is None:
         return _UNKNOWN
-    time_s = p.stop_s + (p.hysteresis_s if held else 0.0)
-    clearance_m = p.stop_clearance_m + (p.hysteresis_m if held else 0.0)
-    if outlook.moving.time_s < time_s:
-        return _present(_STOP, f"collision in {outlook.moving.time_s:.1f} s")
-    if outlook.clearance_m < clearance_m:
-        return _present(_STOP, f"obstacle {outlook.clearance_m:.2f} m ahead")
-    return CLEAR
+    time_s = p.stop_s + (p.hysteresis_s if active_action else 0.0)
+    clearance_m = p.stop_clearance_m + (p.hysteresis_m if active_action else 0.0)
+    if prediction.moving.time_s < time_s:
+        return _present(_STOP, f"collision in {prediction.moving.time_s:.1f} s")
+    if prediction.clearance_m < clearance_m:
+        return _present(_STOP, f"obstacle {prediction.clearance_m:.2f} m ahead")
+    return _present(_STOP, "somebody walks into the way") if prediction.meeting.stop else CLEAR
 
 
-def obstacle_near(now: Snapshot, params: SafetyParams, held: SafetyAction) -> Finding:
+def obstacle_near(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """Something is in the way: the nearer the slower."""
-    outlook, p = now.outlook, params.collision
-    if outlook is None:
+    prediction, p = now.prediction, params.collision
+    if prediction is None:
         return _UNKNOWN
-    time_s = p.near_s + (p.hysteresis_s if held else 0.0)
-    clearance_m = p.near_clearance_m + (p.hysteresis_m if held else 0.0)
-    if not (outlook.time_s < time_s or outlook.clearance_m < clearance_m):
+    time_s = p.near_s + (p.hysteresis_s if active_action else 0.0)
+    clearance_m = p.near_clearance_m + (p.hysteresis_m if active_action else 0.0)
+    linear_mps, detail = prediction.meeting.speed_mps, "somebody comes"
+    if prediction.time_s < time_s or prediction.clearance_m < clearance_m:
+        ahead_mps = speed_limit_mps(prediction.clearance_m, p, prediction.brake_mps2)
+        linear_mps, detail = min(linear_mps, ahead_mps), f"obstacle {prediction.clearance_m:.2f} m ahead"
+    if math.isinf(linear_mps):
         return CLEAR
-    linear_mps = speed_limit_mps(outlook.clearance_m, p, outlook.brake_mps2)
-    limit = SpeedLimit(linear_mps, max(p.slowest_radps, linear_mps / outlook.reach_m))
-    return _present(_LIMIT, f"obstacle {outlook.clearance_m:.2f} m ahead", limit)
+    linear_mps = max(linear_mps, p.slowest_mps)
+    limit = SpeedLimit(linear_mps, max(p.slowest_radps, linear_mps / prediction.reach_m))
+    return _present(_LIMIT, detail, limit)
+
+
+def unseen_limit(now: Snapshot, params: SafetyParams) -> SpeedLimit | None:
+    """No faster than to stop within what is seen or remembered of the way; no fault: so it is at every start."""
+    prediction = now.prediction
+    if prediction is None or "OBSTACLES_TIMEOUT" not in params.rows or math.isinf(prediction.unseen.clearance_m):
+        return None
+    linear_mps = seen_limit_mps(prediction.unseen.clearance_m, params.collision, prediction.brake_mps2)
+    return SpeedLimit(linear_mps, linear_mps / prediction.reach_m)
+
+
+def overheat(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """The computer is about to slow itself down, or to switch itself off."""
+    limit_c = params.computer.overheat_c - (params.computer.overheat_hysteresis_c if active_action else 0.0)
+    return _above(now.computer.temperature_c, limit_c, f"the computer is at {now.computer.temperature_c:.0f} C")
+
+
+def cpu_high(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """No time left for what comes unexpectedly."""
+    busy_percent = now.computer.cpu_percent
+    if busy_percent > params.computer.cpu_high_percent and not (active_action or _long_busy(now, params)):
+        return CLEAR
+    return _above(busy_percent, params.computer.cpu_high_percent, f"processor {busy_percent:.0f} %")
+
+
+def memory_high(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """The kernel is about to kill somebody."""
+    limit_percent = params.computer.memory_high_percent - _usage_hysteresis(params, active_action)
+    return _above(now.computer.memory_percent, limit_percent, f"memory {now.computer.memory_percent:.0f} %")
+
+
+def disk_full(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """Journal and recordings are about to end."""
+    limit_percent = params.computer.disk_full_percent - _usage_hysteresis(params, active_action)
+    return _above(now.computer.disk_percent, limit_percent, f"disk {now.computer.disk_percent:.0f} %")
+
+
+def ehmi_link_lost(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """People around the robot do not see what it is about to do."""
+    return _lost(now.ehmi_silent_s, topics.EHMI_STATUS, "no acknowledge of the external display")
+
+
+def ui_link_lost(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """The passenger has no screen, and no stop on it."""
+    return _lost(now.ui_silent_s, topics.UI_HEARTBEAT, "no page of the touch screen")
 
 
 CONDITIONS: Mapping[str, Condition] = {
     "ESTOP_PRESSED": estop_pressed,
     "DRIVE_FAULT": drive_fault,
     "JOINT_STATES_TIMEOUT": joint_states_timeout,
+    "OVERSPEED": overspeed,
     "TILT": tilt,
     "COLLISION_IMMINENT": collision_imminent,
     "OBSTACLE_NEAR": obstacle_near,
@@ -171,8 +232,15 @@ CONDITIONS: Mapping[str, Condition] = {
     "CAMERA_TIMEOUT": camera_timeout,
     "NODE_DEAD": node_dead,
     "SLOPE": slope,
+    "LATCH_NOT_STORED": latch_not_stored,
     "BATTERY_LOW": battery_low,
     "BATTERY_CRITICAL": battery_critical,
+    "OVERHEAT": overheat,
+    "CPU_HIGH": cpu_high,
+    "MEMORY_HIGH": memory_high,
+    "DISK_FULL": disk_full,
+    "EHMI_LINK_LOST": ehmi_link_lost,
+    "UI_LINK_LOST": ui_link_lost,
 }
 
 _LOSS = {Criticality.CRITICAL: _STOP, Criticality.LIMITING: _LIMIT, Criticality.OPTIONAL: _WARN}
@@ -186,20 +254,33 @@ def _waiting(detail: str) -> Finding:
     return Finding(Level.WAITING, _STOP, detail=detail)
 
 
-def _steeper(
-    now: Snapshot, threshold_deg: float, action: SafetyAction, limit: SpeedLimit | None = None
-) -> Finding | None:
-    if not now.inclination_rad > math.radians(threshold_deg):
-        return None
-    return _present(action, f"inclination {math.degrees(now.inclination_rad):.1f} deg", limit)
-
-
-def _refilled(threshold: float, params: SafetyParams, held: SafetyAction) -> float:
-    return threshold + (params.battery_hysteresis if held else 0.0)
+def _refilled(threshold: float, params: SafetyParams, active_action: SafetyAction) -> float:
+    return threshold + (params.battery_hysteresis if active_action else 0.0)
 
 
 def _emptier(now: Snapshot, needed: float, action: SafetyAction, limit: SpeedLimit | None = None) -> Finding:
     return _present(action, f"charge {now.battery:.0%}", limit) if now.battery < needed else CLEAR
+
+
+def _above(value: float, limit: float, detail: str) -> Finding:
+    """A warning. What nobody knows neither raises nor clears it: whoever should tell is missed as NODE_DEAD."""
+    if math.isnan(value):
+        return _UNKNOWN
+    return _present(_WARN, detail) if value > limit else CLEAR
+
+
+def _long_busy(now: Snapshot, params: SafetyParams) -> bool:
+    return now.computer.cpu_high_for_s > params.computer.cpu_high_s
+
+
+def _usage_hysteresis(params: SafetyParams, active_action: SafetyAction) -> float:
+    return params.computer.usage_hysteresis_percent if active_action else 0.0
+
+
+def _lost(silent_s: float | None, topic: Topic, detail: str) -> Finding:
+    if silent_s is None or silent_s <= stale_s(topic):
+        return CLEAR
+    return _present(_WARN, f"{detail} for {silent_s:.1f} s")
 
 
 def _degraded(params: SafetyParams) -> SpeedLimit:
@@ -208,8 +289,7 @@ def _degraded(params: SafetyParams) -> SpeedLimit:
 
 def stale_s(topic: Topic) -> float:
     """The contract's staleness limit of a topic, s."""
-    assert topic.stale_s is not None, f"{topic.name} has no stale_s"
-    return topic.stale_s
+    return topic.stale_limit_s
 
 
 def _for_s(age_s: float) -> str:

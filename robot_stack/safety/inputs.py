@@ -7,18 +7,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from robot_stack.contract.model import Criticality, SafetyAction
-from robot_stack.safety.outlook import Outlook
-
-
-@dataclass(frozen=True, slots=True)
-class SpeedLimit:
-    """Largest planar speed in m/s and yaw rate in rad/s."""
-
-    linear_mps: float
-    angular_radps: float
-
-
-STANDSTILL = SpeedLimit(0.0, 0.0)
+from robot_stack.core.limits import SpeedLimit
+from robot_stack.safety.button import Contact
+from robot_stack.safety.collision_prediction import CollisionPrediction
 
 
 class Level(IntEnum):
@@ -63,11 +54,13 @@ class DriveReading:
 
     cycle: a number that changes with every engine cycle: a status whose number stands still is stale.
     axes: the robot's axes, index = axis number.
+    button: contact of the emergency-stop button, an input of the engine.
     """
 
     communicating: bool
     cycle: int
     axes: tuple[Axis, ...]
+    button: Contact = Contact.UNREADABLE
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,39 +84,67 @@ class ProcessAge:
 
 
 @dataclass(frozen=True, slots=True)
+class ComputerState:
+    """The computer at one moment. NaN = unknown.
+
+    cpu_high_for_s: for how long the processor has been above its limit without a break; 0 while it is not.
+    """
+
+    temperature_c: float
+    cpu_percent: float
+    cpu_high_for_s: float
+    memory_percent: float
+    disk_percent: float
+
+
+@dataclass(frozen=True, slots=True)
 class Snapshot:
     """Everything at one moment. Ages in s on the steady clock, infinite for what never came or is not usable.
 
+    obedience: judgement of the measured speed by the limits that were in force, made by ``ObedienceWatch``.
     joint_states_up: they have once been fresh for the whole settling time of the start-up.
     estop: phrase that says who asks for the stop, empty if nobody does.
     drive: judgement of the drives, made by ``DriveWatch`` because it needs their history.
     inclination_rad: angle between base_link's z axis and the vertical, NaN = unknown.
+    slope: judgement of the inclination and of where the robot is asked to go on it, made by ``SlopeWatch`` because it
+        needs their history.
     quality: newest localization quality, [0, 1].
     pose_jump_m: largest distance between two consecutive poses since the last snapshot.
     battery: newest state of charge, [0, 1].
+    latch_problem: why the latched stop and the passenger are not on disk, empty if they are.
     cameras: age of the newest image by the topic of its camera; empty unless a docking is guided by images.
     outlook: what the robot's motion leads to; None while the obstacles are not known.
+    ehmi_silent_s, ui_silent_s: since the external display acknowledged, since a page of the touch screen was there;
+        None where nobody misses it.
     """
 
     uptime_s: float
     estop: str
     drive: Finding
+    obedience: Finding
     joint_states_up: bool
     joint_states_age_s: float
     joint_states_problem: str
     imu_age_s: float
     imu_problem: str
     inclination_rad: float
+    slope: Finding
     pose_age_s: float
     pose_jump_m: float
     quality_age_s: float
     quality: float
     battery_age_s: float
     battery: float
+    latch_problem: str
     processes: Mapping[str, ProcessAge]
     cameras: Mapping[str, float]
     lidar_age_s: float
     lidar_problem: str
+    overhead_lidar_age_s: float
+    overhead_lidar_problem: str
     obstacles_age_s: float
     obstacles_problem: str
-    outlook: Outlook | None
+    prediction: CollisionPrediction | None
+    computer: ComputerState
+    ehmi_silent_s: float | None
+    ui_silent_s: float | None

@@ -1,50 +1,236 @@
-"""The latched emergency stop on file, so that it outlives a crash of the monitor.
+"""The latched emergency stop on file, so that it outlives whatever ends the monitor, and the computer with it.
 
-One small JSON file in the runtime folder (in memory: no disk to wait for), replaced in one step. A file that cannot
-be understood means that nobody knows what was latched: the monitor then comes up in emergency stop with a passenger.
+Three copies of one record: two in the state folder, which a power cut, a logout or a reboot leave as they are, and one
+in the runtime folder, in memory. The one in memory is written before a verdict is published and survives a crash of the
+monitor; the others are written by a thread of their own, one after the other, each through to the disk, because a
+verdict must not wait for a disk. They are written in place, in blocks that they already own: a full disk takes nothing
+away.
+
+Who reads takes the newest record whose checksum is right. Where there is none although there should be, nobody knows
+what was latched: the monitor then comes up in emergency stop with a passenger. A copy that is damaged was being written
+when the power went: what it should have said may have been a stop, so that it counts as one. There should be a record
+as soon as there is a state folder: the first start ever makes the folder and the copies in it in one step.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import shutil
+import threading
+import time
+import zlib
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from robot_stack.contract import faults
 from robot_stack.safety.monitor import ESTOP_PRESSED, Memory
+from robot_stack.safety.stop_sources import Press
 
 UNKNOWN_PAST = Memory((ESTOP_PRESSED,), passenger=True)
+COPIES = ("latch.a", "latch.b")
+_BLOCK = 4096
+_RETRY_S = 1.0
+_END_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One stored memory. generation: counts up with each."""
+
+    generation: int
+    memory: Memory
+
+
+def encode(record: Record) -> bytes:
+    """A line of JSON and a line with its checksum, filled up to whole blocks."""
+    memory = record.memory
+    body = json.dumps(
+        {
+            "generation": record.generation,
+            "latched": memory.latched,
+            "passenger": memory.passenger,
+            "presses": [[press.name, press.pid] for press in memory.presses],
+        }
+    ).encode()
+    data = body + b"\n%08x\n" % zlib.crc32(body)
+    return data.ljust(-(-len(data) // _BLOCK) * _BLOCK)
+
+
+def decode(data: bytes) -> Record:
+    """Raises ValueError for what ``encode`` has not made, or not completely."""
+    body, checksum, _ = data.split(b"\n", 2)
+    if int(checksum, 16) != zlib.crc32(body):
+        raise ValueError("the checksum is wrong")
+    try:
+        return _record(json.loads(body))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"it does not make sense: {error!r}") from error
+
+
+def _record(data: Any) -> Record:
+    generation, latched, passenger = data["generation"], tuple(data["latched"]), data["passenger"]
+    presses = tuple(Press(name, pid) for name, pid in data["presses"])
+    numbers: list[Any] = [generation, *(press.pid for press in presses)]
+    names: list[Any] = [press.name for press in presses]
+    if not all(isinstance(number, int) for number in numbers) or not all(isinstance(name, str) for name in names):
+        raise ValueError("wrong types")
+    if not isinstance(passenger, bool) or not all(code in faults.BY_CODE for code in latched):
+        raise ValueError("wrong values")
+    return Record(generation, Memory(latched, passenger, presses))
 
 
 class LatchStore:
-    """Reads and writes the memory of the safety monitor."""
+    """Keeps the memory of the safety monitor in ``folder``, and in ``shadow``, a file in memory."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, folder: Path, shadow: Path, slow_s: float) -> None:
+        """slow_s: a disk that has not taken a record for so long is told by ``problem``."""
+        self._folder, self._shadow, self._slow_s = folder, shadow, slow_s
+        self._generation = 0
+        self._wake = threading.Condition()
+        self._pending: Record | None = None
+        self._pending_since_s = 0.0
+        self._shadow_problem = self._disk_problem = ""
+        self._ended = False
+        self._thread = threading.Thread(target=self._write_all, name="latch", daemon=True)
+        self._thread.start()
 
     def load(self) -> Memory:
-        """What was stored; an empty memory if there is no file, ``UNKNOWN_PAST`` if it makes no sense. Never raises."""
-        try:
-            return _decode(json.loads(self._path.read_bytes()))
-        except FileNotFoundError:
-            return Memory()
-        except (OSError, ValueError):
-            return UNKNOWN_PAST
+        """What was stored, as the module's description says. Never raises."""
+        first_start = not _there(self._folder) and not _there(self._shadow)
+        records, damaged = [], False
+        for path in (*self._copies(), self._shadow):
+            try:
+                records.append(decode(path.read_bytes()))
+            except FileNotFoundError:
+                continue
+            except (OSError, ValueError):
+                damaged = True
+        if not records:
+            return Memory() if first_start else UNKNOWN_PAST
+        newest = max(records, key=lambda record: record.generation)
+        self._generation = newest.generation
+        memory = newest.memory
+        if damaged and ESTOP_PRESSED not in memory.latched:
+            memory = replace(memory, latched=(*memory.latched, ESTOP_PRESSED))
+        return memory
 
     def save(self, memory: Memory) -> None:
-        """Replaces the file. Raises OSError."""
-        beside = self._path.with_name(f"{self._path.name}.new")
-        beside.write_bytes(json.dumps({"latched": memory.latched, "passenger": memory.passenger}).encode())
-        os.replace(beside, self._path)
+        """Keeps ``memory`` from now on. Never raises and never waits for a disk: ``problem`` tells what went wrong."""
+        self._generation += 1
+        record = Record(self._generation, memory)
+        try:
+            _replace(self._shadow, encode(record))
+            self._shadow_problem = ""
+        except OSError as error:
+            self._shadow_problem = str(error)
+        with self._wake:
+            if self._pending is None:
+                self._pending_since_s = time.monotonic()
+            self._pending = record
+            self._wake.notify_all()
+
+    def problem(self) -> str:
+        """Why the memory is not on disk although it should be, empty if it is."""
+        with self._wake:
+            if self._disk_problem or self._shadow_problem:
+                return self._disk_problem or self._shadow_problem
+            waiting_s = time.monotonic() - self._pending_since_s
+            slow = self._pending is not None and waiting_s > self._slow_s
+            return f"not written for {waiting_s:.0f} s" if slow else ""
+
+    def close(self) -> None:
+        """Gives what is not written yet a last chance."""
+        with self._wake:
+            self._ended = True
+            self._wake.notify_all()
+        self._thread.join(_END_S)
+
+    # --- the thread --------------------------------------------------------------------------------------------------
+
+    def _write_all(self) -> None:
+        while True:
+            with self._wake:
+                self._wake.wait_for(lambda: self._pending is not None or self._ended)
+                record = self._pending
+            if record is None:
+                return
+            problem = self._write(record)
+            with self._wake:
+                self._disk_problem = problem
+                if not problem and self._pending is record:
+                    self._pending = None
+                if problem and not self._ended:
+                    self._wake.wait(_RETRY_S)
+                if problem and self._ended:
+                    return
+
+    def _write(self, record: Record) -> str:
+        """Returns why not, empty if both copies are on disk."""
+        try:
+            data = encode(record)
+            if not _there(self._folder):
+                self._make_folder(data)
+                return ""
+            for path in self._copies():
+                _write_through(path, data)
+        except OSError as error:
+            return str(error)
+        return ""
+
+    def _make_folder(self, data: bytes) -> None:
+        """In one step: a folder without its copies would be a lost latch."""
+        beside = self._folder.with_name(f"{self._folder.name}.new")
+        shutil.rmtree(beside, ignore_errors=True)
+        beside.mkdir(parents=True, mode=0o700)
+        for name in COPIES:
+            _write_through(beside / name, data)
+        os.replace(beside, self._folder)
+        _sync_folder(self._folder.parent)
+
+    def _copies(self) -> list[Path]:
+        return [self._folder / name for name in COPIES]
 
 
-def _decode(data: Any) -> Memory:
-    if not isinstance(data, dict) or set(data) != {"latched", "passenger"}:
-        return UNKNOWN_PAST
-    latched, passenger = data["latched"], data["passenger"]
-    if not isinstance(passenger, bool) or not isinstance(latched, list):
-        return UNKNOWN_PAST
-    if not all(isinstance(code, str) and code in faults.BY_CODE for code in latched):
-        return UNKNOWN_PAST
-    return Memory(tuple(latched), passenger)
+def _there(path: Path) -> bool:
+    """False only if there is certainly nothing."""
+    try:
+        path.lstat()
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _write_through(path: Path, data: bytes) -> None:
+    """Overwrites a file in place, to the disk."""
+    made = not path.exists()
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        written = os.pwrite(descriptor, data, 0)
+        if written != len(data):
+            raise OSError(f"only {written} of {len(data)} bytes written")
+        os.ftruncate(descriptor, len(data))
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+    if made:
+        _sync_folder(path.parent)
+
+
+def _replace(path: Path, data: bytes) -> None:
+    beside = path.with_name(f"{path.name}.new")
+    beside.write_bytes(data)
+    os.replace(beside, path)
+
+
+def _sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        with contextlib.suppress(OSError):  # some file systems sync no folders
+            os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -36,13 +36,15 @@ class LidarWatch:
 
     def _problem(self, sample: NDArray[np.float32], of: int) -> str:
         p = self._params
-        ranges = np.sqrt(np.square(sample, dtype=np.float64).sum(axis=1))
+        x, y, z = sample.T.astype(np.float64)
+        ranges = np.sqrt(x * x + y * y + z * z)
         valid = sample[(ranges >= p.min_range_m) & (ranges <= p.max_range_m)]  # false for what is not finite
         returns = round(of * len(valid) / max(len(sample), 1))
         if returns < p.min_returns:
             return f"covered: {returns} returns, at least {p.min_returns} needed"
         bearing = np.arctan2(valid[:, 1], valid[:, 0]) / (2.0 * math.pi) + 0.5
-        share = len(np.unique(np.floor(bearing * p.sectors) % p.sectors)) / p.sectors
+        sectors = np.bincount((bearing * p.sectors).astype(np.int64) % p.sectors, minlength=p.sectors)
+        share = np.count_nonzero(sectors) / p.sectors
         if share < p.min_sector_share:
             return f"covered: returns from {share:.0%} of all directions, at least {p.min_sector_share:.0%} needed"
         # The noise of a living sensor never repeats a whole sweep.

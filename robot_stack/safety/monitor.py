@@ -6,23 +6,28 @@ import math
 from dataclasses import dataclass
 
 from robot_stack.contract import faults, topics
+from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.robot import Motion, Robot
+from robot_stack.core.stop_presence import Presence
 from robot_stack.safety.arbiter import Verdict, arbitrate
-from robot_stack.safety.conditions import CONDITIONS, stale_s
-from robot_stack.safety.inputs import SpeedLimit
+from robot_stack.safety.conditions import CONDITIONS, stale_s, unseen_limit
 from robot_stack.safety.observation import Observation
 from robot_stack.safety.params import SafetyParams
 from robot_stack.safety.rows import ActiveRow, Row
+from robot_stack.safety.stop_sources import Press
 
 ESTOP_PRESSED = "ESTOP_PRESSED"
 
 
 @dataclass(frozen=True, slots=True)
 class Memory:
-    """What a restart of the monitor must not forget: codes of the latched rows, and whether a passenger is aboard."""
+    """What a restart of the monitor must not forget: codes of the latched rows, whether a passenger is aboard, and
+    which sources of the emergency stop are pressed.
+    """
 
     latched: tuple[str, ...] = ()
     passenger: bool = False
+    presses: tuple[Press, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +52,7 @@ class SafetyMonitor:
         # A latch that this configuration cannot judge is held by the row that every configuration has.
         latched = {code if code in params.rows else ESTOP_PRESSED for code in memory.latched}
         self._rows = [Row(fault, fault.code in latched) for fault in faults.FAULTS if fault.code in params.rows]
-        self.observation = Observation(params, robot, now_s, memory.passenger)
+        self.observation = Observation(params, robot, now_s, memory.passenger, memory.presses)
         self.nearest_obstacle_m = math.nan
 
     @property
@@ -70,9 +75,15 @@ class SafetyMonitor:
         return any(row.latched for row in self._rows)
 
     @property
+    def button_pressed(self) -> bool:
+        """The hardware stop is pressed; so is one whose contact could once be read and cannot any more."""
+        return self.observation.button.pressed is True
+
+    @property
     def memory(self) -> Memory:
         """What has to survive a restart."""
-        return Memory(tuple(row.code for row in self._rows if row.latched), self.passenger)
+        latched = tuple(row.code for row in self._rows if row.latched)
+        return Memory(latched, self.passenger, self.observation.sources.presses)
 
     @property
     def details(self) -> dict[str, str]:
@@ -82,10 +93,22 @@ class SafetyMonitor:
     def step(self, now_s: float) -> Verdict:
         """Judges every row on what is known now."""
         snapshot = self.observation.snapshot(self.emergency, now_s)
-        self.nearest_obstacle_m = math.nan if snapshot.outlook is None else snapshot.outlook.nearest_m
+        self.nearest_obstacle_m = math.nan if snapshot.prediction is None else snapshot.prediction.nearest_m
         for row in self._rows:
             row.update(CONDITIONS[row.code](snapshot, self._params, row.action), now_s)
-        return arbitrate(self._active(), self._own, self._with_passenger if self.passenger else None)
+        passenger = self._with_passenger if self.passenger else None
+        verdict = arbitrate(self._active(), self._own, passenger, unseen_limit(snapshot, self._params))
+        self.observation.limited(verdict.limit, verdict.hard, now_s)
+        return verdict
+
+    def pressed_by(self, now_s: float) -> dict[str, Presence]:
+        """The sources of the emergency stop whose press stands, and whether each is there to release it."""
+        return self.observation.sources.presence(now_s)
+
+    def clear(self, source: str, now_s: float) -> ResetAnswer:
+        """An operator clears the press of a source that cannot release itself. It is no reset."""
+        problem = self.observation.sources.clear(source, now_s)
+        return ResetAnswer(False, f"refused: {problem}") if problem else ResetAnswer(True, f"cleared: {source}")
 
     def reset(self, now_s: float) -> ResetAnswer:
         """The second key: leaves the emergency stop, or says why not. Follow it with ``step``."""

@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from numpy.typing import NDArray
 
 from robot_stack.contract import processes, topics
 from robot_stack.contract.model import Criticality
+from robot_stack.core.geometry import ZERO_TWIST, Twist2
+from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.safety.attitude import PlanarAcceleration, UpDirection
+from robot_stack.safety.button import Contact, EmergencyButton
 from robot_stack.safety.collision import outline_of
+from robot_stack.safety.collision_prediction import CollisionPrediction, look_ahead, rests
 from robot_stack.safety.commands import CommandWatch
+from robot_stack.safety.computer_watch import ComputerWatch, LinkWatch
 from robot_stack.safety.conditions import stale_s
+from robot_stack.safety.dead_reckoning import DeadReckoning, Modules
 from robot_stack.safety.drive_watch import DriveWatch
 from robot_stack.safety.inputs import DriveReading, ImuSample, ProcessAge, Snapshot
 from robot_stack.safety.lidar_watch import LidarWatch
-from robot_stack.safety.outlook import Outlook, look_ahead
+from robot_stack.safety.meeting import MeetingWatch
+from robot_stack.safety.obedience import ObedienceWatch
 from robot_stack.safety.params import SafetyParams
-from robot_stack.safety.reckoning import DeadReckoning, Modules
+from robot_stack.safety.slope import SlopeWatch
+from robot_stack.safety.stop_sources import Press, SourcePresence, SourceReport, StopSources
 from robot_stack.safety.surroundings import Surroundings
 from robot_stack.safety.timing import age_s
 from robot_stack.safety.watches import CameraWatch, EstopWatch, ImuWatch, Latest, PoseWatch, WheelWatch
@@ -29,15 +38,27 @@ CAMERAS = (topics.FRONT_CAMERA_INFO, topics.REAR_CAMERA_INFO)
 _GUIDED = ("SEARCH", "SERVOING", "FINE_ALIGN")
 # States in which the robot moves into the dock, whose own parts are no obstacle then.
 _LAST_WAY = ("SERVOING", "FINE_ALIGN")
+# The processes that keep the links to displays and screens.
+_EHMI, _UI = "ehmi_bridge", "touch_ui"
+# The source of the emergency stop that must always be there.
+_BUTTON = "emergency_stop_button"
 
 
 class Observation:
     """The inputs and their history. All times are steady seconds at reception.
 
     passenger: the footprint in force is the one with the wheelchair.
+    latch_problem: why the monitor's memory is not on disk, empty if it is.
     """
 
-    def __init__(self, params: SafetyParams, robot: Robot, now_s: float, passenger: bool = False) -> None:
+    def __init__(
+        self,
+        params: SafetyParams,
+        robot: Robot,
+        now_s: float,
+        passenger: bool = False,
+        presses: tuple[Press, ...] = (),
+    ) -> None:
         self._started_s = now_s
         self.passenger = passenger
         self._settle_s = params.startup_settle_s
@@ -46,9 +67,19 @@ class Observation:
         motion = PlanarAcceleration(params.kinematic_filter_s, params.kinematic_max_mps2)
         up = UpDirection(params.attitude_time_constant_s, params.attitude_settle_s, params.attitude_max_gap_s)
         self.estop = EstopWatch()
-        reckoning = DeadReckoning(params.obstacles.max_latency_s)
+        self.sources = StopSources(
+            params.stop_sources.explain_s,
+            params.stop_sources.discovery_s,
+            stale_s(topics.EMERGENCY_STOP_SOURCES),
+            presses,
+        )
+        self._button_there = SourcePresence(params.stop_sources.button_silence_s, params.startup_settle_s)
+        self._watches_button = _BUTTON in params.expected_processes
+        own = SpeedLimit(robot.empty.max_speed_mps, robot.empty.max_yaw_rate_radps)
+        self._obedience = ObedienceWatch(params.obedience, own, robot.emergency_deceleration_mps2)
+        dead_reckoning = DeadReckoning(params.obstacles.max_latency_s)
         modules = Modules(robot.module_positions_m(), robot.wheel_radius_m)
-        self.wheels = WheelWatch(modules, params.standstill_mps, motion, reckoning)
+        self.wheels = WheelWatch(modules, params.standstill_mps, motion, dead_reckoning)
         self.drive = DriveWatch(
             silence_s=params.drive_silence_s,
             servo_off_s=params.drive_servo_off_s,
@@ -58,24 +89,46 @@ class Observation:
             now_s=now_s,
         )
         self._imu = ImuWatch(up, motion, params.imu_min_mps2, params.imu_max_mps2, params.imu_max_radps)
+        self._slope = SlopeWatch(params, robot.module_positions_m())
         self._pose = PoseWatch()
         self._quality, self._battery = Latest(0.0, 1.0), Latest(0.0, 1.0)
         self._cameras = CameraWatch([topic.name for topic in CAMERAS])
-        self.lidar = LidarWatch(params.lidar)
+        self.lidar, self.overhead_lidar = LidarWatch(params.lidar), LidarWatch(params.overhead_lidar)
+        self.button = EmergencyButton(params.button_debounce_s, params.startup_settle_s)
+        self.computer = ComputerWatch(
+            params.computer.cpu_high_percent, stale_s(topics.ROBOT_STATUS), stale_s(topics.COMPUTER_TEMPERATURE)
+        )
+        self.ehmi = LinkWatch(_EHMI in params.expected_processes)
+        self.ui = LinkWatch(_UI in params.expected_processes, params.links.ui_required)
         self.commands = CommandWatch(stale_s(topics.CMD_VEL_LIMITED))
-        self.surroundings = Surroundings(params.obstacles, reckoning, robot.lidar_xyz_m)
+        self.surroundings = Surroundings(params.obstacles, dead_reckoning)
         self._last_way_s: float | None = None
+        self.latch_problem = ""
         self._collision, self._robot = params.collision, robot
+        self._meeting = MeetingWatch(params.meeting, robot.emergency_deceleration_mps2)
 
     def emergency_stop(self, pressed: bool, now_s: float) -> None:
         self.estop.received(pressed, now_s)
+        self.sources.message(pressed, now_s)
+
+    def stop_source(self, report: SourceReport, now_s: float) -> None:
+        """A message of ``/emergency_stop/sources``."""
+        self.sources.report(report, now_s)
+
+    def limited(self, limit: SpeedLimit, hard: bool, now_s: float) -> None:
+        """The speed limit that is published. hard: a stop that does not wait for comfort."""
+        self._obedience.limited(limit, hard, self._robot.motion(self.passenger), now_s)
 
     def heartbeat(self, process: str, now_s: float) -> None:
         self._heard_s[process] = now_s
+        link = {_EHMI: self.ehmi, _UI: self.ui}.get(process)
+        if link is not None:
+            link.process_heard(now_s)
 
     def engine(self, reading: DriveReading | None, now_s: float) -> None:
         """The motion engine's status; None where there is none to read."""
         self.drive.received(reading, now_s)
+        self.button.update(Contact.UNREADABLE if reading is None else reading.button, now_s)
 
     def joint_states(
         self, names: Sequence[str], position_rad: Sequence[float], velocity_radps: Sequence[float], now_s: float
@@ -114,24 +167,28 @@ class Observation:
         Args:
             emergency: an emergency stop is latched.
         """
-        pressed = self.estop.take_pressed()
         complete = self._complete()
+        estop = self._stop_asked(complete, now_s)
+        inclination_rad = self._imu.inclination_rad(now_s, stale_s(topics.IMU))
         return Snapshot(
             uptime_s=age_s(now_s, self._started_s),
-            estop="/emergency_stop is true" if pressed else "",
-            drive=self.drive.judge(emergency or pressed, complete, now_s),
+            estop=estop,
+            drive=self.drive.judge(emergency or bool(estop), complete, now_s),
+            obedience=self._obedience.judge(self.wheels.twist(now_s, stale_s(topics.JOINT_STATES)), now_s),
             joint_states_up=self.wheels.up(complete, now_s, stale_s(topics.JOINT_STATES), self._settle_s),
             joint_states_age_s=self.wheels.take_silence_s(now_s),
             joint_states_problem=self.wheels.problem,
             imu_age_s=self._imu.age_s(now_s),
             imu_problem=self._imu.problem,
-            inclination_rad=self._imu.inclination_rad(now_s, stale_s(topics.IMU)),
+            inclination_rad=inclination_rad,
+            slope=self._slope.judge(inclination_rad, self._imu.downhill_rad, self._motions(now_s), now_s),
             pose_age_s=self._pose.age_s(now_s),
             pose_jump_m=self._pose.take_jump_m(),
             quality_age_s=self._quality.age_s(now_s),
             quality=self._quality.value,
             battery_age_s=self._battery.age_s(now_s),
             battery=self._battery.value,
+            latch_problem=self.latch_problem,
             processes={
                 name: ProcessAge(criticality, age_s(now_s, self._heard_s.get(name)))
                 for name, criticality in self._criticality.items()
@@ -139,26 +196,55 @@ class Observation:
             cameras=self._cameras.ages_s(now_s, stale_s(topics.DOCKING_STATUS)),
             lidar_age_s=self.lidar.age_s(now_s),
             lidar_problem=self.lidar.problem,
+            overhead_lidar_age_s=self.overhead_lidar.age_s(now_s),
+            overhead_lidar_problem=self.overhead_lidar.problem,
             obstacles_age_s=self.surroundings.age_s(now_s),
             obstacles_problem=self.surroundings.problem,
-            outlook=self._outlook(now_s),
+            prediction=self._prediction(now_s),
+            computer=self.computer.state(now_s),
+            ehmi_silent_s=self.ehmi.silent_s(now_s),
+            ui_silent_s=self.ui.silent_s(now_s),
         )
 
-    def _outlook(self, now_s: float) -> Outlook | None:
+    def _stop_asked(self, complete: bool, now_s: float) -> str:
+        """Who asks for the emergency stop, empty if nobody does."""
+        asked = self.sources.standing(now_s)
+        if self.estop.take_pressed() and not asked:
+            asked = "/emergency_stop is true"
+        silent_s = self.sources.age_s(_BUTTON, now_s)
+        if self._watches_button and self._button_there.missing(silent_s, complete, now_s):
+            asked = "; ".join(filter(None, (asked, f"{_BUTTON} has been silent for {silent_s:.2f} s")))
+        return asked
+
+    def _motions(self, now_s: float) -> list[Twist2]:
+        """What the drive is asked to do and what it says it does, without standstills."""
+        motions = (self.commands.requested(now_s), self.commands.driven(now_s) or ZERO_TWIST)
+        return [motion for motion in motions if not rests(motion, self._collision)]
+
+    def _prediction(self, now_s: float) -> CollisionPrediction | None:
         if not self.surroundings.age_s(now_s) <= stale_s(topics.OBSTACLES):
             return None
         docking = age_s(now_s, self._last_way_s) <= stale_s(topics.DOCKING_STATUS)
-        footprint = self._footprint()
-        return look_ahead(
+        footprint, moving = self._footprint(), self.surroundings.moving(stale_s(topics.MOVING), now_s)
+        measured = self.wheels.twist(now_s, stale_s(topics.JOINT_STATES))
+        driven, requested = self.commands.driven(now_s), self.commands.requested(now_s)
+        unseen = self.surroundings.unseen(stale_s(topics.UNSEEN_SPACE), now_s)
+        seen = look_ahead(
             self.surroundings.points(docking, stale_s(topics.DOCKING_TARGET), now_s),
+            None if moving is None else unseen,  # nobody knows who comes: as slow as if nobody knew what is there
             outline_of(footprint),
             outline_of(footprint, self._collision.margin_m),
-            self.wheels.twist(now_s, stale_s(topics.JOINT_STATES)),
-            self.commands.driven(now_s),
-            self.commands.wished(now_s),
+            measured,
+            driven,
+            requested,
             self._collision,
             self._robot.emergency_deceleration_mps2,
         )
+        if moving is None:
+            return seen
+        motions = [measured, requested if driven is None else driven]
+        meeting = self._meeting.judge(moving, seen.nearest_m, outline_of(footprint), motions, requested, now_s)
+        return replace(seen, meeting=meeting)
 
     def _footprint(self) -> Footprint:
         return self._robot.footprint_with_chair if self.passenger else self._robot.footprint

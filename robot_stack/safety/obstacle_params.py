@@ -17,7 +17,8 @@ class CollisionParams(Config):
 
     Above the thresholds by the hysteresis a row that was raised is gone. The limit lets the robot reach the obstacle in
     ``approach_s`` at the earliest and stop at ``stop_clearance_m`` after ``reaction_s``; it is never less than the
-    slowest speeds, because standing still is what COLLISION_IMMINENT is for.
+    slowest speeds, because standing still is what COLLISION_IMMINENT is for. unseen_mps: the least limit where the way
+    is neither seen nor remembered.
     """
 
     margin_m: NotNegative
@@ -32,6 +33,7 @@ class CollisionParams(Config):
     slowest_mps: Positive
     slowest_radps: Positive
     step_mps: Positive
+    unseen_mps: Positive
     rest_mps: Positive
     rest_radps: Positive
 
@@ -44,16 +46,24 @@ class CollisionParams(Config):
         return self
 
 
-class BlindParams(Config):
-    """What is remembered of obstacles that are too low and too near to be seen."""
+class MeetingParams(Config):
+    """Who walks into the robot's way.
 
-    lowest_ray_deg: Annotated[float, Field(gt=-90.0, lt=0.0)]
-    ray_margin_m: NotNegative
-    radius_m: Positive
-    cell_m: Positive
-    sightings: Annotated[int, Field(ge=1)]
-    memory_s: Positive
-    memory_m: Positive
+    Somebody touches it within ``margin_m`` of the footprint, which grows by ``drift_mps`` the farther one looks ahead.
+    reaction_s: from where somebody is to the robot's brakes. The speed is limited so that a stop need not be within
+    ``ahead_s``, in ``shares`` equal steps. A motion is followed to ``horizon_s`` in steps of ``step_s``. Who walks up
+    to the robot within ``ahead_s`` is given ``hold_s`` to go on, as long as anything is nearer than ``beside_m``.
+    """
+
+    margin_m: NotNegative
+    drift_mps: NotNegative
+    reaction_s: Positive
+    ahead_s: Positive
+    shares: Annotated[int, Field(ge=1, le=20)]
+    horizon_s: Positive
+    step_s: Positive
+    beside_m: Positive
+    hold_s: Positive
 
 
 class VolumeParams(Config):
@@ -86,7 +96,6 @@ class ObstacleParams(Config):
     radius_m: Positive
     column_m: Positive
     max_latency_s: Positive
-    blind: BlindParams
     exclusion: ExclusionParams
 
 

@@ -11,12 +11,56 @@ from pydantic import Field, field_validator, model_validator
 
 from robot_stack.contract import faults, processes
 from robot_stack.core.config import Config
-from robot_stack.safety.conditions import CONDITIONS
-from robot_stack.safety.obstacle_params import CollisionParams, LidarParams, ObstacleParams
+from robot_stack.safety.computer_params import ComputerParams, LinkParams
+from robot_stack.safety.obstacle_params import CollisionParams, LidarParams, MeetingParams, ObstacleParams
 
 Positive = Annotated[float, Field(gt=0.0)]
 Degrees = Annotated[float, Field(gt=0.0, lt=90.0)]
 Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class DescentParams(Config):
+    """Driving off a slope above ``slope_stop_deg``: how fast, and what counts as along the fall line.
+
+    angle_deg: of the robot's course to the fall line, at most; angle_hysteresis_deg: more of it once under way.
+    ask_again_s: a standing robot that was asked for another motion may be asked again after this time.
+    """
+
+    max_speed_mps: Positive
+    max_yaw_rate_radps: Positive
+    angle_deg: Degrees
+    angle_hysteresis_deg: Degrees
+    ask_again_s: Positive
+
+    @model_validator(mode="after")
+    def _leads_down(self) -> DescentParams:
+        if not self.angle_deg + self.angle_hysteresis_deg < 90.0:
+            raise ValueError("angle_deg + angle_hysteresis_deg must be less than 90: more does not lead down")
+        return self
+
+
+class StopSourceParams(Config):
+    """Sources of the emergency stop. explain_s: how far apart a true on ``/emergency_stop`` and the report of its
+    author may arrive, discovery_s: the same for the first report of a process. button_silence_s: the button's process
+    is missed after so long without a report.
+    """
+
+    explain_s: Positive
+    discovery_s: Positive
+    button_silence_s: Positive
+
+
+class ObedienceParams(Config):
+    """When a speed limit counts as not obeyed. hold_s: faster than permitted for longer than this. margin: on what is
+    permitted, for the noise of measuring. notice_s: until whoever drives begins to brake; the time that a jerk limit
+    takes comes on top. deceleration_share: of the deceleration of the drive, which the permitted speed falls with.
+    """
+
+    hold_s: Positive
+    margin_mps: Positive
+    margin_radps: Positive
+    notice_s: Positive
+    deceleration_share: Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 class SafetyParams(Config):
@@ -32,14 +76,20 @@ class SafetyParams(Config):
     drive_servo_off_s: Positive
     drive_servo_on_timeout_s: Positive
 
+    latch_write_s: Positive
     release_settle_s: Positive
     standstill_mps: Positive
     standstill_hold_s: Positive
+    button_debounce_s: Annotated[float, Field(gt=0.0, le=0.05)]
+
+    stop_sources: StopSourceParams
+    obedience: ObedienceParams
 
     tilt_stop_deg: Degrees
     tilt_clear_deg: Degrees
     slope_limit_deg: Degrees
     slope_stop_deg: Degrees
+    slope_tolerance_deg: Degrees
     slope_hysteresis_deg: Degrees
 
     attitude_time_constant_s: Positive
@@ -61,12 +111,17 @@ class SafetyParams(Config):
 
     slope_limit_mps: Positive
     slope_limit_radps: Positive
+    descent: DescentParams
     degraded_limit_mps: Positive
     degraded_limit_radps: Positive
 
     collision: CollisionParams
+    meeting: MeetingParams
     obstacles: ObstacleParams
     lidar: LidarParams
+    overhead_lidar: LidarParams
+    computer: ComputerParams
+    links: LinkParams
 
     @field_validator("rows")
     @classmethod
@@ -75,8 +130,6 @@ class SafetyParams(Config):
         for code in rows:
             if code not in faults.BY_CODE:
                 raise ValueError(f"{code} is not a fault of the contract")
-            if code not in CONDITIONS:
-                raise ValueError(f"{code} has no condition yet; there are {', '.join(CONDITIONS)}")
         if "ESTOP_PRESSED" not in rows:
             raise ValueError("ESTOP_PRESSED must be among the rows: a monitor that ignores the emergency stop is none")
         return rows
@@ -97,6 +150,8 @@ class SafetyParams(Config):
         for smaller, greater in _ORDERED:
             if not getattr(self, smaller) < getattr(self, greater):
                 raise ValueError(f"{smaller} must be less than {greater}")
+        if not self.slope_stop_deg + self.slope_tolerance_deg + self.slope_hysteresis_deg < self.tilt_stop_deg:
+            raise ValueError("slope_stop_deg with its tolerance and hysteresis must be less than tilt_stop_deg")
         return self
 
 

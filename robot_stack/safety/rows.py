@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot_stack.contract.model import Clears, Fault, SafetyAction, SafetyState
-from robot_stack.safety.inputs import CLEAR, Finding, Level, SpeedLimit
+from robot_stack.core.limits import SpeedLimit
+from robot_stack.safety.inputs import CLEAR, Finding, Level
 from robot_stack.safety.timing import Hold
 
 

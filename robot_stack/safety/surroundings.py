@@ -1,11 +1,8 @@
-"""What is around the robot: the obstacle points of the last moments, and those it has come too near to see.
+"""What is around the robot: the obstacle points of the last moments, and where the space that perception knows ends.
 
 All of them are kept in the frame of the robot's own dead reckoning, so that a point is where it was in the world
-however the robot has moved since the point's time. One cloud covers half of the surroundings when a driver sends half
-sweeps: the points of ``window_s`` together are the whole picture.
-
-A LiDAR on top of a robot does not see what is low and near. Such a point is remembered from when it was seen, by cells,
-until its place is in view again and empty, or it is too old or too far behind to be trusted.
+however the robot has moved since the point's time. One cloud may cover half of the surroundings: the points of
+``window_s`` together are the whole picture. What is hidden now and was seen before, perception remembers.
 """
 
 from __future__ import annotations
@@ -20,18 +17,16 @@ from numpy.typing import NDArray
 
 from robot_stack.core.geometry import Pose2
 from robot_stack.safety.collision import Floats, Outline
-from robot_stack.safety.obstacle_params import BlindParams, ExclusionParams, ObstacleParams, VolumeParams
-from robot_stack.safety.reckoning import DeadReckoning
+from robot_stack.safety.dead_reckoning import DeadReckoning
+from robot_stack.safety.obstacle_params import ExclusionParams, ObstacleParams, VolumeParams
 from robot_stack.safety.timing import age_s
 
 _NO_POINTS = np.empty((0, 3))
-# Cells of a row of the memory's grid, more than anybody can drive.
-_ROW = 2**31
 
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """points: (n, 3) m in the dead-reckoning frame. at_s: steady time of the points."""
+    """points: (n, 3+) m in the dead-reckoning frame. at_s: steady time of the points."""
 
     points: Floats
     at_s: float
@@ -48,14 +43,14 @@ class Dock:
 class Surroundings:
     """Feed it motion, clouds and the dock; ask for the points. Steady seconds."""
 
-    def __init__(
-        self, obstacles: ObstacleParams, reckoning: DeadReckoning, lidar_xyz_m: tuple[float, float, float]
-    ) -> None:
+    def __init__(self, obstacles: ObstacleParams, dead_reckoning: DeadReckoning) -> None:
         self._params = obstacles
-        self._reckoning = reckoning
-        self._memory = BlindSpot(obstacles.blind, lidar_xyz_m)
+        self._dead_reckoning = dead_reckoning
         self._clouds: deque[Cloud] = deque()
+        self._live = _NO_POINTS  # those of all clouds
         self._at_s: float | None = None
+        self._unseen: Cloud | None = None
+        self._moving: Cloud | None = None  # with the velocities, as of when it was received
         self._dock: Dock | None = None
         self.problem = "never received"
 
@@ -64,19 +59,49 @@ class Surroundings:
 
         A cloud that is late, from the future or without any finite point among its points counts as not received.
         """
-        finite = points[np.isfinite(points).all(axis=1)]
-        self.problem = self._problem(len(points), len(finite), latency_s)
+        x, y = points[:, 0], points[:, 1]
+        finite = np.isfinite(x + y + points[:, 2])
+        self.problem = self._problem(len(points), int(np.count_nonzero(finite)), latency_s)
         if self.problem:
             return
         moment_s = now_s - latency_s
-        pose = self._reckoning.pose_at(moment_s)
-        near = np.hypot(finite[:, 0], finite[:, 1]) <= self._params.radius_m
-        seen = _thinned(np.asarray(finite[near & ~outline.contains(finite)], np.float64), self._params.column_m)
+        pose = self._dead_reckoning.pose_at(moment_s)
+        near = np.asarray(points[finite & (x * x + y * y <= self._params.radius_m**2)], np.float64)
+        seen = _thinned(near[~outline.contains(near)], self._params.column_m)
         self._at_s = now_s
         self._clouds.append(Cloud(_moved(seen, pose), moment_s))
         while not 0.0 <= moment_s - self._clouds[0].at_s <= self._params.window_s:
             self._clouds.popleft()
-        self._memory.update(self._live(), len(seen), pose, outline, self._reckoning.way_m, now_s)
+        self._live = np.concatenate([cloud.points for cloud in self._clouds])
+
+    def unseen_received(self, points: NDArray[Any], latency_s: float, now_s: float) -> None:
+        """Where known space ended ``latency_s`` ago: (n, 3) m in base_link. What makes no sense is not received."""
+        if self._problem(len(points), int(np.isfinite(points).all(axis=1).sum()), latency_s):
+            return
+        pose = self._dead_reckoning.pose_at(now_s - latency_s)
+        finite = points[np.isfinite(points).all(axis=1)]
+        self._unseen = Cloud(_moved(np.asarray(finite, np.float64), pose), now_s)
+
+    def unseen(self, stale_s: float, now_s: float) -> Floats | None:
+        """(n, 3) m in base_link now: where known space ends; None if nobody has said so for longer than ``stale_s``."""
+        if self._unseen is None or not age_s(now_s, self._unseen.at_s) <= stale_s:
+            return None
+        return _seen_from(self._unseen.points, self._dead_reckoning.pose_at(now_s))
+
+    def moving_received(self, points: NDArray[Any], latency_s: float, now_s: float) -> None:
+        """Who moved ``latency_s`` ago: (n, 5) x, y, z, vx, vy in base_link. What makes no sense is not received."""
+        finite = np.isfinite(points).all(axis=1)
+        if self._problem(len(points), int(finite.sum()), latency_s):
+            return
+        pose, rows = self._dead_reckoning.pose_at(now_s - latency_s), np.asarray(points[finite], np.float64)
+        self._moving = Cloud(_set_in_motion(rows, pose, latency_s), now_s)
+
+    def moving(self, stale_s: float, now_s: float) -> Floats | None:
+        """(n, 5) in base_link now: who moves, as far on as their velocity has taken them; None: nobody says so."""
+        known = self._moving
+        if known is None or not age_s(now_s, known.at_s) <= stale_s:
+            return None
+        return _set_in_motion(known.points, self._dead_reckoning.pose_at(now_s).inverse(), age_s(now_s, known.at_s))
 
     def refused(self, problem: str) -> None:
         """A message that is no cloud of points."""
@@ -85,7 +110,7 @@ class Surroundings:
     def dock(self, pose: Pose2, latency_s: float, now_s: float) -> None:
         """The frame of the dock, in base_link at a moment ``latency_s`` ago. Ignored if it is not finite or late."""
         if pose.is_finite() and 0.0 <= latency_s <= self._params.max_latency_s:
-            self._dock = Dock(self._reckoning.pose_at(now_s - latency_s).compose(pose), now_s)
+            self._dock = Dock(self._dead_reckoning.pose_at(now_s - latency_s).compose(pose), now_s)
 
     def age_s(self, now_s: float) -> float:
         """Seconds since the newest usable cloud was received."""
@@ -96,13 +121,10 @@ class Surroundings:
 
         docking: the robot is on its last way to a dock, whose own parts are none.
         """
-        known = np.concatenate([self._live(), self._memory.points(self._reckoning.way_m, now_s)])
+        known = self._live
         if docking and self._dock is not None and age_s(now_s, self._dock.at_s) <= dock_stale_s:
             known = known[~_of_dock(_seen_from(known, self._dock.pose), self._params.exclusion)]
-        return _seen_from(known, self._reckoning.pose_at(now_s))
-
-    def _live(self) -> Floats:
-        return np.concatenate([cloud.points for cloud in self._clouds]) if self._clouds else _NO_POINTS
+        return _seen_from(known, self._dead_reckoning.pose_at(now_s))
 
     def _problem(self, count: int, finite: int, latency_s: float) -> str:
         if not 0.0 <= latency_s <= self._params.max_latency_s:
@@ -110,65 +132,24 @@ class Surroundings:
         return "no point is finite" if count and not finite else ""
 
 
-class BlindSpot:
-    """Cells in which something was seen that cannot be seen from where the robot is now."""
-
-    def __init__(self, params: BlindParams, lidar_xyz_m: tuple[float, float, float]) -> None:
-        self._params = params
-        self._lidar_x_m, _, self._lidar_z_m = lidar_xyz_m
-        self._slope = math.tan(math.radians(params.lowest_ray_deg))
-        self._points = _NO_POINTS  # of each cell a point, at the height of its column's top
-        self._seen_s = np.empty(0)
-        self._seen_at_m = np.empty(0)
-        self._sightings = np.empty(0)
-
-    def update(self, live: Floats, new: int, pose: Pose2, outline: Outline, way_m: float, now_s: float) -> None:
-        """What is in view now (dead-reckoning frame; the last ``new`` have just been seen), from ``pose``."""
-        fresh = np.arange(len(live)) >= len(live) - new
-        near = _near(live, pose, self._params.radius_m)
-        here, count = live[near], int(near.sum())
-        points = np.concatenate([here, self._points])
-        if not len(points):
-            return
-        first, group = _columns(points, self._params.cell_m)
-        # The height of a column is what is seen of it now; the memory's counts only where nothing is.
-        tops = np.full(len(first), -math.inf)
-        np.maximum.at(tops, group[:count], here[:, 2])
-        unseen = np.isneginf(tops)
-        tops[unseen] = points[first[unseen], 2]
-        points = np.column_stack([points[first, :2], tops])
-        seen_s, seen_at_m = np.full(len(first), now_s), np.full(len(first), way_m)
-        old = group[count:]
-        seen_s[old], seen_at_m[old] = (
-            np.where(unseen[old], self._seen_s, now_s),
-            np.where(unseen[old], self._seen_at_m, way_m),
-        )
-        sightings = np.zeros(len(first))
-        sightings[old] = self._sightings
-        sightings[np.unique(group[:count][fresh[near]])] += 1.0
-        local = _seen_from(points, pose)
-        keep = (~unseen | self._hidden(local)) & ~outline.contains(local) & _near(points, pose, self._params.radius_m)
-        self._points, self._sightings = points[keep], sightings[keep]
-        self._seen_s, self._seen_at_m = seen_s[keep], seen_at_m[keep]
-
-    def points(self, way_m: float, now_s: float) -> Floats:
-        """(n, 3) m: remembered points, the dead-reckoning frame."""
-        age = now_s - self._seen_s
-        trusted = (age >= 0.0) & (age <= self._params.memory_s) & (self._sightings >= self._params.sightings)
-        return self._points[trusted & (way_m - self._seen_at_m <= self._params.memory_m)]
-
-    def _hidden(self, local: Floats) -> NDArray[np.bool_]:
-        """(n,) whose column's top, in base_link, is below the lowest ray."""
-        range_m = np.hypot(local[:, 0] - self._lidar_x_m, local[:, 1])
-        hidden: NDArray[np.bool_] = local[:, 2] <= self._lidar_z_m + self._slope * range_m + self._params.ray_margin_m
-        return hidden
+def _cells(points: Floats, cell_m: float) -> NDArray[np.int64]:
+    """(n,) number of the upright column of cells that each of some points lies in, rising with x, then with y."""
+    column, row = np.floor(points[:, :2].T / cell_m).astype(np.int64)
+    row -= row.min()
+    numbers: NDArray[np.int64] = (column - column.min()) * (row.max() + 1) + row
+    return numbers
 
 
 def _columns(points: Floats, cell_m: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(index of the first point of each upright column of cells, (n,) column of each point)."""
-    cells = np.floor(points[:, :2] / cell_m).astype(np.int64)
-    _, first, group = np.unique(cells[:, 0] * _ROW + cells[:, 1], return_index=True, return_inverse=True)
-    return first, group
+    """(index of the first point of each upright column of cells, (n,) column of each point), of some points."""
+    # Sorted with their index in the low bits: numpy sorts plain numbers many times faster than it finds an order.
+    bits = len(points).bit_length()
+    packed = np.sort((_cells(points, cell_m) << bits) | np.arange(len(points)))
+    order, cells = packed & ((1 << bits) - 1), packed >> bits
+    begins = np.concatenate([[True], cells[1:] != cells[:-1]])
+    group = np.empty(len(points), np.int64)
+    group[order] = np.cumsum(begins) - 1
+    return order[begins], group
 
 
 def _thinned(points: Floats, cell_m: float) -> Floats:
@@ -176,16 +157,17 @@ def _thinned(points: Floats, cell_m: float) -> Floats:
 
     A motion in the plane meets a column as a whole, and what hides a point, or makes it part of a dock, is its height.
     """
-    ordered = points[np.argsort(np.square(points[:, :2]).sum(axis=1), kind="stable")]
-    first, group = _columns(ordered, cell_m)
-    thin = ordered[first]
-    np.maximum.at(thin[:, 2], group, ordered[:, 2])
-    return thin
-
-
-def _near(points: Floats, pose: Pose2, radius_m: float) -> NDArray[np.bool_]:
-    near: NDArray[np.bool_] = np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) <= radius_m
-    return near
+    if not len(points):
+        return points
+    first, group = _columns(points, cell_m)
+    x, y, z = points.T
+    square = x * x + y * y
+    nearest, top = np.full(len(first), math.inf), np.full(len(first), -math.inf)
+    np.minimum.at(nearest, group, square)
+    np.maximum.at(top, group, z)
+    found = np.flatnonzero(square == nearest[group])[::-1]  # of several so near the first one
+    first[group[found]] = found
+    return np.column_stack([points[first, :2], top])
 
 
 def _of_dock(points: Floats, exclusion: ExclusionParams) -> NDArray[np.bool_]:
@@ -205,6 +187,15 @@ def _moved(points: Floats, pose: Pose2) -> Floats:
     c, s = math.cos(pose.yaw), math.sin(pose.yaw)
     x, y = points[:, 0], points[:, 1]
     return np.column_stack([pose.x + c * x - s * y, pose.y + s * x + c * y, points[:, 2]])
+
+
+def _set_in_motion(rows: Floats, pose: Pose2, after_s: float) -> Floats:
+    """(n, 5) places and velocities given in the frame ``pose``, in its parent frame, some time later."""
+    turn = Pose2(0.0, 0.0, pose.yaw)
+    velocity = _moved(np.column_stack([rows[:, 3:], np.zeros(len(rows))]), turn)
+    places = _moved(rows[:, :3], pose)
+    places[:, :2] += after_s * velocity[:, :2]
+    return np.column_stack([places, velocity[:, :2]])
 
 
 def _seen_from(points: Floats, pose: Pose2) -> Floats:

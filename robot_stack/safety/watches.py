@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import astuple
 
 from robot_stack.contract.frames import DRIVE_AXES, JOINTS, STEER_AXES
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.safety.attitude import PlanarAcceleration, UpDirection
+from robot_stack.safety.dead_reckoning import DeadReckoning, Modules
 from robot_stack.safety.inputs import ImuSample
-from robot_stack.safety.reckoning import DeadReckoning, Modules
 from robot_stack.safety.timing import Hold, age_s
 
 _MODULE_AXES = tuple(zip(DRIVE_AXES, STEER_AXES, strict=True))
@@ -90,12 +89,12 @@ class WheelWatch:
     """Age of the joint states, and what they say about the robot's motion."""
 
     def __init__(
-        self, modules: Modules, standstill_mps: float, motion: PlanarAcceleration, reckoning: DeadReckoning
+        self, modules: Modules, standstill_mps: float, motion: PlanarAcceleration, dead_reckoning: DeadReckoning
     ) -> None:
         self._modules = modules
         self._standstill_mps = standstill_mps
         self._motion = motion
-        self._reckoning = reckoning
+        self._dead_reckoning = dead_reckoning
         self._at_s: float | None = None
         self._longest_s = 0.0  # silence that has ended since it was taken
         self._fastest_mps = math.inf
@@ -120,7 +119,7 @@ class WheelWatch:
         self._at_s = now_s
         self._fastest_mps = max(abs(speed) for speed in speeds)
         self._motion.update(twist.vx, twist.vy, now_s)
-        self._reckoning.update(twist, now_s)
+        self._dead_reckoning.update(twist, now_s)
         self.still_for_s(now_s, math.inf)
 
     def up(self, complete: bool, now_s: float, stale_s: float, settle_s: float) -> bool:
@@ -146,7 +145,7 @@ class WheelWatch:
     def twist(self, now_s: float, stale_s: float) -> Twist2:
         """The measured twist of base_link; zero while the robot stands or nobody knows."""
         known = self.age_s(now_s) <= stale_s
-        return self._reckoning.twist if known and self._fastest_mps >= self._standstill_mps else ZERO_TWIST
+        return self._dead_reckoning.twist if known and self._fastest_mps >= self._standstill_mps else ZERO_TWIST
 
     def still_for_s(self, now_s: float, stale_s: float) -> float | None:
         """For how long every wheel has been below the standstill speed; None while one is faster or nobody knows."""
@@ -224,7 +223,7 @@ class ImuWatch:
         self._up.update(sample, self._motion.at(sample.wz, now_s), now_s)
 
     def _problem(self, sample: ImuSample) -> str:
-        if not all(math.isfinite(value) for value in astuple(sample)):
+        if not all(map(math.isfinite, (sample.ax, sample.ay, sample.az, sample.wx, sample.wy, sample.wz))):
             return "not finite"
         if not self._min_mps2 <= math.hypot(sample.ax, sample.ay, sample.az) <= self._max_mps2:
             return "acceleration is not plausible"
@@ -239,3 +238,8 @@ class ImuWatch:
     def inclination_rad(self, now_s: float, stale_s: float) -> float:
         """Angle between base_link's z axis and the vertical; NaN while it is not known."""
         return self._up.inclination_rad() if self.age_s(now_s) <= stale_s else math.nan
+
+    @property
+    def downhill_rad(self) -> float:
+        """Bearing of the fall line in base_link, down; only of use while the inclination is known."""
+        return self._up.downhill_rad()

@@ -29,7 +29,13 @@ def main() -> int:
     options = _options()
     try:
         lock = hold_lock(LOCK_NAME)
-        plan = load_plan(options.profile, settings=options.set, only=options.only, speed=options.speed)
+        plan = load_plan(
+            options.profile,
+            settings=options.set,
+            only=options.only,
+            speed=options.speed,
+            system_time=options.system_time,
+        )
         params = load_params()
         if not plan.processes:
             raise ConfigError(f"profile {plan.name}: none of its processes is built: {', '.join(plan.missing)}")
@@ -60,6 +66,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--set", action="append", default=[], metavar="NODE.PARAMETER=VALUE")
     parser.add_argument("--only", action="append", default=[], metavar="PROCESS")
     parser.add_argument("--speed", type=float)
+    parser.add_argument("--system-time", action="store_true")
     parser.add_argument("--log-dir", type=Path, default=logs.default_log_dir())
     parser.add_argument("--foreground", action="store_true", help="log to stderr")
     return parser.parse_args()

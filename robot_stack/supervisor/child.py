@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from multiprocessing import connection, parent_process
 from pathlib import Path
 
+from robot_stack.core.node_record import NodeRecord
+
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NAME = 15
 # mlockall(2): what is mapped now and later, each page from when it is first touched.
@@ -50,6 +52,7 @@ def run(start: Start) -> None:
     if start.lock_memory:
         _keep_in_memory()
     os.environ.update(start.environment)
+    NodeRecord(start.name).constructing("imports")
     sys.argv = [start.name, *start.arguments]
     orphaned = threading.Event()
     threading.Thread(target=_follow_the_supervisor, args=(orphaned, start.stop_grace_s), daemon=True).start()

@@ -40,6 +40,7 @@ class Launch:
     only: Sequence[str] = ()
     speed: float | None = None
     log_dir: Path | None = None
+    system_time: bool = False
 
     def command(self, *options: str) -> list[str]:
         settings = [part for item in self.settings for part in ("--set", item)]
@@ -47,7 +48,8 @@ class Launch:
         speed = [] if self.speed is None else ["--speed", str(self.speed)]
         folder = ["--log-dir", str(self.log_dir or default_log_dir())]
         supervisor = [sys.executable, "-m", "robot_stack.supervisor", "--profile", self.profile]
-        return [*supervisor, *settings, *only, *speed, *folder, *options]
+        time_source = ["--system-time"] if self.system_time else []
+        return [*supervisor, *settings, *only, *speed, *time_source, *folder, *options]
 
 
 def environment() -> dict[str, str]:
@@ -76,11 +78,12 @@ def start(
 ) -> dict[str, Any]:
     """Starts a supervisor in the background and waits until every process is ready. Returns its status.
 
+    The deadline counts from when nothing is being constructed any more: compiling and loading take what they take.
+
     Raises StartError if the domain has one already, if it ends, or if the deadline passes; then it goes on trying.
     Interrupted, it stops what it has started.
     """
     refuse_second()
-    end_s = time.monotonic() + deadline_s
     supervisor = subprocess.Popen(
         launch.command(),
         stdin=subprocess.DEVNULL,
@@ -91,7 +94,7 @@ def start(
         text=True,
     )
     try:
-        return _wait_ready(supervisor, end_s, progress)
+        return _wait_ready(supervisor, deadline_s, progress)
     except KeyboardInterrupt:  # who gives up waiting does not want it any more
         supervisor.send_signal(signal.SIGINT)
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -100,10 +103,11 @@ def start(
 
 
 def _wait_ready(
-    supervisor: subprocess.Popen[str], end_s: float, progress: Callable[[dict[str, Any]], None] | None
+    supervisor: subprocess.Popen[str], deadline_s: float, progress: Callable[[dict[str, Any]], None] | None
 ) -> dict[str, Any]:
     assert supervisor.stderr is not None
     status: dict[str, Any] = {}
+    end_s = time.monotonic() + deadline_s
     while time.monotonic() < end_s:
         if supervisor.poll() is not None:
             said = supervisor.stderr.read().strip().removeprefix("error: ")
@@ -114,6 +118,8 @@ def _wait_ready(
                 progress(status)
             if status["ready"]:
                 return status
+            if any(item["state"] == "starting" for item in status["processes"]):
+                end_s = time.monotonic() + deadline_s
             if all(item["state"] in ("ready", "failed") for item in status["processes"]):
                 break  # nothing is left to wait for
         time.sleep(_POLL_S)
@@ -129,8 +135,8 @@ def not_ready(status: dict[str, Any]) -> str:
         for item in status["processes"]
         if item["state"] != "ready"
     ]
-    deaf = [f"  {status['deaf']}"] if status.get("deaf") else []
-    return "\n".join(["not ready:", *lines, *deaf, f"logs: {status['log_dir']}"])
+    nodeless = [f"  {status['without_node']}"] if status.get("without_node") else []
+    return "\n".join(["not ready:", *lines, *nodeless, f"logs: {status['log_dir']}"])
 
 
 def stop() -> dict[str, Any]:
@@ -147,8 +153,7 @@ def stop() -> dict[str, Any]:
     except (NotRunning, TimeoutError):
         return _stop_by_force(supervisor, params.terminate_s)
     if supervisor is not None:
-        with contextlib.suppress(psutil.Error):
-            supervisor.wait(patience_s)
+        orphans.wait_ended([supervisor], patience_s)
     return answer
 
 
@@ -159,7 +164,7 @@ def _stop_by_force(supervisor: psutil.Process | None, patience_s: float) -> dict
     if supervisor is not None:
         with contextlib.suppress(psutil.Error):
             supervisor.kill()
-            supervisor.wait(patience_s)
+        orphans.wait_ended([supervisor], patience_s)
     ids = orphans.end(left, patience_s)
     orphans.forget()
     orphans.remove_stale_sockets()

@@ -12,7 +12,7 @@ from dataclasses import asdict
 from typing import Any
 
 from robot_stack.supervisor.control import Reply
-from robot_stack.supervisor.ears import Ears
+from robot_stack.supervisor.node_thread import NodeThread
 
 VERBS = ("estop", "release", "reset", "safety")
 _ANSWER_S = 2.0
@@ -22,12 +22,12 @@ _DEAF = {"ok": False, "error": "the supervisor has no node in the graph"}
 class Keys:
     """Served from the supervisor's loop; ``tick`` answers what has to wait for the safety monitor."""
 
-    def __init__(self, ears: Ears) -> None:
-        self._ears = ears
+    def __init__(self, thread: NodeThread) -> None:
+        self._thread = thread
         self._waiting: list[tuple[Any, Reply, float]] = []
 
     def on_request(self, verb: str, reply: Reply, now_s: float) -> None:
-        node = self._ears.node
+        node = self._thread.node
         if node is None:
             reply(_DEAF)
         elif verb in ("estop", "release"):

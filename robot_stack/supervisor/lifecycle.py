@@ -15,7 +15,7 @@ EXIT_REFUSED = 2  # a mistake in configuration or use: starting again will not h
 
 
 class State(Enum):
-    STARTING = "starting"  # no heartbeat yet
+    STARTING = "starting"  # being constructed: its loop does not run yet
     WAITING = "waiting"  # alive, but an input or condition is missing
     READY = "ready"
     HUNG = "hung"  # silent for too long; being ended
@@ -41,7 +41,7 @@ class Limits:
     """The rules for one process; see SupervisorParams for the meaning of each. All but max_restarts in seconds."""
 
     hang_after_s: float
-    start_limit_s: float
+    construction_limit_s: float
     stable_after_s: float
     hung_kill_s: float
     backoff_first_s: float
@@ -63,6 +63,8 @@ class Lifecycle:
         self._tries = 0  # crashes since it last ran for stable_after_s
         self._started_s = 0.0
         self._heard_s: float | None = None
+        self._been_ready = False
+        self._starved_s = 0.0
         self._due_s = 0.0  # time of the next start in BACKOFF, of SIGKILL in HUNG
 
     def heartbeat_age_s(self, now_s: float) -> float | None:
@@ -81,13 +83,19 @@ class Lifecycle:
             self.state, self.reason, self._due_s = State.BACKOFF, "about to start", now_s
 
     def started(self, now_s: float) -> None:
-        self.state, self.reason = State.STARTING, "no heartbeat yet"
-        self._started_s, self._heard_s = now_s, None
+        self.state, self.reason = State.STARTING, "construction"
+        self._started_s, self._heard_s, self._been_ready, self._starved_s = now_s, None, False, 0.0
+
+    def constructing(self, text: str) -> None:
+        """The process says what its construction is busy with."""
+        if self.state is State.STARTING:
+            self.reason = text
 
     def heartbeat(self, now_s: float, ready: bool, waiting_for: str) -> None:
         if self.state not in RUNNING:
             return
-        self._heard_s = now_s
+        self._heard_s, self._starved_s = now_s, 0.0
+        self._been_ready = self._been_ready or ready
         if self.state not in _ENDING:  # it has had its signal, there is no way back
             self.state = State.READY if ready else State.WAITING
             self.reason = "" if ready else waiting_for
@@ -130,13 +138,23 @@ class Lifecycle:
         if self._heard_s is not None:
             self._heard_s += silence_s
 
+    def starved(self, starved_s: float) -> None:
+        """Of its silence so far it has waited for a processor for so long: who gets none does not hang."""
+        self._starved_s = starved_s
+
     def silent(self, now_s: float) -> bool:
-        """True if the running process has not spoken for longer than it may."""
+        """True if the running process has not spoken for longer than it may.
+
+        Before it has been ready for the first time it may be busy with compiling, loading or connecting, in its
+        constructor or in a first callback: then the limit of the construction holds.
+        """
         if self.state not in (State.STARTING, State.WAITING, State.READY):
             return False
-        if self._heard_s is None:
-            return now_s - self._started_s > self._limits.start_limit_s
-        return now_s - self._heard_s > self._limits.hang_after_s
+        since_s = self._started_s if self._heard_s is None else self._heard_s
+        return now_s - since_s - self._starved_s > self._silence_limit_s()
+
+    def _silence_limit_s(self) -> float:
+        return self._limits.hang_after_s if self._been_ready else self._limits.construction_limit_s
 
     def order(self, now_s: float, judge: bool = True) -> Order:
         """What to do now. ``judge`` False: silence is not held against the process at the moment."""
@@ -148,13 +166,9 @@ class Lifecycle:
             self._due_s = now_s + self._limits.hung_kill_s  # again, should the kernel be slow
             return Order.KILL
         if judge and self.silent(now_s):
-            never = self._heard_s is None
+            before = "" if self._been_ready else f"; it was never ready: {self.reason}"
             self.state = State.HUNG
-            self.reason = (
-                f"no heartbeat within {self._limits.start_limit_s:g} s of its start"
-                if never
-                else f"hung: no heartbeat for {self._limits.hang_after_s:g} s"
-            )
+            self.reason = f"hung: no heartbeat for {self._silence_limit_s():g} s{before}"
             self._due_s = now_s + self._limits.hung_kill_s
             return Order.TERMINATE
         return Order.NONE
@@ -163,31 +177,21 @@ class Lifecycle:
         self.state, self.reason = State.FAILED, f"given up: {reason}"
 
 
-@dataclass(frozen=True, slots=True)
-class Hearing:
-    """Whether silence may be held against the processes, by who is silent.
+def judged(silent: dict[str, bool]) -> frozenset[str]:
+    """Whose silence counts. silent: running process -> has it fallen silent.
 
-    If everybody falls silent at once, it is not everybody who hangs: the supervisor does not hear, or time itself
-    (/clock) stands still. In simulated time only the world that publishes /clock is judged then.
+    If all fall silent at once, it is not everybody who hangs: this computer was stopped.
     """
-
-    clock_sources: frozenset[str]  # processes that publish /clock, where nodes live on it; else empty
-
-    def judged(self, running: dict[str, bool]) -> frozenset[str]:
-        """running: process -> is it silent. Returns the processes whose silence counts."""
-        if self.clock_sources and any(running.get(name, True) for name in self.clock_sources):
-            return self.clock_sources & running.keys()
-        if len(running) > 1 and all(running.values()):
-            return frozenset()
-        return frozenset(running)
+    return frozenset() if len(silent) > 1 and all(silent.values()) else frozenset(silent)
 
 
 @dataclass(frozen=True, slots=True)
 class StartQueue:
-    """Who waits with its first start: all at once take the processor from each other until some look hung.
+    """Who waits with its first start: all at once take the processor from each other.
 
     at_once: so many may be on their way to their first heartbeat.
-    clock_sources: as in ``Hearing``. Without a clock nobody's heart beats, so these wait for nobody.
+    clock_sources: processes that publish the time, where nodes live on it. Without them nobody becomes ready, so these
+        wait for nobody.
     """
 
     at_once: int

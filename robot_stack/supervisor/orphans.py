@@ -9,9 +9,11 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import select
 import signal
 import socket
 import stat
+import time
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -64,12 +66,34 @@ def end(processes: Iterable[psutil.Process], patience_s: float) -> list[int]:
     for process in left:
         with contextlib.suppress(psutil.Error):
             process.send_signal(signal.SIGINT)
-    _, left = psutil.wait_procs(left, timeout=patience_s)
+    left = wait_ended(left, patience_s)
     for process in left:
         with contextlib.suppress(psutil.Error):
             process.kill()
-    psutil.wait_procs(left, timeout=patience_s)
+    wait_ended(left, patience_s)
     return ids
+
+
+def wait_ended(processes: Iterable[psutil.Process], timeout_s: float) -> list[psutil.Process]:
+    """Returns those that have not ended by then.
+
+    A process that has ended stays as a zombie until its parent collects it. Where that is the container's first
+    process, it may be late, or never come.
+    """
+    until_s = time.monotonic() + timeout_s
+    return [process for process in processes if not _has_ended(process, until_s - time.monotonic())]
+
+
+def _has_ended(process: psutil.Process, timeout_s: float) -> bool:
+    try:
+        descriptor = os.pidfd_open(process.pid)
+    except ProcessLookupError:
+        return True
+    try:
+        # Readable from the end on, not only from the collection on. A number that was given again is another process.
+        return not process.is_running() or bool(select.select([descriptor], [], [], max(timeout_s, 0.0))[0])
+    finally:
+        os.close(descriptor)
 
 
 def remove_stale_sockets() -> list[Path]:

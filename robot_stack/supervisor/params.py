@@ -22,7 +22,8 @@ class Backoff(Config):
 
 
 class SupervisorParams(Config):
-    """hang_after_s: a live process silent for this long is hung. start_limit_s: the same before its first heartbeat.
+    """hang_after_s: a process that has been ready and is silent for this long is hung.
+    construction_limit_s: the same before it has been ready for the first time.
     start_at_once: so many may be on their way to their first heartbeat when another is started for the first time.
     stable_after_s: a process that ran this long starts its back-off anew.
     interrupt_s, terminate_s: after SIGINT at 0, the times at which ``down`` sends SIGTERM and SIGKILL.
@@ -35,7 +36,7 @@ class SupervisorParams(Config):
     """
 
     hang_after_s: Positive
-    start_limit_s: Positive
+    construction_limit_s: Positive
     start_at_once: Annotated[int, Field(ge=1)]
     stable_after_s: Positive
     interrupt_s: Positive

@@ -17,7 +17,7 @@ from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.config import Config, ConfigError, config_dir, read_yaml, validate
 from robot_stack.wmx.config import ENGINE_VARIABLE, HELD_UP_STALE_S, STALE_VARIABLE
 
-_SAFETY_MONITOR = "safety_monitor"
+_SAFETY_MONITOR, _SYSTEM_MONITOR = "safety_monitor", "system_monitor"
 _EXPECTED = "expected_processes"
 
 
@@ -41,8 +41,8 @@ class ProfileFile(Config):
     """One profile.
 
     machine: the machine whose processes run; a profile never mixes two.
-    use_sim_time: nodes live on /clock instead of the system clock.
-    speed: speed of the simulated world; other than 1 only on /clock. Null where there is no simulated world.
+    use_sim_time: nodes live on the simulated world's time instead of the system clock.
+    speed: speed of the simulated world; other than 1 only on its own time. Null where there is no simulated world.
     ready_deadline_s: time from start within which every process must be ready.
     engine: the motion engine of every process; null leaves it to config/wmx_client.yaml.
     processes: process names of the contract. Those that are not built yet are reported as missing.
@@ -65,7 +65,7 @@ class ProfileFile(Config):
     @model_validator(mode="after")
     def _other_speeds_need_the_clock(self) -> ProfileFile:
         if self.speed is not None and self.speed != 1.0 and not self.use_sim_time:
-            raise ValueError(f"speed: {self.speed:g} needs use_sim_time: true, at other speeds nodes live on /clock")
+            raise ValueError(f"speed: {self.speed:g} needs use_sim_time: true, the system clock knows one speed only")
         return self
 
 
@@ -108,22 +108,25 @@ def load_plan(
     settings: Sequence[str] = (),
     only: Sequence[str] = (),
     speed: float | None = None,
+    system_time: bool = False,
 ) -> Plan:
     """A profile with the operator's overrides on top.
 
     settings: ``node.parameter=value``, the value in YAML. only: the processes to run, all if empty.
-    speed: speed of the simulated world; other than 1 puts every node on /clock.
+    speed: speed of the simulated world. system_time: nodes live on the system clock although the world is simulated:
+        it waits for nobody then, as a real one.
 
     Raises ConfigError in one line that names file, field and what would be right.
     """
     path = profile_path(name)
-    file = validate(ProfileFile, _with_speed(read_yaml(path), speed, path), str(path))
+    data = _with_speed(read_yaml(path), speed, path)
+    file = validate(ProfileFile, {**data, "use_sim_time": False} if system_time else data, str(path))
     processes = _processes(file, path)
     built = [process for process in processes if process.available]
     chosen = _only(built, only) if only else built
     parameters = _parameters(file, settings, processes, path)
     nodes = {node for process in chosen for node in process.nodes}
-    _tell_safety_monitor(parameters, chosen)
+    _tell_monitors(parameters, chosen)
     return Plan(
         name=path.stem,
         path=path,
@@ -138,10 +141,12 @@ def load_plan(
     )
 
 
-def _tell_safety_monitor(parameters: dict[str, dict[str, Any]], chosen: Sequence[Process]) -> None:
-    """It must miss the heartbeats of what runs here, and of nothing else."""
-    expected = [process.name for process in chosen if process.name in BY_NAME and process.name != _SAFETY_MONITOR]
-    parameters.setdefault(_SAFETY_MONITOR, {}).setdefault(_EXPECTED, expected)
+def _tell_monitors(parameters: dict[str, dict[str, Any]], chosen: Sequence[Process]) -> None:
+    """They must miss what runs here, and nothing else."""
+    known = [process.name for process in chosen if process.name in BY_NAME]
+    for monitor in (_SAFETY_MONITOR, _SYSTEM_MONITOR):
+        expected = [name for name in known if name != monitor]
+        parameters.setdefault(monitor, {}).setdefault(_EXPECTED, expected)
 
 
 def _engine_variables(file: ProfileFile) -> dict[str, str]:

@@ -15,15 +15,18 @@ from typing import Any
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Process
+from robot_stack.core.node_record import NodeRecords
 from robot_stack.core.runtime import ros_domain_id
+from robot_stack.core.world_clock import WorldClock
 from robot_stack.supervisor import orphans, segments
 from robot_stack.supervisor.control import ControlServer, Reply
-from robot_stack.supervisor.ears import Ears
 from robot_stack.supervisor.fleet import Fleet
 from robot_stack.supervisor.keys import VERBS, Keys
-from robot_stack.supervisor.lifecycle import RUNNING, Hearing, Lifecycle, Limits, Order, StartQueue, State
+from robot_stack.supervisor.lifecycle import RUNNING, Lifecycle, Limits, Order, StartQueue, State, judged
+from robot_stack.supervisor.node_thread import NodeThread
 from robot_stack.supervisor.params import SupervisorParams
 from robot_stack.supervisor.profile import Plan
+from robot_stack.supervisor.starvation import Starvation
 
 _TICK_S = 0.05
 # A loop that comes this late was not running: the computer slept, or it was stopped itself.
@@ -37,20 +40,26 @@ class Supervisor:
         self._plan = plan
         self._params = params
         self._run_dir = run_dir
-        # The forkserver first: it and the ears import at the same time, on two cores.
+        if plan.use_sim_time:
+            WorldClock.make()  # before any node looks for it
+        else:
+            WorldClock.remove()
+        # The forkserver first: it and the node's thread import at the same time, on two cores.
         self._fleet = Fleet(plan, run_dir, params)
-        self._ears = Ears()
-        self._keys = Keys(self._ears)
+        self._node_thread = NodeThread()
+        self._keys = Keys(self._node_thread)
+        self._records = NodeRecords()
+        self._starvation = Starvation()
+        self._heard: dict[str, tuple[int, int, str]] = {}  # by process: its id, heartbeats and text, as taken last
         self._rows = {process.name: process for process in plan.processes}
         self._lives = {name: Lifecycle(_limits(row, params)) for name, row in self._rows.items()}
         clock_sources = [p.name for p in plan.processes if set(p.nodes) & set(topics.CLOCK.publishers)]
-        self._hearing = Hearing(frozenset(clock_sources if plan.use_sim_time else ()))
-        self._queue = StartQueue(params.start_at_once, self._hearing.clock_sources)
+        self._queue = StartQueue(params.start_at_once, frozenset(clock_sources if plan.use_sim_time else ()))
         self._selector = selectors.DefaultSelector()
         self._control = ControlServer(self._selector, self._on_request)
         self._begun_s = time.monotonic()
         self._ready_after_s: float | None = None
-        self._deaf_told = False
+        self._nodeless_told = False
         self._stopping = False
         self._farewells: list[Reply] = []
         self._install_signals()
@@ -92,22 +101,26 @@ class Supervisor:
                 key.data()
 
     def _hear(self) -> None:
-        pids = self._fleet.pids()
-        for beat in self._ears.heard():
+        for name, pid in self._fleet.pids().items():
+            said = self._records.read(name)
             # A dying process may still speak after its successor has started.
-            if pids.get(beat.name) == beat.pid:
-                life = self._lives[beat.name]
-                before = life.state
-                life.heartbeat(beat.received_s, beat.ready, beat.waiting_for)
-                if life.state is State.READY and before in (State.STARTING, State.WAITING):
-                    _log(f"{beat.name}: ready")
+            if said is None or said.pid != pid or self._heard.get(name) == (pid, said.beats, said.text):
+                continue
+            self._heard[name] = pid, said.beats, said.text
+            life = self._lives[name]
+            if not said.beats:
+                life.constructing(said.text)
+                continue
+            before = life.state
+            life.heartbeat(said.beat_s, said.ready, said.text)
+            if life.state is State.READY and before in (State.STARTING, State.WAITING):
+                _log(f"{name}: ready")
         if self._ready_after_s is None and all(life.state is State.READY for life in self._lives.values()):
             self._ready_after_s = time.monotonic() - self._begun_s
             _log(f"all {len(self._lives)} processes are ready after {self._ready_after_s:.1f} s")
-        reason = self._ears.error
-        if reason and not self._deaf_told:
-            self._deaf_told = True
-            _log(f"{reason}; hangs can not be detected any more")
+        if self._node_thread.error and not self._nodeless_told:
+            self._nodeless_told = True
+            _log(self._node_thread.error)
 
     def _collect(self) -> None:
         for name in list(self._fleet.pids()):
@@ -119,13 +132,15 @@ class Supervisor:
                 segments.remove_dead()
 
     def _judge(self, now_s: float) -> None:
-        running = {name: life.silent(now_s) for name, life in self._lives.items() if life.state in RUNNING}
-        judged = frozenset[str]() if self._ears.error else self._hearing.judged(running)
+        for name, pid in self._fleet.pids().items():
+            life = self._lives[name]
+            life.starved(self._starvation.of_silence(name, pid, life.heartbeat_age_s(now_s), now_s))
+        counts = judged({name: life.silent(now_s) for name, life in self._lives.items() if life.state in RUNNING})
         starting = sum(life.state is State.STARTING for life in self._lives.values())
         for name, life in self._lives.items():
             if self._queue.holds(name, life, starting):
                 continue
-            match life.order(now_s, name in judged):
+            match life.order(now_s, name in counts):
                 case Order.START:
                     self._start(name)
                     starting += 1
@@ -177,10 +192,11 @@ class Supervisor:
             for name in list(self._fleet.pids()):
                 if self._fleet.collect(name) is not None:
                     self._lives[name].stopped()
-        self._ears.close()
+        self._node_thread.close()
         orphans.forget()
         self._control.close()
         segments.remove_dead()
+        WorldClock.remove()
         removed = orphans.remove_stale_sockets()
         for path in removed:
             _log(f"removed the stale socket {path}")
@@ -223,20 +239,24 @@ class Supervisor:
         """The answer to ``status``: everything an operator wants to know, ready for JSON."""
         now_s = time.monotonic()
         pids = self._fleet.pids()
-        safety = self._ears.node.safety() if self._ears.node else None
+        node = self._node_thread.node
+        safety = node.safety() if node else None
+        clock = WorldClock.find() if self._plan.use_sim_time else None
         return {
             "ok": True,
             "profile": self._plan.name,
             "profile_path": str(self._plan.path.resolve()),
             "machine": self._plan.machine.value,
             "use_sim_time": self._plan.use_sim_time,
+            "sim_pace": clock.pace if clock is not None else None,
+            "sim_speed": clock.speed if clock is not None else None,
             "domain": ros_domain_id(),
             "pid": os.getpid(),
             "log_dir": str(self._run_dir),
             "stopping": self._stopping,
             "ready": all(life.state is State.READY for life in self._lives.values()),
             "ready_after_s": self._ready_after_s,
-            "deaf": self._ears.error,
+            "without_node": self._node_thread.error,
             "safety": asdict(safety) if safety else None,
             "missing": list(self._plan.missing),
             "processes": [
@@ -259,7 +279,7 @@ def _limits(row: Process, params: SupervisorParams) -> Limits:
     backoff = params.backoff[row.criticality]
     return Limits(
         hang_after_s=params.hang_after_s,
-        start_limit_s=params.start_limit_s,
+        construction_limit_s=params.construction_limit_s,
         stable_after_s=params.stable_after_s,
         hung_kill_s=params.hung_kill_s,
         backoff_first_s=backoff.first_s,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +74,10 @@ N_REALS = len(Real)
 N_FLAGS = len(Flag)
 
 
+UNTOLD = -1
+"""``engine_error`` of an engine whose status does not say what took it out of communication."""
+
+
 @dataclass(frozen=True, slots=True)
 class StatusSnapshot:
     """The engine at one cycle. Arrays of length ``n_axes`` are views into one private copy: keep them as you like.
@@ -97,7 +102,6 @@ class StatusSnapshot:
     flags: NDArray[np.int64]
     inputs: NDArray[np.uint8]
     outputs: NDArray[np.uint8]
-    invalid_license: bool = False
 
     def age_s(self, now_ns: int) -> float:
         """Seconds since publication at ``now_ns`` of the monotonic clock; infinite for a snapshot never published."""
@@ -203,6 +207,37 @@ class StatusSnapshot:
     def output_bit(self, byte: int, bit: int) -> bool:
         """Digital output as commanded; False beyond the image."""
         return 0 <= byte < self.outputs.size and bool(self.outputs.item(byte) >> bit & 1)
+
+
+class AxisFeedback(NamedTuple):
+    """What the drives measure at one cycle, for who reads it hundreds of times a second: a twentieth of a snapshot, in
+    plain numbers, because making arrays of a page costs more than reading it. One value per axis, user units.
+    """
+
+    communicating: bool
+    epoch: int
+    cycle_counter: int
+    stamp_ns: int
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    outputs: bytes
+
+    def output_bit(self, byte: int, bit: int) -> bool:
+        """Digital output as commanded; False beyond the image."""
+        return 0 <= byte < len(self.outputs) and bool(self.outputs[byte] >> bit & 1)
+
+
+def axis_feedback(snapshot: StatusSnapshot) -> AxisFeedback:
+    """The same out of a snapshot."""
+    return AxisFeedback(
+        snapshot.communicating,
+        snapshot.epoch,
+        snapshot.cycle_counter,
+        snapshot.stamp_ns,
+        tuple(snapshot.actual_pos.tolist()),
+        tuple(snapshot.actual_velocity.tolist()),
+        snapshot.outputs.tobytes(),
+    )
 
 
 def empty_snapshot(n_axes: int = 0) -> StatusSnapshot:

@@ -52,8 +52,7 @@ class DriveFeedback:
     """Drives to engine; arrays of length ``n_axes``, except ``inputs``. ``alarm_code`` 0 means no alarm.
 
     ``torque_percent`` is in percent of rated torque, positive in the drive's positive direction. Switches are as wired:
-    True is a high signal; a drive says with the ``has_`` arrays which sensors it has. ``z_pulse`` marks a cycle in
-    which the encoder's index mark was passed, ``z_pulse_counts`` where it was.
+    True is a high signal; a drive says with the ``has_`` arrays which sensors it has.
     """
 
     position_counts: NDArray[np.int64]
@@ -65,11 +64,8 @@ class DriveFeedback:
     positive_limit: NDArray[np.bool_]
     negative_limit: NDArray[np.bool_]
     home_switch: NDArray[np.bool_]
-    z_pulse: NDArray[np.bool_]
-    z_pulse_counts: NDArray[np.int64]
     has_limit_switches: NDArray[np.bool_]
     has_home_switch: NDArray[np.bool_]
-    has_z_pulse: NDArray[np.bool_]
 
     @classmethod
     def zeros(cls, n_axes: int, n_input_bytes: int) -> DriveFeedback:
@@ -84,18 +80,15 @@ class DriveFeedback:
             positive_limit=np.zeros(n_axes, np.bool_),
             negative_limit=np.zeros(n_axes, np.bool_),
             home_switch=np.zeros(n_axes, np.bool_),
-            z_pulse=np.zeros(n_axes, np.bool_),
-            z_pulse_counts=np.zeros(n_axes, np.int64),
             has_limit_switches=np.zeros(n_axes, np.bool_),
             has_home_switch=np.zeros(n_axes, np.bool_),
-            has_z_pulse=np.zeros(n_axes, np.bool_),
         )
 
     def forget_sensors(self) -> None:
         """As without any sensor: what the drives last said of them is not true for ever."""
-        for sensor in (self.positive_limit, self.negative_limit, self.home_switch, self.z_pulse):
+        for sensor in (self.positive_limit, self.negative_limit, self.home_switch):
             sensor.fill(False)
-        for present in (self.has_limit_switches, self.has_home_switch, self.has_z_pulse):
+        for present in (self.has_limit_switches, self.has_home_switch):
             present.fill(False)
 
 

@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from robot_stack.core.config import Config, load
+from robot_stack.core.pacing import SpinLimits
 from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
 
 ENGINE_VARIABLE = "ROBOT_STACK_WMX_ENGINE"
@@ -24,7 +25,6 @@ HELD_UP_STALE_S = 2.0
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
-Unsigned = Annotated[int, Field(ge=0, lt=2**32)]
 Bit = Annotated[int, Field(ge=0, lt=8)]
 
 
@@ -69,14 +69,6 @@ class Homing(Config):
     acceleration_radps2: Positive
 
 
-class DriveIdentity(Config):
-    """What a simulated drive says on the network who it is."""
-
-    vendor_id: Unsigned
-    product_code: Unsigned
-    revision_no: Unsigned
-
-
 class Switches(Config):
     """Where the switches of a simulated drive lie, from its encoder's zero, in its encoder's direction. null: none."""
 
@@ -84,7 +76,6 @@ class Switches(Config):
     negative_limit_rad: float | None
     home_from_rad: float | None
     home_to_rad: float | None
-    z_pulse_spacing_rad: Positive | None
 
     @model_validator(mode="after")
     def _in_order(self) -> Switches:
@@ -101,8 +92,7 @@ class Switches(Config):
 class AxisKind(Config):
     """One kind of axis. Encoder counts = rad * gear_numerator / gear_denominator * polarity.
 
-    ``limit_switches`` and ``homing`` null: the vendor's defaults; ``switches`` null: the drive has none; ``drive``
-    null: its identity is all zeros.
+    ``limit_switches`` and ``homing`` null: the vendor's defaults; ``switches`` null: the drive has none.
     """
 
     mode: Literal["position", "velocity"]
@@ -121,7 +111,6 @@ class AxisKind(Config):
     limit_switches: LimitSwitches | None = None
     homing: Homing | None = None
     switches: Switches | None = None
-    drive: DriveIdentity | None = None
 
     @model_validator(mode="after")
     def _one_deceleration(self) -> AxisKind:
@@ -162,25 +151,22 @@ class Timing(Config):
 
 
 class Server(Config):
-    """The engine process towards its clients."""
+    """The engine process towards its clients and its own clock. ``spin`` null: it sleeps until its cycles are due."""
 
     create_device_s: NotNegative
     pause_publish_s: Positive
     max_clients: Annotated[int, Field(ge=1, le=256)]
     shutdown_stop_s: NotNegative
+    spin: SpinLimits | None = None
 
 
 class EngineConfig(Config):
-    """The whole file. ``n_axes`` is the number of axes listed.
-
-    ``license_s``: so long an engine may communicate, as one on a trial license; null: for ever.
-    """
+    """The whole file. ``n_axes`` is the number of axes listed."""
 
     cycle_time_s: Annotated[float, Field(gt=0.0, le=0.1)]
     n_input_bytes: Annotated[int, Field(ge=1, le=MAX_IO_BYTES)]
     n_output_bytes: Annotated[int, Field(ge=1, le=MAX_IO_BYTES)]
     quit_without_devices: bool
-    license_s: Positive | None = None
     estop_servo_off: bool
     estop_signal: EStopSignal
     timing: Timing

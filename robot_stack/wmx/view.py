@@ -10,8 +10,9 @@ import time
 from collections.abc import Callable
 
 from robot_stack.core.pauses import PauseBudget
-from robot_stack.wmx import EngineError, MotionEngine, connect
+from robot_stack.wmx import MotionEngine, connect
 from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.session import EngineSession, Patience
 
 # A process that was held up runs its threads in any order: so long the executor lets this one go first.
 _CATCH_UP_S = 0.005
@@ -19,8 +20,9 @@ _CATCH_UP_S = 0.005
 # as old as the pause, until the engine has run again. So long it is given before it counts as silent.
 _HELD_UP_S = 0.03
 _PATIENCE_S = 0.05
-# A device that cannot be opened or read is tried anew this often.
+# A device that cannot be opened or read is tried anew this often: no call is made that could tell whether it is lost.
 _RETRY_S = 0.2
+_PATIENCE = Patience(retry_s=_RETRY_S, attempts=5, attempt_pause_s=_RETRY_S, probe_period_s=math.inf)
 
 
 class EngineView:
@@ -30,12 +32,11 @@ class EngineView:
     """
 
     def __init__(self, name: str, poll_hz: float, on_status: Callable[[StatusSnapshot | None], None]) -> None:
-        self._name = name
         self._period_s = 1.0 / poll_hz
         self._on_status = on_status
-        self._engine: MotionEngine | None = None
-        self._next_try_s = 0.0
-        self._end = threading.Event()
+        self._session = EngineSession(lambda: connect(name, timeout_s=0.0), _PATIENCE)
+        self._read_at_s = -math.inf
+        self._ended = self._awaited = False
         self._polled = threading.Event()
         self._polled_at_s = -math.inf
         self._thread = threading.Thread(target=self._follow, name=f"{name} engine view", daemon=True)
@@ -43,7 +44,7 @@ class EngineView:
     @property
     def engine(self) -> MotionEngine | None:
         """The open device, None while there is none."""
-        return self._engine
+        return self._session.engine
 
     def start(self) -> None:
         self._thread.start()
@@ -52,18 +53,20 @@ class EngineView:
         """Lets the thread read the status if it is behind: what is late here must not look like an engine that is."""
         if time.monotonic() - self._polled_at_s > 2.0 * self._period_s:
             self._polled.clear()
+            self._awaited = True
             self._polled.wait(_CATCH_UP_S)
+            self._awaited = False
 
     def close(self) -> None:
         """Ends the thread and gives the device back."""
-        self._end.set()
+        self._ended = True
         if self._thread.is_alive():
             self._thread.join(timeout=2.0)
 
     def _follow(self) -> None:
         due_s = before_s = patient_until_s = time.monotonic()
         pauses = PauseBudget(due_s)
-        while not self._end.is_set():
+        while not self._ended:
             now_s = time.monotonic()
             late_s, before_s = now_s - before_s - self._period_s, now_s
             if late_s > _HELD_UP_S:
@@ -72,34 +75,20 @@ class EngineView:
             if status is not None or now_s >= patient_until_s:
                 self._on_status(status)
             self._polled_at_s = time.monotonic()
-            self._polled.set()
-            if self._engine is None:
-                self._open()
+            if self._awaited:
+                self._polled.set()
+            if self._session.engine is None and self._session.connect(self._polled_at_s):
+                self._read_at_s = time.monotonic()
             due_s = max(due_s + self._period_s, time.monotonic())
-            self._end.wait(due_s - time.monotonic())
-        self._close()
+            # Not an event with a time-out, which costs twice as much: the end waits for a period at the most.
+            time.sleep(max(0.0, due_s - time.monotonic()))
+        self._session.close()
 
     def _read(self) -> StatusSnapshot | None:
-        if self._engine is None:
-            return None
-        code, snapshot = self._engine.read_status()
-        if not code:
-            self._next_try_s = time.monotonic() + _RETRY_S
-            return snapshot
-        if time.monotonic() >= self._next_try_s:
-            self._close()
-        return None
-
-    def _open(self) -> None:
-        if time.monotonic() < self._next_try_s:
-            return
-        try:
-            self._engine = connect(self._name, timeout_s=0.0)
-        except EngineError:
-            self._engine = None
-        self._next_try_s = time.monotonic() + _RETRY_S
-
-    def _close(self) -> None:
-        if self._engine is not None:
-            self._engine.close()
-            self._engine = None
+        snapshot = self._session.read()
+        now_s = time.monotonic()
+        if snapshot is not None:
+            self._read_at_s = now_s
+        elif now_s >= self._read_at_s + _RETRY_S:
+            self._session.close()
+        return snapshot

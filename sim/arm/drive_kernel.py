@@ -1,6 +1,6 @@
 """The joint drives of the arm, one cycle in one compiled function.
 
-Encoder, observer, state machine, torque limit and loops are those of ``sim.drive_loops``, whose rows are used here.
+Encoder, observer, state machine, torque limit and loops are those of ``sim.plant.drive_loops``, with its rows.
 What an arm has otherwise: a joint carries weight, so its brake opens only when the motor has taken the load over, stays
 open while the servo is on, and closes before the power goes; and the drive is in step with the bus (distributed
 clocks): the position of a telegram is where the joint shall be one cycle later.
@@ -14,7 +14,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.drive_loops import (
+from sim.plant.drive_loops import (
     ALARM,
     ON,
     P_BRAKE_HOLD_DELAY,
@@ -44,7 +44,7 @@ from sim.drive_loops import (
     _speed_command,
     _supervise,
 )
-from sim.drive_loops import P_RAD_PER_COUNT as P_RAD_PER_COUNT
+from sim.plant.drive_loops import P_RAD_PER_COUNT as P_RAD_PER_COUNT
 
 _BLOCKED_TORQUE = 10.0  # of the motor's limit: what a jammed joint holds
 MODE_POSITION = 0
@@ -83,14 +83,14 @@ def _torque(
     if follows:
         limit = p[P_MAX_SPEED, i]
         behind = target - s[S_ANGLE, i]  # both of the cycle's end: the observer is one cycle ahead of its count
-        wish = min(limit, max(-limit, speed + p[P_POSITION_GAIN, i] * behind))
+        requested = min(limit, max(-limit, speed + p[P_POSITION_GAIN, i] * behind))
         reference = speed
     else:
-        wish = _speed_command(i, dt, mode, target, speed, p, s)
-        reference = wish
+        requested = _speed_command(i, dt, mode, target, speed, p, s)
+        reference = requested
     feedforward = p[P_FEEDFORWARD, i] * (reference - s[S_SPEED_COMMAND, i]) / dt
     s[S_SPEED_COMMAND, i] = reference
-    return float(_control(i, dt, wish, feedforward, p, s))
+    return float(_control(i, dt, requested, feedforward, p, s))
 
 
 @_compiled

@@ -3,33 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback
-from sim import drive_loops as loops
 from sim.arm.drive_kernel import observe_joints, step_joints
 from sim.arm.params import N_JOINTS, ArmParams
+from sim.plant import drive_loops as loops
+from sim.plant.drives import JointIndex
 
 _TURN_RAD = 2.0 * math.pi
-
-
-@dataclass(frozen=True, slots=True)
-class JointIndex:
-    """Where the joints are in MuJoCo's qpos and qvel; (6,) each."""
-
-    qpos: NDArray[np.int64]
-    qvel: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, model: Any, names: tuple[str, ...]) -> JointIndex:
-        return cls(
-            np.array([model.joint(name).qposadr[0] for name in names], np.int64),
-            np.array([model.joint(name).dofadr[0] for name in names], np.int64),
-        )
 
 
 class ArmDrives:
@@ -159,7 +143,7 @@ class ArmDrives:
 
 
 def drive_parameters(params: ArmParams, dt_s: float) -> NDArray[np.float64]:
-    """The parameter matrix of ``sim.drive_loops`` for the six joints; a reversed encoder has negative rad per count."""
+    """The parameter matrix of ``sim.plant.drive_loops``; a reversed encoder has negative rad per count."""
     matrix = np.zeros((loops.N_PARAMETERS, N_JOINTS))
     for axis, joint in enumerate(params.joints):
         for row, value in (_common(params, dt_s) | _of_joint(params, axis)).items():

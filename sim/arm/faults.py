@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-from sim.fault_table import FaultKind
-
-if TYPE_CHECKING:
-    from sim.arm.world import ArmWorld
+from sim.arm.drives import ArmDrives
+from sim.arm.params import ArmParams
+from sim.plant.fault_table import FaultKind
 
 DEFAULT_ALARM_CODE = 0x4210  # CiA 402: excess temperature of the device
 ENCODER_ALARM_CODE = 0x7305  # CiA 402: incremental sensor 1 fault
@@ -17,42 +16,52 @@ _ONLY = ("",)
 _LARGEST_PAYLOAD_KG = 10.0
 
 
-def _drive_alarm(arm: ArmWorld, target: str, value: float | None) -> str:
+class FaultyArm(Protocol):
+    """What a fault takes hold of."""
+
+    @property
+    def bus(self) -> ArmDrives: ...
+    @property
+    def params(self) -> ArmParams: ...
+    def set_payload(self, mass_kg: float) -> None: ...
+
+
+def _drive_alarm(arm: FaultyArm, target: str, value: float | None) -> str:
     code = int(value or 0)
     arm.bus.set_alarm(JOINTS.index(target), code)
     return f"drive of {target} reports alarm 0x{code:04X}"
 
 
-def _bus_loss(arm: ArmWorld, target: str, value: float | None) -> str:
+def _bus_loss(arm: FaultyArm, target: str, value: float | None) -> str:
     arm.bus.set_bus(value is None)
     return "the fieldbus is cut"
 
 
-def _encoder_freeze(arm: ArmWorld, target: str, value: float | None) -> str:
+def _encoder_freeze(arm: FaultyArm, target: str, value: float | None) -> str:
     arm.bus.set_encoder_frozen(JOINTS.index(target), value is not None)
     return f"encoder of {target} repeats its last count"
 
 
-def _encoder_loss(arm: ArmWorld, target: str, value: float | None) -> str:
+def _encoder_loss(arm: FaultyArm, target: str, value: float | None) -> str:
     axis = JOINTS.index(target)
     arm.bus.set_encoder_frozen(axis, value is not None)
     arm.bus.set_alarm(axis, 0 if value is None else ENCODER_ALARM_CODE)
     return f"encoder of {target} is lost, its drive reports alarm 0x{ENCODER_ALARM_CODE:04X}"
 
 
-def _joint_blocked(arm: ArmWorld, target: str, value: float | None) -> str:
+def _joint_blocked(arm: FaultyArm, target: str, value: float | None) -> str:
     arm.bus.set_blocked(JOINTS.index(target), value is not None)
     return f"{target} does not turn"
 
 
-def _payload(arm: ArmWorld, target: str, value: float | None) -> str:
+def _payload(arm: FaultyArm, target: str, value: float | None) -> str:
     mass_kg = arm.params.payload_kg if value is None else value
     arm.set_payload(mass_kg)
     return f"{mass_kg:g} kg between the fingertips"
 
 
 def _row(
-    change: Callable[[ArmWorld, str, float | None], str],
+    change: Callable[[FaultyArm, str, float | None], str],
     what: str,
     targets: tuple[str, ...] = _ONLY,
     value: tuple[str, float, float, float] = ("none", 0.0, 0.0, 0.0),

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from sim.arm.params import ArmParams, Cube
-from sim.mjcf import NO_BITS, WORLD_GROUP, add_geom, number, vector
+from sim.plant.mjcf import NO_BITS, WORLD_GROUP, add_geom, number, vector
 
 FINGERS = ("picker_1_joint", "picker_2_joint")
 _ARM_BITS, _TABLE_BITS, _CUBE_BITS = (2, 1), (1, 2), (1, 3)

@@ -10,12 +10,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.arm.drives import ArmDrives, JointIndex
+from sim.arm.drives import ArmDrives
 from sim.arm.faults import FAULT_KINDS
 from sim.arm.model import FINGERS, write_arm
 from sim.arm.params import N_JOINTS, ArmParams
-from sim.fault_table import FaultKind
-from sim.world import SimulationDiverged
+from sim.plant.drives import JointIndex
+from sim.plant.fault_table import FaultKind
+from sim.plant.world import SimulationDiverged
 
 _CHECK_PERIOD_STEPS = 16
 
@@ -73,8 +74,10 @@ class ArmWorld:
     def _move_fingers(self) -> None:
         goal_m = self._stroke_m if self.bus.gripper_closes else 0.0
         if goal_m != self._finger_m:
-            left_m, step_m = goal_m - self._finger_m, self._finger_step_m
-            self._finger_m = goal_m if abs(left_m) <= step_m else self._finger_m + math.copysign(step_m, left_m)
+            remaining_m, step_m = goal_m - self._finger_m, self._finger_step_m
+            self._finger_m = (
+                goal_m if abs(remaining_m) <= step_m else self._finger_m + math.copysign(step_m, remaining_m)
+            )
             self._fingers[:] = self._finger_m
 
     def set_payload(self, mass_kg: float) -> None:

@@ -17,10 +17,10 @@ from robot_stack.core.camera import camera_file, load_intrinsics
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
 from robot_stack.docking.states import State
+from sim.bench.bad_pictures import BAD
 from sim.bench.docking_stack import DockingStack
-from sim.bench.weather import BAD
 from sim.camera.conditions import Conditions
-from sim.world import Setup
+from sim.plant.world import Setup
 from sim.worldfile import load_world
 
 NAME = "docking"

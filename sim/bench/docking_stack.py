@@ -17,9 +17,11 @@ from robot_stack.contract import frames, topics
 from robot_stack.contract.frames import DRIVE_AXES, STEER_AXES
 from robot_stack.core.camera import Intrinsics, camera_file, load_intrinsics, mounting
 from robot_stack.core.config import load
+from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.docks import Dock, load_docks
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, exp_se2, quaternion_from_yaw
 from robot_stack.core.robot import load_robot
+from robot_stack.docking.contact import push_n
 from robot_stack.docking.controller import DockingController
 from robot_stack.docking.latch import LatchCommand, LatchInputs
 from robot_stack.docking.learning import Correction, learnt
@@ -41,9 +43,9 @@ from sim.camera.motion import Motion
 from sim.camera.params import load_camera_params
 from sim.camera.render import Renderer
 from sim.camera.scenery import build_scenery
-from sim.terrain import solids
-from sim.wheelchair import matrix_of
-from sim.world import Setup, on_ground
+from sim.plant.terrain import solids
+from sim.plant.wheelchair import matrix_of
+from sim.plant.world import Setup, on_ground
 
 Array = NDArray[np.float64]
 _BODY_RATE_HZ = 100.0
@@ -90,7 +92,12 @@ class DockingStack(KernelStack):
         self._light, self._located_by = light, located_by
         self._eye = Eye(self.dock, setup)
         self.params = load(DockingParams, "docking_controller")
-        self.controller = DockingController(self.params, {self._eye.frame: self._eye.nominal}, corrections)
+        self.controller = DockingController(
+            self.params,
+            {self._eye.frame: self._eye.nominal},
+            Departure(load(DepartureParams, "departure"), announced=True),
+            corrections,
+        )
         self._bodies = BodyHistory()
         self._latest_image_s = -math.inf
         self._owned = False
@@ -102,9 +109,9 @@ class DockingStack(KernelStack):
         self.camera_dead = False
         self.passenger: bool | None = None
         self.every(_BODY_RATE_HZ, self._bodies_tick)
-        self.every(topics.FRONT_IMAGE.rate_hz, self._expose)
-        self.every(topics.JOINT_STATES.rate_hz, self._measure_force)
-        self.every(topics.DOCKING_CMD_VEL.rate_hz, self._docking_tick)
+        self.every(topics.FRONT_IMAGE.nominal_rate_hz, self._expose)
+        self.every(topics.JOINT_STATES.nominal_rate_hz, self._measure_force)
+        self.every(topics.DOCKING_CMD_VEL.nominal_rate_hz, self._docking_tick)
 
     def teach(self) -> None:
         """Gives the controller what an earlier docking to the closed latch leaves."""
@@ -116,12 +123,6 @@ class DockingStack(KernelStack):
         """Docks; None if it takes longer."""
         self.run(lambda: self.passenger is not None and bool(self.docking), _FIRST_TICKS_S)
         self.result = self.controller.dock(self.dock_id, self.dock)
-        self.run(lambda: self.result is not None, limit_s)
-        return self.result
-
-    def run_undocking(self, limit_s: float) -> Result | None:
-        """Undocks; None if it takes longer."""
-        self.result = self.controller.undock(self._situation())
         self.run(lambda: self.result is not None, limit_s)
         return self.result
 
@@ -163,8 +164,8 @@ class DockingStack(KernelStack):
         if snapshot is None:
             return
         torque = 0.01 * self.robot.drive.max_torque_nm * snapshot.actual_torque[list(DRIVE_AXES)]
-        along = np.cos(snapshot.actual_pos[list(STEER_AXES)])
-        self._force_n = float(torque @ along) / self.robot.wheel_radius_m
+        headings_rad = snapshot.actual_pos[list(STEER_AXES)]
+        self._force_n = push_n(torque.tolist(), headings_rad.tolist(), self.robot.wheel_radius_m)
 
     def _situation(self) -> Situation:
         now_s = self.time_s

@@ -17,6 +17,7 @@ from robot_stack.perception.cells import GROUND
 from robot_stack.perception.crop import boxes, crop
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
+from robot_stack.perception.warm_up import warm_up
 from sim.bench.ground_kerbs import kerb_ranges
 from sim.bench.ground_pictures import draw
 from sim.bench.ground_real import real_agreement
@@ -36,7 +37,7 @@ def run(repeats: int = 5, kerb_seeds: int = 5, seed: int = 1, pictures: str = "r
     """repeats: timed runs per sweep; kerb_seeds: sweeps per kerb and distance; pictures: folder, empty for none."""
     robot, params = load_robot(), load(PerceptionParams, "perception_pipeline")
     pipeline, peer = Pipeline(robot, params), Patchwork(robot.lidar_xyz_m[2])
-    pipeline.warm_up()
+    warm_up()
     mount = np.array(robot.lidar_xyz_m, np.float32)
     sigma = load(ImuDriverParams, "imu_driver").attitude_sigma_rad
     ours, theirs = _Score(), _Score()

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.perception import cells as ground
-from robot_stack.perception.pipeline import Segmented
+from robot_stack.perception.sensor_view import Segmented
 from sim.bench.ground_scenes import Shot
 
 _CLASSES = (

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from robot_stack.contract import frames
 from robot_stack.core.robot import Robot
 from robot_stack.perception.cells import GROUND
 from robot_stack.perception.params import PerceptionParams
@@ -29,7 +30,8 @@ def real_agreement(params: PerceptionParams, robot: Robot, folder: Path = FOLDER
     files = sorted(folder.glob("scan_*.bin"))
     if not files:
         return Real({}, f"none in {folder}: agreement not measured")
-    car = robot.model_copy(update={"lidar_xyz_m": (0.0, 0.0, SENSOR_HEIGHT_M)})
+    lidar = robot.range_sensors[frames.LIDAR].model_copy(update={"xyz_m": (0.0, 0.0, SENSOR_HEIGHT_M)})
+    car = robot.model_copy(update={"range_sensors": {frames.LIDAR: lidar}})
     pipeline, peer = Pipeline(car, params), Patchwork(SENSOR_HEIGHT_M)
     shares = []
     for file in files:

@@ -8,33 +8,28 @@ from __future__ import annotations
 
 import heapq
 import itertools
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from robot_stack.contract import frames, topics
-from robot_stack.contract.frames import DRIVE_AXES, JOINTS, STEER_AXES
+from robot_stack.contract.frames import JOINTS
 from robot_stack.core.config import load
+from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import Pose2, Twist2, quaternion_from_yaw
+from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.drive.arbitration import Arbiter, Source
-from robot_stack.drive.engine_session import EngineSession
+from robot_stack.drive.controller import SwerveController
 from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_settings, session_settings
 from robot_stack.drive.joint_states import encoders as encoders_of
-from robot_stack.drive.kinematics import Four, ModuleSetPoints
-from robot_stack.drive.odometry import Encoders, Odometry, SwerveOdometry
+from robot_stack.drive.kinematics import ModuleSetPoints
+from robot_stack.drive.odometry import Encoders, Odometry
 from robot_stack.drive.parameters import (
     SwerveControllerParams,
-    drive_settings,
-    module_limits,
-    module_positions,
-    motion_limits,
-    odometry_settings,
 )
-from robot_stack.drive.swerve_drive import SwerveDrive
-from robot_stack.drive.wheel_axes import drive_moves, steer_moves
+from robot_stack.drive.session import DriveSession
 from robot_stack.localization.gyro import ImuSample as GyroSample
 from robot_stack.localization.localizer import Localizer
 from robot_stack.localization.odometry import OdometryReading, Variances
@@ -44,15 +39,12 @@ from robot_stack.navigation.goal import GoalRequest
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.pose_source import Located, PoseSource
-from robot_stack.wmx import Library, MotionEngine
 from robot_stack.wmx.config import load_engine_config
-from robot_stack.wmx.simulated.client_network import Ecat
-from robot_stack.wmx.simulated.client_splines import AdvancedMotion
-from sim.imu import ImuSample
-from sim.local_engine import LocalEngine
 from sim.parameters import load_sim_params
-from sim.simulation import Simulation
-from sim.world import Setup
+from sim.plant.imu import ImuSample
+from sim.plant.local_engine import LocalEngine
+from sim.plant.simulation import Simulation
+from sim.plant.world import Setup
 
 _STEP_S = 0.001  # of the engine and the physics
 _READY_LIMIT_S = 5.0
@@ -93,13 +85,15 @@ class KernelStack:
         self.localizer = _localizer(robot, setup.start)
         params = navigation or load(NavigationParams, "navigation_controller")
         self.poses = PoseSource(params.pose, robot.empty.max_speed_mps, robot.empty.max_yaw_rate_radps)
-        self.navigation = NavigationController(params, robot, frames.MAP)
+        self.navigation = NavigationController(
+            params, robot, frames.MAP, Departure(load(DepartureParams, "departure"), announced=True)
+        )
         self.navigation.set_passenger(setup.attached_at_start)
         self.samples: list[Sample] = []
-        self.every(topics.JOINT_STATES.rate_hz, self._joint_states)
-        self.every(topics.WHEEL_COMMANDS.rate_hz, self._drive_tick)
-        self.every(topics.CURRENT_POSE.rate_hz, self._localization_tick)
-        self.every(topics.CMD_VEL.rate_hz, self._navigation_tick)
+        self.every(topics.JOINT_STATES.nominal_rate_hz, self._joint_states)
+        self.every(topics.WHEEL_COMMANDS.nominal_rate_hz, self._drive_tick)
+        self.every(topics.CURRENT_POSE.nominal_rate_hz, self._localization_tick)
+        self.every(topics.CMD_VEL.nominal_rate_hz, self._navigation_tick)
         if not self.run(lambda: self.hardware.session.ready, _READY_LIMIT_S):
             raise RuntimeError(f"the engine is not ready: {self.hardware.session.state.text}")
 
@@ -140,9 +134,8 @@ class KernelStack:
         while self._messages and self._messages[0][0] <= steps:
             heapq.heappop(self._messages)[2]()
 
-    def every(self, rate_hz: float | None, task: Task) -> None:
+    def every(self, rate_hz: float, task: Task) -> None:
         """Calls ``task`` at this rate, at a phase drawn from the seed."""
-        assert rate_hz is not None
         period = round(1.0 / (rate_hz * _STEP_S))
         self._tasks.append((period, int(self._random.integers(period)), task))
 
@@ -211,20 +204,11 @@ class _Hardware:
 
     def __init__(self, robot: Robot, sim: Simulation) -> None:
         params = load(SwerveHardwareParams, "swerve_hardware_interface")
-        assert topics.WHEEL_COMMANDS.rate_hz is not None
-        self._axes = axis_settings(params, robot, topics.WHEEL_COMMANDS.rate_hz)
         local = LocalEngine(load_engine_config(), sim)
         local.start()
-        library = Library(
-            WMX3Api=lambda: local.api,
-            CoreMotion=lambda _: local.core_motion,
-            Io=lambda _: local.io,
-            Ecat=lambda _: Ecat(local.api),
-            AdvancedMotion=lambda _: AdvancedMotion(local.api),
-            read_status=lambda *_: local.api.snapshot(),
-        )
-        self.engine = engine = MotionEngine(library, local.api)
-        self.session = EngineSession(lambda: engine, session_settings(params.session))
+        self.engine = engine = local.client
+        axes = axis_settings(params, robot, topics.WHEEL_COMMANDS.nominal_rate_hz)
+        self.session = DriveSession(lambda: engine, session_settings(params.session), axes)
 
     def tick(self, now_s: float) -> Encoders | None:
         """Follows the engine; the encoders, once they can be trusted."""
@@ -232,50 +216,38 @@ class _Hardware:
         return None if snapshot is None else encoders_of(now_s, JOINTS, snapshot.actual_pos[: len(JOINTS)].tolist())
 
     def command(self, modules: ModuleSetPoints) -> None:
-        snapshot = self.session.look()
-        if snapshot is not None:
-            self.session.move(
-                drive_moves(modules.speeds_mps, snapshot.velocity_cmd[list(DRIVE_AXES)].tolist(), self._axes),
-                steer_moves(modules.angles_rad, snapshot.pos_cmd[list(STEER_AXES)].tolist(), self._axes),
-            )
+        self.session.follow(modules)
 
 
 class _Drive:
-    """The swerve controller's kernels, with the permission to drive."""
+    """The swerve controller, with the permission to drive."""
 
     def __init__(self, robot: Robot, passenger: bool) -> None:
         params = load(SwerveControllerParams, "swerve_controller")
-        positions = module_positions(robot)
-        self._drive = SwerveDrive(positions, module_limits(params.module, robot), drive_settings(params.drive, robot))
-        self._arbiter = Arbiter(params.command_timeout_s)
-        self._odometry = SwerveOdometry(positions, odometry_settings(params.odometry, robot))
+        self._controller = SwerveController(params, robot)
+        self._arbiter = Arbiter()
         self._robot = robot
-        self._limits = motion_limits(robot.motion(passenger))
-        self._standing = params.standing
-        self._measured: Four | None = None
-        self.odometry = Odometry()
-        self._ticked_s = math.nan
+        self._limits = MotionLimits.of(robot.motion(passenger))
+
+    @property
+    def odometry(self) -> Odometry:
+        return self._controller.odometry
 
     def on_encoders(self, encoders: Encoders) -> Odometry:
-        self._measured = encoders.steer_rad
-        self.odometry = self._odometry.update(encoders)
-        return self.odometry
+        return self._controller.observe(encoders)
 
     def on_command(self, source: Source, twist: Twist2, now_s: float) -> None:
         self._arbiter.command(source, twist, now_s)
 
     def set_passenger(self, attached: bool) -> None:
-        self._limits = motion_limits(self._robot.motion(attached))
+        self._limits = MotionLimits.of(self._robot.motion(attached))
 
     def tick(self, now_s: float) -> ModuleSetPoints | None:
         """What to command the modules; None before the first encoders."""
-        elapsed_s, self._ticked_s = now_s - self._ticked_s, now_s
-        if self._measured is None:
+        if self._controller.measured_rad is None:
             return None
-        _, wish = self._arbiter.wish(now_s)
-        twist, limit = self.odometry.twist, self._standing
-        standing = twist.speed() <= limit.speed_mps and abs(twist.omega) <= limit.yaw_rate_radps
-        return self._drive.step(wish, self._limits, elapsed_s, self._measured, standing=standing).modules
+        _, requested = self._arbiter.requested(now_s)
+        return self._controller.step(requested, self._limits, now_s).modules
 
 
 def _localizer(robot: Robot, start: Pose2) -> Localizer:

@@ -25,11 +25,11 @@ from robot_stack.localization.ndt.solver import SweepSolver
 from robot_stack.localization.params import LocalizationParams
 from sim.bench.kernel_stack import KernelStack
 from sim.camera.motion import Track
-from sim.imu import ImuSample
 from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import build_scene
 from sim.lidar.sensor import Lidar
-from sim.world import Setup
+from sim.plant.imu import ImuSample
+from sim.plant.world import Setup
 
 Array = NDArray[np.float64]
 _TRACK_STEPS = 5
@@ -65,7 +65,7 @@ class LidarStack(KernelStack):
         people: Mapping[str, Track] | None = None,
         changes: dict[str, object] | None = None,
     ) -> None:
-        self.wish = Twist2(0.0, 0.0, 0.0)
+        self.requested = Twist2(0.0, 0.0, 0.0)
         self.believed: Pose2 | None = None
         self.follower: RouteFollower | None = None
         super().__init__(setup)
@@ -120,9 +120,9 @@ class LidarStack(KernelStack):
         """As the node does: a sweep is matched as soon as odometry has reached its stamp."""
         if not isinstance(self.localizer, MapLocalizer):
             return
-        question = self.localizer.question()
-        if question is not None:
-            answer = self.solver.solve(question)
+        request = self.localizer.request()
+        if request is not None:
+            answer = self.solver.solve(request)
             self.after(_MATCHED_S, lambda: self.map_localizer.answer(answer, self.time_s))
 
     def _imu(self, sample: ImuSample) -> None:
@@ -150,10 +150,10 @@ class LidarStack(KernelStack):
         )
 
     def _navigation_tick(self) -> None:
-        wish = self.wish
+        requested = self.requested
         if self.follower is not None and self.believed is not None:
-            wish = self.follower.twist(self.believed)
-        self._send(lambda: self.drive.on_command(Source.NAVIGATION, wish, self.time_s))
+            requested = self.follower.twist(self.believed)
+        self._send(lambda: self.drive.on_command(Source.NAVIGATION, requested, self.time_s))
 
 
 class RouteFollower:

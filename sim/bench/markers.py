@@ -19,8 +19,8 @@ from robot_stack.core.docks import Docks, board_corners, load_docks
 from robot_stack.core.robot import load_robot
 from robot_stack.docking.vision.detector import MarkerDetector
 from robot_stack.docking.vision.params import ArucoDetectorParams
+from sim.bench.bad_pictures import BAD, clear
 from sim.bench.plain_opencv import PlainOpenCv
-from sim.bench.weather import BAD, clear
 from sim.camera.conditions import Conditions
 from sim.camera.model import TrueCamera, load_camera_params, project
 from sim.camera.motion import Motion, Track, still

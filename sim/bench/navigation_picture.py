@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -13,9 +12,7 @@ from matplotlib.patches import Polygon
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import load_robot
 from sim.bench.navigation_course import Box, body, course
-
-if TYPE_CHECKING:
-    from sim.bench.navigation import Result
+from sim.bench.navigation_result import Result
 
 _MOST = 6
 

@@ -20,8 +20,8 @@ from robot_stack.core.site_map import Cells
 from robot_stack.localization.ndt import cloud
 from robot_stack.localization.ndt.matcher import Match, NdtMatcher, planar, pose_of
 from robot_stack.localization.ndt.params import NdtParams
-from robot_stack.localization.ndt.solver import warm_up
 from robot_stack.localization.params import LocalizationParams
+from robot_stack.localization.warm_up import warm_up
 from sim.bench.site_map import level_poses, site_cells
 from sim.lidar.params import load_lidar_params
 from sim.lidar.views import sweep_at

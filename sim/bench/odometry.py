@@ -14,8 +14,8 @@ from robot_stack.core.geometry import IDENTITY, Twist2
 from robot_stack.core.robot import load_robot
 from robot_stack.drive.kinematics import ModuleSetPoints
 from sim.parameters import load_sim_params
-from sim.rig import Rig, TwistController
-from sim.world import Setup
+from sim.plant.rig import Rig, TwistController
+from sim.plant.world import Setup
 from sim.worldfile import load_world
 
 NAME = "odometry"
@@ -33,20 +33,20 @@ class Drift:
 
     of_way: float
     yaw_rad: float
-    way_m: float
+    distance_m: float
 
 
-def run(way_m: float = 78.0, drift_m: float = 100.0, seeds: int = 3) -> tuple[dict[str, float], dict[str, object]]:
+def run(distance_m: float = 78.0, drift_m: float = 100.0, seeds: int = 3) -> tuple[dict[str, float], dict[str, object]]:
     """(figures, conditions).
 
-    way_m: of the ride with perfect encoders. drift_m: of each ride in physics. seeds: as many machines, each with its
-    own wheel radii, steering zeros and noise.
+    distance_m: of the ride with perfect encoders. drift_m: of each ride in physics. seeds: as many machines, each
+    with its own wheel radii, steering zeros and noise.
     """
     robot = load_robot()
-    ride = perfect_ride(robot, way_m)
+    ride = perfect_ride(robot, distance_m)
     figures = {"integration_error_mm": 1e3 * error_m(ride, robot)}
     conditions: dict[str, object] = {
-        "way_m": ride.way_m,
+        "distance_m": ride.distance_m,
         "rate_hz": RATE_HZ,
         "integration": "distance of the last pose from the truth; encoders perfect; the ride is mixed_twist",
         "wpilib": "SwerveDrive4Odometry on the same readings, with a perfect gyro",
@@ -61,12 +61,12 @@ def run(way_m: float = 78.0, drift_m: float = 100.0, seeds: int = 3) -> tuple[di
     figures["drift_pct_100m"] = 100.0 * statistics.fmean(item.of_way for item in drifts)
     figures["drift_pct_100m_worst"] = 100.0 * max(item.of_way for item in drifts)
     figures["yaw_drift_deg_worst"] = math.degrees(max(abs(item.yaw_rad) for item in drifts))
-    conditions["drift_way_m"] = [round(item.way_m, 1) for item in drifts]
+    conditions["drift_way_m"] = [round(item.distance_m, 1) for item in drifts]
     return figures, conditions
 
 
-def drift(seed: int, way_m: float) -> Drift:
-    """Odometry against the truth after a mixed ride of ``way_m`` in physics, as the machine of this seed."""
+def drift(seed: int, distance_m: float) -> Drift:
+    """Odometry against the truth after a mixed ride of ``distance_m`` in physics, as the machine of this seed."""
     rig = Rig(load_robot(), load_sim_params(), Setup(load_world(_WORLD), seed, IDENTITY))
     controller = TwistController(rig.robot, _course, passenger=False)
     start = last = rig.moment().pose
@@ -77,8 +77,8 @@ def drift(seed: int, way_m: float) -> Drift:
         pose = rig.moment().pose
         last, made_m = pose, made_m + pose.distance_to(last)
 
-    while made_m < way_m:
-        rig.run(max(1.0, (way_m - made_m) * _LEAST_MEAN_MPS), controller, each)
+    while made_m < distance_m:
+        rig.run(max(1.0, (distance_m - made_m) * _LEAST_MEAN_MPS), controller, each)
     controller.observe(rig.encoders())
     truth = rig.moment().pose.relative_to(start)
     yaw_error = math.remainder(controller.pose.yaw - truth.yaw, 2.0 * math.pi)

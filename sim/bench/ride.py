@@ -16,7 +16,7 @@ from robot_stack.localization.ndt.gate import Confidence
 from sim.bench.lidar_stack import Fix, LidarStack, RouteFollower
 from sim.bench.site_changes import changed_world, walkers
 from sim.bench.site_map import site_cells
-from sim.world import Setup
+from sim.plant.world import Setup
 from sim.worldfile import WorldFile, load_world
 
 Array = NDArray[np.float64]

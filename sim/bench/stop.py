@@ -5,32 +5,49 @@ from __future__ import annotations
 import random
 import statistics
 import tempfile
-import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from robot_stack.bench.framework import Aim, Result, percentile
 from robot_stack.bench.own_engine import PRIORITY, go_first
-from robot_stack.bench.stack import running_stack
+from robot_stack.bench.stack import busy_loops, running_stack
 from sim.settings import world_settings
+
+if TYPE_CHECKING:
+    from robot_stack.bench.nodes.stop_latency_meter import Stop, StopLatencyMeter
 
 NAME = "stop"
 AIMS = {
     "message_to_zero_command_ms_p99": Aim("<", 20.0),
     "message_to_engine_stop_ms_p99": Aim("<", 20.0),
+    "button_to_zero_command_ms_p99": Aim("<", 20.0),
+    "button_to_engine_stop_ms_p99": Aim("<", 20.0),
+    "busy_to_zero_command_ms_p99": Aim("<", 20.0),
+    "busy_to_engine_stop_ms_p99": Aim("<", 20.0),
     "standstill_distance_m_max": Aim("<", 0.40),
     "runs": Aim(">=", 100),
 }
 _CHAIR_KG = 30.0  # config/robot.yaml chair_mass_kg, which the simulated wheelchair weighs
+_BUSY = 2
 
 
-def run(runs: int = 100, speed_mps: float = 1.0, load_kg: float = 150.0, world: str = "flat", seed: int = 1) -> Result:
-    """Forwards and backwards in turn, in the simulation at real time; distances are ground truth.
+def run(
+    runs: int = 100,
+    other_runs: int = 50,
+    speed_mps: float = 1.0,
+    load_kg: float = 150.0,
+    world: str = "flat",
+    seed: int = 1,
+) -> Result:
+    """Forwards and backwards in turn, in the simulation on the system clock; distances are ground truth.
 
+    runs: by a message of this process. other_runs: by the emergency-stop button, counted from the message that its
+    process sends; and by a message of this process beside two busy loops at ordinary priority.
     load_kg: wheelchair and passenger together. seed: of the moment of the stop within the controller's period.
     """
-    from robot_stack.bench.nodes.stopper import Stopper
+    from robot_stack.bench.nodes.stop_latency_meter import StopLatencyMeter
 
-    moment = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:
         settings = [
             *world_settings(world),
@@ -39,36 +56,52 @@ def run(runs: int = 100, speed_mps: float = 1.0, load_kg: float = 150.0, world: 
             f"sim_world.passenger_mass_kg={load_kg - _CHAIR_KG}",
             f"mission_manager.journal_file={Path(folder) / 'mission.db'}",
         ]
-        stops = []
-        with running_stack("sim", settings):
+        with running_stack("sim", settings, system_time=True):
             # Who looks must not wait for the processor behind those it looks at.
             first = go_first(0, PRIORITY)
-            with Stopper() as stopper:
+            with StopLatencyMeter(random.Random(seed)) as stopper:
                 stopper.begin(passenger=True)
-                for number in range(runs):
-                    stopper.drive(speed_mps if number % 2 == 0 else -speed_mps)
-                    time.sleep(moment.uniform(0.0, 0.05))
-                    stops.append(stopper.stop())
-                    stopper.release()
-    zero_ms = [1e3 * stop.zero_command_s for stop in stops]
-    engine_ms = [1e3 * stop.engine_stop_s for stop in stops]
-    distances_m = [stop.distance_m for stop in stops]
+                by_message = _stops(stopper, stopper.stop, runs, speed_mps)
+                by_button = _stops(stopper, stopper.press, other_runs, speed_mps)
+                with busy_loops(_BUSY):
+                    beside = _stops(stopper, stopper.stop, other_runs, speed_mps)
+    distances_m = [stop.distance_m for stop in (*by_message, *by_button, *beside)]
     return Result(
         {
-            "message_to_zero_command_ms_p99": percentile(zero_ms, 0.99),
-            "message_to_zero_command_ms_p50": percentile(zero_ms, 0.5),
-            "message_to_engine_stop_ms_p99": percentile(engine_ms, 0.99),
-            "message_to_engine_stop_ms_p50": percentile(engine_ms, 0.5),
+            **_latencies("message", by_message),
+            **_latencies("button", by_button),
+            **_latencies("busy", beside),
             "standstill_distance_m_max": max(distances_m),
             "standstill_distance_m_mean": statistics.fmean(distances_m),
-            "standstill_s_max": max(stop.standstill_s for stop in stops),
-            "runs": len(stops),
+            "standstill_s_max": max(stop.standstill_s for stop in by_message),
+            "runs": len(by_message),
         },
         {
-            "speed_at_stop_mps_min": round(min(stop.speed_mps for stop in stops), 3),
+            "speed_at_stop_mps_min": round(min(stop.speed_mps for stop in by_message), 3),
             "stops_by_delay": stopper.delays,
-            "profile": "sim",
+            "profile": "sim on the system clock",
             "world": world,
+            "other_runs": other_runs,
             "realtime_priority_of_the_meter": PRIORITY if first else 0,
         },
     )
+
+
+def _stops(stopper: StopLatencyMeter, stop: Callable[[], Stop], runs: int, speed_mps: float) -> list[Stop]:
+    stops = []
+    for number in range(runs):
+        stopper.drive(speed_mps if number % 2 == 0 else -speed_mps)
+        stops.append(stop())
+        stopper.release()
+    return stops
+
+
+def _latencies(name: str, stops: Sequence[Stop]) -> dict[str, float]:
+    zero_ms = [1e3 * stop.zero_command_s for stop in stops]
+    engine_ms = [1e3 * stop.engine_stop_s for stop in stops]
+    return {
+        f"{name}_to_zero_command_ms_p99": percentile(zero_ms, 0.99),
+        f"{name}_to_zero_command_ms_p50": percentile(zero_ms, 0.5),
+        f"{name}_to_engine_stop_ms_p99": percentile(engine_ms, 0.99),
+        f"{name}_to_engine_stop_ms_p50": percentile(engine_ms, 0.5),
+    }

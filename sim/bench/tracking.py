@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from robot_stack.bench.framework import Aim, BenchError
 from robot_stack.core.config import load
 from robot_stack.core.geometry import IDENTITY, Pose2, wrap_angle
+from robot_stack.core.limits import SpeedLimit
 from robot_stack.navigation.controller import NavigationState
-from robot_stack.navigation.limits import SpeedLimit
 from robot_stack.navigation.params import NavigationParams
 from sim.bench.kernel_stack import KernelStack, Sample
-from sim.world import Setup
+from sim.plant.world import Setup
 from sim.worldfile import load_world
 
 NAME = "tracking"

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.camera.motion import Motion, Track
+from sim.camera.motion import Motion, Track, checked_track
 
 Array = NDArray[np.float64]
 _KEEP = 24  # samples: half a second at 50 Hz
@@ -19,31 +20,38 @@ class BodyHistory:
 
     def __init__(self) -> None:
         self._times: deque[float] = deque(maxlen=_KEEP)
-        self._poses: dict[str, deque[Array]] = {}
+        self._names: tuple[str, ...] = ()
+        self._poses: deque[Array] = deque(maxlen=_KEEP)  # (bodies, 4, 4) each
 
     @property
     def newest_s(self) -> float | None:
         return self._times[-1] if self._times else None
 
-    def add(self, time_s: float, poses: dict[str, Array]) -> None:
-        """One sample, (4, 4) poses in map. A time that steps back, or other bodies than before, begin a new history."""
+    def add(self, time_s: float, poses: Mapping[str, Array]) -> None:
+        """One sample, (4, 4) poses in map. A time that steps back, or other bodies than before, begin a new history.
+
+        Raises ValueError for poses that are not finite.
+        """
         newest = self.newest_s
         if newest is not None and time_s == newest:
             return
-        if (newest is not None and time_s < newest) or set(poses) != set(self._poses):
+        if (newest is not None and time_s < newest) or poses.keys() != set(self._names):
             self._times.clear()
-            self._poses = {name: deque(maxlen=_KEEP) for name in poses}
+            self._poses.clear()
+            self._names = tuple(poses)
+        sample = np.array([poses[name] for name in self._names])
+        if not np.isfinite(sample).all():
+            raise ValueError(f"poses must be finite, at {time_s}")
         self._times.append(time_s)
-        for name, pose in poses.items():
-            self._poses[name].append(pose)
+        self._poses.append(sample)
 
     def covers(self, from_s: float, to_s: float) -> bool:
         return len(self._times) >= 2 and self._times[0] <= from_s and to_s <= self._times[-1]
 
     def tracks(self) -> dict[str, Track]:
         """What is kept, by body name."""
-        times = np.array(self._times)
-        return {name: Track(times, np.array(poses)) for name, poses in self._poses.items()}
+        times, poses = np.array(self._times), np.array(self._poses)
+        return {name: checked_track(times, poses[:, index]) for index, name in enumerate(self._names)}
 
     def motion(self, time_s: float, docks: dict[str, str]) -> Motion:
         """The motion around a picture. docks: dock id by body name. Raises KeyError without base_link."""

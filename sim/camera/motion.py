@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, Slerp
+
+from sim.plant.interpolation import interpolate
 
 Array = NDArray[np.float64]
+_UNMOVED = np.eye(4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,24 +32,31 @@ class Track:
             raise ValueError("a track's times must rise")
 
     def at(self, times_s: Array) -> Array:
-        """(k, 4, 4) poses at (k,) times: positions linear, rotations by slerp."""
+        """(k, 4, 4) poses at (k,) rising times: positions linear, rotations by slerp."""
         if len(self.times_s) == 1:
             return np.broadcast_to(self.poses[0], (len(times_s), 4, 4))
-        when = np.clip(times_s, self.times_s[0], self.times_s[-1])
-        first = max(int(np.searchsorted(self.times_s, when.min(), "right")) - 1, 0)
-        last = min(int(np.searchsorted(self.times_s, when.max(), "left")) + 1, len(self.times_s))
-        first = min(first, last - 2)
-        times, poses = self.times_s[first:last], self.poses[first:last]
-        result = np.tile(np.eye(4), (len(when), 1, 1))
-        for axis in range(3):
-            result[:, axis, 3] = np.interp(when, times, poses[:, axis, 3])
-        result[:, :3, :3] = Slerp(times, Rotation.from_matrix(poses[:, :3, :3]))(when).as_matrix()
+        when = np.ascontiguousarray(times_s, dtype=np.float64)
+        first = max(int(np.searchsorted(self.times_s, when[0], "right")) - 1, 0)
+        last = int(np.searchsorted(self.times_s, when[-1], "left")) + 1
+        place, turn = np.empty((len(when), 3)), np.empty((len(when), 3, 3))
+        poses = np.ascontiguousarray(self.poses[first:last])
+        interpolate(np.ascontiguousarray(self.times_s[first:last]), poses, when, _UNMOVED, place, turn)
+        result = np.zeros((len(when), 4, 4))
+        result[:, :3, :3], result[:, :3, 3], result[:, 3, 3] = turn, place, 1.0
         return result
 
 
 def still(pose: Array) -> Track:
     """A body that does not move."""
     return Track(np.zeros(1), np.array(pose, dtype=float).reshape(1, 4, 4))
+
+
+def checked_track(times_s: Array, poses: Array) -> Track:
+    """A track of what was checked as ``Track`` does when it came in: to check it all anew costs more than to use it."""
+    track = object.__new__(Track)
+    object.__setattr__(track, "times_s", times_s)
+    object.__setattr__(track, "poses", poses)
+    return track
 
 
 @dataclass(frozen=True, slots=True)

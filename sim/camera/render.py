@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,7 @@ from sim.camera.panels import Panel, build_panels
 from sim.camera.params import CameraParams
 from sim.camera.scenery import Scenery
 from sim.camera.sensor import expose
+from sim.camera.still import StillScene
 from sim.camera.view import View
 
 Array = NDArray[np.float64]
@@ -54,19 +57,29 @@ class Renderer:
         self._drops = Drops(self._size, np.random.default_rng(self._seed))
         self._samples = _spread_samples(_SAMPLES)
         self._image = np.empty(self._size, np.float32)
+        self._still = StillScene()
 
-    def render(self, motion: Motion, conditions: Conditions = CLEAR) -> Grey:
-        """(height, width) picture, its middle row exposed around ``motion.time_s``."""
+    def render(self, motion: Motion, conditions: Conditions = CLEAR, out: Grey | None = None) -> Grey:
+        """(height, width) picture, its middle row exposed around ``motion.time_s``. out: memory to write it into."""
         times = self._times(motion.time_s)
         cameras = motion.base.at(times) @ self._camera.mounting
         boards = {name: track.at(times) for name, track in motion.boards.items()}
-        middle = len(times) // 2
+        if not self._still.same(cameras, boards, conditions):
+            self._compose(cameras, boards, conditions)
+        return self._expose(conditions, np.empty(self._size, np.uint8) if out is None else out)
+
+    def _compose(self, cameras: Array, boards: Mapping[str, Array], conditions: Conditions) -> None:
+        """The light that falls on the sensor. cameras, boards: (k, 4, 4) poses in map at the moments of a picture."""
+        middle = len(cameras) // 2
         poses = {name: poses[middle] for name, poses in boards.items()}
         depth = self._backdrop.draw(cameras[middle], poses, self._white(conditions), self._image)
         for panel in self._panels:
             if panel.dock in boards:
                 self._draw(panel, cameras, boards[panel.dock] @ panel.pose, conditions, depth)
-        return self._finish(conditions)
+        if conditions.rain > 0.0:
+            self._drops.refract(self._image, conditions.rain)
+        if conditions.glare is not None:
+            self._image += glare_map(self._size, conditions.glare)
 
     def _times(self, time_s: float) -> Array:
         """(k,) moments from before the first row's exposure to after the last row's."""
@@ -155,16 +168,10 @@ class Renderer:
         kernel = 2 * int(np.ceil(3.0 * sigma)) + 1
         part[:] = cv2.GaussianBlur(part, (kernel, kernel), sigma, borderType=cv2.BORDER_REPLICATE)
 
-    def _finish(self, conditions: Conditions) -> Grey:
-        """Weather on the lens, then the sensor."""
-        if conditions.rain > 0.0:
-            self._drops.refract(self._image, conditions.rain)
-        if conditions.glare is not None:
-            self._image += glare_map(self._size, conditions.glare)
+    def _expose(self, conditions: Conditions, out: Grey) -> Grey:
         sensor = self._params.sensor
         gain = float(np.clip(1.0 / max(conditions.illumination, 1e-6), 1.0, sensor.max_gain))
         offsets = self._random.integers(_BANK, size=self._size[0])
-        out = np.empty(self._size, np.uint8)
         factor = conditions.noise_factor
         shot = factor**2 * 255.0 / sensor.full_well_e
         expose(self._image, gain, self._bank, offsets, factor * sensor.read_noise_dn, shot, out)

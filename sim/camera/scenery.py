@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from robot_stack.core.docks import Docks
-from sim.terrain import Solid
+from sim.plant.terrain import Solid
 
 Array = NDArray[np.float64]
 BOX, CYLINDER = 0.0, 1.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from robot_stack.core.robot import Robot
+from robot_stack.core.robot_shape import RobotShape, robot_solids
 from sim.lidar import labels
 from sim.lidar.shapes import BOX, CYLINDER, Shape
 from sim.parameters import Wheelchair
@@ -10,13 +12,30 @@ from sim.parameters import Wheelchair
 _LEG_APART_M, _LEG_AHEAD_M = 0.10, 0.12
 _LEG, _TRUNK, _HEAD = (0.08, 0.0, 0.85), (0.21, 0.80, 1.48), (0.10, 1.48, 1.75)
 PERSON_RADIUS_M = 0.25
-PERSON_HEIGHT_M = 1.75
+
+_PAINT = 0.5  # reflectivity of the robot's own parts
 
 _BOARD_M, _SEAT_M, _BACK_M, _FRAME_M = 0.02, 0.06, 0.04, 0.03
 _BACK_TOP_M = 0.90
 # A passenger above the seat, in the wheelchair's frame: facing away from the robot.
 _PASSENGER_X_M, _PASSENGER_TOP_M, _PASSENGER_HEAD_TOP_M = 0.20, 1.10, 1.36
 _LAP_HALF_M, _LAP_TOP_M = (0.22, 0.18), 0.66
+
+
+def robot_shapes(robot: Robot, shape: RobotShape) -> list[Shape]:
+    """Of the robot itself what stands still in base_link and upright; its wheels hide nothing from a sensor above."""
+    kinds = {"box": BOX, "cylinder": CYLINDER}
+    return [
+        Shape(
+            kinds[solid.kind],
+            solid.at_m,
+            (0.5 * solid.size_m[0], 0.5 * solid.size_m[1], 0.5 * solid.size_m[2]),
+            labels.ROBOT,
+            _PAINT,
+        )
+        for part, solid, _ in robot_solids(robot, shape, {})
+        if part == "base" and solid.kind in kinds and not any(solid.turn_deg)
+    ]
 
 
 def person_shapes(reflectivity: float) -> list[Shape]:

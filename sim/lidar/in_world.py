@@ -1,4 +1,4 @@
-"""The LiDAR of a running ``sim.world.World``, in simulated time: for rides, maps and benches without ROS.
+"""The LiDAR of a running ``sim.plant.world.World``, in simulated time: for rides, maps and benches without ROS.
 
 lidar = WorldLidar(world, load_lidar_params(), seed=1)
 while ...:
@@ -15,8 +15,8 @@ from sim.lidar.params import LidarParams
 from sim.lidar.scene import build_scene
 from sim.lidar.sensor import CLEAR, Conditions, Lidar, Sweep, join
 from sim.lidar.sweeper import Sweeper
-from sim.wheelchair import matrix_of
-from sim.world import World
+from sim.plant.wheelchair import matrix_of
+from sim.plant.world import World
 
 _SAMPLE_S = 0.01
 

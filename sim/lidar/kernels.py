@@ -17,37 +17,28 @@ from sim.lidar.shapes import F32, F64, I16, I64
 from sim.lidar.windows import window_of
 
 BLOCK = 37  # columns
-GROUND_HIT, WET_HIT, PIT_HIT, MIRROR_HIT, FIRST_SOLID = 0, 1, 2, 3, 4
+GROUND_HIT, WET_HIT, PIT_HIT, MIRROR_HIT, AIRBORNE_HIT, FIRST_SOLID = 0, 1, 2, 3, 4, 5
 NO_HIT = -1
 _TINY = 1e-12
 
 
 @numba.njit(cache=True, error_model="numpy")
-def cast(
+def cast_ground(
     azimuths: F64,
     elevations: F64,
     origins: F64,
     rotations: F64,
     max_m: float,
     rects: F64,
-    kind: I64,
-    mover: I64,
-    centre: F64,
-    turned: F64,
-    half: F64,
-    mover_position: F64,
-    mover_rotation: F64,
     ranges: F32,
     hits: I16,
     cosines: F32,
 ) -> None:
-    """First meeting of every beam.
+    """Meeting of every beam with the ground, wet ground and pits; what was in the results before does not matter.
 
     azimuths: (c,) evenly falling; elevations: (r,) evenly rising, rad. origins (c, 3), rotations (c, 3, 3): the sensor
     in map for each column. rects: (k, 7) centre x, y, cos and sin of yaw, half length, half width, depth: wet ground
-    (depth 0) or a pit. kind to half: ``ShapeArrays``. mover_position (b, m, 3), mover_rotation (b, m, 3, 3): a pose per
-    block of ``BLOCK`` columns. Results, (c, r): range in m (inf: nothing), what was met, cosine of the angle to its
-    normal.
+    (depth 0) or a pit. Results, (c, r): range in m (inf: nothing), what was met, cosine of the angle to its normal.
     """
     columns = len(azimuths)
     ring_cos, ring_sin = np.cos(elevations), np.sin(elevations)
@@ -81,7 +72,42 @@ def cast(
                     hits,
                     cosines,
                 )
-        for i in range(len(kind)):
+
+
+@numba.njit(cache=True, error_model="numpy")
+def cast_solids(
+    azimuths: F64,
+    elevations: F64,
+    origins: F64,
+    rotations: F64,
+    max_m: float,
+    begin: int,
+    end: int,
+    kind: I64,
+    mover: I64,
+    centre: F64,
+    turned: F64,
+    half: F64,
+    mover_position: F64,
+    mover_rotation: F64,
+    ranges: F32,
+    hits: I16,
+    cosines: F32,
+) -> None:
+    """Takes in the solids begin to end - 1, where they are nearer than what the results have so far.
+
+    kind to half: ``ShapeArrays``. mover_position (b, m, 3), mover_rotation (b, m, 3, 3): a pose per block of ``BLOCK``
+    columns. The rest as in ``cast_ground``.
+    """
+    columns = len(azimuths)
+    ring_cos, ring_sin = np.cos(elevations), np.sin(elevations)
+    column_cos, column_sin = np.cos(azimuths), np.sin(azimuths)
+    shape = np.empty((3, 3))
+    place = np.empty(3)
+    window = np.empty(4, np.int64)
+    for block in range((columns + BLOCK - 1) // BLOCK):
+        first, last = block * BLOCK, min(columns, (block + 1) * BLOCK)
+        for i in range(begin, end):
             if mover[i] < 0:
                 place[:], shape[:] = centre[i], turned[i]
             else:

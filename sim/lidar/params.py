@@ -1,4 +1,4 @@
-"""Numbers of the simulated LiDAR, ``config/sim_lidar.yaml``."""
+"""Numbers of the simulated LiDARs: ``config/robot.yaml`` and, by sensor, ``config/sim_lidar.yaml`` and its like."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from robot_stack.contract import frames
 from robot_stack.core.config import Config, load
+from robot_stack.core.range_sensor import RangeSensor
+from robot_stack.core.robot import load_robot
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
+_FULL_TURN_DEG = 360.0
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
@@ -32,12 +36,9 @@ class Beams(Config):
         return self
 
 
-class Ranging(Config):
-    """Range and how true it is."""
+class RangingModel(Config):
+    """How true a range is, beside noise."""
 
-    min_m: Positive
-    max_m: Positive
-    noise_m: NotNegative
     # A square target of 10 % reflectivity is seen half of the time at this range.
     range_at_ten_percent_m: Positive
     lost_share: Share
@@ -46,6 +47,17 @@ class Ranging(Config):
     mixed_step_m: Positive
     mixed_reach_m: Positive
     intensity_noise: NotNegative
+
+
+class Ranging(RangingModel):
+    """Range and how true it is."""
+
+    min_m: Positive
+    max_m: Positive
+    noise_m: NotNegative
+    # Of a ring, at most; drawn by the sensor's seed.
+    range_bias_m: NotNegative
+    elevation_bias_deg: NotNegative
 
 
 class Mounting(Config):
@@ -87,6 +99,26 @@ class Cover(Config):
     farthest_m: Positive
 
 
+class Air(Config):
+    """How the sensor meets what is in the air, see ``weather``."""
+
+    # The beam is a cone: width where it leaves, and what it gains per distance.
+    beam_width_mm: Positive
+    beam_divergence_mrad: Positive
+    # Signal, as in ``returns``, from which on a particle is noticed.
+    least_signal: Positive
+    seen_share: Share
+    rain_reflectivity: Annotated[float, Field(gt=0.0, le=1.0)]
+    snow_reflectivity: Annotated[float, Field(gt=0.0, le=1.0)]
+    # Diameter of a flake in diameters of the drop that it melts to.
+    flake_size_factor: Annotated[float, Field(ge=1.0)]
+    dust_lidar_ratio_sr: Positive
+    dust_share_per_m: NotNegative
+    pulse_m: Positive
+    wet_surface_factor: Annotated[float, Field(gt=0.0, le=1.0)]
+    wet_ground_factor: Annotated[float, Field(gt=0.0, le=1.0)]
+
+
 class LidarParams(Config):
     """``config/sim_lidar.yaml``."""
 
@@ -95,6 +127,7 @@ class LidarParams(Config):
     mounting: Mounting
     wet: Wet
     cover: Cover
+    air: Air
     reflectivity: Reflectivity
 
     def with_columns(self, columns: int) -> LidarParams:
@@ -104,6 +137,29 @@ class LidarParams(Config):
         )
 
 
-def load_lidar_params() -> LidarParams:
-    """Raises ConfigError."""
-    return load(LidarParams, "sim_lidar")
+class SensorModel(Config):
+    """``config/sim_lidar.yaml`` and its like: what a data sheet does not say; geometry and ranges are the robot's."""
+
+    ranging: RangingModel
+    mounting: Mounting
+    wet: Wet
+    cover: Cover
+    air: Air
+    reflectivity: Reflectivity
+
+
+def load_lidar_params(sensor: str = frames.LIDAR) -> LidarParams:
+    """A range sensor of ``config/robot.yaml`` as the simulation measures with it. Raises ConfigError, KeyError."""
+    return lidar_params(load_robot().range_sensors[sensor], load(SensorModel, f"sim_{sensor}"))
+
+
+def lidar_params(sensor: RangeSensor, model: SensorModel) -> LidarParams:
+    """Raises ValidationError for a sensor that does not look all around."""
+    beams = {name: getattr(sensor, name) for name in ("rings", "columns", "lowest_deg", "highest_deg", "period_s")}
+    beams["start_azimuth_deg"] = sensor.first_azimuth_deg
+    if sensor.span_deg != _FULL_TURN_DEG:
+        raise ValueError(f"span_deg must be {_FULL_TURN_DEG:g}: the simulated sensor turns")
+    true = ("min_m", "max_m", "noise_m", "range_bias_m", "elevation_bias_deg")
+    ranging = {**{name: getattr(sensor, name) for name in true}, **model.ranging.model_dump()}
+    own = model.model_dump(exclude={"ranging"})
+    return LidarParams.model_validate({"beams": beams, "ranging": ranging, **own})

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.lidar.kernels import NO_HIT
+from sim.lidar.kernels import AIRBORNE_HIT, NO_HIT
 from sim.lidar.labels import NEAR
 from sim.lidar.shapes import F32, F64, I16
 
@@ -17,8 +17,8 @@ U8 = NDArray[np.uint8]
 
 # Order of the numbers in ``model``.
 MIN_M, MAX_M, NOISE_M, TEN_PERCENT_M, LOST, MIXED, MIXED_STEP_M, INTENSITY_NOISE, WET_LOST = range(9)
-COVERED, COVER_RETURN, COVER_NEAREST_M, COVER_FARTHEST_M, MIXED_REACH_M = range(9, 14)
-MODEL_SIZE = 14
+COVERED, COVER_RETURN, COVER_NEAREST_M, COVER_FARTHEST_M, MIXED_REACH_M, EXTINCTION_PER_M = range(9, 15)
+MODEL_SIZE = 15
 _FULL_SCALE = 255.0
 _COVER_INTENSITY = 5.0
 
@@ -33,6 +33,7 @@ def _write(row: int, far: float, cos_a: float, sin_a: float, cos_e: float, sin_e
 def returns(
     azimuths: F64,
     elevations: F64,
+    biases_m: F64,
     times_s: F64,
     ranges: F32,
     hits: I16,
@@ -48,6 +49,8 @@ def returns(
     labels: U8,
 ) -> int:
     """Writes the points in the order of firing, ring by ring; how many there are.
+
+    elevations: (r,) as the sensor believes them. biases_m: (r,) by which it reports too great ranges.
 
     ranges, hits, cosines: (c, r) from ``kernels.cast``. normals, uniforms: at least 3 c r each. words, integers: the
     same memory, (c r, 6): x y z intensity ring time. labels: (c r,).
@@ -74,6 +77,8 @@ def returns(
             if hit == NO_HIT:
                 continue
             light = reflectivity_of[hit] * cosines[c, r]
+            if model[EXTINCTION_PER_M] > 0.0:
+                light *= math.exp(-2.0 * model[EXTINCTION_PER_M] * far)
             signal = light * gain / (far * far)
             # Half of the returns are there at signal 1, nearly all at 3, nearly none at 1/3.
             if uniforms[draw] * (1.0 + signal * signal) > signal * signal or uniforms[draw + 1] < model[LOST]:
@@ -82,13 +87,15 @@ def returns(
                 continue
             if c > 0 and hits[c - 1, r] != NO_HIT:
                 step = ranges[c - 1, r] - far
+                small = hit == AIRBORNE_HIT or hits[c - 1, r] == AIRBORNE_HIT  # it fills no beam
                 if (
                     model[MIXED_STEP_M] < abs(step) < model[MIXED_REACH_M]
                     and uniforms[draw + 2] < model[MIXED]
                     and hits[c - 1, r] != hit
+                    and not small
                 ):
                     far += step * uniforms[draw + 1]
-            far += model[NOISE_M] * normals[draw]
+            far += biases_m[r] + model[NOISE_M] * normals[draw]
             if far < model[MIN_M] or far > model[MAX_M]:
                 continue
             _write(count, far, cos_a, sin_a, ring_cos[r], ring_sin[r], words)

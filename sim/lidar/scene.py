@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.camera.history import BASE
 from sim.lidar import labels
 from sim.lidar.bodies import chair_shapes, person_shapes
 from sim.lidar.kernels import FIRST_SOLID
 from sim.lidar.params import LidarParams
 from sim.lidar.shapes import BOX, CYLINDER, F64, Shape, ShapeArrays, pack
 from sim.parameters import Wheelchair
-from sim.terrain import Solid, solids
+from sim.plant.terrain import Solid, solids
 from sim.worldfile import Patch, Pit, WorldFile
 
 WHEELCHAIR = "wheelchair"
@@ -42,19 +43,24 @@ def build_scene(
     *,
     people: Iterable[str] = (),
     passenger: bool = True,
+    own: Sequence[Shape] = (),
 ) -> Scene:
-    """people: names of the bodies that are persons. passenger: somebody sits in the wheelchair."""
+    """people: names of the bodies that are persons. passenger: somebody sits in the wheelchair.
+
+    own: what the sensor sees of the robot itself, in base_link.
+    """
     shine = params.reflectivity
     fixed = [_shape(solid, params, world.surfaces) for solid in solids(world) if solid.kind != "patch"]
     names = tuple(people)
     carried = [chair_shapes(chair, shine.chair, passenger=passenger), *(person_shapes(shine.person) for _ in names)]
+    carried += [list(own)] if own else []
     shapes = pack(fixed, carried)
-    ground = [labels.GROUND, labels.GROUND, labels.PIT, labels.MIRROR]
-    light = [shine.ground, params.wet.reflectivity, shine.ground, params.wet.mirror_reflectivity]
+    ground = [labels.GROUND, labels.GROUND, labels.PIT, labels.MIRROR, labels.AIRBORNE]
+    light = [shine.ground, params.wet.reflectivity, shine.ground, params.wet.mirror_reflectivity, 1.0]
     assert len(ground) == FIRST_SOLID
     return Scene(
         shapes=shapes,
-        movers=(WHEELCHAIR, *names),
+        movers=(WHEELCHAIR, *names, *([BASE] if own else [])),
         rects=_rects(world, params),
         label=np.concatenate([np.array(ground, np.uint8), shapes.label]),
         reflectivity=np.concatenate([np.array(light, np.float32), shapes.reflectivity]),

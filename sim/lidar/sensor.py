@@ -18,29 +18,39 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from robot_stack.contract import frames
 from robot_stack.core.point_cloud import SWEEP, Points
+from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.core.robot import Robot
-from sim.camera.motion import Track, still
+from sim.camera.history import BASE
+from sim.camera.motion import Track
 from sim.lidar import returns as model
-from sim.lidar.kernels import BLOCK, WET_HIT, cast
+from sim.lidar.kernels import AIRBORNE_HIT, BLOCK, GROUND_HIT, WET_HIT, cast_ground, cast_solids
 from sim.lidar.mirror import mirror
 from sim.lidar.params import LidarParams
 from sim.lidar.poses import poses_at
 from sim.lidar.scene import Scene
 from sim.lidar.shapes import F32, F64
+from sim.lidar.still_view import StillView
+from sim.lidar.weather import Particles, Weather, draw, meet, particles
 
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """What is wrong with the sensor: noise so many times the usual; share of the circle that is covered, from ahead."""
+    """What the sensor measures through.
+
+    noise_factor: noise so many times the usual. covered_share: of the circle, from ahead. weather: None if it is dry.
+    """
 
     noise_factor: float = 1.0
     covered_share: float = 0.0
+    weather: Weather | None = None
 
 
 CLEAR = Conditions()
 _BELOW_EVERYTHING_M = -1.0e3
 _BANK = 1 << 19
+_OF_RINGS, _OF_WEATHER = 1, 2
 _UNMOVED = np.eye(4)
 
 
@@ -63,24 +73,32 @@ def join(first: Sweep, second: Sweep) -> Sweep:
 
 
 class Lidar:
-    """One sensor. seed: its true mounting and its noise."""
+    """One sensor of ``config/robot.yaml``. seed: its true mounting, its rings' errors and its noise."""
 
-    def __init__(self, scene: Scene, params: LidarParams, robot: Robot, seed: int) -> None:
-        self.scene, self.params = scene, params
+    def __init__(self, scene: Scene, params: LidarParams, robot: Robot, seed: int, sensor: str = frames.LIDAR) -> None:
+        self.scene, self.params, self.seed = scene, params, seed
         beams = params.beams
         random = np.random.default_rng(seed)
-        self.mounting = _mounting(robot, params, random)
+        self.mounting = _mounting(robot.range_sensors[sensor], params, random)
         self._random = random
         start = math.radians(beams.start_azimuth_deg)
         self._azimuths: F64 = start - 2.0 * np.pi * np.arange(beams.columns) / beams.columns
-        self._elevations: F64 = np.radians(np.linspace(beams.lowest_deg, beams.highest_deg, beams.rings))
+        self._believed: F64 = np.radians(np.linspace(beams.lowest_deg, beams.highest_deg, beams.rings))
+        own = np.random.default_rng((seed, _OF_RINGS))  # other numbers than those of mounting and noise
+        self._biases_m: F64 = params.ranging.range_bias_m * own.uniform(-1.0, 1.0, beams.rings)
+        off_deg = params.ranging.elevation_bias_deg * own.uniform(-1.0, 1.0, beams.rings)
+        self._elevations: F64 = self._believed + np.radians(off_deg)
         self._normals = random.standard_normal(_bank_size(beams.columns * beams.rings), dtype=np.float32)
         self._uniforms = random.random(len(self._normals), dtype=np.float32)
         self._model = _model(params)
+        self._weather_random = np.random.default_rng((seed, _OF_WEATHER))
+        self._air: dict[Weather, tuple[Particles, F32]] = {}
         self._has_wet_ground = bool((scene.rects[:, 6] == 0.0).any())
         shape = (beams.columns, beams.rings)
         self._ranges, self._cosines = np.empty(shape, np.float32), np.empty(shape, np.float32)
         self._hits = np.empty(shape, np.int16)
+        self._fixed = int((scene.shapes.mover < 0).sum())  # they come first
+        self._still: dict[tuple[int, int], StillView] = {}
 
     @property
     def columns(self) -> int:
@@ -90,10 +108,6 @@ class Lidar:
     def column_s(self) -> float:
         """From one column to the next, s."""
         return self.params.beams.period_s / self.columns
-
-    def warm_up(self) -> None:
-        """Compiles what a sweep calls."""
-        self.sweep(still(np.eye(4)), 0.0)
 
     def sweep(
         self,
@@ -112,11 +126,24 @@ class Lidar:
         half: int,
         movers: Mapping[str, Track] | None = None,
         conditions: Conditions = CLEAR,
+        out: Points | None = None,
     ) -> Sweep:
-        """Half 0 or 1 of a turn; its last column fires at stamp_s."""
-        middle = self.columns // 2
-        first, last = ((0, middle), (middle, self.columns))[half]
-        return self.part(base, stamp_s, first, last, movers, conditions)
+        """Half 0 or 1 of a turn; its last column fires at stamp_s. out: as in ``part``."""
+        return self.share(base, stamp_s, (half, 2), movers, conditions, out)
+
+    def share(
+        self,
+        base: Track,
+        stamp_s: float,
+        which: tuple[int, int],
+        movers: Mapping[str, Track] | None = None,
+        conditions: Conditions = CLEAR,
+        out: Points | None = None,
+    ) -> Sweep:
+        """Part ``which[0]`` of a turn in ``which[1]`` parts; its last column fires at stamp_s. out: as in ``part``."""
+        number, parts = which
+        first, last = self.columns * number // parts, self.columns * (number + 1) // parts
+        return self.part(base, stamp_s, first, last, movers, conditions, out)
 
     def part(
         self,
@@ -126,25 +153,32 @@ class Lidar:
         last: int,
         movers: Mapping[str, Track] | None = None,
         conditions: Conditions = CLEAR,
+        out: Points | None = None,
     ) -> Sweep:
-        """Columns first to last - 1 of a turn; column last - 1 fires at stamp_s."""
+        """Columns first to last - 1 of a turn; column last - 1 fires at stamp_s.
+
+        out: memory of whoever asks for the points, room for every beam; fresh memory costs as much as the points.
+        """
         times = np.arange(first - last + 1, 1, dtype=np.float64) * self.column_s
         ranges, hits, cosines = self.ranges(base, stamp_s + times, first, last, movers or {})
+        reflectivity, extinction_per_m = self._through_weather(conditions.weather, ranges, hits, cosines)
         count = ranges.size
         numbers = self._model.copy()
+        numbers[model.EXTINCTION_PER_M] = extinction_per_m
         numbers[model.NOISE_M] *= conditions.noise_factor
         numbers[model.COVERED] = conditions.covered_share
-        points, labels = np.empty(count, SWEEP), np.empty(count, np.uint8)
+        points, labels = np.empty(count, SWEEP) if out is None else out[:count], np.empty(count, np.uint8)
         skip = int(self._random.integers(0, len(self._normals) - 3 * count - 3))
         used = model.returns(
             self._azimuths[first:last],
-            self._elevations,
+            self._believed,
+            self._biases_m,
             times,
             ranges,
             hits,
             cosines,
             self.scene.label,
-            self.scene.reflectivity,
+            reflectivity,
             WET_HIT,
             numbers,
             self._normals[skip:],
@@ -155,6 +189,27 @@ class Lidar:
         )
         return Sweep(stamp_s, points[:used], labels[:used])
 
+    def _through_weather(
+        self, weather: Weather | None, ranges: F32, hits: NDArray[np.int16], cosines: F32
+    ) -> tuple[F32, float]:
+        """Puts what is in the air into the beams. Returns how surfaces shine, by number, and the extinction, 1/m."""
+        if weather is None:
+            return self.scene.reflectivity, 0.0
+        if weather not in self._air:
+            self._air = {weather: self._in_air(weather)}  # of one weather at a time: values come from a service
+        air, shine = self._air[weather]
+        chosen, uniforms = draw(air, ranges.size, self._weather_random)
+        tables = air.ranges_m, air.below, air.least, air.mean, air.extinction_per_m
+        meet(chosen, uniforms, *tables, shine, ranges, hits, cosines)
+        return shine, air.extinction_per_m
+
+    def _in_air(self, weather: Weather) -> tuple[Particles, F32]:
+        air = particles(weather, self.params)
+        shine = self.scene.reflectivity * np.float32(air.surface_factor)
+        shine[GROUND_HIT] = self.scene.reflectivity[GROUND_HIT] * np.float32(air.ground_factor)
+        shine[AIRBORNE_HIT] = 1.0
+        return air, shine
+
     def ranges(
         self, base: Track, times_s: F64, first: int, last: int, movers: Mapping[str, Track]
     ) -> tuple[F32, NDArray[np.int16], F32]:
@@ -164,9 +219,10 @@ class Lidar:
         place = np.zeros((len(block_times), len(self.scene.movers), 3))
         place[:, :, 2] = _BELOW_EVERYTHING_M
         turned = np.tile(np.eye(3), (len(block_times), len(self.scene.movers), 1, 1))
+        tracks = {BASE: base, **movers}
         for index, name in enumerate(self.scene.movers):
-            if name in movers:
-                place[:, index], turned[:, index] = poses_at(movers[name], block_times, _UNMOVED)
+            if name in tracks:
+                place[:, index], turned[:, index] = poses_at(tracks[name], block_times, _UNMOVED)
         shapes, count = self.scene.shapes, last - first
         ranges, hits, cosines = self._ranges[:count], self._hits[:count], self._cosines[:count]
         beams: tuple[Any, ...] = (
@@ -185,14 +241,22 @@ class Lidar:
             place,
             turned,
         )
-        arguments: tuple[Any, ...] = (*beams, self.scene.rects, *solids, ranges, hits, cosines)
-        cast(*arguments)
+        results = ranges, hits, cosines
+        still = self._still.setdefault((first, last), StillView())
+        if not still.recall(origins, rotations, results):
+            ground: tuple[Any, ...] = (*beams, self.scene.rects, *results)
+            cast_ground(*ground)
+            standing: tuple[Any, ...] = (*beams, 0, self._fixed, *solids, *results)
+            cast_solids(*standing)
+            still.keep(origins, rotations, results)
+        moving: tuple[Any, ...] = (*beams, self._fixed, len(shapes.kind), *solids, *results)
+        cast_solids(*moving)
         share = self.params.wet.mirror_share
         if share > 0.0 and self._has_wet_ground:
             skip = int(self._random.integers(0, len(self._uniforms) - ranges.size))
-            arguments = (*beams, share, self._uniforms[skip:], *solids, ranges, hits, cosines)
-            mirror(*arguments)
-        return ranges, hits, cosines
+            mirrored: tuple[Any, ...] = (*beams, share, self._uniforms[skip:], *solids, *results)
+            mirror(*mirrored)
+        return results
 
 
 def _bank_size(beams: int) -> int:
@@ -200,14 +264,14 @@ def _bank_size(beams: int) -> int:
     return max(4 * beams, _BANK)
 
 
-def _mounting(robot: Robot, params: LidarParams, random: np.random.Generator) -> F64:
+def _mounting(sensor: RangeSensor, params: LidarParams, random: np.random.Generator) -> F64:
     """(4, 4) true pose of the sensor in base_link."""
     towards, axis = random.standard_normal(3), random.standard_normal(3)
     pose = np.eye(4)
     shift = params.mounting.position_m * random.random() * towards / np.linalg.norm(towards)
-    pose[:3, 3] = np.array(robot.lidar_xyz_m) + shift
+    pose[:3, 3] = np.array(sensor.xyz_m) + shift
     angle = params.mounting.rotation_rad * random.random()
-    pose[:3, :3] = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix()
+    pose[:3, :3] = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix() @ sensor.rotation()
     return pose
 
 

@@ -1,4 +1,4 @@
-"""Half sweeps as they complete, from the poses of the bodies as they come; with ROS around it or without."""
+"""Parts of a turn as they complete, from the poses of the bodies as they come; with ROS around it or without."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.point_cloud import Points
 from sim.camera.history import BASE, BodyHistory
 from sim.lidar.sensor import CLEAR, Conditions, Lidar, Sweep
 
@@ -17,15 +18,15 @@ _TOLERANCE_S = 2e-4
 
 
 class Sweeper:
-    """Half sweeps at even spaces in time, counted from the first sample on; even numbers complete a turn.
+    """Parts of a turn, halves unless told otherwise, at even spaces in time, counted from the first sample on.
 
-    Poses that come every 20 ms complete a half sweep at once or 10 ms later.
+    Multiples of ``parts`` complete a turn. Poses that come every 20 ms complete a half sweep at once or 10 ms later.
     """
 
-    def __init__(self, lidar: Lidar) -> None:
-        self.lidar = lidar
+    def __init__(self, lidar: Lidar, parts: int = 2) -> None:
+        self.lidar, self._parts = lidar, parts
         self._history = BodyHistory()
-        self._half_s = 0.5 * lidar.params.beams.period_s
+        self._part_s = lidar.params.beams.period_s / parts
         self._phase_s: float | None = None
         self._next = 1
 
@@ -39,23 +40,23 @@ class Sweeper:
         self._history.add(time_s, dict(poses))
 
     def due(self) -> tuple[int, float] | None:
-        """The next half sweep whose end the poses have reached: its number and the time of its last column.
+        """The next part whose end the poses have reached: its number and the time of its last column.
 
         After a gap the newest one: what a sensor has not sent is gone.
         """
         newest = self._history.newest_s
         if newest is None or self._phase_s is None:
             return None
-        last = math.floor((newest + _TOLERANCE_S - self._phase_s) / self._half_s)
+        last = math.floor((newest + _TOLERANCE_S - self._phase_s) / self._part_s)
         if last < self._next:
             return None
         number = last if last > self._next + 1 else self._next
         self._next = number + 1
-        end_s = self._phase_s + number * self._half_s
-        return (number, end_s) if self._history.covers(end_s - self._half_s, end_s - _TOLERANCE_S) else None
+        end_s = self._phase_s + number * self._part_s
+        return (number, end_s) if self._history.covers(end_s - self._part_s, end_s - _TOLERANCE_S) else None
 
-    def take(self, number: int, end_s: float, conditions: Conditions = CLEAR) -> Sweep:
-        """Half sweep ``number``: even numbers complete a turn."""
+    def take(self, number: int, end_s: float, conditions: Conditions = CLEAR, out: Points | None = None) -> Sweep:
+        """Part ``number``. out: memory for its points, room for every beam."""
         tracks = self._history.tracks()
         base = tracks.pop(BASE)
-        return self.lidar.half_sweep(base, end_s, 1 - number % 2, tracks, conditions)
+        return self.lidar.share(base, end_s, ((number - 1) % self._parts, self._parts), tracks, conditions, out)

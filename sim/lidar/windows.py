@@ -41,6 +41,14 @@ def window_of(
     x0 = rotation[0, 0] * ax + rotation[1, 0] * ay + rotation[2, 0] * az
     y0 = rotation[0, 1] * ax + rotation[1, 1] * ay + rotation[2, 1] * az
     towards = math.atan2(y0, x0)
+    pad = _PAD_RAD + turn + step_m / (nearest - step_m)
+    step = (azimuths[first] - azimuths[last - 1]) / max(1, last - 1 - first) if last - first > 1 else 1e-3
+    offset = towards - azimuths[middle]
+    offset -= 2.0 * math.pi * math.floor(offset / (2.0 * math.pi) + 0.5)
+    # Most solids lie elsewhere: the ball around one tells, without a look at its corners.
+    reach, flat = math.sqrt(half[0] ** 2 + half[1] ** 2 + half[2] ** 2), math.sqrt(x0 * x0 + y0 * y0)
+    if reach < flat and abs(offset) > math.asin(reach / flat) + pad + (0.5 * (last - first) + 1.0) * step:
+        return False
     cos0, sin0 = math.cos(towards), math.sin(towards)
     left, right, low, high = -10.0, 10.0, 1e9, -1e9
     for corner in range(8):
@@ -56,12 +64,8 @@ def window_of(
         angle = math.atan2(cos0 * y - sin0 * x, cos0 * x + sin0 * y)
         left, right = max(left, angle), min(right, angle)
         low, high = min(low, z), max(high, z)
-    pad = _PAD_RAD + turn + step_m / (nearest - step_m)
     if left - right > math.pi - 0.3 - 2.0 * pad:
         return True  # the sensor's axis goes through it, or nearly
-    step = (azimuths[first] - azimuths[last - 1]) / max(1, last - 1 - first) if last - first > 1 else 1e-3
-    offset = towards - azimuths[middle]
-    offset -= 2.0 * math.pi * math.floor(offset / (2.0 * math.pi) + 0.5)
     window[0] = max(first, math.ceil(middle - (offset + left + pad) / step))
     window[1] = min(last, math.floor(middle - (offset + right - pad) / step) + 1)
     if window[0] >= window[1]:

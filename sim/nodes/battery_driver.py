@@ -7,7 +7,10 @@ from sensor_msgs.msg import BatteryState
 
 from robot_stack.contract import topics
 from robot_stack.ros.node import StackNode
-from sim.battery import BatteryReading
+from sim.plant.battery import BatteryReading
+
+_CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
+_DISCHARGING = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
 
 
 class BatteryDriver(StackNode):
@@ -24,7 +27,7 @@ class BatteryDriver(StackNode):
             design_capacity=capacity_ah,
             percentage=reading.charge,
             temperature=reading.temperature_c,
-            power_supply_status=BatteryState.POWER_SUPPLY_STATUS_DISCHARGING,
+            power_supply_status=_CHARGING if reading.charging else _DISCHARGING,
             power_supply_health=BatteryState.POWER_SUPPLY_HEALTH_GOOD,
             power_supply_technology=BatteryState.POWER_SUPPLY_TECHNOLOGY_LION,
             present=True,

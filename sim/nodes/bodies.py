@@ -1,27 +1,60 @@
-"""Poses of /sim/bodies as matrices."""
+"""/sim/bodies as matrices, for the drivers that look at the world."""
 
 from __future__ import annotations
 
-import math
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.contract import topics
+from robot_stack.ros.inputs import Input
+from robot_stack.ros.node import StackNode
+from sim.camera.history import BASE
+from sim.nodes.message_bytes import read_transforms
+
+Array = NDArray[np.float64]
 
 
-def matrix_of_transform(transform: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """(4, 4) of a Transform message; not finite where it is no rotation."""
-    t, q = transform.translation, transform.rotation
-    norm2 = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
-    # Written out: this runs for every body of every sample.
-    scale = 2.0 / norm2 if norm2 > 0.5 else math.nan
-    xx, yy, zz = scale * q.x * q.x, scale * q.y * q.y, scale * q.z * q.z
-    xy, xz, yz = scale * q.x * q.y, scale * q.x * q.z, scale * q.y * q.z
-    wx, wy, wz = scale * q.w * q.x, scale * q.w * q.y, scale * q.w * q.z
-    return np.array(
-        [
-            [1.0 - yy - zz, xy - wz, xz + wy, t.x],
-            [xy + wz, 1.0 - xx - zz, yz - wx, t.y],
-            [xz - wy, yz + wx, 1.0 - xx - yy, t.z],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )
+class Bodies:
+    """Calls ``take`` with the stamp, s, and the poses in map of each sample, (4, 4) by frame id.
+
+    Samples are taken as bytes: fifty times a second, Python objects would cost more than what they are used for.
+    """
+
+    def __init__(self, node: StackNode, take: Callable[[float, dict[str, Array]], None]) -> None:
+        self._node, self._take = node, take
+        self.input: Input = node.subscribe(topics.SIM_BODIES, self._on_bytes)
+        for subscription in node.subscriptions:
+            if subscription.topic_name == topics.SIM_BODIES.name:
+                subscription.raw = True
+
+    def watch(self, silence_s: float) -> None:
+        """Reports what has fallen silent."""
+        if self.input.received and self.input.age_s() > silence_s:
+            self._node.set_health(False, f"{topics.SIM_BODIES.name} has fallen silent")
+
+    def _on_bytes(self, data: bytes) -> None:
+        time_s, numbers = read_transforms(data)
+        matrices = matrices_of(np.array(list(numbers.values())).reshape(-1, 7))
+        if BASE not in numbers or not np.isfinite(matrices).all():
+            self._node.set_health(False, f"{topics.SIM_BODIES.name} without {BASE}, or with poses that are not finite")
+            return
+        self._take(time_s, dict(zip(numbers, matrices, strict=True)))
+
+
+def matrices_of(poses: Array) -> Array:
+    """(n, 4, 4) of (n, 7) x y z m, quaternion x y z w; not finite where it is no rotation."""
+    q = poses[:, 3:]
+    norm2 = np.einsum("ij,ij->i", q, q)
+    scale = np.where(norm2 > 0.5, 2.0, np.nan) / np.maximum(norm2, 0.5)
+    products = scale[:, None, None] * q[:, :, None] * q[:, None, :]
+    xx, yy, zz = products[:, 0, 0], products[:, 1, 1], products[:, 2, 2]
+    xy, xz, yz = products[:, 0, 1], products[:, 0, 2], products[:, 1, 2]
+    wx, wy, wz = products[:, 3, 0], products[:, 3, 1], products[:, 3, 2]
+    matrices = np.zeros((len(poses), 4, 4))
+    matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 0, 2] = 1.0 - yy - zz, xy - wz, xz + wy
+    matrices[:, 1, 0], matrices[:, 1, 1], matrices[:, 1, 2] = xy + wz, 1.0 - xx - zz, yz - wx
+    matrices[:, 2, 0], matrices[:, 2, 1], matrices[:, 2, 2] = xz - wy, yz + wx, 1.0 - xx - yy
+    matrices[:, :3, 3], matrices[:, 3, 3] = poses[:, :3], 1.0
+    return matrices

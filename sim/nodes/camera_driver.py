@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from array import array
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
+from numpy.typing import NDArray
 from pydantic import Field
 from rclpy.publisher import Publisher
 from scipy.spatial.transform import Rotation
@@ -15,20 +15,22 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from robot_stack.contract import frames, services, topics
 from robot_stack.contract.model import Topic
-from robot_stack.core.camera import Intrinsics, camera_file, load_intrinsics, mounting
+from robot_stack.core.camera import camera_file, load_intrinsics, mounting
 from robot_stack.core.config import Config
 from robot_stack.core.docks import Docks, load_docks
-from robot_stack.ros.conversions import time_from_s, time_to_s
+from robot_stack.ros.conversions import camera_info, time_from_s
 from robot_stack.ros.node import StackNode, run
-from sim.camera.faults import CameraFaultRefused, CameraFaults
-from sim.camera.history import BASE, BodyHistory, ExposurePlan
+from sim.camera.faults import CameraFaults
+from sim.camera.history import BodyHistory, ExposurePlan
 from sim.camera.model import draw_camera
-from sim.camera.motion import Motion
 from sim.camera.params import load_camera_params
 from sim.camera.render import Renderer
 from sim.camera.scenery import build_scenery
-from sim.nodes.bodies import matrix_of_transform
-from sim.terrain import solids
+from sim.camera.warm_up import warm_up
+from sim.nodes.bodies import Bodies
+from sim.nodes.fault_service import serve_faults
+from sim.nodes.message_bytes import ImageBytes
+from sim.plant.terrain import solids
 from sim.worldfile import load_world
 from tf2_msgs.msg import TFMessage
 
@@ -54,70 +56,61 @@ class _Camera:
     name: str
     renderer: Renderer
     plan: ExposurePlan
-    image: Image
+    picture: NDArray[np.uint8]
+    image: ImageBytes
     info: CameraInfo
     images: Publisher
     infos: Publisher
+    exposed: bool = False
 
 
-class CameraDriver(StackNode):
+class CameraDriverNode(StackNode):
     """Takes a picture once the bodies' history reaches past its exposure."""
 
     def __init__(self) -> None:
         super().__init__("camera_driver", CameraDriverParams)
         self._docks = load_docks()
-        self._bodies = _dock_by_body(self._docks)
+        self._boards = _dock_by_body(self._docks)
         self._history = BodyHistory()
         self._tf = self.advertise(topics.TF_STATIC)
         self._cameras = self._build()
-        size = (self._cameras[0].image.height, self._cameras[0].image.width)
+        size = self._cameras[0].picture.shape
         markers = [marker for dock in self._docks.docks.values() for marker in dock.markers]
         self._faults = CameraFaults(_ROWS, markers, size)
         self._tf.publish(TFMessage(transforms=[self._mounting(frame) for frame, _, _ in _ROWS.values()]))
-        self._input = self.subscribe(topics.SIM_BODIES, self._on_bodies)
-        self.serve(services.INJECT_CAMERA_FAULT, self._on_inject)
+        self._bodies = Bodies(self, self._on_bodies)
+        serve_faults(self, services.INJECT_CAMERA_FAULT, self._inject)
         self.set_health(False, f"waiting for {topics.SIM_BODIES.name}")
         self.every(2.0, self._watch)
 
-    def _on_bodies(self, message: TFMessage) -> None:
-        poses = {item.child_frame_id: matrix_of_transform(item.transform) for item in message.transforms}
-        if BASE not in poses or not all(np.isfinite(pose).all() for pose in poses.values()):
-            self.set_health(False, f"{topics.SIM_BODIES.name} without {BASE}, or with poses that are not finite")
-            return
-        self._history.add(time_to_s(message.transforms[0].header.stamp), poses)
+    def _on_bodies(self, time_s: float, poses: dict[str, NDArray[np.float64]]) -> None:
+        self._history.add(time_s, poses)
         for camera in self._cameras:
-            time_s = camera.plan.due(self._history)
-            if time_s is not None:
-                self._take(camera, time_s)
+            due_s = camera.plan.due(self._history)
+            if due_s is not None:
+                self._take(camera, due_s)
 
     def _take(self, camera: _Camera, time_s: float) -> None:
         if self._faults.is_active("silent", camera.name, time_s):
             return
-        if not self._faults.is_active("frozen", camera.name, time_s) or not camera.image.data:
-            motion = self._history.motion(time_s, self._bodies)
-            picture = camera.renderer.render(motion, self._faults.conditions(camera.name, time_s))
-            camera.image.data = array("B", picture.tobytes())  # an array is taken as it is, a list byte by byte
-        camera.image.header.stamp = camera.info.header.stamp = time_from_s(time_s)
-        camera.images.publish(camera.image)
+        if not self._faults.is_active("frozen", camera.name, time_s) or not camera.exposed:
+            motion = self._history.motion(time_s, self._boards)
+            camera.renderer.render(motion, self._faults.conditions(camera.name, time_s), camera.picture)
+            camera.exposed = True
+        stamp = time_from_s(time_s)
+        camera.images.publish(camera.image.filled(camera.picture, stamp))
+        camera.info.header.stamp = stamp
         camera.infos.publish(camera.info)
         self.set_health(True, "pictures are taken")
 
     def _watch(self) -> None:
-        if self._input.received and self._input.age_s() > self.params.silence_s:
-            self.set_health(False, f"{topics.SIM_BODIES.name} has fallen silent")
+        self._bodies.watch(self.params.silence_s)
 
-    def _on_inject(self, request: Any, response: Any) -> Any:
-        try:
-            response.message = self._faults.inject(
-                request.kind, request.target, request.value, request.duration_s, self.now_s()
-            )
-            response.success = True
-            self.get_logger().warning(f"fault: {response.message}")
-        except CameraFaultRefused as error:
-            response.message = str(error)
-        return response
+    def _inject(self, kind: str, target: str, value: float, duration_s: float) -> str:
+        return self._faults.inject(kind, target, value, duration_s, self.now_s())
 
     def _build(self) -> list[_Camera]:
+        warm_up()
         params = load_camera_params()
         scenery = build_scenery(solids(load_world(self.params.world)), self._docks)
         cameras = []
@@ -126,19 +119,17 @@ class CameraDriver(StackNode):
             random = np.random.default_rng([self.params.seed, index])
             camera = draw_camera(frame, calibrated, mounting(self.robot, frame), params, random)
             renderer = Renderer(camera, self._docks, params, random, scenery)
-            # Compiles and warms up before the first picture is due.
-            renderer.render(Motion.still(np.eye(4), {dock: np.eye(4) for dock in self._docks.docks}))
             shutter = params.shutter
             margin_s = 0.5 * (calibrated.height * shutter.row_time_s + shutter.exposure_s)
-            assert image_row.rate_hz is not None
             phase_s = self.params.rear_phase_s if name == _REAR else 0.0
-            plan = ExposurePlan(1.0 / image_row.rate_hz, phase_s, margin_s)
-            image = Image(height=calibrated.height, width=calibrated.width, encoding="mono8", step=calibrated.width)
-            info = _camera_info(calibrated)
+            plan = ExposurePlan(1.0 / image_row.nominal_rate_hz, phase_s, margin_s)
+            size = calibrated.height, calibrated.width
+            image = Image(height=size[0], width=size[1], encoding="mono8", step=size[1])
+            info = camera_info(calibrated)
             image.header.frame_id = info.header.frame_id = frame
-            cameras.append(
-                _Camera(name, renderer, plan, image, info, self.advertise(image_row), self.advertise(info_row))
-            )
+            picture = np.zeros(size, np.uint8)
+            publishers = self.advertise(image_row), self.advertise(info_row)
+            cameras.append(_Camera(name, renderer, plan, picture, ImageBytes(image), info, *publishers))
         return cameras
 
     def _mounting(self, frame: str) -> TransformStamped:
@@ -157,21 +148,8 @@ def _dock_by_body(docks: Docks) -> dict[str, str]:
     return {_WHEELCHAIR_BODY if dock.kind == "wheelchair" else name: name for name, dock in docks.docks.items()}
 
 
-def _camera_info(calibrated: Intrinsics) -> CameraInfo:
-    k = calibrated.matrix()
-    return CameraInfo(
-        height=calibrated.height,
-        width=calibrated.width,
-        distortion_model="plumb_bob",
-        d=list(calibrated.distortion),
-        k=k.ravel().tolist(),
-        r=np.eye(3).ravel().tolist(),
-        p=np.c_[k, np.zeros(3)].ravel().tolist(),
-    )
-
-
 def main() -> None:
-    run(CameraDriver, bulk=True)
+    run(CameraDriverNode, bulk=True)
 
 
 if __name__ == "__main__":

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from rclpy.action import ActionClient
 
 from custom_msgs.action import Dock
-from robot_stack.cli.nodes.wishes import reset
+from robot_stack.cli.nodes.operator_commands import reset
 from robot_stack.contract import actions
 from robot_stack.core.geometry import Pose2
-from sim.nodes.rider import Rider
-from sim.ride import carriage
+from sim.nodes.mission_observer import MissionObserver
+from sim.run.ride import carriage
 
 _ANSWER_S = 20.0
 
@@ -31,38 +31,44 @@ class LiveOutcome:
 
 def dock_live(dock_id: str, dock_pose: Pose2, limit_s: float) -> LiveOutcome:
     """Docks. Raises TimeoutError if the stack is silent or does not answer in time."""
-    with Rider() as rider:
-        rider.board()
-        if rider.safety is not None and rider.safety.emergency_stop_active:  # a busy start latches a stop
+    with MissionObserver() as observer:
+        observer.board()
+        if (
+            observer.safety is not None and observer.safety.safety_state == "EMERGENCY_STOP"
+        ):  # a busy start latches a stop
             reset(_ANSWER_S)
-        if not rider.wait(lambda: rider.safety is not None and rider.safety.safety_state == "NORMAL", _ANSWER_S):
+        if not observer.wait(
+            lambda: observer.safety is not None and observer.safety.safety_state == "NORMAL", _ANSWER_S
+        ):
             raise TimeoutError("the robot may not move")
-        client = ActionClient(rider.operator.node, Dock, actions.DOCK.name)
+        client = ActionClient(observer.operator.node, Dock, actions.DOCK.name)
         try:
-            return _follow(rider, client, dock_id, dock_pose, limit_s)
+            return _follow(observer, client, dock_id, dock_pose, limit_s)
         finally:
             client.destroy()
 
 
-def _follow(rider: Rider, client: ActionClient, dock_id: str, dock_pose: Pose2, limit_s: float) -> LiveOutcome:
-    if not rider.wait(client.server_is_ready, _ANSWER_S):
+def _follow(
+    observer: MissionObserver, client: ActionClient, dock_id: str, dock_pose: Pose2, limit_s: float
+) -> LiveOutcome:
+    if not observer.wait(client.server_is_ready, _ANSWER_S):
         raise TimeoutError("nobody offers the docking action")
     sent = client.send_goal_async(Dock.Goal(dock_id=dock_id))
-    if not rider.wait(sent.done, _ANSWER_S):
+    if not observer.wait(sent.done, _ANSWER_S):
         raise TimeoutError("the docking controller does not answer")
-    begun_s = rider.now_s()
+    begun_s = observer.now_s()
     ended = sent.result().get_result_async()
-    if not rider.wait(ended.done, limit_s):
+    if not observer.wait(ended.done, limit_s):
         raise TimeoutError(f"no result within {limit_s:.0f} s")
     result = ended.result().result
-    rider.wait(lambda: False, 0.2)  # what is still on its way
-    noted = carriage(rider.ride, dock_pose, None)
+    observer.wait(lambda: False, 0.2)  # what is still on its way
+    noted = carriage(observer.ride, dock_pose, None)
     return LiveOutcome(
         success=result.success,
         code=result.error_code,
         reason=result.reason,
         error_mm=float("nan") if noted is None else noted.docked_mm,
         yaw_deg=float("nan") if noted is None else noted.docked_deg,
-        time_s=rider.now_s() - begun_s,
+        time_s=observer.now_s() - begun_s,
         tries=result.tries,
     )

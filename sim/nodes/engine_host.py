@@ -8,7 +8,6 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
-from typing import Any, cast
 
 from pydantic import BaseModel
 
@@ -20,9 +19,8 @@ from robot_stack.ros.process import EXIT_CRASHED, EXIT_REFUSED, StopSignal, ros_
 from robot_stack.wmx.config import EngineConfig, load_engine_config
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.server import EngineServer
-from sim.engine_loop import EngineLoop, EveryCycles, Plant
-from sim.fault_table import FaultRefused
-from sim.requests import NotServed
+from sim.nodes.fault_service import serve_faults
+from sim.plant.engine_loop import EngineLoop, EveryCycles, Plant
 
 _CATCH_UP_S = 0.1
 _SWITCH_INTERVAL_S = 0.0005
@@ -38,9 +36,9 @@ class EngineHost(StackNode):
         self.plant = self.build(self.config)
         server = EngineServer(Engine(self.config, self.plant.bus), runtime_dir())
         self.loop = EngineLoop(server, self.plant, _CATCH_UP_S, self.tasks())
-        self.serve(fault_row, self._on_inject)
-        self.every(_REPORT_RATE_HZ, self._tell)
-        self._tell()
+        serve_faults(self, fault_row, self.loop.inject)
+        self.every(_REPORT_RATE_HZ, self._publish)
+        self._publish()
 
     def build(self, config: EngineConfig) -> Plant:
         """The machine of this engine. Raises ConfigError."""
@@ -54,16 +52,7 @@ class EngineHost(StackNode):
         """Cycles between two events of ``rate_hz``."""
         return max(1, round(1.0 / (rate_hz * self.config.cycle_time_s)))
 
-    def _on_inject(self, request: Any, response: Any) -> Any:
-        try:
-            response.message = self.loop.inject(request.kind, request.target, request.value, request.duration_s)
-            response.success = True
-            self.get_logger().warning(f"fault: {response.message}")
-        except (FaultRefused, NotServed) as error:
-            response.message = str(error)
-        return response
-
-    def _tell(self) -> None:
+    def _publish(self) -> None:
         engine, pacer = self.loop.server.engine, self.loop.pacer
         self.set_health(True, f"engine {engine.condition.state.name}, {self.config.n_axes} axes")
         self.report.values = {
@@ -79,7 +68,7 @@ def run_engine_host(make: Callable[[], EngineHost]) -> int:
     should_stop = StopSignal()
     try:
         with ros_process(make) as (executor, nodes):
-            host = cast(EngineHost, nodes[0])
+            host = nodes[0]
             sys.setswitchinterval(_SWITCH_INTERVAL_S)
             callbacks = threading.Thread(target=executor.spin, name="ros", daemon=True)
             callbacks.start()

@@ -12,7 +12,8 @@ from sensor_msgs.msg import Imu
 from robot_stack.contract import frames, topics
 from robot_stack.core.config import Config
 from robot_stack.ros.node import StackNode
-from sim.imu import ImuSample
+from sim.nodes.message_bytes import Numbers
+from sim.plant.imu import ImuSample
 from tf2_msgs.msg import TFMessage
 
 Sigma = Annotated[float, Field(gt=0.0)]
@@ -32,19 +33,17 @@ class ImuDriver(StackNode):
     def __init__(self) -> None:
         super().__init__("imu_driver", ImuDriverParams)
         self._samples = self.advertise(topics.IMU)
-        self._message = self._make_message()
+        self._message = Numbers(self._make_message())
         self._last_s: float | None = None
         self._tf = self.advertise(topics.TF_STATIC)
         self._tf.publish(TFMessage(transforms=[self._mounting()]))
 
     def publish(self, sample: ImuSample, stamp: Time) -> None:
         message = self._message
-        message.header.stamp = stamp
-        a, r, q = message.linear_acceleration, message.angular_velocity, message.orientation
-        a.x, a.y, a.z = sample.acceleration_mps2
-        r.x, r.y, r.z = sample.rotation_radps
-        q.x, q.y, q.z, q.w = sample.orientation_xyzw
-        self._samples.publish(message)
+        message.put(37, sample.orientation_xyzw)  # each of the three stands before its covariance
+        message.put(24, sample.rotation_radps)
+        message.put(12, sample.acceleration_mps2)
+        self._samples.publish(message.stamped(stamp))
         self._last_s = sample.time_s
 
     def watch(self, time_s: float) -> None:

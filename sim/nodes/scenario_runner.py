@@ -23,9 +23,10 @@ from robot_stack.contract.model import ContractViolation, Service, Topic
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.ros import transport
 from robot_stack.ros.conversions import pose_from_msg, pose_stamped, time_to_s, twist_stamped
+from robot_stack.ros.emergency_stop import StopSource
 from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.interfaces import interface_class, qos_profile
-from sim.notes import Four, Moment, Notes
+from sim.run.run_log import Four, Moment, RunLog
 
 _SPIN_S = 0.02
 
@@ -33,9 +34,9 @@ _SPIN_S = 0.02
 class ScenarioNode:
     """A context manager. Notes are taken inside ``spin``; their times are simulated s since ``begin``."""
 
-    def __init__(self, wheel_radius_m: float, use_sim_time: bool) -> None:
+    def __init__(self, wheel_radius_m: float) -> None:
         transport.apply()
-        self.notes = Notes()
+        self.run_log = RunLog()
         self.mission: MissionStatus | None = None
         self.safety: SafetyStatus | None = None
         self.moment: Moment | None = None
@@ -44,7 +45,7 @@ class ScenarioNode:
         self._truth: Odometry | None = None
         self._context = Context()
         rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        clock = [rclpy.Parameter("use_sim_time", value=use_sim_time)]
+        clock = [rclpy.Parameter("use_sim_time", value=True)]
         options: dict[str, Any] = {"context": self._context, "use_global_arguments": False}
         self._nodes = {
             name: Node(name, parameter_overrides=clock, **options) for name in (topics.OPERATOR_TOOL, topics.TEST_TOOL)
@@ -53,6 +54,9 @@ class ScenarioNode:
         for node in self._nodes.values():
             self._executor.add_node(node)
         self._publishers = {row.name: self._advertise(row) for row in _SPOKEN}
+        stop, reports = (self._publishers[row.name] for row in (topics.EMERGENCY_STOP, topics.EMERGENCY_STOP_SOURCES))
+        operator = self._node(topics.OPERATOR_TOOL).get_clock()
+        self._stop = StopSource(topics.OPERATOR_TOOL, stop, reports, lambda: operator.now().to_msg())
         for row, callback in self._heard():
             self._node(topics.TEST_TOOL).create_subscription(
                 interface_class(row.type), row.name, callback, qos_profile(row.qos)
@@ -108,7 +112,7 @@ class ScenarioNode:
         self._publishers[topics.UI_COMMAND.name].publish(command)
 
     def emergency_stop(self, active: bool) -> None:
-        self._publishers[topics.EMERGENCY_STOP.name].publish(Bool(data=active))
+        self._stop.publish(active)
 
     def passenger(self, attached: bool) -> None:
         self._publishers[topics.PASSENGER_ATTACHED.name].publish(Bool(data=attached))
@@ -160,7 +164,7 @@ class ScenarioNode:
             (topics.SIM_GROUND_TRUTH, self._on_truth),
             (topics.SIM_JOINT_STATES, self._on_joints),
             (topics.WHEEL_COMMANDS, self._on_wheel_commands),
-            (topics.CMD_VEL_LIMITED, self._on_wished),
+            (topics.CMD_VEL_LIMITED, self._on_requested),
             (topics.CURRENT_POSE, self._on_estimate),
             (topics.PLAN, self._on_plan),
             (topics.SAFETY_STATUS, self._on_safety),
@@ -183,34 +187,34 @@ class ScenarioNode:
             _four([self._radius_m * speeds[axis] for axis in frames.DRIVE_AXES]),
             _four([message.position[axis] for axis in frames.STEER_AXES]),
         )
-        self.notes.moments.append(self.moment)
+        self.run_log.moments.append(self.moment)
 
     def _on_wheel_commands(self, message: SwerveModuleCommandArray) -> None:
         if self._begun_s is not None:
             speeds = _four([module.drive_velocity for module in message.modules])
             angles = _four([module.steering_angle for module in message.modules])
-            self.notes.commands.append((self.now_s, speeds, angles))
+            self.run_log.commands.append((self.now_s, speeds, angles))
 
-    def _on_wished(self, message: TwistStamped) -> None:
+    def _on_requested(self, message: TwistStamped) -> None:
         if self._begun_s is not None:
             twist = message.twist
-            self.notes.wished.append((self.now_s, Twist2(twist.linear.x, twist.linear.y, twist.angular.z)))
+            self.run_log.requested.append((self.now_s, Twist2(twist.linear.x, twist.linear.y, twist.angular.z)))
 
     def _on_estimate(self, message: PoseStamped) -> None:
         if self._begun_s is not None:
             time_s = time_to_s(message.header.stamp) - self._begun_s
-            self.notes.estimates.append((time_s, pose_from_msg(message.pose)))
+            self.run_log.estimates.append((time_s, pose_from_msg(message.pose)))
 
     def _on_plan(self, message: Path) -> None:
         points = [(item.pose.position.x, item.pose.position.y) for item in message.poses]
         if self._begun_s is not None:
-            self.notes.plans.append((self.now_s, np.array(points, dtype=np.float64).reshape(-1, 2)))
+            self.run_log.plans.append((self.now_s, np.array(points, dtype=np.float64).reshape(-1, 2)))
 
     def _on_safety(self, message: SafetyStatus) -> None:
         self.safety = message
         if self._begun_s is not None:
             faults = f" ({', '.join(message.active_faults)})" if message.active_faults else ""
-            self.notes.note_state(self.now_s, f"{message.safety_state}{faults}")
+            self.run_log.log_state(self.now_s, f"{message.safety_state}{faults}")
 
     def _on_mission(self, message: MissionStatus) -> None:
         self.mission = message
@@ -221,6 +225,7 @@ _SPOKEN = (
     topics.TELEOP_CMD_VEL,
     topics.UI_COMMAND,
     topics.EMERGENCY_STOP,
+    topics.EMERGENCY_STOP_SOURCES,
     topics.PASSENGER_ATTACHED,
 )
 

@@ -9,12 +9,10 @@ from robot_stack.core.config import ConfigError
 from robot_stack.wmx.config import EngineConfig
 from sim.arm.model import FINGERS
 from sim.arm.params import ArmParams, disagreement
+from sim.arm.warm_up import warm_up
 from sim.arm.world import ArmWorld
-from sim.engine_loop import EveryCycles
 from sim.nodes.engine_host import EngineHost, run_engine_host
-
-assert topics.SIM_JOINT_STATES.rate_hz is not None
-_TRUTH_HZ = topics.SIM_JOINT_STATES.rate_hz
+from sim.plant.engine_loop import EveryCycles
 
 
 class SimManipulator(EngineHost):
@@ -31,10 +29,11 @@ class SimManipulator(EngineHost):
         problem = disagreement(self.params, config)
         if problem:
             raise ConfigError(f"sim_manipulator.yaml does not fit the engine's configuration: {problem}")
+        warm_up()
         return ArmWorld(self.params, config.cycle_time_s)
 
     def tasks(self) -> tuple[EveryCycles, ...]:
-        return (EveryCycles(self.cycles(_TRUTH_HZ), self._publish_truth),)
+        return (EveryCycles(self.cycles(topics.SIM_JOINT_STATES.nominal_rate_hz), self._publish_truth),)
 
     def _publish_truth(self) -> None:
         truth = self.plant.truth()

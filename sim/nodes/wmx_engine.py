@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from robot_stack.contract import services
 from robot_stack.wmx.config import EngineConfig
-from sim.engine_loop import Plant
 from sim.nodes.engine_host import EngineHost, run_engine_host
-from sim.virtual_plant import VirtualPlant
+from sim.plant.engine_loop import Plant
+from sim.plant.virtual_plant import VirtualPlant
 
 
 class WmxEngine(EngineHost):

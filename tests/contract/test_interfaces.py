@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from robot_stack.contract.display import Display
 from tests.contract.type_hashes import installed
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -159,6 +160,7 @@ def test_ehmi_states_are_numbered_as_specified() -> None:
     assert (state.TRANSPORT, state.DESTINATION_REACHED, state.PASSENGER_DISEMBARK, state.DOCKING_FAILED) == (
         25, 26, 27, 28,
     )  # fmt: skip
+    assert all(getattr(state, display.name) == display for display in Display)
 
 
 @pytest.mark.parametrize("path", INTERFACE_FILES, ids=lambda path: path.name)

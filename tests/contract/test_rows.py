@@ -10,7 +10,15 @@ from dataclasses import dataclass
 import pytest
 
 from robot_stack.contract import actions, faults, frames, processes, services, topics
-from robot_stack.contract.model import Criticality, Durability, Reliability, SafetyAction, SafetyState, System
+from robot_stack.contract.model import (
+    ContractViolation,
+    Criticality,
+    Durability,
+    Reliability,
+    SafetyAction,
+    SafetyState,
+    System,
+)
 
 R, B = Reliability.RELIABLE, Reliability.BEST_EFFORT
 VOLATILE, LATCHED = Durability.VOLATILE, Durability.TRANSIENT_LOCAL
@@ -173,7 +181,7 @@ ROBOT = (
         R,
         LATCHED,
         1,
-        None,
+        10.0,
         ("safety_monitor",),
         ("swerve_controller",),
     ),
@@ -270,6 +278,18 @@ ADDITIONS = (
     ),
     Documented("/battery_state", "sensor_msgs/msg/BatteryState", B, VOLATILE, 1, 1.0, ("battery_driver",)),
     Documented("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", R, VOLATILE, 10, 1.0, (EVERY,)),
+    Documented("/diagnostics_agg", "diagnostic_msgs/msg/DiagnosticArray", R, VOLATILE, 1, 1.0, ("system_monitor",)),
+    Documented(
+        "/system/temperature",
+        "sensor_msgs/msg/Temperature",
+        B,
+        VOLATILE,
+        1,
+        5.0,
+        ("system_monitor",),
+        ("safety_monitor",),
+    ),
+    Documented("/ui/heartbeat", "std_msgs/msg/Header", R, VOLATILE, 1, 1.0, ("touch_ui",), ("safety_monitor",)),
     Documented("/ehmi/status", "custom_msgs/msg/EHMIStatus", B, VOLATILE, 1, 1.0, ("ehmi_bridge",)),
     Documented("/mission/status", "custom_msgs/msg/MissionStatus", R, LATCHED, 1, None, ("mission_manager",)),
     Documented("/plan", "nav_msgs/msg/Path", R, LATCHED, 1, None, ("navigation_controller",)),
@@ -363,6 +383,7 @@ FAULTS = {
     "ESTOP_PRESSED": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "DRIVE_FAULT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "JOINT_STATES_TIMEOUT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
+    "OVERSPEED": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "TILT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "COLLISION_IMMINENT": (SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, False, 0.5),
     "OBSTACLE_NEAR": (SafetyAction.LIMIT, SafetyState.COLLISION_AVOIDANCE, False, 0.0),
@@ -373,6 +394,7 @@ FAULTS = {
     "CAMERA_TIMEOUT": (SafetyAction.WARN, SafetyState.DEGRADED, False, 0.0),
     "NODE_DEAD": (SafetyAction.STOP, SafetyState.DEGRADED, False, 0.0),
     "SLOPE": (SafetyAction.STOP, SafetyState.DEGRADED, False, 0.0),
+    "LATCH_NOT_STORED": (SafetyAction.LIMIT, SafetyState.DEGRADED, False, 0.0),
     "BATTERY_LOW": (SafetyAction.WARN, SafetyState.DEGRADED, False, 0.0),
     "BATTERY_CRITICAL": (SafetyAction.LIMIT, SafetyState.DEGRADED, False, 0.0),
     "OVERHEAT": (SafetyAction.WARN, SafetyState.DEGRADED, False, 0.0),
@@ -448,6 +470,15 @@ def test_type_can_be_imported(type_name: str) -> None:
 def test_a_name_has_one_row_in_its_system() -> None:
     counts = Counter((row.system, row.name) for row in topics.TOPICS)
     assert [key for key, count in counts.items() if count > 1] == []
+
+
+def test_only_a_periodic_topic_has_a_nominal_rate_and_a_staleness_limit() -> None:
+    assert topics.IMU.nominal_rate_hz == topics.IMU.rate_hz
+    assert topics.IMU.stale_limit_s == topics.IMU.stale_s
+    with pytest.raises(ContractViolation, match="/plan has no rate"):
+        _ = topics.PLAN.nominal_rate_hz
+    with pytest.raises(ContractViolation, match="/plan has no staleness limit"):
+        _ = topics.PLAN.stale_limit_s
 
 
 @pytest.mark.parametrize("row", topics.TOPICS, ids=lambda row: f"{row.system.value}{row.name}")

@@ -2,6 +2,7 @@
 
     python -m tests.mutation.safety_kernel                   every mutant, about 25 minutes of one core
     python -m tests.mutation.safety_kernel --sample 40       a sample, always the same for the same --seed
+    python -m tests.mutation.safety_kernel --module conditions --only overheat    those of a module, by its own tests
 
 Works on a copy in a temporary folder. Survivors that cannot be told from the original by any input are listed, each
 with the reason, in ``equivalent.yaml``; any other survivor fails the run. mutmut does not mutate properties, validators
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -31,6 +33,8 @@ COPIED = (
     "robot_stack/core",
     "robot_stack/safety",
     "tests/__init__.py",
+    "tests/support/__init__.py",
+    "tests/support/waiting.py",
     "tests/unit/__init__.py",
     "tests/unit/safety",
 )
@@ -138,17 +142,23 @@ def listed() -> dict[Change, str]:
     return {Change(entry["function"], entry["removed"], entry["added"]): entry["why"] for entry in entries}
 
 
-def check_mutants(folder: Path, sample: int | None = None, seed: int = 0, module: str | None = None) -> Result:
-    """All mutants, or a sample of them; with ``module`` (timing, where FIRST is) of that module alone."""
+def check_mutants(
+    folder: Path, sample: int | None = None, seed: int = 0, module: str | None = None, only: str = ""
+) -> Result:
+    """All mutants, or a sample of them; with ``module`` of that module alone, by its own tests alone.
+
+    A sample of a module is one of ``timing``, where FIRST is. only: a regular expression, found in the mutant's name.
+    """
     workshop = Workshop(folder, module)
-    workshop.run([FIRST])
+    whole = module is not None and sample is None
+    workshop.run([] if whole else [FIRST])
     every = sorted(workshop.exit_codes())
-    chosen = every
+    chosen = [name for name in every if re.search(only, name)]
     if sample is not None:
-        others = [name for name in every if name != FIRST]
+        others = [name for name in chosen if name != FIRST]
         chosen = [FIRST, *random.Random(seed).sample(others, min(sample - 1, len(others)))]
-    if chosen != [FIRST]:
-        workshop.run(chosen if sample is not None else [])
+    if chosen and chosen != [FIRST] and not whole:
+        workshop.run(chosen if chosen != every else [])
     codes = workshop.exit_codes()
     missed = [name for name in chosen if codes[name] is None]
     if missed:
@@ -163,10 +173,12 @@ def check_mutants(folder: Path, sample: int | None = None, seed: int = 0, module
 def main() -> int:
     parser = argparse.ArgumentParser(description="Mutation testing of the safety kernel.")
     parser.add_argument("--sample", type=int, help="check so many mutants instead of all")
+    parser.add_argument("--module", help="of this module alone, by its own tests alone: minutes, not hours")
+    parser.add_argument("--only", default="", help="check those in whose name this regular expression is found")
     parser.add_argument("--seed", type=int, default=0, help="of the sample")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="safety-mutants-") as folder:
-        result = check_mutants(Path(folder), arguments.sample, arguments.seed)
+        result = check_mutants(Path(folder), arguments.sample, arguments.seed, arguments.module, arguments.only)
     for change in result.unexplained:
         print(f"survived: {change}")
     print(

@@ -16,10 +16,8 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from custom_msgs.msg import ArucoDetection, DockingStatus
 from robot_stack.contract import topics
-from robot_stack.core.config import load
 from robot_stack.core.docks import load_docks
-from robot_stack.docking.vision.detector import MarkerDetector
-from robot_stack.docking.vision.params import ArucoDetectorParams
+from robot_stack.docking.warm_up import warm_up
 from robot_stack.ros.conversions import time_from_s, time_to_s
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
@@ -86,7 +84,7 @@ class Cameras:
 @pytest.fixture(scope="module", autouse=True)
 def compiled() -> None:
     """What the node compiles at its first start on a machine takes longer than a test may wait."""
-    MarkerDetector(DOCKS, load(ArucoDetectorParams, "aruco_detector").detector).warm_up()
+    warm_up()
 
 
 @pytest.fixture
@@ -147,10 +145,14 @@ def test_a_dead_camera_costs_neither_rate_nor_the_other_cameras_markers(cameras:
     wait_for(lambda: [ids(m) for m in heard.messages[-3:]] == 3 * [[0, 1, 2, 3]], "the front camera's markers alone")
     first = len(heard.items)
     wait_for(lambda: len(heard.items) >= first + 16, "16 arrays")
-    assert all(ids(message) == [0, 1, 2, 3] for message in heard.messages[first:])
+    # A machine that is held up may bring an image too late for its array, which is empty then and has no stamp.
+    arrays = [message for message in heard.messages if time_to_s(message.header.stamp)]
+    later = [message for message in heard.messages[first:] if time_to_s(message.header.stamp)]
+    assert all(ids(message) == [0, 1, 2, 3] for message in later)
+    assert len(later) >= 12
     assert heard.period_s(first) == pytest.approx(0.1, rel=0.05)
-    stamps = [time_to_s(message.header.stamp) for message in heard.messages]
-    assert all(later > earlier for earlier, later in itertools.pairwise(stamps))
+    stamps = [time_to_s(message.header.stamp) for message in arrays]
+    assert all(after > before for before, after in itertools.pairwise(stamps))
     cameras.running.clear()
     heard.wait(lambda message: ids(message) == [] and time_to_s(message.header.stamp) == 0.0, "empty arrays")
     first = len(heard.items)

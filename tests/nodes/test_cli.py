@@ -34,7 +34,7 @@ from tests.support.waiting import wait_for
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def cli(*arguments: str, timeout_s: float = 60.0, **environment: str) -> subprocess.CompletedProcess[str]:
+def cli(*arguments: str, timeout_s: float = 100.0, **environment: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "robot_stack.cli", *arguments],
         cwd=ROOT,
@@ -57,7 +57,7 @@ def test_help_names_every_verb_and_imports_no_ros() -> None:
     shown = cli("--help").stdout
     for verb in ("up", "down", "status", "restart", "run", "mission", "estop", "reset", "topics", "record"):
         assert f" {verb} " in shown
-    for verb in ("doctor", "bench", "scenario", "docking"):
+    for verb in ("doctor", "bench", "scenario", "docking", "view", "film"):
         assert f" {verb} " in shown
 
 
@@ -215,6 +215,29 @@ def test_refused_reset_tells_why(safety: FakeSafety) -> None:
     assert done.returncode == 1
     assert done.stderr == "error: refused: the robot moves at 0.40 m/s\n"
     assert safety.active
+
+
+def test_sources_that_are_gone_are_cleared_by_name_before_the_reset(safety: FakeSafety) -> None:
+    safety.active = True
+    done = cli("reset", "--clear", "touch_ui", "--clear", "unknown")
+    assert done.returncode == 0, done.stderr
+    assert safety.cleared == ["robot_stack_cli", "touch_ui", "unknown"]
+    assert not safety.active
+
+
+def test_a_source_that_cannot_be_cleared_ends_the_reset(safety: FakeSafety) -> None:
+    safety.active, safety.uncleared = True, "refused: touch_ui is there and says that it is pressed: release it there"
+    done = cli("reset", "--clear", "touch_ui")
+    assert done.returncode == 1
+    assert "release it there" in done.stderr
+    assert safety.active
+
+
+def test_a_refusal_for_a_source_that_is_gone_tells_how_to_clear_it(safety: FakeSafety) -> None:
+    safety.refusals = ["refused: ESTOP_PRESSED: pressed by touch_ui (gone)"] * 100
+    done = cli("reset")
+    assert done.returncode == 1
+    assert "robot-stack reset --clear NAME" in done.stderr
 
 
 def test_reset_without_anybody(ros_domain: int) -> None:

@@ -14,6 +14,7 @@ from std_msgs.msg import Bool
 from custom_msgs.action import Dock, Undock
 from custom_msgs.msg import ArucoDetectionArray, SafetyStatus
 from robot_stack.contract import actions, topics
+from robot_stack.docking.nodes.attached_file import AttachedFile
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
@@ -115,8 +116,24 @@ def test_docking_sends_the_staging_pose_and_ends_on_an_emergency_stop(bench: Ben
 def test_the_status_comes_at_its_rate_and_the_process_leaves_in_order(bench: Bench) -> None:
     count = len(bench.status.items)
     wait_for(lambda: len(bench.status.items) > count + 30, "three seconds of status")
-    times = [time_s for time_s, _ in bench.status.items[count:]]
-    assert (times[-1] - times[0]) / (len(times) - 1) == pytest.approx(0.1, rel=0.05)
+    assert bench.status.period_s(count) == pytest.approx(0.1, rel=0.05)
     assert len(bench.command.items) == 0
     bench.process.signal(signal.SIGINT)
     assert bench.process.wait(10.0) == 0
+
+
+def test_a_chair_that_came_loose_while_the_controller_was_dead_is_an_emergency_with_the_passenger_aboard(
+    bench: Bench, start: Start
+) -> None:
+    stops = bench.peer.listen(topics.EMERGENCY_STOP)
+    sources = bench.peer.listen(topics.EMERGENCY_STOP_SOURCES)
+    bench.process.signal(signal.SIGKILL)
+    bench.process.wait()
+    assert AttachedFile().save(True) == ""  # as it would be, had it carried somebody
+    bench.passenger.items.clear()
+    start("docking_controller")
+    stops.wait(lambda message: message.data, "the emergency stop")
+    sources.wait(lambda message: message.name == "docking_controller" and message.pressed, "its author")
+    bench.passenger.wait(lambda message: message.data, "a passenger aboard")
+    bench.status.wait(lambda message: message.state == "FAILED", "the failure")
+    assert all(message.data for message in bench.passenger.messages)

@@ -29,6 +29,9 @@ class FakeNode:
         messages = self.published.setdefault(row.name, [])
         return type("Publisher", (), {"publish": staticmethod(messages.append)})
 
+    def emergency_stop_source(self, *, until_latched: bool) -> None:
+        """None is needed here."""
+
     def stamp(self) -> Time:
         return Time(sec=7)
 

@@ -46,6 +46,7 @@ class Button:
             return bool(mine) and mine[-1].waiting_for == text
 
         wait_for(matches, f"the button to be {text or 'ready'}", 60.0)
+        self.said.wait_connected()
         return self
 
     def wait_settled(self) -> Button:
@@ -56,13 +57,17 @@ class Button:
             return values.get("contact") == "released"
 
         self._diagnoses.wait(settled, "the button to have settled", 60.0)
+        self.said.wait_connected()
         return self
 
     def values(self) -> list[bool]:
         return [message.data for message in self.said.messages]
 
     def wait_values(self, values: list[bool]) -> None:
-        wait_for(lambda: self.values() == values, f"exactly {values} on /emergency_stop")
+        try:
+            wait_for(lambda: self.values() == values, f"exactly {values} on /emergency_stop")
+        except AssertionError as error:
+            raise AssertionError(f"{error}; heard {self.values()}") from None
 
 
 def test_press_and_release(start: Start, peer: Peer, engine: TestEngine) -> None:
@@ -78,6 +83,23 @@ def test_press_and_release(start: Start, peer: Peer, engine: TestEngine) -> None
     assert latency_s < 0.25  # 10 ms debounce and a reading; the rest is what a busy test machine may take
     engine.set(input0=BUTTON_RELEASED)
     button.wait_values([True, False])
+
+
+def test_the_button_says_who_it_is_five_times_a_second(start: Start, peer: Peer, engine: TestEngine) -> None:
+    engine.run().up()
+    sources = peer.listen(topics.EMERGENCY_STOP_SOURCES)
+    button = Button(start, peer).wait_health("")
+    # An engine that a busy machine holds up for a moment is a press, which ends by itself.
+    before = sources.wait(lambda message: message.name == NAME and not message.pressed, "a report of no press").presses
+    engine.set(input0=BUTTON_PRESSED)
+    sources.wait(lambda message: message.pressed and message.presses > before, "a report of the press")
+    count = len(sources.items)
+    wait_for(lambda: len(sources.items) > count + 12, "two seconds of reports")
+    told = {(message.pid, message.presses, message.pressed) for message in sources.messages[count:]}
+    assert told == {(button.process.pid, before + 1, True)}
+    assert sources.period_s(count) == pytest.approx(0.2, rel=0.1)
+    engine.set(input0=BUTTON_RELEASED)
+    sources.wait(lambda message: not message.pressed and message.presses == before + 1, "a report of the release")
 
 
 def test_a_pressed_button_contradicts_every_release(start: Start, peer: Peer, engine: TestEngine) -> None:

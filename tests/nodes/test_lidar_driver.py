@@ -82,8 +82,11 @@ def test_half_sweeps_make_full_sweeps_with_every_field(sweeps: Heard, peer: Peer
     # Somebody stands 3 m before the robot, 2.8 m before the sensor.
     ahead = (abs(points["y"]) < 0.2) & (abs(points["x"] - 2.6) < 0.15) & (points["z"] > 0.2)
     assert ahead.sum() > 5
-    assert np.allclose(np.diff(stamps(halves)), 0.05, atol=1e-4)
-    assert np.allclose(np.diff(stamps(sweeps)), 0.1, atol=1e-4)
+    for heard, period_s in ((halves, 0.05), (sweeps, 0.1)):
+        steps = np.diff(stamps(heard)) / period_s
+        # Whole periods; one that a busy machine has lost does not come again: the topics are best effort.
+        assert np.allclose(steps, np.round(steps), atol=2e-3)
+        assert np.median(steps) == pytest.approx(1.0, abs=2e-3)
     assert set(np.round(stamps(sweeps), 4)) & set(np.round(stamps(halves), 4))
     place = next(t for m in mountings.messages for t in m.transforms if t.child_frame_id == "lidar")
     assert place.header.frame_id == "base_link"
@@ -93,8 +96,12 @@ def test_half_sweeps_make_full_sweeps_with_every_field(sweeps: Heard, peer: Peer
 def test_faults_change_the_points_and_are_answered(sweeps: Heard, peer: Peer) -> None:
     assert inject(peer, "covered").success
     sweeps.wait(lambda message: len(ranges(message)) == 0 or ranges(message).max() < 0.5, "a covered lens")
-    assert inject(peer, "clear").message == "cleared: covered"
+    assert inject(peer, "clear").message == "cleared covered"
     sweeps.wait(lambda message: len(ranges(message)) > 0 and ranges(message).max() > 5.0, "a clear view")
+    assert inject(peer, "dust", value=10.0).message == "dust is in the air, visibility in m 10"
+    sweeps.wait(lambda message: len(ranges(message)) > 0 and ranges(message).max() < 14.0, "a view through dust")
+    assert inject(peer, "clear").message == "cleared dust"
+    sweeps.wait(lambda message: len(ranges(message)) > 0 and ranges(message).max() > 15.0, "a clear view again")
     assert inject(peer, "frozen").success
     data = bytes(sweeps.last.data)
     count = len(sweeps.items)
@@ -109,14 +116,14 @@ def test_faults_change_the_points_and_are_answered(sweeps: Heard, peer: Peer) ->
     assert np.allclose(np.diff(stamps(sweeps)[-3:]), 0.5, atol=1e-3)
     assert inject(peer, "clear").success
     assert inject(peer, "silent").success
-    wait_for(lambda: inject(peer, "clear", target="rate").message == "cleared: nothing", "an answer")
-    assert inject(peer, "clear").message == "cleared: silent"
+    wait_for(lambda: inject(peer, "clear", target="rate").message == "nothing to clear", "an answer")
+    assert inject(peer, "clear").message == "cleared silent"
     count = len(sweeps.items)
     wait_for(lambda: len(sweeps.items) >= count + 3, "sweeps again")
     assert (np.diff(stamps(sweeps)) > 0.0).all()
     refused = inject(peer, "glare")
     assert not refused.success
-    assert "no LiDAR fault 'glare'" in refused.message
+    assert "no fault 'glare'" in refused.message
 
 
 def test_an_unknown_world_is_one_clear_line(start: Callable[..., NodeProcess]) -> None:

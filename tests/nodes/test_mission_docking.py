@@ -66,6 +66,7 @@ def world(ros_domain: int, tmp_path: Path):
 
 def test_the_wheelchair_is_fetched_carried_and_put_down(world):
     docking = world.serve()
+    docking.step_s = 1.0
     world.launch()
     world.begin()
     world.reason("docking to chair_1: SERVOING")
@@ -97,6 +98,36 @@ def test_a_rejected_goal_ends_the_mission(world):
     world.launch()
     world.begin()
     assert world.state("FAILED").reason == "docking to chair_1 failed: the goal was rejected"
+
+
+def test_a_goal_whose_answer_is_lost_is_followed_by_what_it_tells(world):
+    docking = world.serve()
+    docking.loses_answers, docking.step_s = True, 1.0
+    world.launch()
+    world.begin()
+    world.reason("docking to chair_1: SERVOING")
+    world.state("RUNNING", "there")
+
+
+def test_a_goal_whose_answer_is_lost_can_be_cancelled(world):
+    docking = world.serve()
+    docking.hangs, docking.loses_answers, docking.steps = True, True, ()
+    world.launch("docking_wait_s:=1.5")
+    world.begin()
+    assert world.state("FAILED").reason == "docking to chair_1 failed: docking_controller has not answered for 2 s"
+    wait_for(lambda: docking.cancelled, "the goal cancelled")
+
+
+def test_after_a_goal_that_was_lost_the_next_one_is_sent(world):
+    docking = world.serve()
+    docking.loses_goals = True
+    world.launch("docking_wait_s:=3.0")
+    world.begin()
+    assert world.state("FAILED").reason == "docking to chair_1 failed: docking_controller has not answered for 3 s"
+    docking.loses_goals = False
+    world.begin()
+    world.state("RUNNING", "there")
+    assert docking.goals == [("dock", "chair_1")]
 
 
 def test_nobody_there(world):

@@ -11,17 +11,19 @@ from itertools import count
 
 import numpy as np
 import pytest
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import Imu, PointCloud2
 
 from robot_stack.contract import topics
-from robot_stack.core.point_cloud import XYZ, Points, xyz_of
-from robot_stack.ros.conversions import quaternion_to_msg, time_from_s
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.point_cloud import MOVING, XYZ, Points, xyz_of
+from robot_stack.ros.conversions import quaternion_to_msg, time_from_s, time_to_s
 from robot_stack.ros.point_cloud import cloud_message, points_of
 from tests.support.peer import Heard, Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
 from tests.unit.perception.scenes import Solid, sweep
+from tests.unit.perception.test_overhead import frame
 
 WALL = Solid((4.0, -3.0, 0.0), (4.3, 3.0, 2.0))
 
@@ -107,24 +109,66 @@ def silent_from_now(heard: Heard, peer: Peer, process: NodeProcess, reason: str)
     assert reason in diagnoses.last.status[0].message
 
 
-def test_obstacles_and_free_space_of_half_sweeps(node: NodeProcess, peer: Peer, lidar: Lidar) -> None:
-    obstacles, free = peer.listen(topics.OBSTACLES), peer.listen(topics.FREE_SPACE)
+def state_at(grid: OccupancyGrid, x_m: float, y_m: float) -> int:
+    origin, cell_m = grid.info.origin.position, grid.info.resolution
+    column, row = math.floor((x_m - origin.x) / cell_m), math.floor((y_m - origin.y) / cell_m)
+    return int(grid.data[row * grid.info.width + column])
+
+
+def test_obstacles_and_space_of_half_sweeps(node: NodeProcess, peer: Peer, lidar: Lidar) -> None:
+    obstacles, space, unseen = (peer.listen(row) for row in (topics.OBSTACLES, topics.SPACE, topics.UNSEEN_SPACE))
+    moving = peer.listen(topics.MOVING)
     peer.repeat(topics.LIDAR_HALF_SWEEP, lidar.half, 20.0)
-    wait_for(lambda: len(obstacles.items) >= 10 and len(free.items) >= 10, "ten clouds")
-    cloud, scan = obstacles.last, free.last
-    assert cloud.header.frame_id == scan.header.frame_id == "base_link"
+    wait_for(lambda: len(obstacles.items) >= 10 and len(space.items) >= 5, "ten clouds")
+    cloud, ends, grid = obstacles.last, unseen.last, space.last
+    assert (cloud.header.frame_id, ends.header.frame_id, grid.header.frame_id) == ("base_link", "base_link", "odom")
     assert abs(time.time() - cloud.header.stamp.sec) < 5.0
+    assert moving.last.header.frame_id == "base_link"
+    assert len(points_of(moving.last, MOVING)) == 0  # nobody
     xyz = xyz_of(points_of(cloud, XYZ))
     assert len(xyz) > 200
     assert 3.9 < xyz[:, 0].min() < 4.1
     assert xyz[:, 1].min() < -2.5, "the other half is shown too"
     assert xyz[:, 1].max() > 2.5
-    ahead = np.asarray(scan.ranges)[350:370]
-    assert ((ahead == 0.0) | (ahead > 3.5)).all()
-    assert (ahead < 4.2).all()
-    assert len(scan.ranges) == round((scan.angle_max - scan.angle_min) / scan.angle_increment) + 1 == 720
+    assert (grid.info.width, grid.info.height, len(grid.data)) == (200, 200, 40000)
+    assert state_at(grid, 0.0, 0.0) == state_at(grid, 3.0, 0.0) == state_at(grid, -3.0, 0.0) == 0
+    assert 100 in {state_at(grid, x, 0.0) for x in (3.93, 3.98, 4.03, 4.08)}
+    assert state_at(grid, 0.7, 0.0) == state_at(grid, 4.9, 0.0) == -1  # too near, and behind the wall
+    near = xyz_of(points_of(ends, XYZ))
+    assert np.hypot(near[:, 0], near[:, 1]).min() < 1.0
+    grids = [time_to_s(m.header.stamp) for m in space.messages]
+    assert (grids[-1] - grids[0]) / (len(grids) - 1) == pytest.approx(0.2, abs=0.04)  # 5 Hz in the sweeps' own time
     stamps = [(m.header.stamp.sec, m.header.stamp.nanosec) for m in obstacles.messages]
     assert stamps == sorted(set(stamps))
+
+
+def test_frames_of_the_overhead_lidar_join_the_obstacles(node: NodeProcess, peer: Peer, lidar: Lidar) -> None:
+    """Somebody 2 m ahead whom the half sweeps do not show."""
+    obstacles, diagnoses = peer.listen(topics.OBSTACLES), peer.listen(topics.DIAGNOSTICS)
+    peer.repeat(topics.LIDAR_HALF_SWEEP, lidar.half, 20.0)
+    obstacles.wait(lambda cloud: near(cloud) == 0, "nobody yet")
+    shown = frame(people=[Pose2(2.0, 0.0, 0.0)])
+    number, name = count(1), ["overhead_lidar"]
+
+    def message() -> PointCloud2:
+        points = shown.copy()
+        points["z"] += np.float32(1e-5 * next(number))  # no two frames are the same
+        cloud = cloud_message(points, name[0])
+        cloud.header.stamp = time_from_s(time.time())
+        return cloud
+
+    peer.repeat(topics.OVERHEAD_LIDAR_POINTS, message, 10.0)
+    obstacles.wait(lambda cloud: near(cloud) > 50, "the person")
+    name[0] = "lidar"
+    diagnoses.wait(lambda said: "must be 'overhead_lidar'" in str(said), "why it is not used")
+    obstacles.wait(lambda cloud: near(cloud) == 0, "nobody any more")
+    peer.silence(topics.OVERHEAD_LIDAR_POINTS)
+    diagnoses.wait(lambda said: "silent" in str(said), "that it is silent")
+
+
+def near(cloud: PointCloud2) -> int:
+    xyz = xyz_of(points_of(cloud, XYZ))
+    return int((np.hypot(xyz[:, 0] - 2.0, xyz[:, 1]) < 0.5).sum())
 
 
 def test_silence_is_silence(node: NodeProcess, peer: Peer, lidar: Lidar) -> None:
@@ -186,7 +230,7 @@ def test_without_odometry_nothing_is_published(node: NodeProcess, peer: Peer, li
     node.wait_output("/odom is")
     broken = odometry()
     broken.pose.pose.position.x = math.nan
-    peer.publish(topics.ODOM, broken)
+    peer.repeat(topics.ODOM, lambda: broken, 50.0)
     silent_from_now(heard, peer, node, "/odom is")
 
 

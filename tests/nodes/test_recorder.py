@@ -9,9 +9,11 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from sensor_msgs.msg import Image, PointCloud2
@@ -22,7 +24,7 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import System
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess, node_command
-from tests.support.waiting import wait_for
+from tests.support.waiting import DEADLINE_S, wait_for
 
 
 class Studio:
@@ -53,10 +55,18 @@ class Studio:
 
     def value(self, key: str) -> str:
         """What the recorder's newest diagnostics say."""
-        for message in reversed(self.diagnostics.messages):
-            if message.status[0].name == "recorder":
-                return next((item.value for item in message.status[0].values if item.key == key), "")
+        for message in self.told()[-1:]:
+            return next((item.value for item in message.status[0].values if item.key == key), "")
         return ""
+
+    def wait_taken(self) -> None:
+        """Returns when the recorder has taken what had reached it: it does so between two of its diagnostics."""
+        told = len(self.told())
+        wait_for(lambda: len(self.told()) >= told + 2, "the recorder's diagnostics twice")
+
+    def told(self) -> list[DiagnosticArray]:
+        """The recorder's diagnostics so far."""
+        return [message for message in self.diagnostics.messages if message.status[0].name == "recorder"]
 
     def close(self) -> None:
         if self.node is not None:
@@ -76,14 +86,21 @@ def status(number: int) -> MissionStatus:
 
 
 def talk(studio: Studio, count: int, first: int = 0) -> None:
-    """Latched custom messages and odometry, one behind the other, as fast as the queues take them."""
+    """Latched custom messages, each when the one before has arrived, and odometry, which may get lost."""
     studio.peer.wait_matched(topics.MISSION_STATUS)
     studio.peer.wait_matched(topics.ODOM)
+    talk_on(studio, count, first)
+
+
+def talk_on(studio: Studio, count: int, first: int) -> None:
+    """Whether somebody listens or not."""
+    missions, odometries = studio.peer.publisher(topics.MISSION_STATUS), studio.peer.publisher(topics.ODOM)
     for number in range(first, first + count):
-        studio.peer.publish(topics.MISSION_STATUS, status(number))
+        missions.publish(status(number))
+        assert missions.wait_for_all_acked(Duration(seconds=DEADLINE_S))
         odometry = Odometry()
         odometry.pose.pose.position.x = float(number)
-        studio.peer.publish(topics.ODOM, odometry)
+        odometries.publish(odometry)
         time.sleep(0.01)  # the pace of a talker
 
 
@@ -105,12 +122,14 @@ def test_what_was_sent_is_what_is_read(studio):
     studio.wait_ready()
     before_ns = time.time_ns()
     talk(studio, 50)
-    wait_for(lambda: int(studio.value("messages") or 0) >= 100, "100 messages recorded")
+    studio.wait_taken()
     node.signal(signal.SIGINT)
     assert node.wait() == 0
     names, positions = recorded(studio.output / "ride")
     assert names == [f"w{number}" for number in range(50)]
-    assert positions == [float(number) for number in range(50)]
+    assert positions == sorted(set(positions))
+    assert len(positions) > 25
+    assert set(positions) <= {float(number) for number in range(50)}
 
     with open(studio.output / "ride" / "ride_0.mcap", "rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
@@ -149,15 +168,16 @@ def test_point_clouds_arrive_whole(studio):
     studio.wait_ready()
     studio.peer.wait_matched(topics.LIDAR_POINTS)
     cloud = PointCloud2(height=1, width=150_000, point_step=16, row_step=2_400_000, data=bytes(range(240)) * 10_000)
-    for sent in range(1, 6):
-        studio.peer.publish(topics.LIDAR_POINTS, cloud)
-        wait_for(lambda sent=sent: _chunks_of(studio) >= sent, f"cloud {sent} on the disk")
+    # One that a busy machine has lost does not come again: the topic is best effort.
+    studio.peer.repeat(topics.LIDAR_POINTS, lambda: cloud, 2.0)
+    wait_for(lambda: _chunks_of(studio) >= 5, "five clouds on the disk")
+    studio.peer.silence(topics.LIDAR_POINTS)
     node.signal(signal.SIGINT)
     assert node.wait() == 0
     with AnyReader([studio.output / "ride"]) as reader:
         clouds = [reader.deserialize(data, connection.msgtype) for connection, _, data in reader.messages()]
-    assert len(clouds) == 5
-    assert bytes(clouds[4].data) == bytes(cloud.data)
+    assert len(clouds) >= 5
+    assert all(bytes(item.data) == bytes(cloud.data) for item in clouds)
 
 
 def test_sweeps_are_thinned(studio):
@@ -264,7 +284,8 @@ def test_a_killed_recorder_is_completed_by_the_next(studio):
     studio.wait_ready()
     studio.node.wait_output("ride_0.mcap: completed with")
     names, _ = recorded(studio.output / "ride")
-    assert names == [f"w{number}" for number in range(len(names))]
+    numbers = [int(name[1:]) for name in names]
+    assert numbers == list(range(len(numbers)))
     assert len(names) > 50, "1.5 s were sent, half a second may be lost"
 
 
@@ -273,10 +294,10 @@ def test_a_disk_without_room_is_told_and_the_node_lives_on(studio):
     studio.wait_ready()
     path = studio.output / "ride" / "ride_0.mcap"
     talk(studio, 20)
-    wait_for(lambda: int(studio.value("messages") or 0) >= 40, "messages recorded")
+    studio.wait_taken()
     # The operating system lets no file of the recorder grow beyond this any more.
     resource.prlimit(node.pid, resource.RLIMIT_FSIZE, (path.stat().st_size + 1000, resource.RLIM_INFINITY))
-    talk(studio, 50, 20)
+    talk_on(studio, 50, 20)  # the recorder may have given up already
     wait_for(
         lambda: any("recording has stopped" in beat.waiting_for for beat in studio.heartbeat.messages),
         "the end of the recording in the heartbeat",

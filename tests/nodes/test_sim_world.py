@@ -147,7 +147,7 @@ def test_pace_is_shown_in_diagnostics(world: NodeProcess, peer: Peer) -> None:
 
 
 def test_other_speeds_run_on_the_clock(start: Callable[..., NodeProcess], peer: Peer) -> None:
-    start("sim_world", *option(world="flat"), *option(speed=3.0))
+    start("sim_world", *option(world="flat"), *option(speed=3.0), *option(use_sim_time=True))
     clock, truth = peer.listen(topics.CLOCK), peer.listen(topics.SIM_GROUND_TRUTH)
     wait_for(lambda: len(clock.items) > 500, "five seconds of simulated time")
     times = [time_to_s(message.clock) for message in clock.messages]

@@ -19,7 +19,7 @@ from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import services, topics
 from robot_stack.contract.model import Service, Topic
 from robot_stack.ros.interfaces import interface_class
-from robot_stack.wmx.api import OperationState
+from robot_stack.wmx.api import AxisSelection, OperationState
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE, HELD_UP_STALE_S, STALE_VARIABLE
 from tests.support.engine import TestEngine
@@ -161,8 +161,10 @@ def test_every_interface_from_the_start_and_state_once_there_is_one(bench: Bench
     text = "Failed to start communication. Error=1285 (communication did not start in the given time)"
     assert (late.result().success, late.result().message) == (False, text)
     bench.engine.set(connected=True)
-    assert bench.states.items == []  # neither a device nor a bus so far: zeros would look valid
+    assert bench.states.items, "said from the first tick on"
+    assert not any(any(state.servo_on) for state in bench.states.messages)
     assert bench.call(services.ENGINE_SET_COMM, SetBool.Request(data=True)) == (True, "Communication is started")
+    bench.states.items.clear()
     wait_for(lambda: len(bench.states.items) > 150, "state")
     arrivals = [at for at, _ in bench.states.items]
     gaps = [after - before for before, after in pairwise(arrivals)]
@@ -405,7 +407,7 @@ def _pair() -> dict[str, Any]:
 
 
 def test_alarm_lost_bus_killed_engine_and_emergency_stop_in_motion(bench: Bench) -> None:
-    bench.up("-p", "axis_count:=4")
+    bench.up("-p", "axis_count:=4", "-p", "rated_torque_nm:=[1.0, 1.0, 1.0, 1.0]")
     bench.turn([0, 1], 2.0)
     bench.engine.set(alarms={"0": 42})
     state = bench.states.wait(lambda state: state.amp_alarm[0] == 1 and state.servo_on[0] == 0, "alarm in the state")
@@ -423,10 +425,10 @@ def test_alarm_lost_bus_killed_engine_and_emergency_stop_in_motion(bench: Bench)
     bench.velocity([1], 1.0)
     bench.wait_refused("/wmx/axis/velocity refused: the engine does not communicate with the drives: it is Running")
     assert bench.call(services.ENGINE_GET_STATUS) == (True, "Running")
-    count = len(bench.states.items)
+    bench.states.items.clear()
+    bench.states.wait(lambda state: not any(state.servo_on) and not any(state.velocity_cmd), "no servo without a bus")
     bench.engine.set(connected=True)
     assert bench.set_axis(services.AXIS_SET_ON, [1], [1])[0] is False
-    assert len(bench.states.items) == count  # what is not known is not published
     assert bench.call(services.ENGINE_SET_COMM, SetBool.Request(data=True)) == (True, "Communication is started")
     assert bench.set_axis(services.AXIS_SET_ON, [0, 1], [1, 1])[0]
     bench.turn([0, 1], 2.0)
@@ -436,7 +438,7 @@ def test_alarm_lost_bus_killed_engine_and_emergency_stop_in_motion(bench: Bench)
     assert bench.call(services.ENGINE_GET_STATUS) == (True, "Unknown")
     count = len(bench.states.items)
     assert bench.set_axis(services.AXIS_STOP, [0]) == (False, f"Failed to stop axis 0. {NULL}; ")
-    assert len(bench.states.items) == count
+    assert len(bench.states.items) == count  # nothing stale
     bench.engine.close()
     bench.engine.run().up()  # another one
     bench.states.wait(lambda state: list(state.servo_on) == [1] * 4, "the state of the new engine")
@@ -465,8 +467,8 @@ def test_alarm_lost_bus_killed_engine_and_emergency_stop_in_motion(bench: Bench)
     bench.turn([0], 1.0)
 
 
-def test_nothing_goes_on_moving_without_its_node(bench: Bench, start: Start) -> None:
-    bench.up("-p", "velocity_timeout_s:=0.5", "-p", "watchdog_s:=600.0")
+def test_velocity_with_a_time_out_ends_without_its_node_and_a_position_is_reached(bench: Bench, start: Start) -> None:
+    bench.up("-p", "velocity_timeout_s:=0.5")
     bench.peer.repeat(topics.WMX_AXIS_VELOCITY, lambda: spin(), 20.0)
     assert bench.set_axis(services.AXIS_SET_MODE, [3], [1])[0]
     bench.wait_status(lambda now: now.velocity_cmd[3] == 5.0, "the velocity")
@@ -485,11 +487,15 @@ def test_nothing_goes_on_moving_without_its_node(bench: Bench, start: Start) -> 
     bench.peer.publish(topics.WMX_AXIS_POSITION, pose(**far))
     bench.wait_status(lambda now: min(now.velocity_cmd[:2]) > 4.0, "motion")
     bench.node.signal(signal.SIGKILL)
-    bench.wait_status(at_rest(0, 1), "standstill")
     assert bench.node.wait() == -signal.SIGKILL
+    since = bench.status().engine_time_s
+    bench.wait_status(lambda now: now.engine_time_s > since + 0.5, "some time")
+    assert min(bench.status().velocity_cmd[:2]) > 4.0, "the engine goes on to the position: nobody has stopped it"
+    assert bench.engine.device.core_motion.motion.Stop_AxisSel(AxisSelection.of(0, 1)) == 0
+    bench.wait_status(at_rest(0, 1), "standstill")
 
     bench.states.items.clear()
-    bench.start_node("-p", "axis_count:=4", "-p", "rated_torque_nm:=[1.0, 0.0, 2.0, 3.0]")
+    bench.start_node("-p", "axis_count:=4", "-p", "rated_torque_nm:=[1.0, 4.0, 2.0, 3.0]")
     bench.states.wait(lambda state: len(state.servo_on) == N_AXES, "state of all axes")
     assert {len(getattr(bench.states.last, name)) for name in AxisState.get_fields_and_field_types()} == {N_AXES}
     bench.turn([0, 1], 2.0)
@@ -500,6 +506,6 @@ def test_nothing_goes_on_moving_without_its_node(bench: Bench, start: Start) -> 
     assert now.communicating  # the bus stays for the others
     assert now.servo_on.all()
 
-    refused = start(NAME, "-p", "axis_count:=5")
+    refused = start(NAME, "-p", "axis_count:=5", "-p", "rated_torque_nm:=[1.0, 1.0, 1.0, 1.0, 1.0]")
     assert refused.wait() == 2, refused.output()
     assert "axis_count is 5, the engine has 4 axes" in refused.output()

@@ -21,6 +21,7 @@ from robot_stack.contract import actions, services, topics
 from robot_stack.contract.model import Service
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import ask
+from tests.support.compiled import assert_set_up_compiled_everything, tell_what_is_compiled
 from tests.support.processes import ROOT
 from tests.support.waiting import wait_for
 from wmx_ros2_message.msg import AxisPose
@@ -36,14 +37,16 @@ AXIS_AMP_ALARM = 1568
 
 
 @pytest.fixture
-def up(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., dict[str, Any]]]:
+def up(ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., dict[str, Any]]]:
     """Starts a profile and returns the supervisor's status, in which every process is ready."""
+    tell_what_is_compiled(monkeypatch)
 
     def start(profile: str, *settings: str) -> dict[str, Any]:
         return client.start(client.Launch(profile, settings=settings, log_dir=tmp_path / "logs"), 90.0)
 
     yield start
     client.stop()
+    assert_set_up_compiled_everything(tmp_path / "logs")
 
 
 def inject(peer: Peer, row: Service, kind: str, target: str = "", duration_s: float = 0.0) -> None:
@@ -158,6 +161,12 @@ def test_a_bus_that_drops_in_motion_ends_the_trajectory_and_the_arm_stands(up: C
     assert moved.stdout.splitlines()[-1].startswith("there; never more than ")
     assert arm.true_positions[:6] == pytest.approx([1.0, 0.2, 0.3, 0.0, -0.5, 0.0], abs=0.002)
     assert operate("arm", "grip", "close").stdout == "Gripper closed successfully\n"
+
+
+def test_the_differential_base_comes_up(up: Callable[..., Any]) -> None:
+    status = up("diff_drive")
+    assert status["ready"]
+    assert not status["missing"]
 
 
 def test_the_general_node_moves_the_axes_of_a_bench(up: Callable[..., Any], peer: Peer) -> None:

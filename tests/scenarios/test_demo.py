@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import shutil
 import signal
 import subprocess
 import sys
@@ -13,9 +12,12 @@ from pathlib import Path
 
 import psutil
 import pytest
+from PIL import Image
 
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import NotRunning, ask
+from tests.support.compiled import assert_set_up_compiled_everything, tell_what_is_compiled
+from tests.support.environment import own_config
 from tests.support.processes import ROOT, NodeProcess
 from tests.support.waiting import wait_for
 
@@ -30,7 +32,7 @@ def demo(start: Callable[..., NodeProcess], tmp_path: Path) -> Iterator[Demo]:
     """
 
     def run(*arguments: str) -> NodeProcess:
-        command = [sys.executable, "-m", "sim.demo", "--output", str(tmp_path / "results"), *arguments]
+        command = [sys.executable, "-m", "sim.demo", "--speed", "2", "--output", str(tmp_path / "results"), *arguments]
         return start("demo", command=command)
 
     yield run
@@ -51,7 +53,8 @@ def assert_gone(pids: list[int]) -> None:
     wait_for(lambda: not any(psutil.pid_exists(pid) for pid in pids), "every process of the stack to be gone", 15.0)
 
 
-def test_ride_ends_at_its_goal(demo: Demo, tmp_path: Path) -> None:
+def test_ride_ends_at_its_goal(demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tell_what_is_compiled(monkeypatch)
     process = demo("--mission", "short_hop")
     code = process.wait(240.0)
     output = process.output()
@@ -66,6 +69,42 @@ def test_ride_ends_at_its_goal(demo: Demo, tmp_path: Path) -> None:
     assert 4.5 < result["figures"]["distance_m"] < 5.5
     assert result["figures"]["final_error_m"] < 0.10
     assert (folder / "course.png").stat().st_size > 1000
+    page = (folder / "result.html").read_text(encoding="utf-8")
+    assert f"all of it on one page: {(folder / 'result.html').as_uri()}" in output
+    assert 'src="film.gif"' in page
+    assert all(f"<td>{name}</td>" in page for name in ("by", "stop", "end"))
+    assert "about to set out" in result["stops"][0]["why"]  # people are warned for 2 s
+    assert_recorded_and_filmed(folder, output)
+    assert stack_processes() == []
+    assert_set_up_compiled_everything(folder / "logs")
+
+
+def assert_recorded_and_filmed(folder: Path, output: str) -> None:
+    for name in ("recording", "film.gif"):
+        assert f"  {folder / name}" in output
+    assert (folder / "recording" / "metadata.yaml").is_file()  # completed
+    with Image.open(folder / "film.gif") as film:
+        assert film.n_frames > 100
+    assert (folder / "film.gif").stat().st_size < 3e6
+
+
+@pytest.mark.slow
+def test_short_demo_carries_the_wheelchair(demo: Demo, tmp_path: Path) -> None:
+    process = demo("--short")
+    code = process.wait(280.0)
+    output = process.output()
+    assert code == 0, output
+    assert "START_MISSION short_transport: Short wheelchair transport, 6 waypoints" in output
+    assert "with passenger" in output
+    folder = (tmp_path / "results" / "demo-latest").resolve()
+    result = json.loads((folder / "figures.json").read_text())
+    assert result["state"] == "COMPLETED"
+    # Of the world's time, whatever the machine is busy with; 15 s more are start, film and end.
+    assert result["figures"]["time_s"] < 75.0
+    assert result["wheelchair"]["carried_m"] > 5.0
+    assert result["wheelchair"]["beside_m"] < 0.10
+    assert_recorded_and_filmed(folder, output)
+    assert len(output.splitlines()) < 60
     assert stack_processes() == []
 
 
@@ -101,14 +140,12 @@ def test_sigterm_ends_it_even_where_sigint_is_ignored(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (130, "\ndemo: interrupted; the stack is stopped\n")
 
 
-def test_mission_that_cannot_be_driven_is_refused(demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    config = shutil.copytree(ROOT / "config", tmp_path / "config")
-    mission = (config / "missions" / "wheelchair_transport.yaml").read_text()
+def test_mission_that_cannot_be_driven_is_refused(demo: Demo, tmp_path: Path) -> None:
+    mission = (ROOT / "config" / "missions" / "wheelchair_transport.yaml").read_text(encoding="utf-8")
     wrong = mission.replace("id: wheelchair_transport", "id: no_such_dock").replace("chair_1", "chair_9")
-    (config / "missions" / "no_such_dock.yaml").write_text(wrong)
-    monkeypatch.setenv("ROBOT_STACK_CONFIG", str(config))
-    process = demo("--mission", "no_such_dock")
-    assert process.wait(90.0) == 1
+    with own_config(tmp_path, no_such_dock=wrong):
+        process = demo("--mission", "no_such_dock")
+        assert process.wait(90.0) == 1
     assert "demo: the mission was refused: " in process.output()
     assert stack_processes() == []
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from robot_stack.core.geometry import Pose2
+from tests.support.compiled import assert_set_up_compiled_everything, tell_what_is_compiled
 from tests.support.environment import stack_environment
 from tests.support.waiting import wait_for
 
@@ -24,13 +25,15 @@ pytestmark = pytest.mark.timeout(400)
 @pytest.fixture(scope="module")
 def module_docking(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DockingStackUnderTest]:
     folder = tmp_path_factory.mktemp("docking")
-    with stack_environment(folder):
+    with stack_environment(folder), pytest.MonkeyPatch.context() as monkeypatch:
+        tell_what_is_compiled(monkeypatch)
         from tests.support.docking_stack import DockingStackUnderTest
 
         start = Pose2(0.2, 0.3, math.radians(10.0))
         stack = DockingStackUnderTest(folder / "logs", start, "docking_controller.tries=2")
         yield stack
         stack.close()
+        assert_set_up_compiled_everything(stack.logs)
 
 
 @pytest.fixture
@@ -87,9 +90,7 @@ def test_a_marker_covered_and_a_chair_moved_end_in_a_docking(docking: DockingSta
 
 def test_a_controller_that_dies_with_a_wheelchair_comes_back_holding_it(docking: DockingStackUnderTest) -> None:
     docking.be_docked()
-    pid = docking.kill("docking_controller")
-    docking.wait_restarted("docking_controller", pid)
-    docking.forget_dead("docking_controller")
+    docking.replace_controller()
     docking.reach("DOCKED", 30.0)
     wait_for(lambda: docking.passenger.last.data is True, "a passenger aboard")
     before = docking.at()

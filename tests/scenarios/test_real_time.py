@@ -17,6 +17,7 @@ from robot_stack.ros import transport
 from robot_stack.supervisor.control import ask
 from tests.support.environment import stack_environment
 from tests.support.processes import ROOT
+from tests.support.rights import needs_rights
 
 if TYPE_CHECKING:
     from tests.support.stack import StackUnderTest
@@ -30,14 +31,23 @@ def module_stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StackUnde
     with stack_environment(folder):
         from tests.support.stack import FLAT, StackUnderTest
 
-        stack = StackUnderTest(folder / "logs", *FLAT, speed=1.0)
+        stack = StackUnderTest(folder / "logs", *FLAT, system_time=True)
         yield stack
         stack.close()
 
 
-def test_a_pause_of_the_machine_ends_in_a_stop_that_an_operator_can_release(stack: StackUnderTest) -> None:
+@pytest.fixture
+def stack(module_stack: StackUnderTest) -> StackUnderTest:
+    module_stack.make_ready()
+    return module_stack
+
+
+@pytest.mark.parametrize("seconds", [0.8, 2.0])
+def test_a_pause_of_the_machine_ends_in_a_stop_that_an_operator_can_release(
+    stack: StackUnderTest, seconds: float
+) -> None:
     stack.drive_at(0.4)
-    pause(stack, 0.8)
+    pause(stack, seconds)
     stack.wait_safety("EMERGENCY_STOP")
     stack.wait_stands(5.0)
     stack.let_go()
@@ -45,6 +55,7 @@ def test_a_pause_of_the_machine_ends_in_a_stop_that_an_operator_can_release(stac
     stack.wait_safety("NORMAL")
 
 
+@needs_rights
 def test_programs_that_come_up_beside_the_robot_do_not_stop_it(stack: StackUnderTest) -> None:
     """Each has shared memory, as Fast DDS does by default: whoever has some too is held up by it.
 
@@ -67,7 +78,7 @@ def test_programs_that_come_up_beside_the_robot_do_not_stop_it(stack: StackUnder
 def short_lived_node(name: str) -> Iterator[None]:
     """A plain rclpy program with the DDS settings of an installed ROS 2; ready when it has heard the robot."""
     environment = {**os.environ, "NAME": name}
-    del environment[transport.PROFILE]
+    del environment[transport.PROFILE], environment[transport.REACH]
     program = [sys.executable, "-c", _VISITOR]
     with subprocess.Popen(program, env=environment, cwd=ROOT, stdout=subprocess.PIPE, text=True) as visitor:
         try:
@@ -111,7 +122,7 @@ def test_the_controller_is_killed_and_the_robot_stands_before_it_is_back(stack: 
     stack.wait_stands(6.0)
     stack.let_go()
     stack.wait_restarted("swerve_controller", pid)
-    if stack.safety.last.emergency_stop_active:
+    if stack.safety.last.safety_state == "EMERGENCY_STOP":
         stack.release()
     stack.wait_safety("NORMAL", deadline_s=60.0)
     stack.drive_at(0.3)

@@ -14,7 +14,7 @@ from tests.support.processes import ROOT
 pytestmark = pytest.mark.timeout(240)
 
 SCENARIO = """
-description: Half a metre per second by hand, an emergency stop, the release, and on.
+description: Half a metre per second by hand, an emergency stop, the release, the stick let go, and on.
 kind: stack
 world: flat
 seed: 3
@@ -23,6 +23,8 @@ settings: [lidar_driver.columns=400, perception_pipeline.watch.points_min=2500]
 limit_s: 14
 twists:
   - {at_s: 0.5, vx_mps: 0.5}
+  - {at_s: 8.0, vx_mps: 0.0}
+  - {at_s: 8.5, vx_mps: 0.5}
 events:
   - {at_s: 4.0, estop: true}
   - {at_s: 6.0, estop: false}
@@ -40,7 +42,7 @@ expect:
 def test_a_stack_scenario_runs_and_leaves_its_folder(ros_domain: int, tmp_path: Path) -> None:
     file = tmp_path / "hand_drive.yaml"
     file.write_text(SCENARIO)
-    command = [sys.executable, "-m", "sim.runner", str(file), "--output", str(tmp_path / "results")]
+    command = [sys.executable, "-m", "sim.run.runner", str(file), "--output", str(tmp_path / "results")]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=200)
     assert done.returncode == 0, done.stdout + done.stderr
     folder = tmp_path / "results" / "hand_drive-latest"

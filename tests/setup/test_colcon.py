@@ -59,7 +59,7 @@ def test_colcon_finds_the_packages_in_the_repository() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(1800)
 def test_messages_of_the_install_space_serialize(workspace: Path) -> None:
     program = """
 from rclpy.serialization import deserialize_message, serialize_message
@@ -75,7 +75,7 @@ print(deserialize_message(serialize_message(sent), custom_msgs.msg.VelocityLimit
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(1800)
 def test_stack_of_the_install_space_imports_with_its_configuration(workspace: Path) -> None:
     program = """
 import robot_stack, sim
@@ -88,7 +88,7 @@ print(robot_stack.__file__, sim.__file__, config_dir())
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(1800)
 def test_every_built_node_is_an_executable_of_the_package(workspace: Path) -> None:
     launchers = list((workspace / "install/robot_stack/lib/robot_stack").iterdir())
 

@@ -13,13 +13,26 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 LINT = Path(sys.executable).with_name("lint-imports")
 FORBIDDEN = {
-    "a subsystem imports another": ("safety/intruder.py", "import robot_stack.mission.model", "Subsystems meet"),
+    "a subsystem imports another": ("safety/intruder.py", "import robot_stack.mission.kernel", "Subsystems meet"),
     "core imports the engine": ("core/intruder.py", "import robot_stack.wmx", "Subsystems meet"),
     "the stack imports the simulation": ("core/intruder.py", "import sim", "never imports the simulation"),
     "a kernel imports rclpy": ("safety/intruder.py", "from rclpy.node import Node", "Only nodes and robot_stack.ros"),
     "a kernel imports messages": ("safety/intruder.py", "import std_msgs.msg", "Only nodes and robot_stack.ros"),
     "a kernel imports the node base": ("safety/intruder.py", "import robot_stack.ros.node", "Only nodes, the command"),
     "a kernel reads the clock": ("safety/intruder.py", "import time", "Kernels read no clock"),
+    "a driver imports the simulation": ("drivers/intruder.py", "import sim.lidar", "never imports the simulation"),
+    "a driver's node imports the simulation": (
+        "drivers/nodes/intruder.py",
+        "import sim",
+        "never imports the simulation",
+    ),
+    "a subsystem imports a driver": (
+        "perception/intruder.py",
+        "import robot_stack.drivers.counters",
+        "Subsystems meet",
+    ),
+    "a driver's kernel opens a port": ("drivers/intruder.py", "import serial", "Kernels read no clock"),
+    "a driver's kernel opens a bus": ("drivers/intruder.py", "import can", "Kernels read no clock"),
     "a kernel logs": ("drive/intruder.py", "import logging", "Kernels read no clock"),
 }
 

@@ -20,17 +20,45 @@ from custom_msgs.msg import DockingStatus
 from robot_stack.contract import actions, topics
 from robot_stack.ros.interfaces import interface_class, qos_profile
 
+_CLOSE_S = 30.0  # what is still at work when its servers go ends in an error of rclpy
+
+
+class _Wire:
+    """Between an action server and DDS: what is lost there, as messages are while a new process is being discovered."""
+
+    def __init__(self, handle: Any, docking: FakeDocking) -> None:
+        self._handle = handle
+        self._docking = docking
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._handle, name)
+
+    def __enter__(self) -> Any:
+        return self._handle.__enter__()
+
+    def __exit__(self, *error: Any) -> None:
+        self._handle.__exit__(*error)
+
+    def take_goal_request(self, request_type: Any) -> Any:
+        taken = self._handle.take_goal_request(request_type)
+        return (None, None) if self._docking.loses_goals else taken
+
+    def send_goal_response(self, header: Any, response: Any) -> None:
+        if not self._docking.loses_answers:
+            self._handle.send_goal_response(header, response)
+
 
 class FakeDocking:
     """What it does with the next goals is in its attributes; ``goals`` notes what it was asked for.
 
+    loses_goals, loses_answers: the one or the other never arrives.
     rejects: goals are refused. hangs: a goal goes on until it is cancelled. cancel_s: how long a cancelled goal takes
     to end. error: (code, reason) of a failure, None for success. attaches: /passenger_attached follows a success.
     steps: states of the feedback before the end, each for step_s.
     """
 
     def __init__(self, context: Context | None = None) -> None:
-        self.rejects = self.hangs = False
+        self.rejects = self.hangs = self.loses_goals = self.loses_answers = False
         self.cancel_s = 0.0
         self.error: tuple[int, str] | None = None
         self.attaches = True
@@ -59,6 +87,8 @@ class FakeDocking:
             )
             for row, execute in ((actions.DOCK, self._dock), (actions.UNDOCK, self._undock))
         ]
+        for server in self._servers:
+            server._handle = _Wire(server._handle, self)
         self._executor = MultiThreadedExecutor(4, context=self.context)
         self._executor.add_node(self.node)
         self._closing = False
@@ -129,8 +159,8 @@ class FakeDocking:
 
     def close(self) -> None:
         self._closing = True
-        self._executor.shutdown(5.0)
-        self._thread.join(5.0)
+        self._executor.shutdown(_CLOSE_S)
+        self._thread.join(_CLOSE_S)
         for server in self._servers:
             server.destroy()
         self.node.destroy_node()

@@ -12,11 +12,10 @@ from custom_msgs.action import Dock, Undock
 from custom_msgs.srv import InjectFault
 from robot_stack.contract import actions, services, topics
 from robot_stack.core.docks import load_docks
-from robot_stack.core.geometry import Pose2, yaw_from_quaternion
-from robot_stack.ros.conversions import pose_from_msg
+from robot_stack.core.geometry import Pose2
 from sim.settings import pose_settings
 from tests.support.peer import Peer
-from tests.support.stack import FLAT, StackUnderTest
+from tests.support.stack import FLAT, StackUnderTest, true_pose
 from tests.support.waiting import wait_for
 
 DOCK = "chair_1"
@@ -90,14 +89,23 @@ class DockingStackUnderTest(StackUnderTest):
     def reach(self, state: str, deadline_s: float = DOCKING_S) -> None:
         self.status.wait(lambda message: message.state == state, f"docking state {state}", deadline_s)
 
-    def forget_dead(self, node: str) -> None:
-        """Waits until DDS has noticed that a killed process is gone: what is sent to it before is lost."""
+    def replace_controller(self) -> None:
+        """Kills the docking controller, and waits until DDS has noticed that it is gone and that another is there:
+        what is sent to a dead one is lost.
+        """
+        dead = self._controllers()
+        pid = self.kill("docking_controller")
+        self.wait_restarted("docking_controller", pid)
 
-        def alone() -> bool:
-            infos = self.peer.node.get_publishers_info_by_topic(topics.DOCKING_STATUS.name)
-            return [info.node_name for info in infos] == [node] and self._dock.server_is_ready()
+        def replaced() -> bool:
+            alive = self._controllers()
+            return bool(alive) and not alive & dead and self._undock.server_is_ready()
 
-        wait_for(alone, f"the killed {node} to be forgotten", 40.0)
+        wait_for(replaced, "the killed docking controller to be forgotten", 40.0)
+
+    def _controllers(self) -> set[bytes]:
+        infos = self.peer.node.get_publishers_info_by_topic(topics.DOCKING_STATUS.name)
+        return {bytes(info.endpoint_gid) for info in infos}
 
     def inject_camera(self, kind: str, target: str = "", value: float = 0.0, duration_s: float = 0.0) -> None:
         request = InjectFault.Request(kind=kind, target=target, value=value, duration_s=duration_s)
@@ -110,15 +118,10 @@ class DockingStackUnderTest(StackUnderTest):
 
     def error(self) -> tuple[float, float]:
         """(m, rad) of base_link beside the dock pose of the true wheelchair."""
-        frames = {item.child_frame_id: item.transform for item in self.bodies.last.transforms}
-        chair, robot = (_planar(frames[name]) for name in ("wheelchair", "base_link"))
-        off = robot.relative_to(chair.compose(self.dock.dock_pose.pose()))
+        robot, docked = true_pose(self.bodies.last, "base_link"), self.wheelchair().compose(self.dock.dock_pose.pose())
+        off = robot.relative_to(docked)
         return math.hypot(off.x, off.y), abs(off.yaw)
 
-    def at(self) -> Pose2:
-        return pose_from_msg(self.truth.last.pose.pose)
-
-
-def _planar(transform: Any) -> Pose2:
-    q, p = transform.rotation, transform.translation
-    return Pose2(p.x, p.y, yaw_from_quaternion(q.x, q.y, q.z, q.w))
+    def wheelchair(self) -> Pose2:
+        """Where it truly is."""
+        return true_pose(self.bodies.last, "wheelchair")

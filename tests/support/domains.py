@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
-import os
 import random
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 # Domain ids up to 101 keep their UDP ports below Linux's ephemeral range.
 _DOMAINS = range(20, 102)
@@ -17,10 +18,12 @@ _DOMAINS = range(20, 102)
 @contextmanager
 def held_domain() -> Iterator[int]:
     """A domain id that no other test of this machine holds."""
-    folder = Path(tempfile.gettempdir()) / f"robot_stack_test_domains-{os.getuid()}"
-    folder.mkdir(exist_ok=True)
-    for domain in random.sample(_DOMAINS, len(_DOMAINS)):
-        with open(folder / str(domain), "w", encoding="ascii") as file:
+    folder = Path(tempfile.gettempdir()) / "robot_stack_test_domains"
+    with contextlib.suppress(FileExistsError):
+        folder.mkdir()
+        folder.chmod(0o1777)  # domains belong to the machine, whoever runs tests on it
+    for domain in random.SystemRandom().sample(_DOMAINS, len(_DOMAINS)):
+        with _opened(folder / str(domain)) as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
@@ -28,3 +31,10 @@ def held_domain() -> Iterator[int]:
             yield domain
             return
     raise RuntimeError("every test domain is in use")
+
+
+def _opened(path: Path) -> IO[bytes]:
+    """A file to lock: one that another user has made can be locked if it is opened to read only."""
+    with contextlib.suppress(FileExistsError):
+        path.touch(0o644, exist_ok=False)
+    return path.open("rb")

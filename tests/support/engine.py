@@ -25,7 +25,7 @@ class TestEngine:
     def __init__(self, start: Callable[..., NodeProcess], folder: Path) -> None:
         self._start = start
         self._control = folder / "engine_control.json"
-        self._wish: dict[str, Any] = {"input0": BUTTON_RELEASED, "alarms": {}, "connected": True}
+        self._requested: dict[str, Any] = {"input0": BUTTON_RELEASED, "alarms": {}, "connected": True}
         self._device: MotionEngine | None = None
         self.process: NodeProcess | None = None
 
@@ -48,11 +48,11 @@ class TestEngine:
             assert self.device.core_motion.axisControl.SetServoOn(axis, on) == 0
         wait_for(lambda: all(self.device.read_status()[1].servo_on) == bool(on), f"servos {on}")
 
-    def set(self, **wish: Any) -> None:
+    def set(self, **requested: Any) -> None:
         """Changes the inputs and faults: ``input0``, ``alarms``, ``connected``."""
-        self._wish |= wish
+        self._requested |= requested
         beside = self._control.with_suffix(".new")
-        beside.write_text(json.dumps(self._wish))
+        beside.write_text(json.dumps(self._requested))
         os.replace(beside, self._control)
 
     def recover(self) -> None:

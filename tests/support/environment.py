@@ -10,6 +10,18 @@ from pathlib import Path
 import pytest
 
 from tests.support.domains import held_domain
+from tests.support.processes import ROOT
+
+
+@contextmanager
+def own_config(folder: Path, **missions: str) -> Iterator[Path]:
+    """A copy of the configuration in ``folder``, in force while the context lasts. missions: texts of more of them."""
+    config = shutil.copytree(ROOT / "config", folder / "config")
+    for name, text in missions.items():
+        (config / "missions" / f"{name}.yaml").write_text(text, encoding="utf-8")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setenv("ROBOT_STACK_CONFIG", str(config))
+        yield config
 
 
 @contextmanager
@@ -22,6 +34,7 @@ def stack_environment(folder: Path) -> Iterator[None]:
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         monkeypatch.setenv("ROS_LOG_DIR", str(folder / "ros_log"))
         monkeypatch.setenv("XDG_STATE_HOME", str(folder / "state"))
+        monkeypatch.setenv("XDG_DATA_HOME", str(folder / "data"))
         monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(runtime))
         from robot_stack.ros import transport
 

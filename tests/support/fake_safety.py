@@ -22,6 +22,10 @@ class FakeSafety:
         peer.repeat(topics.SAFETY_STATUS, self._status, 10.0)
         service = interface_class(services.SAFETY_RESET.type)
         peer.node.create_service(service, services.SAFETY_RESET.name, self._on_reset)
+        self.cleared: list[str] = []
+        self.uncleared = ""
+        clear = interface_class(services.CLEAR_EMERGENCY_STOP.type)
+        peer.node.create_service(clear, services.CLEAR_EMERGENCY_STOP.name, self._on_clear)
 
     def _on_request(self, message: Any) -> None:
         self.requests.append(message.data)
@@ -30,7 +34,13 @@ class FakeSafety:
 
     def _status(self) -> SafetyStatus:
         state = "EMERGENCY_STOP" if self.active else "NORMAL"
-        return SafetyStatus(safety_state=state, emergency_stop_active=self.active)
+        return SafetyStatus(safety_state=state)
+
+    def _on_clear(self, request: Any, response: Any) -> Any:
+        self.cleared.append(request.source)
+        response.success = not self.uncleared
+        response.message = self.uncleared or f"cleared: {request.source}"
+        return response
 
     def _on_reset(self, _: Any, response: Any) -> Any:
         if self.refusals:

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 import threading
 import time
 from collections.abc import Callable
-from itertools import pairwise
 from typing import Any
 
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-from robot_stack.contract.model import Service, Topic
+from robot_stack.contract import topics
+from robot_stack.contract.model import Durability, Service, Topic
+from robot_stack.ros.emergency_stop import StopSource
 from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.interfaces import interface_class, qos_profile
 from tests.support.waiting import DEADLINE_S, wait_for
+
+_SPAN_PERIODS = 5
+_ASK_AGAIN_S = 10.0
 
 
 class Heard:
@@ -24,6 +29,7 @@ class Heard:
 
     def __init__(self) -> None:
         self.items: list[tuple[float, Any]] = []
+        self.subscription: Any = None
 
     def on_message(self, message: Any) -> None:
         self.items.append((time.monotonic(), message))
@@ -37,9 +43,18 @@ class Heard:
         return self.items[-1][1] if self.items else None
 
     def period_s(self, first: int = 0) -> float:
-        """The middle interval of reception from message ``first`` on: a machine that is held up delays some."""
+        """Between two receptions from message ``first`` on. A machine that is held up delays some messages, which a
+        span of several periods evens out, and swallows some, which only few of the spans contain.
+        """
         times = [at_s for at_s, _ in self.items[first:]]
-        return statistics.median(later - earlier for earlier, later in pairwise(times))
+        periods = min(_SPAN_PERIODS, len(times) - 1)
+        return (
+            statistics.median(later - earlier for earlier, later in zip(times, times[periods:], strict=False)) / periods
+        )
+
+    def wait_connected(self) -> None:
+        """Until a publisher is known: what one says once is lost on who does not know it yet."""
+        wait_for(self.subscription.get_publisher_count, f"a publisher of {self.subscription.topic_name}")
 
     def wait(self, condition: Callable[[Any], bool], what: str, deadline_s: float = DEADLINE_S) -> Any:
         """The newest message, once ``condition`` holds for it."""
@@ -57,6 +72,7 @@ class Peer:
         self._executor = LeanExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._publishers: dict[str, Any] = {}
+        self._sources: dict[str, StopSource] = {}
         self._repeating: dict[str, Any] = {}
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
         self._thread.start()
@@ -69,7 +85,9 @@ class Peer:
             if callback is not None:
                 callback(message)
 
-        self.node.create_subscription(interface_class(row.type), row.name, on_message, qos_profile(row.qos))
+        heard.subscription = self.node.create_subscription(
+            interface_class(row.type), row.name, on_message, qos_profile(row.qos)
+        )
         return heard
 
     def publisher(self, row: Topic) -> Any:
@@ -80,7 +98,28 @@ class Peer:
         return self._publishers[row.name]
 
     def publish(self, row: Topic, message: Any) -> None:
-        self.publisher(row).publish(message)
+        """Publishes once somebody is connected: what a topic does not keep is lost on who comes later.
+
+        Once is enough on reliable topics only: the other side may not know of the connection yet.
+        """
+        publisher = self.publisher(row)
+        if row.qos.durability is Durability.VOLATILE:
+            self.wait_matched(row)
+        publisher.publish(message)
+
+    def stop_source(self, name: str = "") -> StopSource:
+        """This peer as a source of the emergency stop, which reports itself."""
+        name = name or str(self.node.get_name())
+        if name not in self._sources:
+            stop, reports = self.publisher(topics.EMERGENCY_STOP), self.publisher(topics.EMERGENCY_STOP_SOURCES)
+            clock = self.node.get_clock()
+            self._sources[name] = StopSource(name, stop, reports, lambda: clock.now().to_msg())
+            self.node.create_timer(0.2, lambda: name in self._sources and self._sources[name].repeat())
+        return self._sources[name]
+
+    def end_source(self, name: str) -> None:
+        """The source falls silent, as if its process had died."""
+        del self._sources[name]
 
     def wait_matched(self, row: Topic, count: int = 1) -> None:
         """Waits until ``count`` subscribers of the topic are connected to this peer's publisher."""
@@ -107,14 +146,26 @@ class Peer:
         return task.result()
 
     def call(self, row: Service, request: Any = None, deadline_s: float = DEADLINE_S) -> Any:
-        """The response of a service. Raises AssertionError if there is none in time."""
+        """The response of a service. Raises AssertionError if there is none in time.
+
+        It is asked for again after a while, as a person would: what is sent to a server that was killed is lost, and
+        DDS names a dead server for 20 s.
+        """
         service = interface_class(row.type)
         client = self.node.create_client(service, row.name)
+        futures: list[Any] = []
+        ask_s = -math.inf
+
+        def answer() -> Any:
+            nonlocal ask_s
+            if time.monotonic() >= ask_s:
+                ask_s = time.monotonic() + _ASK_AGAIN_S
+                futures.append(client.call_async(request if request is not None else service.Request()))
+            return next((future for future in futures if future.done()), None)
+
         try:
             wait_for(client.service_is_ready, f"service {row.name}", deadline_s)
-            future = client.call_async(request if request is not None else service.Request())
-            wait_for(future.done, f"an answer of {row.name}", deadline_s)
-            return future.result()
+            return wait_for(answer, f"an answer of {row.name}", deadline_s).result()
         finally:
             self.node.destroy_client(client)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -15,12 +16,15 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 class NodeProcess:
-    """A started process with its output in a file."""
+    """A started process with its output in a file.
 
-    def __init__(self, command: list[str], log: Path) -> None:
+    preload: a library that the linker loads before all others; such a process cannot be forked from a running one.
+    """
+
+    def __init__(self, command: list[str], log: Path, preload: Path | None = None) -> None:
         self.log = log
         log.touch()
-        self.process = Forked(command, ROOT, log)
+        self.process = Forked(command, ROOT, log) if preload is None else _fresh(command, log, preload)
 
     @property
     def pid(self) -> int:
@@ -56,6 +60,12 @@ class NodeProcess:
             if self.running():
                 self.process.kill()
         self.process.wait()
+
+
+def _fresh(command: list[str], log: Path, preload: Path) -> subprocess.Popen[bytes]:
+    environment = {**os.environ, "LD_PRELOAD": str(preload)}
+    with log.open("ab") as output:
+        return subprocess.Popen(command, cwd=ROOT, env=environment, stdout=output, stderr=output)
 
 
 def node_command(name: str, *ros_args: str) -> list[str]:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from custom_msgs.srv import InjectFault
 from robot_stack.contract import frames, services, topics
-from robot_stack.core.geometry import Pose2, yaw_from_quaternion
+from robot_stack.core.geometry import Pose2
 from robot_stack.ros.conversions import pose_from_msg, pose_stamped
 from sim.settings import FEW_BEAMS, pose_settings, world_settings
-from tests.support.stack import StackUnderTest
+from tests.support.stack import StackUnderTest, true_pose
 from tests.support.waiting import wait_for
 
 
@@ -28,6 +28,7 @@ class SiteUnderTest(StackUnderTest):
         )
         self.pose = self.peer.listen(topics.CURRENT_POSE)
         self.quality = self.peer.listen(topics.LOCALIZATION_QUALITY)
+        self.quality.wait(lambda _: True, "a quality of the pose")
         self.bodies = self.peer.listen(topics.SIM_BODIES)
         self.navigation = self.peer.listen(topics.NAVIGATION_STATUS)
         self.plan = self.peer.listen(topics.PLAN)
@@ -43,9 +44,6 @@ class SiteUnderTest(StackUnderTest):
         answer = self.peer.call(services.INJECT_LIDAR_FAULT, InjectFault.Request(kind=kind, value=value))
         assert answer.success, answer.message
 
-    def at(self) -> Pose2:
-        return pose_from_msg(self.truth.last.pose.pose)
-
     def estimate_error_m(self) -> float:
         """While the robot stands."""
         return self.at().distance_to(pose_from_msg(self.pose.last.pose))
@@ -54,9 +52,7 @@ class SiteUnderTest(StackUnderTest):
         return str(self._touched.last.data) if self._touched.last is not None else ""
 
     def wheelchair(self) -> Pose2:
-        transform = next(item.transform for item in self.bodies.last.transforms if item.child_frame_id == "wheelchair")
-        q, p = transform.rotation, transform.translation
-        return Pose2(p.x, p.y, yaw_from_quaternion(q.x, q.y, q.z, q.w))
+        return true_pose(self.bodies.last, "wheelchair")
 
     def place(self, pose: Pose2) -> None:
         """Carries the standing robot to a place and waits until it has found itself there."""

@@ -10,22 +10,25 @@ from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import TwistStamped
-from std_msgs.msg import Bool
 
 from custom_msgs.msg import UICommand
 from custom_msgs.srv import InjectFault
 from robot_stack.contract import services, topics
+from robot_stack.core.geometry import Pose2
+from robot_stack.ros.conversions import pose_from_msg, pose_from_transform
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import ask
 from sim.settings import FEW_BEAMS, world_settings
 from tests.support.peer import Peer
+from tests.support.stick import Stick
 from tests.support.waiting import DEADLINE_S, wait_for
+from tf2_msgs.msg import TFMessage
 
-# Most stories are told in simulated time, a little slower than real time, in a world that waits for a stack that falls
-# behind: a machine that is busy for a moment then holds the world up instead of looking like a sensor that fell silent.
-# The world makes up for no delay, so that it is never faster than this either.
-PACED = 0.9
-_PATIENT = ("sim_world.catch_up_s=0.005", "sim_world.wait_for_stack_s=1.0")
+# Most stories are told in simulated time, in a world that waits for a stack that falls behind: a machine that is busy
+# for a moment then holds the world up instead of looking like a sensor that fell silent. It makes up for no delay.
+_PATIENT = ("sim_world.catch_up_s=0.005",)
+# Times real time at the most: as fast as the machine can, since such a world waits for its robot.
+_SPEED = 2.0
 # A world of even asphalt, of which there is no map.
 FLAT = (*world_settings("flat"), *FEW_BEAMS)
 # Slower than this counts as standing: physics never rests at exactly 0.
@@ -33,21 +36,28 @@ STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
 
 
+def true_pose(bodies: TFMessage, name: str) -> Pose2:
+    """Of a body of /sim/bodies."""
+    return pose_from_transform(next(item.transform for item in bodies.transforms if item.child_frame_id == name))
+
+
 class StackUnderTest:
     """Started by the supervisor like any other; listened to and disturbed by a peer outside the contract.
 
-    speed: of the simulated world; 1.0 lives on the system clock, as on a robot.
+    system_time: the world lives on the system clock and waits for nobody, as a real one.
     """
 
-    def __init__(self, logs: Path, *settings: str, speed: float = PACED) -> None:
-        self.logs = logs
-        paced = () if speed == 1.0 else _PATIENT
+    def __init__(self, logs: Path, *settings: str, system_time: bool = False) -> None:
+        self.logs, self._system_time = logs, system_time
+        speed = None if system_time else _SPEED
+        launch = client.Launch("sim", (*settings, *_PATIENT), speed=speed, log_dir=logs, system_time=system_time)
         try:
-            client.start(client.Launch("sim", settings=(*settings, *paced), speed=speed, log_dir=logs), 90.0)
+            client.start(launch, 90.0)
         except client.StartError:
             client.stop()
             raise
         self.peer = Peer("scenario_peer")
+        self.stick = Stick(simulated=not system_time)
         self.truth = self.peer.listen(topics.SIM_GROUND_TRUTH)
         self.safety = self.peer.listen(topics.SAFETY_STATUS)
         self.limit = self.peer.listen(topics.VELOCITY_LIMIT)
@@ -58,10 +68,14 @@ class StackUnderTest:
             self.peer.publisher(topic)
         self.truth.wait(lambda _: True, "ground truth")
         self.safety.wait(lambda _: True, "a safety status")
+        self.limit.wait(lambda _: True, "a speed limit")
         self.peer.wait_matched(topics.TELEOP_CMD_VEL)
         self.peer.wait_matched(topics.UI_COMMAND)
+        self.peer.stop_source()
+        self.peer.wait_matched(topics.EMERGENCY_STOP_SOURCES)
 
     def close(self) -> None:
+        self.stick.close()
         self.peer.close()
         client.stop()
 
@@ -76,6 +90,10 @@ class StackUnderTest:
     @property
     def stands(self) -> bool:
         return self.speed_mps < STANDSTILL_MPS and abs(self.truth.last.twist.twist.angular.z) < STANDSTILL_RADPS
+
+    def at(self) -> Pose2:
+        """Where the robot truly is."""
+        return pose_from_msg(self.truth.last.pose.pose)
 
     def wait_stands(self, deadline_s: float = DEADLINE_S) -> None:
         wait_for(lambda: self.stands, "the robot stands", deadline_s)
@@ -103,15 +121,35 @@ class StackUnderTest:
         """Teleoperation at 20 Hz until ``let_go``."""
         message = TwistStamped()
         message.twist.linear.x, message.twist.linear.y, message.twist.angular.z = vx_mps, vy_mps, omega_radps
-        self.peer.repeat(topics.TELEOP_CMD_VEL, lambda: message, 20.0)
+        self.stick.hold(lambda: self.peer.publish(topics.TELEOP_CMD_VEL, message))
 
     def drive_at(self, speed_mps: float) -> None:
-        """Drives ahead and waits until the robot has nearly that speed."""
+        """Drives ahead and waits until the robot has nearly that speed.
+
+        On the system clock a machine that is held up looks like a sensor that fell silent: that stop is released.
+        """
+
+        def reached() -> bool:
+            if self._system_time and self.safety.last.safety_state == "EMERGENCY_STOP":
+                self.let_go()
+                self.release()
+                self.drive(speed_mps)
+            return self.speed_mps > 0.9 * speed_mps
+
         self.drive(speed_mps)
-        wait_for(lambda: self.speed_mps > 0.9 * speed_mps, f"the robot drives at {speed_mps} m/s")
+        try:
+            wait_for(reached, f"the robot drives at {speed_mps} m/s")
+        except AssertionError as error:
+            last, limit, drive = self.safety.last, self.limit.last, self.process("swerve_controller")
+            told = f"{last.safety_state} {list(last.active_faults)}, limit {limit.max_linear_velocity} {limit.reason}"
+            raise AssertionError(f"{error}; it is {told}; swerve_controller: {drive}") from None
 
     def let_go(self) -> None:
-        self.peer.silence(topics.TELEOP_CMD_VEL)
+        """Returns when the drive takes it for let go: who drives on at once after a stop has not asked anew."""
+        self.stick.let_go()
+        silent_s, give_up_s = 2.0 * topics.TELEOP_CMD_VEL.stale_limit_s, time.monotonic() + 5.0
+        while self.stick.idle_s <= silent_s and time.monotonic() < give_up_s:  # a killed world's time stands still
+            time.sleep(0.01)
 
     def inject(self, kind: str, target: str = "", value: float = 0.0, duration_s: float = 0.0) -> str:
         request = InjectFault.Request(kind=kind, target=target, value=value, duration_s=duration_s)
@@ -120,7 +158,7 @@ class StackUnderTest:
         return str(answer.message)
 
     def estop(self, pressed: bool) -> None:
-        self.peer.publish(topics.EMERGENCY_STOP, Bool(data=pressed))
+        self.peer.stop_source().publish(pressed)
 
     def reset(self) -> Any:
         return self.peer.call(services.SAFETY_RESET)
@@ -180,6 +218,6 @@ class StackUnderTest:
         if self.mission.last is not None and self.mission.last.state in ("RUNNING", "WAITING", "PAUSED"):
             self.command("ABORT")
             self.mission.wait(lambda message: message.state == "ABORTED", "the mission aborted")
-        if self.safety.last.emergency_stop_active:
+        if self.safety.last.safety_state == "EMERGENCY_STOP":
             self.release()
         self.wait_safety("NORMAL", deadline_s=20.0)

@@ -5,15 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import rclpy
-from rclpy.context import Context
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
-
 from robot_stack.contract.model import Topic
 from robot_stack.ros import transport
 from robot_stack.ros.conversions import time_to_s
-from robot_stack.ros.executor import LeanExecutor
+from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
 
 
@@ -22,17 +17,8 @@ class LatencyMeter:
 
     def __init__(self, rows: Sequence[Topic]) -> None:
         transport.apply(bulk=True)
-        self._context = Context()
-        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node(
-            "latency_meter",
-            context=self._context,
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
-        self._executor = LeanExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        self._guest = Guest("latency_meter")
+        self._node, self._executor = self._guest.node, self._guest.executor
         self.ages_s: dict[str, list[float]] = {row.name: [] for row in rows}
         self.latest: dict[str, Any] = {}
         for row in rows:
@@ -43,9 +29,7 @@ class LatencyMeter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._node.destroy_node()
-        self._executor.shutdown()
-        rclpy.try_shutdown(context=self._context)
+        self._guest.close()
 
     def run(self, duration_s: float) -> None:
         """Listens for so long; ages of before are forgotten."""

@@ -1,108 +1,99 @@
-"""Measures the traffic of all topics at once, cheaply: messages are counted, not unpacked."""
+"""Measures the traffic of all topics at once, cheaply: messages are counted, not unpacked, a few times a second."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-import rclpy
-from rclpy.context import Context
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 
 from robot_stack.bench.graph import Endpoint, Seen, Traffic, message_rate_hz
 from robot_stack.contract import topics
 from robot_stack.contract.model import Durability, Reliability, Topic
 from robot_stack.ros import transport
+from robot_stack.ros.bulk import owner_of
 from robot_stack.ros.conversions import time_to_s
-from robot_stack.ros.executor import LeanExecutor
+from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
 
 NAME = "rate_meter"
-# Longer than any pause of this process, at the highest rate of the robot's topics.
-_DEPTH = 100
-# Many nodes send these; their rates are those of each, and the messages tell whose they are.
+# Messages lie in their queues until they are taken, with the time of their reception.
+_TAKE_EVERY_S = 0.1
+_DEPTH_S = 1.0
+_LEAST_DEPTH = 50
+# Clouds and images are taken before the memory they lie in is used again.
+_BULK_DEPTH = 5
+# Many nodes send these; their rates are those of each, and the messages tell whose they are. They tell that a node
+# lives, and go on at their rate where simulated time is slow.
 _SENDERS: dict[str, Callable[[Any], str]] = {
     topics.HEARTBEAT.name: lambda message: str(message.node),
     topics.DIAGNOSTICS.name: lambda message: str(message.status[0].name) if message.status else "",
 }
-# It watches the others from outside and lives on the system clock, whatever clock they live on.
-_ON_SYSTEM_CLOCK = "supervisor"
+
+
+@dataclass(slots=True)
+class _Input:
+    """One subscription, and what has come of it in a window, by sender. unpack: the sender is in the message.
+
+    last_s, taken_s: system time of the newest message and of the last look.
+    """
+
+    subscription: Any
+    sender: Callable[[Any], str]
+    unpack: bool
+    streams: dict[str, _Stream]
+    last_s: float | None = None
+    taken_s: float = 0.0
+
+    def take(self) -> None:
+        self.taken_s = time.time()
+        handle, kind = self.subscription.handle, self.subscription.msg_type
+        while (taken := handle.take_message(kind, not self.unpack)) is not None:
+            message, info = taken
+            self.last_s = received_s = 1e-9 * info["received_timestamp"]
+            self.streams.setdefault(self.sender(message), _Stream(received_s)).add(received_s)
 
 
 class Meter:
     """Listens to the rows' topics. A context manager; counts only while ``run`` runs.
 
-    Where /clock is among the rows, rates and ages are those of simulated time.
+    Rates and ages are those of simulated time where the stack lives on it.
     """
 
     def __init__(self, rows: Sequence[Topic]) -> None:
         transport.apply(bulk=True)
-        self._context = Context()
-        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node(
-            NAME,
-            context=self._context,
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
-        self._executor = LeanExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        self._guest = Guest(NAME)
+        self._node = self._guest.node
         self._rows = {row.name: row for row in rows}
-        self._streams: dict[str, dict[str, _Stream]] = {row.name: {} for row in rows}
-        self._last_s: dict[str, float] = {}
+        self._clock_s: list[float] = []  # of the first and the last tick of a window
+        self._inputs = {row.name: self._listen(row) for row in rows}
         self._window = (0.0, 0.0)
-        self._clock: list[tuple[float, float]] = []  # (received, simulated) time of the first and last tick, s
-        for row in rows:
-            if row is topics.CLOCK:
-                self._node.create_subscription(interface_class(row.type), row.name, self._on_clock, self._qos(row))
-                continue
-            sender = _SENDERS.get(row.name)
-            callback = self._counter(row.name, sender or (lambda _: ""))
-            self._node.create_subscription(
-                interface_class(row.type), row.name, callback, self._qos(row), raw=sender is None
-            )
+        self._speed = 1.0
+        self.cpu_pct = 0.0
 
-    @staticmethod
-    def _qos(row: Topic) -> QoSProfile:
-        """The row's, but deep enough to lose nothing while this process waits for the processor."""
-        profile = qos_profile(row.qos)
-        profile.depth = max(profile.depth, _DEPTH)
-        return profile
+    def _listen(self, row: Topic) -> _Input:
+        senders = {**_SENDERS, topics.CLOCK.name: self._on_clock}
+        unpack = row.name in senders
+        subscription = self._node.create_subscription(
+            interface_class(row.type), row.name, lambda _: None, _qos(row), raw=not unpack
+        )
+        return _Input(subscription, senders.get(row.name, lambda _: ""), unpack, {})
+
+    def _on_clock(self, message: Any) -> str:
+        self._clock_s[1:] = [time_to_s(message.clock)]
+        return ""
 
     def __enter__(self) -> Meter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._node.destroy_node()
-        self._executor.shutdown()
-        rclpy.try_shutdown(context=self._context)
-
-    def _counter(self, name: str, sender: Callable[[Any], str]) -> Callable[[Any], None]:
-        streams = self._streams[name]
-
-        def on_message(message: Any) -> None:
-            now_s = time.monotonic()
-            self._last_s[name] = now_s
-            streams.setdefault(sender(message), _Stream(now_s)).add(now_s)
-
-        return on_message
-
-    def _on_clock(self, message: Any) -> None:
-        now_s = time.monotonic()
-        self._last_s[topics.CLOCK.name] = now_s
-        self._streams[topics.CLOCK.name].setdefault("", _Stream(now_s)).add(now_s)
-        self._clock[1:] = [(now_s, time_to_s(message.clock))]
+        self._guest.close()
 
     def speed(self) -> float:
         """Simulated over real time in the last ``run``; 1 where nodes live on the system clock."""
-        if len(self._clock) < 2:
-            return 1.0
-        (first_s, begin_s), (last_s, end_s) = self._clock
-        return (end_s - begin_s) / (last_s - first_s) if last_s > first_s else 1.0
+        return self._speed
 
     def settle(self, longest_s: float = 5.0) -> None:
         """Waits until the graph no longer changes and everything that has a rate arrives: discovery takes its time."""
@@ -114,7 +105,7 @@ class Meter:
             silent = [
                 name
                 for name, count in publishers.items()
-                if count and self._rows[name].rate_hz is not None and name not in self._last_s
+                if count and self._rows[name].rate_hz is not None and self._inputs[name].last_s is None
             ]
             if publishers == before and not silent:
                 return
@@ -122,32 +113,41 @@ class Meter:
 
     def run(self, duration_s: float) -> None:
         """Counts for so long, from zero. What arrived in between is not counted, but its age is known."""
-        self._drain()
-        for streams in self._streams.values():
-            streams.clear()
-        self._clock.clear()
-        begun_s = time.monotonic()
-        while time.monotonic() - begun_s < duration_s:
-            self._executor.spin_once(0.1)
-        self._window = (begun_s, time.monotonic())
+        self._take()
+        for item in self._inputs.values():
+            item.streams.clear()
+        self._clock_s.clear()
+        begun_s, cpu_s = time.time(), time.process_time()
+        while (remaining_s := begun_s + duration_s - time.time()) > 0.0:
+            time.sleep(min(remaining_s, _TAKE_EVERY_S))
+            self._take()
+        ended_s = time.time()
+        self._window = (begun_s, ended_s)
+        self.cpu_pct = 100.0 * (time.process_time() - cpu_s) / (ended_s - begun_s)
+        self._speed = self._measured_speed()
 
-    def _drain(self) -> None:
-        """Takes what has waited since the last run."""
-        for _ in range(3):
-            self._executor.spin_once(0.0)
+    def _measured_speed(self) -> float:
+        ticks = self._inputs[topics.CLOCK.name].streams.get("") if topics.CLOCK.name in self._inputs else None
+        if ticks is None or len(self._clock_s) < 2 or ticks.last_s <= ticks.first_s:
+            return 1.0
+        return (self._clock_s[-1] - self._clock_s[0]) / (ticks.last_s - ticks.first_s)
+
+    def _take(self) -> None:
+        for item in self._inputs.values():
+            item.take()
 
     def seen(self) -> dict[str, Seen]:
         """Every measured topic as the graph and the last ``run`` showed it."""
-        now_s = time.monotonic()
-        return {name: self._see(name, now_s) for name in self._rows}
+        return {name: self._see(name) for name in self._rows}
 
     def topic_names(self) -> list[str]:
         """All topics of the graph that somebody publishes."""
         return [name for name, _ in self._node.get_topic_names_and_types() if self._node.count_publishers(name)]
 
-    def _see(self, name: str, now_s: float) -> Seen:
-        last_s = self._last_s.get(name)
-        age_s = None if last_s is None else (now_s - last_s) * self.speed()
+    def _see(self, name: str) -> Seen:
+        entry = self._inputs[name]
+        # When it was looked for last: what a meter that was held up has not looked for may well be there.
+        age_s = None if entry.last_s is None else max(0.0, entry.taken_s - entry.last_s) * self._scale(name)
         return Seen(
             publishers=tuple(_endpoint(item) for item in self._node.get_publishers_info_by_topic(name)),
             subscribers=tuple(
@@ -157,15 +157,18 @@ class Meter:
         )
 
     def _traffic(self, name: str, age_s: float | None) -> Traffic:
-        streams, window, speed = self._streams[name], self._window, self.speed()
+        streams, window, scale = self._inputs[name].streams, self._window, self._scale(name)
         rate_hz = self._rows[name].rate_hz
-        rates_hz = []
-        for sender, item in streams.items():
-            scale = 1.0 if sender == _ON_SYSTEM_CLOCK else speed
-            # Without a nominal rate every gap at the ends counts.
-            period_s = 0.0 if rate_hz is None else 1.0 / (rate_hz * scale)
-            rates_hz.append(message_rate_hz(item.count, item.first_s, item.last_s, window, period_s) / scale)
+        # Without a nominal rate, or where time stands still, every gap at the ends counts.
+        period_s = 0.0 if rate_hz is None or not scale else 1.0 / (rate_hz * scale)
+        rates_hz = [
+            message_rate_hz(item.count, item.first_s, item.last_s, window, period_s) / (scale or 1.0)
+            for item in streams.values()
+        ]
         return Traffic(sum(item.count for item in streams.values()), window[1] - window[0], age_s, tuple(rates_hz))
+
+    def _scale(self, name: str) -> float:
+        return 1.0 if name in _SENDERS else self._speed
 
 
 class _Stream:
@@ -182,12 +185,20 @@ class _Stream:
         self.last_s = now_s
 
 
+def _qos(row: Topic) -> QoSProfile:
+    """The row's, but deep enough to lose nothing until it is taken."""
+    profile = qos_profile(row.qos)
+    deep = _BULK_DEPTH if row.bulk else max(_LEAST_DEPTH, round(_DEPTH_S * (row.rate_hz or 0.0)))
+    profile.depth = max(profile.depth, deep)
+    return profile
+
+
 def _endpoint(info: Any) -> Endpoint:
     qos = info.qos_profile
     reliable = qos.reliability == ReliabilityPolicy.RELIABLE
     latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
     return Endpoint(
-        node=info.node_name,
+        node=owner_of(info.node_name),
         type=info.topic_type,
         reliability=Reliability.RELIABLE if reliable else Reliability.BEST_EFFORT,
         durability=Durability.TRANSIENT_LOCAL if latched else Durability.VOLATILE,

@@ -1,4 +1,4 @@
-"""Obstacles, free space and the costmap as they were last heard, side by side."""
+"""Obstacles, the end of known space and the costmap as they were last heard, side by side."""
 
 from __future__ import annotations
 
@@ -22,11 +22,10 @@ _HALF_M = 10.0
 def draw(file: Path, latest: Mapping[str, Any]) -> Path:
     """latest: newest message by topic name; what is missing is left empty."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(18, 9), dpi=80)
-    cloud, scan, grid = (latest.get(row.name) for row in (topics.OBSTACLES, topics.FREE_SPACE, topics.LOCAL_COSTMAP))
-    if scan is not None:
-        ranges = np.asarray(scan.ranges)
-        angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
-        left.fill(ranges * np.cos(angles), ranges * np.sin(angles), color="#d8ecd0", label="free, this half")
+    cloud, ends, grid = (latest.get(row.name) for row in (topics.OBSTACLES, topics.UNSEEN_SPACE, topics.LOCAL_COSTMAP))
+    if ends is not None:
+        xyz = xyz_of(points_of(ends, XYZ))
+        left.scatter(xyz[:, 0], xyz[:, 1], s=6.0, c="#d08080", label="where known space ends")
     if cloud is not None:
         xyz = xyz_of(points_of(cloud, XYZ))
         dots = left.scatter(xyz[:, 0], xyz[:, 1], s=3.0, c=xyz[:, 2], cmap="viridis", vmin=0.0, vmax=2.0)

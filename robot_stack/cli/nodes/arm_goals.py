@@ -1,4 +1,4 @@
-"""An operator's wishes to the arm: a trajectory, sent and followed to its end, and the gripper."""
+"""An operator's commands to the arm: a trajectory, sent and followed to its end, and the gripper."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Waypoint = tuple[float, Sequence[float]]
 
 
 def follow_trajectory(
-    joints: Sequence[str], waypoints: Sequence[Waypoint], tell: Callable[[Any], None], timeout_s: float
+    joints: Sequence[str], waypoints: Sequence[Waypoint], report: Callable[[Any], None], timeout_s: float
 ) -> Ended:
     """Moves the arm through ``waypoints``, (s from the start, rad per joint). See ``follow_action``."""
     points = [
@@ -25,7 +25,7 @@ def follow_trajectory(
         for time_s, positions in waypoints
     ]
     trajectory = JointTrajectory(joint_names=list(joints), points=points)
-    return follow_action(actions.FOLLOW_JOINT_TRAJECTORY, {"trajectory": trajectory}, tell, timeout_s, _end)
+    return follow_action(actions.FOLLOW_JOINT_TRAJECTORY, {"trajectory": trajectory}, report, timeout_s, _end)
 
 
 def set_gripper(close: bool, timeout_s: float) -> tuple[bool, str]:

@@ -12,6 +12,7 @@ from rclpy.action import ActionClient
 from robot_stack.cli.nodes.operator import Operator
 from robot_stack.contract import topics
 from robot_stack.contract.model import Action, ContractViolation
+from robot_stack.ros.goals import new_goal
 from robot_stack.ros.interfaces import interface_class
 
 
@@ -26,11 +27,11 @@ class Ended:
 def follow_action(
     row: Action,
     goal: dict[str, Any],
-    tell: Callable[[Any], None],
+    report: Callable[[Any], None],
     timeout_s: float,
     end: Callable[[Any], Ended] | None = None,
 ) -> Ended:
-    """Sends a goal, calls ``tell`` with each feedback, and returns its end, as ``end`` reads it from the answer.
+    """Sends a goal, calls ``report`` with each feedback, and returns its end, as ``end`` reads it from the answer.
 
     KeyboardInterrupt cancels the goal; then its end is waited for, at most ``timeout_s`` from the interrupt on.
     Raises TimeoutError if nobody offers the action within ``timeout_s``, does not answer, or does not end it.
@@ -43,8 +44,13 @@ def follow_action(
         try:
             if not operator.wait(client.server_is_ready, timeout_s):
                 raise TimeoutError(f"no {row.server} offers {row.name}: is it running?")
-            answer = client.send_goal_async(action.Goal(**goal), feedback_callback=lambda m: tell(m.feedback))
-            return _follow(operator, row, answer, timeout_s, end or _end)
+            handle = new_goal(client)
+            answer = client.send_goal_async(action.Goal(**goal), lambda m: report(m.feedback), handle.goal_id)
+            try:
+                return _follow(operator, row, answer, timeout_s, end or _end)
+            except TimeoutError:
+                handle.cancel_goal_async()  # nobody follows it any more
+                raise
         finally:
             client.destroy()
 

@@ -1,4 +1,4 @@
-"""The operator's node: publishes wishes, hears answers, calls services, for as long as one verb runs."""
+"""The operator's node: publishes commands, hears answers, calls services, for as long as one verb runs."""
 
 from __future__ import annotations
 
@@ -6,17 +6,14 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import rclpy
-from rclpy.context import Context
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.signals import SignalHandlerOptions
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import ContractViolation, Service, Topic
 from robot_stack.ros import transport
-from robot_stack.ros.executor import LeanExecutor
+from robot_stack.ros.emergency_stop import StopSource
+from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
 
 
@@ -25,32 +22,26 @@ class Operator:
 
     def __init__(self) -> None:
         transport.apply()
-        self._context = Context()
-        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        # Short-lived: what others would have to discover for nothing is left out.
-        self.node = Node(
-            topics.OPERATOR_TOOL,
-            context=self._context,
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
-        self._executor = LeanExecutor(context=self._context)
-        self._executor.add_node(self.node)
+        self._guest = Guest(topics.OPERATOR_TOOL)
+        self.node, self._executor = self._guest.node, self._guest.executor
 
     def __enter__(self) -> Operator:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.node.destroy_node()
-        self._executor.shutdown()
-        rclpy.try_shutdown(context=self._context)
+        self._guest.close()
 
     def advertise(self, row: Topic) -> Publisher:
         """Raises ContractViolation if operators do not publish the row."""
         if topics.OPERATOR_TOOL not in row.publishers:
             raise ContractViolation(f"{topics.OPERATOR_TOOL} may not publish {row.name}")
         return self.node.create_publisher(interface_class(row.type), row.name, qos_profile(row.qos))
+
+    def stop_source(self) -> tuple[StopSource, Publisher, Publisher]:
+        """(this operator as a source of the emergency stop, its publisher of the stop, that of its reports)."""
+        stop, sources = self.advertise(topics.EMERGENCY_STOP), self.advertise(topics.EMERGENCY_STOP_SOURCES)
+        stamp = self.node.get_clock()
+        return StopSource(topics.OPERATOR_TOOL, stop, sources, lambda: stamp.now().to_msg()), stop, sources
 
     def subscribe(self, row: Topic, callback: Callable[[Any], None]) -> None:
         self.node.create_subscription(interface_class(row.type), row.name, callback, qos_profile(row.qos))
@@ -59,10 +50,10 @@ class Operator:
         """Runs callbacks until the condition holds (True) or the time is over (False); None waits for ever."""
         end_s = float("inf") if timeout_s is None else time.monotonic() + timeout_s
         while not condition():
-            left_s = end_s - time.monotonic()
-            if left_s <= 0.0:
+            remaining_s = end_s - time.monotonic()
+            if remaining_s <= 0.0:
                 return False
-            self._executor.spin_once(min(left_s, 0.02))
+            self._executor.spin_once(min(remaining_s, 0.02))
         return True
 
     def deliver(self, publisher: Publisher, timeout_s: float) -> bool:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import cv2
 from builtin_interfaces.msg import Time
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo
 
 from custom_msgs.msg import ArucoDetection, ArucoDetectionArray, DockingStatus
 from robot_stack.contract import frames, topics
@@ -20,9 +20,11 @@ from robot_stack.docking.nodes.aruco_messages import detections, grey_image, int
 from robot_stack.docking.vision.detector import MarkerDetector
 from robot_stack.docking.vision.pairing import Attention, Exposure, ExposureSets
 from robot_stack.docking.vision.params import ArucoDetectorParams
+from robot_stack.docking.warm_up import warm_up
 from robot_stack.ros.conversions import time_to_s
 from robot_stack.ros.inputs import Input
 from robot_stack.ros.node import StackNode, run
+from robot_stack.ros.wire import ImageView
 
 _CAMERAS = {
     frames.FRONT_CAMERA: (topics.FRONT_IMAGE, topics.FRONT_CAMERA_INFO),
@@ -30,7 +32,7 @@ _CAMERAS = {
 }
 _DETECTING = (DockingStatus.APPROACH, DockingStatus.SEARCH, DockingStatus.SERVOING, DockingStatus.FINE_ALIGN)
 # How often it is looked whether an image has waited long enough: the delay with one camera dead grows by this at most.
-_LOOK_HZ = 100.0
+_LOOK_HZ = 20.0
 
 
 class _Seen(NamedTuple):
@@ -41,7 +43,7 @@ class _Seen(NamedTuple):
     taken_ms: float
 
 
-class ArucoDetector(StackNode):
+class ArucoDetectorNode(StackNode):
     """Detects while docking is on its way, and publishes empty arrays otherwise."""
 
     def __init__(self) -> None:
@@ -51,9 +53,8 @@ class ArucoDetector(StackNode):
             self._detector = MarkerDetector(load_docks(), self.params.detector)
         except ValueError as error:
             raise ConfigError(f"config/docks.yaml: {error}") from error
-        self._detector.warm_up()
-        assert topics.ARUCO_DETECTIONS.rate_hz is not None
-        self._period_s = 1.0 / topics.ARUCO_DETECTIONS.rate_hz
+        warm_up()
+        self._period_s = 1.0 / topics.ARUCO_DETECTIONS.nominal_rate_hz
         self._sets: ExposureSets[_Seen] = ExposureSets(tuple(_CAMERAS), self._period_s, self.params.pair_wait_s)
         self._attention = Attention(tuple(_CAMERAS), self.params.idle_camera_every)
         self._intrinsics: dict[str, Intrinsics] = {}
@@ -78,10 +79,10 @@ class ArucoDetector(StackNode):
             self._intrinsics.pop(camera, None)
             self._complaints[f"{camera} info"] = f"{camera} camera_info: {error}"
 
-    def _on_image(self, camera: str, message: Image) -> None:
-        received_s, stamp_s = self.steady_s(), time_to_s(message.header.stamp)
+    def _on_image(self, camera: str, message: ImageView) -> None:
+        received_s, stamp_s = self._images[camera].received_s, time_to_s(message.header.stamp)
         new = self._sets.is_new(camera, stamp_s)
-        self._complain(f"{camera} stamp", "" if new else f"{camera} image: stamp is not newer than the last")
+        self._log_throttled(f"{camera} stamp", "" if new else f"{camera} image: stamp is not newer than the last")
         if new:
             self._switch()
             began_s = time.perf_counter()
@@ -107,7 +108,7 @@ class ArucoDetector(StackNode):
             return True
         return state == DockingStatus.DOCKED and now_s - self._wanted_s <= self.params.linger_s
 
-    def _detect(self, camera: str, message: Image) -> list[ArucoDetection]:
+    def _detect(self, camera: str, message: ImageView) -> list[ArucoDetection]:
         intrinsics = self._intrinsics.get(camera)
         if intrinsics is None or not self._attention.wants(camera):
             return []
@@ -116,9 +117,9 @@ class ArucoDetector(StackNode):
                 grey_image(message), intrinsics, camera, time_to_s(message.header.stamp)
             )
         except ValueError as error:
-            self._complain(f"{camera} image", f"{camera} {error}")
+            self._log_throttled(f"{camera} image", f"{camera} {error}")
             return []
-        self._complain(f"{camera} image", "")
+        self._log_throttled(f"{camera} image", "")
         if observations:
             self._attention.saw(camera)
         return detections(observations, camera, message.header.stamp)
@@ -136,15 +137,15 @@ class ArucoDetector(StackNode):
         if exposures:
             output.header.stamp = max(exposures, key=lambda item: item.stamp_s).item.stamp
         self._output.publish(output)
-        self._tell(alive, output, sum(seen.item.taken_ms for seen in exposures))
+        self._report_state(alive, output, sum(seen.item.taken_ms for seen in exposures))
 
-    def _complain(self, about: str, text: str) -> None:
+    def _log_throttled(self, about: str, text: str) -> None:
         if text:
             self._complaints[about] = text
         else:
             self._complaints.pop(about, None)
 
-    def _tell(self, alive: frozenset[str], output: ArucoDetectionArray, taken_ms: float) -> None:
+    def _report_state(self, alive: frozenset[str], output: ArucoDetectionArray, taken_ms: float) -> None:
         silent = [f"no images of {camera}" for camera in _CAMERAS if camera not in alive]
         blind = [f"no camera_info of {camera}" for camera in sorted(alive) if camera not in self._intrinsics]
         faults = ["waiting for images"] if not alive else [*silent, *blind, *self._complaints.values()]
@@ -160,7 +161,7 @@ def _marker_id(entry: ArucoDetection) -> int:
 
 
 def main() -> None:
-    run(ArucoDetector, bulk=True)
+    run(ArucoDetectorNode, bulk=True)
 
 
 if __name__ == "__main__":

@@ -12,9 +12,10 @@ from sensor_msgs.msg import CameraInfo, Image
 from custom_msgs.msg import ArucoDetection
 from robot_stack.core.camera import Intrinsics
 from robot_stack.docking.vision.detector import MarkerObservation
+from robot_stack.ros.wire import ImageView
 
 
-def grey_image(message: Image) -> NDArray[np.uint8]:
+def grey_image(message: Image | ImageView) -> NDArray[np.uint8]:
     """(height, width) view of a mono8 message's bytes, nothing copied. Raises ValueError naming the field."""
     if message.encoding != "mono8":
         raise ValueError(f"image: encoding is {message.encoding!r}, must be 'mono8'")

@@ -52,7 +52,7 @@ class DockingActions:
     def cancel_requested(self) -> bool:
         return self._job is not None and self._job.handle.is_cancel_requested
 
-    def tell(self, output: Output) -> None:
+    def publish_feedback(self, output: Output) -> None:
         """Feedback of the present job."""
         if self._job is not None and self._job.handle.is_active:
             self._job.handle.publish_feedback(self._job.feedback(output))

@@ -6,13 +6,16 @@ import math
 
 from nav_msgs.msg import Odometry
 
-from custom_msgs.msg import ArucoDetectionArray, SafetyStatus
+from custom_msgs.msg import ArucoDetectionArray, SafetyStatus, VelocityLimit
 from robot_stack.contract import frames, topics
 from robot_stack.core.camera import mounting
+from robot_stack.core.config import load
+from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2, exp_se2
 from robot_stack.docking.controller import DockingController
 from robot_stack.docking.latch import LatchCommand
+from robot_stack.docking.nodes.attached_file import AttachedFile
 from robot_stack.docking.nodes.corrections import CorrectionsFile
 from robot_stack.docking.nodes.docking_actions import DockingActions
 from robot_stack.docking.nodes.latch_io import LatchIo
@@ -22,15 +25,14 @@ from robot_stack.docking.params import DockingParams
 from robot_stack.docking.results import DockCode, Result, UndockCode
 from robot_stack.docking.situation import Output, Situation
 from robot_stack.ros.conversions import pose_from_msg, time_to_s, twist_from_msg
+from robot_stack.ros.departures import DepartureWarnings
 from robot_stack.ros.node import StackNode, run
 
-assert topics.DOCKING_CMD_VEL.rate_hz is not None
-assert topics.DOCKING_STATUS.rate_hz is not None
-_TICK_HZ = topics.DOCKING_CMD_VEL.rate_hz
-_TICKS_PER_STATUS = round(_TICK_HZ / topics.DOCKING_STATUS.rate_hz)
+_TICK_HZ = topics.DOCKING_CMD_VEL.nominal_rate_hz
+_TICKS_PER_STATUS = round(_TICK_HZ / topics.DOCKING_STATUS.nominal_rate_hz)
 
 
-class DockingNode(StackNode):
+class DockingControllerNode(StackNode):
     """Stores inputs in callbacks; one tick asks the kernel and does what it says."""
 
     def __init__(self) -> None:
@@ -41,9 +43,13 @@ class DockingNode(StackNode):
         if problem:
             self.get_logger().error(f"nothing learnt before is used: {problem}")
         cameras = {frame: mounting(self.robot, frame) for frame in (frames.FRONT_CAMERA, frames.REAR_CAMERA)}
-        self._controller = DockingController(self.params, cameras, self._corrections)
+        self._departure = Departure(load(DepartureParams, "departure"))
+        self._departures = DepartureWarnings(self, given=self._departure.announced)
+        self._controller = DockingController(self.params, cameras, self._departure, self._corrections)
         self._latch = LatchIo(self.robot.latch, self.params.engine_poll_hz)
         self._outputs = DockingOutputs(self, self.params)
+        self._attached = AttachedFile()
+        self._recalled = False
         self._ticks = 0
         self._odom = self.subscribe(topics.ODOM, self._on_odometry)
         self._pose = self.subscribe(topics.CURRENT_POSE)
@@ -91,16 +97,31 @@ class DockingNode(StackNode):
 
     def _tick(self) -> None:
         situation = self._situation()
+        self._recall(situation)
         output = self._controller.tick(situation)
+        self._departures.publish(self._departure.remaining_s)
+        self._remember()
         self._latch.command(output.latch)
         self._outputs.act(output)
         self._ticks += 1
         if self._ticks % _TICKS_PER_STATUS == 0:
-            self._outputs.tell(output, self._controller.eyes.visible_markers)
-            self._outputs.target(output.state, self._controller.eyes.estimate, situation.odom)
-            self._actions.tell(output)
-            self._tell(output)
+            self._outputs.publish_status(output, self._controller.tracker.visible_markers)
+            self._outputs.target(output.state, self._controller.tracker.estimate, situation.odom)
+            self._actions.publish_feedback(output)
+            self._report_state(output)
         self._end_jobs(output)
+
+    def _recall(self, situation: Situation) -> None:
+        """Once the latch can be read: then whoever has made the world is there, and has said if it is a new one."""
+        if situation.latch.known and not self._recalled:
+            self._recalled = True
+            self._controller.recall(self._attached.load())
+
+    def _remember(self) -> None:
+        attached = self._controller.attached
+        problem = "" if attached is None else self._attached.save(attached)
+        if problem:
+            self.get_logger().error(problem, throttle_duration_sec=1.0)
 
     def _situation(self) -> Situation:
         now_s = self.now_s()
@@ -117,7 +138,7 @@ class DockingNode(StackNode):
                 self.safety_status_input.latest,
                 self.safety_status_input.fresh(),
                 self.emergency_stop,
-                math.inf if limit is None else limit.max_linear_velocity,
+                _speed_limit_mps(limit, self._limit.fresh()),
             ),
             images_fresh=self._detections.fresh() and now_s - images_s <= self.params.detections_timeout_s,
             latch=self._latch.inputs,
@@ -161,7 +182,7 @@ class DockingNode(StackNode):
         self._latch.close()
         super().destroy_node()
 
-    def _tell(self, output: Output) -> None:
+    def _report_state(self, output: Output) -> None:
         inputs = self._latch.inputs
         self.set_health(inputs.known, output.text if inputs.known else "waiting for the engine's inputs")
         self.report.values = {
@@ -174,8 +195,15 @@ class DockingNode(StackNode):
         }
 
 
+def _speed_limit_mps(message: VelocityLimit | None, fresh: bool) -> float:
+    """Silence of whoever limits the speed is a stop."""
+    if message is None:
+        return math.inf
+    return float(message.max_linear_velocity) if fresh else 0.0
+
+
 def main() -> None:
-    run(DockingNode)
+    run(DockingControllerNode)
 
 
 if __name__ == "__main__":

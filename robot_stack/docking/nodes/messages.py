@@ -15,6 +15,7 @@ from custom_msgs.msg import ArucoDetection, ArucoDetectionArray, DockingStatus, 
 from robot_stack.contract import frames
 from robot_stack.contract.faults import BY_CODE
 from robot_stack.contract.model import SafetyAction, SafetyState
+from robot_stack.docking.contact import push_n
 from robot_stack.docking.results import Result
 from robot_stack.docking.sighting import Marker
 from robot_stack.docking.situation import Output, Safety
@@ -55,13 +56,9 @@ def wheel_force(message: JointState | None, wheel_radius_m: float) -> float:
     index = {name: i for i, name in enumerate(message.name)}
     if not index.keys() >= set(frames.JOINTS):
         return math.nan
-    return (
-        sum(
-            message.effort[index[f"{module}_drive"]] * math.cos(message.position[index[f"{module}_steer"]])
-            for module in frames.MODULES
-        )
-        / wheel_radius_m
-    )
+    torques_nm = [message.effort[index[f"{module}_drive"]] for module in frames.MODULES]
+    headings_rad = [message.position[index[f"{module}_steer"]] for module in frames.MODULES]
+    return push_n(torques_nm, headings_rad, wheel_radius_m)
 
 
 def safety(message: SafetyStatus | None, fresh: bool, emergency: bool, speed_limit_mps: float) -> Safety:

@@ -36,7 +36,7 @@ class DockingOutputs:
         self._target = node.advertise(topics.DOCKING_TARGET)
         self._passenger = node.advertise(topics.PASSENGER_ATTACHED)
         self._goal = node.advertise(topics.GOAL_POSE)
-        self._stop = node.advertise(topics.EMERGENCY_STOP)
+        self._stop = node.emergency_stop_source(until_latched=True)
         self._ehmi = node.advertise(topics.EHMI_STATE_COMMAND)
         self._owns_motion = self._asserted = False
         self._attached: bool | None = None
@@ -57,9 +57,9 @@ class DockingOutputs:
         if output.emergency:
             self._node.get_logger().error(f"emergency stop: {output.text}")
             self._asserted = True
-            self._stop.publish(Bool(data=True))
+            self._stop.publish(True)
 
-    def tell(self, output: Output, visible_markers: int) -> None:
+    def publish_status(self, output: Output, visible_markers: int) -> None:
         """/docking/status, and the external display where no mission manager speaks to it: it shall hear one voice."""
         stamp = self._node.stamp()
         self._status.publish(status(output, visible_markers, stamp))
@@ -93,4 +93,4 @@ class DockingOutputs:
         """Both keys have released: a node that starts later must not be stopped by our old message."""
         if self._asserted:
             self._asserted = False
-            self._stop.publish(Bool(data=False))
+            self._stop.publish(False)

@@ -126,11 +126,11 @@ class BackingOff:
             return Step("waiting for odometry", ZERO_TWIST)
         if self._start is None or self._follower is None:
             self._start = odom
-            goal = Pose2(-view.way * self._params.distance_m, 0.0, 0.0)
+            goal = Pose2(-view.approach_sign * self._params.distance_m, 0.0, 0.0)
             start = Point(Pose2(0.0, 0.0, 0.0), ZERO_TWIST)
             self._follower = Follower(straight_to(start, goal, self._motion), self._motion)
         pose = odom.relative_to(self._start)
-        self.distance_m = max(0.0, -view.way * pose.x)
+        self.distance_m = max(0.0, -view.approach_sign * pose.x)
         failure = self._problem(view)
         if failure is not None:
             return Step(failure.reason, ZERO_TWIST, Trigger.GAVE_UP, failure)

@@ -41,10 +41,13 @@ class Search:
             return None
         pose = odom.relative_to(self._frame)
         if self._follower is None:
-            if -view.way * pose.x >= self._params.clear_m or math.hypot(pose.x, pose.y) >= 2.0 * self._params.clear_m:
+            if (
+                -view.approach_sign * pose.x >= self._params.clear_m
+                or math.hypot(pose.x, pose.y) >= 2.0 * self._params.clear_m
+            ):
                 self._frame = None
                 return None
-            goal = Pose2(-view.way * self._params.clear_m, pose.y, pose.yaw)
+            goal = Pose2(-view.approach_sign * self._params.clear_m, pose.y, pose.yaw)
             start = Point(pose, from_base(view.commanded, pose.yaw))
             self._follower = Follower(straight_to(start, goal, self._motion), self._motion)
         twist = self._follower.step(pose, view.dt_s)

@@ -34,7 +34,7 @@ class Servoing:
         if view.estimate.sigma_rad > self._params.servo.trusted_yaw_rad:
             self.follower = None
             return Step("approaching on bearing and range", self._by_bearing(view))
-        if -view.way * view.base.x <= self._params.motion.final_m:
+        if -view.approach_sign * view.base.x <= self._params.motion.final_m:
             return Step("before the dock", self._by_pose(view), Trigger.NEAR)
         return Step("approaching on pose", self._by_pose(view))
 
@@ -42,7 +42,7 @@ class Servoing:
         assert view.base is not None
         if self.follower is None:
             start = Point(view.base, from_base(view.commanded, view.base.yaw))
-            self.follower = Follower(approach(start, view.way, self._params.motion), self._params.motion)
+            self.follower = Follower(approach(start, view.approach_sign, self._params.motion), self._params.motion)
         return self.follower.step(view.base, view.dt_s)
 
     def _by_bearing(self, view: View) -> Twist2:
@@ -51,7 +51,7 @@ class Servoing:
         assert view.situation.odom is not None
         motion, board = self._params.motion, view.estimate.pose.relative_to(view.situation.odom)
         distance_m = math.hypot(board.x, board.y)
-        bearing = math.atan2(view.way * board.y, view.way * board.x)
+        bearing = math.atan2(view.approach_sign * board.y, view.approach_sign * board.x)
         turn = max(-motion.turning_radps, min(motion.turning_radps, motion.yaw_gain_per_s * bearing))
         speed = min(
             motion.along_mps,
@@ -94,8 +94,10 @@ class FineAlign:
 
     def _problem(self, view: View, base: Pose2) -> Failure | None:
         servo = self._params.servo
-        moving_in = view.way * view.commanded.vx > 0.5 * self._params.motion.final_mps
-        if self._contact.update(view.way * view.situation.force_n, -view.way * base.x, moving_in, view.dt_s):
+        moving_in = view.approach_sign * view.commanded.vx > 0.5 * self._params.motion.final_mps
+        if self._contact.update(
+            view.approach_sign * view.situation.force_n, -view.approach_sign * base.x, moving_in, view.dt_s
+        ):
             return Failure(DockCode.CONTACT, f"touched something: {self._contact.excess_n:.0f} N")
         if abs(base.y) > servo.corridor_m or abs(base.yaw) > servo.corridor_rad:
             where = f"{1e3 * base.y:.0f} mm to the side, {math.degrees(base.yaw):.1f} deg"
@@ -109,7 +111,7 @@ class FineAlign:
         motion, servo = self._params.motion, self._params.servo
         if self._follower is None:
             start = Point(base, from_base(view.commanded, base.yaw))
-            self._follower = Follower(approach(start, view.way, motion), motion)
+            self._follower = Follower(approach(start, view.approach_sign, motion), motion)
         if not self._follower.finished:
             return self._follower.step(base, view.dt_s)
         size_m, turn_rad = math.hypot(base.x, base.y), abs(base.yaw)

@@ -69,7 +69,7 @@ class BackToStaging:
             return Step("waiting for odometry", ZERO_TWIST)
         pose = odom.relative_to(self._frame)
         if self._follower is None:
-            goal = Pose2(-view.way * self._staging.distance_m, 0.0, 0.0)
+            goal = Pose2(-view.approach_sign * self._staging.distance_m, 0.0, 0.0)
             start = Point(pose, from_base(view.commanded, pose.yaw))
             self._follower = Follower(straight_to(start, goal, self._motion), self._motion)
         twist = self._follower.step(pose, view.dt_s)

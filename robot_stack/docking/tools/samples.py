@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from robot_stack.contract.model import SafetyState
 from robot_stack.docking.tools.trace import Effort, Lens, Limit, Marker, Safety, Speed, Status
 
 
@@ -37,7 +38,8 @@ def marker_of(at_s: float, detection: Any) -> Marker:
 
 def safety_of(at_s: float, message: Any) -> Safety:
     faults = tuple(str(code) for code in message.active_faults)
-    return Safety(at_s, str(message.safety_state), faults, bool(message.emergency_stop_active))
+    state = str(message.safety_state)
+    return Safety(at_s, state, faults, state == SafetyState.EMERGENCY_STOP.name)
 
 
 def limit_of(at_s: float, message: Any) -> Limit:

@@ -90,5 +90,5 @@ class Attention:
             self.leading = camera
 
     def _sees(self, camera: str) -> bool:
-        # The image after the last with a marker may be on its way: one without does not count yet.
+        # The image after the last with a marker may be on its approach_sign: one without does not count yet.
         return self._without[camera] <= 1

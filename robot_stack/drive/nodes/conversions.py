@@ -9,7 +9,7 @@ from custom_msgs.msg import SwerveModuleCommand, SwerveModuleCommandArray, Veloc
 from robot_stack.contract import frames
 from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.odometry import Odometry, planar_covariance
-from robot_stack.drive.permission import SpeedLimit
+from robot_stack.drive.permission import SafetyLimit
 from robot_stack.ros.conversions import pose_to_msg, transform_stamped, twist_to_msg
 from tf2_msgs.msg import TFMessage
 
@@ -40,7 +40,7 @@ def odom_to_base_link(odometry: Odometry, stamp: Time) -> TFMessage:
     return TFMessage(transforms=[transform_stamped(odometry.pose, frames.ODOM, frames.BASE_LINK, stamp)])
 
 
-def speed_limit(message: VelocityLimit | None) -> SpeedLimit | None:
+def speed_limit(message: VelocityLimit | None) -> SafetyLimit | None:
     if message is None:
         return None
-    return SpeedLimit(message.max_linear_velocity, message.max_angular_velocity, message.reason)
+    return SafetyLimit(message.max_linear_velocity, message.max_angular_velocity, message.reason)

@@ -9,42 +9,42 @@ from sensor_msgs.msg import JointState
 
 from custom_msgs.msg import SwerveModuleCommandArray
 from robot_stack.contract import frames, topics
-from robot_stack.contract.frames import DRIVE_AXES, JOINTS, STEER_AXES
-from robot_stack.drive.engine_session import EngineSession, SessionState, Stage
+from robot_stack.contract.frames import DRIVE_AXES, JOINTS
 from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_settings, session_settings
-from robot_stack.drive.wheel_axes import BadWheelCommands, checked_set_points, drive_moves, steer_moves, stop_moves
+from robot_stack.drive.session import DriveSession, Stage
+from robot_stack.drive.wheel_axes import BadWheelCommands, checked_set_points
 from robot_stack.ros.conversions import time_from_s, time_to_s
 from robot_stack.ros.node import StackNode, run
 from robot_stack.wmx import connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config
+from robot_stack.wmx.start_up import SessionState
 
-assert topics.WHEEL_COMMANDS.rate_hz is not None
-assert topics.WHEEL_COMMANDS.stale_s is not None
-assert topics.JOINT_STATES.rate_hz is not None
-_JOINT_STATES_HZ = topics.JOINT_STATES.rate_hz
-_COMMAND_HZ = topics.WHEEL_COMMANDS.rate_hz
-_COMMAND_STALE_S = topics.WHEEL_COMMANDS.stale_s
+_COMMAND_STALE_S = topics.WHEEL_COMMANDS.stale_limit_s
 _LOG_PERIOD_S = 1.0
 _END_POLL_S = 0.02
 
 
-class SwerveHardwareInterface(StackNode):
+class SwerveHardwareInterfaceNode(StackNode):
     """Commands go to the engine in the callback that brings them; a tick follows the engine and reports the joints."""
 
     def __init__(self) -> None:
         super().__init__("swerve_hardware_interface", SwerveHardwareParams)
         client = load_client_config()
-        self._axes = axis_settings(self.params, self.robot, _COMMAND_HZ)
+        axes = axis_settings(self.params, self.robot, topics.WHEEL_COMMANDS.nominal_rate_hz)
+        self._max_wheel_speed_mps = axes.max_wheel_speed_mps
         torque = {True: self.robot.drive.max_torque_nm, False: self.robot.steer.max_torque_nm}
         self._nm_per_percent = [0.01 * torque[axis in DRIVE_AXES] for axis in range(len(JOINTS))]
-        self._session = EngineSession(
-            lambda: connect("swerve_hardware_interface", client, timeout_s=0.0), session_settings(self.params.session)
+        self._session = DriveSession(
+            lambda: connect("swerve_hardware_interface", client, timeout_s=0.0),
+            session_settings(self.params.session),
+            axes,
+            own_thread=True,
         )
         self._commanded_at_s = -math.inf
         self._joint_states = self.advertise(topics.JOINT_STATES)
         self.subscribe(topics.WHEEL_COMMANDS, self._on_wheel_commands)
-        self.every(_JOINT_STATES_HZ, self._tick)
+        self.every(topics.JOINT_STATES.nominal_rate_hz, self._tick)
 
     # --- commands ----------------------------------------------------------------------------------------------------
 
@@ -58,28 +58,22 @@ class SwerveHardwareInterface(StackNode):
                 [module.module_id for module in message.modules],
                 [module.drive_velocity for module in message.modules],
                 [module.steering_angle for module in message.modules],
-                self._axes.max_wheel_speed_mps,
+                self._max_wheel_speed_mps,
             )
-        except (
-            BadWheelCommands
-        ) as error:  # the last good command ages; without another one the watchdog stops the wheels
-            self._complain(f"{topics.WHEEL_COMMANDS.name} refused: {error}")
+        except BadWheelCommands as error:  # the last good command ages; without another one the wheels are stopped
+            self._log_throttled(f"{topics.WHEEL_COMMANDS.name} refused: {error}")
             return
         self._commanded_at_s = self.steady_s()
-        snapshot = self._session.look()
-        if self.emergency_stop or snapshot is None:
+        if self.emergency_stop or not self._session.ready:
             return
-        problem = self._session.move(
-            drive_moves(set_points.speeds_mps, snapshot.velocity_cmd[list(DRIVE_AXES)].tolist(), self._axes),
-            steer_moves(set_points.angles_rad, snapshot.pos_cmd[list(STEER_AXES)].tolist(), self._axes),
-        )
+        problem = self._session.follow(set_points).problem
         if problem:
-            self._complain(problem)
+            self._log_throttled(problem)
 
     def on_emergency_stop(self) -> None:
         problem = self._session.emergency_stop()
         if problem:
-            self._complain(problem)
+            self._log_throttled(problem)
 
     # --- tick --------------------------------------------------------------------------------------------------------
 
@@ -92,17 +86,15 @@ class SwerveHardwareInterface(StackNode):
         if state.snapshot is not None:
             self._publish_joint_states(state.snapshot)
             self._watch(state.snapshot)
-        self._tell(state)
+        self._report_state(state)
 
     def _watch(self, snapshot: StatusSnapshot) -> None:
         """Nobody commands the wheels any more: they stop by themselves."""
-        if self._commanded() or not self._session.ready:
+        if self._commanded():
             return
-        velocities = snapshot.velocity_cmd[list(DRIVE_AXES)].tolist()
-        if any(velocities):
-            problem = self._session.move(stop_moves(velocities, self._axes), [])
-            if problem:
-                self._complain(problem)
+        problem = self._session.stop_wheels(snapshot).problem
+        if problem:
+            self._log_throttled(problem)
 
     def _commanded(self) -> bool:
         return 0.0 <= self.steady_s() - self._commanded_at_s <= _COMMAND_STALE_S
@@ -119,13 +111,13 @@ class SwerveHardwareInterface(StackNode):
         self._joint_states.publish(message)
 
     def _age_s(self, snapshot: StatusSnapshot) -> float:
-        """How long ago the engine took the reading. Under /clock its steps are coarser than that."""
-        return 0.0 if self.get_clock().ros_time_is_active else snapshot.age_s(time.monotonic_ns())
+        """How long ago the engine took the reading."""
+        return self.age_s(snapshot.age_s(time.monotonic_ns()))
 
-    def _complain(self, text: str) -> None:
+    def _log_throttled(self, text: str) -> None:
         self.get_logger().error(text, throttle_duration_sec=_LOG_PERIOD_S)
 
-    def _tell(self, state: SessionState) -> None:
+    def _report_state(self, state: SessionState[Stage]) -> None:
         if state.stage is not Stage.READY:
             self.set_health(state.stage is Stage.STOPPED, state.text)
         elif not self._commanded():
@@ -153,7 +145,7 @@ class SwerveHardwareInterface(StackNode):
 
 
 def main() -> None:
-    run(SwerveHardwareInterface)
+    run(SwerveHardwareInterfaceNode)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,9 @@ from robot_stack.core.point_cloud import SWEEP, Points
 
 Floats = npt.NDArray[np.float64]
 
-_TABLE_BITS = 17
+# A small table stays in the fast caches, and a sweep thinned for matching fits; what does not is thinned again in a
+# larger one. Beyond the largest, 65,536 voxels, further ones are left out.
+_TABLE_BITS = (14, 17)
 _WORDS = SWEEP.itemsize // 4
 
 
@@ -34,15 +36,25 @@ def subsample(
     if not len(sweep):
         return np.empty((0, 3))
     flat = np.ascontiguousarray(sweep).view(np.float32).reshape(len(sweep), _WORDS)
-    points: Floats = _subsample(flat, lidar_xyz_m, motion, voxel_m, min_range_m, max_range_m)
+    points: Floats = np.empty((0, 3))
+    for bits in _TABLE_BITS:
+        points = _subsample(flat, lidar_xyz_m, motion, voxel_m, min_range_m, max_range_m, bits)
+        if len(points) < _most(bits):
+            break
     return points
 
 
 @numba.njit(cache=True, nogil=True)
-def _subsample(flat, lidar, motion, voxel_m, min_range_m, max_range_m):
-    size = 1 << _TABLE_BITS
+def _most(bits):
+    """Voxels that go into a table: a fuller one would be slow."""
+    return 1 << (bits - 1)
+
+
+@numba.njit(cache=True, nogil=True)
+def _subsample(flat, lidar, motion, voxel_m, min_range_m, max_range_m, bits):
+    size = 1 << bits
     mask = size - 1
-    limit = size // 2  # of voxels: a fuller table would be slow, and no sweep needs it
+    limit = _most(bits)
     keys = np.full(size, -1, np.int32)
     slots = np.empty(size, np.int32)
     sums = np.zeros((limit, 5), np.float64)
@@ -97,10 +109,3 @@ def _subsample(flat, lidar, motion, voxel_m, min_range_m, max_range_m):
         points[i, 1] = my + s_ * x + c * y
         points[i, 2] = z
     return points
-
-
-def warm_up() -> None:
-    """Compiles, or loads what an earlier process compiled."""
-    sweep = np.zeros(2, SWEEP)
-    sweep["x"] = 5.0
-    subsample(sweep, np.zeros(3), np.zeros((1, 4)), 0.5, 1.0, 50.0)

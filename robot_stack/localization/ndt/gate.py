@@ -47,7 +47,7 @@ def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigm
     return ""
 
 
-class ConfidenceLadder:
+class LocalizationState:
     """Counts matches accepted and refused one after the other, and what follows from them."""
 
     def __init__(self, params: NdtParams) -> None:

@@ -13,8 +13,9 @@ from rclpy.action import ActionClient
 
 from custom_msgs.action import Dock, Undock
 from robot_stack.contract import actions
+from robot_stack.core.mission import Kind
 from robot_stack.mission.events import DockingAccepted, DockingEnded, DockingEvent, DockingFeedback
-from robot_stack.mission.model import Kind
+from robot_stack.ros.goals import new_goal
 from robot_stack.ros.node import StackNode
 
 _SAFETY_STOPS = {Kind.DOCK: Dock.Result.SAFETY_STOP, Kind.UNDOCK: Undock.Result.SAFETY_STOP}
@@ -22,27 +23,32 @@ _IDLE = "IDLE"  # of /docking/status
 _RESULTS = {Kind.DOCK: Dock.Result, Kind.UNDOCK: Undock.Result}
 # A goal in doubt is asked for this often: a request can be lost while a new process is being discovered.
 _ASK_S = 1.0
-_FORGOTTEN = "docking_controller does not know the goal any more: was it restarted?"
+# A goal may be on its way for so long before nobody's knowing it means that it was lost.
+_ON_THE_WAY_S = 2.0
+_FORGOTTEN = "docking_controller does not know the goal: was it restarted?"
 
 
 class _Goal:
-    """A goal that was sent. ``handle`` is None until it was accepted."""
+    """A goal that was sent. It is known by the number that it was given here, whether or not its answer arrives."""
 
-    def __init__(self, call: int, kind: Kind) -> None:
+    def __init__(self, call: int, kind: Kind, client: ActionClient) -> None:
         self.call = call
         self.kind = kind
-        self.handle: Any = None
-        self.cancelled = False
-        self.ended = False
+        self.handle = new_goal(client)
+        self.accepted = self.cancelled = self.ended = False
+        self.sent_s = math.nan
         self.asked_s = -math.inf
+
+    def on_its_way(self, now_s: float) -> bool:
+        return not self.accepted and not now_s - self.sent_s > _ON_THE_WAY_S
 
 
 class DockingClient:
-    """Callbacks run in the node's thread; ``tell`` hears what becomes of the goals."""
+    """Callbacks run in the node's thread; ``report`` hears what becomes of the goals."""
 
-    def __init__(self, node: StackNode, tell: Callable[[DockingEvent], None]) -> None:
+    def __init__(self, node: StackNode, report: Callable[[DockingEvent], None]) -> None:
         self._node = node
-        self._tell = tell
+        self._report = report
         self._clients: dict[Kind, ActionClient] = {
             Kind.DOCK: node.action_client(actions.DOCK),
             Kind.UNDOCK: node.action_client(actions.UNDOCK),
@@ -52,6 +58,7 @@ class DockingClient:
             Kind.UNDOCK: node.create_client(CancelGoal, f"{actions.UNDOCK.name}/_action/cancel_goal"),
         }
         self._goal: _Goal | None = None
+        self._now_s = math.nan
         # Time until which goals that others gave are still to be cancelled, once somebody serves the action.
         self._cancel_before: dict[Kind, Any] = {}
         self._heard = True
@@ -63,19 +70,20 @@ class DockingClient:
 
     def start(self, call: int, kind: Kind, dock_id: str) -> None:
         """Sends a goal. The one before must have ended."""
-        goal = self._goal = _Goal(call, kind)
+        client = self._clients[kind]
+        goal = self._goal = _Goal(call, kind, client)
+        goal.sent_s = self._now_s
         request = Dock.Goal(dock_id=dock_id) if kind is Kind.DOCK else Undock.Goal(dock_id=dock_id)
-        future = self._clients[kind].send_goal_async(request, feedback_callback=partial(self._on_feedback, goal))
+        future = client.send_goal_async(request, partial(self._on_feedback, goal), goal.handle.goal_id)
         future.add_done_callback(partial(self._on_answer, goal))
 
     def cancel(self) -> None:
-        """Cancels the goal, at once or as soon as it is accepted. May be repeated."""
+        """Cancels the goal, and once more when it is accepted after that. May be repeated."""
         goal = self._goal
         if goal is None or goal.ended:
             return
         goal.cancelled = True
-        if goal.handle is not None:
-            goal.handle.cancel_goal_async().add_done_callback(partial(self._on_cancel_answer, goal))
+        goal.handle.cancel_goal_async().add_done_callback(partial(self._on_cancel_answer, goal))
 
     def cancel_everything(self) -> None:
         """Cancels all goals of both actions from before now, as soon as somebody serves them."""
@@ -88,6 +96,7 @@ class DockingClient:
         Who speaks again after a silence, or says it is idle while it should be at a goal, may be a new process. Then it
         does not know the goal, and answers so when it is asked.
         """
+        self._now_s = now_s
         for kind, stamp in list(self._cancel_before.items()):
             if self._cancel_services[kind].service_is_ready():
                 request = CancelGoal.Request()  # a zero goal id with a time: all goals up to then
@@ -102,27 +111,32 @@ class DockingClient:
 
     def _ask(self, now_s: float) -> None:
         goal = self._goal
-        if goal is None or goal.handle is None or goal.ended or now_s - goal.asked_s < _ASK_S:
+        if goal is None or not goal.accepted or goal.ended or now_s - goal.asked_s < _ASK_S:
             return
         goal.asked_s = now_s
         goal.handle.get_result_async().add_done_callback(partial(self._on_result, goal))
 
     def _on_answer(self, goal: _Goal, future: Any) -> None:
-        handle = future.result()
-        if not handle.accepted:
+        if future.result().accepted:
+            self._on_accepted(goal)
+        else:
             self._end(goal, DockingEnded(goal.call, False, "the goal was rejected"))
+
+    def _on_accepted(self, goal: _Goal) -> None:
+        if goal.accepted:
             return
-        goal.handle = handle
-        handle.get_result_async().add_done_callback(partial(self._on_result, goal))
+        goal.accepted = True
+        goal.handle.get_result_async().add_done_callback(partial(self._on_result, goal))
         if goal.cancelled:
             self.cancel()
-        self._tell(DockingAccepted(goal.call))
+        self._report(DockingAccepted(goal.call))
 
     def _on_feedback(self, goal: _Goal, message: Any) -> None:
         self._doubted = False
+        self._on_accepted(goal)  # also where the answer that said so was lost
         feedback = message.feedback
         tries = feedback.tries if goal.kind is Kind.DOCK else 0
-        self._tell(DockingFeedback(goal.call, feedback.state, tries))
+        self._report(DockingFeedback(goal.call, feedback.state, tries))
 
     def _on_result(self, goal: _Goal, future: Any) -> None:
         answer = future.result()
@@ -135,13 +149,14 @@ class DockingClient:
         self._end(goal, DockingEnded(goal.call, success, reason, result.error_code == _SAFETY_STOPS[goal.kind]))
 
     def _on_cancel_answer(self, goal: _Goal, future: Any) -> None:
-        if future.result().return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
+        unknown = future.result().return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
+        if unknown and not goal.on_its_way(self._now_s):
             self._end(goal, DockingEnded(goal.call, False, _FORGOTTEN))
 
     def _end(self, goal: _Goal, event: DockingEnded) -> None:
         if not goal.ended:
             goal.ended = True
-            self._tell(event)
+            self._report(event)
 
 
 def reason_of(kind: Kind, code: int, reason: str) -> str:

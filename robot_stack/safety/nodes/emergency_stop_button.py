@@ -7,16 +7,15 @@ import time
 
 from std_msgs.msg import Bool
 
-from robot_stack.contract import topics
 from robot_stack.ros.node import StackNode, run
-from robot_stack.safety.button import Contact, EmergencyButton
+from robot_stack.safety.button import Contact, EmergencyButton, read_contact
 from robot_stack.safety.params import ButtonParams
 from robot_stack.safety.timing import age_s
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.view import EngineView
 
 
-class EmergencyStopButton(StackNode):
+class EmergencyStopButtonNode(StackNode):
     """Reads the contact in the thread of an EngineView and publishes from there: a press waits for no executor."""
 
     def __init__(self) -> None:
@@ -25,7 +24,7 @@ class EmergencyStopButton(StackNode):
         self._button = EmergencyButton(self.params.debounce_s, self.params.startup_settle_s)
         self._turn = threading.Lock()
         self._read_at_s: float | None = None
-        self._stop = self.advertise(topics.EMERGENCY_STOP)
+        self._stop = self.emergency_stop_source()
         self._view = EngineView("emergency_stop_button", self.params.poll_hz, self._on_status)
         self.every(2.0 / self.params.silence_s, self._watch)
         self._view.start()
@@ -33,13 +32,7 @@ class EmergencyStopButton(StackNode):
     def _on_status(self, status: StatusSnapshot | None) -> None:
         now_s = time.monotonic()
         self._read_at_s = now_s
-        self._take(self._contact(status), now_s)
-
-    def _contact(self, status: StatusSnapshot | None) -> Contact:
-        if status is None or not status.communicating:
-            return Contact.UNREADABLE
-        # Normally closed: a cut wire reads as pressed.
-        return Contact.RELEASED if status.input_bit(self._byte, self._bit) else Contact.PRESSED
+        self._take(read_contact(status, self._byte, self._bit), now_s)
 
     def _watch(self) -> None:
         """The thread itself may hang or die."""
@@ -55,13 +48,13 @@ class EmergencyStopButton(StackNode):
         with self._turn:
             say = self._button.update(contact, now_s)
             if say is not None:
-                self._stop.publish(Bool(data=say))
+                self._stop.publish(say)
 
     def _on_emergency_stop(self, message: Bool) -> None:
         super()._on_emergency_stop(message)
         with self._turn:
             if self._button.overheard(message.data):
-                self._stop.publish(Bool(data=True))
+                self._stop.publish(True)
 
     def destroy_node(self) -> None:
         self._view.close()
@@ -69,4 +62,4 @@ class EmergencyStopButton(StackNode):
 
 
 def main() -> None:
-    run(EmergencyStopButton)
+    run(EmergencyStopButtonNode)

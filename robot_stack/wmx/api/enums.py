@@ -207,19 +207,3 @@ class Config_EStopSignalSource(IntEnum):
     Input = 0
     Output = 1
     UserMemory = 2
-
-
-class EcStateMachine(IntEnum):
-    PyNone = 0
-    Init = 1
-    Preop = 2
-    Boot = 3
-    Safeop = 4
-    Op = 8
-
-
-class EcHotconnectState(IntEnum):
-    Idle = 0
-    Running = 1
-    Abort = 2
-    Unknown = 3

@@ -124,33 +124,6 @@ class Config_EmergencyStopParam:
 
 
 @dataclass(slots=True)
-class Config_SystemParam:
-    """All parameter blocks, one entry per axis; indexed access as in the vendor's Python module."""
-
-    feedbackParam: list[Config_FeedbackParam] = field(default_factory=list)
-    homeParam: list[Config_HomeParam] = field(default_factory=list)
-    limitParam: list[Config_LimitParam] = field(default_factory=list)
-    motionParam: list[Config_MotionParam] = field(default_factory=list)
-    alarmParam: list[Config_AlarmParam] = field(default_factory=list)
-    emergencyStopParam: Config_EmergencyStopParam = field(default_factory=Config_EmergencyStopParam)
-
-    def GetFeedbackParam(self, index: int) -> Config_FeedbackParam:
-        return self.feedbackParam[index]
-
-    def GetHomeParam(self, index: int) -> Config_HomeParam:
-        return self.homeParam[index]
-
-    def GetLimitParam(self, index: int) -> Config_LimitParam:
-        return self.limitParam[index]
-
-    def GetMotionParam(self, index: int) -> Config_MotionParam:
-        return self.motionParam[index]
-
-    def GetAlarmParam(self, index: int) -> Config_AlarmParam:
-        return self.alarmParam[index]
-
-
-@dataclass(slots=True)
 class Config_AxisParam:
     """Axis parameters, one entry per axis."""
 

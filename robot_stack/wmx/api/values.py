@@ -25,8 +25,9 @@ INFINITE = 0xFFFFFFFF
 class Profile:
     """How a motion reaches its velocity and leaves it.
 
-    Trapezoidal uses ``acc`` and ``dec``; TimeAccTrapezoidal uses the two times, each the time of the whole change of
-    velocity. Starting and end velocities other than zero are refused by the simulated engine.
+    Trapezoidal uses ``acc`` and ``dec``; TimeAccTrapezoidal uses the two times: to its velocity, and from that to rest,
+    which is also the rate at which it slows down to its velocity. Starting and end velocities other than zero are
+    refused by the simulated engine.
     """
 
     type: int = ProfileType.Trapezoidal
@@ -98,23 +99,6 @@ class Motion_PosCommand:
 
     axis: int = 0
     target: float = 0.0
-    profile: Profile = field(default_factory=Profile)
-
-
-@dataclass(slots=True)
-class Motion_JogCommand:
-    """Run in position mode at the signed ``profile.velocity`` until told otherwise."""
-
-    axis: int = 0
-    profile: Profile = field(default_factory=Profile)
-
-
-@dataclass(slots=True)
-class Motion_TimedJogCommand:
-    """A jog that ends by itself: deceleration begins after ``runTimeMilliseconds``."""
-
-    axis: int = 0
-    runTimeMilliseconds: float = 0.0
     profile: Profile = field(default_factory=Profile)
 
 

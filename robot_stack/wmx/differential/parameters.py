@@ -11,18 +11,22 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from robot_stack.core.config import Config
+from robot_stack.core.limits import MotionLimits
 from robot_stack.wmx.api import MAX_AXES
 from robot_stack.wmx.differential.kinematics import BaseGeometry
 from robot_stack.wmx.differential.odometry import Matrix3, OdometrySettings
 from robot_stack.wmx.differential.states import SessionSettings
+from robot_stack.wmx.session import Patience
 
 Axis = Annotated[int, Field(ge=0, lt=MAX_AXES)]
 Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0, le=1e3)]
 Pause = Annotated[float, Field(gt=0.0, le=60.0)]
 Polarity = Literal[1, -1]
 _UNSET = "no_param"
 _PLANAR, _UNMEASURED = (0, 1, 5), (2, 3, 4)  # x, y, yaw; z, roll, pitch
 _HUGE_VARIANCE = 1e6
+_UNLIMITED = 1e6  # m/s2, rad/s3 and the like: within one step whatever is asked for
 
 
 class OdometryParams(Config):
@@ -35,22 +39,27 @@ class OdometryParams(Config):
     twist_deviation_radps: Positive
 
 
+class LimitParams(Config):
+    """Of the body: joined, so that a change of twist keeps its curve. 0 is no limit."""
+
+    linear_acceleration_mps2: NotNegative
+    angular_acceleration_radps2: NotNegative
+    linear_jerk_mps3: NotNegative
+    angular_jerk_radps3: NotNegative
+
+
 class SessionParams(Config):
-    """See ``SessionSettings`` and ``EngineLink``."""
+    """See ``SessionSettings`` and ``Patience``."""
 
     retry_s: Pause
     communication_retry_s: Pause
     request_pause_s: Pause
-    feed_period_s: Pause
-    watchdog_s: Annotated[float, Field(gt=0.0, le=10.0)]
+    attempts: Annotated[int, Field(ge=1)]
+    attempt_pause_s: Pause
+    probe_period_s: Pause
+    command_lifetime_s: Annotated[float, Field(gt=0.0, le=2.0)]
     follow_s: Pause
     standstill_radps: Positive
-
-    @model_validator(mode="after")
-    def _fed_in_time(self) -> SessionParams:
-        if self.feed_period_s >= 0.5 * self.watchdog_s:
-            raise ValueError("feed_period_s must be below half of watchdog_s")
-        return self
 
 
 class DiffDriveParams(Config):
@@ -73,8 +82,10 @@ class DiffDriveParams(Config):
     encoder_odometry_topic: str
     wmx_param_file_path: str
 
+    cmd_vel_stamped_topic: str
     cmd_vel_timeout_s: Annotated[float, Field(gt=0.0, le=10.0)]
     max_wheel_speed_radps: Positive
+    limits: LimitParams
     left_polarity: Polarity
     right_polarity: Polarity
     odom_frame: str
@@ -107,6 +118,20 @@ def base_geometry(params: DiffDriveParams) -> BaseGeometry:
     return BaseGeometry(radius_m=params.wheel_radius, track_m=params.wheel_to_wheel)
 
 
+def motion_limits(limits: LimitParams) -> MotionLimits | None:
+    """None where nothing is limited. Speeds are limited at the wheels."""
+    if not any(limits.model_dump().values()):
+        return None
+    return MotionLimits(
+        speed_mps=_UNLIMITED,
+        yaw_rate_radps=_UNLIMITED,
+        acceleration_mps2=limits.linear_acceleration_mps2 or _UNLIMITED,
+        yaw_acceleration_radps2=limits.angular_acceleration_radps2 or _UNLIMITED,
+        jerk_mps3=limits.linear_jerk_mps3 or _UNLIMITED,
+        yaw_jerk_radps3=limits.angular_jerk_radps3 or _UNLIMITED,
+    )
+
+
 def odometry_settings(params: DiffDriveParams) -> OdometrySettings:
     return OdometrySettings(
         max_wheel_speed_radps=params.max_wheel_speed_radps,
@@ -114,6 +139,10 @@ def odometry_settings(params: DiffDriveParams) -> OdometrySettings:
         longest_gap_s=params.odometry.longest_gap_s,
         deviation_per_sqrt_m=params.odometry.deviation_per_sqrt_m,
     )
+
+
+def patience(params: SessionParams) -> Patience:
+    return Patience(params.retry_s, params.attempts, params.attempt_pause_s, params.probe_period_s)
 
 
 def session_settings(params: DiffDriveParams, config_folder: Path) -> SessionSettings:
@@ -129,6 +158,7 @@ def session_settings(params: DiffDriveParams, config_folder: Path) -> SessionSet
         request_pause_s=session.request_pause_s,
         follow_s=session.follow_s,
         standstill_radps=session.standstill_radps,
+        command_lifetime_s=session.command_lifetime_s,
     )
 
 

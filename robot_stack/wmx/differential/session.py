@@ -8,6 +8,7 @@ release; a lost engine or bus is gone through from the start.
 
 from __future__ import annotations
 
+from robot_stack.wmx import MotionEngine
 from robot_stack.wmx.api import (
     AxisCommandMode,
     AxisSelection,
@@ -15,36 +16,57 @@ from robot_stack.wmx.api import (
     OperationState,
 )
 from robot_stack.wmx.axes import Flag, StatusSnapshot
+from robot_stack.wmx.axis_group import CLEARING, SERVO_ON, AxisGroup
 from robot_stack.wmx.differential import requests
 from robot_stack.wmx.differential.kinematics import REST, WheelPair
-from robot_stack.wmx.differential.states import SessionSettings, SessionState, Stage
-from robot_stack.wmx.link import EngineLink
+from robot_stack.wmx.differential.states import SessionSettings, Stage
+from robot_stack.wmx.session import Applied, EngineSession
+from robot_stack.wmx.start_up import SessionState, StartUp
 
 _WHEELS = ("left", "right")
-_COMMUNICATION, _MODE, _SERVO, _ALARMS = "starting communication", "velocity mode", "servo on", "clearing alarms"
+_MODE = "velocity mode"
 _DRIVING, _QUICK_STOP = "driving", "quick stop"
 _BY_HAND = "needs clear_alarm and set_on, or an emergency stop and its release"
 _NO_BUS_YET = "the engine does not communicate yet"
+# Of the life of a command: then it is sent again.
+_RENEWED = 1.0 / 3.0
+_SHORTEST_RAMP_S = 1e-3
 _HALTING = (DetailOperationState.Stop_QStop, DetailOperationState.Stop_EStop)
+_HELD_UP = "held up between the engine's status and the command"
 
-
-Step = tuple[Stage, str] | None
+Missing = tuple[Stage, str] | None
 
 
 class WheelSession:
     """Belongs to one thread. Times are steady seconds."""
 
-    def __init__(self, link: EngineLink, settings: SessionSettings) -> None:
-        self._link = link
+    def __init__(self, engine: EngineSession, settings: SessionSettings) -> None:
+        self._engine = engine
         self._settings = settings
         self._selection = AxisSelection.of(*settings.axes)
-        self._connection = 0
+        names = {axis: f"{wheel} wheel:" for axis, wheel in zip(settings.axes, _WHEELS, strict=True)}
+        self._group = AxisGroup(engine, names, settings.request_pause_s)
+        steps = (
+            self._communication,
+            self._parameters,
+            self._stopped,
+            self._alarms,
+            self._modes,
+            self._servos,
+            self._motion,
+        )
+        self._start = StartUp(
+            engine, settings.axes, steps, Stage.CONNECTING, Stage.READY, connected=self._on_connection
+        )
+        self._stop = False
         self._parameters_set = False
         self._was_ready = False
         self._bus = _NO_BUS_YET
         self._sent: WheelPair | None = None
+        self._sent_s = 0.0
+        self._ramps_end_s = (0.0, 0.0)
         self._driving_since_s: float | None = None
-        self.state = SessionState(Stage.CONNECTING, link.text)
+        self.state = SessionState(Stage.CONNECTING, engine.text)
 
     @property
     def ready(self) -> bool:
@@ -52,97 +74,77 @@ class WheelSession:
 
     # --- the next step -----------------------------------------------------------------------------------------------
 
-    def poll(self, now_s: float, *, stop: bool) -> SessionState:
+    def poll(self, now_s: float, *, stop: bool) -> SessionState[Stage]:
         """Looks, and asks for what is missing. stop: an emergency stop is in force."""
-        self.state = self._next(now_s, stop)
+        self._stop = stop
+        self.state = self._start.poll(now_s)
         self._was_ready = self._was_ready or self.ready
         if not self.ready:
             self._sent = self._driving_since_s = None
         return self.state
 
-    def _next(self, now_s: float, stop: bool) -> SessionState:
-        self._link.poll(now_s)
-        if self._link.connections != self._connection:
-            self._connection = self._link.connections
-            self._was_ready = self._parameters_set = False
-            self._bus = _NO_BUS_YET
-        snapshot = self._link.read()
-        if snapshot is None:
-            return SessionState(Stage.CONNECTING, self._link.problem)
-        if snapshot.n_axes <= max(self._settings.axes):
-            return SessionState(Stage.CONNECTING, f"axes {self._settings.axes} of an engine with {snapshot.n_axes}")
-        stage, text = (
-            self._communication(snapshot, now_s)
-            or self._parameters(now_s)
-            or self._stopped(snapshot, now_s, stop)
-            or self._alarms(snapshot, now_s)
-            or self._modes(snapshot, now_s)
-            or self._servos(snapshot, now_s)
-            or self._motion(snapshot, now_s)
-            or (Stage.READY, "ready")
-        )
-        if self._link.engine is None:  # lost on the way
-            return SessionState(Stage.CONNECTING, self._link.problem)
-        return SessionState(stage, text, snapshot if snapshot.communicating else None)
+    def _on_connection(self) -> None:
+        self._was_ready = self._parameters_set = False
+        self._bus = _NO_BUS_YET
 
-    def _communication(self, snapshot: StatusSnapshot, now_s: float) -> Step:
+    def _communication(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
         if snapshot.communicating:
             return None
         if self._was_ready:
             self._was_ready, self._bus = False, "communication with the drives is lost"
-        if self._link.due(_COMMUNICATION, now_s, self._settings.communication_retry_s):
-            self._link.ask(_COMMUNICATION, lambda engine: engine.api.StartCommunication(0))
-        return Stage.COMMUNICATION, self._link.refusal(_COMMUNICATION, self._bus)
+        pause_s = self._settings.communication_retry_s
+        return Stage.COMMUNICATION, self._engine.start_communication(now_s, pause_s, self._bus)
 
-    def _parameters(self, now_s: float) -> Step:
+    def _parameters(self, _: StatusSnapshot, now_s: float) -> Missing:
         """Without its parameters a wheel has the wrong gear: it is not switched on."""
         path = self._settings.parameter_file
         if self._parameters_set or not path:
             return None
         what = f"wmx_param_file_path {path}"
-        if self._link.due(what, now_s, self._settings.communication_retry_s):
-            self._parameters_set = self._link.ask(what, lambda engine: engine.core_motion.config.ImportAndSetAll(path))
-        return None if self._parameters_set else (Stage.PARAMETERS, self._link.refusal(what, what))
+        if self._engine.due(what, now_s, self._settings.communication_retry_s):
+            self._parameters_set = self._engine.ask(
+                what, lambda engine: engine.core_motion.config.ImportAndSetAll(path)
+            )
+        return None if self._parameters_set else (Stage.PARAMETERS, self._engine.refusal(what, what))
 
-    def _stopped(self, snapshot: StatusSnapshot, now_s: float, stop: bool) -> Step:
-        if not (stop or snapshot.emergency_stop):
+    def _stopped(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
+        if not (self._stop or snapshot.emergency_stop):
             return None
         self._halt(snapshot)
         self._was_ready = False
         self._clear_alarms(snapshot, now_s)
-        return Stage.STOPPED, "emergency stop" if stop else "the engine is in emergency stop"
+        return Stage.STOPPED, "emergency stop" if self._stop else "the engine is in emergency stop"
 
-    def _alarms(self, snapshot: StatusSnapshot, now_s: float) -> Step:
-        faults = self._faults(snapshot)
+    def _alarms(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
+        faults = self._group.faults(snapshot)
         if not faults:
             return None
         if self._was_ready:
             return self._fault(snapshot, f"{faults}; {_BY_HAND}")
         self._clear_alarms(snapshot, now_s)
-        return Stage.SWITCHING_ON, self._link.refusal(_ALARMS, faults)
+        return Stage.SWITCHING_ON, self._engine.refusal(CLEARING, faults)
 
-    def _modes(self, snapshot: StatusSnapshot, now_s: float) -> Step:
+    def _modes(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
         wrong = [axis for axis in self._settings.axes if snapshot.command_mode[axis] != AxisCommandMode.Velocity]
         if not wrong:
             return None
         self._halt(snapshot)
-        if self._link.due(_MODE, now_s, self._settings.request_pause_s):
-            all(self._link.ask(_MODE, requests.velocity_mode(axis)) for axis in wrong)
-        return Stage.SWITCHING_ON, self._link.refusal(_MODE, f"{self._names(wrong)} wheel not in velocity mode")
+        if self._engine.due(_MODE, now_s, self._settings.request_pause_s):
+            all(self._engine.ask(_MODE, requests.velocity_mode(axis)) for axis in wrong)
+        return Stage.SWITCHING_ON, self._engine.refusal(_MODE, f"{self._names(wrong)} wheel not in velocity mode")
 
-    def _servos(self, snapshot: StatusSnapshot, now_s: float) -> Step:
-        off = [axis for axis in self._settings.axes if not snapshot.servo_on[axis]]
+    def _servos(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
+        off = self._group.where(~snapshot.servo_on)
         if not off:
             return None
         text = f"{self._names(off)} wheel: servo off"
         if self._was_ready:
             return self._fault(snapshot, f"{text}; {_BY_HAND}")
-        if self._link.due(_SERVO, now_s, self._settings.request_pause_s):
-            selection = AxisSelection.of(*off)
-            self._link.ask(_SERVO, lambda engine: engine.core_motion.axisControl.SetServoOn_AxisSel(selection, 1))
-        return Stage.SWITCHING_ON, self._link.refusal(_SERVO, text)
+        if self._engine.due(SERVO_ON, now_s, self._settings.request_pause_s):
+            self._group.switch_on(off)
+        return Stage.SWITCHING_ON, self._engine.refusal(SERVO_ON, text)
 
-    def _motion(self, snapshot: StatusSnapshot, now_s: float) -> Step:
+    def _motion(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
         """A wheel that another stopped: with the other wheel driven on, the base would turn."""
         axes = self._settings.axes
         strange = [
@@ -151,48 +153,96 @@ class WheelSession:
         if strange:
             self._halt(snapshot)
             return Stage.STOPPING, f"{self._names(strange)} wheel is being stopped"
-        if self._driving_since_s is None or now_s - self._driving_since_s <= self._settings.follow_s:
+        since_s = self._driving_since_s
+        if since_s is None or 0.0 <= snapshot.engine_time_s - since_s <= self._settings.follow_s:
             return None
         idle = [axis for axis in axes if snapshot.op_state[axis] == OperationState.Idle]
         return self._fault(snapshot, f"{self._names(idle)} wheel was stopped by another") if idle else None
 
     # --- motion ------------------------------------------------------------------------------------------------------
 
-    def follow(self, speeds: WheelPair, now_s: float) -> str:
-        """Has both wheels at speeds of their axes (rad/s), or neither. Returns why not, an empty text if it is so.
+    def follow(self, speeds: WheelPair, now_s: float, ramp_s: float | None = None) -> Applied[WheelPair]:
+        """Has both wheels at speeds of their axes (rad/s), or neither. ramp_s: in which they get there, where not the
+        settings say it.
 
-        What has been sent is not sent again: it would begin the change of speed anew. What was refused is.
+        Wheels that turn are commanded again well within the life of their command: that is what keeps them turning.
         """
         snapshot = self.state.snapshot
         if not self.ready or snapshot is None:
-            return f"not ready: {self.state.text}"
-        at_rest = not snapshot.velocity_cmd[list(self._settings.axes)].any()
-        if speeds == self._sent or (speeds == REST and self._sent is None and at_rest):
-            return ""
-        problem = self._drive(speeds)
-        self._sent = None if problem else speeds
-        self._driving_since_s = now_s if self._sent not in (None, REST) else None
-        return problem
+            return Applied(None, f"not ready: {self.state.text}")
+        present = self._commanded(snapshot)
+        if speeds == REST and self._sent is None and present == REST:
+            return Applied(speeds)
+        if speeds == self._sent:
+            fresh = 0.0 <= now_s - self._sent_s < _RENEWED * self._settings.command_lifetime_s
+            return Applied(speeds) if speeds == REST or fresh else self._drive(snapshot, speeds, now_s)
+        self._ramps_end_s = (
+            now_s + (ramp_s or self._ramp_s(present.left, speeds.left)),
+            now_s + (ramp_s or self._ramp_s(present.right, speeds.right)),
+        )
+        applied = self._drive(snapshot, speeds, now_s)
+        if self._sent in (None, REST):
+            self._driving_since_s = None
+        elif self._driving_since_s is None:
+            self._driving_since_s = snapshot.engine_time_s
+        return applied
 
-    def _drive(self, speeds: WheelPair) -> str:
+    def _ramp_s(self, now: float, wanted: float) -> float:
+        """How long a change of speed takes; through zero it falls first and grows then."""
         settings = self._settings
-        times_s = settings.acc_time_s, settings.dec_time_s
-        commands = [
-            requests.run_at(settings.left_axis, speeds.left, *times_s),
-            requests.run_at(settings.right_axis, speeds.right, *times_s),
-        ]
-        done = self._link.ask(_DRIVING, lambda engine: engine.core_motion.velocity.StartVel(len(commands), commands))
-        return "" if done else self._link.refusal(_DRIVING, self._link.text)
+        if now * wanted < 0.0:
+            return settings.dec_time_s + settings.acc_time_s
+        return settings.acc_time_s if abs(wanted) > abs(now) else settings.dec_time_s
+
+    def _drive(self, seen: StatusSnapshot, speeds: WheelPair, now_s: float) -> Applied[WheelPair]:
+        """The wheels as they were seen are what is commanded. Who was held up since, longer than the engine lets them
+        turn without a command, would set stopped wheels in motion again.
+        """
+        if speeds != REST and self._held_up(seen):
+            return Applied(None, _HELD_UP)
+        settings = self._settings
+        present = self._commanded(seen)
+        resting, turning = [], []
+        rows = zip(
+            settings.axes, (present.left, present.right), (speeds.left, speeds.right), self._ramps_end_s, strict=True
+        )
+        for axis, now, wanted, end_s in rows:
+            remaining_s = max(end_s - now_s, _SHORTEST_RAMP_S)
+            if wanted:
+                lifetime_s = settings.command_lifetime_s
+                turning.append(requests.run_at(axis, now, wanted, remaining_s, settings.dec_time_s, lifetime_s))
+            else:
+                resting.append(requests.rest(axis, remaining_s))
+
+        def drive(engine: MotionEngine) -> int:
+            velocity = engine.core_motion.velocity
+            code = velocity.StartVel(len(resting), resting) if resting else 0
+            return code or (velocity.StartVel_TimedVel(len(turning), turning) if turning else 0)
+
+        self._sent, self._sent_s = speeds if self._engine.ask(_DRIVING, drive) else None, now_s
+        if turning and self._held_up(seen):  # not even the call itself may take so long
+            self._sent = None
+            self.quick_stop()
+            return Applied(None, _HELD_UP)
+        return Applied(self._sent, "" if self._sent is not None else self._engine.refusal(_DRIVING, self._engine.text))
+
+    def _held_up(self, seen: StatusSnapshot) -> bool:
+        """By the engine's own time, in which its wheels turn and stop."""
+        now = self._engine.read()
+        return now is None or now.engine_time_s - seen.engine_time_s > self._settings.follow_s
+
+    def _commanded(self, snapshot: StatusSnapshot) -> WheelPair:
+        return WheelPair(*snapshot.velocity_cmd[list(self._settings.axes)].tolist())
 
     def quick_stop(self) -> str:
         """Stops both wheels in the engine, at once. Returns why it could not, an empty text if it could."""
-        if self._link.ask(
+        if self._engine.ask(
             _QUICK_STOP, lambda engine: engine.core_motion.velocity.ExecQuickStop_AxisSel(self._selection)
         ):
             return ""
         # One of them is not in velocity mode: each in its own.
-        stopped = [self._link.ask(_QUICK_STOP, requests.quick_stop(axis)) for axis in self._settings.axes]
-        return "" if all(stopped) else self._link.refusal(_QUICK_STOP, "no engine to stop")
+        stopped = [self._engine.ask(_QUICK_STOP, requests.quick_stop(axis)) for axis in self._settings.axes]
+        return "" if all(stopped) else self._engine.refusal(_QUICK_STOP, "no engine to stop")
 
     def standing(self, snapshot: StatusSnapshot) -> bool:
         """Both wheels, commanded and measured."""
@@ -201,7 +251,7 @@ class WheelSession:
 
     def servos_off(self) -> None:
         """Only for wheels that stand."""
-        self._link.ask(_SERVO, lambda engine: engine.core_motion.axisControl.SetServoOn_AxisSel(self._selection, 0))
+        self._group.switch_off()
 
     # --- details -----------------------------------------------------------------------------------------------------
 
@@ -216,26 +266,8 @@ class WheelSession:
             self.quick_stop()
 
     def _clear_alarms(self, snapshot: StatusSnapshot, now_s: float) -> None:
-        """Asks the drives to forget their alarms, once the wheels stand. Nothing moves by it: the servos are off."""
-        drives = [axis for axis in self._settings.axes if snapshot.amp_alarm[axis]]
-        following = [axis for axis in self._settings.axes if snapshot.following_error_alarm[axis]]
-        if not (drives or following) or not self.standing(snapshot):
-            return
-        if not self._link.due(_ALARMS, now_s, self._settings.request_pause_s):
-            return
-        for axis in drives:
-            self._link.ask(_ALARMS, requests.clear_drive(axis))
-        for axis in following:
-            self._link.ask(_ALARMS, requests.clear_axis(axis))
-
-    def _faults(self, snapshot: StatusSnapshot) -> str:
-        texts = [
-            f"{self._names([axis])} wheel: alarm {int(snapshot.amp_alarm_code[axis])}"
-            for axis in self._settings.axes
-            if snapshot.amp_alarm[axis]
-        ]
-        following = [axis for axis in self._settings.axes if snapshot.following_error_alarm[axis]]
-        return ", ".join([*texts, *(f"{self._names([axis])} wheel: following error" for axis in following)])
+        if self.standing(snapshot):
+            self._group.clear_alarms(snapshot, now_s)
 
     def _names(self, axes: list[int]) -> str:
         return " and ".join(_WHEELS[self._settings.axes.index(axis)] for axis in axes)

@@ -1,11 +1,9 @@
-"""Where the session with the engine stands, and what it is told at its start."""
+"""Stages of the session with the engine, and what it is told at its start."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-
-from robot_stack.wmx.axes import StatusSnapshot
 
 
 class Stage(Enum):
@@ -27,7 +25,9 @@ class SessionSettings:
     parameter_file: the engine's parameter XML, empty for none.
 
     communication_retry_s, request_pause_s: between repetitions of a request that has not been fulfilled. follow_s: so
-    long after a command a wheel must be in velocity motion. standstill_radps: a slower wheel stands.
+    long after a command a wheel must be in velocity motion, and so old may the status be that a command is made of,
+    both in the engine's time. standstill_radps: a slower wheel stands. command_lifetime_s: the engine itself stops
+    wheels that get no other command for so long.
     """
 
     left_axis: int
@@ -39,16 +39,8 @@ class SessionSettings:
     request_pause_s: float
     follow_s: float
     standstill_radps: float
+    command_lifetime_s: float
 
     @property
     def axes(self) -> tuple[int, int]:
         return self.left_axis, self.right_axis
-
-
-@dataclass(frozen=True, slots=True)
-class SessionState:
-    """snapshot: the engine's present status, None while there is none that can be trusted."""
-
-    stage: Stage
-    text: str
-    snapshot: StatusSnapshot | None = None

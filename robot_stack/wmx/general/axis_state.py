@@ -30,8 +30,7 @@ _REALS: Final = {
 def axis_state(snapshot: StatusSnapshot, axis_count: int, rated_torque_nm: Sequence[float]) -> dict[str, Column]:
     """The fields of the message, each with ``axis_count`` entries; flags 0 or 1, user units.
 
-    rated_torque_nm: per axis, to convert the engine's percent of rated torque; an axis with 0, or all with an empty
-    sequence, keeps percent.
+    rated_torque_nm: per axis; the engine tells percent of it.
     """
     fields: dict[str, Column] = {}
     for name, flag in _FLAGS.items():
@@ -39,14 +38,6 @@ def axis_state(snapshot: StatusSnapshot, axis_count: int, rated_torque_nm: Seque
     for name, real in _REALS.items():
         fields[name] = array("d", snapshot.reals[real, :axis_count].tolist())
     percent = snapshot.actual_torque[:axis_count].tolist()
-    torque = [_torque(share, rated) for share, rated in zip(percent, _padded(rated_torque_nm, axis_count), strict=True)]
+    torque = [0.01 * share * rated for share, rated in zip(percent, rated_torque_nm, strict=True)]
     fields["actual_torque"] = array("d", torque)
     return fields
-
-
-def _padded(rated_torque_nm: Sequence[float], axis_count: int) -> Sequence[float]:
-    return rated_torque_nm or [0.0] * axis_count
-
-
-def _torque(percent: float, rated_nm: float) -> float:
-    return 0.01 * percent * rated_nm if rated_nm else percent

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -27,6 +28,9 @@ from robot_stack.wmx.general.requests import (
 )
 
 _TRAPEZOIDAL: Final = ("", "trapezoidal")
+# A time of zero would be a step, a velocity of zero a rest.
+_SHORTEST_MS: Final = 1.0
+_SLOWEST_RADPS: Final = 1e-6
 _STATES: Final = {
     AxisCommandMode.Velocity: (OperationState.Idle, OperationState.Velocity),
     AxisCommandMode.Position: (OperationState.Idle, OperationState.Pos, OperationState.Jog),
@@ -93,9 +97,39 @@ def velocity_commands(order: AxisOrder) -> list[Velocity_VelCommand]:
     return [Velocity_VelCommand(axis, profile) for axis, profile in _profiles(order)]
 
 
-def timed_velocity_commands(order: AxisOrder, run_time_s: float) -> list[Velocity_TimedVelCommand]:
-    """Of a checked order: run for ``run_time_s``, then decelerate; the engine needs nobody for it."""
-    return [Velocity_TimedVelCommand(axis, 1e3 * run_time_s, profile) for axis, profile in _profiles(order)]
+def timed_velocity_commands(
+    order: AxisOrder, snapshot: StatusSnapshot, lifetime_s: float
+) -> tuple[list[Velocity_TimedVelCommand], list[Velocity_VelCommand]]:
+    """Of a checked order: axes that are to turn, which the engine slows down again after ``lifetime_s`` without
+    anybody's help, and axes that are to stand, which need no end.
+
+    The vendor takes timed velocities with profiles by times only, whose run time counts from when the velocity is
+    reached (WMX3 API reference, Velocity::StartVel). What cannot be reached within the time is not aimed at.
+    """
+    turning, resting = [], []
+    for axis, profile in _profiles(order):
+        if profile.velocity:
+            turning.append(_timed(axis, profile, float(snapshot.velocity_cmd[axis]), lifetime_s))
+        else:
+            resting.append(Velocity_VelCommand(axis, profile))
+    return turning, resting
+
+
+def _timed(axis: int, wanted: Profile, now: float, lifetime_s: float) -> Velocity_TimedVelCommand:
+    """acc and dec of a profile as the times that mean the same from the present velocity on."""
+    target = wanted.velocity
+    falls = abs(now) if now * target < 0.0 else max(abs(now) - abs(target), 0.0)
+    remaining_s = max(lifetime_s - falls / wanted.dec, 0.0)
+    slowest = abs(now) if now * target > 0.0 else 0.0
+    speed = min(abs(target), max(slowest, _SLOWEST_RADPS) + wanted.acc * remaining_s)
+    growth_s = max(speed - slowest, 0.0) / wanted.acc
+    return Velocity_TimedVelCommand(
+        axis,
+        max(1e3 * (remaining_s - growth_s), _SHORTEST_MS),
+        Profile.SetupTimeAccTrapezoidal(
+            math.copysign(speed, target), max(1e3 * growth_s, _SHORTEST_MS), max(1e3 * speed / wanted.dec, _SHORTEST_MS)
+        ),
+    )
 
 
 def position_commands(order: AxisOrder) -> list[Motion_PosCommand]:

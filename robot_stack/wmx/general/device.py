@@ -15,16 +15,14 @@ from robot_stack.wmx.api import (
     error_text,
 )
 from robot_stack.wmx.axes import Flag, StatusSnapshot
+from robot_stack.wmx.failures import BUSY
+from robot_stack.wmx.session import EngineSession, Events, Patience
 
 OpenEngine = Callable[[str | None, str], MotionEngine]
 """(path or None for the configured one, device name) -> an open device, without waiting. Raises EngineError."""
 
-# After these the device is worthless: the engine has ended, or was stopped by somebody.
-LOST: Final = (ErrorCode.IMLibIsNotRunning, ErrorCode.DeviceIsNull)
 # A command shows in the status in the next cycle; one more, because the status may be of the cycle before.
 SETTLED_CYCLES: Final = 2
-_FEEDS_PER_WATCHDOG: Final = 4.0
-
 
 # The installation roots of the documents: whoever names one means the engine of this machine.
 _INSTALLATION_ROOTS: Final = ("", "/opt/lmx", "/opt/wmx3")
@@ -40,54 +38,52 @@ class Device:
     """Belongs to one thread. Times are steady seconds."""
 
     def __init__(
-        self, name: str, open_engine: OpenEngine, log: Log, attempts: int, retry_s: float, watchdog_s: float
+        self, name: str, open_engine: OpenEngine, log: Log, attempts: int, retry_s: float, probe_period_s: float
     ) -> None:
-        self.engine: MotionEngine | None = None
+        """attempts, retry_s, probe_period_s: see ``Patience``; whatever refuses a device counts as an attempt."""
         self.wanted = True
         self.name = name
         self.path: str | None = None
         self.started_communication = False
-        self._open_engine = open_engine
+        self._session = EngineSession(
+            lambda: open_engine(self.path, self.name),
+            Patience(retry_s, attempts, retry_s, probe_period_s, waited_for=frozenset()),
+            Events(self._on_opened, self._on_refused, self._on_lost),
+        )
         self._log = log
-        self._attempts, self._retry_s, self._watchdog_s = attempts, retry_s, watchdog_s
-        self._tried = 0
-        self._next_try_s = self._next_feed_s = -float("inf")
+        self._attempts, self._retry_s = attempts, retry_s
         self._device_id = 0
         self._moved: dict[int, int] = {}
         self._doubtful: set[int] = set()
 
     # --- life --------------------------------------------------------------------------------------------------------
 
+    @property
+    def engine(self) -> MotionEngine | None:
+        return self._session.engine
+
     def poll(self, now_s: float) -> None:
-        """Opens the device if it is wanted and due, and tells the engine that this client lives."""
-        if self.engine is None:
-            if self.wanted and now_s >= self._next_try_s:
-                self._try(now_s)
-        elif now_s >= self._next_feed_s:
-            self._next_feed_s = now_s + self._watchdog_s / _FEEDS_PER_WATCHDOG
-            self.call(lambda engine: engine.api.ResetWatchdogTimer())
+        """Opens the device if it is wanted and due; asks the engine, now and then, whether it is still there."""
+        if self.engine is not None or self.wanted:
+            self._session.poll(now_s)
 
     def open(self, path: str | None, name: str) -> EngineError | None:
         """A device called ``name``; None if there is one now, else why not."""
-        try:
-            self.engine = self._open_engine(path, name)
-        except EngineError as error:
-            return error
-        self.path, self.name, self.wanted = path, name, True
-        self._tried = 0
-        self._moved.clear()
-        self._device_id = self.engine.api.GetDeviceID()[1]
-        self.call(lambda engine: engine.api.SetWatchdog(round(1e3 * self._watchdog_s)))
-        self._log.info(f"created a device with name: {name}")
-        return None
+        before = self.path, self.name
+        self.path, self.name = path, name
+        error = self._session.open()
+        if error is not None:
+            self.path, self.name = before
+        return error
 
     def close(self) -> int:
-        """Gives the device back; the engine stops what it still moves. The code of the engine."""
-        if self.engine is None:
-            return ErrorCode.DeviceIsNull
-        engine, self.engine = self.engine, None
+        """Stops what still moves, quickly, and gives the device back: the engine would let it go on. Its code."""
+        _, snapshot = self.read()
+        if snapshot is not None and snapshot.communicating:
+            self.stop(self.moving(snapshot), snapshot, quick=True)
+        code = self._session.close()
         self._forget()
-        return engine.api.CloseDevice()
+        return code
 
     def rename(self, name: str) -> int:
         """The code of the engine. A second device would leave the first one open."""
@@ -100,54 +96,46 @@ class Device:
         """Whether ``path`` names the engine that this device is on, or would be on by configuration."""
         return path is None or _place(path) == _place(self.path or "")
 
-    def _try(self, now_s: float) -> None:
-        self._next_try_s = now_s + self._retry_s
-        error = self.open(self.path, self.name)
-        if error is None:
-            return
-        self._tried += 1
-        attempt = f"attempt {self._tried} of {self._attempts}"
-        if self._tried < self._attempts and error.code == ErrorCode.CreateDeviceLockError:
+    def _on_opened(self, engine: MotionEngine) -> None:
+        self.wanted = True
+        self._forget()
+        self._device_id = engine.api.GetDeviceID()[1]
+        self._log.info(f"created a device with name: {self.name}")
+
+    def _on_refused(self, error: EngineError, failures: int) -> None:
+        attempt = f"attempt {failures} of {self._attempts}"
+        if failures < self._attempts and error.code in BUSY:
             self._log.warning(
                 f"{attempt}: lock contention, another client creates a device; again in {self._retry_s} s"
             )
-        elif self._tried < self._attempts:
+        elif failures < self._attempts:
             self._log.warning(f"{attempt}: {error}; again in {self._retry_s} s")
-        elif self._tried == self._attempts:
+        elif failures == self._attempts:
             self._log.error(f"{attempt}: {error}; the node goes on without a device and keeps trying")
 
-    def _lose(self) -> None:
-        if self.engine is not None:
-            self._log.error("the motion engine has ended: the device is lost")
-            self.close()
+    def _on_lost(self) -> None:
+        self._log.error("the motion engine has ended: the device is lost")
+        self._forget()
 
     def _forget(self) -> None:
         self._moved.clear()
         self._doubtful.clear()
         self._device_id = 0
         self.started_communication = False
-        self._next_try_s = -float("inf")
 
     # --- calls -------------------------------------------------------------------------------------------------------
 
     def call(self, request: Callable[[MotionEngine], int]) -> int:
         """The engine's code; DeviceIsNull without a device."""
-        if self.engine is None:
-            return ErrorCode.DeviceIsNull
-        return self.heed(int(request(self.engine)))
+        return self._session.call(request)
 
     def read(self) -> tuple[int, StatusSnapshot | None]:
         """(0, the present status), or the code of what is wrong and None."""
-        if self.engine is None:
-            return ErrorCode.DeviceIsNull, None
-        code, snapshot = self.engine.read_status()
-        return (self.heed(code), None) if code else (code, snapshot)
+        return self._session.status()
 
-    def heed(self, code: int) -> int:
+    def check_code(self, code: int) -> int:
         """The code, after what it means for the device."""
-        if code in LOST:
-            self._lose()
-        return code
+        return self._session.check_code(code)
 
     def base_text(self, code: int) -> str:
         """The meaning of a code of a device call."""

@@ -6,11 +6,15 @@ from collections.abc import Callable, Generator
 
 from robot_stack.wmx.api import ErrorCode, EStopLevel, OperationState
 from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.failures import ABSENT
 from robot_stack.wmx.general.answers import Answer, failure, state_name
 from robot_stack.wmx.general.device import Device, Log
 from robot_stack.wmx.general.parameters import GeneralParams
 from robot_stack.wmx.general.waiting import Clock, Waits
 from robot_stack.wmx.general.worker import Job
+
+# What goes away by waiting: somebody else creates a device, or the engine has not shown itself for a moment.
+_PASSING = ABSENT - {ErrorCode.IMLibIsNotRunning}
 
 
 class EngineServices:
@@ -34,7 +38,7 @@ class EngineServices:
         engine = self._device.engine
         code, status = engine.api.GetEngineStatus() if engine is not None else (int(ErrorCode.DeviceIsNull), None)
         if status is None or code:
-            self._device.heed(code)
+            self._device.check_code(code)
             self._log.warning(f"engine status: Error={int(code)} ({self._device.base_text(code)})")
             return Answer(True, "Unknown")
         return Answer(True, state_name(status.state))
@@ -70,7 +74,7 @@ class EngineServices:
             error = device.open(path, name)
             if error is None:
                 return _created(name)
-            if error.code != ErrorCode.CreateDeviceLockError or self._clock() >= deadline_s:
+            if error.code not in _PASSING or self._clock() >= deadline_s:
                 return Answer(False, f"Failed to create device. Error={int(error.code)} ({error.text})")
             yield
 

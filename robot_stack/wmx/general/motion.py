@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from robot_stack.wmx.api import AxisCommandMode, ErrorCode
+from robot_stack.wmx import MotionEngine
+from robot_stack.wmx.api import AxisCommandMode, ErrorCode, Velocity_TimedVelCommand
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.general.commands import (
     AxisOrder,
@@ -31,13 +32,17 @@ class AxisMotion:
     def run(self, order: AxisOrder) -> None:
         """Velocities."""
         snapshot = self._ready(order, AxisCommandMode.Velocity)
+        timed: list[Velocity_TimedVelCommand] = []
+        endless = velocity_commands(order)
         if self._timeout_s:
-            timed = timed_velocity_commands(order, self._timeout_s)
-            code = self._device.call(lambda engine: engine.core_motion.velocity.StartVel_TimedVel(len(timed), timed))
-        else:
-            endless = velocity_commands(order)
-            code = self._device.call(lambda engine: engine.core_motion.velocity.StartVel(len(endless), endless))
-        self._begun(code, order, snapshot)
+            timed, endless = timed_velocity_commands(order, snapshot, self._timeout_s)
+
+        def start(engine: MotionEngine) -> int:
+            velocity = engine.core_motion.velocity
+            code = velocity.StartVel(len(endless), endless) if endless else 0
+            return code or (velocity.StartVel_TimedVel(len(timed), timed) if timed else 0)
+
+        self._begun(self._device.call(start), order, snapshot)
 
     def go_to(self, order: AxisOrder) -> None:
         """Absolute positions."""

@@ -17,14 +17,14 @@ class GeneralParams(Config):
     """What each number does stands beside it in the file."""
 
     axis_count: Annotated[int, Field(ge=1, le=MAX_AXES)]
-    rated_torque_nm: tuple[NotNegative, ...]
+    rated_torque_nm: tuple[Positive, ...]
     velocity_timeout_s: NotNegative
     max_velocity_radps: NotNegative
     max_acceleration_radps2: NotNegative
     command_max_wait_s: Positive
     device_attempts: Annotated[int, Field(ge=1)]
     device_retry_s: Positive
-    watchdog_s: Annotated[float, Field(gt=0.0, le=3600.0)]
+    probe_period_s: Positive
     communication_timeout_s: Positive
     servo_timeout_s: Positive
     alarm_timeout_s: Positive
@@ -35,9 +35,8 @@ class GeneralParams(Config):
 
     @model_validator(mode="after")
     def _one_torque_per_axis(self) -> GeneralParams:
-        if len(self.rated_torque_nm) not in (0, self.axis_count):
+        if len(self.rated_torque_nm) != self.axis_count:
             raise ValueError(
-                f"rated_torque_nm must be empty or have axis_count = {self.axis_count} entries, "
-                f"has {len(self.rated_torque_nm)}"
+                f"rated_torque_nm must have axis_count = {self.axis_count} entries, has {len(self.rated_torque_nm)}"
             )
         return self

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from robot_stack.wmx.api import ErrorCode, OperationState
-from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.axes import StatusSnapshot, empty_snapshot
 from robot_stack.wmx.general.axis_services import AxisServices
 from robot_stack.wmx.general.commands import AxisOrder, CommandLimits
 from robot_stack.wmx.general.device import Device, Log, OpenEngine
@@ -30,8 +30,9 @@ Move = Callable[[AxisOrder], None]
 class GeneralSession:
     """Device, services and motion of the general node, in a thread of their own.
 
-    on_status: called in that thread, ``rate_hz`` times per second while the engine's status can be trusted and its bus
-    runs. Callbacks of the node use ``worker`` to get at the rest, and ``stop`` and ``release`` directly.
+    on_status: called in that thread, ``rate_hz`` times per second: from the first tick on with servos that are off,
+    until there is a status, and then as long as that can be trusted. Callbacks of the node use ``worker`` to get at the
+    rest, and ``stop`` and ``release`` directly.
     """
 
     def __init__(
@@ -44,7 +45,9 @@ class GeneralSession:
         on_status: Callable[[StatusSnapshot], None],
     ) -> None:
         self._params, self._log, self._on_status = params, log, on_status
-        self.device = Device(name, open_engine, log, params.device_attempts, params.device_retry_s, params.watchdog_s)
+        self.device = Device(
+            name, open_engine, log, params.device_attempts, params.device_retry_s, params.probe_period_s
+        )
         waits = Waits(self.device, time.monotonic)
         self.axes = AxisServices(self.device, waits, params, lambda: self._stopped)
         self.engine = EngineServices(self.device, waits, params, time.monotonic, lambda: self._stopped, log)
@@ -89,19 +92,25 @@ class GeneralSession:
         code, snapshot = self.device.read()
         if snapshot is None:
             self.problem = f"no status of the engine: {self.device.base_text(code)}"
+            if self.n_axes is None:
+                self._on_status(empty_snapshot(self._params.axis_count))
             return
         self.n_axes = snapshot.n_axes
-        license_text = ", its license is invalid" if snapshot.invalid_license else ""
-        self.problem, self.state = "", snapshot.engine_state.name + license_text
+        self.problem, self.state = "", snapshot.engine_state.name
         if not snapshot.communicating:
+            self._report(snapshot)
             return
         self.device.settle_doubts(snapshot)
         if self._stopped:
             moving = [axis for axis in self.device.moving(snapshot) if not _stopping(snapshot, axis)]
             self._stop_moving(snapshot, moving)
         cycle = (snapshot.epoch, snapshot.cycle_counter)
-        if snapshot.n_axes >= self._params.axis_count and cycle != self._published:  # an engine that hangs is no news
+        if cycle != self._published:  # an engine that hangs is no news
             self._published = cycle
+            self._report(snapshot)
+
+    def _report(self, snapshot: StatusSnapshot) -> None:
+        if snapshot.n_axes >= self._params.axis_count:
             self._on_status(snapshot)
 
     def _hold(self) -> None:

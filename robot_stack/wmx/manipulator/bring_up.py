@@ -1,7 +1,8 @@
 """The manipulator's session with the engine: from no engine to joints whose servos are on, and back when it is lost.
 
 ``poll`` is called from one thread and never waits for an effect: it reads the status, and asks for the step that is
-due. Calls themselves are round trips to the engine; once everything is up there are none, only the status is read.
+due. ``look`` is for the time between polls, in which nothing changes but the joints. Calls themselves are round
+trips to the engine; once everything is up there are none, only the status is read.
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from robot_stack.wmx import EngineError, MotionEngine
+from robot_stack.wmx import MotionEngine
 from robot_stack.wmx.api import ErrorCode
-from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot
+from robot_stack.wmx.failures import ABSENT, BUSY
 from robot_stack.wmx.manipulator.startup import (
     START,
     Level,
@@ -27,11 +29,10 @@ from robot_stack.wmx.manipulator.startup import (
     back_to,
     is_past,
 )
-from robot_stack.wmx.manipulator.steps import Asker
+from robot_stack.wmx.manipulator.steps import StartupRequests
+from robot_stack.wmx.opening import OpenEngine
+from robot_stack.wmx.session import EngineSession, Events, Patience
 
-_LOST = (ErrorCode.IMLibIsNotRunning, ErrorCode.DeviceIsNull)
-# An engine that does not run yet is waited for; it refuses nothing.
-_ABSENT = (ErrorCode.IMLibIsNotRunning, ErrorCode.EngineNotStartedInSpecifiedTime)
 _PROBE_S = 0.5
 
 
@@ -53,15 +54,15 @@ class BringUpSettings:
 class BringUp:
     """Belongs to one thread. Times are steady seconds. ``progress`` and ``lines`` may be looked at from another."""
 
-    def __init__(self, open_engine: Callable[[], MotionEngine], settings: BringUpSettings) -> None:
+    def __init__(self, open_engine: OpenEngine, settings: BringUpSettings) -> None:
         """open_engine: opens a device, waiting shortly at most; raises EngineError."""
-        self._open_engine = open_engine
+        # How often a device is tried is a matter of the rule for that step: the session is asked to open one.
+        patience = Patience(retry_s=0.0, attempts=1, attempt_pause_s=0.0, probe_period_s=_PROBE_S)
+        self._session = EngineSession(open_engine, patience, Events(lost=self._begin_anew))
         self._settings = settings
-        self._engine: MotionEngine | None = None
-        self._asker: Asker | None = None
+        self._asker: StartupRequests | None = None
         self._cycle = -1
         self._cycle_s = math.inf
-        self._probe_s = -math.inf
         self._was_ready = False
         self._up = False
         self.progress: Progress = START
@@ -75,14 +76,15 @@ class BringUp:
 
         stopped: whether an emergency stop is in force, in which no servo comes on.
         """
-        if self._engine is None:
+        engine = self._session.engine
+        if engine is None:
             self._open(now_s)
             return None
-        code, snapshot = self._engine.read_status()
+        code, snapshot = engine.read_status()
         if self._up and not code and snapshot.communicating and snapshot.cycle_counter != self._cycle:
             self._cycle, self._cycle_s = snapshot.cycle_counter, now_s  # nearly always: nothing else to be done
             return snapshot
-        if not self._readable(code, snapshot, now_s):
+        if not self._readable(engine, code, snapshot, now_s):
             return None
         if not snapshot.communicating:
             self._on_silence(snapshot)
@@ -95,38 +97,43 @@ class BringUp:
         self.status_problem = ""
         return snapshot
 
+    def look(self, now_s: float) -> AxisFeedback | None:
+        """Where the joints are if everything is as the last ``poll`` saw it; None: it has to look again itself."""
+        engine = self._session.engine
+        if not self._up or engine is None:
+            return None
+        feedback = engine.read_feedback()
+        if feedback is None or not feedback.communicating or feedback.cycle_counter == self._cycle:
+            return None
+        self._cycle, self._cycle_s = feedback.cycle_counter, now_s
+        return feedback
+
     def _open(self, now_s: float) -> None:
         if not self.progress.due(now_s):
             return
-        try:
-            self._engine = self._open_engine()
-        except EngineError as error:
-            absent = Outcome(Result.HELD, "waiting for the motion engine")
-            self._on_outcome(absent if error.code in _ABSENT else Outcome(Result.REFUSED, str(error)), now_s)
-            return
-        self._asker = Asker(self._engine, self._settings.n_joints, self._settings.names, self._tell)
-        self._on_outcome(Outcome(Result.DONE, "open"), now_s)
+        error = self._session.open()
+        if error is None and self._session.engine is not None:
+            self._asker = StartupRequests(
+                self._session.engine, self._settings.n_joints, self._settings.names, self._report
+            )
+            outcome = Outcome(Result.DONE, "open")
+        elif error is None or error.code in ABSENT - BUSY:
+            outcome = Outcome(Result.HELD, "waiting for the motion engine")
+        else:
+            outcome = Outcome(Result.REFUSED, str(error))
+        self._on_outcome(outcome, now_s)
 
-    def _readable(self, code: int, snapshot: StatusSnapshot, now_s: float) -> bool:
-        assert self._engine is not None
+    def _readable(self, engine: MotionEngine, code: int, snapshot: StatusSnapshot, now_s: float) -> bool:
         self._up = False
         if code:
-            self.status_problem = f"status: {self._engine.api.ErrorToString(code)} (error {code})"
-            if code in _LOST or self._gone(now_s):
-                self._lose("the motion engine has ended")
+            self.status_problem = f"status: {engine.api.ErrorToString(code)} (error {code})"
+            self._session.check_code(code)
+            self._session.probe(now_s)  # an engine that died leaves a status that only grows old
             return False
         if snapshot.n_axes < self._settings.n_joints:
             self.status_problem = f"the engine has {snapshot.n_axes} axes, joint_number is {self._settings.n_joints}"
             return False
         return True
-
-    def _gone(self, now_s: float) -> bool:
-        """An engine that died leaves a status that only grows old: ask it something, now and then."""
-        assert self._engine is not None
-        if now_s < self._probe_s:
-            return False
-        self._probe_s = now_s + _PROBE_S
-        return self._engine.api.GetDeviceName()[0] in _LOST
 
     def _standing_still(self, snapshot: StatusSnapshot, now_s: float) -> bool:
         if snapshot.cycle_counter != self._cycle:
@@ -138,7 +145,9 @@ class BringUp:
         return True
 
     def _on_silence(self, snapshot: StatusSnapshot) -> None:
-        """The bus does not run. Lost by itself, it is started again; stopped by somebody, it is theirs to start."""
+        """The bus does not run. Lost by itself, it is started again; stopped by somebody, it is theirs to start. An
+        engine that does not tell which, as the vendor's, has lost it.
+        """
         self.status_problem = "no communication with the drives"
         if not is_past(self.progress.step, Step.COMMUNICATION):
             return
@@ -146,7 +155,7 @@ class BringUp:
         text = "communication was stopped by another device" if stopped else "communication with the drives is lost"
         assert self._asker is not None
         self._asker.bus_is_others = stopped
-        self._tell(Line(Level.ERROR, text))
+        self._report(Line(Level.ERROR, text))
         self.progress = back_to(Step.COMMUNICATION, text)
 
     def _work(self, snapshot: StatusSnapshot, now_s: float, stopped: Callable[[], bool]) -> None:
@@ -157,7 +166,7 @@ class BringUp:
         elif progress.due(now_s):
             self._on_outcome(self._ask(asker, snapshot, stopped()), now_s)
 
-    def _ask(self, asker: Asker, snapshot: StatusSnapshot, stop: bool) -> Outcome:
+    def _ask(self, asker: StartupRequests, snapshot: StatusSnapshot, stop: bool) -> Outcome:
         settings = self._settings
         match self.progress.step:
             case Step.SCAN:
@@ -178,24 +187,23 @@ class BringUp:
         before = self.progress.step
         self.progress, line = advance(self.progress, outcome, now_s, self._settings.rules)
         if line is not None:
-            self._tell(line)
+            self._report(line)
         if before is Step.COMMUNICATION and self.progress.step is not before and self._was_ready:
             # The engine still has its parameters. Servos that a fault or somebody switched off stay off: a start
             # switches them on, not a cable that has contact again.
             self.progress = Progress(Step.READY)
         self._was_ready = self._was_ready or self.progress.step is Step.READY
 
-    def _lose(self, text: str) -> None:
+    def _begin_anew(self) -> None:
         """The device is worth nothing any more: from the beginning."""
-        self._tell(Line(Level.ERROR, text))
-        if self._engine is not None:
-            self._engine.close()
-        self._engine = self._asker = None
+        text = self._session.text
+        self._report(Line(Level.ERROR, text))
+        self._asker = None
         self._was_ready = False
         self.status_problem = text
         self.progress = back_to(Step.DEVICE, text)
 
-    def _tell(self, line: Line) -> None:
+    def _report(self, line: Line) -> None:
         self.lines.append(line)
 
     # --- the end -----------------------------------------------------------------------------------------------------
@@ -205,13 +213,14 @@ class BringUp:
 
         hurry: servos go off even if joints still move.
         """
-        if self._engine is None or self._asker is None:
+        engine = self._session.engine
+        if engine is None or self._asker is None:
             return True
-        code, snapshot = self._engine.read_status()
+        code, snapshot = engine.read_status()
         if not code and snapshot.communicating and not self._asker.switch_off(snapshot, hurry):
             return False
         if not code and self._settings.stop_communication:
             self._asker.stop_communication()
-        self._engine.close()
-        self._engine = self._asker = None
+        self._session.close()
+        self._asker = None
         return True

@@ -7,9 +7,7 @@ from math import isfinite
 
 import numpy as np
 
-from robot_stack.wmx.axes import Real, StatusSnapshot
-
-_POSITION, _VELOCITY = int(Real.ACTUAL_POS), int(Real.ACTUAL_VELOCITY)
+from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,20 +24,19 @@ class JointSettings:
     finger_closed: float
 
 
-def read(snapshot: StatusSnapshot, settings: JointSettings) -> tuple[list[float], list[float]] | None:
+def read(feedback: AxisFeedback, settings: JointSettings) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
     """Measured positions (rad) and velocities (rad/s), one per name; a finger's velocity is 0.
 
-    None if a joint's value is not finite. Lists and no arrays: for so few numbers they are several times as fast.
+    None if a joint's value is not finite.
     """
     n = settings.n_joints
-    position: list[float] = snapshot.reals[_POSITION].tolist()[:n]
-    velocity: list[float] = snapshot.reals[_VELOCITY].tolist()[:n]
+    position, velocity = feedback.position[:n], feedback.velocity[:n]
     if not isfinite(sum(position) + sum(velocity)):
         return None
-    closed = snapshot.output_bit(settings.gripper_byte, settings.gripper_bit)
+    closed = feedback.output_bit(settings.gripper_byte, settings.gripper_bit)
     finger = settings.finger_closed if closed else settings.finger_open
     fingers = len(settings.names) - n
-    return position + [finger] * fingers, velocity + [0.0] * fingers
+    return position + (finger,) * fingers, velocity + (0.0,) * fingers
 
 
 def faults(snapshot: StatusSnapshot, settings: JointSettings, servos: bool) -> str:

@@ -13,7 +13,7 @@ _ASKED = Outcome(Result.ASKED)
 _DONE = Outcome(Result.DONE)
 
 
-class Asker:
+class StartupRequests:
     """Asks one engine; remembers what it has switched on and started, which is what its end takes back.
 
     tell: takes lines for the log. names: of the joints; joint j is axis j.
@@ -25,7 +25,7 @@ class Asker:
         self._engine = engine
         self._n_joints = n_joints
         self._names = names
-        self._tell = tell
+        self._report = tell
         self._started_bus = False
         self._switched_on: set[int] = set()
         self._stopping = False
@@ -34,10 +34,16 @@ class Asker:
     # --- asking ------------------------------------------------------------------------------------------------------
 
     def scan(self, snapshot: StatusSnapshot) -> Outcome:
-        """A network that runs is not scanned: it would be disturbed, and is known already."""
+        """A network that runs is not scanned: it would be disturbed, and is known already. A scan that fails is only
+        told: communication is started by what the network was configured as.
+        """
         if snapshot.communicating:
             return Outcome(Result.DONE, "left out, the network runs")
-        return self._answer(self._engine.ecat.ScanNetwork(0), self._engine.ecat.ErrorToString)
+        code = self._engine.ecat.ScanNetwork(0)
+        if not code:
+            return _DONE
+        refusal = self._refusal(code, self._engine.ecat.ErrorToString)
+        return Outcome(Result.DONE, f"failed, going on without: {refusal.text}", Level.WARNING)
 
     def start_communication(self, snapshot: StatusSnapshot) -> Outcome:
         if snapshot.communicating:
@@ -74,7 +80,7 @@ class Asker:
                 f"polarity {param.GetAxisPolarity(axis)}, {'absolute' if encoder else 'incremental'} encoder, "
                 f"{AxisCommandMode(mode).name} mode"
             )
-            self._tell(Line(Level.INFO, text))
+            self._report(Line(Level.INFO, text))
         return _DONE
 
     def clear_alarms(self, snapshot: StatusSnapshot, wanted: bool, stop: bool) -> Outcome:
@@ -85,7 +91,7 @@ class Asker:
             return Outcome(Result.HELD, "emergency stop")
         for axis in self._joints(snapshot.amp_alarm):
             code = int(snapshot.amp_alarm_code[axis])
-            self._tell(Line(Level.WARNING, f"{self._names[axis]}: clearing amplifier alarm {code}"))
+            self._report(Line(Level.WARNING, f"{self._names[axis]}: clearing amplifier alarm {code}"))
         control = self._engine.core_motion.axisControl
         for axis in range(self._n_joints):
             code = control.ClearAmpAlarm(axis)
@@ -146,7 +152,7 @@ class Asker:
 
     def _stop(self, axes: list[int], snapshot: StatusSnapshot) -> None:
         self._stopping = True
-        self._tell(Line(Level.WARNING, f"stopping {self._list(axes)}"))
+        self._report(Line(Level.WARNING, f"stopping {self._list(axes)}"))
         velocity = [axis for axis in axes if snapshot.command_mode[axis] == AxisCommandMode.Velocity]
         position = [axis for axis in axes if axis not in velocity]
         if position:
@@ -161,9 +167,6 @@ class Asker:
 
     def _list(self, axes: Iterable[int]) -> str:
         return " ".join(self._names[axis] for axis in axes)
-
-    def _answer(self, code: int, text: Callable[[int], str]) -> Outcome:
-        return self._refusal(code, text) if code else _DONE
 
     def _refusal(self, code: int, text: Callable[[int], str], axis: int | None = None) -> Outcome:
         where = "" if axis is None else f"{self._names[axis]}: "

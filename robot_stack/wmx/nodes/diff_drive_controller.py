@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
@@ -12,48 +12,52 @@ from std_msgs.msg import Float64MultiArray
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.core.config import config_dir
-from robot_stack.ros.conversions import pose_to_msg, time_from_s, transform_stamped
+from robot_stack.ros.conversions import pose_to_msg, time_from_s, time_to_s, transform_stamped
 from robot_stack.ros.node import StackNode, run
 from robot_stack.wmx import connect
 from robot_stack.wmx.axes import FloatRow, StatusSnapshot
 from robot_stack.wmx.config import load_client_config
-from robot_stack.wmx.differential.command import BadTwist, TwistCommand, Wish
-from robot_stack.wmx.differential.kinematics import REST, WheelPair, body_twist, wheel_speeds
+from robot_stack.wmx.differential.command import BadTwist, Command, OldTwist, TwistCommand
+from robot_stack.wmx.differential.kinematics import REST, WheelPair, body_twist
 from robot_stack.wmx.differential.odometry import WheelOdometry, WheelReading
 from robot_stack.wmx.differential.parameters import (
     DiffDriveParams,
     base_geometry,
+    motion_limits,
     named,
     odometry_settings,
+    patience,
     pose_covariance,
     session_settings,
     twist_covariance,
 )
 from robot_stack.wmx.differential.session import WheelSession
+from robot_stack.wmx.differential.shaping import TwistShaper
 from robot_stack.wmx.differential.states import Stage
-from robot_stack.wmx.link import EngineLink
+from robot_stack.wmx.session import EngineSession
 from tf2_msgs.msg import TFMessage
 
 _LOG_PERIOD_S = 1.0
+# So long a sender that was there before may need to be discovered (config/fastdds.xml).
+_DISCOVERY_S = 2.5
 _END_POLL_S = 0.02
 
 
-class DiffDriveController(StackNode):
+class DiffDriveControllerNode(StackNode):
     """A twist is stored when it comes; a tick looks at the engine once, drives the wheels and reports them."""
 
     def __init__(self) -> None:
         super().__init__("diff_drive_controller", DiffDriveParams)
         client, params = load_client_config(), self.params
         self._base = base_geometry(params)
-        self._command = TwistCommand(params.cmd_vel_timeout_s)
+        self._command = TwistCommand(params.cmd_vel_timeout_s, self.steady_s() + _DISCOVERY_S)
+        limits, most_radps = motion_limits(params.limits), params.max_wheel_speed_radps
+        self._shaper = TwistShaper(self._base, most_radps, limits, 1.0 / params.rate)
         self._odometry = WheelOdometry(self._base, odometry_settings(params))
-        self._link = EngineLink(
-            lambda: connect("diff_drive_controller", client, timeout_s=0.0),
-            retry_s=params.session.retry_s,
-            feed_period_s=params.session.feed_period_s,
-            watchdog_s=params.session.watchdog_s,
+        self._engine = EngineSession(
+            lambda: connect("diff_drive_controller", client, timeout_s=0.0), patience(params.session), own_thread=True
         )
-        self._session = WheelSession(self._link, session_settings(params, config_dir()))
+        self._session = WheelSession(self._engine, session_settings(params, config_dir()))
         self._measured = Odometry(child_frame_id=params.base_frame)  # one for all ticks: most of it never changes
         self._measured.header.frame_id = params.odom_frame
         self._measured.twist.covariance = twist_covariance(params.odometry)
@@ -62,6 +66,8 @@ class DiffDriveController(StackNode):
         self._odom = self._optional(topics.WMX_ODOM_ENC, params.encoder_odometry_topic)
         self._tf = self.advertise(topics.WMX_TF) if params.publish_tf else None
         self.subscribe(topics.WMX_CMD_VEL, self._on_cmd_vel, name=params.cmd_vel_topic)
+        if named(params.cmd_vel_stamped_topic):
+            self.subscribe(topics.WMX_CMD_VEL_STAMPED, self._on_stamped, name=params.cmd_vel_stamped_topic)
         self.every(params.rate, self._tick)
 
     def _optional(self, row: Topic, name: str) -> Publisher | None:
@@ -70,40 +76,50 @@ class DiffDriveController(StackNode):
     # --- commands ----------------------------------------------------------------------------------------------------
 
     def _on_cmd_vel(self, message: Twist) -> None:
+        self._receive(message, self.params.cmd_vel_topic, 0.0)
+
+    def _on_stamped(self, message: TwistStamped) -> None:
+        """A stamp of zero means now, as with ros2_controllers' diff_drive_controller."""
+        stamp_s = time_to_s(message.header.stamp)
+        self._receive(message.twist, self.params.cmd_vel_stamped_topic, self.now_s() - stamp_s if stamp_s else 0.0)
+
+    def _receive(self, message: Twist, topic: str, age_s: float) -> None:
         if self._echo is not None:
             self._echo.publish(message)
         parts = {"linear": message.linear, "angular": message.angular}
         fields = {f"{name}.{axis}": getattr(part, axis) for name, part in parts.items() for axis in "xyz"}
         try:
-            self._command.receive(fields, self.steady_s())
+            self._command.receive(fields, self.steady_s(), age_s)
         except BadTwist as error:
-            self._complain(f"{self.params.cmd_vel_topic} refused, the wheels stop: {error}")
+            self._log_throttled(f"{topic} refused, the wheels stop: {error}")
+        except OldTwist as error:
+            self._log_throttled(f"{topic} left out: {error}")
 
     def on_emergency_stop(self) -> None:
-        self._command.demand_rest()
+        self._command.demand_rest(self.steady_s())
         problem = self._session.quick_stop()
         if problem:
-            self._complain(problem)
+            self._log_throttled(problem)
 
     # --- tick --------------------------------------------------------------------------------------------------------
 
     def _tick(self) -> None:
         state = self._session.poll(self.steady_s(), stop=self.emergency_stop)
-        wish = self._command.wish(self.steady_s())
-        if self._session.ready:
-            self._drive(wish)
+        requested = self._command.requested(self.steady_s())
+        if self._session.ready and state.snapshot is not None:
+            self._drive(requested, state.snapshot)
         else:
-            self._command.demand_rest()
+            self._command.demand_rest(self.steady_s())
         if state.snapshot is not None:
             self._report_motion(state.snapshot)
-        self._tell(state.stage, state.text, wish)
+        self._report(state.stage, state.text, requested)
 
-    def _drive(self, wish: Wish) -> None:
-        limit_radps = self.params.max_wheel_speed_radps
-        speeds = wheel_speeds(wish.linear_mps, wish.angular_radps, self._base, limit_radps)
-        problem = self._session.follow(self._turned(speeds), self.steady_s())
+    def _drive(self, requested: Command, snapshot: StatusSnapshot) -> None:
+        now_s = self.steady_s()
+        shaped = self._shaper.shape(requested, self._of_wheels(snapshot.velocity_cmd), snapshot.engine_time_s)
+        problem = self._session.follow(self._turned(shaped.speeds), now_s, shaped.ramp_s).problem
         if problem:
-            self._complain(problem)
+            self._log_throttled(problem)
 
     def _turned(self, wheels: WheelPair) -> WheelPair:
         """Between wheels that drive forward and axes that turn, either way."""
@@ -131,7 +147,7 @@ class DiffDriveController(StackNode):
         reading = WheelReading(snapshot.engine_time_s, self._of_wheels(snapshot.actual_pos), snapshot.epoch)
         odometry = self._odometry.update(reading)
         if odometry.fault:
-            self._complain(odometry.fault)
+            self._log_throttled(odometry.fault)
         message.pose.pose = pose_to_msg(odometry.pose)
         message.pose.covariance = pose_covariance(odometry.covariance)
         if self._tf is not None:
@@ -139,16 +155,16 @@ class DiffDriveController(StackNode):
             self._tf.publish(TFMessage(transforms=[transform_stamped(odometry.pose, *frames, message.header.stamp)]))
 
     def _age_s(self, snapshot: StatusSnapshot) -> float:
-        """How long ago the engine took the reading. Under /clock its steps are coarser than that."""
-        return 0.0 if self.get_clock().ros_time_is_active else snapshot.age_s(time.monotonic_ns())
+        """How long ago the engine took the reading."""
+        return self.age_s(snapshot.age_s(time.monotonic_ns()))
 
-    def _complain(self, text: str) -> None:
+    def _log_throttled(self, text: str) -> None:
         self.get_logger().error(text, throttle_duration_sec=_LOG_PERIOD_S)
 
-    def _tell(self, stage: Stage, text: str, wish: Wish) -> None:
+    def _report(self, stage: Stage, text: str, requested: Command) -> None:
         self.report.values = {"engine": stage.value}
         if stage is Stage.READY:
-            self.set_health(not wish.blocked, wish.text or text)
+            self.set_health(not requested.blocked, requested.text or text)
         else:
             self.set_health(stage is Stage.STOPPED, text)
 
@@ -167,11 +183,11 @@ class DiffDriveController(StackNode):
             if self._session.ready:
                 self._session.follow(REST, self.steady_s())
             time.sleep(_END_POLL_S)
-        self._link.close()
+        self._engine.close()
 
 
 def main() -> None:
-    run(DiffDriveController)
+    run(DiffDriveControllerNode)
 
 
 if __name__ == "__main__":

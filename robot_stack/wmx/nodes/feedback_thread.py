@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import gc
+import math
 import sys
 import threading
 import time
 import traceback
 from collections.abc import Callable
 
-from robot_stack.core.pacing import sharpen_sleep
-from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.core.pacing import Pacer, Sleeper, sharpen_sleep
+from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot, axis_feedback
 from robot_stack.wmx.manipulator.bring_up import BringUp
 from robot_stack.wmx.manipulator.startup import Step
 
 # A thread that wants the interpreter asks for it after this long; callbacks of the node's executor take longer.
 _SWITCH_INTERVAL_S = 0.0002
 _END_POLL_S = 0.02
+# Between two looks at the whole status, those at the joints alone have to do.
+_STATUS_PERIOD_S = 0.05
 _JOIN_MARGIN_S = 1.0
 
 
 class FeedbackThread:
-    """Brings the manipulator up and, while that holds, publishes every status once per period.
+    """Brings the manipulator up and, while that holds, publishes where the joints are once per period.
 
-    publish: called in the thread with a fresh status; False if it was not fit to be published. stopped: an emergency
+    publish: called in the thread with fresh feedback; False if it was not fit to be published. stopped: an emergency
     stop is in force. Counters are for whoever reports: ``skipped`` those periods after the start that had nothing to
     publish, for the ``reason`` of the last; ``failure`` is the traceback of a thread that ended by an exception.
     """
@@ -31,7 +34,7 @@ class FeedbackThread:
     def __init__(
         self,
         bring_up: BringUp,
-        publish: Callable[[StatusSnapshot], bool],
+        publish: Callable[[AxisFeedback], bool],
         stopped: Callable[[], bool],
         rate_hz: float,
         poll_s: float,
@@ -44,6 +47,7 @@ class FeedbackThread:
         self._poll_ns = round(1e9 * poll_s)
         self._end_timeout_s = end_timeout_s
         self._ended = False
+        self._status_due_s = -math.inf
         self.snapshot: StatusSnapshot | None = None
         self.published = self.skipped = self.overruns = 0
         self.worst_late_ns = 0
@@ -71,44 +75,38 @@ class FeedbackThread:
     def _loop(self) -> None:
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
         sharpen_sleep()
-        due_ns = time.monotonic_ns()
+        pacer = Pacer(self._period_ns, Sleeper())
         frozen = False
         while not self._ended:
             self._tick()
             ready = self.snapshot is not None or self._bring_up.progress.step is Step.READY
-            period_ns = self._period_ns if ready else self._poll_ns
+            pacer.period_ns = self._period_ns if ready else self._poll_ns
             if not frozen and self.published:
                 gc.collect()
                 gc.freeze()  # what is there now stays: spare the ticks the search for garbage in it
                 frozen = True
-            due_ns = self._sleep_until(due_ns + period_ns, period_ns)
+            pacer.wait()
+            self.worst_late_ns = max(self.worst_late_ns, pacer.late_ns)
+            self.overruns = pacer.missed
 
     def _tick(self) -> None:
-        bring_up = self._bring_up
-        snapshot = bring_up.poll(time.monotonic(), self._stopped)
-        if snapshot is not None and self._publish(snapshot):
-            self.snapshot = snapshot
+        now_s = time.monotonic()
+        feedback = self._bring_up.look(now_s) if now_s < self._status_due_s else None
+        if feedback is None:
+            feedback = self._poll(now_s)
+        if feedback is not None and self._publish(feedback):
             self.published += 1
             return
         self.snapshot = None
-        if bring_up.progress.step is Step.READY:
+        self._status_due_s = -math.inf
+        if self._bring_up.progress.step is Step.READY:
             self.skipped += 1
-            self.reason = bring_up.status_problem
+            self.reason = self._bring_up.status_problem
 
-    def _sleep_until(self, due_ns: int, period_ns: int) -> int:
-        """The deadline that was kept: ticks that are past by a whole period are left out, never made up for."""
-        left_ns = due_ns - time.monotonic_ns()
-        if left_ns > 0:
-            time.sleep(left_ns * 1e-9)
-            late_ns = time.monotonic_ns() - due_ns
-        else:
-            late_ns = -left_ns
-        self.worst_late_ns = max(self.worst_late_ns, late_ns)
-        if late_ns < period_ns:
-            return due_ns
-        missed = late_ns // period_ns
-        self.overruns += missed
-        return due_ns + missed * period_ns
+    def _poll(self, now_s: float) -> AxisFeedback | None:
+        self.snapshot = self._bring_up.poll(now_s, self._stopped)
+        self._status_due_s = now_s + _STATUS_PERIOD_S
+        return None if self.snapshot is None else axis_feedback(self.snapshot)
 
     def _give_back(self) -> None:
         end_s = time.monotonic() + self._end_timeout_s

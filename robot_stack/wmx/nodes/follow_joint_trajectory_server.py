@@ -11,9 +11,9 @@ from robot_stack.ros.node import StackNode, run
 from robot_stack.wmx import connect
 from robot_stack.wmx.api import CoreMotionErrorCode
 from robot_stack.wmx.config import load_client_config
-from robot_stack.wmx.link import EngineLink
 from robot_stack.wmx.nodes.trajectory_action import Job, TrajectoryAction
 from robot_stack.wmx.nodes.trajectory_messages import feedback_to_msg, goal_from_msg
+from robot_stack.wmx.session import EngineSession, Patience
 from robot_stack.wmx.trajectory.engine_arm import EngineArm
 from robot_stack.wmx.trajectory.goal import check_goal
 from robot_stack.wmx.trajectory.goal_queue import GoalQueue
@@ -27,15 +27,16 @@ _END_POLL_S = 0.01
 _LAST_SPINS = 5  # an answer goes through three tasks of the executor, one after another
 
 
-class FollowJointTrajectoryServer(StackNode):
+class FollowJointTrajectoryServerNode(StackNode):
     """A goal begins in the callback that brings it; one tick follows the motion. Nothing here waits."""
 
     def __init__(self) -> None:
         super().__init__(_NAME, TrajectoryServerParams)
         client = load_client_config()
         self._limits = goal_limits(self.params)
-        link = EngineLink(lambda: connect(_NAME, client, timeout_s=0.0), **self.params.link.model_dump())
-        self._arm = EngineArm(link, self.params.joint_number, self.params.max_points)
+        patience = Patience(**self.params.link.model_dump())
+        session = EngineSession(lambda: connect(_NAME, client, timeout_s=0.0), patience, own_thread=True)
+        self._arm = EngineArm(session, self.params.joint_number, self.params.spline.max_points)
         self._goals: GoalQueue[Job] = GoalQueue(self._arm, execution_settings(self.params), self._end)
         self._feedback_s = 0.0
         self._leaving = False
@@ -79,12 +80,12 @@ class FollowJointTrajectoryServer(StackNode):
         active = self._goals.active
         if active is not None:
             self._goals.tick(now_s, self._arm.read())
-            self._tell(now_s)
+            self._report(now_s)
         phase = active[1].phase.value if active is not None else "no trajectory"
         self.report.values = {"goal": phase}
         self.set_health(not missing, missing or ("emergency stop" if self.emergency_stop else "ready"))
 
-    def _tell(self, now_s: float) -> None:
+    def _report(self, now_s: float) -> None:
         """Feedback of the goal under way, at its rate."""
         if self._goals.active is None:
             return
@@ -94,7 +95,7 @@ class FollowJointTrajectoryServer(StackNode):
         if 0.0 <= now_s - self._feedback_s < 1.0 / self.params.feedback_rate_hz - 0.5 / self.params.poll_rate_hz:
             return
         self._feedback_s = now_s
-        job.tell(feedback_to_msg(execution.sample, self.params.joints, job.order, self.stamp()))
+        job.publish_feedback(feedback_to_msg(execution.sample, self.params.joints, job.order, self.stamp()))
 
     # --- gripper -----------------------------------------------------------------------------------------------------
 
@@ -131,7 +132,7 @@ class FollowJointTrajectoryServer(StackNode):
 
 
 def main() -> None:
-    run(FollowJointTrajectoryServer)
+    run(FollowJointTrajectoryServerNode)
 
 
 if __name__ == "__main__":

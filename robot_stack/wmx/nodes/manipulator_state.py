@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 from rclpy.exceptions import InvalidTopicNameException
 
 from robot_stack.contract import topics
@@ -12,7 +10,7 @@ from robot_stack.core.config import ConfigError, config_dir
 from robot_stack.ros.node import StackNode, run
 from robot_stack.ros.raw import RawSender
 from robot_stack.wmx import connect
-from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.axes import AxisFeedback
 from robot_stack.wmx.config import load_client_config
 from robot_stack.wmx.manipulator.bring_up import BringUp, BringUpSettings
 from robot_stack.wmx.manipulator.joints import faults, read
@@ -26,7 +24,7 @@ _COMPLAIN_S = 5.0
 _CONNECT_S = 0.3  # others create devices at the same moment; the thread has the time to let them
 
 
-class ManipulatorState(StackNode):
+class ManipulatorStateNode(StackNode):
     """The feedback thread does the work; the executor's tick tells about it."""
 
     def __init__(self) -> None:
@@ -61,7 +59,7 @@ class ManipulatorState(StackNode):
             params.start.poll_s,
             params.end_timeout_s,
         )
-        self.every(_REPORT_HZ, self._tell)
+        self.every(_REPORT_HZ, self._report)
         self._feedback.start()
 
     def _sender(self, row: Topic, name: str) -> RawSender | None:
@@ -74,15 +72,15 @@ class ManipulatorState(StackNode):
 
     # --- in the feedback thread --------------------------------------------------------------------------------------
 
-    def _publish(self, snapshot: StatusSnapshot) -> bool:
+    def _publish(self, feedback: AxisFeedback) -> bool:
         """Isaac Sim first and, as documented, before the stamp is set."""
-        values = read(snapshot, self._joints)
+        values = read(feedback, self._joints)
         if values is None:
             self._bring_up.status_problem = "a joint's position or velocity is not finite"
             return False
         message = self._message
         message.put(*values)
-        stamp_ns = time.time_ns() if self._system_time else self.get_clock().now().nanoseconds
+        stamp_ns = self.now_ns()
         if self._isaac is not None and self._isaac_heard:
             self._isaac.send(message.stamped(stamp_ns if self._isaac_stamp else 0))
         if self._encoder is not None:
@@ -95,11 +93,10 @@ class ManipulatorState(StackNode):
 
     def _look_around(self) -> None:
         """What is too dear to ask 500 times a second. Mirrors that nobody hears are not sent."""
-        self._system_time = not self.get_clock().ros_time_is_active
         self._isaac_heard = self._isaac is not None and self._isaac.heard
         self._gazebo_heard = self._gazebo is not None and self._gazebo.heard
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         self._look_around()
         feedback = self._feedback
         if feedback.failure:
@@ -151,7 +148,7 @@ class ManipulatorState(StackNode):
 
 
 def main() -> None:
-    run(ManipulatorState)
+    run(ManipulatorStateNode)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ class Job:
         self.done = Future()
         self.order: tuple[int, ...] = ()
 
-    def tell(self, feedback: Any) -> None:
+    def publish_feedback(self, feedback: Any) -> None:
         self.handle.publish_feedback(feedback)
 
     def end(self, result: Result) -> None:

@@ -22,8 +22,7 @@ from robot_stack.wmx.general.session import GeneralSession, Move
 from robot_stack.wmx.general.worker import Job
 from wmx_ros2_message.msg import AxisState
 
-assert topics.WMX_AXIS_STATE.rate_hz is not None
-_STATE_HZ = topics.WMX_AXIS_STATE.rate_hz
+_STATE_HZ = topics.WMX_AXIS_STATE.nominal_rate_hz
 _WATCH_HZ = 20.0
 
 

@@ -18,11 +18,8 @@ from robot_stack.wmx.simulated.switches import drive_switches
 from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
 
 
-def run_engine(config: EngineConfig, folder: Path, speed: float = 1.0, spin_s: float = 0.0) -> None:
-    """Serves an engine on virtual drives until SIGINT or SIGTERM; axes are stopped first. Raises AlreadyRunning.
-
-    spin_s: see ``EngineServer.serve_forever``.
-    """
+def run_engine(config: EngineConfig, folder: Path, speed: float = 1.0) -> None:
+    """Serves an engine on virtual drives until SIGINT or SIGTERM; axes are stopped first. Raises AlreadyRunning."""
     asked_to_end = False
 
     def end(*_: object) -> None:
@@ -35,7 +32,7 @@ def run_engine(config: EngineConfig, folder: Path, speed: float = 1.0, spin_s: f
     server = EngineServer(engine, folder)
     gc.collect()
     gc.freeze()  # nothing made up to here is ever garbage: spare the cycle the search
-    server.serve_forever(lambda: asked_to_end, speed, spin_s)
+    server.serve_forever(lambda: asked_to_end, speed)
     server.shut_down()
 
 
@@ -48,14 +45,11 @@ def main() -> int:
     parser.add_argument("--config", type=Path, help="engine configuration; default config/wmx_engine.yaml")
     parser.add_argument("--runtime-dir", type=Path, help="folder of socket and status; default the stack's own")
     parser.add_argument("--speed", type=float, default=1.0, help="engine time per real time, for tests")
-    parser.add_argument("--spin-us", type=float, default=0.0, help="before each cycle, wait so long awake")
     parser.add_argument("--compile", action="store_true", help="only compile the cycle for later starts, and end")
     parser.add_argument("--export-parameters", metavar="FILE", help="only write the parameter file, and end")
     arguments = parser.parse_args()
     if not 0.0 < arguments.speed <= 1000.0:
         parser.error(f"--speed must be in (0, 1000], is {arguments.speed}")
-    if not 0.0 <= arguments.spin_us <= 1000.0:
-        parser.error(f"--spin-us must be in [0, 1000], is {arguments.spin_us}")
     try:
         config = load_engine_config() if arguments.config is None else _read(arguments.config)
         if arguments.compile:
@@ -64,7 +58,7 @@ def main() -> int:
         if arguments.export_parameters:
             write_file(arguments.export_parameters, ParameterValues(*_engine(config).parameter_set.collect()))
             return 0
-        run_engine(config, arguments.runtime_dir or runtime_dir(), arguments.speed, 1e-6 * arguments.spin_us)
+        run_engine(config, arguments.runtime_dir or runtime_dir(), arguments.speed)
     except (ConfigError, AlreadyRunning, OSError) as error:
         print(f"engine: {error}", file=sys.stderr)
         return 1

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from robot_stack.wmx.api.errors import ErrorCode
-from robot_stack.wmx.axes import StatusSnapshot, empty_snapshot
+from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot, empty_snapshot
 from robot_stack.wmx.simulated.protocol import Decoder, FrameError, encode
 from robot_stack.wmx.simulated.server import SOCKET_FILE
 from robot_stack.wmx.simulated.status_memory import StatusReader, StatusUnreadable
@@ -94,6 +94,7 @@ class StatusView:
     def __init__(self, folder: Path, stale_s: float) -> None:
         self._folder = folder
         self._stale_s = stale_s
+        self._stale_ns = round(1e9 * stale_s)
         self._reader: StatusReader | None = None
 
     def read(self) -> tuple[int, StatusSnapshot]:
@@ -106,6 +107,16 @@ class StatusView:
             self._reader = None
             code, snapshot = self._try()
         return code, snapshot
+
+    def read_feedback(self) -> AxisFeedback | None:
+        """None where ``read`` has a code for what is the matter, or has to look for another page first."""
+        if self._reader is None:
+            return None
+        try:
+            feedback = self._reader.read_feedback()
+        except StatusUnreadable:
+            return None
+        return feedback if time.monotonic_ns() - feedback.stamp_ns <= self._stale_ns else None
 
     def _try(self) -> tuple[int, StatusSnapshot]:
         try:

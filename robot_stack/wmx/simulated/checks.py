@@ -65,12 +65,12 @@ def _time_in_range(milliseconds: float, *, zero: bool) -> bool:
     return math.isfinite(milliseconds) and (milliseconds > 0.0 or (zero and milliseconds == 0.0))
 
 
-def position_profile(profile: Profile, *, signed: bool) -> int:
-    """A profile of a position motion, or with ``signed`` of a jog, whose velocity has a direction."""
+def position_profile(profile: Profile) -> int:
+    """A profile of a position motion."""
     code = _common(profile)
     if code:
         return code
-    if not _within(abs(profile.velocity) if signed else profile.velocity):
+    if not _within(profile.velocity):
         return CoreMotionErrorCode.VelocityArgumentOutOfRange
     if profile.type == ProfileType.TimeAccTrapezoidal:
         times = (profile.accTimeMilliseconds, profile.decTimeMilliseconds)
@@ -104,17 +104,13 @@ def target(position: float, counts_per_unit: float, home_offset: float) -> int:
     return ErrorCode.PyNone if good else CoreMotionErrorCode.PositionArgumentOutOfRange
 
 
+def timed_profile(profile: Profile) -> int:
+    """A timed motion takes the kinds by times only (StartVel of timed commands); this engine has one."""
+    good = profile.type == ProfileType.TimeAccTrapezoidal
+    return ErrorCode.PyNone if good else CoreMotionErrorCode.ProfileTypeNotSupported
+
+
 def run_time(milliseconds: float) -> int:
     """How long a timed motion runs."""
     good = 0.0 < milliseconds <= LARGEST
     return ErrorCode.PyNone if good else CoreMotionErrorCode.RunTimeArgumentOutOfRange
-
-
-def stop_time(milliseconds: float) -> int:
-    """How long a timed stop takes."""
-    good = 0.0 < milliseconds <= LARGEST
-    return ErrorCode.PyNone if good else CoreMotionErrorCode.TimeArgumentOutOfRange
-
-
-def deceleration(dec: float) -> int:
-    return ErrorCode.PyNone if _within(dec) else CoreMotionErrorCode.DecArgumentOutOfRange

@@ -1,25 +1,37 @@
-"""Devices: the clients of the engine, their watchdogs, and who owns which axis."""
+"""Devices: the clients of the engine and their watchdogs, as the vendor has them (page_WMXDOC_FUNC_WATCHDOG_BASIC).
+
+A library thread in the client's process reports for each device every ``REPORT_S``. Only a process that is dead or
+stopped lets a watchdog run out; then the engine closes the device. It stops no axis by that.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Final
 
 from robot_stack.wmx.api.enums import DeviceType
 from robot_stack.wmx.api.values import MAX_DEVICES
 
+REPORT_S: Final = 0.1
+DEFAULT_WATCHDOG_MS: Final = 15_000
+TURNS: Final = 10
+"""In so many turns the reports of all devices are taken: looking after all processes at once would delay a cycle."""
+
 
 @dataclass(slots=True)
 class Device:
-    """One client. ``seen_cycle`` is the engine cycle of its last call."""
+    """One client. ``reported_cycle``: the engine cycle of the last report that its process lives."""
 
     id: int
     type: int = DeviceType.DeviceTypeNormal
     name: str = ""
-    watchdog_ms: int = 0
-    watchdog_count: int = 0
-    seen_cycle: int = 0
-    expired: bool = False
+    watchdog_ms: int = DEFAULT_WATCHDOG_MS
+    reported_cycle: int = 0
+
+    def silent_ms(self, cycle: int, cycle_time_s: float) -> int:
+        """Since the last report, in engine time; what the vendor calls the watchdog count."""
+        return round(1e3 * (cycle - self.reported_cycle) * cycle_time_s)
 
 
 class DeviceTable:
@@ -28,7 +40,6 @@ class DeviceTable:
     def __init__(self) -> None:
         self._devices: dict[int, Device] = {}
         self._last_id = 0
-        self._watched = False
 
     def __len__(self) -> int:
         return len(self._devices)
@@ -41,7 +52,7 @@ class DeviceTable:
         if len(self._devices) >= MAX_DEVICES:
             return None
         self._last_id += 1
-        device = Device(self._last_id, device_type, seen_cycle=cycle)
+        device = Device(self._last_id, device_type, reported_cycle=cycle)
         self._devices[device.id] = device
         return device
 
@@ -55,26 +66,12 @@ class DeviceTable:
     def clear(self) -> None:
         self._devices.clear()
 
-    def touch(self, device_id: int, cycle: int) -> None:
-        """A call of this device: its watchdog starts anew."""
-        device = self._devices.get(device_id)
-        if device is not None:
-            device.seen_cycle = cycle
-            device.expired = False
-
-    def set_watchdog(self, device: Device, milliseconds: int) -> None:
-        device.watchdog_ms = milliseconds
-        self._watched = any(item.watchdog_ms for item in self)
-
-    def hung(self, cycle: int, cycle_time_s: float) -> list[Device]:
-        """Devices whose watchdog has just run out; each is named once until its next call."""
-        if not self._watched:
-            return []
-        found = []
+    def report(self, alive: Callable[[int], bool], turn: int, cycle: int) -> None:
+        """What the library threads of the clients of this turn say. alive: whether the process of a device runs."""
         for device in self:
-            silent_ms = 1e3 * (cycle - device.seen_cycle) * cycle_time_s
-            if device.watchdog_ms and not device.expired and silent_ms > device.watchdog_ms:
-                device.expired = True
-                device.watchdog_count += 1
-                found.append(device)
-        return found
+            if device.id % TURNS == turn % TURNS and alive(device.id):
+                device.reported_cycle = cycle
+
+    def expired(self, cycle: int, cycle_time_s: float) -> list[int]:
+        """The devices whose watchdog has run out."""
+        return [device.id for device in self if 0 < device.watchdog_ms < device.silent_ms(cycle, cycle_time_s)]

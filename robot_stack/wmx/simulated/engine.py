@@ -11,7 +11,7 @@ itself has to be switched on again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from robot_stack.wmx.api.enums import (
     AxisCommandMode,
@@ -25,7 +25,7 @@ from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback, ServoBus
 from robot_stack.wmx.config import EngineConfig
 from robot_stack.wmx.simulated import checks, rows
-from robot_stack.wmx.simulated.devices import Device, DeviceTable
+from robot_stack.wmx.simulated.devices import REPORT_S, TURNS, Device, DeviceTable
 from robot_stack.wmx.simulated.homing import Homing
 from robot_stack.wmx.simulated.homing_motion import rename
 from robot_stack.wmx.simulated.kernel import absorb, advance, cancel
@@ -56,14 +56,16 @@ class Engine:
         self.commands = DriveCommands.zeros(config.n_axes, config.n_output_bytes)
         self.feedback = DriveFeedback.zeros(config.n_axes, config.n_input_bytes)
         self.homing = Homing(self.arrays, self.parameters, self.feedback)
-        self.network = Network(config, self.condition)
-        self._license_cycles = round((config.license_s or 0.0) / config.cycle_time_s)
+        self.network = Network(self.condition)
         self._bus = bus
         self._starting_cycles = 0
         self._shutdown_cycles = 0
         self._lost_in_a_row = 0
         self._may_quit = False
+        self._turn_cycles = max(1, round(REPORT_S / TURNS / config.cycle_time_s))
         self.auto_quit = config.quit_without_devices
+        self.alive: Callable[[int], bool] = lambda device: True
+        """Whether the process that owns a device runs; whoever serves clients in other processes says it."""
         self._warm_up()
 
     # -- cycle ---------------------------------------------------------------------------------------------------------
@@ -72,8 +74,8 @@ class Engine:
         """One cycle of the engine."""
         condition = self.condition
         condition.cycles += 1
-        for device in self.devices.hung(condition.cycles, condition.cycle_time_s):
-            self._orphan(device.id)
+        if condition.cycles % self._turn_cycles == 0:
+            self._watch_devices()
         if condition.communicating or self._starting_cycles:
             self._exchange()
         elif condition.state is EngineState.Shutdown:
@@ -81,7 +83,14 @@ class Engine:
             if self._shutdown_cycles <= 0:
                 condition.state = EngineState.Idle
         if self._may_quit:
-            self._quit_if_at_rest()
+            self._quit_without_devices()
+
+    def _watch_devices(self) -> None:
+        """A watchdog that runs out closes its device, and that is all it does: axes go on as commanded."""
+        condition = self.condition
+        self.devices.report(self.alive, condition.cycles // self._turn_cycles, condition.cycles)
+        for device in self.devices.expired(condition.cycles, condition.cycle_time_s):
+            self.remove_device(device)
 
     def _exchange(self) -> None:
         self._advance()
@@ -98,8 +107,6 @@ class Engine:
                 self._communicate()
         elif self.parameters.emergency_stop.enableEStopSignal:
             self._check_estop_signal()
-        if self._license_cycles:
-            self._use_license()
 
     def _advance(self) -> None:
         self.motion.splines.advance()
@@ -153,7 +160,6 @@ class Engine:
         self._lost_in_a_row += 1
         if self._lost_in_a_row > self.config.timing.bus_lost_cycles:
             self.condition.error = ErrorCode.ServoOffline
-            self.network.timeouts += 1
             self._leave_communication()
 
     def _communicate(self) -> None:
@@ -191,14 +197,6 @@ class Engine:
         self.commands.servo_on.fill(False)
         self.commands.velocity_counts_per_s.fill(0.0)
 
-    def _use_license(self) -> None:
-        """A trial license that has run out ends communication as a client would."""
-        condition = self.condition
-        condition.licensed_cycles += condition.communicating
-        if condition.licensed_cycles >= self._license_cycles and condition.communicating:
-            condition.invalid_license = True
-            self.stop_communication()
-
     def _check_estop_signal(self) -> None:
         if self._estop_signal_on():
             level = EStopLevel(self.parameters.emergency_stop.eStopSignalLevel)
@@ -210,10 +208,10 @@ class Engine:
         bit = bool(self.feedback.inputs[block.eStopSignalByteAddress] >> block.eStopSignalBitAddress & 1)
         return bit != block.invertEStopSignalPolarity
 
-    def _quit_if_at_rest(self) -> None:
-        if len(self.devices) or not self.auto_quit:
-            self._may_quit = False
-        elif not self.arrays.flags[Flag.OP_STATE].any():
+    def _quit_without_devices(self) -> None:
+        """Whatever moves: its drives are left to themselves, as when anybody stops the engine."""
+        self._may_quit = False
+        if not len(self.devices) and self.auto_quit:
             self.stop_engine()
 
     # -- engine and devices --------------------------------------------------------------------------------------------
@@ -256,16 +254,17 @@ class Engine:
         return _NO_ERROR, device
 
     def remove_device(self, device_id: int) -> None:
-        """A device closed or died: what it set in motion stops; the engine may end with its last device."""
+        """A device closed, or its watchdog ran out: what it set in motion goes on; the engine may end with its last
+        device.
+        """
         if self.devices.remove(device_id):
-            self._orphan(device_id)
             self._may_quit = not len(self.devices)
 
     def start_communication(self) -> int:
         """Begins to start the bus; it is up some cycles later, or never if the bus does not answer."""
         if self.condition.communicating:
             return _NO_ERROR
-        if self.condition.state is not EngineState.Running or self.condition.invalid_license:
+        if self.condition.state is not EngineState.Running:
             return ErrorCode.StartCommunicationError
         if not self._starting_cycles:
             self._starting_cycles = self.config.timing.communication_start_cycles
@@ -280,27 +279,16 @@ class Engine:
             self.feedback.forget_sensors()
         return _NO_ERROR
 
-    def _orphan(self, device_id: int) -> None:
-        """Stops the axes of a device that does not speak any more, at their quick-stop deceleration."""
-        owner = self.arrays.flags[Flag.OWNER]
-        for axis in range(self.arrays.n_axes):
-            if owner[axis] == device_id:
-                self.motion.quick_stop_axis(axis)
-                owner[axis] = 0
-
     def _reset(self) -> None:
         self.arrays.clear()
         self.motion.splines.clear()
         self.parameters.reset()
         self.parameter_set.reset()
-        self.network.reset()
         fresh = Condition(self.config.cycle_time_s)
         self.condition.error = fresh.error
         self.condition.emergency_stop = fresh.emergency_stop
         self.condition.emergency_stop_level = fresh.emergency_stop_level
         self.condition.lost_cycles = fresh.lost_cycles
-        self.condition.invalid_license = fresh.invalid_license
-        self.condition.licensed_cycles = fresh.licensed_cycles
         self.auto_quit = self.config.quit_without_devices
         self._may_quit = False
         self.commands.outputs.fill(0)
@@ -407,7 +395,7 @@ class Engine:
         return checks.axes_in_range([axis], self.arrays.n_axes) or self.homing.cancel(axis)
 
     def set_position(self, axis: int, row: Real, position: float) -> int:
-        """SetCommandPos (row POS_CMD) or SetFeedbackPos (row ACTUAL_POS)."""
+        """Renames the present position of an axis, commanded (row POS_CMD) or measured (ACTUAL_POS)."""
         code = self._reachable([axis])
         if code:
             return code
@@ -417,13 +405,6 @@ class Engine:
         if not self._idle(axis):
             return ErrorCode.NotIdleState
         rename(self.arrays, axis, row, position)
-        return _NO_ERROR
-
-    def set_home_done(self, axis: int, value: int) -> int:
-        code = checks.axes_in_range([axis], self.arrays.n_axes)
-        if code or value not in (0, 1):
-            return code or ErrorCode.ArgumentOutOfRange
-        self.arrays.flags[Flag.HOME_DONE, axis] = value
         return _NO_ERROR
 
     def set_gear(self, axis: int, numerator: float, denominator: float) -> int:

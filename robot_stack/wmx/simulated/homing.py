@@ -1,10 +1,9 @@
 """Homing of the simulated engine: to the present position at once, or by a motion that looks for a sensor.
 
-The steps of a home type are in ``homing_types``. A limit switch that is not looked for ends a homing: in the homing
-direction it makes the types with a home switch turn round once, otherwise, and always against the homing direction, the
-axis stops with the error LSTriggered, whatever the limit's own action. A servo that goes off, an alarm, a stop by
-anybody and Cancel end it too. Where the vendor is silent: the first search is fast, a z pulse and a second search are
-slow, and a homing that failed leaves the axis not homed.
+Of the types that move there is one, to the home switch (HS); its searches are in ``homing_types``. A limit switch in
+the homing direction makes it turn round once, otherwise, and always against the homing direction, the axis stops with
+the error LSTriggered, whatever the limit's own action. A servo that goes off, an alarm, a stop by anybody and Cancel
+end it too. Where the vendor is silent: searches are fast, and a homing that failed leaves the axis not homed.
 """
 
 from __future__ import annotations
@@ -25,23 +24,12 @@ from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.bus import DriveFeedback
 from robot_stack.wmx.simulated import rows
 from robot_stack.wmx.simulated.homing_motion import HomingMotion, Run, rename
-from robot_stack.wmx.simulated.homing_types import (
-    BACK_FROM_LIMIT,
-    CLEAR_HOME_AT_START,
-    CLEAR_LIMIT_AT_START,
-    SEARCHES,
-    Limited,
-    Search,
-    Until,
-)
+from robot_stack.wmx.simulated.homing_types import BACK_FROM_LIMIT, CLEAR_HOME_AT_START, HOME, Limited
 from robot_stack.wmx.simulated.parameters import Parameters
 from robot_stack.wmx.simulated.state import EngineArrays
 
 _NO_ERROR = int(ErrorCode.PyNone)
 _HARD_LIMIT = int(ErrorCode.AxisHardLimit)
-_TOUCH_PROBE = (Config_HomeType.TouchProbe, Config_HomeType.HSTouchProbe)
-_HOME_UNTIL = (Until.HOME_ON, Until.HOME_OFF)
-_LIMIT_UNTIL = (Until.LIMIT_ON, Until.LIMIT_OFF)
 _TOO_FAR: Final = {
     Limited.HOME_ON_AT_START: HomeError.MaxHSOnAtStartRevDistanceTraveled,
     Limited.AFTER_LIMIT: HomeError.MaxLSRevDistanceTraveled,
@@ -97,19 +85,15 @@ class Homing:
         kind = Config_HomeType(self._parameters.home(axis).homeType)
         if kind is Config_HomeType.CurrentPos:
             return _NO_ERROR
-        if kind in _TOUCH_PROBE:
+        if "TouchProbe" in kind.name:
             return CoreMotionErrorCode.TouchProbeDetectionUnsupported
-        searches = SEARCHES.get(kind)
-        if searches is None:
+        if "LS" in kind.name or "MechanicalEnd" in kind.name:
             return CoreMotionErrorCode.LimitSwitchDetectionUnsupported
-        wanted = {search.until for search in searches}
-        inp = self._feedback
-        if not inp.has_home_switch[axis] and wanted.intersection(_HOME_UNTIL):
+        if kind.name.startswith("HS") and not self._feedback.has_home_switch[axis]:
             return CoreMotionErrorCode.HomeSwitchDetectionUnsupported
-        if not inp.has_limit_switches[axis] and wanted.intersection(_LIMIT_UNTIL):
-            return CoreMotionErrorCode.LimitSwitchDetectionUnsupported
-        missing = Until.Z_PULSE in wanted and not inp.has_z_pulse[axis]
-        return CoreMotionErrorCode.ZPulseDetectionUnsupported if missing else _NO_ERROR
+        if "ZPulse" in kind.name:
+            return CoreMotionErrorCode.ZPulseDetectionUnsupported
+        return _NO_ERROR if kind is Config_HomeType.HS else ErrorCode.NoSupportedFunction
 
     def _startable(self, axis: int) -> int:
         flags = self._a.flags
@@ -124,14 +108,9 @@ class Homing:
 
     def _begin(self, device: int, axis: int) -> None:
         param = self._parameters.home(axis)
-        script = SEARCHES[Config_HomeType(param.homeType)]
         direction = 1.0 if param.homeDirection == Config_HomeDirection.Positive else -1.0
-        run = Run(param, script, list(script), direction)
-        if script[0].until is Until.HOME_ON and self._a.flags[Flag.HOME_SWITCH, axis]:
-            run.ahead.insert(0, CLEAR_HOME_AT_START)
-        elif script[0].until is Until.LIMIT_ON and self._limit_on(axis, direction):
-            run.ahead.insert(0, CLEAR_LIMIT_AT_START)
-        self._runs[axis] = run
+        on_at_start = bool(self._a.flags[Flag.HOME_SWITCH, axis])
+        run = self._runs[axis] = Run(param, [CLEAR_HOME_AT_START, HOME] if on_at_start else [HOME], direction)
         self._motion.claim(axis, device, param.homingVelocitySlowDec)
         self._search(axis, run)
 
@@ -163,57 +142,29 @@ class Homing:
         return bool(flags[Flag.END_REASON, axis] or not flags[Flag.SERVO_ON, axis])
 
     def _search(self, axis: int, run: Run) -> None:
-        search = run.ahead[0]
         speed, acc, dec = run.speeds
         run.begun_at = float(self._a.reals[Real.POS_CMD, axis])
-        run.was_on = search.until in _HOME_UNTIL and bool(self._a.flags[Flag.HOME_SWITCH, axis])
-        self._a.flags[Flag.HOME_STATE, axis] = search.state
+        run.was_on = bool(self._a.flags[Flag.HOME_SWITCH, axis])
+        self._a.flags[Flag.HOME_STATE, axis] = run.ahead[0].state
         self._motion.run(axis, run.way * speed, acc, dec)
 
     def _watch(self, axis: int, run: Run) -> None:
-        search = run.ahead[0]
-        on, place = self._sensor(axis, run, search)
-        hit = {
-            Until.HOME_ON: on and not run.was_on,
-            Until.HOME_OFF: run.was_on and not on,
-            Until.LIMIT_ON: on,
-            Until.LIMIT_OFF: not on,
-            Until.Z_PULSE: on,
-        }[search.until]
+        search, on = run.ahead[0], bool(self._a.flags[Flag.HOME_SWITCH, axis])
+        hit = on and not run.was_on if search.rising else run.was_on and not on
         run.was_on = on
         if hit:
-            run.found = place
-            self._found(axis, run)
+            run.found = float(self._a.reals[Real.ACTUAL_POS, axis])
+            self._pause(axis, run)
         elif self._limit_on(axis, run.way):
             self._run_into_limit(axis, run)
         elif run.too_far(float(self._a.reals[Real.POS_CMD, axis])):
             self._fail(axis, run, _TOO_FAR[search.limited], _NO_ERROR)
-
-    def _sensor(self, axis: int, run: Run, search: Search) -> tuple[bool, float]:
-        """The sensor looked for, and the position to remember if this is it."""
-        here = float(self._a.reals[Real.ACTUAL_POS, axis])
-        if search.until is Until.Z_PULSE:
-            scale, offset = self._a.params[rows.COUNTS_PER_UNIT, axis], self._a.reals[Real.HOME_OFFSET, axis]
-            return bool(self._feedback.z_pulse[axis]), float(self._feedback.z_pulse_counts[axis] / scale - offset)
-        if search.until in _LIMIT_UNTIL:
-            return self._limit_on(axis, run.direction), here
-        return bool(self._a.flags[Flag.HOME_SWITCH, axis]), here
 
     def _limit_on(self, axis: int, direction: float) -> bool:
         """The limit switch at that end of travel."""
         named_positive = (direction > 0.0) == (self._a.work[rows.LS_REVERSED, axis] == 0)
         present = self._feedback.has_limit_switches[axis]
         return bool(present and self._a.flags[Flag.POSITIVE_LS if named_positive else Flag.NEGATIVE_LS, axis])
-
-    def _found(self, axis: int, run: Run) -> None:
-        """The present search has succeeded: on with the next, at once if it goes the same way."""
-        search = run.ahead[0]
-        following = run.ahead[1] if len(run.ahead) > 1 else None
-        if following is not None and following.reverse == search.reverse and not search.beyond:
-            run.ahead.pop(0)
-            self._search(axis, run)
-        else:
-            self._pause(axis, run)
 
     def _pause(self, axis: int, run: Run) -> None:
         run.stopping = True
@@ -235,13 +186,12 @@ class Homing:
 
     def _run_into_limit(self, axis: int, run: Run) -> None:
         search = run.ahead[0]
-        turns = run.script[0].until in _HOME_UNTIL and not search.reverse and not run.turned
-        if not turns:
+        if search.reverse or run.turned:
             self._fail(axis, run, HomeError.LSTriggered, _HARD_LIMIT)
             return
         run.turned = True
         # The search that failed is the first to go once the axis stands.
-        run.ahead = [search, BACK_FROM_LIMIT, *run.script]
+        run.ahead = [search, BACK_FROM_LIMIT, HOME]
         self._pause(axis, run)
 
     def _fail(self, axis: int, run: Run, error: HomeError, reason: int) -> None:

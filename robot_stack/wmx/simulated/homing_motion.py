@@ -26,7 +26,6 @@ class Run:
     """
 
     param: Config_HomeParam
-    script: tuple[Search, ...]
     ahead: list[Search]
     direction: float
     begun_at: float = 0.0
@@ -46,8 +45,6 @@ class Run:
     def speeds(self) -> tuple[float, float, float]:
         """Velocity, acceleration and deceleration of the present search."""
         p = self.param
-        if self.ahead[0].slow:
-            return p.homingVelocitySlow, p.homingVelocitySlowAcc, p.homingVelocitySlowDec
         return p.homingVelocityFast, p.homingVelocityFastAcc, p.homingVelocityFastDec
 
     def too_far(self, position: float) -> bool:

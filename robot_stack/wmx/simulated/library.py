@@ -2,32 +2,34 @@
 
 from __future__ import annotations
 
-from robot_stack.wmx import Library
-from robot_stack.wmx import api as port
-from robot_stack.wmx.axes import StatusSnapshot
-from robot_stack.wmx.simulated.client import ClientLimits, CoreMotion, Io, WMX3Api
-from robot_stack.wmx.simulated.client_network import Ecat
-from robot_stack.wmx.simulated.client_splines import AdvancedMotion
+from collections.abc import Callable
+from typing import cast
+
+from robot_stack.wmx.api import port
+from robot_stack.wmx.engine import Library
+from robot_stack.wmx.simulated.client import AdvancedMotion, ClientLimits, CoreMotion, Device, Ecat, Io
 
 
 def simulated_library(call_timeout_s: float, status_stale_s: float) -> Library:
     """Clients of a simulated engine, each with the given patience."""
     limits = ClientLimits(call_timeout_s, status_stale_s)
+    return library_of(lambda: Device(limits))
+
+
+def library_of(make_device: Callable[[], Device]) -> Library:
+    """The objects of a device, as the port has them."""
     return Library(
-        WMX3Api=lambda: WMX3Api(limits),
-        CoreMotion=lambda api: CoreMotion(_own(api)),
-        Io=lambda api: Io(_own(api)),
-        Ecat=lambda api: Ecat(_own(api)),
-        AdvancedMotion=lambda api: AdvancedMotion(_own(api)),
-        read_status=_read_status,
+        WMX3Api=lambda: cast(port.WMX3Api, make_device()),
+        CoreMotion=lambda api: cast(port.CoreMotion, CoreMotion(_own(api))),
+        Io=lambda api: cast(port.Io, Io(_own(api))),
+        Ecat=lambda api: cast(port.Ecat, Ecat(_own(api))),
+        AdvancedMotion=lambda api: cast(port.AdvancedMotion, AdvancedMotion(_own(api))),
+        read_status=lambda api, *_: _own(api).snapshot(),
+        feedback_reader=lambda api: _own(api).feedback,
     )
 
 
-def _own(api: port.WMX3Api) -> WMX3Api:
-    if not isinstance(api, WMX3Api):
+def _own(api: port.WMX3Api) -> Device:
+    if not isinstance(api, Device):
         raise TypeError(f"the device must be one of the simulated engine, is a {type(api).__name__}")
     return api
-
-
-def _read_status(api: port.WMX3Api, *_: object) -> tuple[int, StatusSnapshot]:
-    return _own(api).snapshot()

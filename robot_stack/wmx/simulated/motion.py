@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from robot_stack.wmx.api.enums import AxisCommandMode, DetailOperationState, OperationState, ProfileType
 from robot_stack.wmx.api.errors import CoreMotionErrorCode, ErrorCode
 from robot_stack.wmx.api.values import (
-    Motion_JogCommand,
     Motion_PosCommand,
-    Motion_TimedJogCommand,
     Profile,
     Velocity_TimedVelCommand,
     Velocity_VelCommand,
@@ -26,7 +24,7 @@ from robot_stack.wmx.simulated.splines import Splines
 from robot_stack.wmx.simulated.state import Condition, EngineArrays
 
 _NO_ERROR = int(ErrorCode.PyNone)
-_POSITION_STATES = (OperationState.Idle, OperationState.Pos, OperationState.Jog)
+_POSITION_STATES = (OperationState.Idle, OperationState.Pos)
 _VELOCITY_STATES = (OperationState.Idle, OperationState.Velocity)
 _WRONG_MODE = {
     AxisCommandMode.Position: int(CoreMotionErrorCode.NotPosMode),
@@ -49,8 +47,8 @@ class MotionControl:
         """Runs every compiled function once, on axis 0, whose state is worthless afterwards."""
         profile = Profile.SetupTrapezoidal(1.0, 1.0, 1.0)
         self._begin_position(0, 0.0, profile, 0)
-        self._begin_velocity(0, profile, 0, OperationState.Jog, 0)
-        self._begin_stop(0, self._own_rate(0), DetailOperationState.Stop)
+        self._begin_velocity(0, profile, 0, 0.0)
+        self.stop_axis(0, self._own_rate(0), DetailOperationState.Stop)
         self.emergency_stop(servo_off=False)
         self.splines.warm_up()
 
@@ -62,7 +60,7 @@ class MotionControl:
             return code
         targets = [self._target(command, relative) for command in commands]
         for command, target in zip(commands, targets, strict=True):
-            code = checks.position_profile(command.profile, signed=False) or self._target_code(command.axis, target)
+            code = checks.position_profile(command.profile) or self._target_code(command.axis, target)
             if code:
                 return code
         code = self._startable(
@@ -74,29 +72,12 @@ class MotionControl:
             self._begin_position(command.axis, target, command.profile, device)
         return _NO_ERROR
 
-    def start_jog(self, device: int, commands: Sequence[Motion_JogCommand | Motion_TimedJogCommand]) -> int:
-        """StartJog, plain or timed."""
-        axes = [command.axis for command in commands]
-        code = self._reachable(axes)
-        for command in commands:
-            code = code or checks.position_profile(command.profile, signed=True) or self._run_time_code(command)
-        code = (
-            code
-            or self._startable(axes, AxisCommandMode.Position, _POSITION_STATES, CoreMotionErrorCode.NotIdleOrJogState)
-            or self._towards_limit([(command.axis, command.profile.velocity) for command in commands])
-        )
-        if code:
-            return code
-        for command in commands:
-            self._begin_velocity(command.axis, command.profile, device, OperationState.Jog, self._run_cycles(command))
-        return _NO_ERROR
-
     def start_velocity(self, device: int, commands: Sequence[Velocity_VelCommand | Velocity_TimedVelCommand]) -> int:
         """StartVel, plain or timed."""
         axes = [command.axis for command in commands]
         code = self._reachable(axes)
         for command in commands:
-            code = code or checks.velocity_profile(command.profile) or self._run_time_code(command)
+            code = code or checks.velocity_profile(command.profile) or _timed_code(command)
         code = (
             code
             or self._startable(
@@ -107,9 +88,7 @@ class MotionControl:
         if code:
             return code
         for command in commands:
-            self._begin_velocity(
-                command.axis, command.profile, device, OperationState.Velocity, self._run_cycles(command)
-            )
+            self._begin_velocity(command.axis, command.profile, device, _run_time_s(command))
         return _NO_ERROR
 
     def start_spline(
@@ -122,44 +101,22 @@ class MotionControl:
 
     def stop(self, axes: Sequence[int], mode: AxisCommandMode) -> int:
         """Stop: by the running command's own profile."""
-        code = self._stoppable(axes, mode)
-        if code:
-            return code
-        for axis in axes:
-            if self._state(axis) != OperationState.Stop:
-                self._begin_stop(axis, self._own_rate(axis), DetailOperationState.Stop)
-        return _NO_ERROR
 
-    def stop_dec(self, axis: int, dec: float) -> int:
-        """Stop_Dec: at a given deceleration."""
-        code = self._stoppable([axis], AxisCommandMode.Position) or checks.deceleration(dec)
-        if not code:
-            self._begin_stop(axis, dec, DetailOperationState.Stop)
-        return code
+        def stop(axis: int) -> None:
+            if self._state(axis) != OperationState.Stop:
+                self.stop_axis(axis, self._own_rate(axis), DetailOperationState.Stop)
+
+        return self._stop_each(axes, mode, stop)
 
     def quick_stop(self, axes: Sequence[int], mode: AxisCommandMode) -> int:
         """ExecQuickStop."""
-        code = self._stoppable(axes, mode)
-        if code:
-            return code
-        for axis in axes:
-            self.quick_stop_axis(axis)
-        return _NO_ERROR
+        return self._stop_each(axes, mode, self.quick_stop_axis)
 
     def quick_stop_axis(self, axis: int) -> None:
         """Ends the motion of one axis at its quick-stop deceleration, whatever its mode; no effect on an idle one."""
         if self._a.flags[Flag.DETAIL_OP_STATE, axis] != DetailOperationState.Stop_QStop:
             dec = float(self._a.params[rows.QUICK_STOP_DEC, axis])
-            self._begin_stop(axis, dec, DetailOperationState.Stop_QStop)
-
-    def timed_stop(self, axes: Sequence[int], milliseconds: float, mode: AxisCommandMode) -> int:
-        """ExecTimedStop: at rest after the given time."""
-        code = self._stoppable(axes, mode) or checks.stop_time(milliseconds)
-        if code:
-            return code
-        for axis in axes:
-            self._begin_timed_stop(axis, 1e-3 * milliseconds)
-        return _NO_ERROR
+            self.stop_axis(axis, dec, DetailOperationState.Stop_QStop)
 
     def emergency_stop(self, servo_off: bool) -> None:
         """All axes, whatever they do; with ``servo_off`` the servos go off once at rest."""
@@ -209,21 +166,15 @@ class MotionControl:
         codes = (checks.towards_limit(self._a.flags, self._a.work, axis, direction) for axis, direction in moves)
         return next(filter(None, codes), _NO_ERROR)
 
-    def _stoppable(self, axes: Sequence[int], mode: AxisCommandMode) -> int:
+    def _stop_each(self, axes: Sequence[int], mode: AxisCommandMode, stop: Callable[[int], None]) -> int:
+        """Stops the axes that are in the mode, and answers an error if any is not (ExecQuickStop of several axes)."""
         code = self._reachable(axes)
-        if not code and any(self._a.flags[Flag.COMMAND_MODE, axis] != mode for axis in axes):
-            return _WRONG_MODE[mode]
-        return code
-
-    def _run_time_code(self, command: object) -> int:
-        if isinstance(command, Motion_TimedJogCommand | Velocity_TimedVelCommand):
-            return checks.run_time(command.runTimeMilliseconds)
-        return _NO_ERROR
-
-    def _run_cycles(self, command: object) -> int:
-        if isinstance(command, Motion_TimedJogCommand | Velocity_TimedVelCommand):
-            return max(1, math.ceil(1e-3 * command.runTimeMilliseconds / self._condition.cycle_time_s))
-        return 0
+        if code:
+            return code
+        fitting = [axis for axis in axes if self._a.flags[Flag.COMMAND_MODE, axis] == mode]
+        for axis in fitting:
+            stop(axis)
+        return _NO_ERROR if len(fitting) == len(axes) else _WRONG_MODE[mode]
 
     def _spline_startable(self, moves: Sequence[tuple[int, float]]) -> int:
         axes, states = [axis for axis, _ in moves], (OperationState.Idle,)
@@ -236,14 +187,8 @@ class MotionControl:
         more_urgent = state == OperationState.Stop and self._a.flags[Flag.DETAIL_OP_STATE, axis] > detail
         return state != OperationState.Idle and not more_urgent
 
-    def _begin_timed_stop(self, axis: int, duration_s: float) -> None:
-        detail = DetailOperationState.Stop
-        if self.splines.carries(axis) and self._may_stop(axis, detail):
-            self.splines.timed_stop(axis, duration_s, detail)
-        else:
-            self._begin_stop(axis, self._speed(axis) / duration_s, detail)
-
-    def _begin_stop(self, axis: int, dec: float, detail: DetailOperationState) -> None:
+    def stop_axis(self, axis: int, dec: float, detail: DetailOperationState) -> None:
+        """Ends the motion of one axis at a deceleration; no effect on an idle one and on a more urgent stop."""
         a = self._a
         if not self._may_stop(axis, detail):
             return
@@ -271,16 +216,20 @@ class MotionControl:
         a.reals[Real.PROFILE_TARGET_POS, axis] = target
         self._begun(axis, profile, device, OperationState.Pos, DetailOperationState.Pos, 0)
 
-    def _begin_velocity(self, axis: int, profile: Profile, device: int, state: OperationState, run_cycles: int) -> None:
+    def _begin_velocity(self, axis: int, profile: Profile, device: int, run_s: float) -> None:
+        """run_s: 0 for ever, else the time at the velocity, which begins when that is reached."""
         a = self._a
         velocity = float(a.reals[Real.VELOCITY_CMD, axis])
         acc, dec = float(profile.acc), float(profile.dec)
         if profile.type == ProfileType.TimeAccTrapezoidal:
             acc, dec = _timed_rates(velocity, profile)
         position, wanted = float(a.reals[Real.POS_CMD, axis]), float(profile.velocity)
-        a.work[rows.SEGMENTS, axis] = plan_velocity(a.plan[axis], position, velocity, wanted, acc, dec)
-        detail = DetailOperationState.Jog if state is OperationState.Jog else DetailOperationState.Velocity
-        self._begun(axis, profile, device, state, detail, run_cycles)
+        segments = plan_velocity(a.plan[axis], position, velocity, wanted, acc, dec)
+        a.work[rows.SEGMENTS, axis] = segments
+        reached_s = float(a.plan[axis, segments - 2, 0]) if segments > 1 else 0.0
+        run_cycles = max(1, math.ceil((reached_s + run_s) / self._condition.cycle_time_s - 1e-9)) if run_s else 0
+        self._begun(axis, profile, device, OperationState.Velocity, DetailOperationState.Velocity, run_cycles)
+        a.params[rows.PROFILE_DEC, axis], a.params[rows.PROFILE_DEC_TIME, axis] = dec, 0.0
 
     def _begun(
         self,
@@ -308,14 +257,21 @@ class MotionControl:
         a.flags[Flag.OWNER, axis] = device
 
 
-def _timed_rates(velocity: float, profile: Profile) -> tuple[float, float]:
-    """Acceleration and deceleration that make the change of velocity last the profile's times; 0 is a step.
+def _timed_code(command: object) -> int:
+    if isinstance(command, Velocity_TimedVelCommand):
+        return checks.timed_profile(command.profile) or checks.run_time(command.runTimeMilliseconds)
+    return _NO_ERROR
 
-    Through zero, each side of it takes its own whole time.
+
+def _run_time_s(command: object) -> float:
+    return 1e-3 * command.runTimeMilliseconds if isinstance(command, Velocity_TimedVelCommand) else 0.0
+
+
+def _timed_rates(velocity: float, profile: Profile) -> tuple[float, float]:
+    """Rates of a profile by times: its velocity is reached in the first, and left for rest in the second. One rate of
+    deceleration holds for the whole command, whether it slows down to its velocity or stops. 0 is a step.
     """
     acc_s, dec_s = 1e-3 * profile.accTimeMilliseconds, 1e-3 * profile.decTimeMilliseconds
-    if velocity * profile.velocity < 0.0:
-        grows, falls = abs(profile.velocity), abs(velocity)
-    else:
-        grows = falls = abs(profile.velocity - velocity)
+    grows = abs(profile.velocity) if velocity * profile.velocity < 0.0 else abs(profile.velocity - velocity)
+    falls = abs(profile.velocity or velocity)
     return (grows / acc_s if acc_s > 0.0 else 0.0), (falls / dec_s if dec_s > 0.0 else 0.0)

@@ -1,10 +1,10 @@
-"""The parameter blocks of an axis: by name, as the configuration sets them, and on their way to a client."""
+"""The parameter blocks of an axis: by name, and as the configuration sets them."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
-from typing import Any, Final, TypeVar
+from typing import Final
 
+from robot_stack.wmx.api import surface
 from robot_stack.wmx.api.enums import (
     Config_EStopLevel1Type,
     Config_FollowingErrorAlarmType,
@@ -23,16 +23,15 @@ from robot_stack.wmx.api.parameters import (
 from robot_stack.wmx.config import AxisKind, EngineConfig, Homing
 
 AxisBlock = Config_FeedbackParam | Config_HomeParam | Config_LimitParam | Config_MotionParam | Config_AlarmParam
-BlockT = TypeVar("BlockT")
 
-BLOCKS: Final[dict[str, type[AxisBlock]]] = {
-    "feedback": Config_FeedbackParam,
-    "home": Config_HomeParam,
-    "limit": Config_LimitParam,
-    "motion": Config_MotionParam,
-    "alarm": Config_AlarmParam,
-}
-"""Names of the parameter blocks that exist once per axis."""
+
+def block_name(name: str) -> str:
+    """The short name of a block of the surface."""
+    return name.removesuffix("Param").lower()
+
+
+BLOCKS: Final[dict[str, type[AxisBlock]]] = {block_name(name): kind for name, kind in surface.BLOCKS.items()}
+"""The parameter blocks that exist once per axis, by their short names: feedback, home, limit, motion, alarm."""
 
 LIMIT_ACTIONS: Final = {
     "none": Config_LimitSwitchType.PyNone,
@@ -115,38 +114,3 @@ def emergency_stop_of(config: EngineConfig, kinds: list[AxisKind]) -> Config_Eme
         eStopSignalBitAddress=signal.bit,
         eStopLevel1Type=Config_EStopLevel1Type(int(config.estop_servo_off)),
     )
-
-
-def to_wire(block: Any) -> dict[str, Any]:
-    """A block as plain names and values."""
-    return asdict(block)
-
-
-def from_wire(kind: type[BlockT], data: object) -> BlockT | None:
-    """A block from plain names and values; None if a name is missing or unknown or a value is of the wrong type."""
-    if not isinstance(data, dict):
-        return None
-    defaults = kind()
-    names = [item.name for item in fields(defaults)]  # type: ignore[arg-type]
-    if set(data) != set(names):
-        return None
-    try:
-        return kind(**{name: _like(data[name], getattr(defaults, name)) for name in names})
-    except (TypeError, OverflowError):
-        return None
-
-
-def _like(value: object, like: object) -> object:
-    """``value`` as the type of ``like``. Raises TypeError or OverflowError."""
-    if isinstance(like, bool):
-        if isinstance(value, bool):
-            return value
-    elif isinstance(like, list):
-        if isinstance(value, list):
-            return [_like(item, 0.0) for item in value]
-    elif isinstance(value, int | float) and not isinstance(value, bool):
-        if isinstance(like, float):
-            return float(value)
-        if isinstance(value, int):
-            return value
-    raise TypeError(f"{value!r} is not of type {type(like).__name__}")

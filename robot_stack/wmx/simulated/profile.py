@@ -27,6 +27,9 @@ OVERTRAVEL_DISABLED: Final = 0
 OVERTRAVEL_CHANGE_DECELERATION: Final = 1
 OVERTRAVEL_CHANGE_INITIAL_VELOCITY: Final = 2
 
+# User units that are rounding: a target this near is reached.
+_NO_DISTANCE: Final = 1e-12
+
 
 @compiled
 def _push(plan: Plan, n: int, duration: float, position: float, velocity: float, acceleration: float) -> int:
@@ -56,11 +59,14 @@ def _change(
 
 @compiled
 def plan_velocity(plan: Plan, position: float, velocity: float, wanted: float, acc: float, dec: float) -> int:
-    """From ``velocity`` to ``wanted`` and on for ever. Speed grows at ``acc`` and falls at ``dec``; 0 is a step.
+    """From ``velocity`` to ``wanted`` and on for ever. Speed grows at ``acc`` and falls at ``dec``; a ``dec`` of 0 is a
+    step, and an ``acc`` of 0 is one whichever way the speed changes.
 
     Through zero it first falls at ``dec``, then grows at ``acc``. Returns the number of segments.
     """
     n = 0
+    if acc <= 0.0:
+        return _push(plan, n, math.inf, position, wanted, 0.0)
     if velocity * wanted < 0.0:
         n, position, velocity = _change(plan, n, position, velocity, 0.0, dec)
     rate = acc if abs(wanted) > abs(velocity) else dec
@@ -126,11 +132,11 @@ def plan_position(
     sign = 1.0 if target >= position else -1.0
     speed = velocity * sign
     # The margin is rounding: a plan renewed in the middle of its own braking must not count as too late.
-    too_late = speed > 0.0 and velocity * velocity / (2.0 * dec) > distance * (1.0 + 1e-9) + 1e-12
+    too_late = speed > 0.0 and velocity * velocity / (2.0 * dec) > distance * (1.0 + 1e-9) + _NO_DISTANCE
     n = 0
     if too_late and overtravel == OVERTRAVEL_CHANGE_DECELERATION:
-        if distance == 0.0:
-            return 0
+        if distance <= _NO_DISTANCE:
+            return 0  # no deceleration stops there: over a distance near zero it would be no number any more
         return _push(plan, n, 2.0 * distance / speed, position, velocity, -velocity * speed / (2.0 * distance))
     if too_late and overtravel == OVERTRAVEL_CHANGE_INITIAL_VELOCITY:
         return _approach(plan, n, position, math.sqrt(2.0 * dec * distance), distance, sign, limit, acc, dec)

@@ -2,7 +2,7 @@
 
 ``cycle`` is one cycle of everything, for whoever sets the pace; ``serve_forever`` paces it by the clock. Nothing a
 client does, or stops doing, blocks or ends a cycle: sockets do not block, a client that sends rubbish or does not read
-its answers is cut off, and one that dies has its axes stopped.
+its answers is cut off. A device outlives its connection until its watchdog runs out.
 """
 
 from __future__ import annotations
@@ -11,13 +11,14 @@ import contextlib
 import fcntl
 import select
 import socket
+import struct
 import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any, Final
 
-from robot_stack.core.pacing import sharpen_sleep
+from robot_stack.core.pacing import Pacer, Sleeper, sharpen_sleep
 from robot_stack.core.runtime import AlreadyRunning
 from robot_stack.wmx.api.errors import ErrorCode
 from robot_stack.wmx.simulated.engine import Engine
@@ -42,6 +43,7 @@ class _Client:
 
     def __init__(self, connection: socket.socket) -> None:
         self.socket = connection
+        self.pid = _peer_pid(connection)
         self.session = Session()
         self.decoder = Decoder()
         self.requests: deque[list[Any]] = deque()
@@ -63,6 +65,7 @@ class EngineServer:
         self._path = runtime_dir / SOCKET_FILE
         runtime_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
         self._lock = _hold(runtime_dir / LOCK_FILE)
+        engine.alive = self._alive
         engine.condition.epoch = clock_ns()  # no device of an earlier process can be taken for one of this
         self._status = StatusWriter(engine, runtime_dir)
         self._listener = _listen(self._path)
@@ -75,6 +78,7 @@ class EngineServer:
         self._close_lock_until_ns = 0
         self._creator: int | None = None
         self._published_ns = 0
+        self._served = False
         self.due_ns = 0
         """When the present cycle was due by the monotonic clock, while ``serve_forever`` sets the pace."""
         self._publish()
@@ -83,10 +87,18 @@ class EngineServer:
 
     def cycle(self) -> None:
         """Serves clients, runs one engine cycle, publishes the status, sends the answers."""
-        served = self._serve()
+        self.begin()
         self.engine.cycle()
+        self.end()
+
+    def begin(self) -> None:
+        """Serves clients, before one or more cycles of the engine."""
+        self._served = self._serve()
+
+    def end(self) -> None:
+        """Publishes the status after the cycles, and sends the answers."""
         self._publish()
-        if served:
+        if self._served:
             self._answer()
 
     def poll(self) -> None:
@@ -97,29 +109,17 @@ class EngineServer:
         if served:
             self._answer()
 
-    def serve_forever(self, stop: Callable[[], bool], speed: float = 1.0, spin_s: float = 0.0) -> None:
-        """Cycles on absolute deadlines until ``stop()``; what it cannot catch up with is skipped and counted.
-
-        spin_s: the last part of each wait is spent awake, for a begin within microseconds; costs that share of a core.
-        """
+    def serve_forever(self, stop: Callable[[], bool], speed: float = 1.0) -> None:
+        """Cycles on absolute deadlines until ``stop()``; what it cannot catch up with is skipped and counted."""
         sharpen_sleep()
-        spin_ns = round(1e9 * spin_s)
-        period_ns = round(1e9 * self.engine.config.cycle_time_s / speed)
-        deadline_ns = time.monotonic_ns()
+        config, condition = self.engine.config, self.engine.condition
+        pacer = Pacer(round(1e9 * config.cycle_time_s / speed), Sleeper(config.server.spin))
+        skipped_before = condition.overruns
         while not stop():
-            self.due_ns = deadline_ns
+            self.due_ns = pacer.due_ns
             self.cycle()
-            deadline_ns += period_ns
-            left_ns = deadline_ns - time.monotonic_ns()
-            if left_ns > 0:
-                if left_ns > spin_ns:
-                    time.sleep((left_ns - spin_ns) * 1e-9)
-                while spin_ns and time.monotonic_ns() < deadline_ns:
-                    pass
-            elif -left_ns > period_ns:
-                missed = -left_ns // period_ns
-                self.engine.condition.overruns += missed
-                deadline_ns += missed * period_ns
+            pacer.wait()
+            condition.overruns = skipped_before + pacer.missed
 
     def shut_down(self) -> None:
         """Stops all axes at their quick-stop deceleration, paced by the clock, then the engine. For an orderly end."""
@@ -270,7 +270,7 @@ class EngineServer:
             self._poll.modify(descriptor, select.EPOLLIN | (select.EPOLLOUT if client.waits_to_send else 0))
 
     def _drop(self, descriptor: int) -> None:
-        """The client is gone or not to be trusted: its device goes, and what that set in motion stops."""
+        """The client is gone or not to be trusted. Nobody reports for its device any more."""
         client = self._clients.pop(descriptor)
         self._busy.discard(descriptor)
         if self._creator == descriptor:
@@ -278,8 +278,25 @@ class EngineServer:
         with contextlib.suppress(OSError):
             self._poll.unregister(descriptor)
         client.socket.close()
-        if client.session.device:
-            self.engine.remove_device(client.session.device)
+
+    def _alive(self, device: int) -> bool:
+        """Stands for the vendor's library thread in the client's process: it reports as long as that process runs."""
+        return any(client.session.device == device and _runs(client.pid) for client in self._clients.values())
+
+
+def _peer_pid(connection: socket.socket) -> int:
+    size = struct.calcsize("3i")
+    pid: int = struct.unpack("3i", connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size))[0]
+    return pid
+
+
+def _runs(pid: int) -> bool:
+    """The process exists and is not stopped."""
+    try:
+        stat = Path(f"/proc/{pid}/stat").read_bytes()
+    except OSError:
+        return False
+    return stat.rpartition(b")")[2].split()[0] not in (b"T", b"t", b"Z", b"X")
 
 
 def _hold(path: Path) -> IO[str]:

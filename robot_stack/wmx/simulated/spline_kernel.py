@@ -172,7 +172,7 @@ def step_spline(
     duration = times[times.size - 1]
     stopping = count[STOPPING] != 0
     fall, rest = 0.0, False
-    left_s = 0.0
+    remaining_s = 0.0
     stop_at = duration
     if stopping:
         s, rate = clock[PATH_TIME], clock[RATE]
@@ -188,11 +188,11 @@ def step_spline(
         s += 0.5 * rate * rate / fall if rest else 0.5 * (rate + after) * dt
         clock[RATE] = after
         if not rest:
-            left_s, stop_at = _rest_ahead(s, after, fall, duration)
+            remaining_s, stop_at = _rest_ahead(s, after, fall, duration)
     else:
         count[CYCLES] += 1
         s = count[CYCLES] * dt
-        left_s = duration - s
+        remaining_s = duration - s
     ended = s >= duration - _ROUNDING_S
     s = min(s, duration)
     clock[PATH_TIME] = s
@@ -208,7 +208,7 @@ def step_spline(
             reals[POS_CMD, i] = position
             reals[VELOCITY_CMD, i] = slope * rate
             reals[CMD_ACC, i] = bend * rate * rate - slope * fall
-            reals[REMAINING_MS, i] = 1e3 * left_s
+            reals[REMAINING_MS, i] = 1e3 * remaining_s
             if stopping:
                 reals[TARGET, i], _, _ = at(curve, stop_segment, j, stop_at - times[stop_segment])
             continue

@@ -2,9 +2,11 @@
 
 All axes of a spline share one path time. A stop of any of them, by whatever command, brings all of them to rest along
 the path; an axis that leaves it by a fault (alarm, servo off, limit) ends as that fault demands and the others stop
-along the path. An emergency stop takes every axis off the path, each at its own emergency deceleration. A stop along
-the path asks no more of an axis than its quick-stop deceleration (exactly: see the spline kernel); a spline has no
-profile of its own to stop by.
+along the path. An emergency stop takes every axis off the path, each at its own emergency deceleration.
+
+A stop along the path asks no more of an axis than the greatest acceleration of the whole spline, of all axes together
+(WMX3 API reference, StartCSplinePos: about that); a quick stop and a fault, than the axis' quick-stop deceleration.
+Exactly: see the spline kernel.
 """
 
 from __future__ import annotations
@@ -51,6 +53,7 @@ class _Run:
     curve: Reals
     goal: Reals
     bounds: Reals
+    greatest: float
     axis_array: Ints
     clock: Reals = field(default_factory=lambda: np.zeros(N_CLOCK))
     count: Ints = field(default_factory=lambda: np.zeros(N_COUNT, np.int64))
@@ -158,7 +161,8 @@ class Splines:
             return code
         bounds = a.params[rows.QUICK_STOP_DEC, chosen]
         axis_array = np.array(chosen, np.int64)
-        run = _Run(channel + 1, chosen, times, curve, points[-1].copy(), bounds, axis_array, on_path=d)
+        greatest = _greatest_acceleration(times, curve)
+        run = _Run(channel + 1, chosen, times, curve, points[-1].copy(), bounds, greatest, axis_array, on_path=d)
         run.clock[RATE] = 1.0
         for j, axis in enumerate(chosen):
             self._begin_axis(axis, run, device, float(run.goal[j]))
@@ -167,7 +171,7 @@ class Splines:
 
     def _begin_axis(self, axis: int, run: _Run, device: int, goal: float) -> None:
         a = self._a
-        a.params[rows.PROFILE_DEC, axis] = a.params[rows.QUICK_STOP_DEC, axis]
+        a.params[rows.PROFILE_DEC, axis] = run.greatest
         a.params[rows.PROFILE_DEC_TIME, axis] = 0.0
         a.work[rows.RUN_CYCLES, axis] = 0
         a.work[rows.SERVO_OFF_AT_REST, axis] = 0
@@ -190,14 +194,10 @@ class Splines:
     def stop(self, axis: int, dec: float, detail: DetailOperationState) -> None:
         """Brings the spline that carries ``axis`` to rest along its path, this axis at no more than ``dec``."""
         run = self._runs[int(self._a.work[rows.SPLINE, axis])]
-        run.bounds[:] = self._a.params[rows.QUICK_STOP_DEC, run.axes]
+        own = detail is DetailOperationState.Stop
+        run.bounds[:] = run.greatest if own else self._a.params[rows.QUICK_STOP_DEC, run.axes]
         run.bounds[run.axes.index(axis)] = dec
         self._stop(run, 0.0, detail, _NO_ERROR)
-
-    def timed_stop(self, axis: int, duration_s: float, detail: DetailOperationState) -> None:
-        """Brings the spline that carries ``axis`` to rest along its path in the given time, whatever that takes."""
-        run = self._runs[int(self._a.work[rows.SPLINE, axis])]
-        self._stop(run, float(run.clock[RATE]) / duration_s, detail, _NO_ERROR)
 
     def _stop(self, run: _Run, fall: float, detail: DetailOperationState, reason: int) -> None:
         run.clock[FALL] = fall
@@ -262,3 +262,10 @@ class Splines:
         self.stop(0, 1.0, DetailOperationState.Stop)
         self.advance()
         self._runs.clear()
+
+
+def _greatest_acceleration(times: Reals, curve: Reals) -> float:
+    """Of all axes together, anywhere on the path: it is linear between the points."""
+    begin = 2.0 * curve[:, :, 2]
+    end = begin + 6.0 * curve[:, :, 3] * np.diff(times)[:, None]
+    return float(np.linalg.norm(np.stack((begin, end)), axis=2).max())

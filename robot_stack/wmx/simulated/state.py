@@ -52,8 +52,7 @@ class Condition:
     """The engine as a whole.
 
     ``error`` is the code of what last ended communication by itself. ``epoch`` changes whenever the
-    engine is stopped: a device of an earlier epoch is void. ``licensed_cycles`` counts communication since the engine
-    was started.
+    engine is stopped: a device of an earlier epoch is void.
     """
 
     cycle_time_s: float
@@ -65,8 +64,6 @@ class Condition:
     epoch: int = 0
     lost_cycles: int = 0
     overruns: int = 0
-    invalid_license: bool = False
-    licensed_cycles: int = 0
 
     @property
     def communicating(self) -> bool:

@@ -29,19 +29,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.wmx.api.enums import EngineState
-from robot_stack.wmx.axes import N_FLAGS, N_REALS, StatusSnapshot
+from robot_stack.wmx.axes import N_FLAGS, N_REALS, AxisFeedback, Real, StatusSnapshot, axis_feedback
 from robot_stack.wmx.simulated.engine import Engine
 
 STATUS_FILE: Final = "engine.status"
 
 _MAGIC: Final = 0x53_58_4D_57  # "WMXS"
-_LAYOUT: Final = 3
+_LAYOUT: Final = 4
 _HEAD: Final = struct.Struct("<qqqqqqqq")
 """magic, layout, axes, input bytes, output bytes, checksum used, checksum, sequence number"""
 _CHECKSUM_AT: Final = 48
 _SEQUENCE_AT: Final = 56
-_META: Final = struct.Struct("<qqqqqqqqqqq")
-"""state, epoch, cycles, stamp ns, cycle time ns, error, emergency stop, its level, lost cycles, overruns, license"""
+_META: Final = struct.Struct("<qqqqqqqqqq")
+"""state, epoch, cycles, stamp ns, cycle time ns, error, emergency stop, its level, lost cycles, overruns"""
+
+_FEEDBACK_META: Final = struct.Struct("<qqqq")
+"""The first of these."""
+_COMMUNICATING: Final = int(EngineState.Communicating)
 
 _STATES: Final = tuple(sorted(EngineState))  # 0, 1, ...: a look into a tuple instead of a call
 
@@ -94,7 +98,6 @@ class StatusWriter:
             condition.emergency_stop_level,
             condition.lost_cycles,
             condition.overruns,
-            condition.invalid_license,
         )
         self._reals[:] = engine.arrays.reals
         self._flags[:] = engine.arrays.flags
@@ -113,6 +116,8 @@ class StatusReader:
         self._page, self._layout, self._checked = _open(self._path)
         self._number = memoryview(self._page)[_SEQUENCE_AT : _SEQUENCE_AT + 8].cast("q")
         self._contents = np.frombuffer(self._page, np.uint8, self._layout.size - _HEAD.size, _HEAD.size)
+        self._row = struct.Struct(f"<{self._layout.n_axes}d")
+        self._position_at, self._velocity_at = map(self._layout.real, (Real.ACTUAL_POS, Real.ACTUAL_VELOCITY))
 
     def read(self, pause: Callable[[float], object] = time.sleep) -> StatusSnapshot:
         """A consistent copy. Raises StatusUnreadable if none can be had, as after a writer's sudden death."""
@@ -127,6 +132,21 @@ class StatusReader:
             if attempt >= _PATIENT_TRIES:
                 pause(0.0)
         raise StatusUnreadable(f"{self._path}: no consistent status in {_TRIES} tries: its writer died while writing")
+
+    def read_feedback(self) -> AxisFeedback:
+        """The few numbers of it that change with every motion, consistent too. Raises StatusUnreadable as ``read``."""
+        if self._checked:  # the checksum is one of the whole page
+            return axis_feedback(self.read())
+        number, page, row = self._number, self._page, self._row
+        for _ in range(_PATIENT_TRIES):
+            before = number[0]
+            state, epoch, cycles, stamp_ns = _FEEDBACK_META.unpack_from(page, _HEAD.size)
+            position = row.unpack_from(page, self._position_at)
+            velocity = row.unpack_from(page, self._velocity_at)
+            outputs = page[self._layout.outputs :]
+            if number[0] == before and not before & 1:
+                return AxisFeedback(state == _COMMUNICATING, epoch, cycles, stamp_ns, position, velocity, outputs)
+        return axis_feedback(self.read())
 
     def replaced(self) -> bool:
         """A newer writer has put another file in place, or the file is gone."""
@@ -147,10 +167,14 @@ class _Layout:
         self.outputs = self.inputs + n_inputs
         self.size = self.outputs + n_outputs
 
+    def real(self, row: Real) -> int:
+        """Where a quantity's values lie, one per axis."""
+        return self.reals + 8 * self.n_axes * row
+
     def snapshot(self, contents: NDArray[np.uint8]) -> StatusSnapshot:
         """The snapshot in a copy of the page's contents, which begin after the head."""
         meta = _META.unpack_from(contents.data)
-        state, epoch, cycles, stamp_ns, cycle_ns, error, stop, level, lost, overruns, unlicensed = meta
+        state, epoch, cycles, stamp_ns, cycle_ns, error, stop, level, lost, overruns = meta
         skip, n_axes = _HEAD.size, self.n_axes
         reals: NDArray[np.float64] = np.ndarray((N_REALS, n_axes), np.float64, contents, self.reals - skip)
         flags: NDArray[np.int64] = np.ndarray((N_FLAGS, n_axes), np.int64, contents, self.flags - skip)
@@ -170,7 +194,6 @@ class _Layout:
             flags=flags,
             inputs=contents[self.inputs - skip : self.outputs - skip],
             outputs=contents[self.outputs - skip :],
-            invalid_license=bool(unlicensed),
         )
 
 

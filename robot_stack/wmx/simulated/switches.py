@@ -17,31 +17,21 @@ class DriveSwitches:
     """Sensors of one drive, in its encoder counts.
 
     The positive limit switch is on from ``positive_limit`` upwards, the negative one from ``negative_limit`` downwards,
-    the home switch from ``home_from`` to ``home_to``. A z pulse comes every ``z_pulse_spacing`` counts, 0 for none.
+    the home switch from ``home_from`` to ``home_to``.
     """
 
     positive_limit: float = ALWAYS_OFF
     negative_limit: float = -ALWAYS_OFF
     home_from: float = ALWAYS_OFF
     home_to: float = ALWAYS_OFF
-    z_pulse_spacing: float = 0.0
 
-    def fill(self, inp: DriveFeedback, axis: int, before: float, position: float) -> None:
-        """What the sensors say at ``position``, come from ``before`` in the last cycle."""
+    def fill(self, inp: DriveFeedback, axis: int, position: float) -> None:
+        """What the sensors say at ``position``."""
         inp.has_limit_switches[axis] = self.positive_limit != ALWAYS_OFF or self.negative_limit != -ALWAYS_OFF
         inp.has_home_switch[axis] = self.home_from != ALWAYS_OFF
-        inp.has_z_pulse[axis] = self.z_pulse_spacing > 0.0
         inp.positive_limit[axis] = position >= self.positive_limit
         inp.negative_limit[axis] = position <= self.negative_limit
         inp.home_switch[axis] = self.home_from <= position <= self.home_to
-        if self.z_pulse_spacing > 0.0:
-            self._z_pulse(inp, axis, before, position)
-
-    def _z_pulse(self, inp: DriveFeedback, axis: int, before: float, position: float) -> None:
-        turn, turn_before = math.floor(position / self.z_pulse_spacing), math.floor(before / self.z_pulse_spacing)
-        inp.z_pulse[axis] = turn != turn_before
-        if turn != turn_before:
-            inp.z_pulse_counts[axis] = round(self.z_pulse_spacing * max(turn, turn_before))
 
 
 def drive_switches(config: EngineConfig) -> list[DriveSwitches | None]:
@@ -63,5 +53,4 @@ def _of_axis(config: EngineConfig, axis: int) -> DriveSwitches | None:
         negative_limit=counts(where.negative_limit_rad, -ALWAYS_OFF),
         home_from=counts(where.home_from_rad, ALWAYS_OFF),
         home_to=counts(where.home_to_rad, ALWAYS_OFF),
-        z_pulse_spacing=counts(where.z_pulse_spacing_rad, 0.0),
     )

@@ -62,11 +62,10 @@ class VirtualDrives:
             self.lose_cycles -= 1
             return False
         self._switch(out)
-        before = self.position
         self._move(out)
         for axis, switches in enumerate(self.switches):
             if switches is not None:
-                switches.fill(inp, axis, float(before[axis]), float(self.position[axis]))
+                switches.fill(inp, axis, float(self.position[axis]))
         self.outputs = out.outputs.copy()
         live = ~self.frozen
         inp.position_counts[live] = np.rint(self.position[live])
@@ -86,8 +85,7 @@ class VirtualDrives:
         self.servo_on = wanted & (self.servo_on | (self._switching > self._servo_delay))
 
     def _move(self, out: DriveCommands) -> None:
-        in_position_mode = out.mode == MODE_POSITION
-        before = self.position
+        in_position_mode, before = out.mode == MODE_POSITION, self.position
         followed = before + self._gain * (out.position_counts - before)
         velocity = self.velocity + self._gain * (out.velocity_counts_per_s - self.velocity)
         after = np.where(in_position_mode, followed, before + velocity * self._cycle_s)

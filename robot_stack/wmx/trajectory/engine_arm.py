@@ -1,8 +1,10 @@
-"""The arm on the motion engine: its link, its spline buffer, its stops and its gripper."""
+"""The arm on the motion engine: its session, its spline buffer, its stops and its gripper."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+
+import numpy as np
 
 from robot_stack.wmx import MotionEngine
 from robot_stack.wmx.api import (
@@ -11,9 +13,10 @@ from robot_stack.wmx.api import (
     AxisSelection,
     CoreMotionErrorCode,
     ErrorCode,
+    OperationState,
 )
 from robot_stack.wmx.axes import StatusSnapshot, empty_snapshot
-from robot_stack.wmx.link import EngineLink
+from robot_stack.wmx.session import EngineSession
 from robot_stack.wmx.trajectory.arm import ArmState, Blind, arm_state
 from robot_stack.wmx.trajectory.results import Fault
 from robot_stack.wmx.trajectory.spline import ClampedSpline
@@ -22,49 +25,56 @@ _CHANNEL = 0
 _STATUS, _BUFFER, _START = "engine status", "spline buffer", "starting the spline"
 _STOP, _QUICK_STOP, _GRIPPER = "stop", "quick stop", "gripper output"
 _BUFFER_RETRY_S = 1.0
+_LEFT_MOVING = "stopping a trajectory whose server is gone"
 
 
 class EngineArm:
     """Belongs to one thread. Axis j is joint j."""
 
-    def __init__(self, link: EngineLink, n_joints: int, max_points: int) -> None:
-        self._link = link
+    def __init__(self, session: EngineSession, n_joints: int, max_points: int) -> None:
+        self._session = session
         self._n_joints = n_joints
         self._buffer_points = max_points + 1  # the present position comes before the goal's points
         self._buffered_connection = 0
+        self._waiting = session.text
         self._snapshot: StatusSnapshot = empty_snapshot()
         self._refusal: Fault | None = None
 
-    # --- link --------------------------------------------------------------------------------------------------------
+    # --- session -----------------------------------------------------------------------------------------------------
 
     def poll(self, now_s: float) -> str:
-        """Keeps the link and its spline buffer. Returns what is missing, an empty text if nothing is."""
-        if not self._link.poll(now_s):
-            return self._link.text
-        if self._buffered_connection != self._link.connections:
-            if not self._link.due(_BUFFER, now_s, _BUFFER_RETRY_S):
-                return self._link.refusal(_BUFFER, self._link.text)
+        """Keeps the session and its spline buffer. Returns what is missing, an empty text if nothing is."""
+        if not self._session.poll(now_s):
+            return self._session.text
+        if self._buffered_connection != self._session.connections:
+            if not self._session.due(_BUFFER, now_s, _BUFFER_RETRY_S):
+                return self._session.refusal(_BUFFER, self._waiting)
+            if self._left_moving():
+                self.stop()
+                self._waiting = _LEFT_MOVING
+                return self._waiting
+            self._waiting = self._session.text
             problem = self._ask(_BUFFER, self._create_buffer, _advanced_text)
             if problem is not None:
                 return problem.text
-            self._buffered_connection = self._link.connections
+            self._buffered_connection = self._session.connections
         return ""
 
     def read(self) -> ArmState | Blind:
         """The status at this moment."""
         problem = self._ask(_STATUS, self._read_status, _base_text)
         if problem is not None:
-            return Blind(problem, gone=self._link.engine is None)
+            return Blind(problem, gone=self._session.engine is None)
         return arm_state(self._snapshot, self._n_joints)
 
     def close(self) -> None:
-        self._link.close()
+        self._session.close()
 
     # --- motion ------------------------------------------------------------------------------------------------------
 
     def start(self, spline: ClampedSpline) -> Fault | None:
-        if self._buffered_connection != self._link.connections:
-            text = self._link.refusal(_BUFFER, "the spline buffer is not there yet")
+        if self._buffered_connection != self._session.connections:
+            text = self._session.refusal(_BUFFER, "the spline buffer is not there yet")
             return Fault(CoreMotionErrorCode.ChannelBufferMemoryNotAllocated, text)
         command = AdvMotion_PointTimeSplineCommand(self._n_joints, list(range(self._n_joints)))
         points = [AdvMotion_SplinePoint(row) for row in spline.positions.tolist()]
@@ -108,6 +118,14 @@ class EngineArm:
 
     # --- details -----------------------------------------------------------------------------------------------------
 
+    def _left_moving(self) -> bool:
+        """The engine goes on with a trajectory whose server has died: its goal is nobody's any more."""
+        state = self.read()
+        if isinstance(state, Blind) or not state.communicating:
+            return False
+        states = self._snapshot.op_state[: self._n_joints]
+        return bool(np.isin(states, (OperationState.Intpl, OperationState.Stop)).any())
+
     def _axes(self) -> AxisSelection:
         return AxisSelection.of(*range(self._n_joints))
 
@@ -133,7 +151,7 @@ class EngineArm:
         self, what: str, request: Callable[[MotionEngine], int], text: Callable[[MotionEngine, int], str]
     ) -> Fault | None:
         """One request; the refusal carries the engine's code and the text of the module that refused."""
-        refusal = Fault(ErrorCode.IMLibIsNotRunning, f"{what}: {self._link.text}")
+        refusal = Fault(ErrorCode.IMLibIsNotRunning, f"{what}: {self._session.text}")
 
         def noted(engine: MotionEngine) -> int:
             nonlocal refusal
@@ -142,7 +160,7 @@ class EngineArm:
                 refusal = Fault(int(code), f"{what}: {text(engine, code)} (error {int(code)})")
             return code
 
-        return None if self._link.ask(what, noted) else refusal
+        return None if self._session.ask(what, noted) else refusal
 
 
 def _base_text(engine: MotionEngine, code: int) -> str:

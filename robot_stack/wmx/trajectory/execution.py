@@ -41,7 +41,7 @@ class Phase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """Desired against actual, (joints,) in the order of the axes. time_s: from the start of the motion."""
+    """Desired against actual, (joints,) in the order of the axes. time_s: in the trajectory of the goal."""
 
     time_s: float
     position: FloatArray
@@ -78,6 +78,12 @@ class Execution:
                 self._look(status)
         return self._result
 
+    def place_at(self, then_s: float, state: ArmState) -> FloatArray:
+        """Where the joints will be commanded to be, (joints,) rad, if nothing comes in between."""
+        if self.phase is not Phase.RUNNING:
+            return state.command
+        return self._spline.evaluate(then_s - self._began.steady_s)[0]
+
     def stop(self, now_s: float, ending: Result, *, quick: bool = False) -> None:
         """Ends the goal with ``ending``, once the axes stand. A stop can become a quick one, never the reverse."""
         if self._result is not None:
@@ -88,7 +94,8 @@ class Execution:
         now = Moment(now_s, self._now.engine_s)
         if self._stopping is None:
             self.phase = Phase.STOPPING
-            self._stopping = Stopping(self._arm, self._settings, ending, now, quick=quick)
+            own_s = self._spline.longest_stop_s()
+            self._stopping = Stopping(self._arm, self._settings, ending, now, quick=quick, own_s=own_s)
         elif quick:
             self._stopping.replace(ending)
             self._stopping.hurry(now)
@@ -107,7 +114,7 @@ class Execution:
                 self._stand(state)
 
     def _begin(self, state: ArmState) -> None:
-        if not len(self.goal.positions):
+        if not len(self.goal.points):
             self._result = succeeded("the trajectory has no points: nothing to do")
             return
         fault = not_ready(state, self._settings.joints)
@@ -116,7 +123,7 @@ class Execution:
             return
         try:
             spline = plan_spline(
-                self.goal.positions, self.goal.times_s, state.command, self._settings.joints, self._settings.plan
+                self.goal.points, self.goal.late_s, state.command, self._settings.joints, self._settings.plan
             )
         except GoalRefused as refusal:
             self._result = aborted(refusal.fault)
@@ -142,7 +149,7 @@ class Execution:
         self._moved = self._moved or not idle
         if outside:
             self._stop(aborted(Fault(GoalCode.PATH_TOLERANCE_VIOLATED, f"path tolerance: {outside}")))
-        elif idle and self._complete(state, sample.time_s):
+        elif idle and self._complete(state):
             self.phase, self._settling_since = Phase.SETTLING, self._now
             self._settle(state)
         elif idle and not state.complete.all() and self._had_time_to_start():
@@ -192,14 +199,19 @@ class Execution:
 
     def _compare(self, state: ArmState) -> Sample:
         """The sample of this moment. Once the path is left on purpose, the engine's command is what is desired."""
-        time_s = state.time_s - self._began.engine_s - self._delay_s
+        time_s = self._path_s(state)
         position, velocity, acceleration = self._spline.evaluate(time_s)
         if self.phase is Phase.STOPPING:
             position, velocity, acceleration = state.command, state.command_velocity, np.zeros_like(velocity)
         else:
             self._learn_delay(state.command - position, velocity)
-        self.sample = Sample(time_s, position, velocity, acceleration, state.position, state.velocity)
+        in_goal_s = self.goal.late_s + time_s * self._settings.plan.speed_scaling
+        self.sample = Sample(in_goal_s, position, velocity, acceleration, state.position, state.velocity)
         return self.sample
+
+    def _path_s(self, state: ArmState) -> float:
+        """How long the spline has been followed."""
+        return state.time_s - self._began.engine_s - self._delay_s
 
     def _learn_delay(self, ahead: FloatArray, velocity: FloatArray) -> None:
         """When the motion began can be read off the engine's command: one Newton step of a least squares fit."""
@@ -215,8 +227,9 @@ class Execution:
             self._settings.joints,
         )
 
-    def _complete(self, state: ArmState, time_s: float) -> bool:
+    def _complete(self, state: ArmState) -> bool:
         """The flag alone may be that of the motion before."""
+        time_s = self._path_s(state)
         left = np.abs(state.command - self._spline.positions[-1]).max()
         return bool(state.complete.all() and time_s >= self._spline.duration_s and left <= _AT_END_RAD)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from robot_stack.wmx.trajectory.results import GoalCode, GoalRefused
 from robot_stack.wmx.trajectory.tolerances import JointTolerance, Tolerances, resolve
+from robot_stack.wmx.trajectory.waypoints import STANDS_RADPS, Waypoints
 
 FloatArray = NDArray[np.float64]
 
@@ -42,26 +43,29 @@ class Goal:
 @dataclass(frozen=True, slots=True)
 class GoalLimits:
     """joints: names in the order of their axes. max_start_delay_s: a start further ahead is a mistake in clocks.
-    goal_position_rad, goal_time_s: what holds at the end where the goal says nothing; 0 rad means no limit.
+    path_position_rad on the way, goal_position_rad, goal_velocity_radps and goal_time_s at the end: what holds where
+    the goal says nothing; 0 means no limit, but for the time.
     """
 
     joints: tuple[str, ...]
     max_points: int
     max_start_delay_s: float
+    path_position_rad: float
     goal_position_rad: float
+    goal_velocity_radps: float
     goal_time_s: float
 
 
 @dataclass(frozen=True, slots=True)
 class CheckedGoal:
-    """positions: (n, joints) rad, columns in the order of the axes; n may be 0. times_s: (n,), strictly increasing.
-    order: the axis column of each joint as the goal names them. start_in_s: how long the start is away.
+    """points: columns in the order of the axes; there may be none. order: the axis column of each joint as the goal
+    names them. start_in_s: how long the start is away; late_s: how long ago it was.
     """
 
-    positions: FloatArray
-    times_s: FloatArray
+    points: Waypoints
     order: tuple[int, ...]
     start_in_s: float
+    late_s: float
     path: Tolerances
     at_goal: Tolerances
     goal_time_s: float
@@ -78,18 +82,25 @@ def check_goal(goal: Goal, limits: GoalLimits, now_s: float) -> CheckedGoal:
         raise GoalRefused(GoalCode.INVALID_GOAL, "multi_dof_trajectory cannot be followed: every joint has one axis")
     if n_points == 0:
         none = Tolerances.none(n_joints)
-        return CheckedGoal(np.zeros((0, n_joints)), np.zeros(0), tuple(range(n_joints)), 0.0, none, none, 0.0)
+        nothing = Waypoints(np.zeros(0), np.zeros((0, n_joints)))
+        return CheckedGoal(nothing, tuple(range(n_joints)), 0.0, 0.0, none, none, 0.0)
     order = _order(goal.joint_names, limits.joints)
-    positions, times_s = _points(goal.points, n_joints)
-    columns = np.empty_like(positions)
-    columns[:, order] = positions
+    points = _points(goal.points, order)
+    _check_end(points, limits.joints)
+    start_in_s = _start_in_s(goal.stamp_s, float(points.times_s[-1]), limits.max_start_delay_s, now_s)
     return CheckedGoal(
-        positions=columns,
-        times_s=times_s,
+        points=points,
         order=order,
-        start_in_s=_start_in_s(goal.stamp_s, float(times_s[-1]), limits.max_start_delay_s, now_s),
-        path=resolve("path_tolerance", goal.path_tolerance, limits.joints, 0.0),
-        at_goal=resolve("goal_tolerance", goal.goal_tolerance, limits.joints, limits.goal_position_rad),
+        start_in_s=max(0.0, start_in_s),
+        late_s=max(0.0, -start_in_s),
+        path=resolve("path_tolerance", goal.path_tolerance, limits.joints, limits.path_position_rad),
+        at_goal=resolve(
+            "goal_tolerance",
+            goal.goal_tolerance,
+            limits.joints,
+            limits.goal_position_rad,
+            limits.goal_velocity_radps,
+        ),
         goal_time_s=_goal_time_s(goal.goal_time_s, limits.goal_time_s),
     )
 
@@ -110,14 +121,22 @@ def _order(names: Sequence[str], joints: tuple[str, ...]) -> tuple[int, ...]:
     return tuple(joints.index(name) for name in names)
 
 
-def _points(points: Sequence[Point], n_joints: int) -> tuple[FloatArray, FloatArray]:
+def _points(points: Sequence[Point], order: tuple[int, ...]) -> Waypoints:
     for index, point in enumerate(points):
-        _check_lengths(index, point, n_joints)
-    positions = np.array([point.positions for point in points], np.float64)
+        _check_lengths(index, point, len(order))
+    _check_presence(points)
+    axes = list(np.argsort(order))
+    positions = np.array([point.positions for point in points], np.float64)[:, axes]
     times_s = np.array([point.time_s for point in points], np.float64)
-    if not np.isfinite(positions).all():
-        index = int(np.flatnonzero(~np.isfinite(positions).all(axis=1))[0])
-        raise GoalRefused(GoalCode.INVALID_GOAL, f"points[{index}].positions: not finite")
+    _check_times(times_s)
+    velocities, accelerations = (
+        np.array([getattr(point, name) for point in points], np.float64)[:, axes] if getattr(points[0], name) else None
+        for name in ("velocities", "accelerations")
+    )
+    return Waypoints(times_s, positions, velocities, accelerations)
+
+
+def _check_times(times_s: FloatArray) -> None:
     if not np.isfinite(times_s).all() or times_s[0] < 0.0:
         raise GoalRefused(GoalCode.INVALID_GOAL, "points[0].time_from_start: is negative")
     early = np.flatnonzero(np.diff(times_s) <= 0.0)
@@ -128,25 +147,51 @@ def _points(points: Sequence[Point], n_joints: int) -> tuple[FloatArray, FloatAr
             f"points[{index}].time_from_start: {times_s[index]:.6g} s does not come after "
             f"{times_s[index - 1]:.6g} s of the point before; times must increase",
         )
-    return positions, times_s
 
 
 def _check_lengths(index: int, point: Point, n_joints: int) -> None:
-    if len(point.positions) != n_joints:
-        raise GoalRefused(
-            GoalCode.INVALID_GOAL, f"points[{index}].positions: {len(point.positions)} values for {n_joints} joints"
-        )
-    for name in ("velocities", "accelerations", "effort"):
+    for name in ("positions", "velocities", "accelerations"):
         values = getattr(point, name)
-        if len(values) not in (0, n_joints):
+        if len(values) != n_joints and (values or name == "positions"):
             raise GoalRefused(
                 GoalCode.INVALID_GOAL, f"points[{index}].{name}: {len(values)} values for {n_joints} joints"
             )
         if not all(map(math.isfinite, values)):
             raise GoalRefused(GoalCode.INVALID_GOAL, f"points[{index}].{name}: not finite")
+    if point.effort:
+        raise GoalRefused(
+            GoalCode.INVALID_GOAL, f"points[{index}].effort: no efforts can be commanded, the engine takes positions"
+        )
+
+
+def _check_presence(points: Sequence[Point]) -> None:
+    """All points of a curve are told alike: what one of them left open would be anybody's guess."""
+    for name in ("velocities", "accelerations"):
+        given = [index for index, point in enumerate(points) if getattr(point, name)]
+        if given and len(given) < len(points):
+            missing = next(index for index in range(len(points)) if index not in given)
+            raise GoalRefused(
+                GoalCode.INVALID_GOAL, f"points[{missing}].{name}: none, but points[{given[0]}] has them: all or none"
+            )
+    if points[0].accelerations and not points[0].velocities:
+        raise GoalRefused(GoalCode.INVALID_GOAL, "points[0].accelerations: need velocities as well")
+
+
+def _check_end(points: Waypoints, joints: tuple[str, ...]) -> None:
+    """The engine's spline ends at rest."""
+    if points.velocities is None:
+        return
+    axis = int(np.argmax(np.abs(points.velocities[-1])))
+    if abs(points.velocities[-1, axis]) > STANDS_RADPS:
+        raise GoalRefused(
+            GoalCode.INVALID_GOAL,
+            f"points[{len(points) - 1}].velocities: {joints[axis]} ends at {points.velocities[-1, axis]:g} rad/s, "
+            "must be 0",
+        )
 
 
 def _start_in_s(stamp_s: float, duration_s: float, max_delay_s: float, now_s: float) -> float:
+    """Negative if it has passed."""
     if stamp_s == 0.0:
         return 0.0
     if stamp_s + duration_s < now_s:
@@ -159,7 +204,7 @@ def _start_in_s(stamp_s: float, duration_s: float, max_delay_s: float, now_s: fl
             GoalCode.INVALID_GOAL,
             f"trajectory.header.stamp: {stamp_s - now_s:.1f} s in the future, at most {max_delay_s:g} s",
         )
-    return max(0.0, stamp_s - now_s)
+    return stamp_s - now_s
 
 
 def _goal_time_s(asked_s: float, default_s: float) -> float:

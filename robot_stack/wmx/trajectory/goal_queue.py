@@ -1,4 +1,8 @@
-"""One goal at a time: a newer goal stops the present one, and begins from rest."""
+"""One goal at a time: a newer goal stops the present one when its own start is due, and begins from rest.
+
+A newer goal that cannot be planned leaves the present one alone. It is planned twice: when it comes, from the place
+where the present one will be at its start, and then from the place where the joints stand.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,8 @@ from typing import Generic, TypeVar
 from robot_stack.wmx.trajectory.arm import Arm, ArmState, Blind
 from robot_stack.wmx.trajectory.execution import Execution
 from robot_stack.wmx.trajectory.goal import CheckedGoal
-from robot_stack.wmx.trajectory.results import Fault, GoalCode, Result, aborted, canceled
+from robot_stack.wmx.trajectory.plan import plan_spline
+from robot_stack.wmx.trajectory.results import Fault, GoalCode, GoalRefused, Result, aborted, canceled
 from robot_stack.wmx.trajectory.settings import ExecutionSettings
 
 KeyT = TypeVar("KeyT")
@@ -31,9 +36,11 @@ class GoalQueue(Generic[KeyT]):
         return self._active
 
     def submit(self, key: KeyT, goal: CheckedGoal, now_s: float, status: ArmState | Blind) -> None:
-        """Begins the goal, or stops what is under way for it."""
-        if self._active is not None:
-            self._active[1].stop(now_s, _PREEMPTED)
+        """Begins the goal, or stops what is under way for it, once it is due."""
+        refusal = self._refusal(goal, now_s, status)
+        if refusal is not None:
+            self._end(key, aborted(refusal))
+            return
         if self._next is not None:
             self._end(self._next[0], _PREEMPTED)
         self._next = (key, goal, now_s)
@@ -57,6 +64,8 @@ class GoalQueue(Generic[KeyT]):
 
     def tick(self, now_s: float, status: ArmState | Blind) -> None:
         """Looks at the arm and does what is next."""
+        if self._active is not None and self._next is not None and now_s >= self._due_s(*self._next[1:]):
+            self._active[1].stop(now_s, _PREEMPTED)
         while True:
             if self._active is None and self._next is not None:
                 key, goal, asked_s = self._next
@@ -70,3 +79,18 @@ class GoalQueue(Generic[KeyT]):
                 return
             self._active = None
             self._end(key, result)
+
+    @staticmethod
+    def _due_s(goal: CheckedGoal, asked_s: float) -> float:
+        return asked_s + goal.start_in_s
+
+    def _refusal(self, goal: CheckedGoal, now_s: float, status: ArmState | Blind) -> Fault | None:
+        """Why a goal that comes while another has the arm cannot be followed."""
+        if self._active is None or isinstance(status, Blind) or not len(goal.points):
+            return None
+        start = self._active[1].place_at(self._due_s(goal, now_s), status)
+        try:
+            plan_spline(goal.points, goal.late_s, start, self._settings.joints, self._settings.plan)
+        except GoalRefused as refusal:
+            return refusal.fault
+        return None

@@ -10,6 +10,7 @@ from robot_stack.core.config import Config
 from robot_stack.wmx.api.values import MAX_IO_BYTES, MAX_SPLINE_DIMENSIONS
 from robot_stack.wmx.trajectory.goal import GoalLimits
 from robot_stack.wmx.trajectory.plan import PlanLimits
+from robot_stack.wmx.trajectory.sampling import Nearness
 from robot_stack.wmx.trajectory.settings import ExecutionSettings
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -19,19 +20,42 @@ _BUSIEST_HZ = 500.0
 
 
 class StartParams(Config):
-    """What is asked of the way before it begins; see ``PlanLimits``. A limit of 0 is no limit."""
+    """What is asked of the way before it begins; see ``PlanLimits``. A limit of 0 is no limit, but for catching up."""
 
     same_position_rad: NotNegative
     max_deviation_rad: NotNegative
     max_velocity_radps: tuple[NotNegative, ...]
     max_acceleration_radps2: tuple[NotNegative, ...]
     max_delay_s: Positive
+    catch_up_ratio: Annotated[float, Field(ge=1.0)]
+    catch_up_acceleration_radps2: NotNegative
+
+
+class SplineParams(Config):
+    """How a curve with velocities is told to the engine; see ``Nearness``."""
+
+    max_deviation_rad: Annotated[float, Field(ge=1e-5, le=0.1)]
+    max_deviation_radps: Annotated[float, Field(ge=1e-3, le=1.0)]
+    max_points: Annotated[int, Field(ge=100, le=20_000)]
+
+
+class SpeedScalingParams(Config):
+    """joint_trajectory_controller's name. Of the time of every trajectory; never faster than asked for."""
+
+    initial_scaling_factor: Annotated[float, Field(ge=0.01, le=1.0)]
+
+
+class PathParams(Config):
+    """How far the joints may be from where they should be, where a goal says nothing. 0 is no limit."""
+
+    position_rad: NotNegative
 
 
 class GoalParams(Config):
-    """What holds at the end where a goal says nothing. position_rad 0 is no limit."""
+    """What holds at the end where a goal says nothing. 0 is no limit, of position and velocity."""
 
     position_rad: NotNegative
+    stopped_velocity_radps: NotNegative
     time_s: Positive
 
 
@@ -48,11 +72,12 @@ class WatchParams(Config):
 
 
 class LinkParams(Config):
-    """See ``EngineLink``."""
+    """See ``Patience``."""
 
     retry_s: Positive
-    feed_period_s: Positive
-    watchdog_s: Annotated[float, Field(gt=0.0, le=10.0)]
+    attempts: Annotated[int, Field(ge=1)]
+    attempt_pause_s: Positive
+    probe_period_s: Positive
 
 
 class TrajectoryServerParams(Config):
@@ -67,7 +92,11 @@ class TrajectoryServerParams(Config):
     max_points: Annotated[int, Field(ge=2, le=1000)]
     poll_rate_hz: Annotated[float, Field(ge=100.0, le=_BUSIEST_HZ)]
     feedback_rate_hz: Annotated[float, Field(gt=0.0, le=_BUSIEST_HZ)]
+    continuous_joints: tuple[Name, ...]
     start: StartParams
+    spline: SplineParams
+    speed_scaling: SpeedScalingParams
+    path: PathParams
     goal: GoalParams
     watch: WatchParams
     link: LinkParams
@@ -78,11 +107,14 @@ class TrajectoryServerParams(Config):
             raise ValueError(f"joint_name: {len(self.joint_name)} names for joint_number {self.joint_number}")
         if len(set(self.joints)) != self.joint_number:
             raise ValueError("joint_name: names must differ")
+        strangers = [name for name in self.continuous_joints if name not in self.joints]
+        if strangers:
+            raise ValueError(f"continuous_joints: {', '.join(strangers)} has no axis")
+        if self.spline.max_points < self.max_points:
+            raise ValueError("spline.max_points: must not be less than max_points, of a goal")
         for name in ("max_velocity_radps", "max_acceleration_radps2"):
             if len(getattr(self.start, name)) < self.joint_number:
                 raise ValueError(f"start.{name}: must have a value for each of {self.joint_number} joints")
-        if self.link.feed_period_s >= 0.5 * self.link.watchdog_s:
-            raise ValueError("link.feed_period_s must be below half of link.watchdog_s")
         return self
 
     @property
@@ -93,7 +125,13 @@ class TrajectoryServerParams(Config):
 
 def goal_limits(params: TrajectoryServerParams) -> GoalLimits:
     return GoalLimits(
-        params.joints, params.max_points, params.start.max_delay_s, params.goal.position_rad, params.goal.time_s
+        joints=params.joints,
+        max_points=params.max_points,
+        max_start_delay_s=params.start.max_delay_s,
+        path_position_rad=params.path.position_rad,
+        goal_position_rad=params.goal.position_rad,
+        goal_velocity_radps=params.goal.stopped_velocity_radps,
+        goal_time_s=params.goal.time_s,
     )
 
 
@@ -102,7 +140,15 @@ def execution_settings(params: TrajectoryServerParams) -> ExecutionSettings:
     return ExecutionSettings(
         joints=params.joints,
         plan=PlanLimits(
-            start.same_position_rad, start.max_deviation_rad, start.max_velocity_radps, start.max_acceleration_radps2
+            same_position_rad=start.same_position_rad,
+            max_start_deviation_rad=start.max_deviation_rad,
+            max_velocity_radps=start.max_velocity_radps,
+            max_acceleration_radps2=start.max_acceleration_radps2,
+            catch_up_ratio=start.catch_up_ratio,
+            catch_up_acceleration_radps2=start.catch_up_acceleration_radps2,
+            near=Nearness(params.spline.max_deviation_rad, params.spline.max_deviation_radps, params.spline.max_points),
+            speed_scaling=params.speed_scaling.initial_scaling_factor,
+            continuous=tuple(params.joints.index(name) for name in params.continuous_joints),
         ),
         **params.watch.model_dump(),
     )

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.wmx.trajectory.results import GoalCode, GoalRefused
+from robot_stack.wmx.trajectory.sampling import Nearness, sample
 from robot_stack.wmx.trajectory.spline import ClampedSpline
+from robot_stack.wmx.trajectory.waypoints import (
+    STANDS_RADPS,
+    Waypoints,
+    curve_of,
+    knot_velocities,
+    peak_accelerations,
+    segments,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -20,75 +30,150 @@ _SAME_RAD = 1e-6
 # on. Only with so much time between them, where the shift means no acceleration (6 * 2e-6 / 0.1^2 = 0.001 rad/s^2).
 _SHIFT_RAD = 2e-6
 _SHORTEST_PAUSE_S = 0.1
+_SAMPLED_PAUSE_S = 0.004  # likewise beside the points of a curve, where the way in and out of a pause matters more
 
 
 @dataclass(frozen=True, slots=True)
 class PlanLimits:
-    """same_position_rad: a first point so near is the present position. max_start_deviation_rad: how far the first
-    point may be from the present position; 0 means no limit. max_velocity_radps, max_acceleration_radps2: per axis;
-    empty, or 0 for an axis: no limit.
+    """same_position_rad: a first point so near is the present position. max_start_deviation_rad: how far a first point
+    at time 0 may be from the present position; 0 means no limit. max_velocity_radps, max_acceleration_radps2: per axis;
+    empty, or 0 for an axis: no limit. catch_up_ratio, catch_up_acceleration_radps2: what a late start may ask of an
+    axis, so many times the trajectory's own greatest acceleration or so much, whichever is more. near: how well
+    the engine's spline follows a curve with velocities. speed_scaling: of the trajectory's time. continuous: axes that
+    turn without an end.
     """
 
     same_position_rad: float
     max_start_deviation_rad: float
     max_velocity_radps: tuple[float, ...]
     max_acceleration_radps2: tuple[float, ...]
+    catch_up_ratio: float
+    catch_up_acceleration_radps2: float
+    near: Nearness
+    speed_scaling: float
+    continuous: tuple[int, ...]
 
 
 def plan_spline(
-    positions: FloatArray, times_s: FloatArray, present: FloatArray, joints: tuple[str, ...], limits: PlanLimits
+    points: Waypoints, late_s: float, present: FloatArray, joints: tuple[str, ...], limits: PlanLimits
 ) -> ClampedSpline | None:
-    """The spline from the present position (joints,) through the waypoints; None if there is no way to go.
+    """The spline from the present position (joints,), where the joints stand, along the curve of the waypoints; None if
+    there is no way to go. late_s: how long ago time 0 was.
 
-    The first time is 0: forced if the first point is the present position, which otherwise is put before it.
+    The first time is 0: forced if the first point is the present position, which otherwise is put before it. A late
+    start leaves out the points that have passed, and those that it cannot reach in time.
     Raises GoalRefused.
     """
-    _check_start(positions[0], present, joints, limits.max_start_deviation_rad)
-    rows, times = _with_start(positions, times_s, present, limits.same_position_rad)
-    if len(positions) > 1 and times[-1] - times[-2] < _SHORTEST_LAST_S:
-        rows, times = rows[:-1], times[:-1]
-    kept_rows, kept_times = _acceptable(rows, times)
+    goal = points.positions[-1]
+    points = points.unwrapped(present, limits.continuous)
+    last = points.positions[-1]
+    if late_s == 0.0:
+        _check_start(points, present, joints, limits.max_start_deviation_rad)
+    several = len(points) > 1
+    points = _with_start(points, present, limits.same_position_rad)
+    if several and points.times_s[-1] - points.times_s[-2] < _SHORTEST_LAST_S:
+        points = _without_last(points)
+    if late_s > 0.0 and len(points) > 1:
+        points = _caught_up(points, late_s, limits)
+    kept_rows, kept_times = _engine_points(points.slowed(limits.speed_scaling), limits)
     if len(kept_rows) < 2:
-        if np.abs(positions[-1] - present).max() <= limits.same_position_rad:
+        if np.abs(last - present).max() <= limits.same_position_rad:
             return None
-        raise GoalRefused(GoalCode.INVALID_GOAL, f"no time to get from the present position to {_place(positions[-1])}")
+        raise GoalRefused(GoalCode.INVALID_GOAL, f"no time to get from the present position to {_place(goal)}")
     spline = ClampedSpline(kept_times, kept_rows)
     _check_peak("velocity", "rad/s", spline.max_speed(), limits.max_velocity_radps, joints)
     _check_peak("acceleration", "rad/s^2", spline.max_acceleration(), limits.max_acceleration_radps2, joints)
     return spline
 
 
-def _check_start(first: FloatArray, present: FloatArray, joints: tuple[str, ...], limit_rad: float) -> None:
-    deviation = np.abs(first - present)
+def _check_start(points: Waypoints, present: FloatArray, joints: tuple[str, ...], limit_rad: float) -> None:
+    """A first point at time 0 leaves no time to get to it, and none to get to its velocity."""
+    if points.times_s[0] != 0.0:
+        return
+    deviation = np.abs(points.positions[0] - present)
     axis = int(np.argmax(deviation))
     if limit_rad > 0.0 and deviation[axis] > limit_rad:
         raise GoalRefused(
             GoalCode.INVALID_GOAL,
-            f"points[0]: {joints[axis]} is {deviation[axis]:.4f} rad away from the present position, "
+            f"points[0]: {joints[axis]} is {deviation[axis]:.4f} rad away from the present position at time 0, "
             f"at most {limit_rad:g} rad",
+        )
+    if points.velocities is not None and np.abs(points.velocities[0]).max() > STANDS_RADPS:
+        axis = int(np.argmax(np.abs(points.velocities[0])))
+        raise GoalRefused(
+            GoalCode.INVALID_GOAL,
+            f"points[0].velocities: {joints[axis]} at {points.velocities[0, axis]:g} rad/s at time 0, when it stands",
         )
 
 
-def _with_start(
-    positions: FloatArray, times_s: FloatArray, present: FloatArray, same_rad: float
-) -> tuple[FloatArray, FloatArray]:
+def _with_start(points: Waypoints, present: FloatArray, same_rad: float) -> Waypoints:
     """The present position at time 0 in the place of the first point, or before it.
 
     A first point at time 0 leaves no time to get to it: the engine starts where it is and passes over that point.
     """
-    starts_here = times_s[0] == 0.0 or np.abs(positions[0] - present).max() <= same_rad
-    rest = 1 if starts_here else 0
-    return np.vstack([present, positions[rest:]]), np.concatenate([[0.0], times_s[rest:]])
+    near = np.abs(points.positions[0] - present).max() <= same_rad
+    rests = points.velocities is None or np.abs(points.velocities[0]).max() <= STANDS_RADPS
+    if points.times_s[0] != 0.0 and not (near and rests):
+        return points.after_rest(present)
+    started = points.rows(slice(1, None)).after_rest(present)
+    if points.accelerations is not None and started.accelerations is not None:
+        started.accelerations[0] = points.accelerations[0]
+    return started
 
 
-def _acceptable(rows: FloatArray, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _without_last(points: Waypoints) -> Waypoints:
+    """Ends at rest all the same."""
+    shorter = points.rows(slice(None, -1))
+    velocities = None if shorter.velocities is None else shorter.velocities.copy()
+    if velocities is not None:
+        velocities[-1] = 0.0
+    return replace(shorter, velocities=velocities)
+
+
+def _caught_up(points: Waypoints, late_s: float, limits: PlanLimits) -> Waypoints:
+    """From the present position to the first point that can be reached when it is due, and on from there."""
+    ahead = points.rows(slice(int(np.searchsorted(points.times_s, late_s + _SHORTEST_LAST_S)), None))
+    velocities = knot_velocities(points)[len(points) - len(ahead) :]
+    present = points.positions[0]
+    if not np.abs(points.positions - present).max():
+        return points  # stands anyway
+    own, curve = np.diff(points.times_s), curve_of(points)
+    allowed = np.maximum(
+        limits.catch_up_ratio * peak_accelerations(own, curve.c).max(axis=0), limits.catch_up_acceleration_radps2
+    )
+    still = np.zeros_like(ahead.positions)
+    h = ahead.times_s - late_s
+    ends = (present + still, ahead.positions, still, velocities)
+    accelerations = (None, None) if ahead.accelerations is None else (still, ahead.accelerations)
+    reachable = (peak_accelerations(h, segments(h, *ends, *accelerations)) <= allowed).all(axis=1)
+    if not reachable.any():
+        raise GoalRefused(
+            GoalCode.INVALID_GOAL,
+            f"trajectory.header.stamp: {late_s:.3f} s ago, the trajectory cannot be caught up with any more",
+        )
+    first = int(np.argmax(reachable))
+    rest = replace(ahead, velocities=velocities, times_s=h).rows(slice(first, None))
+    return rest.after_rest(present)
+
+
+def _engine_points(points: Waypoints, limits: PlanLimits) -> tuple[FloatArray, FloatArray]:
+    """Positions alone are the engine's own spline, as documented; all else is told to it by more points."""
+    if points.velocities is None or len(points) < 2:
+        return _acceptable(points.positions, points.times_s)
+    within = partial(_acceptable, shortest_pause_s=_SAMPLED_PAUSE_S)
+    return sample(points, within, limits.near)
+
+
+def _acceptable(
+    rows: FloatArray, times: FloatArray, shortest_pause_s: float = _SHORTEST_PAUSE_S
+) -> tuple[FloatArray, FloatArray]:
     """Without the points that the engine would refuse or drop; pauses in between are kept."""
     anchor = rows[0]  # the place where the motion stands while points repeat it
     kept_rows, kept_times, stands = [anchor], [float(times[0])], [False]
     for row, time_s in zip(rows[1:], times[1:].tolist(), strict=True):
         gap_s = time_s - kept_times[-1]
         repeats = bool(np.abs(row - anchor).max() <= _SAME_RAD)
-        if gap_s < _SHORTEST_GAP_S or (repeats and gap_s < _SHORTEST_PAUSE_S):
+        if gap_s < _SHORTEST_GAP_S or (repeats and gap_s < shortest_pause_s):
             continue
         if not repeats and np.abs(row - kept_rows[-1]).max() <= _SAME_RAD:
             continue

@@ -11,7 +11,8 @@ from robot_stack.wmx.trajectory.plan import PlanLimits
 class ExecutionSettings:
     """start_timeout_s: until a started motion is seen. end_timeout_s: after the spline's time, until the engine is at
     its end. status_timeout_s: without a status. standstill_radps, standstill_s: joints that are slower for so long
-    stand. stop_timeout_s, quick_stop_timeout_s: until a stop, and then a quick stop, must have brought them to it.
+    stand. stop_timeout_s: beyond the time that the spline's own stop may take; quick_stop_timeout_s: of the quick stop
+    that is asked for then.
     """
 
     joints: tuple[str, ...]

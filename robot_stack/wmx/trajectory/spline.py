@@ -29,6 +29,16 @@ class ClampedSpline:
             return self.positions[-1].copy(), still, still.copy()
         return self._curve(time_s), self._curve(time_s, 1), self._curve(time_s, 2)
 
+    def positions_at(self, times_s: FloatArray) -> FloatArray:
+        """(len(times_s), joints) rad, at times between the first and the last."""
+        positions: FloatArray = self._curve(times_s)
+        return positions
+
+    def velocities_at(self, times_s: FloatArray) -> FloatArray:
+        """(len(times_s), joints) rad/s, likewise."""
+        velocities: FloatArray = self._curve(times_s, 1)
+        return velocities
+
     def max_speed(self) -> FloatArray:
         """The greatest |velocity| of each joint, (joints,) rad/s: at knots, or where a segment's acceleration is 0."""
         a3, a2, v, _ = self._curve.c
@@ -39,6 +49,15 @@ class ClampedSpline:
         between = v + inside * (2.0 * a2 + 3.0 * inside * a3)
         fastest: FloatArray = np.maximum(np.abs(between).max(axis=0), np.abs(v).max(axis=0))
         return fastest
+
+    def longest_stop_s(self) -> float:
+        """How long a stop along the path may take: the engine stops a spline at about the greatest acceleration that it
+        has anywhere, of all joints together (WMX3 API reference, StartCSplinePos). Twice, as it bends on the way.
+        """
+        a3, a2, _, _ = self._curve.c
+        h = np.diff(self.times_s)[:, None]
+        greatest = max(float(np.linalg.norm(2.0 * a, axis=1).max()) for a in (a2, a2 + 3.0 * h * a3))
+        return 2.0 * float(self.max_speed().max()) / greatest if greatest > 0.0 else 0.0
 
     def max_acceleration(self) -> FloatArray:
         """The greatest |acceleration| of each joint, (joints,) rad/s^2: it is linear between knots."""

@@ -16,8 +16,12 @@ from robot_stack.wmx.trajectory.settings import ExecutionSettings
 class Stopping:
     """Along the path; quick if that is asked for, or the other refused or in vain. ``ending``: the result then."""
 
-    def __init__(self, arm: Arm, settings: ExecutionSettings, ending: Result, now: Moment, *, quick: bool) -> None:
+    def __init__(
+        self, arm: Arm, settings: ExecutionSettings, ending: Result, now: Moment, *, quick: bool, own_s: float
+    ) -> None:
+        """own_s: how long the stop of this spline may take by itself; a gentle one is stopped gently."""
         self.ending = ending
+        self._own_s = own_s
         self._arm, self._settings = arm, settings
         self._begin, self._quick_begin = now, now
         self._quick = False
@@ -50,7 +54,7 @@ class Stopping:
         if self._standing(state):
             return self._stood(now)
         self._stands_since = None
-        if not self._quick and taken_s > self._settings.stop_timeout_s:
+        if not self._quick and taken_s > self._own_s + self._settings.stop_timeout_s:
             self.hurry(now)
         elif self._quick and now.since(self._quick_begin) > self._settings.quick_stop_timeout_s:
             return self._failed(state, taken_s)

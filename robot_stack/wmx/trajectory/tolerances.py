@@ -40,12 +40,18 @@ class Tolerances:
 
 
 def resolve(
-    field: str, tolerances: Sequence[JointTolerance], joints: tuple[str, ...], default_position_rad: float
+    field: str,
+    tolerances: Sequence[JointTolerance],
+    joints: tuple[str, ...],
+    default_position_rad: float,
+    default_velocity_radps: float = 0.0,
 ) -> Tolerances:
-    """The tolerances in force. A default of 0 rad means no limit. Raises GoalRefused."""
+    """The tolerances in force. A default of 0 means no limit. Raises GoalRefused."""
     resolved = Tolerances.none(len(joints))
     if default_position_rad > 0.0:
         resolved.position[:] = default_position_rad
+    if default_velocity_radps > 0.0:
+        resolved.velocity[:] = default_velocity_radps
     for tolerance in tolerances:
         if tolerance.name not in joints:
             raise GoalRefused(GoalCode.INVALID_JOINTS, f"{field}: unknown joint {tolerance.name!r}")

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Any, cast
 
-from robot_stack.wmx import EngineError, Library
 from robot_stack.wmx import api as port
 from robot_stack.wmx.api import ErrorCode
 from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.engine import EngineError, Library
 from robot_stack.wmx.vendor import adapter
 from robot_stack.wmx.vendor.probe import Surface, VendorLibraryError, import_vendor, probe
 from robot_stack.wmx.vendor.records import Records
@@ -43,8 +43,7 @@ def library(surface: Surface, records: Records, n_io_bytes: int, status_stale_s:
         return cast(adapter.CoreMotion, core).snapshot(cast(adapter.InputsOutputs, io))
 
     def io(api: port.WMX3Api) -> port.Io:
-        device = _own(api)
-        return cast(port.Io, adapter.InputsOutputs(surface.io(device.theirs), records, device, n_io_bytes))
+        return cast(port.Io, adapter.InputsOutputs(surface.io(_own(api).theirs), records, n_io_bytes))
 
     return Library(
         WMX3Api=lambda: cast(port.WMX3Api, adapter.Device(surface.module.WMX3Api(), records)),

@@ -13,7 +13,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-from robot_stack.wmx.vendor import calls
+from robot_stack.wmx.api import surface
+from robot_stack.wmx.vendor.member import missing
 from robot_stack.wmx.vendor.snapshots import NEEDED
 
 MODULE_NAME: Final = "WMX3ApiPython"
@@ -28,6 +29,8 @@ REQUIRED: Final = (
     "Velocity_VelCommand",
 )
 IO_NAMES: Final = ("Io", "IO")
+_OF_STATUS, _OF_IMAGES = ("GetStatus",), ("GetInBytes", "GetOutBytes")
+"""What the status is read by, beside the calls of the surface."""
 _SETTING: Final = "library_path in config/wmx_client.yaml"
 
 
@@ -99,19 +102,16 @@ def _missing_calls(module: ModuleType, io: Any) -> list[str]:
     """Looked for on objects without a device: the vendor's own examples make them before they create one."""
     api = module.WMX3Api()
     core = module.CoreMotion(api)
-    lacking = [f"WMX3Api.{name}" for name in calls.missing(api, calls.API)]
-    lacking += [f"CoreMotion.{name}" for name in calls.missing(core, calls.CORE_MOTION)]
-    members = {
-        "axisControl": calls.AXIS_CONTROL,
-        "motion": calls.MOTION,
-        "velocity": calls.VELOCITY,
-        "home": calls.HOME,
-        "config": calls.CONFIG,
-    }
-    for member, table in members.items():
+    lacking = [f"WMX3Api.{name}" for name in missing(api, surface.API)]
+    lacking += [f"CoreMotion.{name}" for name in (*missing(core, surface.CORE_MOTION), *_absent(core, _OF_STATUS))]
+    for member in ("axisControl", "motion", "velocity", "home", "config"):
         theirs = getattr(core, member, None)
         if theirs is None:
             lacking.append(f"CoreMotion.{member}")
         else:
-            lacking += [f"CoreMotion.{member}.{name}" for name in calls.missing(theirs, table)]
-    return lacking + [f"{io.__name__}.{name}" for name in calls.missing(io, calls.IO)]
+            lacking += [f"CoreMotion.{member}.{name}" for name in missing(theirs, surface.SURFACE[member])]
+    return lacking + [f"{io.__name__}.{name}" for name in (*missing(io, surface.IO), *_absent(io, _OF_IMAGES))]
+
+
+def _absent(theirs: Any, names: tuple[str, ...]) -> list[str]:
+    return [name for name in names if not callable(getattr(theirs, name, None))]

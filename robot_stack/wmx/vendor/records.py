@@ -18,13 +18,12 @@ from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from robot_stack.wmx.api.enums import EngineState, EStopLevel
-from robot_stack.wmx.api.status import CoreMotionAxisStatus, CoreMotionStatus, DevicesInfo, EcMasterInfo
+from robot_stack.wmx.api.status import DevicesInfo
 from robot_stack.wmx.api.values import AdvMotion_PointTimeSplineCommand, AdvMotion_SplinePoint, AxisSelection
 from robot_stack.wmx.vendor.names import NumberMap, enum_map, error_map
 
 T = TypeVar("T")
-COUNTS: Final = {(DevicesInfo, "devices"): "count", (EcMasterInfo, "slaves"): "numOfSlaves"}
+COUNTS: Final = {(DevicesInfo, "devices"): "count"}
 """Which field of a record counts the entries of an array; other arrays have one per axis."""
 
 
@@ -130,14 +129,10 @@ class Records:
 
     def ours(self, kind: Any, value: Any) -> Any:
         """A value that the vendor returned as the port's ``kind``."""
-        if kind is CoreMotionStatus:
-            return self.status(value)
         if isinstance(kind, type) and issubclass(kind, IntEnum):
             return self.enum(kind).ours(int(value))
         if is_dataclass(kind):
             return self.read(kind, value)
-        if kind == list[int]:
-            return [int(item) for item in value]
         return kind(value)
 
     def read(self, kind: Any, theirs: Any) -> Any:
@@ -160,34 +155,6 @@ class Records:
         counted_by = COUNTS.get((kind, name))
         count = self.n_axes if counted_by is None else int(getattr(theirs, counted_by))
         return [self.ours(item_kind, element(theirs, name, index)) for index in range(count)]
-
-    def status(self, theirs: Any) -> CoreMotionStatus:
-        """The port's status record; the records of the axes are copied when they are looked at."""
-        made = CoreMotionStatus(
-            engineState=self.enum(EngineState).ours(int(theirs.engineState)),
-            cycleTimeMilliseconds=[float(theirs.GetCycleTimeMilliseconds(index)) for index in range(2)],
-            cycleCounter=[int(theirs.GetCycleCounter(index)) for index in range(2)],
-            emergencyStop=bool(theirs.emergencyStop),
-            emergencyStopLevel=self.enum(EStopLevel).ours(int(theirs.emergencyStopLevel)),
-            axesStatus=_AxisRecords(self, theirs),
-        )
-        made.invalidLicenseError = bool(getattr(theirs, "invalidLicenseError", False))
-        made.numOfInterrupts = int(getattr(theirs, "numOfInterrupts", 0))
-        return made
-
-
-class _AxisRecords(Sequence[CoreMotionAxisStatus]):
-    def __init__(self, records: Records, theirs: Any) -> None:
-        self._records = records
-        self._theirs = theirs
-
-    def __len__(self) -> int:
-        return self._records.n_axes
-
-    def __getitem__(self, index: Any) -> Any:
-        if isinstance(index, slice):
-            return [self[entry] for entry in range(*index.indices(len(self)))]
-        return self._records.read(CoreMotionAxisStatus, self._theirs.GetAxesStatus(range(len(self))[index]))
 
 
 def _plain(value: Any) -> Any:

@@ -24,7 +24,7 @@ from robot_stack.wmx.api.enums import (
     OperationState,
 )
 from robot_stack.wmx.api.values import MAX_AXES
-from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
+from robot_stack.wmx.axes import UNTOLD, Flag, Real, StatusSnapshot, empty_snapshot
 from robot_stack.wmx.vendor.records import Records
 
 FLAGS: Final = {
@@ -51,10 +51,6 @@ FLAGS: Final = {
     Flag.DEC_FLAG: "decFlag",
     Flag.ENCODER_COMMAND: "encoderCommand",
     Flag.ENCODER_FEEDBACK: "encoderFeedback",
-    Flag.POSITIVE_LS: "positiveLS",
-    Flag.NEGATIVE_LS: "negativeLS",
-    Flag.HOME_SWITCH: "homeSwitch",
-    Flag.HOME_ERROR: "homeError",
     Flag.POSITIVE_LS: "positiveLS",
     Flag.NEGATIVE_LS: "negativeLS",
     Flag.HOME_SWITCH: "homeSwitch",
@@ -134,7 +130,7 @@ class SnapshotReader:
             engine_time_s=cycles * cycle_s,
             stamp_ns=stamp_ns,
             cycle_time_s=cycle_s,
-            engine_error=0,
+            engine_error=UNTOLD,
             emergency_stop=bool(status.emergencyStop),
             emergency_stop_level=self._records.enum(EStopLevel).ours(int(status.emergencyStopLevel)),
             lost_cycles=0,
@@ -143,7 +139,6 @@ class SnapshotReader:
             flags=made.flags,
             inputs=np.array(inputs, np.uint8),
             outputs=np.array(outputs, np.uint8),
-            invalid_license=bool(status.invalidLicenseError),
         )
 
     def engine_state(self, status: Any) -> EngineState:

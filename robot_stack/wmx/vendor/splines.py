@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
+from robot_stack.wmx.api import surface
 from robot_stack.wmx.api.errors import AdvancedMotionErrorCode, CoreMotionErrorCode, ErrorCode
 from robot_stack.wmx.api.values import (
     MAX_SPLINE_DIMENSIONS,
     AdvMotion_PointTimeSplineCommand,
     AdvMotion_SplinePoint,
 )
-from robot_stack.wmx.vendor import calls
 from robot_stack.wmx.vendor.adapter import Module
-from robot_stack.wmx.vendor.calls import WRONG_ARGUMENTS, Member
+from robot_stack.wmx.vendor.member import WRONG_ARGUMENTS, Member
 from robot_stack.wmx.vendor.records import Records
 
 
@@ -22,8 +22,8 @@ class AdvMotion(Member):
     """advMotion. The times of a spline are a list of floats, a doubleArray, or a uintArray of whole milliseconds."""
 
     def __init__(self, theirs: Any, records: Records) -> None:
-        super().__init__(theirs, calls.ADV_MOTION, records)
-        self._start = self.bound("StartCSplinePos_PointTime", calls.ADV_MOTION["StartCSplinePos_PointTime"])
+        super().__init__(theirs, surface.ADV_MOTION, records)
+        self._start = self.bound("StartCSplinePos_PointTime", surface.ADV_MOTION["StartCSplinePos_PointTime"])
         self._shapes = [self._list, self._doubles, self._uints]
 
     def StartCSplinePos_PointTime(

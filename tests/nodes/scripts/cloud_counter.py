@@ -1,4 +1,4 @@
-"""Counts point clouds by the sequence number in their frame id and says how many of the first N came."""
+"""Says the sequence number in the frame id of each point cloud that comes, until the last one's."""
 
 import sys
 import time
@@ -10,23 +10,28 @@ from robot_stack.contract import topics
 from robot_stack.ros import transport
 from robot_stack.ros.interfaces import qos_profile
 
-wanted = int(sys.argv[1])
-seen: set[int] = set()
+last = int(sys.argv[1])
+seen: list[int] = []
+
+
+def take(cloud: PointCloud2) -> None:
+    seen.append(int(cloud.header.frame_id))
+    print(f"cloud {seen[-1]}", flush=True)
+
+
 transport.apply(bulk=True)
 rclpy.init()
 node = rclpy.create_node(f"cloud_counter_{time.monotonic_ns()}")
 subscription = node.create_subscription(
     PointCloud2,
     topics.LIDAR_POINTS.name,
-    lambda message: seen.add(int(message.header.frame_id)),
+    take,
     qos_profile(topics.LIDAR_POINTS.qos),
 )
 while subscription.get_publisher_count() == 0:
     rclpy.spin_once(node, timeout_sec=0.1)
 print("connected", flush=True)
-last_s = time.monotonic()
-while (not seen or max(seen) < wanted) and time.monotonic() < last_s + 60.0:
+while last not in seen:
     rclpy.spin_once(node, timeout_sec=0.1)
-print(f"received {len([n for n in seen if n <= wanted])} of the first {wanted}", flush=True)
 node.destroy_node()
 rclpy.shutdown()

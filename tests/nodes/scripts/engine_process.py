@@ -21,7 +21,7 @@ from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
 
 
 class Control:
-    """Carries the file's wishes to the drives. Called once per cycle; true when the process is to end."""
+    """Carries the file's commands to the drives. Called once per cycle; true when the process is to end."""
 
     def __init__(self, path: Path, drives: VirtualDrives) -> None:
         self._path, self._drives = path, drives
@@ -37,12 +37,12 @@ class Control:
             self._apply(json.loads(self._path.read_text()))
         return self.end
 
-    def _apply(self, wish: dict[str, Any]) -> None:
-        self._drives.inputs = {0: wish["input0"]}
-        self._drives.connected = wish["connected"]
-        self._drives.stubborn = bool(wish["alarms"])
+    def _apply(self, requested: dict[str, Any]) -> None:
+        self._drives.inputs = {0: requested["input0"]}
+        self._drives.connected = requested["connected"]
+        self._drives.stubborn = bool(requested["alarms"])
         self._drives.alarms[:] = 0
-        for axis, code in wish["alarms"].items():
+        for axis, code in requested["alarms"].items():
             self._drives.alarms[int(axis)] = code
 
     def _on_signal(self, *_: object) -> None:

@@ -1,25 +1,18 @@
-"""Sends the heartbeats of one process of the contract until it is killed. Usage: heartbeat_sender.py NAME."""
+"""Beats on the record of one process of the contract until it is killed. Usage: heartbeat_sender.py NAME."""
 
 from __future__ import annotations
 
 import sys
+import time
 
-import rclpy
-from rclpy.node import Node
-
-from custom_msgs.msg import Heartbeat
-from robot_stack.contract import topics
-from robot_stack.ros import transport
-from robot_stack.ros.interfaces import qos_profile
+from robot_stack.core.node_record import NodeRecord
 
 
 def main() -> None:
-    transport.apply()
-    rclpy.init()
-    node = Node(f"heart_of_{sys.argv[1]}")
-    publisher = node.create_publisher(Heartbeat, topics.HEARTBEAT.name, qos_profile(topics.HEARTBEAT.qos))
-    node.create_timer(0.1, lambda: publisher.publish(Heartbeat(node=sys.argv[1], ready=True)))
-    rclpy.spin(node)
+    record = NodeRecord(sys.argv[1])
+    while True:
+        record.beat(True, "")
+        time.sleep(0.1)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 ``fill(globals())`` makes a module of it. Every call is recorded in ``CONTROL.calls``; what a correct caller does not do
 is recorded in ``CONTROL.faults`` (a field that does not exist, a command with fields left out, a list shorter than its
-count, a native Wait) and ``CONTROL.disorder`` (motion without a device or without communication, a closed device used).
+count) and ``CONTROL.disorder`` (motion without a device or without communication, a closed device used).
 Nothing of the adapter's code is used here. Paths of CreateDevice are runtime folders of simulated engines.
 """
 
@@ -14,12 +14,22 @@ from enum import IntEnum
 from typing import Any, Final, get_args, get_origin, get_type_hints
 
 from robot_stack.wmx import api as port
+from robot_stack.wmx.api.surface import Call, Commands, Listed, Plain
 from robot_stack.wmx.simulated.library import simulated_library
-from tests.support.wmx.swig import BOOL, DOUBLE, INT, STR, UINT, CType, Of, Proxy, c_array, plain, proxy
+from tests.support.wmx.status_records import CoreMotionAxisStatus, CoreMotionStatus
+from tests.support.wmx.swig import BOOL, DOUBLE, INT, STR, UCHAR, UINT, CType, ListOf, Of, Proxy, c_array, plain, proxy
 from tests.support.wmx.swig import taken as take
 
 N_AXES: Final = 128
 MAX_DIMENSIONS: Final = 6
+C_TYPES: Final = {
+    Plain.INT: INT,
+    Plain.AXIS: INT,
+    Plain.UINT: UINT,
+    Plain.UCHAR: UCHAR,
+    Plain.DOUBLE: DOUBLE,
+    Plain.TEXT: STR,
+}
 PLAIN: Final = {int: INT, float: DOUBLE, bool: BOOL, str: STR}
 VENDOR_ONLY: Final = {
     "Config_HomeParam": {"homingVelocityFast": DOUBLE, "homeDirection": INT, "openLoopHoming": BOOL},
@@ -30,7 +40,6 @@ VENDOR_ONLY: Final = {
 """Fields that the vendor has and the port does not: they must survive what the adapter does to a block."""
 ENUMS: Final = tuple(kind for kind in vars(port).values() if isinstance(kind, type) and issubclass(kind, IntEnum))
 ERRORS: Final = ("CoreMotionErrorCode", "AdvancedMotionErrorCode", "EcErrorCode")
-BLOCKS: Final = ("FeedbackParam", "HomeParam", "LimitParam", "MotionParam", "AlarmParam")
 
 
 @dataclass(frozen=True)
@@ -118,12 +127,11 @@ class Classes:
         self.made: dict[str, Any] = {}
         self._enumerations()
         self._commands()
-        for name in ("EngineStatus", "DeviceInfo", "DevicesInfo", "EcSlaveInfo", "EcMasterStatisticsInfo"):
+        for name in ("EngineStatus", "DeviceInfo", "DevicesInfo"):
             self.of(getattr(port, name))
         for name in (name for name in vars(port) if name.startswith("Config_") and name.endswith("Param")):
             self.of(getattr(port, name))
-        for kind in (port.EcMasterInfo, port.CoreMotionAxisStatus):
-            self.of(kind)
+        self.of(CoreMotionAxisStatus)
         axis = self.made["CoreMotionAxisStatus"]
         self.made["CoreMotionStatus"] = proxy(
             control,
@@ -161,8 +169,6 @@ class Classes:
         self.made |= {
             "Profile": profile,
             "Motion_PosCommand": make("Motion_PosCommand", {"axis": INT, "target": DOUBLE, "profile": Of(profile)}),
-            "Motion_JogCommand": make("Motion_JogCommand", endless),
-            "Motion_TimedJogCommand": make("Motion_TimedJogCommand", timed),
             "Velocity_VelCommand": make("Velocity_VelCommand", endless),
             "Velocity_TimedVelCommand": make("Velocity_TimedVelCommand", timed),
             "AxisSelection": make("AxisSelection", {"axisCount": INT}, {"axis": (INT, N_AXES)}),
@@ -193,8 +199,6 @@ class Classes:
 
     def vendor(self, value: Any) -> Any:
         """A record of the simulated engine as the vendor's object."""
-        if isinstance(value, port.CoreMotionStatus):
-            return self._status(value)
         if isinstance(value, IntEnum):
             return self.numbers.vendor(type(value), int(value))
         if not is_dataclass(value):
@@ -212,7 +216,8 @@ class Classes:
                 made.values[item.name] = self.vendor(entry)
         return made
 
-    def _status(self, value: port.CoreMotionStatus) -> Any:
+    def status(self, value: CoreMotionStatus) -> Any:
+        """The status record."""
         made = self.made["CoreMotionStatus"]()
         for name in type(made).FIELDS:
             made.values[name] = getattr(value, name)
@@ -222,8 +227,8 @@ class Classes:
         if self.control.frozen is not None:
             made.arrays["cycleCounter"][0] = self.control.frozen
         n_axes = len(value.axesStatus)
-        made.arrays["axesStatus"] = [self.vendor(value.GetAxesStatus(axis)) for axis in range(n_axes)]
-        made.arrays["axesStatus"] += [self.vendor(port.CoreMotionAxisStatus())] * (N_AXES - n_axes)
+        made.arrays["axesStatus"] = [self.vendor(record) for record in value.axesStatus]
+        made.arrays["axesStatus"] += [self.vendor(CoreMotionAxisStatus())] * (N_AXES - n_axes)
         return made
 
     def port(self, value: Any, n_axes: int = N_AXES) -> Any:
@@ -286,15 +291,39 @@ class Builder:
         self.classes = Classes(variant, control)
         self.extras: dict[tuple[str, int], dict[str, Any]] = {}
 
-    def method(self, owner: str, name: str, overloads: Overloads, ordered: str = "") -> Callable[..., Any]:
-        """A call that the simulated engine carries out; ``ordered``: "device" or "bus", what must be there first."""
+    def method(self, owner: str, name: str, call: Call) -> Callable[..., Any]:
+        """A call of the surface that the simulated engine carries out."""
+        numbers = self.classes.numbers
 
         def run(this: Any, *arguments: Any) -> Any:
-            given = self.called(owner, name, overloads, this, arguments, ordered)
-            target = getattr(this.sim, name)
-            return self.answer(target(*[self.classes.port(value) for value in given]))
+            given = self.asked(owner, name, call, this, arguments)
+            for position, kind in enumerate(call.takes[: len(given)]):
+                if isinstance(kind, type) and issubclass(kind, IntEnum):
+                    given[position] = numbers.port(kind, given[position])
+            answer = getattr(this.sim, name)(*[self.classes.port(value) for value in given])
+            return self.answer(answer, call)
 
         return run
+
+    def asked(self, owner: str, name: str, call: Call, this: Any, arguments: tuple[Any, ...]) -> list[Any]:
+        """Checks and records a call of the surface; the arguments as taken."""
+        ordered = "bus" if call.bus else "" if name in ("IsDeviceValid", "CreateDevice") else "device"
+        return self.called(owner, name, self.overloads(call), this, arguments, ordered)
+
+    def overloads(self, call: Call) -> Overloads:
+        """The C types of a call's arguments."""
+        if call.takes and isinstance(call.takes[0], Commands):
+            command = Of(self.classes.made[call.takes[0].kind.__name__])
+            return ((command,), (INT, ListOf(command)))
+        kinds = tuple(self._ctype(kind) for kind in call.takes)
+        return tuple(kinds[: len(kinds) - missing] for missing in range(call.optional, -1, -1))
+
+    def _ctype(self, kind: Any) -> CType:
+        if isinstance(kind, Listed):
+            return ListOf(self._ctype(kind.kind))
+        if isinstance(kind, Plain):
+            return C_TYPES[kind]
+        return INT if issubclass(kind, IntEnum) else Of(self.classes.made[kind.__name__])
 
     def called(
         self, owner: str, name: str, overloads: Overloads, this: Any, arguments: tuple[Any, ...], ordered: str
@@ -314,10 +343,15 @@ class Builder:
             self.control.faults.append(f"{full}: {given[0]} commands of a list of {len(given[1])}")
         return given
 
-    def answer(self, result: Any) -> Any:
+    def answer(self, result: Any, call: Call | None = None) -> Any:
         """A result of the simulated engine in the vendor's numbers and objects."""
         if isinstance(result, tuple):
-            return (self.classes.numbers.code(int(result[0])), *(self.classes.vendor(value) for value in result[1:]))
+            code, *values = result
+            kinds = call.values if call is not None and not code else ()
+            for place, kind in enumerate(kinds):
+                if isinstance(kind, type) and issubclass(kind, IntEnum):
+                    values[place] = self.classes.numbers.vendor(kind, values[place])
+            return (self.classes.numbers.code(int(code)), *(self.classes.vendor(value) for value in values))
         return result if isinstance(result, (bool, str)) else self.classes.numbers.code(int(result))
 
     def text(self, owner: str) -> Any:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from robot_stack.bench import wmx, wmx_engine
+from robot_stack.core.pacing import SpinLimits
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
 from tests.unit.wmx.harness import engine_config, runtime_folder
@@ -24,23 +24,19 @@ def test_the_engine_notes_its_cycles_against_their_deadlines():
         server = wmx_engine.NotingServer(Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s)), folder)
         server.serve_forever(lambda: server.count >= 20)
         server.close()
-    due_ns, began_ns = server.notes[: server.count].T
+    due_ns, began_ns = server.cycle_log[: server.count].T
     assert (began_ns >= due_ns).all()
     assert (np.diff(due_ns) > 0).all()
     assert (np.diff(due_ns) % round(1e9 * config.cycle_time_s) == 0).all()
 
 
-def test_an_engine_that_spins_begins_no_cycle_early_and_sleeps_only_until_it_spins(monkeypatch: pytest.MonkeyPatch):
+def test_an_engine_that_waits_awake_begins_no_cycle_early():
+    spin = SpinLimits(longest_s=0.0005, share=0.5, tolerance_s=0.0, on_time=0.9)
     config = engine_config()
-    sleeps_s: list[float] = []
-    sleep = wmx_engine.time.sleep
+    config = config.model_copy(update={"server": config.server.model_copy(update={"spin": spin})})
     with runtime_folder() as folder:
-        drives = VirtualDrives(config.n_axes, config.cycle_time_s)
-        server = wmx_engine.NotingServer(Engine(config, drives), folder)
-        monkeypatch.setattr(wmx_engine.time, "sleep", lambda seconds: (sleeps_s.append(seconds), sleep(seconds)))
-        server.serve_forever(lambda: server.count >= 20, spin_s=0.0006)
-        monkeypatch.undo()
+        server = wmx_engine.NotingServer(Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s)), folder)
+        server.serve_forever(lambda: server.count >= 100)
         server.close()
-    due_ns, began_ns = server.notes[: server.count].T
+    due_ns, began_ns = server.cycle_log[: server.count].T
     assert (began_ns >= due_ns).all()
-    assert all(0.0 < seconds <= 0.0004 for seconds in sleeps_s)

@@ -36,7 +36,7 @@ def test_a_time_that_makes_no_sense_is_refused(seconds: float) -> None:
 def test_progress_shows_a_line_each_half_second_and_keeps_the_worst(capsys: pytest.CaptureFixture[str]) -> None:
     progress = arm.Progress()
     for step in range(11):
-        progress.tell(feedback(0.1 * step, -0.004 if step == 3 else 0.001))
+        progress.report(feedback(0.1 * step, -0.004 if step == 3 else 0.001))
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == ["0.0", "0.5", "1.0"]
     assert lines[1] == "  0.5 s  +0.250 -0.500"

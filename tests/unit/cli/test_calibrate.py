@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
@@ -15,8 +18,15 @@ from robot_stack.cli.app import app
 from robot_stack.cli.charuco import CalibrationError, calibrate, load_charuco
 from robot_stack.cli.errors import CommandError
 from robot_stack.core.camera import camera_file, load_intrinsics, mounting
+from robot_stack.core.config import config_dir
+from robot_stack.core.geometry import ZERO_TWIST
 from robot_stack.core.robot import load_robot
+from robot_stack.drive.odometry import Encoders, Odometry
 from sim.camera.model import draw_camera, load_camera_params, undistort
+from sim.mapping.ride_writer import RideWriter
+from tests.unit.drive.test_odometry import RADIUS_ERRORS, ZERO_ERRORS
+from tests.unit.mapping import site
+from tests.unit.mapping.test_mount import turned
 
 PARAMS = load_charuco()
 FRAME = "front_camera"
@@ -130,3 +140,80 @@ def test_the_board_is_printed_to_scale(tmp_path: Path) -> None:
     assert box is not None
     width_mm, height_mm = (float(value) * 25.4 / 72.0 for value in box.groups())
     assert (width_mm, height_mm) == pytest.approx((360.0 + 24.0, 240.0 + 24.0), abs=0.5)
+
+
+@pytest.fixture(scope="module")
+def tilted_ride(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of a LiDAR that is mounted turned by roll 1.2, pitch -0.8 and yaw 1.5 deg."""
+    folder = tmp_path_factory.mktemp("rides") / "tilted"
+    sweeps = [(time_s, turned(points, (1.2, -0.8, 1.5))) for time_s, points in site.recorded().sweeps]
+    with RideWriter(folder) as bag:
+        for time_s, pose in site.recorded().odometry:
+            while sweeps and sweeps[0][0] <= time_s:
+                bag.sweep(*sweeps.pop(0))
+            bag.odometry(time_s, Odometry(pose=pose, twist=ZERO_TWIST))
+    return folder
+
+
+@pytest.fixture
+def coarse(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The configuration for a LiDAR of few points."""
+    folder = tmp_path / "config"
+    shutil.copytree(config_dir(), folder, ignore=shutil.ignore_patterns("maps"))
+    (folder / "mapping.yaml").write_text(yaml.safe_dump(site.params().model_dump(mode="json")), encoding="utf-8")
+    monkeypatch.setenv("ROBOT_STACK_CONFIG", str(folder))
+
+
+def test_a_lidars_mount_is_found_and_drawn(tilted_ride: Path, coarse: None, tmp_path: Path) -> None:
+    picture = tmp_path / "mount.png"
+    result = CliRunner().invoke(app, ["calibrate", "lidar", str(tilted_ride), "--picture", str(picture)])
+    assert result.exit_code == 0, result.output
+    found = re.search(r"rpy_deg: \[(.+), (.+), (.+)\]", result.stdout)
+    assert found is not None
+    assert [float(angle) for angle in found.groups()] == pytest.approx([1.2, -0.8, 1.5], abs=0.3)
+    assert "xyz_m: [0.2, 0, 0.7" in result.stdout
+    assert "no message on /sensors/imu" in result.stderr
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_mount_that_the_ride_cannot_tell_is_refused(tilted_ride: Path, tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["calibrate", "lidar", str(tilted_ride)])
+    assert isinstance(result.exception, CommandError)
+    assert re.search(r"the heading is known to 0\.\d\d deg only, wanted 0\.1", str(result.exception))
+    result = CliRunner().invoke(app, ["calibrate", "lidar", str(tilted_ride), "--rpy-deg", "0", "0", "400"])
+    assert "rpy-deg must be three angles" in str(result.exception)
+    result = CliRunner().invoke(app, ["calibrate", "lidar", str(tmp_path / "nothing")])
+    assert isinstance(result.exception, CommandError)
+
+
+def wheels_ride(folder: Path, ways: Callable[[float], tuple[float, float]]) -> Path:
+    """40 s of joint states on a robot whose wheels and zeros differ. ways: (m/s, rad) of all modules at a time."""
+    radius_m, way_m = load_robot().wheel_radius_m, np.zeros(4)
+    with RideWriter(folder) as bag:
+        for tick in range(2000):
+            speed, heading = ways(0.02 * tick)
+            drive = way_m / (radius_m * (1.0 + np.array(RADIUS_ERRORS)))
+            steer = heading + np.array(ZERO_ERRORS)
+            bag.joint_states(Encoders(1.0 + 0.02 * tick, tuple(drive.tolist()), tuple(steer.tolist())))
+            way_m += 0.02 * speed
+    return folder
+
+
+def test_wheels_that_differ_are_named_and_drawn(tmp_path: Path) -> None:
+    ride = wheels_ride(tmp_path / "ride", lambda s: (0.8, 0.6 * np.sin(0.3 * s)))
+    picture = tmp_path / "wheels.png"
+    result = CliRunner().invoke(app, ["calibrate", "wheels", str(ride), "--picture", str(picture)])
+    assert result.exit_code == 0, result.output
+    rows = re.findall(r"^(\w\w) +([+-][\d.]+) % .*? ([+-][\d.]+) deg", result.stdout, re.MULTILINE)
+    assert [name for name, _, _ in rows] == ["fl", "fr", "rl", "rr"]
+    assert [float(value) for _, value, _ in rows] == pytest.approx(100.0 * np.array(RADIUS_ERRORS), abs=0.01)
+    assert [float(value) for _, _, value in rows] == pytest.approx(np.degrees(ZERO_ERRORS), abs=0.01)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(("speed_mps", "why"), [(0.0, "there is no motion"), (0.03, "does not tell the wheels' radii")])
+def test_a_ride_that_does_not_tell_the_wheels_is_refused(tmp_path: Path, speed_mps: float, why: str) -> None:
+    ride = wheels_ride(tmp_path / "ride", lambda s: (speed_mps, 0.0))
+    result = CliRunner().invoke(app, ["calibrate", "wheels", str(ride)])
+    assert isinstance(result.exception, CommandError)
+    assert why in str(result.exception)

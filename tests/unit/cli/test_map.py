@@ -19,8 +19,8 @@ from robot_stack.core.geometry import ZERO_TWIST
 from robot_stack.core.robot import load_robot
 from robot_stack.core.site_map import FREE, load_map
 from robot_stack.drive.odometry import Odometry
-from sim.imu import ImuSample
-from sim.mapping_tape import Tape
+from sim.mapping.ride_writer import RideWriter
+from sim.plant.imu import ImuSample
 from tests.unit.mapping import site
 
 ORIGIN = (site.START.x, site.START.y, site.START.yaw)
@@ -30,17 +30,17 @@ def write_ride(folder, *, sweeps: bool = True, odometry: bool = True, until_s: f
     ride = site.recorded()
     waiting = iter(ride.sweeps if sweeps else [])
     upcoming = next(waiting, None)
-    with Tape(folder) as tape:
+    with RideWriter(folder) as bag:
         for time_s, pose in ride.odometry:
             if time_s > until_s:
                 break
             while upcoming is not None and upcoming[0] <= time_s:
-                tape.sweep(*upcoming)
+                bag.sweep(*upcoming)
                 upcoming = next(waiting, None)
             if odometry:
-                tape.odometry(time_s, Odometry(pose=pose, twist=ZERO_TWIST))
+                bag.odometry(time_s, Odometry(pose=pose, twist=ZERO_TWIST))
             rate = site.SPEED_MPS / site.RADIUS_M if time_s > site.STAND_S else 0.0
-            tape.imu(ImuSample(time_s, (0.0, 0.0, 9.81), (0.0, 0.0, rate), (0.0, 0.0, 0.0, 1.0)))
+            bag.imu(ImuSample(time_s, (0.0, 0.0, 9.81), (0.0, 0.0, rate), (0.0, 0.0, 0.0, 1.0)))
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from robot_stack.core.geometry import (
     Pose2,
     Twist2,
     exp_se2,
+    planar_pose,
     quaternion_from_yaw,
     wrap_angle,
     yaw_from_quaternion,
@@ -81,6 +83,12 @@ def test_quaternion_round_trip_and_scipy(yaw: float) -> None:
     x, y, z, w = quaternion_from_yaw(yaw)
     assert abs(wrap_angle(yaw_from_quaternion(x, y, z, w) - yaw)) < 1e-9
     assert abs(wrap_angle(Rotation.from_quat([x, y, z, w]).as_euler("zyx")[0] - yaw)) < 1e-9
+
+
+def test_the_pose_on_the_ground_of_a_robot_on_a_slope() -> None:
+    x, y, z, w = Rotation.from_euler("ZYX", [0.7, 0.2, -0.1]).as_quat()
+    pose = planar_pose(SimpleNamespace(x=1.0, y=2.0, z=3.0), SimpleNamespace(x=x, y=y, z=z, w=w))
+    assert_same(pose, Pose2(1.0, 2.0, 0.7))
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])

@@ -56,3 +56,11 @@ def test_rate_is_unknown_first_and_zero_when_silent() -> None:
     health.received("imu", 0.0)
     assert math.isnan(health.check(0.05)["imu"].rate_hz)
     assert health.check(1.0)["imu"].rate_hz == 0.0
+
+
+def test_a_removed_input_is_held_against_nobody() -> None:
+    health = _health()
+    health.received("imu", 0.0)
+    health.remove("imu")
+    assert health.check(9.0) == {}
+    health.remove("imu")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from robot_stack.core.runtime import AlreadyRunning, hold_lock, lock_path, ros_domain_id, runtime_dir
+from robot_stack.core.runtime import AlreadyRunning, hold_lock, lock_path, recordings_dir, ros_domain_id, runtime_dir
 
 
 @pytest.fixture(autouse=True)
@@ -53,3 +53,16 @@ def test_bad_domain(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", text)
     with pytest.raises(ValueError, match="ROS_DOMAIN_ID must be a number"):
         ros_domain_id()
+
+
+def test_recordings_go_to_the_chosen_folder_or_to_the_users_data(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert recordings_dir("rides") == tmp_path / "rides"
+    assert recordings_dir("~/rides") == tmp_path / "home" / "rides"
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    assert recordings_dir() == tmp_path / "data" / "robot_stack" / "recordings"
+    monkeypatch.delenv("XDG_DATA_HOME")
+    assert recordings_dir() == tmp_path / "home" / ".local" / "share" / "robot_stack" / "recordings"

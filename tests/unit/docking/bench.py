@@ -12,6 +12,7 @@ import numpy as np
 from robot_stack.contract import frames
 from robot_stack.core.camera import mounting
 from robot_stack.core.config import load
+from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.docks import Dock, load_docks
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2, exp_se2
 from robot_stack.core.robot import load_robot
@@ -80,10 +81,11 @@ class Bench:
     noise_m: float = 0.0
     seed: int = 1
     faults: Faults = field(default_factory=Faults)
+    departure: Departure = field(default_factory=lambda: Departure(load(DepartureParams, "departure"), announced=True))
 
     def __post_init__(self) -> None:
         self.dock = dock(self.name)
-        self.controller = DockingController(_PARAMS, CAMERAS)
+        self.controller = DockingController(_PARAMS, CAMERAS, self.departure)
         self.base = self.dock_in_odom.compose(self.dock.dock_pose.pose()).compose(self.start)
         self.safety = Safety(known=True)
         self.now_s = 100.0
@@ -199,8 +201,8 @@ class Bench:
         seen = self.dock_in_odom.relative_to(self.base)
         dx, dy, dyaw = self.noise_m * self.random.standard_normal(3)
         noisy = Pose2(seen.x + dx, seen.y + dy, seen.yaw + 4.0 * dyaw)
-        way = 1.0 if self.dock.camera == "front" else -1.0
-        ahead = way * seen.x > 0.4 and abs(math.atan2(way * seen.y, way * seen.x)) < 0.75
+        approach_sign = 1.0 if self.dock.camera == "front" else -1.0
+        ahead = approach_sign * seen.x > 0.4 and abs(math.atan2(approach_sign * seen.y, approach_sign * seen.x)) < 0.75
         return markers_at(noisy, self.dock, self.now_s, self.faults.quality) if ahead else []
 
 

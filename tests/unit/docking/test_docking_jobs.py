@@ -11,11 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_stack.core.geometry import Pose2
+from robot_stack.docking.controller import DockingController
 from robot_stack.docking.latch import LatchCommand
 from robot_stack.docking.results import DockCode, UndockCode
 from robot_stack.docking.situation import Safety
 from robot_stack.docking.states import State
-from tests.unit.docking.bench import Bench, Faults, emergency, params, stopped
+from tests.unit.docking.bench import CAMERAS, Bench, Faults, emergency, params, stopped
 
 SEEING = (State.SEARCH, State.SERVOING, State.FINE_ALIGN)
 
@@ -48,8 +49,8 @@ def board(bench: Bench) -> tuple[float, float]:
 
 @pytest.mark.parametrize("name", ["chair_1", "charger"])
 def test_a_docking_passes_its_states_in_order(name: str) -> None:
-    way = 1.0 if name == "chair_1" else -1.0
-    bench = began(Bench(name, start=Pose2(-way * 1.5, 0.3, 0.2), noise_m=0.0002))
+    approach_sign = 1.0 if name == "chair_1" else -1.0
+    bench = began(Bench(name, start=Pose2(-approach_sign * 1.5, 0.3, 0.2), noise_m=0.0002))
     result = bench.run_to_end()
     assert result.success
     assert result.tries == 1
@@ -387,6 +388,22 @@ def test_a_latch_that_lets_go_before_the_docking_has_ended_ends_it() -> None:
     assert sum(output.emergency for output in bench.outputs) == 1
     assert bench.state is State.FAILED
     assert stands(bench)
+
+
+def test_a_restarted_controller_whose_chair_came_loose_asks_for_an_emergency_stop_with_the_passenger_aboard() -> None:
+    bench = Bench()
+    bench.outputs.clear()
+    bench.controller = DockingController(params(), CAMERAS, bench.departure)
+    bench.controller.recall(True)
+    bench.run(lambda: False, 1.0)
+    assert sum(output.emergency for output in bench.outputs) == 1
+    assert bench.outputs[0].emergency
+    assert all(output.attached is True for output in bench.outputs)
+    assert bench.controller.attached is True
+    assert bench.state is State.FAILED
+    assert bench.controller.undock(bench.situation()) is None  # the way out of it
+    assert bench.run_to_end().success
+    assert bench.controller.attached is False
 
 
 def test_an_undocking_that_is_cancelled_on_its_way_is_not_docked_and_can_be_finished() -> None:

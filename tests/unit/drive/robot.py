@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from robot_stack.core.config import load
+from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import load_robot
-from robot_stack.drive.limits import MotionLimits
 from robot_stack.drive.parameters import (
     SwerveControllerParams,
     drive_settings,
     module_limits,
     module_positions,
-    motion_limits,
     odometry_settings,
 )
 from robot_stack.drive.swerve_drive import SwerveDrive
@@ -21,8 +20,8 @@ POSITIONS = module_positions(ROBOT)
 MODULE_LIMITS = module_limits(PARAMS.module, ROBOT)
 DRIVE_SETTINGS = drive_settings(PARAMS.drive, ROBOT)
 ODOMETRY_SETTINGS = odometry_settings(PARAMS.odometry, ROBOT)
-EMPTY: MotionLimits = motion_limits(ROBOT.empty)
-WITH_PASSENGER: MotionLimits = motion_limits(ROBOT.with_passenger)
+EMPTY: MotionLimits = MotionLimits.of(ROBOT.empty)
+WITH_PASSENGER: MotionLimits = MotionLimits.of(ROBOT.with_passenger)
 TICK_S = 0.05
 
 

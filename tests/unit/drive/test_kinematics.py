@@ -24,7 +24,7 @@ from tests.unit.drive.robot import POSITIONS
 
 speeds = st.floats(-2.0, 2.0)
 angles = st.floats(-50.0, 50.0)
-senses = st.sampled_from([1.0, -1.0])
+wheel_directions = st.sampled_from([1.0, -1.0])
 HYSTERESIS = math.radians(10.0)
 
 
@@ -104,7 +104,7 @@ def test_x_lock_points_at_the_centre():
 
 
 @pytest.mark.parametrize(
-    ("direction_deg", "angle_deg", "sense", "turn_deg", "new_sense"),
+    ("direction_deg", "angle_deg", "wheel_direction", "turn_deg", "new_direction"),
     [
         (0.0, 0.0, 1.0, 0.0, 1.0),
         (80.0, 0.0, 1.0, 80.0, 1.0),
@@ -119,38 +119,38 @@ def test_x_lock_points_at_the_centre():
         (10.0, 3600.0, 1.0, 10.0, 1.0),  # ten turns on
     ],
 )
-def test_turn_to(direction_deg: float, angle_deg: float, sense: float, turn_deg: float, new_sense: float):
-    turn, got = turn_to(math.radians(direction_deg), math.radians(angle_deg), sense, HYSTERESIS)
+def test_turn_to(direction_deg: float, angle_deg: float, wheel_direction: float, turn_deg: float, new_direction: float):
+    turn, got = turn_to(math.radians(direction_deg), math.radians(angle_deg), wheel_direction, HYSTERESIS)
     assert math.degrees(turn) == pytest.approx(turn_deg, abs=1e-9)
-    assert got == new_sense
+    assert got == new_direction
 
 
-@given(angles, angles, senses)
-def test_turn_to_always_ends_on_the_direction(direction: float, angle: float, sense: float):
-    turn, new_sense = turn_to(direction, angle, sense, HYSTERESIS)
+@given(angles, angles, wheel_directions)
+def test_turn_to_always_ends_on_the_direction(direction: float, angle: float, wheel_direction: float):
+    turn, new_direction = turn_to(direction, angle, wheel_direction, HYSTERESIS)
     assert abs(turn) <= math.pi / 2 + HYSTERESIS + 1e-9
-    heading = angle + turn + (0.0 if new_sense > 0.0 else math.pi)
+    heading = angle + turn + (0.0 if new_direction > 0.0 else math.pi)
     assert math.cos(heading - direction) == pytest.approx(1.0, abs=1e-9)
 
 
 @given(angles, st.floats(-0.08, 0.08))
 def test_no_chatter_at_ninety_degrees(angle: float, wobble: float):
     """A direction that hovers at 90 deg within the hysteresis never changes the sense, whichever it is."""
-    for sense in (1.0, -1.0):
-        assert turn_to(angle + math.pi / 2 + wobble, angle, sense, HYSTERESIS)[1] == sense
+    for wheel_direction in (1.0, -1.0):
+        assert turn_to(angle + math.pi / 2 + wobble, angle, wheel_direction, HYSTERESIS)[1] == wheel_direction
 
 
-@given(angles, angles, senses)
-def test_turn_to_without_hysteresis_agrees_with_wpilib(direction: float, angle: float, sense: float):
+@given(angles, angles, wheel_directions)
+def test_turn_to_without_hysteresis_agrees_with_wpilib(direction: float, angle: float, wheel_direction: float):
     from wpimath.geometry import Rotation2d
     from wpimath.kinematics import SwerveModuleState
 
-    turn, new_sense = turn_to(direction, angle, sense, 0.0)
+    turn, new_direction = turn_to(direction, angle, wheel_direction, 0.0)
     if abs(abs(turn) - math.pi / 2) < 1e-6:
         return  # both answers are right at exactly 90 deg
     state = SwerveModuleState(1.0, Rotation2d(direction))
     state.optimize(Rotation2d(angle))
-    assert math.copysign(1.0, state.speed) == new_sense
+    assert math.copysign(1.0, state.speed) == new_direction
     assert math.cos(state.angle.radians() - (angle + turn)) == pytest.approx(1.0, abs=1e-9)
 
 

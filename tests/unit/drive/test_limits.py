@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
-from robot_stack.drive.limits import MotionLimits, approach, brake, followable_rate, limit_speed
+from robot_stack.core.limits import MotionLimits
+from robot_stack.core.twist_limits import approach, brake, followable_rate, limit_speed
 from tests.unit.drive.robot import EMPTY, TICK_S, WITH_PASSENGER
 
 any_finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -54,14 +55,6 @@ def test_huge_value_keeps_its_direction():
     )
 
 
-def test_slower_takes_the_smaller_and_mistrusts_nonsense():
-    assert EMPTY.slower(0.3, 5.0).max_speed_mps == 0.3
-    assert EMPTY.slower(0.3, 5.0).max_yaw_rate_radps == EMPTY.max_yaw_rate_radps
-    assert EMPTY.slower(math.nan, -1.0).max_speed_mps == 0.0
-    assert EMPTY.slower(math.nan, -1.0).max_yaw_rate_radps == 0.0
-    assert EMPTY.slower(math.inf, math.inf) == EMPTY
-
-
 # --- acceleration and jerk -------------------------------------------------------------------------------------------
 
 
@@ -80,10 +73,10 @@ def ride(start: Twist2, target: Twist2, limits: MotionLimits, dt_s: float = TICK
 def assert_within(states: States, limits: MotionLimits, dt_s: float) -> None:
     slack = 1.0 + 1e-9
     for (before, a0), (after, a1) in itertools.pairwise(states):
-        assert math.hypot(after.vx - before.vx, after.vy - before.vy) <= limits.max_acceleration_mps2 * dt_s * slack
-        assert abs(after.omega - before.omega) <= limits.max_yaw_acceleration_radps2 * dt_s * slack
-        assert math.hypot(a1.vx - a0.vx, a1.vy - a0.vy) <= limits.max_jerk_mps3 * dt_s * slack + 1e-9
-        assert abs(a1.omega - a0.omega) <= limits.max_yaw_jerk_radps3 * dt_s * slack + 1e-9
+        assert math.hypot(after.vx - before.vx, after.vy - before.vy) <= limits.acceleration_mps2 * dt_s * slack
+        assert abs(after.omega - before.omega) <= limits.yaw_acceleration_radps2 * dt_s * slack
+        assert math.hypot(a1.vx - a0.vx, a1.vy - a0.vy) <= limits.jerk_mps3 * dt_s * slack + 1e-9
+        assert abs(a1.omega - a0.omega) <= limits.yaw_jerk_radps3 * dt_s * slack + 1e-9
 
 
 @given(twists, twists, st.sampled_from([EMPTY, WITH_PASSENGER]), st.sampled_from([0.01, 0.02, 0.05, 0.1]))
@@ -131,11 +124,11 @@ def test_targets_that_jump_at_any_time(targets: list[Twist2], limits: MotionLimi
         before = acceleration
         twist, acceleration = approach(twist, acceleration, targets[k // 9], ZERO_TWIST, limits, TICK_S)
         slack = 1.0 + 1e-9
-        assert math.hypot(acceleration.vx, acceleration.vy) <= limits.max_acceleration_mps2 * slack
-        assert abs(acceleration.omega) <= limits.max_yaw_acceleration_radps2 * slack
+        assert math.hypot(acceleration.vx, acceleration.vy) <= limits.acceleration_mps2 * slack
+        assert abs(acceleration.omega) <= limits.yaw_acceleration_radps2 * slack
         # In the norm in which a part is dropped (1 m per rad for this robot) dropping only shrinks it.
         gain = _size(acceleration) - _size(before)
-        assert gain <= math.hypot(limits.max_jerk_mps3, limits.max_yaw_jerk_radps3) * TICK_S * slack
+        assert gain <= math.hypot(limits.jerk_mps3, limits.yaw_jerk_radps3) * TICK_S * slack
         assert twist.is_finite()
 
 

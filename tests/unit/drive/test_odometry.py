@@ -255,6 +255,25 @@ def test_wheel_radii_and_steering_zeros_are_learnt_from_the_ride(ride: PerfectRi
     assert got.pose.distance_to(ride.pose(last)) < 0.01
 
 
+def test_what_is_learnt_says_how_sure_it_is(ride: PerfectRide):
+    odometry = new_odometry()
+    for index in range(len(ride.stamps_s)):
+        odometry.update(imperfect(ride.encoders(index, RADIUS)))
+    learnt = odometry.calibration.learnt()
+    assert learnt.radius_errors == pytest.approx(RADIUS_ERRORS, abs=5e-5)
+    assert learnt.zero_errors_rad == pytest.approx(ZERO_ERRORS, abs=5e-5)
+    # Encoders without noise are better than what is said of them.
+    assert max(learnt.radius_deviations) < 0.1 * ODOMETRY_SETTINGS.calibration.radius_deviation
+    assert max(learnt.zero_deviations_rad) < 0.1 * ODOMETRY_SETTINGS.calibration.zero_deviation_rad
+    assert learnt.readings > 500
+    assert learnt.left_m < 0.2 * learnt.unlike_m
+    untold = new_odometry().calibration.learnt()
+    assert (untold.readings, untold.unlike_m, untold.left_m) == (0, 0.0, 0.0)
+    # Beside the others: what all four have in common is held at zero.
+    prior = ODOMETRY_SETTINGS.calibration.radius_deviation
+    assert untold.radius_deviations == pytest.approx([math.sqrt(0.75) * prior] * 4, rel=1e-3)
+
+
 def without_learning() -> OdometrySettings:
     calibration = replace(ODOMETRY_SETTINGS.calibration, radius_deviation=1e-9, zero_deviation_rad=1e-9)
     return replace(ODOMETRY_SETTINGS, calibration=calibration)

@@ -8,19 +8,21 @@ from dataclasses import replace
 import pytest
 
 from robot_stack.core.geometry import Twist2
-from robot_stack.drive.arbitration import NO_WISH, Source, Wish
-from robot_stack.drive.permission import Action, Situation, SpeedLimit, permit
+from robot_stack.core.limits import SpeedLimit
+from robot_stack.drive.arbitration import NO_COMMAND, Command, Source
+from robot_stack.drive.permission import Action, SafetyLimit, Situation, permit
 from tests.unit.drive.robot import EMPTY, WITH_PASSENGER
 
-WISH = Wish(Twist2(1.0, 0.0, 0.0))
+WISH = Command(Twist2(1.0, 0.0, 0.0))
 ALL_WELL = Situation(
     emergency_stop=False,
     joint_states_fresh=True,
     safety_status_fresh=True,
-    speed_limit=SpeedLimit(1.5, 1.0, ""),
+    speed_limit=SafetyLimit(1.5, 1.0, ""),
+    speed_limit_fresh=True,
     passenger=False,
     holder=Source.NAVIGATION,
-    wish=WISH,
+    requested=WISH,
 )
 
 
@@ -30,12 +32,12 @@ def decide(**changes: object):
 
 def test_all_well():
     permission = decide()
-    assert (permission.action, permission.wish, permission.limits) == (Action.DRIVE, WISH, EMPTY)
+    assert (permission.action, permission.requested, permission.limits) == (Action.DRIVE, WISH, EMPTY)
     assert (permission.ready, permission.reason) == (True, "navigation drives")
 
 
 def test_nobody_commands():
-    assert decide(holder=None, wish=NO_WISH).reason == "idle"
+    assert decide(holder=None, requested=NO_COMMAND).reason == "idle"
 
 
 @pytest.mark.parametrize(
@@ -45,34 +47,36 @@ def test_nobody_commands():
         ({"emergency_stop": True, "joint_states_fresh": False}, Action.HALT, True),
         ({"joint_states_fresh": False}, Action.BRAKE, False),
         ({"joint_states_fresh": False, "safety_status_fresh": False}, Action.BRAKE, False),
-        ({"safety_status_fresh": False}, Action.DRIVE, False),
-        ({"speed_limit": None}, Action.DRIVE, False),
-        ({"speed_limit": SpeedLimit(0.0, 0.0, "COLLISION_IMMINENT")}, Action.BRAKE, True),
-        ({"speed_limit": SpeedLimit(0.0, 0.0, "PASSENGER_ONBOARD,COLLISION_IMMINENT")}, Action.BRAKE, True),
-        ({"speed_limit": SpeedLimit(0.0, 0.0, "TILT")}, Action.BRAKE, True),
+        ({"safety_status_fresh": False}, Action.BRAKE, False),
+        ({"speed_limit_fresh": False}, Action.BRAKE, False),
+        ({"speed_limit": None, "speed_limit_fresh": False, "safety_status_fresh": False}, Action.DRIVE, False),
+        ({"must_rest": True}, Action.DRIVE, True),
+        ({"speed_limit": SafetyLimit(0.0, 0.0, "COLLISION_IMMINENT")}, Action.BRAKE, True),
+        ({"speed_limit": SafetyLimit(0.0, 0.0, "PASSENGER_ONBOARD,COLLISION_IMMINENT")}, Action.BRAKE, True),
+        ({"speed_limit": SafetyLimit(0.0, 0.0, "TILT")}, Action.BRAKE, True),
     ],
 )
 def test_whatever_is_wrong_the_wish_is_standstill(changes: dict[str, object], action: Action, ready: bool):
     permission = decide(**changes)
-    assert (permission.action, permission.wish, permission.ready) == (action, NO_WISH, ready)
+    assert (permission.action, permission.requested, permission.ready) == (action, NO_COMMAND, ready)
     assert permission.reason
 
 
 def test_soft_stop_keeps_the_comfort():
-    permission = decide(speed_limit=SpeedLimit(0.0, 0.0, "LOCALIZATION_LOST"))
+    permission = decide(speed_limit=SafetyLimit(0.0, 0.0, "LOCALIZATION_LOST"))
     assert permission.action is Action.DRIVE
-    assert permission.limits.max_speed_mps == 0.0
+    assert permission.limits.speed_mps == 0.0
 
 
 def test_limit_with_speed_left_is_no_hard_stop():
-    assert decide(speed_limit=SpeedLimit(0.3, 0.5, "COLLISION_IMMINENT")).action is Action.DRIVE
-    assert decide(speed_limit=SpeedLimit(0.3, 0.5, "SLOPE")).limits.max_speed_mps == 0.3
+    assert decide(speed_limit=SafetyLimit(0.3, 0.5, "COLLISION_IMMINENT")).action is Action.DRIVE
+    assert decide(speed_limit=SafetyLimit(0.3, 0.5, "SLOPE")).limits.speed_mps == 0.3
 
 
 def test_passenger_limits_and_safety_limit_both_hold():
-    permission = decide(passenger=True, speed_limit=SpeedLimit(1.2, 0.4, "OBSTACLE_NEAR"))
-    assert permission.limits == WITH_PASSENGER.slower(1.0, 0.4)
+    permission = decide(passenger=True, speed_limit=SafetyLimit(1.2, 0.4, "OBSTACLE_NEAR"))
+    assert permission.limits == WITH_PASSENGER.slower(SpeedLimit(1.0, 0.4))
 
 
 def test_limit_that_is_no_number_is_a_stop():
-    assert decide(speed_limit=SpeedLimit(math.nan, math.nan, "")).limits.max_speed_mps == 0.0
+    assert decide(speed_limit=SafetyLimit(math.nan, math.nan, "")).limits.speed_mps == 0.0

@@ -70,12 +70,44 @@ def test_a_leap_is_spread_over_the_time_it_needs_and_all_wheels_arrive_together(
     # The hardest change, 1.0 m/s at 4.0 m/s2, takes 0.25 s; the others take as long.
     moves = drive_moves((1.0, 0.5, -0.5, 0.25), [0.0] * 4, SETTINGS)
     assert [move.acceleration_radps2 * RADIUS for move in moves] == pytest.approx([4.0, 2.0, 2.0, 1.0])
+    # In the life of one command, 0.2 s, it goes no further than 4/5 of it.
+    assert [move.velocity_radps * RADIUS for move in moves] == pytest.approx([0.8, 0.4, -0.4, 0.2])
+    assert [move.reached_s for move in moves] == pytest.approx([0.2] * 4)
+
+
+def test_wheels_that_slow_down_would_be_stopped_as_they_slow_down():
+    # 1.0 to 0.95 m/s in 50 ms is 1 m/s2, exactly even; 1.0 to 0.975 m/s would be half of it.
+    slowing, growing, through, harder = drive_moves(
+        (0.95, 1.0, -0.05, 0.8), [1.0 / RADIUS, 0.95 / RADIUS, 0.05 / RADIUS, 1.0 / RADIUS], SETTINGS
+    )
+    assert (slowing.deceleration_radps2 * RADIUS, slowing.reached_s) == pytest.approx((1.0, 0.05))
+    softer = drive_moves((0.975,) * 4, [1.0 / RADIUS] * 4, SETTINGS)[0]
+    assert (softer.deceleration_radps2 * RADIUS, softer.reached_s) == pytest.approx((1.0, 0.025))
+    steady = drive_moves((0.999,) * 4, [1.0 / RADIUS] * 4, SETTINGS)[0]
+    assert steady.deceleration_radps2 * RADIUS == pytest.approx(2.0)
+    assert (growing.deceleration_radps2 * RADIUS, growing.acceleration_radps2 * RADIUS) == pytest.approx((2.0, 1.0))
+    assert growing.growth_s == pytest.approx(growing.reached_s) == pytest.approx(0.05)
+    assert (through.growth_s, through.reached_s) == pytest.approx((0.025, 0.05))
+    assert through.deceleration_radps2 * RADIUS == pytest.approx(2.0)
+    assert (harder.deceleration_radps2 * RADIUS, harder.reached_s) == pytest.approx((4.0, 0.05))
+
+
+@given(st.tuples(speeds, speeds, speeds, speeds), st.tuples(speeds, speeds, speeds, speeds))
+def test_no_change_outlasts_the_life_of_its_command(now: tuple[float, ...], wanted: tuple[float, ...]):
+    """An engine left alone brakes ``command_lifetime_s`` after the command, whatever that was."""
+    moves = drive_moves(wanted, [speed / RADIUS for speed in now], SETTINGS)  # type: ignore[arg-type]
+    if any(wanted):
+        for move, before, after in zip(moves, now, wanted, strict=True):
+            assert move.reached_s <= SETTINGS.command_lifetime_s + 1e-9
+            low, high = sorted((before, after))
+            assert low - 1e-9 <= move.velocity_radps * RADIUS <= high + 1e-9
 
 
 def test_zero_for_all_wheels_is_a_stop_at_the_emergency_deceleration():
     # 1.0 m/s at 2.0 m/s2: 0.5 s for all.
     moves = drive_moves((0.0, 0.0, 0.0, 0.0), [1.0 / RADIUS, 0.5 / RADIUS, 1.0 / RADIUS, 0.5 / RADIUS], SETTINGS)
     assert [move.acceleration_radps2 * RADIUS for move in moves] == pytest.approx([2.0, 1.0, 2.0, 1.0])
+    assert [move.deceleration_radps2 * RADIUS for move in moves] == pytest.approx([2.0, 1.0, 2.0, 1.0])
     assert [move.velocity_radps for move in moves] == [0.0] * 4
 
 

@@ -16,7 +16,7 @@ from robot_stack.localization.map_localizer import MapLocalizer
 from robot_stack.localization.ndt.gate import Confidence, problem_of
 from robot_stack.localization.ndt.matcher import pose_of as pose4
 from robot_stack.localization.ndt.search import Region, search
-from robot_stack.localization.ndt.solver import Question
+from robot_stack.localization.ndt.solver import MatchRequest
 from tests.unit.localization.courtyard import UP, matcher, seen_from, solver, surfaces, sweep_from, yaw_between
 from tests.unit.localization.stories import IMU_S, params, reading
 
@@ -39,7 +39,7 @@ class Ride:
     steps: int = 0
     lidar_on: bool = True
     seen: Points | None = None
-    asked: Question | None = None
+    asked: MatchRequest | None = None
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(5))
 
     def drive(self, seconds: float, twist: Twist2 = STAND) -> Ride:
@@ -70,7 +70,7 @@ class Ride:
         if self.asked is not None:
             self.localizer.answer(solver().solve(self.asked), self.t_s)
             self.asked = None
-        self.asked = self.localizer.question()
+        self.asked = self.localizer.request()
 
     def estimate(self) -> Estimate:
         return self.localizer.estimate(self.t_s)
@@ -189,12 +189,12 @@ def test_a_sweep_of_the_future_waits_and_an_old_one_is_refused() -> None:
     story.drive(0.1)
     late = sweep_from(story.truth, 77, density=5.0)
     story.localizer.on_sweep(late, story.t_s + 0.05)
-    assert story.localizer.question() is None
+    assert story.localizer.request() is None
     before = story.localizer.match
     story.drive(0.1)
     assert story.localizer.match is not before
     story.localizer.on_sweep(sweep_from(story.truth, 78, density=5.0), story.t_s - 50.0)
-    assert story.localizer.question() is None
+    assert story.localizer.request() is None
     assert any("older" in fault for fault in story.estimate().faults)
 
 
@@ -247,5 +247,5 @@ def test_a_clock_set_back_drops_what_was_asked_before() -> None:
     story.lidar_on = False
     story.drive(0.1)
     story.localizer.on_odometry(reading(5.0, story.wheels, ZERO_TWIST), story.t_s)
-    assert story.localizer.question() is None
+    assert story.localizer.request() is None
     assert story.estimate().pose is not None

@@ -163,6 +163,15 @@ def test_sweep_is_thinned_and_moved_to_its_stamp() -> None:
     assert points == pytest.approx(np.array([[5.15, 0.0, 0.5]]), abs=1e-6)
 
 
+def test_a_sweep_of_many_places_keeps_them_all() -> None:
+    """More voxels than the first table takes: 100 x 100 of them."""
+    sweep = np.zeros(20_000, SWEEP)
+    grid = np.arange(100) * 0.5 + 0.25 - 25.0
+    sweep["x"], sweep["y"] = np.tile(np.repeat(grid, 100), 2), np.tile(grid, 200)
+    points = cloud.subsample(sweep, np.zeros(3), np.zeros((1, 4)), 0.5, 0.0, 50.0)
+    np.testing.assert_allclose(points[:, :2], np.stack([sweep["x"], sweep["y"]], axis=1)[:10_000], atol=1e-6)
+
+
 def test_a_turn_during_the_sweep_is_taken_out() -> None:
     sweep = np.zeros(1, SWEEP)
     sweep["x"], sweep["time"] = 10.0, -0.05

@@ -115,6 +115,7 @@ def params() -> MappingParams:
     base["loops"] |= {"time_apart_s": 12.0, "every_m": 1.0, "radius_m": 1.5, "drift_share": 0.05}
     base["grid"] |= {"fewest_ground_points": 2, "resolution_m": 0.2}
     base["cells"]["fewest_points"] = 8
+    base["mount"]["deviation_deg"] = 0.4
     return MappingParams.model_validate(base)
 
 

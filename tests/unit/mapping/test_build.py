@@ -8,7 +8,7 @@ import pytest
 from robot_stack.core.robot import load_robot
 from robot_stack.core.site_map import FREE, OCCUPIED
 from robot_stack.mapping.build import build_map
-from robot_stack.mapping.report import drift, way_m
+from robot_stack.mapping.report import distance_m, drift
 from tests.unit.mapping import site
 
 
@@ -37,7 +37,7 @@ def test_the_round_is_closed_and_reported(built):
     assert report["loops_closed"] == len(built.loops) >= 1
     assert report["wheel_odometry_end_error_m"] > 0.5
     assert report["map_worst_loop_m"] < 0.03 < report["wheel_odometry_worst_loop_m"]
-    assert way_m(built.poses) == pytest.approx(site.SPEED_MPS * (site.DURATION_S - site.STAND_S), abs=1.0)
+    assert distance_m(built.poses) == pytest.approx(site.SPEED_MPS * (site.DURATION_S - site.STAND_S), abs=1.0)
 
 
 def test_cells_lie_on_walls(built):

@@ -7,16 +7,18 @@ from dataclasses import replace
 import pytest
 
 from robot_stack.core.config import load
+from robot_stack.core.departure import DepartureParams
 from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.mission import Kind, Mission
 from robot_stack.mission import events as ev
 from robot_stack.mission.kernel import MissionKernel
-from robot_stack.mission.model import Kind, Mission
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.perform import JournalError, Performer
 from robot_stack.mission.record import Record
-from robot_stack.mission.states import AT_DOCK, State
+from robot_stack.mission.states import AT_DOCK, UNDER_WAY, State
 
 TICK_S = 0.1
+DEPARTURE = load(DepartureParams, "departure")
 DOCKS = {"chair_1": "wheelchair", "charger": "station"}
 STILL = Twist2(0.0, 0.0, 0.0)
 
@@ -56,11 +58,12 @@ class Story:
     def __init__(self, params: MissionParams, record: Record | None = None, problem: str = "") -> None:
         self.params = params
         self.journal = MemoryJournal(record)
-        self.kernel = MissionKernel(params, record, problem, DOCKS)
+        self.kernel = MissionKernel(params, DEPARTURE, record, problem, DOCKS)
         self.performer = Performer(self.kernel, self.journal, self)
         self.now_s = 1000.0
         self.inputs = ev.Inputs(Pose2(0.0, 0.0, 0.0), STILL, False, True, (), 0.8, None, True, "IDLE")
         self.log: list[object] = []
+        self.warnings: list[float] = []  # seconds until it sets out, as the others are told
         self.statuses: list[ev.Status] = []
         self.goal: Pose2 | None = None
         self.call: int | None = None  # the docking goal that was sent and not cancelled
@@ -86,6 +89,9 @@ class Story:
     def publish_emergency_stop(self, active: bool) -> None:
         self.log.append(("emergency_stop", active))
 
+    def warn_of_departure(self, remaining_s: float) -> None:
+        self.warnings.append(remaining_s)
+
     def publish_status(self, status: ev.Status) -> None:
         self.statuses.append(status)
 
@@ -95,7 +101,25 @@ class Story:
         return self
 
     def command(self, name: str, mission: Mission | None = None, problem: str = "") -> Story:
-        return self.happens(ev.Command(name, mission, problem))
+        self.happens(ev.Command(name, mission, problem))
+        waits = self.state in UNDER_WAY and self.goal is None and self.call is None
+        return self.departs() if waits and name in (ev.START_MISSION, ev.RESUME) else self
+
+    def departs(self) -> Story:
+        """What comes first is over: the warning of people around, if the robot has stood for long."""
+        self.tick()
+        while "about to set out" in self.status.reason:
+            self.tick()
+        return self
+
+    def stall(self) -> Story:
+        """Stands until one try more has failed; the warnings that come between are no part of the try."""
+        failed, params = self.kernel.record.failed_tries, self.params
+        end_s = self.now_s + params.progress_timeout_s + 2.0 * (DEPARTURE.warning_s + 3 * TICK_S)
+        while self.kernel.record.failed_tries == failed:
+            assert self.now_s < end_s, "no try failed"
+            self.tick()
+        return self
 
     def start(self, *actions) -> Story:
         return self.command(ev.START_MISSION, make_mission(*actions))

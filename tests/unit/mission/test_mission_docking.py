@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
+from robot_stack.contract.display import Display
 from robot_stack.core.geometry import Twist2
 from robot_stack.mission import events as ev
-from robot_stack.mission.display import Display
 from robot_stack.mission.record import Record, problem_of
 from robot_stack.mission.states import State
 
@@ -255,7 +255,7 @@ def test_while_the_robot_may_not_move_no_docking_begins_and_no_time_counts(story
     assert (story.state, story.calls()) == (State.DOCKING, [])
     assert story.status.reason.startswith(("docking to chair_1: held", "docking to chair_1: waiting for pose"))
     story.inputs = before
-    story.tick()
+    story.departs()
     assert story.calls() == [("dock", "chair_1")]
 
 
@@ -548,12 +548,13 @@ def test_the_display_through_the_main_job(story):
 
     publish = story.publish_status
     story.publish_status = lambda status: (publish(status), note())
-    pause_s = 3 * story.params.announcement_s
+    long_s, short_s = story.params.announcement_s + 1.0, story.params.announcement_s - 0.5
     story.start("pass", DOCK, "pass", "undock", "park").at(2.0, speed=1.0).tick().tick().reach(4.0).tick().accept()
     for state in ("APPROACH", "SEARCH", "SERVOING", "FINE_ALIGN", "DOCKED"):
         story.feedback(state)
-    story.attach().ends(True).tick(pause_s).at(6.0, speed=1.0).tick().reach(8.0).tick().accept()
-    story.feedback("UNLATCHING").tick(pause_s).attach(False).ends(True).tick(pause_s).reach(10.0)
+    story.attach().ends(True).tick(short_s).at(6.0, speed=1.0).tick().reach(8.0).tick().accept()
+    story.feedback("UNLATCHING").tick(long_s).attach(False).ends(True).tick(short_s)
+    story.at(9.0, speed=1.0).tick().reach(10.0)
     assert shown == [
         Display.NAVIGATING,
         Display.APPROACHING_CHAIR,
@@ -570,11 +571,24 @@ def test_the_display_through_the_main_job(story):
 
 def test_an_announcement_lasts_its_time(docking):
     docking.attach().ends(True)
-    begun_s = docking.now_s
-    while docking.status.display == Display.DOCKING_COMPLETE:
-        docking.tick()
-    assert docking.now_s - begun_s == pytest.approx(docking.params.announcement_s, abs=2 * TICK_S)
+    for display in (Display.DOCKING_COMPLETE, Display.PASSENGER_ONBOARD):
+        begun_s = docking.now_s
+        assert docking.status.display == display
+        while docking.status.display == display:
+            docking.tick()
+        assert docking.now_s - begun_s == pytest.approx(docking.params.announcement_s, abs=2 * TICK_S)
+
+
+def test_docking_complete_is_told_once(docking):
+    docking.feedback("DOCKED").attach().ends(True)
     assert docking.status.display == Display.PASSENGER_ONBOARD
+
+
+def test_an_announcement_is_over_when_the_robot_moves(docking):
+    docking.attach().ends(True)
+    assert docking.status.display == Display.DOCKING_COMPLETE
+    docking.at(2.1, speed=0.3).tick()
+    assert docking.status.display == Display.TRANSPORT
 
 
 def test_no_announcement_hides_an_emergency_stop(docking):
@@ -585,7 +599,14 @@ def test_no_announcement_hides_an_emergency_stop(docking):
 def test_an_obstacle_shows_while_docking_but_a_lost_localization_does_not(docking):
     docking.feedback("SERVOING").given(faults=("LOCALIZATION_LOST",)).tick()
     assert docking.status.display == Display.DOCKING
-    docking.given(faults=("OBSTACLE_NEAR",)).tick()
+    docking.given(faults=("COLLISION_IMMINENT",)).tick()
+    assert docking.status.display == Display.OBSTACLE
+
+
+def test_an_obstacle_beside_shows_while_docking_once_the_robot_has_stood_for_it(docking):
+    docking.at(2.1, speed=0.1).feedback("SERVOING").at(2.1).given(faults=("OBSTACLE_NEAR",)).tick(2.0)
+    assert docking.status.display == Display.DOCKING, "it stands for moments between its steps"
+    docking.tick(2.0)
     assert docking.status.display == Display.OBSTACLE
 
 

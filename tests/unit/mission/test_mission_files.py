@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from robot_stack.core.config import ConfigError, config_dir, load, read_yaml, validate
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.mission import Action, Kind, Mission, Waypoint
+from robot_stack.core.mission_library import MissionError, MissionLibrary, read_mission
 from robot_stack.mission import route
-from robot_stack.mission.library import MissionError, MissionLibrary, read_mission
-from robot_stack.mission.model import Action, Kind, Mission
 from robot_stack.mission.params import MissionParams
 
 GOOD = {
@@ -183,6 +183,22 @@ def shipped() -> MissionLibrary:
 def test_shipped_missions_are_valid(mission_id):
     assert mission_id in shipped().ids()
     assert shipped().find(mission_id).id == mission_id
+
+
+def test_shipped_places_have_names_in_every_language():
+    for mission_id in shipped().ids():
+        for waypoint in shipped().find(mission_id).waypoints:
+            assert waypoint.label.ja, f"{mission_id}: {waypoint.name}"
+            assert waypoint.label.zh, f"{mission_id}: {waypoint.name}"
+
+
+@pytest.mark.parametrize("label", [{}, {"ja": "門"}, {"ja": "門", "zh": "大门"}])
+def test_a_label_is_written_as_it_is_read_and_the_name_stands_in_for_it(label):
+    waypoint = Waypoint.model_validate(
+        {"name": "gate", "x": 1.0, "y": 2.0, "yaw": 0.0, "action": "pass", "label": label}
+    )
+    assert waypoint.model_dump(mode="json").get("label", {}) == label
+    assert waypoint.names() == {"en": "gate", "ja": "gate", "zh": "gate"} | label
 
 
 def route_length_m(mission: Mission) -> float:

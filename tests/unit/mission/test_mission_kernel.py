@@ -8,15 +8,16 @@ from pathlib import Path
 
 import pytest
 
+from robot_stack.contract.display import Display
 from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.mission import Mission
 from robot_stack.mission import diagram
 from robot_stack.mission import events as ev
-from robot_stack.mission.display import Display
-from robot_stack.mission.model import Mission
+from robot_stack.mission.kernel import MissionKernel
 from robot_stack.mission.record import HOME_NAME, Record
 from robot_stack.mission.states import ACTIVE, TRANSITIONS, State, Trigger, target_of
 
-from .conftest import TICK_S, Story, make_mission
+from .conftest import DEPARTURE, TICK_S, Story, make_mission
 
 WAIT_2S = {"wait": 2.0}
 
@@ -359,13 +360,12 @@ def test_a_stop_of_somebody_else_is_not_ours_to_release(story):
 
 def test_three_tries_then_failed(story):
     story.start("pass", "park").at(0.3).clear()
-    timeout_s = story.params.progress_timeout_s
     for attempt in (1, 2):
-        story.tick(timeout_s + 3 * TICK_S)
+        story.stall()
         assert story.state is State.RUNNING
         assert f"try {attempt} of 3" in story.status.reason
         assert "'w0'" in story.status.reason
-    story.tick(timeout_s + 3 * TICK_S)
+    story.stall()
     assert story.state is State.FAILED
     assert story.goal is None
     assert story.status.reason == "no progress for 15 s, 1.70 m before waypoint 'w0', try 3 of 3"
@@ -396,7 +396,7 @@ def test_a_way_around_is_progress(story):
 
 def test_plans_that_take_turns_are_no_progress(story):
     story.start("park").at(0.3)
-    for step in range(round((story.params.progress_timeout_s + 0.3) / TICK_S)):
+    for step in range(round((story.params.progress_timeout_s + DEPARTURE.warning_s + 0.5) / TICK_S)):
         story.given(detour_m=3.0 if step % 20 < 10 else 0.0).tick()
     assert story.kernel.record.failed_tries == 1
 
@@ -423,21 +423,21 @@ def test_a_robot_that_may_not_move_fails_no_try(story, hindrance):
     assert story.state is State.RUNNING
     assert story.kernel.record.failed_tries == 0
     assert story.status.reason.startswith(("waiting for pose", "held"))
-    story.given(pose=Pose2(0.3, 0.0, 0.0), safety_known=True, faults=()).tick()
+    story.given(pose=Pose2(0.3, 0.0, 0.0), safety_known=True, faults=()).departs()
     assert story.status.reason == ""
 
 
 def test_a_speed_limit_does_not_excuse_a_try(story):
-    story.start("park").at(0.3).given(faults=("IMU_TIMEOUT",)).tick(story.params.progress_timeout_s + 0.3)
+    story.start("park").at(0.3).given(faults=("IMU_TIMEOUT",)).stall()
     assert story.kernel.record.failed_tries == 1
 
 
 def test_tries_begin_afresh_at_the_next_waypoint_and_after_resume(story):
-    story.start("pass", "park").at(0.3).tick(story.params.progress_timeout_s + 0.3)
+    story.start("pass", "park").at(0.3).stall()
     assert story.kernel.record.failed_tries == 1
     story.command(ev.PAUSE).command(ev.RESUME)
     assert story.kernel.record.failed_tries == 0
-    story.tick(story.params.progress_timeout_s + 0.3).at(2.0, speed=1.0).tick()
+    story.stall().tick().at(2.0, speed=1.0).tick()
     assert (story.kernel.record.waypoint, story.kernel.record.failed_tries) == (1, 0)
 
 
@@ -512,7 +512,7 @@ def test_progress_stays_within_its_range_when_the_robot_goes_astray(story):
 def test_progress_without_a_pose_counts_waypoints(story):
     story.given(pose=None).start("pass", "park")
     assert story.status.progress == 0.0
-    story.at(2.0, speed=1.0).tick().given(pose=None).tick(1.1)
+    story.at(2.0, speed=1.0).tick().tick().given(pose=None).tick(1.1)
     assert story.status.progress == 0.5
 
 
@@ -550,6 +550,13 @@ def test_eta_counts_a_wait_down(story):
         ({"pose": None}, Display.LOCALIZATION_LOST),
         ({"faults": ("LOCALIZATION_LOST",)}, Display.LOCALIZATION_LOST),
         ({"faults": ("OBSTACLE_NEAR",)}, Display.OBSTACLE),
+        ({"faults": ("OBSTACLE_NEAR",), "twist": Twist2(0.3, 0.0, 0.0)}, Display.NAVIGATING),  # slower, but it drives
+        ({"faults": ("COLLISION_IMMINENT",), "twist": Twist2(0.3, 0.0, 0.0)}, Display.OBSTACLE),  # it stops for it
+        ({"faults": ("LIDAR_TIMEOUT",)}, Display.ERROR),
+        ({"faults": ("IMU_TIMEOUT",)}, Display.NAVIGATING),  # slower, but it drives
+        ({"safety_known": False}, Display.ERROR),
+        ({"manual": True}, Display.MANUAL),
+        ({"charging": True}, Display.NAVIGATING),
     ],
 )
 def test_display_under_way(story, inputs, display):
@@ -570,6 +577,48 @@ def test_display_at_rest(story):
     assert story.status.display == Display.IDLE
     story.given(battery=0.1).tick()
     assert story.status.display == Display.LOW_BATTERY
+    story.given(charging=True).tick()
+    assert story.status.display == Display.CHARGING
+    story.happens(ev.PassengerChanged(True))
+    assert story.status.display == Display.PASSENGER_ONBOARD, "who carries somebody says that first"
+
+
+def test_the_display_is_dark_until_anything_is_known(params):
+    story = Story(params)
+    blind = replace(story.inputs, pose=None, safety_known=False)
+    kernel = MissionKernel(params, DEPARTURE)
+    (report,) = kernel.start_up(blind)
+    assert report.status.display == Display.OFF
+    assert kernel.step(ev.Tick(), blind, 1.0) == ()
+    (report,) = kernel.step(ev.Tick(), story.inputs, 2.0)
+    assert report.status.display == Display.IDLE
+    (report,) = kernel.step(ev.EmergencyStopBegan(), replace(blind, emergency_stop=True), 3.0)
+    assert report.status.display == Display.EMERGENCY_STOP
+    (report,) = kernel.step(ev.Tick(), blind, 4.0)
+    assert report.status.display == Display.IDLE, "it has been ready; what is wrong now the safety monitor says"
+
+
+def test_a_person_who_drives_is_shown_before_everything_but_a_stop(story):
+    story.given(manual=True).tick()
+    assert story.status.display == Display.MANUAL
+    story.start("park").command(ev.PAUSE)
+    assert story.status.display == Display.MANUAL
+    story.emergency(True)
+    assert story.status.display == Display.EMERGENCY_STOP
+
+
+@pytest.mark.parametrize(
+    ("aboard", "charging", "display"),
+    [
+        (False, False, Display.PAUSED),
+        (True, False, Display.PASSENGER_ONBOARD),
+        (False, True, Display.CHARGING),
+    ],
+)
+def test_a_robot_that_waits_does_not_show_that_it_drives(story, aboard, charging, display):
+    story.happens(ev.PassengerChanged(aboard)).start({"wait": 30.0}, "park").reach(2.0)
+    assert story.state is State.WAITING
+    assert story.given(charging=charging).tick().status.display == display
 
 
 # --- home on a low battery -------------------------------------------------------------------------------------------

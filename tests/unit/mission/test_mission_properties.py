@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from robot_stack.core.config import load
 from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.mission import Kind
 from robot_stack.mission import events as ev
-from robot_stack.mission.model import Kind
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.record import problem_of
 from robot_stack.mission.states import ACTIVE, AT_DOCK, UNDER_WAY, State, Trigger, target_of

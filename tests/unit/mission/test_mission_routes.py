@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from robot_stack.core.config import config_dir, load
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2, wrap_angle
+from robot_stack.core.mission import Kind, Mission
+from robot_stack.core.mission_library import MissionLibrary
 from robot_stack.core.robot import Footprint, load_robot
 from robot_stack.mission import route
-from robot_stack.mission.library import MissionLibrary
-from robot_stack.mission.model import Kind, Mission
 from robot_stack.mission.params import MissionParams
-from sim.terrain import solids
+from sim.demo import SHORT, SHORT_START
+from sim.plant.terrain import solids
 from sim.worldfile import load_world
 
 CLEARANCE_M = 0.25
@@ -94,6 +95,9 @@ def obstacles() -> dict[str, NDArray[np.float64]]:
     return found
 
 
+Leg = tuple[str, Pose2, Pose2, Footprint, NDArray[np.float64] | None]
+
+
 def sweep(a: Pose2, b: Pose2) -> Iterator[Pose2]:
     turn = wrap_angle(b.yaw - a.yaw)
     steps = max(1, math.ceil(max(a.distance_to(b) / STEP_M, abs(turn) / STEP_RAD)))
@@ -101,10 +105,12 @@ def sweep(a: Pose2, b: Pose2) -> Iterator[Pose2]:
         yield Pose2(a.x + share * (b.x - a.x), a.y + share * (b.y - a.y), wrap_angle(a.yaw + share * turn))
 
 
-def legs(mission: Mission) -> Iterator[tuple[str, Pose2, Pose2, Footprint, NDArray[np.float64] | None]]:
+def legs(
+    mission: Mission, start: Pose2 = START
+) -> Iterator[tuple[str, Pose2, Pose2, Footprint, NDArray[np.float64] | None]]:
     """(name, from, to, footprint, chair that stands about) for each leg; docking and undocking end where they end."""
     robot = load_robot()
-    here, footprint, chair = START, robot.footprint, attached_chair(docked("chair_1"))
+    here, footprint, chair = start, robot.footprint, attached_chair(docked("chair_1"))
     passed: Pose2 | None = None
     for waypoint in mission.waypoints:
         yield waypoint.name, here, waypoint.pose, footprint, chair
@@ -151,11 +157,11 @@ def transport() -> Mission:
     return MissionLibrary(config_dir() / "missions").find("wheelchair_transport")
 
 
-def clearances(mission: Mission) -> dict[tuple[str, str], float]:
+def clearances(mission: Mission, start: Pose2 = START) -> dict[tuple[str, str], float]:
     """Smallest gap between the swept footprint and each thing that stands about, m, by (leg, thing)."""
     found: dict[tuple[str, str], float] = {}
     yard = obstacles()
-    for name, a, b, footprint, chair in legs(mission):
+    for name, a, b, footprint, chair in legs(mission, start):
         things = yard if chair is None else {**yard, "chair": chair}
         reach_m = math.hypot(max(footprint.front_m, -footprint.rear_m), 0.5 * footprint.width_m) + FAR_M
         near = {thing: polygon for thing, polygon in things.items() if boxes_gap_m(polygon, a, b) <= reach_m}
@@ -176,6 +182,14 @@ def boxes_gap_m(polygon: NDArray[np.float64], a: Pose2, b: Pose2) -> float:
 def test_it_keeps_clear_of_everything(transport):
     close = {key: round(gap, 3) for key, gap in clearances(transport).items() if gap <= CLEARANCE_M + UNSEEN_M}
     assert close == {}
+
+
+def test_the_short_one_keeps_clear_from_its_own_start():
+    short = MissionLibrary(config_dir() / "missions").find(SHORT)
+    close = {key: round(gap, 3) for key, gap in clearances(short, SHORT_START).items() if gap <= CLEARANCE_M + UNSEEN_M}
+    assert close == {}
+    for name, a, b, _, _ in legs(short, SHORT_START):
+        assert abs(wrap_angle(b.yaw - a.yaw)) < math.radians(150.0), name
 
 
 def test_it_begins_docking_at_the_staging_pose_and_ends_in_the_bay(transport):

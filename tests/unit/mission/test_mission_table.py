@@ -18,7 +18,9 @@ Step = Callable[[DockStory], object]
 
 
 def tries(story: DockStory, number: int) -> None:
-    story.at(0.3).tick(number * (story.params.progress_timeout_s + 0.4))
+    story.at(0.3)
+    for _ in range(number):
+        story.stall()
 
 
 def full_disk(story: DockStory) -> None:

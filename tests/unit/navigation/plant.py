@@ -7,6 +7,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from robot_stack.core.config import load
+from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
 from robot_stack.core.robot import Motion, load_robot
 from robot_stack.navigation.controller import NavigationController, Output, Situation
@@ -36,13 +37,13 @@ class Drive:
 
     def step(self, command: Twist2) -> None:
         self._commands.append(command)
-        wish = self._commands.popleft() if len(self._commands) > round(self.delay_s / STEP_S) else ZERO_TWIST
-        self._follow(ZERO_TWIST if self.blocked else wish)
+        requested = self._commands.popleft() if len(self._commands) > round(self.delay_s / STEP_S) else ZERO_TWIST
+        self._follow(ZERO_TWIST if self.blocked else requested)
         self.pose = self.pose.compose(exp_se2(self.twist, STEP_S))
 
-    def _follow(self, wish: Twist2) -> None:
+    def _follow(self, requested: Twist2) -> None:
         share, t, m = STEP_S / (self.lag_s + STEP_S), self.twist, self.motion
-        dx, dy, dw = share * (wish.vx - t.vx), share * (wish.vy - t.vy), share * (wish.omega - t.omega)
+        dx, dy, dw = share * (requested.vx - t.vx), share * (requested.vy - t.vy), share * (requested.omega - t.omega)
         size, most = math.hypot(dx, dy), 1.2 * m.max_acceleration_mps2 * STEP_S
         factor = 1.0 if size <= most else most / size
         most = 1.2 * m.max_yaw_acceleration_radps2 * STEP_S
@@ -65,7 +66,9 @@ class Ride:
         return Located(self.drive.pose, self.drive.twist) if self.pose_known else None
 
     def go(self, goal: Pose2, **changes: object) -> str:
-        return self.controller.request(request(goal, self.now_s, **changes), self.now_s, self.located())
+        return self.controller.request(
+            request(goal, self.now_s, **changes), self.now_s, self.located(), emergency_stop=self.emergency_stop
+        )
 
     def tick(self) -> Output:
         problem = "" if self.pose_known else "/current_pose silent"
@@ -97,5 +100,13 @@ def request(goal: Pose2, stamp_s: float = 0.0, frame_id: str = "map") -> GoalReq
     return GoalRequest(frame_id, stamp_s, (goal.x, goal.y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
 
 
-def ride(start: Pose2 = IDENTITY, **overrides: object) -> Ride:
-    return Ride(NavigationController(params(**overrides), ROBOT, "map"), Drive(ROBOT.empty, pose=start))
+def ride(start: Pose2 = IDENTITY, departure: Departure | None = None, **overrides: object) -> Ride:
+    return Ride(
+        NavigationController(
+            params(**overrides),
+            ROBOT,
+            "map",
+            departure or Departure(load(DepartureParams, "departure"), announced=True),
+        ),
+        Drive(ROBOT.empty, pose=start),
+    )

@@ -10,15 +10,18 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from robot_stack.core.config import load
+from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2
+from robot_stack.core.limits import MotionLimits
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
 from robot_stack.navigation.controller import NavigationController, NavigationState, Output, Situation
 from robot_stack.navigation.footprint import outline
-from robot_stack.navigation.limits import MotionLimits
 from robot_stack.navigation.people import PeopleTracker
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.ramp import Ramp
 from robot_stack.navigation.rollout_kernels import along_poses, free_time
+from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteSolver
 from tests.unit.navigation.plant import ROBOT, Drive, params, request
 
 _N, _RES = 200, 0.05
@@ -29,8 +32,16 @@ Painter = Callable[[float, npt.NDArray[np.float64], npt.NDArray[np.float64]], np
 class Story:
     """paint(time, x, y) says which points of the ground are obstacles."""
 
-    def __init__(self, paint: Painter, grid: Grid | None = None, *, chair: bool = False) -> None:
-        self.controller = NavigationController(params(use_costmap=True), ROBOT, "map", grid)
+    def __init__(
+        self,
+        paint: Painter,
+        grid: Grid | None = None,
+        *,
+        chair: bool = False,
+        routes: Callable[[RouteSolver], RoutePlanner] = PromptRoutes,
+    ) -> None:
+        announced = Departure(load(DepartureParams, "departure"), announced=True)
+        self.controller = NavigationController(params(use_costmap=True), ROBOT, "map", announced, grid, routes)
         self.controller.set_passenger(chair)
         self.drive = Drive(ROBOT.motion(chair), pose=Pose2(2.0, 5.0, 0.0))
         self.footprint = ROBOT.footprint_with_chair if chair else ROBOT.footprint

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, wrap_angle
+from robot_stack.core.limits import SpeedLimit
 from robot_stack.navigation.controller import NavigationState, Situation
-from robot_stack.navigation.limits import SpeedLimit
 from robot_stack.navigation.pose_source import Located
 from tests.unit.navigation.plant import ROBOT, request, ride
 
@@ -123,17 +123,22 @@ def test_refused_goal_ends_the_one_before(goal: Pose2, changes: dict[str, str], 
     assert story.controller.state is NavigationState.IDLE
 
 
-def test_emergency_stop_zeroes_at_once_and_goes_on_from_rest() -> None:
+def test_emergency_stop_zeroes_at_once_and_only_a_new_goal_after_its_release_moves_the_robot() -> None:
     story = ride()
     story.go(Pose2(8.0, 0.0, 0.0))
     story.run(4.0)
     story.emergency_stop = True
     assert story.tick().twist == ZERO_TWIST
-    assert story.controller.state is NavigationState.HELD
+    assert story.controller.state is NavigationState.IDLE
+    assert story.controller.goal is None
+    assert story.outputs[-1].text == "emergency stop: the goal is dropped"
+    assert story.go(Pose2(8.0, 0.0, 0.0)) == "an emergency stop is in force: ask again after its release"
     story.run(3.0)
-    assert all(output.twist == ZERO_TWIST for output in story.outputs[-50:])
     stood_m = story.drive.pose.x
     story.emergency_stop = False
+    story.run(3.0)
+    assert all(output.twist == ZERO_TWIST for output in story.outputs[-120:])
+    assert not story.go(Pose2(8.0, 0.0, 0.0))
     first = story.tick().twist
     assert first.speed() < 0.1  # no lurch: from rest, within the jerk
     commands = [story.tick().twist for _ in range(20)]
@@ -145,13 +150,15 @@ def test_emergency_stop_zeroes_at_once_and_goes_on_from_rest() -> None:
     assert_at(story.drive.pose, Pose2(8.0, 0.0, 0.0))
 
 
-def test_stop_between_two_ticks_holds() -> None:
+def test_stop_between_two_ticks_drops_the_goal() -> None:
     story = ride()
     story.go(GOAL)
     story.run(2.0)
     story.controller.stop()
-    assert story.controller.state is NavigationState.HELD
-    assert story.controller.goal is not None
+    assert story.controller.state is NavigationState.IDLE
+    assert story.controller.goal is None
+    story.controller.stop()
+    assert story.tick().twist == ZERO_TWIST
 
 
 def test_after_a_hold_it_waits_for_standstill() -> None:

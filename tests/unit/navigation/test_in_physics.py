@@ -9,7 +9,7 @@ import pytest
 from robot_stack.core.geometry import IDENTITY, Pose2, wrap_angle
 from robot_stack.navigation.controller import NavigationState
 from sim.bench.kernel_stack import KernelStack
-from sim.world import Setup
+from sim.plant.world import Setup
 from sim.worldfile import load_world
 
 GOAL = Pose2(2.5, 1.0, 0.8)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from robot_stack.core.geometry import IDENTITY, Pose2
-from robot_stack.navigation.limits import MotionLimits, PlanningLimits
+from robot_stack.core.limits import MotionLimits
+from robot_stack.navigation.limits import PlanningLimits
 from robot_stack.navigation.motion import MotionState
 from robot_stack.navigation.path import Path, path_of
 from robot_stack.navigation.plan import plan_motion

@@ -8,7 +8,8 @@ import pytest
 
 from robot_stack.core.config import ConfigError
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
-from robot_stack.navigation.limits import NO_LIMIT, SpeedLimit, planning_limits
+from robot_stack.core.limits import NO_LIMIT, SpeedLimit
+from robot_stack.navigation.limits import planning_limits
 from robot_stack.navigation.motion import MotionState
 from robot_stack.navigation.tracker import begun, bounded, command, settle_command, waiting_rate
 from tests.unit.navigation.plant import ROBOT, params

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from robot_stack.core.config import load
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.perception.params import PerceptionParams
-from robot_stack.perception.pipeline import Pipeline, Scene
+from robot_stack.perception.pipeline import Pipeline
 
 
 @pytest.fixture(scope="session")
@@ -29,13 +30,23 @@ def pipeline(robot: Robot, params: PerceptionParams) -> Pipeline:
     return Pipeline(robot, params)
 
 
+@dataclass(frozen=True)
+class Look:
+    """free_m: (sectors,) around the sensor, how far ground was seen."""
+
+    obstacles: np.ndarray
+    broken: int
+    free_m: np.ndarray
+
+
 @pytest.fixture
-def look(pipeline: Pipeline) -> Callable[[Points], Scene]:
+def look(pipeline: Pipeline) -> Callable[[Points], Look]:
     """What a standing robot makes of a sweep."""
 
-    def scene(points: Points) -> Scene:
+    def scene(points: Points) -> Look:
         pipeline.forget()
-        return pipeline.scene(points, 0.0)
+        found = pipeline.scene(points, 0.0)
+        return Look(found.obstacles, found.broken, pipeline.segment(pipeline.points(points, 0.0)[0]).profile.free_m)
 
     return scene
 

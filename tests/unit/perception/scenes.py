@@ -43,18 +43,26 @@ def sweep(
     lost: float = 0.0,
     columns: int = 1200,
     seed: int = 0,
+    ring_bias: tuple[float, float] = (0.0, 0.0),
 ) -> Points:
-    """A full turn of a standing robot, times all 0. hole: x0, x1 and depth of a trench across, without end in y."""
+    """A full turn of a standing robot, times all 0. hole: x0, x1 and depth of a trench across, without end in y.
+
+    ring_bias: by how much (m, deg) range and elevation of a ring are wrong at most.
+    """
     random = np.random.default_rng(seed)
+    own = np.random.default_rng((seed, 1)).uniform(-1.0, 1.0, (2, RINGS))
     azimuth = np.linspace(math.pi, -math.pi, columns, endpoint=False)
-    elevation = np.radians(np.linspace(-30.0, 15.0, RINGS))
-    a, e = np.meshgrid(azimuth, elevation, indexing="ij")
+    believed = np.radians(np.linspace(-30.0, 15.0, RINGS))
+    a, e = np.meshgrid(azimuth, believed + np.radians(ring_bias[1] * own[1]), indexing="ij")
     rays = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=-1).reshape(-1, 3)
     reach = _ground(rays, slope, hole)
     for solid in solids:
         reach = np.minimum(reach, _box(rays, solid))
     seen = np.isfinite(reach) & (reach < 50.0) & (reach > 0.5) & (random.random(len(reach)) >= lost)
     reach = np.where(seen, reach, 0.0) + noise_m * random.standard_normal(len(reach))
+    reach += np.tile(ring_bias[0] * own[0], columns)
+    a, e = np.meshgrid(azimuth, believed, indexing="ij")
+    rays = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=-1).reshape(-1, 3)
     points = np.zeros(int(seen.sum()), SWEEP)
     for index, name in enumerate("xyz"):
         points[name] = (rays[:, index] * reach)[seen]

@@ -1,14 +1,12 @@
-"""Voxels and stray points."""
+"""Voxels, and what is carried over to the next sweep."""
 
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from robot_stack.core.geometry import Pose2
-from robot_stack.perception.free_space import free_ranges
-from robot_stack.perception.pipeline import shifted
-from robot_stack.perception.voxel import voxels, without_strays
+from robot_stack.perception.carry import carried
+from robot_stack.perception.voxel import voxels
 
 
 def test_points_of_one_voxel_become_their_centroid() -> None:
@@ -23,42 +21,24 @@ def test_voxels_keep_every_occupied_place() -> None:
     assert len(voxels(xyz[:0], 0.05)) == 0
 
 
-def test_lonely_points_go_and_a_column_of_four_stays() -> None:
-    pole = np.array([[5.0, 0.0, z] for z in (0.2, 0.5, 0.8, 1.1)], np.float32)
-    stray = np.array([[8.0, 8.0, 1.0], [90.0, 0.0, 1.0]], np.float32)
-    np.testing.assert_array_equal(without_strays(np.concatenate([stray, pole]), 25.0, 0.3, 4), pole)
-    assert len(without_strays(pole[:0], 25.0, 0.3, 4)) == 0
+def test_far_away_a_column_is_one_point() -> None:
+    post = np.array([[9.02, 0.02, z] for z in (0.2, 0.5, 1.1)], np.float32)
+    near = post - np.array([4.0, 0.0, 0.0], np.float32)
+    found = voxels(np.concatenate([post, near]), 0.05, 8.0, 0.1)
+    np.testing.assert_allclose(found, [[9.02, 0.02, 0.6], *near], atol=1e-6)
 
 
 def test_obstacles_move_with_the_robot() -> None:
     """The robot drove 1 m ahead and turned left by 90 deg: what was 3 m ahead now is 2 m to its right."""
     step = Pose2(0.0, 0.0, 0.0).relative_to(Pose2(1.0, 0.0, np.pi / 2))
-    np.testing.assert_allclose(shifted(np.array([[3.0, 0.0, 0.5]], np.float32), step), [[0.0, -2.0, 0.5]], atol=1e-6)
+    ahead = np.array([[3.0, 0.0, 0.5]], np.float32)
+    nowhere = np.zeros(360, np.bool_)
+    np.testing.assert_allclose(carried(ahead, step, (0.2, 0.0), nowhere), [[0.0, -2.0, 0.5]], atol=1e-6)
 
 
-def test_free_space_is_seen_from_base_link_and_ends_at_obstacles() -> None:
-    free = np.full(360, 5.0, np.float32)
-    ranges = free_ranges(free, (0.2, 0.0), np.array([[3.0, 0.01, 0.5]], np.float32), 720)
-    assert ranges[360] == pytest.approx(3.0, abs=0.01)
-    assert ranges[370] == pytest.approx(5.2, abs=0.02)
-    assert ranges[5] == pytest.approx(4.8, abs=0.02)
-    assert (ranges > 0.0).all()
-
-
-def test_neighbours_of_unlike_length_leave_no_seams() -> None:
-    free = np.random.default_rng(0).uniform(1.5, 20.0, 360).astype(np.float32)
-    ranges = free_ranges(free, (0.2, 0.0), np.empty((0, 3), np.float32), 720)
-    assert (ranges > 0.0).all()
-    angles = (np.arange(720) + 0.5) * (2.0 * np.pi / 720) - np.pi
-    x, y = ranges * np.cos(angles) - 0.2, ranges * np.sin(angles)
-    sector = ((np.arctan2(y, x) + np.pi) * (360 / (2.0 * np.pi))).astype(int) % 360
-    around = np.max([free[(sector + step) % 360] for step in range(-9, 10)], axis=0)
-    assert (np.hypot(x, y) <= around + 0.05).all(), "never farther than what was seen there"
-
-
-def test_what_was_not_seen_is_zero() -> None:
-    free = np.full(360, 5.0, np.float32)
-    free[170:190] = 0.0
-    ranges = free_ranges(free, (0.2, 0.0), np.empty((0, 3), np.float32), 720)
-    assert (ranges[345:375] == 0.0).all()
-    assert (ranges[:300] > 0.0).all()
+def test_what_this_sweep_looked_at_is_not_carried_over() -> None:
+    """The directions of a sensor at x = 0.2 m: one of the two points lies in a covered one."""
+    covered = np.zeros(360, np.bool_)
+    covered[180] = True
+    points = np.array([[3.0, 0.01, 0.5], [3.0, 0.5, 0.5], [0.2, -1.0, 0.5]], np.float32)
+    np.testing.assert_array_equal(carried(points, Pose2(0.0, 0.0, 0.0), (0.2, 0.0), covered), points[1:])

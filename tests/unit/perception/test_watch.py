@@ -8,13 +8,18 @@ import numpy as np
 import pytest
 
 from robot_stack.core.config import load
+from robot_stack.core.docks import load_docks
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Robot
+from robot_stack.core.robot_shape import planar
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
-from robot_stack.perception.watch import Watch, hidden_by_chair
+from robot_stack.perception.watch import DIRECTIONS, Watch, too_near
+from sim.lidar.views import sweep_at
+from sim.worldfile import load_world
 from tests.unit.perception.scenes import sweep
 
+LATCHED = load_docks().latched_wheelchair()
 WATCH = load(PerceptionParams, "perception_pipeline").watch
 
 
@@ -49,7 +54,7 @@ def test_too_few_returns_are_a_cover() -> None:
 
 def dark_deg(watch: Watch) -> list[int]:
     """Where the blind directions begin."""
-    return [-180 + 10 * int(i) for i in np.flatnonzero(watch.dark)]
+    return [-180 + 10 * int(i) for i in np.flatnonzero(watch.blind_sectors)]
 
 
 def test_a_direction_without_returns_is_blind_soon() -> None:
@@ -58,7 +63,7 @@ def test_a_direction_without_returns_is_blind_soon() -> None:
         half = halves(step)[step % 2]
         angle = np.degrees(np.arctan2(half["y"], half["x"]))
         assert watch.blind(half[~((angle > 40.0) & (angle < 70.0))], 0.05 * step) == ""
-        if watch.dark.any():
+        if watch.blind_sectors.any():
             told_s = 0.05 * step
             break
     assert dark_deg(watch) == [50, 60]
@@ -93,10 +98,10 @@ def test_a_blind_direction_is_an_obstacle_beside_the_robot(robot: Robot) -> None
     """Ahead of a robot that has driven up to a wall nothing is seen: there it must not drive, elsewhere it may."""
     params = load(PerceptionParams, "perception_pipeline")
     pipeline = Pipeline(robot, params)
-    dark = np.zeros(WATCH.sectors, np.bool_)
-    dark[[17, 18]] = True  # 10 deg to either side of ahead
+    obstructed = np.zeros(DIRECTIONS, np.bool_)
+    obstructed[170:190] = True  # 10 deg to either side of ahead
     points = halves(0)[0]
-    seen, blind = pipeline.scene(points, 0.0).obstacles, pipeline.scene(points, 10.0, dark).obstacles
+    seen, blind = pipeline.scene(points, 0.0).obstacles, pipeline.scene(points, 10.0, obstructed).obstacles
     added = blind[np.abs(blind[:, 0] - robot.footprint.front_m) < 0.1]
     assert len(added) >= 2
     assert not len(seen[np.abs(seen[:, 0] - robot.footprint.front_m) < 0.1])
@@ -110,15 +115,65 @@ def test_one_lost_half_sweep_blinds_nobody() -> None:
         assert watch.blind(halves(step)[step % 2], 0.05 * step) == ""
 
 
-def test_behind_the_chair_nothing_needs_to_be_seen(robot: Robot) -> None:
-    excused = hidden_by_chair(robot, WATCH.sectors)
-    # 0.4 m to either side 0.3 m ahead of the sensor: 53 deg.
-    assert [int(i) for i in np.flatnonzero(excused)] == list(range(12, 24))
+def test_a_chair_excuses_only_what_is_too_near_to_be_seen(robot: Robot) -> None:
+    """Its board is 0.75 m before the LiDAR, and returns from 0.6 m on count: dirt is noticed there as anywhere."""
+    assert not too_near(robot, LATCHED, WATCH).any()
+    assert not too_near(robot, None, WATCH).any()
+    lidar = robot.range_sensors["lidar"].model_copy(update={"xyz_m": (0.45, 0.0, 0.70)})
+    nearer = robot.model_copy(update={"range_sensors": {"lidar": lidar}})
+    excused = too_near(nearer, LATCHED, WATCH)
+    # 0.5 m to the board: 0.6 m are reached 34 deg to either side of ahead.
+    assert [int(i) for i in np.flatnonzero(excused)] == list(range(14, 22))
     watch = Watch(WATCH)
     for step in range(10):
         half = halves(step)[step % 2]
         angle = np.degrees(np.arctan2(half["y"], half["x"]))
-        assert watch.blind(half[np.abs(angle) > 55.0], 0.05 * step, excused) == ""
+        assert watch.blind(half[np.abs(angle) > 35.0], 0.05 * step, excused) == ""
+    assert not watch.blind_sectors.any()
+    assert not watch.obstructed.any()
+
+
+def test_with_a_chair_every_direction_still_shows_something() -> None:
+    assert LATCHED is not None
+    watch = Watch(WATCH)
+    for step in range(6):
+        points, _ = sweep_at(load_world("flat"), np.eye(4), seed=step, chair=planar(LATCHED))
+        left = points["y"] >= 0.0
+        assert watch.blind(points[left if step % 2 else ~left], 0.05 * step) == ""
+        assert not watch.blind_sectors.any()
+        assert not watch.obstructed.any()
+
+
+def hidden_low(step: int, from_deg: float, width_deg: float) -> Points:
+    """A half sweep without the beams that lead down steeply in some directions, and all others there."""
+    half = halves(step)[step % 2]
+    angle = np.degrees(np.arctan2(half["y"], half["x"]))
+    low = half["z"] < -0.28 * np.hypot(half["x"], half["y"])
+    return half[~(low & (angle > from_deg) & (angle < from_deg + width_deg))]
+
+
+@pytest.mark.parametrize(("width_deg", "least", "most"), [(3.0, 0, 0), (6.0, 4, 7), (30.0, 28, 31)])
+def test_what_is_too_near_to_be_seen_hides_the_ground_behind_it(width_deg: float, least: int, most: int) -> None:
+    """The world is seen over a child's head, the ground before its feet is not."""
+    watch = Watch(WATCH)
+    for step in range(10):
+        assert watch.blind(hidden_low(step, 20.0, width_deg), 0.05 * step) == ""
+    found = np.flatnonzero(watch.obstructed) - DIRECTIONS // 2
+    assert not watch.blind_sectors.any()
+    assert least <= len(found) <= most
+    assert np.all((found >= 19) & (found <= 20 + width_deg))
+    for step in range(10, 14):
+        watch.blind(halves(step)[step % 2], 0.05 * step)
+    assert not watch.obstructed.any()
+
+
+def test_a_direction_behind_is_missed_across_the_circles_end() -> None:
+    watch = Watch(WATCH)
+    for step in range(10):
+        half = hidden_low(step, 176.0, 5.0)
+        angle = np.degrees(np.arctan2(half["y"], half["x"]))
+        watch.blind(half[np.abs(angle) < 176.0], 0.05 * step)
+    assert watch.obstructed[[0, 1, 2, 3, 356, 357, 358, 359]].all()
 
 
 @pytest.mark.parametrize(

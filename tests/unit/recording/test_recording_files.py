@@ -23,9 +23,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from robot_stack.contract import topics
 from robot_stack.core.config import ConfigError, config_dir, load, read_yaml, validate
+from robot_stack.core.message_definitions import message_definition
 from robot_stack.recording import metadata
 from robot_stack.recording.background import BackgroundWriter, disk_use
-from robot_stack.recording.definitions import message_definition
 from robot_stack.recording.params import RecorderParams
 from robot_stack.recording.recovery import (
     InUse,

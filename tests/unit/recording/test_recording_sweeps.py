@@ -11,7 +11,7 @@ from robot_stack.core.config import ConfigError, load
 from robot_stack.recording.params import RecorderParams
 from robot_stack.recording.sweeps import SweepChoice
 
-SWEEPS = (topics.LIDAR_POINTS, topics.LIDAR_HALF_SWEEP)
+SWEEPS = (topics.LIDAR_POINTS, topics.LIDAR_HALF_SWEEP, topics.OVERHEAD_LIDAR_POINTS)
 
 
 @pytest.mark.parametrize(

@@ -20,9 +20,11 @@ from robot_stack.core.config import load
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.robot import load_robot
 from robot_stack.safety.arbiter import Verdict
+from robot_stack.safety.button import Contact
 from robot_stack.safety.inputs import Axis, DriveReading, ImuSample
 from robot_stack.safety.monitor import Memory, ResetAnswer, SafetyMonitor
 from robot_stack.safety.params import SafetyParams
+from robot_stack.safety.stop_sources import SourceReport
 
 ROBOT = load_robot()
 PARAMS = load(SafetyParams, "safety_monitor")
@@ -31,6 +33,7 @@ G = 9.81
 _BEARINGS = np.linspace(-math.pi, math.pi, 90)
 SWEEP = np.stack([8.0 * np.cos(_BEARINGS), 8.0 * np.sin(_BEARINGS), 0.0 * _BEARINGS], axis=1).astype(np.float32)
 NOTHING = np.empty((0, 3), np.float32)
+NOBODY = np.empty((0, 5), np.float32)
 GOOD_AXIS = Axis(servo_on=True, amp_alarm=False, following_error=False)
 
 
@@ -59,12 +62,23 @@ class Story:
         self.docking: str | None = None
         self.cameras: list[str] = []
         self.sweep: NDArray[np.float32] | None = SWEEP
+        self.overhead: NDArray[np.float32] | None = SWEEP
         self.sweep_frozen = False
+        self.overhead_frozen = False
         self.obstacles: NDArray[np.float32] | None = NOTHING
+        self.unseen: NDArray[np.float32] | None = NOTHING
+        self.moving: NDArray[np.float32] | None = NOBODY
         self.driven: Twist2 | None = ZERO_TWIST
-        self.wish: Twist2 | None = None
+        self.request: Twist2 | None = None
         self.dock: Pose2 | None = None
+        self.button = Contact.RELEASED
+        self.usage: tuple[float, float, float] | None = (20.0, 40.0, 60.0)
+        self.temperature_c: float | None = 50.0
+        self.ehmi_linked = self.ui_connected = False
         self.beating: set[str] = set(self.params.expected_processes)
+        self.presses: dict[str, int] = {}
+        self.pressed: dict[str, bool] = {}
+        self.reporting: set[str] = {"emergency_stop_button", "touch_ui"}
 
     def healthy(self) -> Story:
         """Runs until everything has cleared."""
@@ -94,9 +108,24 @@ class Story:
         self.verdict = self.monitor.step(self.now_s)
         return self
 
-    def estop(self, pressed: bool) -> Story:
+    def estop(self, pressed: bool, source: str | None = "touch_ui") -> Story:
+        """A message on /emergency_stop and its report. source: None for somebody who does not report."""
         self.monitor.observation.emergency_stop(pressed, self.now_s)
+        if source is not None:
+            self.presses[source] = self.presses.get(source, 0) + pressed
+            self.pressed[source] = pressed
+            self.report(source)
         return self.step()
+
+    def report(self, source: str, pid: int = 1) -> None:
+        """One message of /emergency_stop/sources."""
+        report = SourceReport(source, pid, self.presses.get(source, 0), self.pressed.get(source, False))
+        self.monitor.observation.stop_source(report, self.now_s)
+
+    def clear(self, source: str) -> ResetAnswer:
+        answer = self.monitor.clear(source, self.now_s)
+        self.step()
+        return answer
 
     def reset(self) -> ResetAnswer:
         answer = self.monitor.reset(self.now_s)
@@ -109,7 +138,9 @@ class Story:
 
     def restarted(self) -> Story:
         """The story after a crash of the monitor: a new one with the old one's memory."""
-        return Story(self.now_s, self.monitor.memory)
+        story = Story(self.now_s, self.monitor.memory)
+        story.presses, story.pressed = dict(self.presses), dict(self.pressed)
+        return story
 
     def expect(
         self,
@@ -137,8 +168,10 @@ class Story:
         inputs, now_s = self.monitor.observation, self.now_s
         for process in self.beating:
             inputs.heartbeat(process, now_s)
+        for source in self.reporting if self.ticks % 20 == 0 else ():
+            self.report(source)
         if self.communicating is not None:
-            inputs.engine(DriveReading(self.communicating, self.ticks, tuple(self.axes)), now_s)
+            inputs.engine(DriveReading(self.communicating, self.ticks, tuple(self.axes), self.button), now_s)
         if self.wheel_radps is not None:
             velocity = [self.wheel_radps, 0.0] * 4
             inputs.joint_states(JOINTS, [0.0] * len(JOINTS), velocity, now_s)
@@ -150,27 +183,45 @@ class Story:
             inputs.quality(self.quality, now_s)
         if self.battery is not None:
             inputs.battery(self.battery, now_s)
-
+        self._feed_computer()
         if self.docking is not None:
             inputs.docking(self.docking, now_s)
         for camera in self.cameras:
             inputs.camera(camera, now_s)
         if self.driven is not None:
             inputs.commands.limited(self.driven, now_s)
-        if self.wish is not None:
-            inputs.commands.wish("/cmd_vel", self.wish, now_s)
+        if self.request is not None:
+            inputs.commands.request("/cmd_vel", self.request, now_s)
         if self.dock is not None:
             inputs.surroundings.dock(self.dock, 0.0, now_s)
         if self.ticks % 5 == 0:
             self._feed_surroundings()
+
+    def _feed_computer(self) -> None:
+        inputs, now_s = self.monitor.observation, self.now_s
+        if self.usage is not None:
+            inputs.computer.usage(*self.usage, now_s)
+        if self.temperature_c is not None:
+            inputs.computer.temperature(self.temperature_c, now_s)
+        if self.ehmi_linked:
+            inputs.ehmi.alive(now_s)
+        if self.ui_connected:
+            inputs.ui.alive(now_s)
 
     def _feed_surroundings(self) -> None:
         inputs, now_s = self.monitor.observation, self.now_s
         if self.sweep is not None:
             noise = 0.0 if self.sweep_frozen else 1e-6 * self.ticks
             inputs.lidar.received(self.sweep * np.float32(1.0 + noise), 50 * len(self.sweep), now_s)
+        if self.overhead is not None:
+            noise = 0.0 if self.overhead_frozen else 1e-6 * self.ticks
+            inputs.overhead_lidar.received(self.overhead * np.float32(1.0 + noise), 50 * len(self.overhead), now_s)
         if self.obstacles is not None:
             inputs.obstacles(self.obstacles, 0.0, now_s)
+        if self.unseen is not None:
+            inputs.surroundings.unseen_received(self.unseen, 0.0, now_s)
+        if self.moving is not None:
+            inputs.surroundings.moving_received(self.moving, 0.0, now_s)
 
     def _imu_sample(self, tilt_rad: float) -> ImuSample:
         noise = 0.0 if self.imu_frozen else 1e-9 * (1 + self.ticks)

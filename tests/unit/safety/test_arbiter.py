@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from robot_stack.contract.faults import FAULTS
 from robot_stack.contract.model import SafetyAction, SafetyState
+from robot_stack.core.limits import SpeedLimit
 from robot_stack.safety.arbiter import Verdict, arbitrate
-from robot_stack.safety.inputs import SpeedLimit
 from robot_stack.safety.rows import ActiveRow
 
 OWN, PASSENGER = SpeedLimit(1.5, 1.0), SpeedLimit(1.0, 1.0)
@@ -22,8 +22,19 @@ STOP = ActiveRow("STOP", SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, Non
 ESTOP = ActiveRow("ESTOP", SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, None, "")
 
 
-def verdict(action: SafetyAction, state: SafetyState, faults: str, limit: tuple[float, float], reason: str) -> Verdict:
-    return Verdict(action, state, tuple(faults.split()), SpeedLimit(*limit), reason)
+STAND = ActiveRow("STAND", SafetyAction.STOP, SafetyState.DEGRADED, None, "")
+NEAR = ActiveRow("NEAR", SafetyAction.LIMIT, SafetyState.COLLISION_AVOIDANCE, SpeedLimit(0.3, 0.8), "")
+
+
+def verdict(
+    action: SafetyAction,
+    state: SafetyState,
+    faults: str,
+    limit: tuple[float, float],
+    reason: str,
+    hard: bool = False,
+) -> Verdict:
+    return Verdict(action, state, tuple(faults.split()), SpeedLimit(*limit), reason, hard)
 
 
 @pytest.mark.parametrize(
@@ -35,11 +46,22 @@ def verdict(action: SafetyAction, state: SafetyState, faults: str, limit: tuple[
         ([SLOW], None, verdict(SafetyAction.LIMIT, SafetyState.DEGRADED, "SLOW", (0.3, 0.8), "SLOW")),
         ([SLOW], PASSENGER, verdict(SafetyAction.LIMIT, SafetyState.DEGRADED, "SLOW", (0.3, 0.8), "SLOW")),
         ([SLOW, TURN], None, verdict(SafetyAction.LIMIT, SafetyState.DEGRADED, "SLOW TURN", (0.3, 0.2), "SLOW,TURN")),
-        ([STOP, SLOW], None, verdict(SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, "STOP SLOW", (0, 0), "STOP")),
+        (
+            [STOP, SLOW],
+            None,
+            verdict(SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, "STOP SLOW", (0, 0), "STOP", True),
+        ),
+        (
+            [STAND, NEAR],
+            None,
+            verdict(SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, "STAND NEAR", (0, 0), "STAND"),
+        ),
         (
             [ESTOP, STOP, WARN],
             PASSENGER,
-            verdict(SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, "ESTOP STOP WARN", (0, 0), "ESTOP,STOP"),
+            verdict(
+                SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, "ESTOP STOP WARN", (0, 0), "ESTOP,STOP", True
+            ),
         ),
     ],
 )

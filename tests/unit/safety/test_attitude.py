@@ -70,6 +70,19 @@ def test_at_rest_it_is_the_angle_to_the_vertical(roll_deg: float, pitch_deg: flo
     assert math.degrees(up.inclination_rad()) == pytest.approx(inclination_deg, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("roll_deg", "pitch_deg", "downhill_deg"),
+    [(0.0, 10.0, 0.0), (0.0, -10.0, 180.0), (10.0, 0.0, -90.0), (-10.0, 0.0, 90.0), (3.0, 3.0, -45.0)],
+)
+def test_the_fall_line_leads_where_the_robot_leans(roll_deg: float, pitch_deg: float, downhill_deg: float) -> None:
+    """Nose down is a positive pitch, the right side down a positive roll."""
+    up = _up()
+    assert math.isnan(up.downhill_rad())
+    _feed(up, _at_rest(roll_deg, pitch_deg), 0.0, 1.0)
+    off_deg = math.degrees(up.downhill_rad()) - downhill_deg
+    assert math.cos(math.radians(off_deg)) == pytest.approx(1.0, abs=1e-5)
+
+
 def test_roll_and_pitch_together() -> None:
     """cos(inclination) = cos(roll) cos(pitch): 6 deg and 8 deg make 9.99 deg."""
     up = _up()

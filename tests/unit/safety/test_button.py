@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
-from robot_stack.safety.button import Contact, EmergencyButton
+from robot_stack.safety.button import Contact, EmergencyButton, read_contact
+from robot_stack.wmx.axes import EngineState, StatusSnapshot, empty_snapshot
 
 RELEASED, PRESSED, UNREADABLE = Contact.RELEASED, Contact.PRESSED, Contact.UNREADABLE
 
@@ -24,6 +28,18 @@ class Desk:
             if say is not None:
                 self.said.append(say)
         return self.said[before:]
+
+
+def status(state: EngineState, byte_1: int) -> StatusSnapshot:
+    return replace(empty_snapshot(), engine_state=state, inputs=np.array([0, byte_1], np.uint8))
+
+
+def test_a_closed_contact_is_released_and_a_cut_wire_pressed() -> None:
+    communicating = EngineState.Communicating
+    assert read_contact(status(communicating, 0b0100), 1, 2) is RELEASED
+    assert read_contact(status(communicating, 0b1011), 1, 2) is PRESSED
+    assert read_contact(status(EngineState.Running, 0b0100), 1, 2) is UNREADABLE
+    assert read_contact(None, 1, 2) is UNREADABLE
 
 
 def test_an_engine_that_is_still_starting_is_no_press() -> None:

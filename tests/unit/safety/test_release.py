@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from robot_stack.contract.model import SafetyState
+from robot_stack.core.stop_presence import Presence
 from robot_stack.safety.monitor import Memory, ResetAnswer
 from tests.unit.safety.story import GOOD_AXIS, PARAMS, ROBOT, TICK_S, Story, replace
 
 EMERGENCY, NORMAL = SafetyState.EMERGENCY_STOP, SafetyState.NORMAL
 STANDSTILL_RADPS = PARAMS.standstill_mps / ROBOT.wheel_radius_m
 NOT_STILL = "the robot does not stand still (every wheel below 0.05 m/s for 0.3 s, by fresh /joint_states)"
-STILL_TRUE = "ESTOP_PRESSED: /emergency_stop is true"
+STILL_TRUE = "ESTOP_PRESSED: pressed by touch_ui"
 
 
 def test_nothing_latched_nothing_to_reset() -> None:
@@ -30,6 +31,110 @@ def test_pressed() -> None:
     story = Story().healthy().estop(True).run(1.0)
     assert story.reset() == ResetAnswer(False, f"refused: {STILL_TRUE}")
     story.expect(EMERGENCY)
+
+
+def test_a_false_of_another_source_releases_nothing() -> None:
+    story = Story().healthy().estop(True).estop(True, "supervisor").run(1.0).estop(False, "supervisor").run(1.0)
+    assert story.reset() == ResetAnswer(False, f"refused: {STILL_TRUE}")
+    story.estop(False, None).run(1.0)
+    assert story.reset() == ResetAnswer(False, f"refused: {STILL_TRUE}")
+    story.estop(False).run(1.0)
+    assert story.reset().success
+
+
+def test_a_press_that_is_over_before_anybody_looks_latches() -> None:
+    story = Story().healthy()
+    for pressed in (True, False):
+        story.presses["touch_ui"], story.pressed["touch_ui"] = 1, pressed
+        story.monitor.observation.emergency_stop(pressed, story.now_s)
+        story.report("touch_ui")
+    story.step().expect(EMERGENCY, ("ESTOP_PRESSED",))
+    assert story.monitor.details == {"ESTOP_PRESSED": "/emergency_stop is true"}
+    story.run(1.0)
+    assert story.reset().success
+
+
+def test_a_true_that_is_cleared_but_not_followed_by_a_false_holds() -> None:
+    story = Story().healthy().estop(True, None).run(3.0)
+    assert story.clear("unknown").success
+    assert story.reset() == ResetAnswer(False, "refused: ESTOP_PRESSED: /emergency_stop is true")
+    story.estop(False, None).run(1.0)
+    assert story.reset().success
+
+
+def test_a_true_without_an_author_is_cleared_by_name() -> None:
+    story = Story().healthy().estop(True, None).estop(False, None).run(1.0)
+    assert "whose source has not reported yet" in story.reset().message
+    story.run(3.0)
+    assert story.reset() == ResetAnswer(False, "refused: ESTOP_PRESSED: pressed by unknown")
+    assert story.monitor.pressed_by(story.now_s) == {"unknown": Presence.UNKNOWN}
+    assert story.clear("touch_ui") == ResetAnswer(False, "refused: 'touch_ui' is not pressed; pressed: unknown")
+    assert story.clear("unknown") == ResetAnswer(True, "cleared: unknown")
+    story.expect(EMERGENCY)  # it is no reset
+    assert story.reset().success
+
+
+def test_a_retained_false_of_another_does_not_hide_a_retained_true_from_a_restarted_monitor() -> None:
+    story = Story().healthy().estop(True).restarted()
+    story.estop(False, None).run(5.0)
+    assert story.reset() == ResetAnswer(False, f"refused: {STILL_TRUE}")
+
+
+def test_a_source_that_died_pressed_stays_pressed_until_cleared_by_name() -> None:
+    story = Story().healthy().estop(True)
+    assert story.monitor.pressed_by(story.now_s) == {"touch_ui": Presence.THERE}
+    assert story.clear("touch_ui").message.startswith("refused: touch_ui is there")
+    story.reporting.discard("touch_ui")
+    story.run(5.0).estop(False, None).run(1.0)
+    assert story.reset() == ResetAnswer(False, f"refused: {STILL_TRUE} (gone)")
+    assert story.monitor.pressed_by(story.now_s) == {"touch_ui": Presence.GONE}
+    story.presses["touch_ui"], story.pressed["touch_ui"] = 0, False
+    story.report("touch_ui", pid=2)  # its successor, which knows of no press
+    assert not story.reset().success
+    assert story.clear("touch_ui").success
+    assert story.reset().success
+
+
+def test_a_button_whose_process_is_dead_is_an_emergency_until_it_is_back() -> None:
+    story = Story().healthy()
+    story.run(0.2 - (story.ticks % 20) * TICK_S)
+    story.reporting.discard("emergency_stop_button")
+    story.run(PARAMS.stop_sources.button_silence_s - 0.02).expect(NORMAL, ())
+    story.run(0.04).expect(EMERGENCY, ("ESTOP_PRESSED",))
+    assert story.monitor.details["ESTOP_PRESSED"].startswith("emergency_stop_button has been silent for 0.4")
+    story.estop(True).estop(False).run(1.0)
+    assert "emergency_stop_button has been silent" in story.reset().message
+    story.reporting.add("emergency_stop_button")
+    story.run(0.5)
+    assert story.reset().success
+
+
+def test_a_button_that_is_not_expected_is_not_missed() -> None:
+    story = Story(expected_processes=("swerve_controller",)).healthy()
+    story.reporting.clear()
+    story.run(5.0).expect(NORMAL, ())
+
+
+def test_a_limit_that_is_not_obeyed_is_an_emergency() -> None:
+    story = Story().healthy()
+    story.wheel_radps = 1.3 / ROBOT.wheel_radius_m
+    story.run(2.0).expect(NORMAL)
+    story.imu_tilt_deg = 6.0  # 0.3 m/s
+    story.run(2.0)
+    story.run(3.0).expect(EMERGENCY, ("OVERSPEED", "SLOPE"))
+    story.wheel_radps, story.imu_tilt_deg = 0.0, 0.0
+    story.run(3.0)
+    assert story.reset() == ResetAnswer(True, "released: OVERSPEED")
+
+
+def test_a_limit_that_is_obeyed_along_the_ramp_is_none() -> None:
+    story = Story().healthy()
+    story.wheel_radps = 1.3 / ROBOT.wheel_radius_m
+    story.run(1.0)
+    story.monitor.passenger = True  # 1.0 m/s
+    for speed_mps in (1.3, 1.25, 1.2, 1.1, 1.0, 1.0, 1.0, 1.0):
+        story.wheel_radps = speed_mps / ROBOT.wheel_radius_m
+        story.run(0.2).expect(NORMAL, ())
 
 
 def test_released_only_just_now() -> None:
@@ -270,3 +375,10 @@ def test_released_servos(servo_on: bool) -> None:
     story.tick()
     assert story.reset().success
     story.expect(NORMAL if servo_on else SafetyState.DEGRADED)
+
+
+def test_the_monitor_says_who_presses() -> None:
+    story = Story().healthy()
+    assert not story.monitor.pressed_by(story.now_s)
+    story.estop(True)
+    assert list(story.monitor.pressed_by(story.now_s)) == ["touch_ui"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from robot_stack.contract.model import Clears, Fault, SafetyAction, SafetyState
-from robot_stack.safety.inputs import CLEAR, Finding, Level, SpeedLimit
+from robot_stack.core.limits import SpeedLimit
+from robot_stack.safety.inputs import CLEAR, Finding, Level
 from robot_stack.safety.rows import ActiveRow, Row
 
 LIMIT = SpeedLimit(0.5, 0.25)

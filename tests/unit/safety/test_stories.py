@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from robot_stack.contract.frames import JOINTS
 from robot_stack.contract.model import SafetyAction, SafetyState
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
+from robot_stack.safety.button import Contact
 from robot_stack.safety.conditions import CONDITIONS
 from robot_stack.safety.inputs import Axis, DriveReading, ImuSample
 from robot_stack.safety.monitor import Memory, ResetAnswer
 from robot_stack.safety.observation import CAMERAS
+from robot_stack.safety.stop_sources import Press
 from tests.unit.safety.story import GOOD_AXIS, NOTHING, PARAMS, ROBOT, SWEEP, TICK_S, Story
 
 NORMAL, DEGRADED, AVOIDANCE, EMERGENCY = SafetyState
@@ -127,7 +129,7 @@ def test_release_alone_ends_nothing_and_reset_alone_ends_nothing() -> None:
     story = Story().healthy().estop(True).run(1.0)
     refused = story.reset()
     assert not refused.success
-    assert "ESTOP_PRESSED: /emergency_stop is true" in refused.message
+    assert "ESTOP_PRESSED: pressed by touch_ui" in refused.message
     story.estop(False).run(10.0).expect(EMERGENCY, ("ESTOP_PRESSED",))
     assert story.reset() == ResetAnswer(True, "released: ESTOP_PRESSED")
     story.expect(NORMAL, ())
@@ -295,24 +297,75 @@ SETTLED_S = 6.0 * PARAMS.attitude_time_constant_s
 
 def test_slope_limits_then_stops_then_tips() -> None:
     story = Story().healthy()
+    story.request = Twist2(-0.5, 0.0, 0.0)  # the robot looks down the slope: uphill
     story.imu_tilt_deg = 4.9
     story.run(SETTLED_S).expect(NORMAL, ())
     story.imu_tilt_deg = 5.1
     story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.3, reason="SLOPE", action=SafetyAction.LIMIT)
     story.imu_tilt_deg = 4.6  # within the hysteresis
     story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.3)
-    story.imu_tilt_deg = 9.9
+    story.imu_tilt_deg = 11.4
     story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.3)
-    story.imu_tilt_deg = 10.1
+    story.imu_tilt_deg = 11.6
     story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.0, action=SafetyAction.STOP)
-    story.imu_tilt_deg = 9.6
+    story.imu_tilt_deg = 11.1
     story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.0)
-    story.imu_tilt_deg = 9.4
+    story.imu_tilt_deg = 10.9
     story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.3)
     story.imu_tilt_deg = 4.4
     story.run(SETTLED_S).expect(NORMAL, (), linear_mps=1.5)
     story.imu_tilt_deg = 15.2
     story.run(SETTLED_S).expect(EMERGENCY, ("TILT", "SLOPE"), reason="TILT,SLOPE")
+
+
+def test_a_robot_stopped_on_a_ramp_of_10_deg_may_go_on_up_or_down() -> None:
+    """By whatever it was stopped, with an inclination that is wrong by up to 1 deg and noisy."""
+    for ramp_deg in (9.0, 10.0, 11.0):
+        story = Story().healthy()
+        story.imu_tilt_deg = ramp_deg
+        story.run(SETTLED_S).estop(True).run(1.0).expect(EMERGENCY, ("ESTOP_PRESSED", "SLOPE"))
+        story.estop(False).run(1.0)
+        assert story.reset() == ResetAnswer(True, "released: ESTOP_PRESSED")
+        story.expect(DEGRADED, ("SLOPE",), linear_mps=0.3, action=SafetyAction.LIMIT)
+        for uphill in (-0.3, 0.3):
+            story.request = story.driven = Twist2(uphill, 0.0, 0.0)
+            for k in range(300):
+                story.imu_tilt_deg = ramp_deg + (0.4 if k % 2 else -0.4)
+                story.tick().expect(DEGRADED, ("SLOPE",), linear_mps=0.3, action=SafetyAction.LIMIT)
+
+
+def test_above_the_limit_a_released_robot_may_only_go_downhill() -> None:
+    story = Story().healthy()
+    story.imu_tilt_deg = 12.5
+    story.run(SETTLED_S).estop(True).run(1.0).estop(False).run(1.0)
+    assert story.reset().success
+    story.expect(DEGRADED, ("SLOPE",), linear_mps=0.2, action=SafetyAction.LIMIT)  # nothing is asked yet
+    story.request = Twist2(0.5, 0.0, 0.0)
+    story.run(1.0).expect(DEGRADED, ("SLOPE",), linear_mps=0.2, action=SafetyAction.LIMIT)
+    assert story.verdict.limit.angular_radps == 0.05
+    assert story.monitor.details["SLOPE"] == "inclination 12.5 deg, downhill"
+    story.driven = Twist2(0.2, 0.0, 0.0)
+    story.run(1.0).expect(DEGRADED, ("SLOPE",), linear_mps=0.2)
+    story.request = Twist2(-0.5, 0.0, 0.0)
+    story.tick().expect(DEGRADED, ("SLOPE",), linear_mps=0.0, action=SafetyAction.STOP)
+    assert story.monitor.details["SLOPE"] == "inclination 12.5 deg, the motion is not downhill"
+    story.driven = ZERO_TWIST
+    story.run(60.0).expect(DEGRADED, ("SLOPE",), linear_mps=0.0)
+    story.request = Twist2(0.1, 0.0, 0.0)
+    story.tick().expect(DEGRADED, ("SLOPE",), linear_mps=0.2)
+
+
+def test_whoever_was_refused_uphill_may_plan_again_after_a_while() -> None:
+    """Navigation holds while the limit is zero and asks for nothing: it needs a limit to come down again with."""
+    story = Story().healthy()
+    story.imu_tilt_deg = 12.5
+    story.request = Twist2(-0.3, 0.0, 0.0)
+    story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.0)
+    story.request = ZERO_TWIST
+    story.before(PARAMS.descent.ask_again_s).expect(DEGRADED, ("SLOPE",), linear_mps=0.0, action=SafetyAction.STOP)
+    story.past().expect(DEGRADED, ("SLOPE",), linear_mps=0.2, action=SafetyAction.LIMIT)
+    story.request = Twist2(0.2, 0.0, 0.0)
+    story.run(1.0).expect(DEGRADED, ("SLOPE",), linear_mps=0.2)
 
 
 def test_tilt_stays_until_level_again_and_reset() -> None:
@@ -339,13 +392,22 @@ def test_tilt_that_nobody_can_judge_any_more_is_not_released() -> None:
 
 def test_a_slope_outlives_the_imu_that_saw_it() -> None:
     story = Story().healthy()
-    story.imu_tilt_deg = 11.0
-    story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",))
-    story.imu_tilt_deg = None
+    story.imu_tilt_deg = 12.0
+    story.request = Twist2(0.2, 0.0, 0.0)
+    story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.2)
+    story.imu_tilt_deg = None  # nobody knows any more where downhill is
     story.run(5.0).expect(DEGRADED, ("IMU_TIMEOUT", "SLOPE"), linear_mps=0.0, reason="SLOPE")
     story.imu_tilt_deg = 0.0
     story.run(PARAMS.attitude_settle_s - TICK_S).expect(DEGRADED, ("IMU_TIMEOUT", "SLOPE"))
     story.run(1.5).expect(NORMAL, ())
+
+
+def test_a_robot_that_loses_its_imu_on_a_ramp_of_10_deg_is_not_trapped() -> None:
+    story = Story().healthy()
+    story.imu_tilt_deg = 10.0
+    story.run(SETTLED_S)
+    story.imu_tilt_deg = None
+    story.run(5.0).expect(DEGRADED, ("IMU_TIMEOUT", "SLOPE"), linear_mps=0.3, action=SafetyAction.LIMIT)
 
 
 # --- LOCALIZATION_LOST -----------------------------------------------------------------------------------------------
@@ -547,8 +609,11 @@ def test_an_emergency_keeps_everything_else_in_sight() -> None:
 def test_a_latched_emergency_survives_a_crash() -> None:
     story = Story().healthy().estop(True).restarted()
     story.expect(EMERGENCY).run(5.0).expect(EMERGENCY, ("ESTOP_PRESSED",))
-    assert story.monitor.details == {"ESTOP_PRESSED": "latched before a restart"}
-    assert story.reset().message == "refused: /emergency_stop has not been released: no false since the monitor's start"
+    assert story.monitor.details == {"ESTOP_PRESSED": "pressed by touch_ui"}
+    assert story.reset().message == (
+        "refused: /emergency_stop has not been released: no false since the monitor's start; "
+        "ESTOP_PRESSED: pressed by touch_ui"
+    )
     story.estop(False).run(1.0)
     assert story.reset().success
     story.expect(NORMAL, ())
@@ -577,7 +642,7 @@ def test_nothing_latched_means_an_empty_memory() -> None:
     story = Story().healthy()
     assert story.monitor.memory == Memory()
     story.estop(True).axis(0, amp_alarm=True).tick()
-    assert story.monitor.memory == Memory(("ESTOP_PRESSED", "DRIVE_FAULT"))
+    assert story.monitor.memory == Memory(("ESTOP_PRESSED", "DRIVE_FAULT"), False, (Press("touch_ui", 1),))
 
 
 # --- time ------------------------------------------------------------------------------------------------------------
@@ -597,8 +662,10 @@ def test_after_time_ran_backwards_both_keys_still_work() -> None:
     story = Story().healthy()
     story.now_s = 0.0
     story.step().expect(EMERGENCY)
-    story.run(5.0).expect(EMERGENCY, ("DRIVE_FAULT", "JOINT_STATES_TIMEOUT"))
-    assert story.reset() == ResetAnswer(True, "released: DRIVE_FAULT, JOINT_STATES_TIMEOUT")
+    # The button's reports lie in the future too: for all anybody knows, its process is dead.
+    story.run(5.0).expect(EMERGENCY, ("ESTOP_PRESSED", "DRIVE_FAULT", "JOINT_STATES_TIMEOUT"))
+    story.estop(False).run(1.0)
+    assert story.reset() == ResetAnswer(True, "released: ESTOP_PRESSED, DRIVE_FAULT, JOINT_STATES_TIMEOUT")
     story.expect(NORMAL, ())
 
 
@@ -607,7 +674,7 @@ def test_an_acceleration_is_no_slope() -> None:
     story = Story().healthy()
     story.imu_tilt_deg = None
     speed_mps = 0.0
-    for _ in range(round(2.0 / TICK_S)):
+    for _ in range(round(1.0 / TICK_S)):
         speed_mps += 1.5 * TICK_S
         story.wheel_radps = speed_mps / 0.0825
         story.monitor.observation.imu(ImuSample(1.5, 0.0, 9.81, 1e-9 * story.ticks, 0.0, 0.0), story.now_s)
@@ -633,6 +700,26 @@ def test_a_lidar_that_sees_nothing_new_stops_the_robot(how: str) -> None:
     story.run(0.9).expect(DEGRADED, ("LIDAR_TIMEOUT",)).run(0.25).expect(NORMAL, ())
 
 
+@pytest.mark.parametrize("how", ["silent", "frozen", "covered"])
+def test_an_overhead_lidar_that_sees_nothing_new_stops_the_robot(how: str) -> None:
+    story = Story().healthy()
+    if how == "frozen":
+        story.overhead_frozen = True
+        story.run(0.1)
+    else:
+        story.overhead = None if how == "silent" else np.full_like(SWEEP, 0.2)
+    story.run(0.2)
+    assert "LIDAR_TIMEOUT" not in story.verdict.faults
+    story.run(0.2)
+    assert story.verdict.faults == ("LIDAR_TIMEOUT",)
+    assert story.verdict.limit.linear_mps == 0.0
+    story.overhead, story.overhead_frozen = SWEEP, False
+    story.run(0.9)
+    assert "LIDAR_TIMEOUT" in story.verdict.faults
+    story.run(0.25)
+    assert "LIDAR_TIMEOUT" not in story.verdict.faults
+
+
 @pytest.mark.parametrize("how", ["silent", "not finite"])
 def test_obstacles_that_nobody_tells_stop_the_robot(how: str) -> None:
     story = Story().healthy()
@@ -648,9 +735,11 @@ def test_obstacles_that_nobody_tells_stop_the_robot(how: str) -> None:
 
 def test_surroundings_that_never_came_stop_the_robot() -> None:
     story = Story()
-    story.sweep = story.obstacles = None
+    story.sweep = story.overhead = story.obstacles = None
     story.run(3.0).expect(DEGRADED, ("LIDAR_TIMEOUT", "OBSTACLES_TIMEOUT"), linear_mps=0.0)
-    assert story.monitor.details["LIDAR_TIMEOUT"] == "/sensors/lidar/points: never received"
+    assert story.monitor.details["LIDAR_TIMEOUT"] == (
+        "/sensors/lidar/points: never received, /sensors/overhead_lidar/points: never received"
+    )
     assert story.monitor.details["OBSTACLES_TIMEOUT"] == "/perception/obstacles: never received"
 
 
@@ -688,9 +777,9 @@ def test_the_nearer_the_slower_and_then_a_stop() -> None:
 def test_a_robot_that_is_held_stays_held_until_it_wants_something_else() -> None:
     """No stop-and-go before a wall; another direction is free after half a second."""
     story = Story().healthy()
-    story.driven, story.wish, story.obstacles = ZERO_TWIST, AHEAD, _wall(0.6)
+    story.driven, story.request, story.obstacles = ZERO_TWIST, AHEAD, _wall(0.6)
     story.run(3.0).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
-    story.wish = BACK
+    story.request = BACK
     story.before(0.5).expect(AVOIDANCE, ("COLLISION_IMMINENT",), linear_mps=0.0).past().expect(NORMAL, ())
     story.driven = BACK
     story.run(0.5).expect(NORMAL, ())
@@ -739,7 +828,7 @@ def test_a_robot_that_rolls_without_a_command_is_judged_too() -> None:
 
 def test_a_silent_drive_is_judged_by_the_command_it_was_given() -> None:
     story = Story().healthy()
-    story.driven, story.wish, story.obstacles = None, AHEAD, _wall(0.8)
+    story.driven, story.request, story.obstacles = None, AHEAD, _wall(0.8)
     story.run(0.3).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
 
 
@@ -760,6 +849,155 @@ def test_unknown_obstacles_neither_raise_nor_clear_a_collision() -> None:
     story.run(0.1).expect(AVOIDANCE)
     story.obstacles = None
     story.run(2.0).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR", "OBSTACLES_TIMEOUT"), linear_mps=0.0)
+
+
+# --- what is neither seen nor remembered -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("x_m", "linear_mps"), [(0.52, 0.3), (1.05, 0.93), (5.0, 1.5)])
+def test_no_faster_than_to_stop_within_what_is_seen(x_m: float, linear_mps: float) -> None:
+    """It is no fault, and stops nobody: so it is at every start."""
+    story = Story().healthy()
+    story.unseen = np.array([(x_m, y, 0.0) for y in np.arange(-0.5, 0.51, 0.05)], np.float32)
+    story.run(0.3).expect(NORMAL, (), linear_mps=1.5, reason="")
+    story.request = AHEAD
+    reason = "WAY_UNSEEN" if linear_mps < 1.5 else ""
+    story.run(0.1).expect(NORMAL, (), linear_mps=pytest.approx(linear_mps), reason=reason)
+    story.driven = AHEAD
+    story.run(0.1).expect(NORMAL, (), linear_mps=pytest.approx(linear_mps), reason=reason)
+    story.request = story.driven = BACK
+    story.run(0.1).expect(NORMAL, (), linear_mps=1.5, reason="")
+
+
+def test_the_turn_is_limited_as_the_farthest_corner_moves() -> None:
+    story = Story().healthy()
+    story.unseen = np.array([(0.5, 0.42, 0.0)], np.float32)
+    story.request = story.driven = Twist2(0.0, 0.0, 0.5)
+    story.run(0.1).expect(NORMAL, (), linear_mps=pytest.approx(0.3), reason="WAY_UNSEEN")
+    assert story.verdict.limit.angular_radps == pytest.approx(0.3 / math.hypot(0.5, 0.35))
+
+
+def test_where_nobody_says_what_is_seen_the_robot_creeps() -> None:
+    story = Story().healthy()
+    story.request = story.driven = AHEAD
+    story.run(0.3).expect(NORMAL, (), linear_mps=1.5)
+    story.unseen = None
+    story.run(0.6).expect(NORMAL, (), linear_mps=pytest.approx(0.3), reason="WAY_UNSEEN")
+
+
+def test_a_robot_that_watches_no_surroundings_is_not_slowed_by_what_it_cannot_know() -> None:
+    story = Story(rows=("ESTOP_PRESSED", "OBSTACLE_NEAR"))
+    story.unseen = None
+    story.request = story.driven = AHEAD
+    story.run(1.0).expect(NORMAL, (), linear_mps=1.5)
+
+
+# --- computer and links ----------------------------------------------------------------------------------------------
+
+LINKED = ("swerve_controller", "ehmi_bridge", "touch_ui")
+
+
+@pytest.mark.parametrize(
+    ("code", "usage", "temperature_c", "after_s"),
+    [
+        ("OVERHEAT", (20.0, 40.0, 60.0), 85.1, 0.0),
+        ("CPU_HIGH", (95.1, 40.0, 60.0), 50.0, 10.0),
+        ("MEMORY_HIGH", (20.0, 95.1, 60.0), 50.0, 0.0),
+        ("DISK_FULL", (20.0, 40.0, 95.1), 50.0, 0.0),
+    ],
+)
+def test_a_computer_in_trouble_warns_and_drives_on(
+    code: str, usage: tuple[float, float, float], temperature_c: float, after_s: float
+) -> None:
+    story = Story().healthy()
+    story.usage, story.temperature_c = usage, temperature_c
+    if after_s:
+        story.before(after_s).expect(NORMAL, ())
+    story.run(0.05).expect(DEGRADED, (code,), linear_mps=1.5, reason="", action=SafetyAction.WARN)
+    story.usage = story.temperature_c = None
+    story.run(3.0).expect(DEGRADED, (code,))  # who falls silent has not recovered
+    story.usage, story.temperature_c = (20.0, 40.0, 60.0), 50.0
+    story.tick().expect(NORMAL, ())
+
+
+def test_a_busy_moment_is_no_busy_processor() -> None:
+    story = Story().healthy()
+    for _ in range(3):
+        story.usage = (100.0, 40.0, 60.0)
+        story.run(9.0).expect(NORMAL, ())
+        story.usage = (94.0, 40.0, 60.0)
+        story.run(0.1).expect(NORMAL, ())
+
+
+def test_a_computer_that_nobody_tells_of_is_no_fault_of_its_own() -> None:
+    story = Story()
+    story.usage = story.temperature_c = None
+    story.healthy().run(20.0).expect(NORMAL, ())
+
+
+@pytest.mark.parametrize("code", ["EHMI_LINK_LOST", "UI_LINK_LOST"])
+def test_links_that_fall_silent_warn_until_they_are_back(code: str) -> None:
+    story = Story(expected_processes=LINKED)
+    story.ehmi_linked = story.ui_connected = True
+    story.healthy().run(10.0)
+    if code == "EHMI_LINK_LOST":
+        story.ehmi_linked = False
+    else:
+        story.ui_connected = False
+    story.before(5.0).expect(NORMAL, ()).past().expect(DEGRADED, (code,), linear_mps=1.5, reason="")
+    story.ehmi_linked = story.ui_connected = True
+    story.tick().expect(NORMAL, ())
+
+
+def test_links_that_never_come_up_are_missed_once_their_processes_live() -> None:
+    story = Story(expected_processes=LINKED)
+    story.beating = {"swerve_controller"}
+    story.run(8.0).expect(DEGRADED, ("NODE_DEAD",))
+    story.beating = set(LINKED)
+    story.run(4.9).expect(NORMAL, ()).run(0.2).expect(DEGRADED, ("EHMI_LINK_LOST", "UI_LINK_LOST"))
+
+
+def test_a_screen_that_need_not_be_there_is_missed_only_after_it_was() -> None:
+    story = Story(expected_processes=LINKED, links={"ui_required": False})
+    story.ehmi_linked = True
+    story.healthy().run(10.0).expect(NORMAL, ())
+    story.ui_connected = True
+    story.run(1.0)
+    story.ui_connected = False
+    story.run(5.2).expect(DEGRADED, ("UI_LINK_LOST",))
+
+
+def test_links_of_processes_that_do_not_run_here_are_not_missed() -> None:
+    story = Story(expected_processes=("swerve_controller",))
+    story.ehmi_linked = story.ui_connected = True
+    story.healthy()
+    story.ehmi_linked = story.ui_connected = False
+    story.run(20.0).expect(NORMAL, ())
+
+
+def test_the_hardware_stop_is_the_button_and_not_the_latch() -> None:
+    story = Story().healthy()
+    assert not story.monitor.button_pressed
+    story.estop(True)
+    assert not story.run(0.1).monitor.button_pressed
+    story.button = Contact.PRESSED
+    assert story.run(0.1).monitor.button_pressed
+    story.button = Contact.RELEASED
+    assert not story.run(0.1).monitor.button_pressed
+    assert story.monitor.emergency
+    story.button = Contact.UNREADABLE
+    assert story.run(0.1).monitor.button_pressed
+    story.button = Contact.RELEASED
+    story.run(0.1)
+    story.monitor.observation.engine(None, story.now_s)
+    story.monitor.observation.engine(None, story.now_s + 0.02)
+    assert story.monitor.button_pressed
+
+
+def test_a_contact_that_was_never_readable_is_no_press() -> None:
+    story = Story()
+    story.button = Contact.UNREADABLE
+    assert not story.run(30.0).monitor.button_pressed
 
 
 # --- docking ---------------------------------------------------------------------------------------------------------
@@ -812,7 +1050,7 @@ def test_backing_off_from_the_chair_is_free(attached: bool) -> None:
     story.dock, story.obstacles = Pose2(0.95, 0.0, 0.0), _chair(0.95)
     story.run(1.0).expect(NORMAL, ())
     story.docking, story.dock, story.monitor.passenger = "APPROACH", None, attached
-    story.wish = story.driven = Twist2(-0.1, 0.0, 0.0)
+    story.request = story.driven = Twist2(-0.1, 0.0, 0.0)
     story.wheel_radps = -0.1 / ROBOT.wheel_radius_m
     for gone_m in np.arange(0.0, 0.5, 0.005):
         story.obstacles = _chair(0.95 + float(gone_m))

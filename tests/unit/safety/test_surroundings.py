@@ -11,44 +11,34 @@ from pydantic import ValidationError
 
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
 from robot_stack.safety.collision import Outline
-from robot_stack.safety.obstacle_params import BlindParams, CollisionParams, ExclusionParams, LidarParams, VolumeParams
-from robot_stack.safety.reckoning import DeadReckoning, Modules
+from robot_stack.safety.dead_reckoning import DeadReckoning, Modules
+from robot_stack.safety.obstacle_params import CollisionParams, ExclusionParams, LidarParams, VolumeParams
 from robot_stack.safety.surroundings import Surroundings
 from tests.unit.safety.story import PARAMS
 
 BODY = Outline(0.5, -0.5, 0.35)
-LIDAR_M = (0.2, 0.0, 0.7)
 NONE = np.empty((0, 3))
 OBSTACLES = PARAMS.obstacles
-BLIND = OBSTACLES.blind
 
 
 class Scene:
     """20 clouds a second around a robot that drives with a constant twist."""
 
     def __init__(self, twist: Twist2 | None = None) -> None:
-        self.reckoning = DeadReckoning(OBSTACLES.max_latency_s)
-        self.around = Surroundings(OBSTACLES, self.reckoning, LIDAR_M)
+        self.dead_reckoning = DeadReckoning(OBSTACLES.max_latency_s)
+        self.around = Surroundings(OBSTACLES, self.dead_reckoning)
         self.twist = twist or Twist2(0.0, 0.0, 0.0)
         self.now_s = 10.0
-        self.reckoning.update(self.twist, self.now_s)
+        self.dead_reckoning.update(self.twist, self.now_s)
 
     def go(self, seconds: float) -> Scene:
         for _ in range(round(seconds / 0.05)):
             self.now_s += 0.05
-            self.reckoning.update(self.twist, self.now_s)
+            self.dead_reckoning.update(self.twist, self.now_s)
         return self
 
     def see(self, *points: tuple[float, float, float], latency_s: float = 0.0) -> Scene:
         self.around.received(cloud(*points), latency_s, BODY, self.now_s)
-        return self
-
-    def keep_seeing(self, seconds: float, *world: tuple[float, float, float]) -> Scene:
-        """Points that stand in the dead-reckoning frame, seen again and again."""
-        for _ in range(round(seconds / 0.05)):
-            self.go(0.05)
-            pose = self.reckoning.pose
-            self.see(*((*_local(pose, x, y), z) for x, y, z in world))
         return self
 
     def known(self, docking: bool = False) -> list[list[float]]:
@@ -58,11 +48,6 @@ class Scene:
 
 def cloud(*points: tuple[float, float, float]) -> NDArray[np.float64]:
     return np.array(points, np.float64).reshape(-1, 3)
-
-
-def _local(pose: Pose2, x: float, y: float) -> tuple[float, float]:
-    local = pose.inverse().compose(Pose2(x, y, 0.0))
-    return local.x, local.y
 
 
 # --- reckoning -------------------------------------------------------------------------------------------------------
@@ -77,21 +62,21 @@ def test_modules_agree_on_a_twist() -> None:
 
 
 def test_reckoning_goes_with_the_twist_and_not_over_gaps() -> None:
-    reckoning = DeadReckoning(0.3)
+    dead_reckoning = DeadReckoning(0.3)
     twist = Twist2(1.0, 0.0, 0.0)
-    reckoning.update(twist, 5.0)
-    assert reckoning.pose == IDENTITY
-    reckoning.update(twist, 5.3)
-    assert (reckoning.pose.x, reckoning.way_m) == pytest.approx((0.3, 0.3))
-    reckoning.update(twist, 5.61)
-    reckoning.update(twist, 5.0)  # time ran back
-    assert reckoning.pose.x == pytest.approx(0.3)
-    reckoning.update(Twist2(-2.0, 0.0, 0.0), 5.1)
-    assert (reckoning.pose.x, reckoning.way_m) == pytest.approx((0.1, 0.5))
-    assert reckoning.pose_at(5.2).x == pytest.approx(-0.1)
-    assert reckoning.pose_at(5.0).x == pytest.approx(0.3)
-    assert reckoning.pose_at(5.39).x == pytest.approx(0.1 - 0.58)
-    assert reckoning.pose_at(5.41).x == pytest.approx(0.1)
+    dead_reckoning.update(twist, 5.0)
+    assert dead_reckoning.pose == IDENTITY
+    dead_reckoning.update(twist, 5.3)
+    assert dead_reckoning.pose.x == pytest.approx(0.3)
+    dead_reckoning.update(twist, 5.61)
+    dead_reckoning.update(twist, 5.0)  # time ran back
+    assert dead_reckoning.pose.x == pytest.approx(0.3)
+    dead_reckoning.update(Twist2(-2.0, 0.0, 0.0), 5.1)
+    assert dead_reckoning.pose.x == pytest.approx(0.1)
+    assert dead_reckoning.pose_at(5.2).x == pytest.approx(-0.1)
+    assert dead_reckoning.pose_at(5.0).x == pytest.approx(0.3)
+    assert dead_reckoning.pose_at(5.39).x == pytest.approx(0.1 - 0.58)
+    assert dead_reckoning.pose_at(5.41).x == pytest.approx(0.1)
     assert DeadReckoning(0.3).pose_at(1.0) == IDENTITY
 
 
@@ -183,79 +168,35 @@ def test_time_that_runs_back_begins_anew() -> None:
     assert scene.known() == [[3.0, 0.0, 1.0]]
 
 
-# --- what is too low and too near to be seen -------------------------------------------------------------------------
-
-LOW, HIGH = (1.02, 0.02, 0.3), (1.02, 0.02, 1.0)  # 0.82 m from the sensor the lowest ray is 0.23 m high, less 0.1 m
+# --- where known space ends ------------------------------------------------------------------------------------------
 
 
-def test_a_low_thing_is_remembered_where_it_cannot_be_seen() -> None:
-    """From 0.87 m of the sensor on, its top is below the lowest ray and the margin."""
-    scene = Scene(Twist2(0.5, 0.0, 0.0)).keep_seeing(1.0, (1.52, 0.02, 0.3))
-    scene.keep_seeing(0.5)
-    # 0.75 m driven: 0.77 m ahead, 0.57 m from the sensor
-    assert scene.known() == [[0.77, 0.02, 0.3]]
+def test_the_end_of_known_space_moves_past_the_robot_and_grows_old() -> None:
+    scene = Scene(Twist2(1.0, 0.0, 0.0)).go(0.5)
+    assert scene.around.unseen(0.3, scene.now_s) is None
+    scene.around.unseen_received(cloud((2.0, 0.0, 0.0), (math.nan, 0.0, 0.0)), 0.1, scene.now_s)
+    found = scene.around.unseen(0.3, scene.now_s)
+    assert found is not None
+    assert found == pytest.approx(np.array([[1.9, 0.0, 0.0]]))
+    scene.go(0.2)
+    found = scene.around.unseen(0.3, scene.now_s)
+    assert found is not None
+    assert found == pytest.approx(np.array([[1.7, 0.0, 0.0]]))
+    assert scene.around.unseen(0.3, scene.now_s + 0.11) is None
+    assert scene.around.unseen(0.3, scene.now_s - 1.0) is None
 
 
-def test_a_high_thing_that_is_seen_no_more_has_left() -> None:
-    assert Scene().keep_seeing(0.5, HIGH).keep_seeing(0.3).known() == []
-
-
-def test_a_low_thing_in_view_that_is_seen_no_more_has_left() -> None:
-    far = (1.52, 0.02, 0.3)
-    assert Scene().keep_seeing(0.5, far).keep_seeing(0.3).known() == []
-
-
-def test_the_height_of_a_column_is_what_is_seen_of_it_last() -> None:
-    """A person's shoe alone would stay; shoe and body together leave."""
-    shoe, body = (0.82, 0.02, 0.15), (0.85, 0.04, 1.2)
-    assert Scene().keep_seeing(0.5, shoe, body).keep_seeing(0.3).known() == []
-    assert Scene().keep_seeing(0.5, body, shoe).keep_seeing(0.3).known() == []
-    assert Scene().keep_seeing(0.5, shoe).keep_seeing(0.3).known() == [[0.82, 0.02, 0.15]]
-    first_body = Scene().keep_seeing(0.5, body).keep_seeing(0.5, shoe).keep_seeing(0.3)
-    assert first_body.known() == [[0.82, 0.02, 0.15]]
-
-
-def test_single_points_are_not_remembered() -> None:
-    near = (0.82, 0.02, 0.15)
+@pytest.mark.parametrize("latency_s", [OBSTACLES.max_latency_s + 0.01, -0.01, math.nan])
+def test_an_end_of_known_space_that_makes_no_sense_is_not_received(latency_s: float) -> None:
     scene = Scene()
-    for _ in range(BLIND.sightings - 1):
-        scene.keep_seeing(0.05, near)
-    assert scene.keep_seeing(0.3).known() == []
-    scene.keep_seeing(0.05, near)
-    assert scene.keep_seeing(0.3).known() == [[0.82, 0.02, 0.15]]
-
-
-def test_memory_ends_with_time_and_with_the_way() -> None:
-    near = (0.82, 0.02, 0.15)
-    standing = Scene().keep_seeing(0.5, near)
-    last_s = standing.now_s
-    standing.keep_seeing(0.3)
-    standing.now_s = last_s + BLIND.memory_s
-    assert standing.known() == [[0.82, 0.02, 0.15]]
-    standing.now_s += OBSTACLES.window_s  # for so long a cloud counts as seen
-    assert standing.known() == []
-    standing.now_s = last_s - 1.0
-    assert standing.known() == []
-    turning = Scene(Twist2(1.0, 0.0, 5.0)).keep_seeing(0.5, (0.82, 0.02, 0.15))
-    seen_at_m = turning.reckoning.way_m
-    turning.keep_seeing(0.3)
-    assert len(turning.known()) == 1
-    turning.reckoning.way_m = seen_at_m + BLIND.memory_m
-    assert len(turning.known()) == 1
-    turning.reckoning.way_m += 0.2  # and the way of the clouds that counted as seen
-    assert turning.known() == []
-
-
-def test_memory_is_near_the_robot_and_not_where_it_stands() -> None:
-    scene = Scene(Twist2(0.5, 0.0, 0.0)).keep_seeing(0.5, (1.0, 0.02, 0.15)).keep_seeing(0.4)
-    assert len(scene.known()) == 1
-    scene.keep_seeing(0.8)  # over it: whatever it was, it did not stop the robot
-    assert scene.known() == []
-    assert scene.keep_seeing(3.0).known() == []
-    away = Scene(Twist2(0.0, -0.9, 0.0)).keep_seeing(0.5, (0.0, 0.4, 0.10))
-    assert len(away.known()) > 0
-    away.keep_seeing(2.6)
-    assert away.known() == []
+    scene.around.unseen_received(cloud((2.0, 0.0, 0.0)), latency_s, scene.now_s)
+    scene.around.unseen_received(cloud((math.nan, 0.0, 0.0)), 0.0, scene.now_s)
+    assert scene.around.unseen(0.3, scene.now_s) is None
+    scene.around.unseen_received(cloud(), 0.0, scene.now_s)
+    found = scene.around.unseen(0.3, scene.now_s)
+    assert found is not None
+    assert len(found) == 0
+    assert scene.around.problem == "never received"  # of the obstacles
 
 
 # --- docks -----------------------------------------------------------------------------------------------------------
@@ -330,8 +271,7 @@ def test_a_dock_that_makes_no_sense_is_none(pose: Pose2, latency_s: float) -> No
         (CollisionParams, PARAMS.collision, {"stop_clearance_m": 1.0}, "margin_m, stop_clearance_m, near_clearance_m"),
         (CollisionParams, PARAMS.collision, {"slowest_mps": 0.0}, "slowest_mps"),
         (CollisionParams, PARAMS.collision, {"stop_s": math.nan}, "stop_s"),
-        (BlindParams, BLIND, {"lowest_ray_deg": 5.0}, "lowest_ray_deg"),
-        (BlindParams, BLIND, {"sightings": 0}, "sightings"),
+        (CollisionParams, PARAMS.collision, {"unseen_mps": 0.0}, "unseen_mps"),
         (VolumeParams, OBSTACLES.exclusion.body, {"front_m": -0.02}, "rear_m must be less than front_m"),
         (VolumeParams, OBSTACLES.exclusion.body, {"inner_m": 0.45}, "inner_m less than outer_m"),
         (ExclusionParams, OBSTACLES.exclusion, {"rails": None}, "rails"),
@@ -342,9 +282,3 @@ def test_a_dock_that_makes_no_sense_is_none(pose: Pose2, latency_s: float) -> No
 def test_parameters_that_make_no_sense(model: type, shipped: object, changes: dict[str, float], complaint: str) -> None:
     with pytest.raises(ValidationError, match=complaint):
         model(**{**shipped.model_dump(), **changes})  # type: ignore[attr-defined]
-
-
-def test_what_is_gone_beside_the_robot_where_its_rays_reach_is_forgotten() -> None:
-    scene = Scene().keep_seeing(1.0, (0.2, 2.0, 0.1))
-    assert [0.2, 2.0, 0.1] in scene.known()
-    assert [0.2, 2.0, 0.1] not in scene.keep_seeing(1.0, (-3.0, 0.0, 1.0)).known()

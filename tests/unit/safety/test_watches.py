@@ -9,8 +9,8 @@ import pytest
 
 from robot_stack.contract.frames import JOINTS
 from robot_stack.safety.attitude import PlanarAcceleration, UpDirection, Vector3
+from robot_stack.safety.dead_reckoning import DeadReckoning, Modules
 from robot_stack.safety.inputs import ImuSample
-from robot_stack.safety.reckoning import DeadReckoning, Modules
 from robot_stack.safety.watches import EstopWatch, ImuWatch, Latest, PoseWatch, WheelWatch, joint_states_problem
 
 STILL = ImuSample(0.0, 0.0, 9.81, 0.0, 0.0, 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robot_stack.core.geometry import Twist2
-from sim import drive_loops as loops
+from sim.plant import drive_loops as loops
 
 from .bench import (
     DRIVE_RAD_PER_COUNT,

@@ -14,10 +14,10 @@ from robot_stack.wmx.api import EngineState
 from robot_stack.wmx.config import EngineConfig
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.server import EngineServer
-from sim.engine_loop import EngineLoop, EveryCycles
-from sim.fault_table import FaultRefused
-from sim.requests import NotServed
-from sim.virtual_plant import VirtualPlant
+from sim.plant.engine_loop import EngineLoop, EveryCycles
+from sim.plant.fault_table import FaultRefused
+from sim.plant.virtual_plant import VirtualPlant
+from sim.run.requests import NotServed
 
 
 class Rig:

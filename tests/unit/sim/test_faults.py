@@ -11,10 +11,10 @@ import pytest
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback
-from sim import drive_loops as loops
-from sim.faults import BY_NAME, FAULT_KINDS, FaultRefused, Faults
-from sim.simulation import Simulation
-from sim.world import Setup
+from sim.plant import drive_loops as loops
+from sim.plant.faults import BY_NAME, FAULT_KINDS, FaultRefused, Faults
+from sim.plant.simulation import Simulation
+from sim.plant.world import Setup
 from sim.worldfile import load_world
 
 from .bench import DRIVE_RAD_PER_COUNT, PARAMS, ROBOT
@@ -161,6 +161,15 @@ def test_engine_stall_lets_the_drives_notice(rig: Rig) -> None:
     assert not (rig.sim.world.drives.states == loops.ON).any()
     rig.run(0.1)
     assert rig.cycles > before
+
+
+def test_a_charger_is_plugged_and_pulled(rig: Rig) -> None:
+    rig.faults.inject("charger", value=400.0)
+    rig.run(1.5)
+    assert rig.sim.battery.read().charging
+    rig.faults.inject("clear", "charger")
+    rig.run(1.5)
+    assert not rig.sim.battery.read().charging
 
 
 def test_wheelchair_is_latched_and_let_go(rig: Rig) -> None:

@@ -12,9 +12,9 @@ from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
 from robot_stack.wmx.api import ErrorCode, EStopLevel
 from robot_stack.wmx.config import load_engine_config
-from sim.local_engine import LocalEngine
-from sim.simulation import Simulation
-from sim.world import Setup, World
+from sim.plant.local_engine import LocalEngine
+from sim.plant.simulation import Simulation
+from sim.plant.world import Setup, World
 from sim.worldfile import load_world
 
 from .bench import PARAMS, ROBOT, Bench
@@ -82,9 +82,9 @@ def held(engine: LocalEngine) -> bool:
 
 def bits(engine: LocalEngine) -> tuple[int, int]:
     """Closed, open, as a client of the engine reads them."""
-    read = [engine.io.GetInBit(LATCH.byte, bit) for bit in (LATCH.closed_input_bit, LATCH.open_input_bit)]
-    assert [code for code, _ in read] == [ErrorCode.PyNone] * 2
-    return read[0][1], read[1][1]
+    snapshot = engine.status()
+    closed, opened = (snapshot.input_bit(LATCH.byte, bit) for bit in (LATCH.closed_input_bit, LATCH.open_input_bit))
+    return int(closed), int(opened)
 
 
 def test_the_engines_io_closes_and_opens_it(engine: LocalEngine) -> None:

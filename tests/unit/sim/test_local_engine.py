@@ -6,11 +6,11 @@ import pytest
 
 from robot_stack.contract.frames import DRIVE_AXES, STEER_AXES
 from robot_stack.wmx.api import ErrorCode
-from robot_stack.wmx.api.values import AxisSelection, Motion_PosCommand, Profile, Velocity_VelCommand
+from robot_stack.wmx.api.values import Motion_PosCommand, Profile, Velocity_VelCommand
 from robot_stack.wmx.config import load_engine_config
-from sim.local_engine import LocalEngine
-from sim.simulation import Simulation
-from sim.world import Setup
+from sim.plant.local_engine import LocalEngine
+from sim.plant.simulation import Simulation
+from sim.plant.world import Setup
 from sim.worldfile import load_world
 
 from .bench import PARAMS, ROBOT
@@ -48,17 +48,14 @@ def test_wheels_turn_by_velocity_commands_and_stop(ready: tuple[LocalEngine, Sim
     assert abs(sim.world.truth().linear_mps[0]) < 0.01
 
 
-def test_modules_turn_by_position_commands_and_waiting_steps_the_world(ready: tuple[LocalEngine, Simulation]) -> None:
+def test_modules_turn_by_position_commands(ready: tuple[LocalEngine, Simulation]) -> None:
     engine, sim = ready
     profile = Profile.SetupTrapezoidal(4.0, 40.0, 40.0)
     commands = [Motion_PosCommand(axis, 1.2, profile) for axis in STEER_AXES]
     assert engine.core_motion.motion.StartPos(4, commands) == ErrorCode.PyNone
-    selection = AxisSelection()
-    selection.axisCount = 4
-    for index, axis in enumerate(STEER_AXES):
-        selection.SetAxis(index, axis)
     before = sim.time_s
-    assert engine.core_motion.motion.Wait_AxisSel_TimeMilli(selection, 2000) == ErrorCode.PyNone
+    while engine.status().op_state[list(STEER_AXES)].any():
+        sim.step()
     assert 0.3 < sim.time_s - before < 1.0, "1.2 rad at 4 rad/s and 40 rad/s2: 0.4 s"
     for _ in range(200):
         sim.step()

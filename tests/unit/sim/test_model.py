@@ -11,10 +11,10 @@ import pytest
 from robot_stack.contract.frames import JOINTS, MODULES
 from robot_stack.core.config import validate
 from robot_stack.core.robot import Robot
-from sim.inertia import box_diagonal, chassis_inertial, wheelchair_inertial
-from sim.model import write_mjcf
-from sim.robot_model import nominal_tolerances
-from sim.world import Setup, World
+from sim.plant.inertia import box_diagonal, chassis_inertial, wheelchair_inertial
+from sim.plant.model import write_mjcf
+from sim.plant.robot_model import nominal_tolerances
+from sim.plant.world import Setup, World
 from sim.worldfile import load_world
 
 from .bench import PARAMS, ROBOT, Bench, make_bench

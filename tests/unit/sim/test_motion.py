@@ -10,10 +10,10 @@ import pytest
 
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
-from sim import drive_loops as loops
-from sim.rig import Rig, TwistController
-from sim.surface import Area
-from sim.world import Setup, SimulationDiverged
+from sim.plant import drive_loops as loops
+from sim.plant.rig import Rig, TwistController
+from sim.plant.surface import Area
+from sim.plant.world import Setup, SimulationDiverged
 from sim.worldfile import load_world
 
 from .bench import DRIVES, PARAMS, ROBOT, Bench, make_bench
@@ -56,7 +56,7 @@ def measured(bench: Bench, duration_s: float) -> tuple[Twist2, np.ndarray]:
 
 
 @pytest.mark.parametrize(
-    "wish",
+    "requested",
     [
         Twist2(1.0, 0.0, 0.0),
         Twist2(-0.5, 0.0, 0.0),
@@ -65,24 +65,24 @@ def measured(bench: Bench, duration_s: float) -> tuple[Twist2, np.ndarray]:
         Twist2(0.6, 0.3, 0.5),
     ],
 )
-def test_commanded_speed_is_reached_with_little_slip(wish: Twist2) -> None:
+def test_commanded_speed_is_reached_with_little_slip(requested: Twist2) -> None:
     """Within 0.5 % of the speed; one clean contact point slips 2 mm/s or less at 1 m/s, twice that in a curve."""
     bench = make_bench()
     bench.servo()
-    bench.drive(wish)
+    bench.drive(requested)
     bench.run(1.0)
     got, slip = measured(bench, 1.0)
-    scale = max(wish.speed(), abs(wish.omega) * 0.39)
-    assert got.vx == pytest.approx(wish.vx, abs=0.005 * scale)
-    assert got.vy == pytest.approx(wish.vy, abs=0.005 * scale)
-    assert got.omega == pytest.approx(wish.omega, abs=0.005)
+    scale = max(requested.speed(), abs(requested.omega) * 0.39)
+    assert got.vx == pytest.approx(requested.vx, abs=0.005 * scale)
+    assert got.vy == pytest.approx(requested.vy, abs=0.005 * scale)
+    assert got.omega == pytest.approx(requested.omega, abs=0.005)
     assert np.abs(slip).max() < 0.004
 
 
 @pytest.mark.parametrize(
-    "wish", [Twist2(1.0, 0.0, 0.0), Twist2(0.0, 0.5, 0.0), Twist2(0.0, 0.0, 0.6), Twist2(0.5, 0.2, 0.4)]
+    "requested", [Twist2(1.0, 0.0, 0.0), Twist2(0.0, 0.5, 0.0), Twist2(0.0, 0.0, 0.6), Twist2(0.5, 0.2, 0.4)]
 )
-def test_with_chair_and_120_kg_the_drive_follows_within_2_percent(wish: Twist2) -> None:
+def test_with_chair_and_120_kg_the_drive_follows_within_2_percent(requested: Twist2) -> None:
     """The chair swings 0.95 m ahead; the latch gives way by less than 0.5 mm and 0.1 deg, and no motor is short."""
     rig = Rig(ROBOT, PARAMS, Setup(load_world("flat"), 1, IDENTITY, attached_at_start=True, passenger_mass_kg=120.0))
     dock_pose = load_docks().docks["chair_1"].dock_pose.pose()
@@ -96,11 +96,11 @@ def test_with_chair_and_120_kg_the_drive_follows_within_2_percent(wish: Twist2) 
         twist = rig.moment().twist
         twists.append((twist.vx, twist.vy, twist.omega))
 
-    rig.run(4.0, TwistController(ROBOT, lambda _: wish, passenger=True), look)
+    rig.run(4.0, TwistController(ROBOT, lambda _: requested, passenger=True), look)
     got = np.mean(twists[-25:], axis=0)
-    scale = max(wish.speed(), abs(wish.omega) * 0.39)
-    assert got[:2] == pytest.approx([wish.vx, wish.vy], abs=0.02 * scale)
-    assert got[2] == pytest.approx(wish.omega, abs=0.01)
+    scale = max(requested.speed(), abs(requested.omega) * 0.39)
+    assert got[:2] == pytest.approx([requested.vx, requested.vy], abs=0.02 * scale)
+    assert got[2] == pytest.approx(requested.omega, abs=0.01)
     along, across, yaw = np.abs(np.array(errors)).max(axis=0)
     assert max(along, across) < 0.5e-3
     assert yaw < math.radians(0.1)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from robot_stack.core.config import ConfigError, validate
 from robot_stack.core.geometry import Pose2
-from sim.people import Walker, in_the_way
-from sim.world import Setup, World
+from sim.plant.people import Walker, in_the_way
+from sim.plant.world import Setup, World
 from sim.worldfile import Person, WorldFile, load_world
 
 from .bench import PARAMS, ROBOT

@@ -13,7 +13,7 @@ from matplotlib import image
 
 
 def picture(*options: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "sim.picture", "--width", "320", "--height", "180", *options]
+    command = [sys.executable, "-m", "sim.pictures.picture", "--width", "320", "--height", "180", *options]
     environment = {**os.environ, "MUJOCO_GL": "egl"}
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 

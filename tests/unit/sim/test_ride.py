@@ -9,8 +9,20 @@ import numpy as np
 import pytest
 
 from robot_stack.core.geometry import Pose2
-from sim.ride import Ride, Sample, carriage, distance_m, distance_to_line_m, estimate_errors, figures, tracking_errors_m
-from sim.ride_plots import draw_course, draw_map
+from sim.pictures.ride_plots import draw_course, draw_map
+from sim.run.ride import (
+    Ride,
+    Sample,
+    Step,
+    arrivals,
+    carriage,
+    distance_m,
+    distance_to_line_m,
+    estimate_errors,
+    figures,
+    stops,
+    tracking_errors_m,
+)
 from sim.worldfile import load_world
 
 LINE = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0]])
@@ -112,3 +124,66 @@ def test_what_became_of_the_wheelchair() -> None:
     never = carriage(Ride(wheelchair=ride.wheelchair), dock_pose, None)
     assert never is not None
     assert math.isnan(never.docked_mm)
+
+
+# --- stops -----------------------------------------------------------------------------------------------------------
+
+
+def driven(*speeds: tuple[float, float]) -> list[Sample]:
+    """(time in s, speed in m/s) along x, a metre each."""
+    return [Sample(time_s, Pose2(float(x), 0.0, 0.0), speed) for x, (time_s, speed) in enumerate(speeds)]
+
+
+def test_where_it_stood_and_why() -> None:
+    ride = Ride(
+        driven(
+            (0, 0.5),
+            (1, 0.0),
+            (2, 0.0),
+            (4, 0.0),
+            (5, 0.5),
+            (6, 0.0),
+            (7, 0.5),
+            (8, 0),
+            (12, 0),
+            (13, 1),
+            (14, 0),
+            (20, 0),
+        ),
+        steps=[
+            Step(0.0, "RUNNING", "gate"),
+            Step(0.9, "WAITING", "gate", "waiting 3 s"),
+            Step(4.5, "RUNNING", "chair"),
+            Step(13.5, "COMPLETED", "chair", "done"),
+        ],
+        docking=[(0.0, "IDLE"), (7.5, "SERVOING"), (10.0, "FINE_ALIGN"), (12.5, "DOCKED")],
+        limits=[(0.0, 1.5, ""), (13.9, 0.0, "OBSTACLE_NEAR"), (15.0, 0.0, "LIDAR_TIMEOUT"), (16.0, 1.0, "")],
+    )
+    found = stops(ride, 0.05, 2.0)
+    assert [(stop.time_s, stop.duration_s, stop.pose.x) for stop in found] == [(1, 3, 1.0), (8, 4, 7.0), (14, 6, 10.0)]
+    assert [stop.why for stop in found] == [
+        "waiting 3 s",
+        "docking: SERVOING -> FINE_ALIGN",
+        "stopped: OBSTACLE_NEAR, LIDAR_TIMEOUT",
+    ]
+
+
+def test_a_stop_of_which_nobody_spoke() -> None:
+    ride = Ride(driven((0, 0.0), (3, 0.0)))
+    assert [stop.why for stop in stops(ride, 0.05, 2.0)] == [""]
+    ride.steps = [Step(0.0, "PAUSED", "gate")]
+    ride.limits = [(1.0, 0.0, "")]
+    assert [stop.why for stop in stops(ride, 0.05, 2.0)] == ["stopped: no reason given"]
+    ride.limits = []
+    assert [stop.why for stop in stops(ride, 0.05, 2.0)] == ["paused at gate"]
+    ride.steps = [Step(0.0, "RUNNING", "gate"), Step(1.0, "WAITING", "gate"), Step(2.0, "RUNNING", "end")]
+    assert [stop.why for stop in stops(ride, 0.05, 2.0)] == ["waiting at gate"]
+    assert stops(Ride(), 0.05, 2.0) == []
+
+
+def test_when_it_had_been_where() -> None:
+    steps = [Step(0.0, "RUNNING", "gate"), Step(4.0, "RUNNING", "bench"), Step(6.0, "WAITING", "bench")]
+    assert arrivals(steps) == [("gate", 4.0)]
+    assert arrivals([*steps, Step(9.0, "COMPLETED", "bench")]) == [("gate", 4.0), ("bench", 9.0)]
+    assert arrivals([*steps, Step(9.0, "COMPLETED", "")]) == [("gate", 4.0), ("bench", 9.0)]
+    assert arrivals([]) == []

@@ -15,12 +15,12 @@ import pytest
 from robot_stack.core.config import ConfigError, config_dir, validate
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.drive.kinematics import ModuleSetPoints
-from sim.kernel_run import run_kernel
-from sim.notes import Moment, Notes, motion_figures
-from sim.rig import Rig
-from sim.runner import run
-from sim.scenario import Event, Expectation, Scenario, load_scenario
-from sim.world import Setup
+from sim.plant.rig import Rig
+from sim.plant.world import Setup
+from sim.run.kernel_run import run_kernel
+from sim.run.run_log import Moment, RunLog, motion_figures
+from sim.run.runner import run
+from sim.run.scenario import Event, Expectation, Scenario, load_scenario
 from sim.worldfile import load_world
 
 from .bench import PARAMS, ROBOT
@@ -112,16 +112,16 @@ def moment(time_s: float, x_m: float, speed_mps: float) -> Moment:
 
 def test_figures_of_a_ride_by_hand() -> None:
     """1 m in 1 s at 1 m/s, an event, 0.25 m in 0.5 s to standstill; wheels commanded 1.0 and then 0.5 m/s."""
-    notes = Notes(
+    run_log = RunLog(
         moments=[moment(0.0, 0.0, 1.0), moment(1.0, 1.0, 1.0), moment(1.5, 1.25, 0.0), moment(2.0, 1.25, 0.0)]
     )
-    notes.commands = [(0.0, (1.0,) * 4, (0.0,) * 4), (1.5, (0.5,) * 4, (0.0,) * 4)]
-    notes.events = [(1.0, "estop True")]
-    notes.note_state(0.0, "NORMAL")
-    notes.note_state(0.5, "NORMAL")
-    notes.note_state(1.0, "EMERGENCY_STOP")
-    notes.estimates = [(1.0, Pose2(1.1, 0.0, 0.0)), (2.0, Pose2(1.25, 0.05, 0.0))]
-    figures = motion_figures(notes, Pose2(1.25, 0.3, math.pi))
+    run_log.commands = [(0.0, (1.0,) * 4, (0.0,) * 4), (1.5, (0.5,) * 4, (0.0,) * 4)]
+    run_log.events = [(1.0, "estop True")]
+    run_log.log_state(0.0, "NORMAL")
+    run_log.log_state(0.5, "NORMAL")
+    run_log.log_state(1.0, "EMERGENCY_STOP")
+    run_log.estimates = [(1.0, Pose2(1.1, 0.0, 0.0)), (2.0, Pose2(1.25, 0.05, 0.0))]
+    figures = motion_figures(run_log, Pose2(1.25, 0.3, math.pi))
     assert figures["distance_m"] == pytest.approx(1.25)
     assert figures["duration_s"] == 2.0
     assert figures["top_speed_mps"] == 1.0
@@ -137,13 +137,13 @@ def test_figures_of_a_ride_by_hand() -> None:
 
 
 def test_a_robot_that_never_stands_has_no_stop() -> None:
-    notes = Notes(moments=[moment(0.0, 0.0, 1.0), moment(1.0, 1.0, 1.0)], events=[(0.0, "estop True")])
-    assert motion_figures(notes, None)["stop_distance_m"] == math.inf
+    run_log = RunLog(moments=[moment(0.0, 0.0, 1.0), moment(1.0, 1.0, 1.0)], events=[(0.0, "estop True")])
+    assert motion_figures(run_log, None)["stop_distance_m"] == math.inf
 
 
 def test_nothing_noted_is_an_error() -> None:
     with pytest.raises(ValueError, match="nothing was noted"):
-        motion_figures(Notes(), None)
+        motion_figures(RunLog(), None)
 
 
 # --- rig and runner -----------------------------------------------------------------------------------------------
@@ -205,7 +205,7 @@ def test_a_fault_that_is_refused_ends_the_run(tmp_path: Path) -> None:
 
 
 def test_the_program_finds_scenarios_by_name_and_refuses_what_is_wrong(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "sim.runner", "bus_loss", "--output", str(tmp_path), "--no-plots"]
+    command = [sys.executable, "-m", "sim.run.runner", "bus_loss", "--output", str(tmp_path), "--no-plots"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / "bus_loss-latest" / "figures.json").is_file()

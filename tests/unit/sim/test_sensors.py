@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from robot_stack.core.geometry import Pose2
-from sim.battery import BatteryModel
-from sim.imu import ImuModel, ImuSample
-from sim.simulation import Simulation
-from sim.world import Setup
+from sim.plant.battery import BatteryModel
+from sim.plant.imu import ImuModel, ImuSample
+from sim.plant.simulation import Simulation
+from sim.plant.world import Setup
 from sim.worldfile import load_world
 
 from .bench import DRIVES, PARAMS, ROBOT
@@ -162,3 +162,22 @@ def test_an_empty_pack_stays_empty_and_a_short_circuit_stays_finite() -> None:
         pack.draw(np.full(8, 1e4), np.full(8, 1e3), 3600.0)
     assert pack.charge == 0.0
     assert math.isfinite(pack.read().voltage_v)
+
+
+def test_a_charger_fills_the_pack_and_says_so():
+    pack = battery()
+    pack.charge = 0.5
+    still = np.zeros(8)
+    pack.draw(still, still, 1.0)
+    assert not pack.read().charging
+    pack.charger_w = 500.0
+    pack.draw(still, still, 3600.0)
+    reading = pack.read()
+    assert reading.charging
+    assert reading.current_a > 0.0
+    # 500 W less what the computer takes, at about 50 V, for an hour.
+    power_w = 500.0 - PARAMS.battery.idle_power_w
+    assert pack.charge - 0.5 == pytest.approx(power_w / 49.0 / PARAMS.battery.capacity_ah, rel=0.1)
+    pack.charger_w = PARAMS.battery.idle_power_w / 2.0
+    pack.draw(still, still, 1.0)
+    assert not pack.read().charging, "a charger that does not even feed the computer"

@@ -10,10 +10,10 @@ import pytest
 
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2, quaternion_from_yaw
-from sim.imu import ImuSample
-from sim.simulation import Simulation
-from sim.terrain import BOARD_HALF_M
-from sim.world import Setup, World
+from sim.plant.imu import ImuSample
+from sim.plant.simulation import Simulation
+from sim.plant.terrain import BOARD_HALF_M
+from sim.plant.world import Setup, World
 from sim.worldfile import load_world
 
 from .bench import PARAMS, ROBOT, Bench

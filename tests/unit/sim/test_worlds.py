@@ -12,8 +12,8 @@ import pytest
 
 from robot_stack.core.config import ConfigError, config_dir, read_yaml, validate
 from robot_stack.core.geometry import Pose2
-from sim.surface import Area, Surface
-from sim.world import Setup, World
+from sim.plant.surface import Area, Surface
+from sim.plant.world import Setup, World
 from sim.worldfile import Ramp, WorldFile, load_world
 
 from .bench import PARAMS, ROBOT

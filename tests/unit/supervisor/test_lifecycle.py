@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_stack.supervisor.lifecycle import RUNNING, Hearing, Lifecycle, Limits, Order, StartQueue, State
+from robot_stack.supervisor.lifecycle import RUNNING, Lifecycle, Limits, Order, StartQueue, State, judged
 
 LIMITS = Limits(
     hang_after_s=3.0,
-    start_limit_s=15.0,
+    construction_limit_s=120.0,
     stable_after_s=60.0,
     hung_kill_s=2.0,
     backoff_first_s=1.0,
@@ -143,10 +143,37 @@ def test_silence_is_terminated_then_killed_then_restarted() -> None:
     assert next_start_s(life, 5.3) == pytest.approx(6.3, abs=0.011)
 
 
-def test_start_may_take_longer_than_a_heartbeat() -> None:
+def test_construction_has_a_limit_of_its_own_and_says_what_it_is_busy_with() -> None:
     life = started()
-    assert life.order(14.9) is Order.NONE
-    assert life.order(15.1) is Order.TERMINATE
+    life.constructing("compiling")
+    assert (life.state, life.reason) == (State.STARTING, "compiling")
+    assert life.order(119.9) is Order.NONE
+    assert life.order(120.1) is Order.TERMINATE
+    assert "never ready: compiling" in life.reason
+
+
+def test_a_first_callback_that_compiles_is_no_hang() -> None:
+    """Its loop has run, but it has not been ready: whatever it does then may take as long as a construction."""
+    life = started()
+    life.heartbeat(1.0, False, "/sensors/lidar/half_sweep")
+    assert life.order(100.0) is Order.NONE
+    life.heartbeat(101.0, True, "")
+    assert life.order(103.9) is Order.NONE
+    assert life.order(104.1) is Order.TERMINATE
+
+
+def test_a_process_that_was_ready_once_is_judged_also_while_it_waits() -> None:
+    life = ready()
+    life.heartbeat(1.0, False, "/odom")
+    assert life.order(4.1) is Order.TERMINATE
+
+
+def test_a_new_process_is_constructed_anew() -> None:
+    life = ready()
+    life.exited(1.0, 1)
+    life.started(2.0)
+    life.heartbeat(2.5, False, "/odom")
+    assert life.order(60.0) is Order.NONE
 
 
 def test_unjudged_silence_is_no_hang() -> None:
@@ -160,6 +187,21 @@ def test_absence_of_the_supervisor_is_forgiven() -> None:
     life.forgive(50.0)
     assert life.order(52.0) is Order.NONE
     assert life.order(53.1) is Order.TERMINATE
+
+
+def test_who_gets_no_processor_does_not_hang() -> None:
+    life = ready()
+    life.starved(2.0)
+    assert life.order(4.9) is Order.NONE
+    assert life.order(5.1) is Order.TERMINATE
+
+
+def test_a_heartbeat_ends_the_account_of_a_silence() -> None:
+    life = ready()
+    life.starved(2.0)
+    life.heartbeat(2.5, True, "")
+    assert life.order(5.4) is Order.NONE
+    assert life.order(5.6) is Order.TERMINATE
 
 
 def test_restart_of_a_running_process_ends_it_and_starts_at_once() -> None:
@@ -214,29 +256,17 @@ def test_never_more_starts_in_a_minute_than_allowed(events: list[tuple[float, st
         assert len([s for s in starts if now_s - s <= 60.0]) <= LIMITS.max_restarts + 1
 
 
-class TestHearing:
+class TestJudged:
     """Whose silence counts."""
 
-    def test_one_silent_among_others_is_judged(self) -> None:
-        running = {"a": True, "b": False}
-        assert "a" in Hearing(frozenset()).judged(running)
+    def test_one_silent_among_others_counts(self) -> None:
+        assert "a" in judged({"a": True, "b": False})
 
     def test_everybody_silent_is_nobodys_fault(self) -> None:
-        assert Hearing(frozenset()).judged({"a": True, "b": True}) == frozenset()
+        assert judged({"a": True, "b": True}) == frozenset()
 
-    def test_a_process_alone_is_judged(self) -> None:
-        assert Hearing(frozenset()).judged({"a": True}) == {"a"}
-
-    def test_a_silent_world_is_judged_alone(self) -> None:
-        hearing = Hearing(frozenset({"world"}))
-        assert hearing.judged({"world": True, "a": True, "b": True}) == {"world"}
-        assert hearing.judged({"world": True, "a": False}) == {"world"}
-
-    def test_a_dead_world_holds_the_judgement(self) -> None:
-        assert Hearing(frozenset({"world"})).judged({"a": True, "b": True}) == frozenset()
-
-    def test_a_hang_beside_a_living_world_is_judged(self) -> None:
-        assert Hearing(frozenset({"world"})).judged({"world": False, "a": True}) == {"world", "a"}
+    def test_a_process_alone_counts(self) -> None:
+        assert judged({"a": True}) == {"a"}
 
 
 class TestStartQueue:

@@ -25,6 +25,9 @@ GOOD: dict[str, Any] = {
 }
 
 
+MINE = {"module": "a", "criticality": "critical", "note": ""}
+
+
 def profile(folder: Path, **changes: Any) -> str:
     path = folder / "mine.yaml"
     path.write_text(yaml.safe_dump({**GOOD, **changes}), encoding="utf-8")
@@ -44,7 +47,16 @@ def test_the_simulation_runs_every_built_process_of_the_robot_but_the_recorder()
     hosted = {node for process in plan.processes for node in process.nodes}
     built = {process.name for process in BY_NAME.values() if process.available and process.system.value != "wmx"}
     of_other_machines = {process.name for name in ("general", "manipulator") for process in load_plan(name).processes}
-    assert built - hosted - of_other_machines <= {"recorder"}
+    drivers = {name for name in built if str(BY_NAME[name].module).startswith("robot_stack.drivers.")}
+    assert built - hosted - of_other_machines - drivers <= {"recorder"}
+
+
+@pytest.mark.parametrize("name", ["robot", "general_real", "manipulator_real", "diff_drive_real"])
+def test_a_real_machine_runs_nothing_of_the_simulation(name: str) -> None:
+    plan = load_plan(name)
+    assert not plan.missing
+    assert [process.name for process in plan.processes if not str(process.module).startswith("robot_stack.")] == []
+    assert {process.system.value for process in plan.processes} == {plan.machine.value}
 
 
 @pytest.mark.parametrize("simulated", ["general", "manipulator", "diff_drive"])
@@ -73,7 +85,7 @@ def test_not_built_processes_are_named_not_dropped(tmp_path: Path) -> None:
         ({"processes": ["swerve_controler"]}, "'swerve_controler' is no process of the contract"),
         ({"processes": []}, "at least one process"),
         ({"processes": ["sim_world", "sim_world"]}, "sim_world: named twice"),
-        ({"processes": ["sim_world", "imu_driver"]}, "imu_driver would run in both"),
+        ({"extra": {"imu_driver": MINE}}, "imu_driver would run in both"),
         ({"processes": ["manipulator_state"]}, "belongs to the machine wmx"),
         ({"processes": "sim_world"}, "processes"),
         ({"speed": 2.0}, "needs use_sim_time"),
@@ -126,6 +138,14 @@ def test_only_narrows_the_plan(tmp_path: Path) -> None:
     plan = load_plan(profile(tmp_path), only=["swerve_controller"])
     assert [process.name for process in plan.processes] == ["swerve_controller"]
     assert set(plan.parameters) <= {"swerve_controller"}
+
+
+def test_the_monitors_are_told_what_runs_besides_themselves() -> None:
+    plan = load_plan("sim")
+    names = [process.name for process in plan.processes]
+    for monitor in ("safety_monitor", "system_monitor"):
+        told = plan.parameters[monitor]["expected_processes"]
+        assert told == [name for name in names if name != monitor]
 
 
 def test_only_refuses_what_is_not_there(tmp_path: Path) -> None:

@@ -148,6 +148,13 @@ class TestOrphans:
         assert sleeper.poll() is not None
         assert orphans.find() == []
 
+    def test_what_nobody_collects_has_ended_all_the_same(self, sleeper: subprocess.Popen[bytes]) -> None:
+        process = psutil.Process(sleeper.pid)
+        assert orphans.wait_ended([process], timeout_s=0.05) == [process]
+        sleeper.kill()
+        assert orphans.wait_ended([process], timeout_s=5.0) == []
+        assert process.status() == psutil.STATUS_ZOMBIE
+
     def test_number_of_another_process_is_not_ours(self, runtime_dir: Path, sleeper: subprocess.Popen[bytes]) -> None:
         earlier_s = psutil.Process(sleeper.pid).create_time() - 100.0
         (runtime_dir / "processes.json").write_text(json.dumps({str(sleeper.pid): earlier_s}))

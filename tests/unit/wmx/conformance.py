@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from enum import IntEnum
 from itertools import pairwise
 from typing import Any
 
@@ -26,20 +27,18 @@ from robot_stack.wmx.api import (
     CoreMotionErrorCode,
     DetailOperationState,
     EcErrorCode,
-    EcHotconnectState,
-    EcStateMachine,
     EngineState,
     ErrorCode,
     EStopLevel,
-    Motion_JogCommand,
     Motion_PosCommand,
-    Motion_TimedJogCommand,
     OperationState,
     Profile,
     ProfileType,
     Velocity_TimedVelCommand,
     Velocity_VelCommand,
 )
+from robot_stack.wmx.api.surface import SURFACE, Commands, Plain
+from robot_stack.wmx.api.surface import Call as SurfaceCall
 from robot_stack.wmx.axes import Flag, Real, StatusSnapshot
 from tests.support.waiting import wait_for
 from tests.unit.wmx.harness import (
@@ -54,8 +53,10 @@ from tests.unit.wmx.harness import (
     VELOCITY_AXES,
     Harness,
     engine_state,
+    part,
     some_cycles,
     status,
+    wait_idle,
     wait_status,
 )
 from tests.unit.wmx.spline_conformance import SplineConformance, start_of_one_axis
@@ -64,6 +65,7 @@ GOOD = ErrorCode.PyNone
 NAN, INF = math.nan, math.inf
 FAST = Profile.SetupTrapezoidal(20.0, 400.0, 400.0)
 SLOW = Profile.SetupTrapezoidal(2.0, 20.0, 20.0)
+SLOW_BY_TIMES = Profile.SetupTimeAccTrapezoidal(2.0, 100.0, 100.0)
 LONG_WAY = 1000.0
 Call = Callable[[MotionEngine], Any]
 
@@ -76,8 +78,11 @@ def vel(axis: int, velocity: float, acc: float = 400.0, dec: float = 400.0) -> V
     return Velocity_VelCommand(axis, Profile.SetupTrapezoidal(velocity, acc, dec))
 
 
-def jog(axis: int, velocity: float) -> Motion_JogCommand:
-    return Motion_JogCommand(axis, Profile.SetupTrapezoidal(velocity, 400.0, 400.0))
+def along(axis: int, velocity: float, dec: float = 400.0) -> Motion_PosCommand:
+    """A position so far away that the axis runs on at a velocity."""
+    return Motion_PosCommand(
+        axis, math.copysign(LONG_WAY, velocity), Profile.SetupTrapezoidal(abs(velocity), 400.0, dec)
+    )
 
 
 def code_of(answer: Any) -> int:
@@ -92,105 +97,68 @@ STARTS: dict[str, Call] = {
         2, [pos(POS, LONG_WAY, SLOW), pos(POS_MIRRORED, -LONG_WAY, SLOW)]
     ),
     "StartMov": lambda e: e.core_motion.motion.StartMov(pos(POS, LONG_WAY, SLOW)),
-    "StartJog": lambda e: e.core_motion.motion.StartJog(jog(POS, 2.0)),
-    "StartJog_TimedJog": lambda e: e.core_motion.motion.StartJog_TimedJog(
-        Motion_TimedJogCommand(POS, 60000.0, replace(SLOW))
-    ),
+    "StartPos_long": lambda e: e.core_motion.motion.StartPos(along(POS, 2.0)),
     "StartVel": lambda e: e.core_motion.velocity.StartVel(vel(VEL, 2.0)),
     "StartVel_n": lambda e: e.core_motion.velocity.StartVel(2, [vel(VEL, 2.0), vel(VEL_MIRRORED, -2.0)]),
     "StartVel_TimedVel": lambda e: e.core_motion.velocity.StartVel_TimedVel(
-        Velocity_TimedVelCommand(VEL, 60000.0, replace(SLOW))
+        Velocity_TimedVelCommand(VEL, 60000.0, replace(SLOW_BY_TIMES))
     ),
 }
 STARTED_AXIS = {name: VEL if "Vel" in name else POS for name in STARTS}
 
-# Everything else that needs a running bus.
-AXIS_COMMANDS: dict[str, Callable[[MotionEngine, int], Any]] = {
-    "SetServoOn": lambda e, a: e.core_motion.axisControl.SetServoOn(a, 1),
-    "SetServoOn_AxisSel": lambda e, a: e.core_motion.axisControl.SetServoOn_AxisSel(AxisSelection.of(a), 1),
-    "ClearAmpAlarm": lambda e, a: e.core_motion.axisControl.ClearAmpAlarm(a),
-    "ClearAmpAlarm_AxisSel": lambda e, a: e.core_motion.axisControl.ClearAmpAlarm_AxisSel(AxisSelection.of(a)),
-    "ClearAxisAlarm": lambda e, a: e.core_motion.axisControl.ClearAxisAlarm(a),
-    "ClearAxisAlarm_AxisSel": lambda e, a: e.core_motion.axisControl.ClearAxisAlarm_AxisSel(AxisSelection.of(a)),
-    "motion.Stop": lambda e, a: e.core_motion.motion.Stop(a),
-    "motion.Stop_AxisSel": lambda e, a: e.core_motion.motion.Stop_AxisSel(AxisSelection.of(a)),
-    "motion.Stop_Dec": lambda e, a: e.core_motion.motion.Stop_Dec(a, 10.0),
-    "motion.ExecQuickStop": lambda e, a: e.core_motion.motion.ExecQuickStop(a),
-    "motion.ExecQuickStop_AxisSel": lambda e, a: e.core_motion.motion.ExecQuickStop_AxisSel(AxisSelection.of(a)),
-    "motion.ExecTimedStop": lambda e, a: e.core_motion.motion.ExecTimedStop_TimeMilli(a, 100.0),
-    "motion.ExecTimedStop_AxisSel": lambda e, a: e.core_motion.motion.ExecTimedStop_AxisSel(AxisSelection.of(a), 9.0),
-    "velocity.Stop": lambda e, a: e.core_motion.velocity.Stop(a),
-    "velocity.Stop_AxisSel": lambda e, a: e.core_motion.velocity.Stop_AxisSel(AxisSelection.of(a)),
-    "velocity.ExecQuickStop": lambda e, a: e.core_motion.velocity.ExecQuickStop(a),
-    "velocity.ExecTimedStop": lambda e, a: e.core_motion.velocity.ExecTimedStop_TimeMilli(a, 100.0),
-    "StartHome": lambda e, a: e.core_motion.home.StartHome(a),
-    "StartHome_AxisSel": lambda e, a: e.core_motion.home.StartHome_AxisSel(AxisSelection.of(a)),
-    "SetCommandPos": lambda e, a: e.core_motion.home.SetCommandPos(a, 1.0),
-    "SetFeedbackPos": lambda e, a: e.core_motion.home.SetFeedbackPos(a, 1.0),
-    "StartPos": lambda e, a: e.core_motion.motion.StartPos(pos(a, 1.0)),
-    "StartMov": lambda e, a: e.core_motion.motion.StartMov(pos(a, 1.0)),
-    "StartJog": lambda e, a: e.core_motion.motion.StartJog(jog(a, 1.0)),
-    "StartVel": lambda e, a: e.core_motion.velocity.StartVel(vel(a, 1.0)),
-    "StartCSplinePos_PointTime": start_of_one_axis,
+AxisCall = Callable[[MotionEngine, int], Any]
+_ELSEWHERE = ("CreateDevice", "IsDeviceValid", "SetEmergencyStopParam")  # they answer no code, or need a good block
+
+
+def _argument(kind: Any, axis: int) -> Any:
+    """What every row takes, on an axis that is idle."""
+    if kind is AxisSelection:
+        return AxisSelection.of(axis)
+    if isinstance(kind, Commands):
+        return kind.kind(axis=axis, profile=replace(SLOW_BY_TIMES), **_FIELDS.get(kind.kind, {}))
+    if isinstance(kind, type):
+        return EStopLevel.Level1 if kind is EStopLevel else 0 if issubclass(kind, IntEnum) else kind()
+    return {Plain.DOUBLE: 1.0, Plain.TEXT: "/nowhere/parameters.xml", Plain.AXIS: axis}.get(kind, 1)
+
+
+_FIELDS: dict[type, dict[str, float]] = {
+    Motion_PosCommand: {"target": 1.0},
+    Velocity_TimedVelCommand: {"runTimeMilliseconds": 100.0},
 }
-# What works without a bus too.
-AXIS_SETTINGS: dict[str, Callable[[MotionEngine, int], Any]] = {
-    "SetAxisCommandMode": lambda e, a: e.core_motion.axisControl.SetAxisCommandMode(a, 0),
-    "GetAxisCommandMode": lambda e, a: e.core_motion.axisControl.GetAxisCommandMode(a),
-    "GetPosCommand": lambda e, a: e.core_motion.axisControl.GetPosCommand(a),
-    "GetPosFeedback": lambda e, a: e.core_motion.axisControl.GetPosFeedback(a),
-    "GetVelCommand": lambda e, a: e.core_motion.axisControl.GetVelCommand(a),
-    "GetVelFeedback": lambda e, a: e.core_motion.axisControl.GetVelFeedback(a),
-    "SetHomeDone": lambda e, a: e.core_motion.home.SetHomeDone(a, 1),
-    "Home.Cancel": lambda e, a: e.core_motion.home.Cancel(a),
-    "SetGearRatio": lambda e, a: e.core_motion.config.SetGearRatio(a, 1.0, 1.0),
-    "GetGearRatio": lambda e, a: e.core_motion.config.GetGearRatio(a),
-    "SetAxisPolarity": lambda e, a: e.core_motion.config.SetAxisPolarity(a, 1),
-    "GetAxisPolarity": lambda e, a: e.core_motion.config.GetAxisPolarity(a),
-    "GetFeedbackParam": lambda e, a: e.core_motion.config.GetFeedbackParam(a),
-    "GetHomeParam": lambda e, a: e.core_motion.config.GetHomeParam(a),
-    "GetLimitParam": lambda e, a: e.core_motion.config.GetLimitParam(a),
-    "GetMotionParam": lambda e, a: e.core_motion.config.GetMotionParam(a),
-    "GetAlarmParam": lambda e, a: e.core_motion.config.GetAlarmParam(a),
+
+
+def _on_axis(owner: str, name: str, call: SurfaceCall) -> AxisCall:
+    def run(engine: MotionEngine, axis: int) -> Any:
+        arguments = [_argument(kind, axis) for kind in call.takes]
+        if call.takes[0] is Plain.INT:
+            arguments[0] = axis
+        return getattr(part(engine, owner), name)(*arguments)
+
+    return run
+
+
+def _of_device(owner: str, name: str, call: SurfaceCall) -> Call:
+    arguments = [0 if kind is Plain.INT else _argument(kind, 0) for kind in call.takes]
+    return lambda engine: getattr(part(engine, owner), name)(*arguments)
+
+
+_OF_AXES = ("axisControl", "motion", "velocity", "home", "config")
+_ROWS = [
+    (f"{owner}.{name}", owner, name, call, owner in _OF_AXES and call.takes[:1] not in ((), (Plain.TEXT,)))
+    for owner, table in SURFACE.items()
+    for name, call in table.items()
+    if name not in _ELSEWHERE and name != "StartCSplinePos_PointTime"
+]
+# What needs a running bus, and what works without one too.
+AXIS_COMMANDS: dict[str, AxisCall] = {
+    full: _on_axis(owner, name, call) for full, owner, name, call, axes in _ROWS if axes and call.bus
+} | {"advMotion.StartCSplinePos_PointTime": start_of_one_axis}
+AXIS_SETTINGS: dict[str, AxisCall] = {
+    full: _on_axis(owner, name, call) for full, owner, name, call, axes in _ROWS if axes and not call.bus
 }
 DEVICE_CALLS: dict[str, Call] = {
-    "StartCommunication": lambda e: e.api.StartCommunication(100),
-    "StopCommunication": lambda e: e.api.StopCommunication(100),
-    "StopEngine": lambda e: e.api.StopEngine(100),
-    "CloseDevice": lambda e: e.api.CloseDevice(),
-    "GetEngineStatus": lambda e: e.api.GetEngineStatus(),
-    "SetDeviceName": lambda e: e.api.SetDeviceName("x"),
-    "GetDeviceName": lambda e: e.api.GetDeviceName(),
-    "GetDeviceID": lambda e: e.api.GetDeviceID(),
-    "GetAllDevices": lambda e: e.api.GetAllDevices(),
-    "SetWatchdog": lambda e: e.api.SetWatchdog(100),
-    "GetWatchdog": lambda e: e.api.GetWatchdog(),
-    "ResetWatchdogTimer": lambda e: e.api.ResetWatchdogTimer(),
-    "AutoQuitWithoutActiveDev": lambda e: e.api.AutoQuitWithoutActiveDev(True),
-    "GetStatus": lambda e: e.core_motion.GetStatus(),
-    "read_status": lambda e: e.read_status(),
-    "ExecEStop": lambda e: e.core_motion.ExecEStop(EStopLevel.Level1),
-    "ReleaseEStop": lambda e: e.core_motion.ReleaseEStop(),
-    "Wait": lambda e: e.core_motion.motion.Wait(0),
-    "GetEmergencyStopParam": lambda e: e.core_motion.config.GetEmergencyStopParam(),
-    "GetParam": lambda e: e.core_motion.config.GetParam(),
-    "GetAxisParam": lambda e: e.core_motion.config.GetAxisParam(),
-    "ImportAndSetAll": lambda e: e.core_motion.config.ImportAndSetAll("/nowhere.xml"),
-    "GetAndExportAll": lambda e: e.core_motion.config.GetAndExportAll("/nowhere/parameters.xml"),
-    "SetOutBit": lambda e: e.io.SetOutBit(0, 0, 1),
-    "GetOutBit": lambda e: e.io.GetOutBit(0, 0),
-    "GetInBit": lambda e: e.io.GetInBit(0, 0),
-    "SetOutBytes": lambda e: e.io.SetOutBytes(0, 1, [1]),
-    "GetInBytes": lambda e: e.io.GetInBytes(0, 1),
-    "ScanNetwork": lambda e: e.ecat.ScanNetwork(0),
-    "GetMasterInfo": lambda e: e.ecat.GetMasterInfo(),
-    "RegisterRead": lambda e: e.ecat.RegisterRead(0, 0, 1),
-    "ResetTransmitStatisticsInfo": lambda e: e.ecat.ResetTransmitStatisticsInfo(),
-    "StartHotconnect": lambda e: e.ecat.StartHotconnect(),
-    "CreateSplineBuffer": lambda e: e.advanced_motion.advMotion.CreateSplineBuffer(0, 10),
-    "FreeSplineBuffer": lambda e: e.advanced_motion.advMotion.FreeSplineBuffer(0),
-    "GetSplineBufferPoints": lambda e: e.advanced_motion.advMotion.GetSplineBufferPoints(0),
-}
+    full: _of_device(owner, name, call) for full, owner, name, call, axes in _ROWS if not axes
+} | {"read_status": lambda engine: engine.read_status()}
 ALL_CALLS: dict[str, Call] = {
     **DEVICE_CALLS,
     **{name: (lambda e, c=call: c(e, 0)) for name, call in {**AXIS_COMMANDS, **AXIS_SETTINGS}.items()},
@@ -284,7 +252,6 @@ class EngineConformance(SplineConformance):
         engine = harness.connect()
         engine.api.CloseDevice()
         assert engine.api.CreateDevice(str(harness.folder / "nowhere"), 0, 0) == ErrorCode.IMLibIsNotRunning
-        assert engine.api.StartEngine(str(harness.folder / "nowhere"), 0) == ErrorCode.IMLibIsNotRunning
 
     def test_names_and_ids(self, harness: Harness) -> None:
         one, two = harness.connect("one"), harness.connect("two")
@@ -311,28 +278,15 @@ class EngineConformance(SplineConformance):
         assert engine.api.CloseDevice() == GOOD
         wait_for(lambda: engine_state(harness.folder) is EngineState.Idle, "the engine to end")
 
-    def test_engine_stays_without_devices_if_told_so(self, harness: Harness) -> None:
-        engine = harness.communicating()
-        assert engine.api.AutoQuitWithoutActiveDev(False) == GOOD
-        assert engine.api.CloseDevice() == GOOD
-        again = harness.connect()
-        assert again.api.GetEngineStatus()[1].state == EngineState.Communicating
-
-    def test_start_engine_without_a_device(self, harness: Harness) -> None:
-        engine = harness.connect()
-        assert engine.api.StopEngine(20000) == GOOD
-        assert engine.api.StartEngine(str(harness.folder), 1000) == GOOD
-        assert engine_state(harness.folder) is EngineState.Running
-
-    def test_restart_engine_resets_parameters_and_outputs(self, harness: Harness) -> None:
+    def test_an_engine_started_anew_has_its_parameters_and_outputs_reset(self, harness: Harness) -> None:
         engine = harness.communicating()
         assert engine.core_motion.config.SetGearRatio(POS, 10.0, 1.0) == GOOD
-        assert engine.io.SetOutByte(0, 255) == GOOD
-        assert engine.api.RestartEngine(str(harness.folder), 20000) == GOOD
+        assert engine.io.SetOutBit(0, 7, 1) == GOOD
+        assert engine.api.StopEngine(20000) == GOOD
         assert not engine.api.IsDeviceValid()
         again = harness.communicating()
         assert again.core_motion.config.GetGearRatio(POS)[1] == 131072.0
-        assert again.io.GetOutByte(0) == (GOOD, 0)
+        assert again.io.GetOutBit(0, 7) == (GOOD, 0)
 
     # -- communication -------------------------------------------------------------------------------------------------
 
@@ -397,50 +351,18 @@ class EngineConformance(SplineConformance):
         assert engine.api.StopCommunication() == GOOD
         assert engine.api.StopCommunication() == GOOD
 
-    def test_inputs_are_unknown_without_communication(self, harness: Harness) -> None:
-        engine = harness.connect()
-        assert engine.io.GetInBit(0, 0) == (ErrorCode.CommNotStarted, 0)
-        assert engine.io.GetInByte(0) == (ErrorCode.CommNotStarted, 0)
-        assert engine.io.GetInBytes(0, 2) == (ErrorCode.CommNotStarted, [])
-        assert engine.io.SetOutBit(0, 0, 1) == ErrorCode.CommNotStarted
-
     # -- status --------------------------------------------------------------------------------------------------------
 
     def test_status_shapes_and_progress(self, harness: Harness) -> None:
         engine = harness.communicating()
-        code, record = engine.core_motion.GetStatus()
-        assert code == GOOD
-        assert record.engineState == EngineState.Communicating
-        assert record.GetCycleTimeMilliseconds(0) == pytest.approx(1.0)
+        before = status(engine)
+        assert before.engine_state == EngineState.Communicating
+        assert before.cycle_time_s == pytest.approx(0.001)
         later = some_cycles(engine, 20)
-        assert later.cycle_counter > record.GetCycleCounter(0)
+        assert later.cycle_counter > before.cycle_counter
         assert later.engine_time_s == pytest.approx(later.cycle_counter * 0.001)
         assert later.n_axes == N_AXES
         assert later.reals.shape[1] == later.flags.shape[1] == N_AXES
-
-    def test_axis_records_say_what_the_arrays_say(self, harness: Harness) -> None:
-        engine = harness.ready()
-        assert engine.core_motion.motion.StartPos(pos(POS, 0.3)) == GOOD
-        assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == GOOD
-        some_cycles(engine, 200)
-        _, record = engine.core_motion.GetStatus()
-        snapshot = status(engine)
-        for axis in range(N_AXES):
-            found = record.GetAxesStatus(axis)
-            assert found.servoOn == snapshot.servo_on[axis]
-            assert found.posCmd == pytest.approx(snapshot.pos_cmd[axis], abs=1e-4)
-            assert found.actualPos == pytest.approx(snapshot.actual_pos[axis], abs=1e-4)
-            assert found.opState == snapshot.op_state[axis]
-            assert found.axisCommandMode == snapshot.command_mode[axis]
-            assert found.homeDone == snapshot.home_done[axis]
-            assert found.encoderFeedback == pytest.approx(snapshot.flags[Flag.ENCODER_FEEDBACK, axis], abs=2)
-        assert len(record.axesStatus) == N_AXES
-        assert record.axesStatus[-1].servoOn
-
-    def test_record_of_an_axis_that_does_not_exist_is_offline(self, harness: Harness) -> None:
-        _, record = harness.ready().core_motion.GetStatus()
-        assert record.GetAxesStatus(127).servoOffline
-        assert not record.GetAxesStatus(127).servoOn
 
     # -- axes ----------------------------------------------------------------------------------------------------------
 
@@ -479,7 +401,6 @@ class EngineConformance(SplineConformance):
         engine = harness.communicating()
         control = engine.core_motion.axisControl
         assert control.SetServoOn(POS, 1) == GOOD
-        assert not status(engine).servo_on[POS], "a request takes some cycles"
         snapshot = wait_status(engine, lambda now: now.servo_on[POS], "servo on")
         assert snapshot.servo_on.tolist() == [axis == POS for axis in range(N_AXES)]
         assert control.SetServoOn(POS, 0) == GOOD
@@ -506,13 +427,11 @@ class EngineConformance(SplineConformance):
         wait_status(engine, lambda now: not now.servo_on.any(), "servos off")
         assert_at_rest(engine)
         assert not status(engine).motion_complete.any()
-        if call is STARTS["StartPos"]:
-            assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == ErrorCode.ServoOff
 
     def test_switching_on_does_not_jump(self, harness: Harness) -> None:
         engine = harness.ready()
         assert engine.core_motion.motion.StartPos(pos(POS_GEARED, 0.7)) == GOOD
-        assert engine.core_motion.motion.Wait_TimeMilli(POS_GEARED, 20000) == GOOD
+        wait_idle(engine, POS_GEARED)
         engine.core_motion.axisControl.SetServoOn(POS_GEARED, 0)
         wait_status(engine, lambda now: not now.servo_on[POS_GEARED], "servo off")
         engine.core_motion.axisControl.SetServoOn(POS_GEARED, 1)
@@ -538,11 +457,8 @@ class EngineConformance(SplineConformance):
         {
             "StartPos": lambda e: e.core_motion.motion.StartPos(pos(VEL, 1.0)),
             "StartMov": lambda e: e.core_motion.motion.StartMov(pos(VEL, 1.0)),
-            "StartJog": lambda e: e.core_motion.motion.StartJog(jog(VEL, 1.0)),
             "Stop": lambda e: e.core_motion.motion.Stop(VEL),
-            "Stop_Dec": lambda e: e.core_motion.motion.Stop_Dec(VEL, 1.0),
             "ExecQuickStop": lambda e: e.core_motion.motion.ExecQuickStop(VEL),
-            "ExecTimedStop": lambda e: e.core_motion.motion.ExecTimedStop_TimeMilli(VEL, 1.0),
         },
     )
     def test_position_call_in_velocity_mode(self, harness: Harness, call: Call) -> None:
@@ -555,11 +471,10 @@ class EngineConformance(SplineConformance):
         {
             "StartVel": lambda e: e.core_motion.velocity.StartVel(vel(POS, 1.0)),
             "StartVel_TimedVel": lambda e: e.core_motion.velocity.StartVel_TimedVel(
-                Velocity_TimedVelCommand(POS, 100.0, replace(SLOW))
+                Velocity_TimedVelCommand(POS, 100.0, replace(SLOW_BY_TIMES))
             ),
             "Stop": lambda e: e.core_motion.velocity.Stop(POS),
             "ExecQuickStop": lambda e: e.core_motion.velocity.ExecQuickStop(POS),
-            "ExecTimedStop": lambda e: e.core_motion.velocity.ExecTimedStop_TimeMilli(POS, 1.0),
         },
     )
     def test_velocity_call_in_position_mode(self, harness: Harness, call: Call) -> None:
@@ -593,7 +508,7 @@ class EngineConformance(SplineConformance):
         engine = harness.ready()
         control, motion = engine.core_motion.axisControl, engine.core_motion.motion
         assert motion.StartPos(pos(POS, 0.5)) == GOOD
-        assert motion.Wait_TimeMilli(POS, 20000) == GOOD
+        wait_idle(engine, POS)
         assert control.SetAxisCommandMode(POS, AxisCommandMode.Velocity) == GOOD
         assert engine.core_motion.velocity.StartVel(vel(POS, 3.0)) == GOOD
         wait_status(engine, lambda now: now.actual_pos[POS] > 0.8, "the axis to run")
@@ -644,24 +559,6 @@ class EngineConformance(SplineConformance):
     @pytest.mark.parametrize(
         ("changes", "code"),
         [
-            *[({"velocity": v}, CoreMotionErrorCode.VelocityArgumentOutOfRange) for v in (NAN, INF, -INF, 0.0, 1e12)],
-            *[({"acc": v}, CoreMotionErrorCode.AccArgumentOutOfRange) for v in (NAN, INF, 0.0, -1.0)],
-            *[({"dec": v}, CoreMotionErrorCode.DecArgumentOutOfRange) for v in (NAN, INF, 0.0, -1.0)],
-            ({"type": ProfileType.JerkLimited}, CoreMotionErrorCode.ProfileTypeNotSupported),
-        ],
-        ids=str,
-    )
-    def test_jog_profile(self, harness: Harness, changes: dict[str, float], code: int) -> None:
-        engine = harness.ready()
-        profile = replace(FAST, **changes)
-        assert engine.core_motion.motion.StartJog(Motion_JogCommand(POS, profile)) == code
-        timed = Motion_TimedJogCommand(POS, 100.0, profile)
-        assert engine.core_motion.motion.StartJog_TimedJog(timed) == code
-        assert_at_rest(engine)
-
-    @pytest.mark.parametrize(
-        ("changes", "code"),
-        [
             *[({"velocity": v}, CoreMotionErrorCode.VelocityArgumentOutOfRange) for v in (NAN, INF, -INF, 1e12)],
             *[({"acc": v}, CoreMotionErrorCode.AccArgumentOutOfRange) for v in (NAN, INF, -1.0, 1e-9)],
             *[({"dec": v}, CoreMotionErrorCode.DecArgumentOutOfRange) for v in (NAN, INF, -1.0, 1e-9)],
@@ -677,16 +574,38 @@ class EngineConformance(SplineConformance):
         velocity = engine.core_motion.velocity
         assert velocity.StartVel(Velocity_VelCommand(VEL, profile)) == code
         assert velocity.StartVel(2, [vel(VEL_MIRRORED, 1.0), Velocity_VelCommand(VEL, profile)]) == code
-        assert velocity.StartVel_TimedVel(Velocity_TimedVelCommand(VEL, 100.0, profile)) == code
+        assert_at_rest(engine)
+
+    @pytest.mark.parametrize(
+        ("changes", "code"),
+        [
+            *[({"velocity": v}, CoreMotionErrorCode.VelocityArgumentOutOfRange) for v in (NAN, INF, -INF, 1e12)],
+            *[({"accTimeMilliseconds": v}, CoreMotionErrorCode.TimeArgumentOutOfRange) for v in (NAN, INF, -1.0)],
+            ({"endVelocity": NAN}, CoreMotionErrorCode.EndVelocityArgumentOutOfRange),
+            ({"type": ProfileType.Sin}, CoreMotionErrorCode.ProfileTypeNotSupported),
+        ],
+        ids=str,
+    )
+    def test_profile_of_a_timed_motion(self, harness: Harness, changes: dict[str, float], code: int) -> None:
+        engine = harness.ready()
+        profile = replace(SLOW_BY_TIMES, **changes)
+        assert engine.core_motion.velocity.StartVel_TimedVel(Velocity_TimedVelCommand(VEL, 100.0, profile)) == code
+        assert_at_rest(engine)
+
+    def test_timed_motions_take_profiles_by_times_only(self, harness: Harness) -> None:
+        engine = harness.ready()
+        code = CoreMotionErrorCode.ProfileTypeNotSupported
+        timed_vel = Velocity_TimedVelCommand(VEL, 100.0, replace(FAST))
+        assert engine.core_motion.velocity.StartVel_TimedVel(timed_vel) == code
+        assert engine.core_motion.velocity.StartVel_TimedVel(1, [timed_vel]) == code
         assert_at_rest(engine)
 
     @pytest.mark.parametrize("time", [NAN, INF, -INF, 0.0, -1.0, 1e12])
     def test_run_time(self, harness: Harness, time: float) -> None:
         engine = harness.ready()
         code = CoreMotionErrorCode.RunTimeArgumentOutOfRange
-        timed_jog = Motion_TimedJogCommand(POS, time, replace(FAST))
-        assert engine.core_motion.motion.StartJog_TimedJog(timed_jog) == code
-        timed_vel = Velocity_TimedVelCommand(VEL, time, replace(FAST))
+        profile = Profile.SetupTimeAccTrapezoidal(5.0, 10.0, 10.0)
+        timed_vel = Velocity_TimedVelCommand(VEL, time, profile)
         assert engine.core_motion.velocity.StartVel_TimedVel(timed_vel) == code
         assert_at_rest(engine)
 
@@ -699,19 +618,6 @@ class EngineConformance(SplineConformance):
         assert engine.core_motion.motion.StartPos(pos(POS, 1.0, profile)) == code
         assert engine.core_motion.velocity.StartVel(Velocity_VelCommand(VEL, profile)) == code
         assert_at_rest(engine)
-
-    @pytest.mark.parametrize("time", [NAN, INF, 0.0, -1.0])
-    def test_stop_times_and_decelerations(self, harness: Harness, time: float) -> None:
-        engine = harness.ready()
-        assert engine.core_motion.velocity.StartVel(vel(VEL, 5.0)) == GOOD
-        assert engine.core_motion.motion.StartJog(jog(POS, 5.0)) == GOOD
-        timed_code = CoreMotionErrorCode.TimeArgumentOutOfRange
-        assert engine.core_motion.motion.ExecTimedStop_TimeMilli(POS, time) == timed_code
-        assert engine.core_motion.velocity.ExecTimedStop_AxisSel(AxisSelection.of(VEL), time) == timed_code
-        assert engine.core_motion.motion.Stop_Dec(POS, time) == CoreMotionErrorCode.DecArgumentOutOfRange
-        snapshot = status(engine)
-        assert snapshot.op_state[POS] == OperationState.Jog
-        assert snapshot.op_state[VEL] == OperationState.Velocity
 
     def test_all_axes_or_none(self, harness: Harness) -> None:
         engine = harness.ready()
@@ -729,7 +635,7 @@ class EngineConformance(SplineConformance):
         assert engine.core_motion.motion.StartPos(pos(axis, target)) == GOOD
         assert status(engine).op_state[axis] == OperationState.Pos, "visible as soon as the call returns"
         assert not status(engine).motion_complete[axis]
-        assert engine.core_motion.motion.Wait_TimeMilli(axis, 20000) == GOOD
+        wait_idle(engine, axis)
         snapshot = status(engine)
         assert snapshot.pos_cmd[axis] == target
         assert snapshot.velocity_cmd[axis] == 0.0
@@ -741,7 +647,7 @@ class EngineConformance(SplineConformance):
         start = status(engine)
         moves = [pos(POS, 1.0), pos(POS_MIRRORED, start.pos_cmd[POS_MIRRORED] + 1.0)]
         assert engine.core_motion.motion.StartPos(2, moves) == GOOD
-        assert engine.core_motion.motion.Wait_AxisSel_TimeMilli(AxisSelection.of(POS, POS_MIRRORED), 20000) == GOOD
+        wait_idle(engine, POS, POS_MIRRORED)
         counts = status(engine).flags[Flag.ENCODER_COMMAND] - start.flags[Flag.ENCODER_COMMAND]
         assert counts[POS] == pytest.approx(131072 / (2 * math.pi), abs=1)
         assert counts[POS_MIRRORED] == pytest.approx(-131072 / (2 * math.pi), abs=1)
@@ -770,28 +676,28 @@ class EngineConformance(SplineConformance):
         assert up.reals[Real.CMD_ACC, POS] == pytest.approx(20.0)
         down = wait_status(engine, lambda now: now.flags[Flag.DEC_FLAG, POS], "deceleration")
         assert down.reals[Real.CMD_ACC, POS] == pytest.approx(-10.0)
-        assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == GOOD
+        wait_idle(engine, POS)
         assert status(engine).pos_cmd[POS] == 10.0
 
     def test_target_where_the_axis_is(self, harness: Harness) -> None:
         engine = harness.ready()
         here = status(engine).pos_cmd[POS]
         assert engine.core_motion.motion.StartPos(pos(POS, here)) == GOOD
-        assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == GOOD
+        wait_idle(engine, POS)
         assert status(engine).motion_complete[POS]
 
     def test_start_mov_from_rest_is_relative_to_the_command(self, harness: Harness) -> None:
         engine = harness.ready()
         for expected in (0.5, 1.0):
             assert engine.core_motion.motion.StartMov(pos(POS, 0.5)) == GOOD
-            assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == GOOD
+            wait_idle(engine, POS)
             assert status(engine).pos_cmd[POS] == pytest.approx(expected)
 
     def test_start_mov_in_motion_is_relative_to_the_running_target(self, harness: Harness) -> None:
         engine = harness.ready()
         assert engine.core_motion.motion.StartPos(pos(POS, 2.0)) == GOOD
         assert engine.core_motion.motion.StartMov(pos(POS, 0.5)) == GOOD
-        assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == GOOD
+        wait_idle(engine, POS)
         assert status(engine).pos_cmd[POS] == pytest.approx(2.5)
 
     def test_position_over_position_goes_on_from_the_present_velocity(self, harness: Harness) -> None:
@@ -804,7 +710,7 @@ class EngineConformance(SplineConformance):
         after = status(engine)
         assert after.velocity_cmd[POS] == pytest.approx(20.0, abs=1e-6)
         assert after.op_state[POS] == OperationState.Pos
-        assert motion.Wait_TimeMilli(POS, 20000) == GOOD
+        wait_idle(engine, POS)
         assert status(engine).pos_cmd[POS] == before.pos_cmd[POS] + 20.0
 
     def test_override_to_a_target_behind_comes_back(self, harness: Harness) -> None:
@@ -813,7 +719,7 @@ class EngineConformance(SplineConformance):
         assert motion.StartPos(pos(POS, LONG_WAY)) == GOOD
         wait_status(engine, cruising(POS, 20.0), "cruising")
         assert motion.StartPos(pos(POS, 0.0)) == GOOD
-        assert motion.Wait_TimeMilli(POS, 20000) == GOOD
+        wait_idle(engine, POS)
         assert status(engine).pos_cmd[POS] == 0.0
 
     @pytest.mark.parametrize("kind", list(Config_ProhibitOvertravelType))
@@ -840,48 +746,33 @@ class EngineConformance(SplineConformance):
         else:
             assert furthest <= target + 1e-9
 
-    def test_jog_runs_until_stopped(self, harness: Harness) -> None:
+    def test_position_motion_runs_until_stopped(self, harness: Harness) -> None:
         engine = harness.ready()
         motion = engine.core_motion.motion
-        assert motion.StartJog(jog(POS, -3.0)) == GOOD
-        wait_status(engine, cruising(POS, -3.0), "jogging")
+        assert motion.StartPos(along(POS, -3.0)) == GOOD
+        wait_status(engine, cruising(POS, -3.0), "running")
         before = status(engine)
         after = some_cycles(engine, 100)
         cycles = after.cycle_counter - before.cycle_counter
         assert after.pos_cmd[POS] - before.pos_cmd[POS] == pytest.approx(-0.003 * cycles, rel=1e-6)
-        assert after.op_state[POS] == OperationState.Jog
+        assert after.op_state[POS] == OperationState.Pos
         assert motion.Stop(POS) == GOOD
-        assert motion.Wait_TimeMilli(POS, 20000) == GOOD
-        assert not status(engine).motion_complete[POS], "a jog never completes"
+        wait_idle(engine, POS)
+        assert not status(engine).motion_complete[POS], "it has not arrived"
 
-    def test_jog_and_position_take_over_from_each_other(self, harness: Harness) -> None:
+    def test_timed_motion_ends_by_itself(self, harness: Harness) -> None:
         engine = harness.ready()
-        motion = engine.core_motion.motion
-        assert motion.StartJog(jog(POS, 20.0)) == GOOD
-        wait_status(engine, cruising(POS, 20.0), "jogging")
-        assert motion.StartPos(pos(POS, LONG_WAY)) == GOOD
-        assert status(engine).velocity_cmd[POS] == pytest.approx(20.0)
-        assert motion.StartJog(jog(POS, 10.0)) == GOOD
-        wait_status(engine, cruising(POS, 10.0), "the slower jog")
-
-    @pytest.mark.parametrize("axis", [POS, VEL])
-    def test_timed_motion_ends_by_itself(self, harness: Harness, axis: int) -> None:
-        engine = harness.ready()
-        profile = Profile.SetupTrapezoidal(5.0, 500.0, 500.0)
-        if axis == POS:
-            code = engine.core_motion.motion.StartJog_TimedJog(Motion_TimedJogCommand(POS, 1000.0, profile))
-        else:
-            code = engine.core_motion.velocity.StartVel_TimedVel(Velocity_TimedVelCommand(VEL, 1000.0, profile))
-        assert code == GOOD
-        wait_status(engine, cruising(axis, 5.0), "cruising")
-        last = wait_status(engine, in_state(axis, OperationState.Idle), "the end")
-        assert last.velocity_cmd[axis] == 0.0
-        assert not last.motion_complete[axis]
+        profile = Profile.SetupTimeAccTrapezoidal(5.0, 10.0, 10.0)
+        assert engine.core_motion.velocity.StartVel_TimedVel(Velocity_TimedVelCommand(VEL, 1000.0, profile)) == GOOD
+        wait_status(engine, cruising(VEL, 5.0), "cruising")
+        last = wait_status(engine, in_state(VEL, OperationState.Idle), "the end")
+        assert last.velocity_cmd[VEL] == 0.0
+        assert not last.motion_complete[VEL]
 
     def test_new_command_replaces_the_end_of_a_timed_one(self, harness: Harness) -> None:
         engine = harness.ready()
         velocity = engine.core_motion.velocity
-        assert velocity.StartVel_TimedVel(Velocity_TimedVelCommand(VEL, 1000.0, replace(SLOW))) == GOOD
+        assert velocity.StartVel_TimedVel(Velocity_TimedVelCommand(VEL, 1000.0, replace(SLOW_BY_TIMES))) == GOOD
         assert velocity.StartVel(vel(VEL, 2.0)) == GOOD
         assert some_cycles(engine, 1500).op_state[VEL] == OperationState.Velocity
 
@@ -948,7 +839,7 @@ class EngineConformance(SplineConformance):
         family = engine.core_motion.motion if axis == POS else engine.core_motion.velocity
         profile = Profile.SetupTrapezoidal(10.0, 400.0, 8.0)
         if axis == POS:
-            assert engine.core_motion.motion.StartJog(Motion_JogCommand(POS, profile)) == GOOD
+            assert engine.core_motion.motion.StartPos(Motion_PosCommand(POS, LONG_WAY, profile)) == GOOD
         else:
             assert engine.core_motion.velocity.StartVel(Velocity_VelCommand(VEL, profile)) == GOOD
         wait_status(engine, cruising(axis, 10.0), "cruising")
@@ -977,32 +868,19 @@ class EngineConformance(SplineConformance):
         assert calls.Stop(axis) == GOOD
         assert calls.Stop_AxisSel(AxisSelection.of(axis)) == GOOD
         assert calls.ExecQuickStop(axis) == GOOD
-        assert calls.ExecTimedStop_TimeMilli(axis, 100.0) == GOOD
         assert_at_rest(engine)
 
-    def test_stop_dec(self, harness: Harness) -> None:
+    @pytest.mark.parametrize("name", ["Stop_AxisSel", "ExecQuickStop_AxisSel"])
+    def test_stop_of_several_axes_stops_those_that_it_can_and_says_so(self, harness: Harness, name: str) -> None:
+        """An error does not mean that nothing stops: one of the axes is not in the mode of the call."""
         engine = harness.ready()
-        assert engine.core_motion.motion.StartJog(jog(POS, 10.0)) == GOOD
-        wait_status(engine, cruising(POS, 10.0), "cruising")
-        assert engine.core_motion.motion.Stop_Dec(POS, 12.0) == GOOD
-        slowing = wait_status(engine, lambda now: 0.0 < now.velocity_cmd[POS] < 10.0, "slowing")
-        assert slowing.reals[Real.CMD_ACC, POS] == pytest.approx(-12.0)
-
-    @pytest.mark.parametrize("axis", [POS, VEL])
-    def test_timed_stop(self, harness: Harness, axis: int) -> None:
-        engine = harness.ready()
-        family = engine.core_motion.motion if axis == POS else engine.core_motion.velocity
-        code = (
-            engine.core_motion.motion.StartJog(jog(POS, 10.0))
-            if axis == POS
-            else engine.core_motion.velocity.StartVel(vel(VEL, 10.0))
-        )
-        assert code == GOOD
-        wait_status(engine, cruising(axis, 10.0), "cruising")
-        assert family.ExecTimedStop_TimeMilli(axis, 1000.0) == GOOD
-        slowing = wait_status(engine, lambda now: 0.0 < now.velocity_cmd[axis] < 10.0, "slowing")
-        assert slowing.reals[Real.CMD_ACC, axis] == pytest.approx(-10.0)
-        wait_status(engine, in_state(axis, OperationState.Idle), "rest")
+        assert engine.core_motion.motion.StartPos(along(POS, 5.0)) == GOOD
+        assert engine.core_motion.velocity.StartVel(vel(VEL, 5.0)) == GOOD
+        wait_status(engine, lambda now: cruising(POS, 5.0)(now) and cruising(VEL, 5.0)(now), "both")
+        both = AxisSelection.of(POS, VEL)
+        assert getattr(engine.core_motion.motion, name)(both) == CoreMotionErrorCode.NotPosMode
+        wait_status(engine, in_state(POS, OperationState.Idle), "the one at rest")
+        assert status(engine).op_state[VEL] == OperationState.Velocity
 
     @pytest.mark.parametrize("axis", [POS, VEL])
     def test_quick_stop_overrides_stop_and_not_the_reverse(self, harness: Harness, axis: int) -> None:
@@ -1011,7 +889,7 @@ class EngineConformance(SplineConformance):
         family = engine.core_motion.motion if axis == POS else engine.core_motion.velocity
         profile = Profile.SetupTrapezoidal(40.0, 2000.0, 4.0)
         if axis == POS:
-            assert engine.core_motion.motion.StartJog(Motion_JogCommand(POS, profile)) == GOOD
+            assert engine.core_motion.motion.StartPos(Motion_PosCommand(POS, LONG_WAY, profile)) == GOOD
         else:
             assert engine.core_motion.velocity.StartVel(Velocity_VelCommand(VEL, profile)) == GOOD
         wait_status(engine, cruising(axis, 40.0), "cruising")
@@ -1020,7 +898,6 @@ class EngineConformance(SplineConformance):
         assert family.ExecQuickStop(axis) == GOOD
         wait_status(engine, braking(axis, 20.0), "a quick stop")
         assert family.Stop(axis) == GOOD
-        assert family.ExecTimedStop_TimeMilli(axis, 60000.0) == GOOD
         snapshot = status(engine)
         assert snapshot.flags[Flag.DETAIL_OP_STATE, axis] == DetailOperationState.Stop_QStop
         assert braking(axis, 20.0)(snapshot)
@@ -1029,13 +906,12 @@ class EngineConformance(SplineConformance):
     def test_start_while_stopping_is_refused(self, harness: Harness) -> None:
         engine = harness.ready()
         motion, velocity = engine.core_motion.motion, engine.core_motion.velocity
-        assert motion.StartJog(jog(POS, 10.0)) == GOOD
-        assert velocity.StartVel(vel(VEL, 10.0)) == GOOD
+        assert motion.StartPos(along(POS, 10.0, dec=1.0)) == GOOD
+        assert velocity.StartVel(vel(VEL, 10.0, dec=1.0)) == GOOD
         wait_status(engine, lambda now: cruising(POS, 10.0)(now) and cruising(VEL, 10.0)(now), "cruising")
-        assert motion.ExecTimedStop_TimeMilli(POS, 10000.0) == GOOD
-        assert velocity.ExecTimedStop_TimeMilli(VEL, 10000.0) == GOOD
+        assert motion.Stop(POS) == GOOD
+        assert velocity.Stop(VEL) == GOOD
         assert motion.StartPos(pos(POS, 1.0)) == CoreMotionErrorCode.NotIdleOrPosState
-        assert motion.StartJog(jog(POS, 1.0)) == CoreMotionErrorCode.NotIdleOrJogState
         assert velocity.StartVel(vel(VEL, 1.0)) == CoreMotionErrorCode.NotIdleOrVelocityState
         assert status(engine).op_state[[POS, VEL]].tolist() == [OperationState.Stop, OperationState.Stop]
 
@@ -1050,33 +926,11 @@ class EngineConformance(SplineConformance):
         assert not moving.flags[Flag.POS_SET, POS]
         assert moving.reals[Real.PROFILE_TARGET_POS, POS] == 2.0
         assert 0.0 < moving.reals[Real.PROFILE_REMAINING_MS, POS] <= 1100.0
-        assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == GOOD
+        wait_idle(engine, POS)
         there = wait_status(engine, lambda now: now.flags[Flag.POS_SET, POS], "the feedback within its width")
         assert there.in_pos[POS]
         assert there.flags[Flag.CMD_DISTRIBUTION_END, POS]
         assert there.reals[Real.PROFILE_REMAINING_MS, POS] == 0.0
-
-    def test_wait_of_several_axes(self, harness: Harness) -> None:
-        engine = harness.ready()
-        motion = engine.core_motion.motion
-        assert motion.StartPos(2, [pos(POS, 0.5), pos(POS_GEARED, 2.0)]) == GOOD
-        assert motion.Wait_AxisSel(AxisSelection.of(POS, POS_GEARED)) == GOOD
-        assert status(engine).pos_cmd[[POS, POS_GEARED]].tolist() == [0.5, 2.0]
-
-    def test_wait_gives_up_in_time(self, harness: Harness) -> None:
-        engine = harness.ready()
-        assert engine.core_motion.motion.StartPos(pos(POS, LONG_WAY, SLOW)) == GOOD
-        assert engine.core_motion.motion.Wait_TimeMilli(POS, 20) == CoreMotionErrorCode.WaitTimeout
-        assert status(engine).op_state[POS] == OperationState.Pos
-
-    def test_wait_on_an_axis_that_does_not_exist(self, harness: Harness) -> None:
-        assert harness.ready().core_motion.motion.Wait(N_AXES) == ErrorCode.AxisOutOfRange
-
-    def test_wait_with_the_servo_off(self, harness: Harness) -> None:
-        assert harness.communicating().core_motion.motion.Wait(POS) == ErrorCode.ServoOff
-
-    def test_wait_without_communication(self, harness: Harness) -> None:
-        assert harness.connect().core_motion.motion.Wait(POS) == ErrorCode.ServoOffline
 
     # -- emergency stop ------------------------------------------------------------------------------------------------
 
@@ -1100,7 +954,7 @@ class EngineConformance(SplineConformance):
         assert not at_rest.motion_complete[axis]
         assert at_rest.servo_on.all(), "level 1 keeps the servos on"
 
-    @pytest.mark.parametrize("stop", ["Stop", "ExecQuickStop", "ExecTimedStop"])
+    @pytest.mark.parametrize("stop", ["Stop", "ExecQuickStop"])
     @pytest.mark.parametrize("axis", [POS, VEL])
     def test_estop_wins_over_a_stop(self, harness: Harness, axis: int, stop: str) -> None:
         engine = harness.ready()
@@ -1109,14 +963,11 @@ class EngineConformance(SplineConformance):
         family = engine.core_motion.motion if axis == POS else engine.core_motion.velocity
         profile = Profile.SetupTrapezoidal(40.0, 2000.0, 4.0)
         if axis == POS:
-            assert engine.core_motion.motion.StartJog(Motion_JogCommand(POS, profile)) == GOOD
+            assert engine.core_motion.motion.StartPos(Motion_PosCommand(POS, LONG_WAY, profile)) == GOOD
         else:
             assert engine.core_motion.velocity.StartVel(Velocity_VelCommand(VEL, profile)) == GOOD
         wait_status(engine, cruising(axis, 40.0), "cruising")
-        if stop == "ExecTimedStop":
-            assert family.ExecTimedStop_TimeMilli(axis, 10000.0) == GOOD
-        else:
-            assert getattr(family, stop)(axis) == GOOD
+        assert getattr(family, stop)(axis) == GOOD
         wait_status(engine, braking(axis, 4.0), "the softer stop")
         assert engine.core_motion.ExecEStop(EStopLevel.Level1) == GOOD
         wait_status(engine, braking(axis, 20.0), "the emergency deceleration")
@@ -1262,7 +1113,7 @@ class EngineConformance(SplineConformance):
         assert config.SetHomeParam(axis, param)[0] == GOOD
         before = status(engine)
         assert home.StartHome(axis) == GOOD
-        assert engine.core_motion.motion.Wait_TimeMilli(axis, 20000) == GOOD
+        wait_idle(engine, axis)
         after = status(engine)
         assert after.home_done[axis]
         assert after.pos_cmd[axis] == pytest.approx(0.25, abs=1e-6)
@@ -1274,10 +1125,10 @@ class EngineConformance(SplineConformance):
         motion = engine.core_motion.motion
         start = status(engine).flags[Flag.ENCODER_COMMAND, POS]
         assert motion.StartPos(pos(POS, 1.5)) == GOOD
-        assert motion.Wait_TimeMilli(POS, 20000) == GOOD
+        wait_idle(engine, POS)
         assert engine.core_motion.home.StartHome(POS) == GOOD
         assert motion.StartPos(pos(POS, 0.5)) == GOOD
-        assert motion.Wait_TimeMilli(POS, 20000) == GOOD
+        wait_idle(engine, POS)
         snapshot = status(engine)
         assert snapshot.pos_cmd[POS] == 0.5
         moved = snapshot.flags[Flag.ENCODER_COMMAND, POS] - start
@@ -1288,11 +1139,9 @@ class EngineConformance(SplineConformance):
 
     def test_homing_in_motion(self, harness: Harness) -> None:
         engine = harness.ready()
-        assert engine.core_motion.motion.StartJog(jog(POS, 1.0)) == GOOD
+        assert engine.core_motion.motion.StartPos(along(POS, 1.0)) == GOOD
         assert engine.core_motion.home.StartHome(POS) == ErrorCode.NotIdleState
-        both = AxisSelection.of(POS_GEARED, POS)
-        assert engine.core_motion.home.StartHome_AxisSel(both) == ErrorCode.NotIdleState
-        assert not status(engine).home_done[[POS, POS_GEARED]].any(), "all or nothing"
+        assert not status(engine).home_done[POS]
 
     @pytest.mark.parametrize(
         ("kind", "code"),
@@ -1311,38 +1160,26 @@ class EngineConformance(SplineConformance):
         assert engine.core_motion.home.StartHome(POS) == code
         assert not status(engine).home_done[POS]
 
-    @pytest.mark.parametrize(("call", "row"), [("SetCommandPos", Real.POS_CMD), ("SetFeedbackPos", Real.ACTUAL_POS)])
-    def test_renaming_a_position(self, harness: Harness, call: str, row: Real) -> None:
+    def test_renaming_a_position(self, harness: Harness) -> None:
         engine = harness.ready()
-        rename = getattr(engine.core_motion.home, call)
         counts = status(engine).flags[Flag.ENCODER_COMMAND, POS]
-        assert rename(POS, 12.5) == GOOD
-        snapshot = status(engine)
-        assert snapshot.reals[row, POS] == pytest.approx(12.5, abs=1e-3)
+        assert engine.core_motion.home.SetCommandPos(POS, 12.5) == GOOD
+        assert status(engine).pos_cmd[POS] == pytest.approx(12.5, abs=1e-3)
         assert_at_rest(engine)
         assert status(engine).flags[Flag.ENCODER_COMMAND, POS] == pytest.approx(counts, abs=1)
 
     @pytest.mark.parametrize("position", [NAN, INF, -INF, 1e15])
-    @pytest.mark.parametrize("call", ["SetCommandPos", "SetFeedbackPos"])
-    def test_renaming_to_nonsense(self, harness: Harness, call: str, position: float) -> None:
+    def test_renaming_to_nonsense(self, harness: Harness, position: float) -> None:
         engine = harness.ready()
         before = status(engine).pos_cmd[POS]
-        rename = getattr(engine.core_motion.home, call)
+        rename = engine.core_motion.home.SetCommandPos
         assert rename(POS, position) == CoreMotionErrorCode.PositionArgumentOutOfRange
         assert status(engine).pos_cmd[POS] == before
 
     def test_renaming_in_motion(self, harness: Harness) -> None:
         engine = harness.ready()
-        assert engine.core_motion.motion.StartJog(jog(POS, 1.0)) == GOOD
+        assert engine.core_motion.motion.StartPos(along(POS, 1.0)) == GOOD
         assert engine.core_motion.home.SetCommandPos(POS, 5.0) == ErrorCode.NotIdleState
-
-    def test_home_done_by_hand(self, harness: Harness) -> None:
-        engine = harness.communicating()
-        assert engine.core_motion.home.SetHomeDone(POS, 1) == GOOD
-        assert status(engine).home_done[POS]
-        assert engine.core_motion.home.SetHomeDone(POS, 0) == GOOD
-        assert not status(engine).home_done[POS]
-        assert engine.core_motion.home.SetHomeDone(POS, 2) == ErrorCode.ArgumentOutOfRange
 
     def test_home_is_lost_with_communication(self, harness: Harness) -> None:
         engine = harness.ready()
@@ -1361,7 +1198,7 @@ class EngineConformance(SplineConformance):
         assert_at_rest(engine)
         assert engine.core_motion.home.SetCommandPos(POS, 0.0) == GOOD  # in the new unit it may be far away
         assert motion.StartPos(pos(POS, 3.0)) == GOOD
-        assert motion.Wait_TimeMilli(POS, 20000) == GOOD
+        wait_idle(engine, POS)
         snapshot = status(engine)
         machine = 3.0 + snapshot.reals[Real.HOME_OFFSET, POS]
         assert snapshot.flags[Flag.ENCODER_COMMAND, POS] == pytest.approx(500.0 * machine, abs=0.51)
@@ -1384,7 +1221,7 @@ class EngineConformance(SplineConformance):
 
     def test_gear_and_polarity_in_motion(self, harness: Harness) -> None:
         engine = harness.ready()
-        assert engine.core_motion.motion.StartJog(jog(POS, 1.0)) == GOOD
+        assert engine.core_motion.motion.StartPos(along(POS, 1.0)) == GOOD
         assert engine.core_motion.config.SetGearRatio(POS, 10.0, 1.0) == ErrorCode.NotIdleState
         assert engine.core_motion.config.SetAxisPolarity(POS, -1) == ErrorCode.NotIdleState
 
@@ -1392,7 +1229,7 @@ class EngineConformance(SplineConformance):
         engine = harness.ready()
         config, motion = engine.core_motion.config, engine.core_motion.motion
         assert motion.StartPos(pos(POS, 1.0)) == GOOD
-        assert motion.Wait_TimeMilli(POS, 20000) == GOOD
+        wait_idle(engine, POS)
         counts = status(engine).flags[Flag.ENCODER_COMMAND, POS]
         assert config.SetAxisPolarity(POS, -1) == GOOD
         assert config.GetAxisPolarity(POS) == (GOOD, -1)
@@ -1489,13 +1326,9 @@ class EngineConformance(SplineConformance):
         assert code == CoreMotionErrorCode.ParameterSettingsInvalid
         assert config.GetEmergencyStopParam() == (GOOD, param)
 
-    def test_all_parameters_at_once(self, harness: Harness) -> None:
+    def test_parameters_of_all_axes_at_once(self, harness: Harness) -> None:
         config = harness.connect().core_motion.config
-        code, system = config.GetParam()
-        assert code == GOOD
-        assert system.GetMotionParam(POS).quickStopDec == QUICK_STOP_DEC
-        assert len(system.feedbackParam) == len(system.homeParam) == len(system.limitParam) == N_AXES
-        assert len(system.motionParam) == len(system.alarmParam) == N_AXES
+        assert config.GetMotionParam(POS)[1].quickStopDec == QUICK_STOP_DEC
         code, axes = config.GetAxisParam()
         assert code == GOOD
         assert axes.axisPolarity == [1, 1, -1, -1, 1]
@@ -1534,7 +1367,7 @@ class EngineConformance(SplineConformance):
         config = harness.communicating().core_motion.config
         path = harness.folder / "parameters.xml"
         assert config.GetAndExportAll(str(path)) == GOOD
-        before = config.GetParam(), config.GetAxisParam()
+        before = config.GetFeedbackParam(0), config.GetLimitParam(N_AXES - 1), config.GetAxisParam()
         text = path.read_text(encoding="utf-8")
         # Axis 0 gets a good value and the last axis a bad one.
         head, mark, rest = text.partition(f'<AxisParameters Axis="{N_AXES - 1}">')
@@ -1543,7 +1376,7 @@ class EngineConformance(SplineConformance):
         bad = rest.replace("<LSDec>10000.000000<", "<LSDec>0.000000<", 1)
         path.write_text(head + mark + bad, encoding="utf-8")
         assert config.ImportAndSetAll(str(path)) == CoreMotionErrorCode.ParameterSettingsInvalid
-        assert (config.GetParam(), config.GetAxisParam()) == before
+        assert (config.GetFeedbackParam(0), config.GetLimitParam(N_AXES - 1), config.GetAxisParam()) == before
 
     def test_no_parameter_file_under_a_moving_axis(self, harness: Harness) -> None:
         engine = harness.ready()
@@ -1562,15 +1395,14 @@ class EngineConformance(SplineConformance):
         assert config.SetLimitParam(POS, param)[0] == GOOD
         assert engine.core_motion.home.StartHome(POS) == GOOD
         assert motion.StartPos(pos(POS, 5.0, SLOW)) == GOOD
-        assert motion.Wait_TimeMilli(POS, 20000) == ErrorCode.AxisSoftLimit
+        wait_idle(engine, POS)
         snapshot = status(engine)
         assert snapshot.flags[Flag.POSITIVE_SOFT_LIMIT, POS]
         assert 1.0 < snapshot.pos_cmd[POS] < 1.1
         assert not snapshot.motion_complete[POS]
         assert motion.StartPos(pos(POS, 5.0)) == ErrorCode.AxisSoftLimit, "no further"
-        assert motion.StartJog(jog(POS, 1.0)) == ErrorCode.AxisSoftLimit
         assert motion.StartPos(pos(POS, 0.5)) == GOOD, "back is free"
-        assert motion.Wait_TimeMilli(POS, 20000) == GOOD
+        wait_idle(engine, POS)
 
     def test_soft_limit_needs_a_homed_axis(self, harness: Harness) -> None:
         engine = harness.ready()
@@ -1579,7 +1411,7 @@ class EngineConformance(SplineConformance):
         param.softLimitType, param.softLimitPositivePos = Config_LimitSwitchType.Dec, 0.5
         assert config.SetLimitParam(POS, param)[0] == GOOD
         assert motion.StartPos(pos(POS, 1.0)) == GOOD
-        assert motion.Wait_TimeMilli(POS, 20000) == GOOD
+        wait_idle(engine, POS)
         assert status(engine).pos_cmd[POS] == 1.0
 
     def test_negative_soft_limit_with_servo_off(self, harness: Harness) -> None:
@@ -1590,24 +1422,11 @@ class EngineConformance(SplineConformance):
         param.lsSlowDec = 100.0
         assert config.SetLimitParam(POS, param)[0] == GOOD
         assert engine.core_motion.home.StartHome(POS) == GOOD
-        assert motion.StartJog(jog(POS, -2.0)) == GOOD
+        assert motion.StartPos(along(POS, -2.0)) == GOOD
         snapshot = wait_status(engine, lambda now: not now.servo_on[POS], "servo off")
         assert snapshot.flags[Flag.NEGATIVE_SOFT_LIMIT, POS]
 
     # -- I/O and network -----------------------------------------------------------------------------------------------
-
-    def test_output_bits_and_bytes(self, harness: Harness) -> None:
-        io = harness.communicating().io
-        assert io.SetOutBit(1, 3, 1) == GOOD
-        assert io.GetOutBit(1, 3) == (GOOD, 1)
-        assert io.GetOutByte(1) == (GOOD, 8)
-        assert io.SetOutBit(1, 0, 1) == GOOD
-        assert io.SetOutBit(1, 3, 0) == GOOD
-        assert io.GetOutByte(1) == (GOOD, 1)
-        assert io.SetOutBytes(0, 4, [1, 2, 3, 255]) == GOOD
-        assert io.GetOutBytes(0, 4) == (GOOD, [1, 2, 3, 255])
-        assert io.SetOutByte(3, 0) == GOOD
-        assert io.GetOutBytes(2, 2) == (GOOD, [3, 0])
 
     @pytest.mark.parametrize("byte", [-1, 4, 8000])
     def test_io_address(self, harness: Harness, byte: int) -> None:
@@ -1615,75 +1434,33 @@ class EngineConformance(SplineConformance):
         code = ErrorCode.IOAddressOutOfRange
         assert io.SetOutBit(byte, 0, 1) == code
         assert io.GetOutBit(byte, 0) == (code, 0)
-        assert io.GetInBit(byte, 0) == (code, 0)
-        assert io.SetOutByte(byte, 1) == code
-        assert io.GetOutByte(byte) == (code, 0)
-        assert io.GetInByte(byte) == (code, 0)
-        assert io.GetInBytes(byte, 1) == (code, [])
 
     @pytest.mark.parametrize("bit", [-1, 8])
     def test_io_bit(self, harness: Harness, bit: int) -> None:
         io = harness.communicating().io
         assert io.SetOutBit(0, bit, 1) == ErrorCode.IOAddressOutOfRange
         assert io.GetOutBit(0, bit) == (ErrorCode.IOAddressOutOfRange, 0)
-        assert io.GetInBit(0, bit) == (ErrorCode.IOAddressOutOfRange, 0)
-
-    def test_io_sizes_and_values(self, harness: Harness) -> None:
-        io = harness.communicating().io
-        assert io.SetOutBytes(2, 3, [0, 0, 0]) == ErrorCode.IOSizeOutOfRange
-        assert io.SetOutBytes(0, 2, [0]) == ErrorCode.IOSizeOutOfRange
-        assert io.SetOutBytes(0, 0, []) == ErrorCode.IOSizeOutOfRange
-        assert io.GetOutBytes(0, 5) == (ErrorCode.IOSizeOutOfRange, [])
-        assert io.GetInBytes(0, 0) == (ErrorCode.IOSizeOutOfRange, [])
-        for value in (-1, 256):
-            assert io.SetOutByte(0, value) == ErrorCode.ArgumentOutOfRange
-        for value in (-1, 2):
-            assert io.SetOutBit(0, 0, value) == ErrorCode.ArgumentOutOfRange
-        assert io.GetOutBytes(0, 4) == (GOOD, [0, 0, 0, 0])
 
     def test_network(self, harness: Harness) -> None:
         engine = harness.connect()
         assert engine.ecat.ScanNetwork(0) == GOOD
         assert engine.ecat.ScanNetwork(1) == ErrorCode.ArgumentOutOfRange
         engine.api.StartCommunication(20000)
-        code, info = engine.ecat.GetMasterInfo()
-        assert code == GOOD
-        assert info.numOfSlaves == len(info.slaves) == N_AXES
-        assert info.statisticsInfo.commPeriod == 1_000_000
-        assert info.statisticsInfo.packetLoss == 0
-        assert info.statisticsInfo.packetTimeout == 0
-        assert info.statisticsInfo.totalAxesNum == N_AXES
-        assert [slave.id for slave in info.slaves] == list(range(N_AXES))
-        assert {slave.state for slave in info.slaves} == {info.state} == {EcStateMachine.Op}
-        assert len({slave.address for slave in info.slaves}) == N_AXES
-        assert sum(slave.numOfAxes for slave in info.slaves) == N_AXES
-        assert not any(slave.offline for slave in info.slaves)
+        assert engine.ecat.ScanNetwork(0) == EcErrorCode.ScanNetworkFailed, "it would disturb a bus that runs"
 
-    def test_registers(self, harness: Harness) -> None:
-        engine = harness.communicating()
-        code, data = engine.ecat.RegisterRead(1, 0x0130, 2)
-        assert (code, data) == (GOOD, [int(EcStateMachine.Op), 0]), "the slave's state"
-        code, data = engine.ecat.RegisterRead(N_AXES - 1, 0x0000, 0x1000)
-        assert (code, len(data)) == (GOOD, 0x1000)
-        for slave, address, length in (
-            (N_AXES, 0, 1),
-            (-1, 0, 1),
-            (0, -1, 1),
-            (0, 0, 0),
-            (0, 0, -1),
-            (0, 0x1000, 1),
-            (0, 0xFFF, 2),
-            (0, 0, 0x1001),
-        ):
-            assert engine.ecat.RegisterRead(slave, address, length) == (ErrorCode.ArgumentOutOfRange, [])
+    def test_output_bits(self, harness: Harness) -> None:
+        io = harness.communicating().io
+        assert io.SetOutBit(1, 3, 1) == GOOD
+        assert io.SetOutBit(1, 0, 1) == GOOD
+        assert [io.GetOutBit(1, bit) for bit in range(4)] == [(GOOD, 1), (GOOD, 0), (GOOD, 0), (GOOD, 1)]
+        assert io.SetOutBit(1, 3, 0) == GOOD
+        assert io.GetOutBit(1, 3) == (GOOD, 0)
+        for value in (-1, 2):
+            assert io.SetOutBit(0, 0, value) == ErrorCode.ArgumentOutOfRange
+        assert io.GetOutBit(0, 0) == (GOOD, 0)
 
-    def test_statistics_and_hot_connect(self, harness: Harness) -> None:
-        engine = harness.connect()
-        assert engine.ecat.StartHotconnect() == EcErrorCode.HotconnectFailed, "nothing to join"
-        assert engine.ecat.ResetTransmitStatisticsInfo() == GOOD
-        assert engine.api.StartCommunication(20000) == GOOD
-        assert engine.ecat.StartHotconnect() == GOOD
-        assert engine.ecat.GetMasterInfo()[1].statisticsInfo.hcState == EcHotconnectState.Idle
+    def test_outputs_need_a_bus(self, harness: Harness) -> None:
+        assert harness.connect().io.SetOutBit(0, 0, 1) == ErrorCode.CommNotStarted
 
     def test_error_texts(self, harness: Harness) -> None:
         engine = harness.connect()
@@ -1696,46 +1473,21 @@ class EngineConformance(SplineConformance):
 
     # -- several devices -----------------------------------------------------------------------------------------------
 
-    def test_closing_a_device_stops_its_axes_and_no_others(self, harness: Harness) -> None:
+    def test_closing_a_device_stops_no_axis(self, harness: Harness) -> None:
         one, two = harness.ready("one"), harness.connect("two")
         assert one.core_motion.velocity.StartVel(vel(VEL, 5.0)) == GOOD
         assert two.core_motion.velocity.StartVel(vel(VEL_MIRRORED, 5.0)) == GOOD
         assert one.api.CloseDevice() == GOOD
-        wait_status(two, in_state(VEL, OperationState.Idle), "the closed device's axis at rest")
-        assert some_cycles(two, 50).op_state[VEL_MIRRORED] == OperationState.Velocity
+        assert some_cycles(two, 50).op_state[[VEL, VEL_MIRRORED]].tolist() == [OperationState.Velocity] * 2
 
-    def test_axis_belongs_to_who_moved_it_last(self, harness: Harness) -> None:
+    def test_a_client_that_says_nothing_keeps_its_device_and_its_motion(self, harness: Harness) -> None:
+        """The library reports for it as long as its process runs: the watchdog is no dead-man."""
         one, two = harness.ready("one"), harness.connect("two")
+        assert [device.watchdog for device in two.api.GetAllDevices()[1].devices] == [15_000, 15_000]
         assert one.core_motion.velocity.StartVel(vel(VEL, 5.0)) == GOOD
-        assert two.core_motion.velocity.StartVel(vel(VEL, 6.0)) == GOOD
-        assert one.api.CloseDevice() == GOOD
-        assert some_cycles(two, 50).op_state[VEL] == OperationState.Velocity
-
-    def test_watchdog_stops_the_axes_of_a_silent_device(self, harness: Harness) -> None:
-        one, two = harness.ready("one"), harness.connect("two")
-        assert one.api.SetWatchdog(2000) == GOOD
-        assert one.core_motion.velocity.StartVel(vel(VEL, 5.0)) == GOOD
-        assert two.core_motion.velocity.StartVel(vel(VEL_MIRRORED, 5.0)) == GOOD
-        wait_status(two, in_state(VEL, OperationState.Idle), "the silent device's axis at rest")
-        assert status(two).op_state[VEL_MIRRORED] == OperationState.Velocity
-        assert one.api.GetWatchdog() == (GOOD, 2000, 1)
-        assert one.core_motion.velocity.StartVel(vel(VEL, 5.0)) == GOOD, "it may go on"
-
-    def test_calls_keep_the_watchdog_quiet(self, harness: Harness) -> None:
-        engine = harness.ready()
-        assert engine.api.SetWatchdog(60_000) == GOOD
-        assert engine.core_motion.velocity.StartVel(vel(VEL, 5.0)) == GOOD
-        for _ in range(10):
-            some_cycles(engine, 20)
-            assert engine.api.ResetWatchdogTimer() == GOOD
-        assert status(engine).op_state[VEL] == OperationState.Velocity
-        assert engine.api.GetWatchdog() == (GOOD, 60_000, 0)
-
-    @pytest.mark.parametrize("milliseconds", [-1, 10**9])
-    def test_bad_watchdog(self, harness: Harness, milliseconds: int) -> None:
-        engine = harness.connect()
-        assert engine.api.SetWatchdog(milliseconds) == ErrorCode.ArgumentOutOfRange
-        assert engine.api.GetWatchdog() == (GOOD, 0, 0)
+        some_cycles(two, 2500)
+        assert status(two).op_state[VEL] == OperationState.Velocity
+        assert all(device.watchdogCount <= 200 for device in two.api.GetAllDevices()[1].devices)
 
     def test_many_devices(self, harness: Harness) -> None:
         engines = [harness.connect(f"client {index}") for index in range(20)]

@@ -234,6 +234,25 @@ class ThreadHarness(Harness):
         self.server.close()
 
 
+@contextmanager
+def engine_in_thread(**changes: Any) -> Iterator[ThreadHarness]:
+    """In a folder of its own; ends with the context. changes: of its configuration."""
+    with runtime_folder() as folder:
+        harness = ThreadHarness(folder, **changes)
+        try:
+            yield harness
+        finally:
+            harness.stop()
+
+
+def part(engine: MotionEngine, owner: str) -> Any:
+    """The port's object of a name of the surface."""
+    whole = {"WMX3Api": engine.api, "CoreMotion": engine.core_motion, "Io": engine.io, "Ecat": engine.ecat}
+    if owner in whole:
+        return whole[owner]
+    return engine.advanced_motion.advMotion if owner == "advMotion" else getattr(engine.core_motion, owner)
+
+
 def status(client: MotionEngine) -> StatusSnapshot:
     """The present status, which must be good."""
     code, snapshot = client.read_status()
@@ -251,6 +270,11 @@ def wait_status(client: MotionEngine, holds: Callable[[StatusSnapshot], Any], wh
     found = wait_for(read, what, poll_s=0.0005)
     assert found is not None
     return found
+
+
+def wait_idle(client: MotionEngine, *axes: int) -> StatusSnapshot:
+    """The first status in which the axes are idle."""
+    return wait_status(client, lambda now: not now.op_state[list(axes)].any(), f"rest of {axes}")
 
 
 def some_cycles(client: MotionEngine, count: int = 5) -> StatusSnapshot:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 from robot_stack.wmx.api import (
     Config_HomeParam,
     Config_LimitParam,
-    Motion_JogCommand,
+    DetailOperationState,
     Motion_PosCommand,
     OperationState,
     Profile,
@@ -70,6 +71,9 @@ class Machine:
             self.engine.cycle()
         raise AssertionError(f"not within {cycles} cycles: {what}")
 
+    def soft_stop(self, axis: int, dec: float) -> None:
+        self.engine.motion.stop_axis(axis, dec, DetailOperationState.Stop)
+
     def rest(self, axis: int) -> None:
         self.until(lambda: self.flags[Flag.OP_STATE, axis] == OperationState.Idle, "at rest")
 
@@ -91,9 +95,7 @@ class Machine:
     def switches(self, axis: int, **where_rad: float) -> None:
         """Switches of a drive by name, in rad of the drive's own direction from its present position."""
         here, scale = float(self.drives.position[axis]), self.counts_per_rad(axis)
-        counts = {
-            name: value * scale + (here if name != "z_pulse_spacing" else 0.0) for name, value in where_rad.items()
-        }
+        counts = {name: value * scale + here for name, value in where_rad.items()}
         self.drives.switches[axis] = DriveSwitches(**counts)
         self.run(2)
 
@@ -110,9 +112,9 @@ class Machine:
         profile = Profile.SetupTrapezoidal(speed, acc, acc)
         return self.engine.motion.start_position(0, [Motion_PosCommand(axis, target, profile)], relative=False)
 
-    def jog(self, axis: int, speed: float) -> int:
-        profile = Profile.SetupTrapezoidal(speed, 10.0, 10.0)
-        return self.engine.motion.start_jog(0, [Motion_JogCommand(axis, profile)])
+    def along(self, axis: int, speed: float) -> int:
+        """Far away, at a signed speed."""
+        return self.move(axis, math.copysign(1000.0, speed), abs(speed))
 
 
 def machine() -> Machine:

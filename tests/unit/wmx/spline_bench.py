@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from robot_stack.wmx.api import ErrorCode, OperationState
+from robot_stack.wmx.api import DetailOperationState, ErrorCode, OperationState
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
@@ -96,6 +96,10 @@ class Arm:
     ) -> int:
         path = np.array(points, np.float64).reshape(len(times_ms), len(axes))
         return self.motion.start_spline(self.device, channel, list(axes), path, np.array(times_ms, np.float64))
+
+    def soft_stop(self, axis: int = 0, dec: float = 1e-3) -> None:
+        """A stop as gentle as its deceleration of one axis."""
+        self.motion.stop_axis(axis, dec, DetailOperationState.Stop)
 
     def moving(self, cycles: int = 900) -> Arm:
         """On the way, all axes in motion."""

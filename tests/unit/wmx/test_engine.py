@@ -17,10 +17,10 @@ import robot_stack.wmx as wmx
 from robot_stack.wmx.api import (
     AxisCommandMode,
     CoreMotionErrorCode,
+    DetailOperationState,
     EngineState,
     ErrorCode,
     EStopLevel,
-    Motion_JogCommand,
     Motion_PosCommand,
     OperationState,
     Profile,
@@ -88,10 +88,6 @@ class Bench:
         command = Velocity_VelCommand(axis, Profile.SetupTrapezoidal(velocity, acc, dec))
         return self.engine.motion.start_velocity(self.device, [command])
 
-    def start_jog(self, axis: int, velocity: float) -> int:
-        command = Motion_JogCommand(axis, Profile.SetupTrapezoidal(velocity, 400.0, 400.0))
-        return self.engine.motion.start_jog(self.device, [command])
-
 
 @pytest.fixture
 def bench() -> Bench:
@@ -136,10 +132,10 @@ class TestTiming:
         assert bench.flag(Flag.MOTION_COMPLETE)[POS]
 
     def test_timed_velocity_to_the_cycle(self, bench: Bench) -> None:
-        # 50 ms of command at 5 rad/s, then 5 rad/s at 500 rad/s2 takes 10 ms.
-        command = Velocity_TimedVelCommand(VEL, 50.0, Profile.SetupTrapezoidal(5.0, 500.0, 500.0))
+        # 20 ms to 5 rad/s, 50 ms at it, 10 ms to rest: the sum of the three, as the vendor's manual has it.
+        command = Velocity_TimedVelCommand(VEL, 50.0, Profile.SetupTimeAccTrapezoidal(5.0, 20.0, 10.0))
         assert bench.engine.motion.start_velocity(bench.device, [command]) == ErrorCode.PyNone
-        bench.step(49)
+        bench.step(69)
         assert bench.flag(Flag.OP_STATE)[VEL] == OperationState.Velocity
         bench.step(1)
         assert bench.flag(Flag.OP_STATE)[VEL] == OperationState.Stop
@@ -148,19 +144,45 @@ class TestTiming:
         bench.step(1)
         assert bench.flag(Flag.OP_STATE)[VEL] == OperationState.Idle
 
-    def test_watchdog_in_engine_time(self, bench: Bench) -> None:
-        device = bench.engine.devices.get(bench.device)
-        assert device is not None
-        session = Session(bench.device)
-        assert execute(bench.engine, session, "SetWatchdog", [100])[0] == ErrorCode.PyNone
+    def test_timed_velocity_slows_down_at_the_rate_at_which_it_stops(self, bench: Bench) -> None:
         bench.start_vel(VEL, 5.0)
-        bench.step(100)
+        bench.step(200)
+        # 4 rad/s to rest in 40 ms is 100 rad/s2: from 5 to 4 rad/s in 10 ms, then 50 ms of it.
+        command = Velocity_TimedVelCommand(VEL, 50.0, Profile.SetupTimeAccTrapezoidal(4.0, 1.0, 40.0))
+        assert bench.engine.motion.start_velocity(bench.device, [command]) == ErrorCode.PyNone
+        bench.step(5)
+        assert bench.real(Real.VELOCITY_CMD)[VEL] == pytest.approx(4.5)
+        bench.step(54)
         assert bench.flag(Flag.OP_STATE)[VEL] == OperationState.Velocity
-        bench.step(1)
+        bench.step(6)
         assert bench.flag(Flag.OP_STATE)[VEL] == OperationState.Stop
-        assert device.watchdog_count == 1
+        assert bench.real(Real.VELOCITY_CMD)[VEL] == pytest.approx(3.4)
+
+    def test_acceleration_in_no_time_is_a_step_up_and_down(self, bench: Bench) -> None:
+        for speed in (5.0, 3.0):
+            command = Velocity_TimedVelCommand(VEL, 50.0, Profile.SetupTimeAccTrapezoidal(speed, 0.0, 100.0))
+            assert bench.engine.motion.start_velocity(bench.device, [command]) == ErrorCode.PyNone
+            bench.step(1)
+            assert bench.real(Real.VELOCITY_CMD)[VEL] == speed
+
+    def test_watchdog_closes_the_device_of_a_process_that_does_not_run_and_stops_nothing(self, bench: Bench) -> None:
+        other = bench.engine.create_device(0)[1]
+        assert other is not None
+        session = Session(bench.device)
+        _, _, limit_ms, silent_ms, _ = execute(bench.engine, session, "WMX3Api.GetAllDevices", [])[1][0][1][0]
+        assert limit_ms == 15_000
+        assert silent_ms <= 100
+        bench.start_vel(VEL, 5.0)
+        bench.step(3000)
+        assert bench.engine.devices.get(bench.device) is not None, "its library reports, whatever it calls"
+        bench.engine.alive = lambda device: device != bench.device
         bench.step(500)
-        assert device.watchdog_count == 1, "counted once"
+        silent_ms = execute(bench.engine, session, "WMX3Api.GetAllDevices", [])[1][0][1][0][3]
+        assert 400 <= silent_ms <= 600
+        bench.step(15_000)
+        assert bench.engine.devices.get(bench.device) is None
+        assert bench.engine.devices.get(other.id) is not None
+        assert bench.flag(Flag.OP_STATE)[VEL] == OperationState.Velocity, "nothing has stopped it"
 
     def test_shutdown_passes_through_its_state(self, bench: Bench) -> None:
         bench.engine.stop_engine()
@@ -190,7 +212,7 @@ class TestTiming:
 
 class TestDriveCommands:
     def test_position_mode_sends_counts_and_feed_forward(self, bench: Bench) -> None:
-        bench.start_jog(POS_MIRRORED, 3.0)
+        bench.start_pos(POS_MIRRORED, 100.0, Profile.SetupTrapezoidal(3.0, 400.0, 400.0))
         bench.step(50)
         scale = -131072 / (2 * math.pi)
         out = bench.engine.commands
@@ -227,21 +249,20 @@ class TestDriveCommands:
 MOTIONS: dict[str, Callable[[Bench], Any]] = {
     "idle": lambda b: None,
     "position": lambda b: b.start_pos(POS, 100.0),
-    "jog": lambda b: b.start_jog(POS, 20.0),
     "velocity": lambda b: b.start_vel(VEL, 20.0),
     "override": lambda b: (b.start_pos(POS, 100.0), b.step(30), b.start_pos(POS, -100.0)),
-    "stop": lambda b: (b.start_jog(POS, 20.0), b.step(60), b.engine.motion.stop([POS], AxisCommandMode.Position)),
-    "timed stop": lambda b: (
+    "stop": lambda b: (b.start_pos(POS, 100.0), b.step(60), b.engine.motion.stop([POS], AxisCommandMode.Position)),
+    "soft stop": lambda b: (
         b.start_vel(VEL, 20.0),
         b.step(60),
-        b.engine.motion.timed_stop([VEL], 5000.0, AxisCommandMode.Velocity),
+        b.engine.motion.stop_axis(VEL, 4.0, DetailOperationState.Stop),
     ),
     "quick stop": lambda b: (
         b.start_vel(VEL, 20.0),
         b.step(60),
         b.engine.motion.quick_stop([VEL], AxisCommandMode.Velocity),
     ),
-    "orphaned": lambda b: (b.engine.create_device(0), b.start_vel(VEL, 20.0), b.engine.remove_device(b.device)),
+    "ownerless": lambda b: (b.engine.create_device(0), b.start_vel(VEL, 20.0), b.engine.remove_device(b.device)),
     "first cycle": lambda b: (b.step(1), b.start_vel(VEL, 20.0)),
 }
 
@@ -261,7 +282,7 @@ class TestEmergencyStop:
             assert bench.start_pos(POS, 1.0) == CoreMotionErrorCode.EmergencyStopSignalOn
             assert bench.start_vel(VEL, 1.0) == CoreMotionErrorCode.EmergencyStopSignalOn
             bench.engine.motion.stop([POS], AxisCommandMode.Position)
-            bench.engine.motion.timed_stop([VEL], 60000.0, AxisCommandMode.Velocity)
+            bench.engine.motion.stop_axis(VEL, 0.01, DetailOperationState.Stop)
             bench.step()
             after = bench.real(Real.VELOCITY_CMD)
             assert (np.abs(after) <= np.maximum(np.abs(before) - ESTOP_DEC * CYCLE_S, 0.0) + 1e-9).all()
@@ -409,7 +430,7 @@ class TestRequests:
 
     def test_without_a_device(self) -> None:
         bench = Bench()
-        for method in set(METHODS) - {"CreateDevice", "StartEngine"}:
+        for method in set(METHODS) - {"CreateDevice"}:
             arity = next(n for n in range(6) if execute(bench.engine, Session(), method, [0] * n)[0] != 1555)
             assert execute(bench.engine, Session(), method, [0] * arity) == (ErrorCode.DeviceIsNull, [])
 
@@ -505,8 +526,7 @@ class TestCompilation:
             assert bench.start_vel(VEL, 1, 0, 0) == ErrorCode.PyNone
             bench.step(2)
             bench.engine.motion.stop([POS], AxisCommandMode.Position)
-            bench.engine.motion.stop_dec(POS, 5)
-            bench.engine.motion.timed_stop([VEL], 5, AxisCommandMode.Velocity)
+            bench.engine.motion.stop([VEL], AxisCommandMode.Velocity)
             bench.step(500)
         assert [len(function.signatures) for function in compiled] == before
 

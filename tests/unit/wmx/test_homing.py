@@ -8,7 +8,6 @@ from robot_stack.wmx.api import (
     AxisCommandMode,
     Config_HomeDirection,
     Config_HomeType,
-    Config_LimitSwitchDirection,
     Config_LimitSwitchType,
     CoreMotionErrorCode,
     ErrorCode,
@@ -18,31 +17,11 @@ from robot_stack.wmx.api import (
     OperationState,
 )
 from robot_stack.wmx.axes import Flag, Real
-from robot_stack.wmx.simulated.homing_types import SEARCHES
 from tests.unit.wmx.harness import POS, POS_MIRRORED, VEL
-from tests.unit.wmx.machine import ACC, FAST, SLOW, Machine, machine
+from tests.unit.wmx.machine import ACC, FAST, Machine
 
 Type = Config_HomeType
 CYCLE_M = 2.0 * FAST * 0.001  # two cycles of the bus at the fast speed
-# Sensors of the drive in rad from where it stands: home switch 0.5..0.6, limits at +-1, a z pulse every 0.08.
-EVERYTHING = {
-    "home_from": 0.5,
-    "home_to": 0.6,
-    "positive_limit": 1.0,
-    "negative_limit": -1.0,
-    "z_pulse_spacing": 0.08,
-}
-
-
-@pytest.fixture(scope="module")
-def shared() -> Machine:
-    return machine()
-
-
-@pytest.fixture
-def bench(shared: Machine) -> Machine:
-    shared.restart()
-    return shared
 
 
 def home(bench: Machine, axis: int = POS) -> list[int]:
@@ -85,62 +64,13 @@ def failed(bench: Machine, error: HomeError, axis: int = POS) -> None:
 
 
 class TestTypes:
-    """The edge that counts, its direction and its speed; z pulses lie at multiples of 0.08 rad."""
+    """The rising edge of the home switch, its direction and its speed."""
 
-    @pytest.mark.parametrize(
-        ("kind", "where", "tolerance", "states"),
-        [
-            (Type.HS, 0.5, CYCLE_M, [HomeState.HSSearch, HomeState.HomeShift]),
-            (
-                Type.HSHS,
-                0.5,
-                0.2 * CYCLE_M + 2e-4,
-                [HomeState.HSSearch, HomeState.HSClearReverse, HomeState.SecondHSSearch, HomeState.HomeShift],
-            ),
-            (Type.HSOff, 0.6, CYCLE_M, [HomeState.HSOffSearch, HomeState.HomeShift]),
-            (Type.HSZPulse, 0.56, 1e-4, [HomeState.HSSearch, HomeState.ZPulseSearch, HomeState.HomeShift]),
-            (
-                Type.HSReverseZPulse,
-                0.48,
-                1e-4,
-                [HomeState.HSSearch, HomeState.ZPulseSearchReverse, HomeState.HomeShift],
-            ),
-            (Type.HSOffZPulse, 0.64, 1e-4, [HomeState.HSOffSearch, HomeState.ZPulseSearch, HomeState.HomeShift]),
-            (
-                Type.HSOffReverseZPulse,
-                0.56,
-                1e-4,
-                [
-                    HomeState.HSOffSearch,
-                    HomeState.HSFallingEdgeSearchReverse,
-                    HomeState.ZPulseSearchReverse,
-                    HomeState.HomeShift,
-                ],
-            ),
-            (Type.ZPulse, 0.08, 1e-4, [HomeState.ZPulseSearch, HomeState.HomeShift]),
-            (Type.LS, 1.0, CYCLE_M, [HomeState.LSSearch, HomeState.HomeShift]),
-            (
-                Type.LSReverseZPulse,
-                1.04,
-                1e-4,
-                [HomeState.LSSearch, HomeState.ZPulseSearchReverse, HomeState.HomeShift],
-            ),
-        ],
-    )
-    def test_where_home_is(
-        self, bench: Machine, kind: Type, where: float, tolerance: float, states: list[HomeState]
-    ) -> None:
-        # From 0.01 rad on, so that no search begins on a mark.
-        spacing = EVERYTHING["z_pulse_spacing"]
-        assert bench.move(POS, 0.01) == 0
-        bench.rest(POS)
-        bench.switches(POS, **{**{k: v - 0.01 for k, v in EVERYTHING.items()}, "z_pulse_spacing": spacing})
-        bench.homing(POS, homeType=kind)
-        assert home(bench) == states
-        homed_at(bench, where, tolerance=tolerance)
-
-    def test_every_type_that_moves_is_tested(self) -> None:
-        assert len(SEARCHES) == 10
+    def test_where_home_is(self, bench: Machine) -> None:
+        bench.switches(POS, home_from=0.5, home_to=0.6, positive_limit=1.0, negative_limit=-1.0)
+        bench.homing(POS, homeType=Type.HS)
+        assert home(bench) == [HomeState.HSSearch, HomeState.HomeShift]
+        homed_at(bench, 0.5)
 
     def test_in_the_negative_direction(self, bench: Machine) -> None:
         bench.switches(POS, home_from=-0.6, home_to=-0.5)
@@ -179,7 +109,7 @@ class TestTypes:
 
     def test_speeds(self, bench: Machine) -> None:
         bench.switches(POS, home_from=0.5, home_to=0.6)
-        bench.homing(POS, homeType=Type.HSHS)
+        bench.homing(POS, homeType=Type.HS)
         assert bench.engine.start_home([POS]) == 0
         fastest: dict[int, float] = {}
         while bench.flag(Flag.OP_STATE, POS) == OperationState.Home:
@@ -188,7 +118,6 @@ class TestTypes:
             assert abs(bench.reals[Real.CMD_ACC, POS]) <= ACC * (1.0 + 1e-9)
             bench.run(1)
         assert fastest[HomeState.HSSearch] == pytest.approx(FAST)
-        assert fastest[HomeState.SecondHSSearch] == pytest.approx(SLOW)
         assert fastest[HomeState.HomeShift] <= 0.5
 
     def test_two_axes_at_once(self, bench: Machine) -> None:
@@ -215,24 +144,12 @@ class TestSensorOnAtStart:
         assert home(bench)[0] == HomeState.HSClearReverse
         homed_at(bench, -0.1)
 
-    def test_home_switch_for_its_falling_edge(self, bench: Machine) -> None:
-        bench.switches(POS, home_from=-0.1, home_to=0.1)
-        bench.homing(POS, homeType=Type.HSOff)
-        assert home(bench)[0] == HomeState.HSOffSearch
-        homed_at(bench, 0.1)
-
     def test_home_switch_that_does_not_end(self, bench: Machine) -> None:
         bench.switches(POS, home_from=-5.0, home_to=0.1)
         bench.homing(POS, homeType=Type.HS, maxHSOnAtStartReverseDistance=0.5)
         home(bench)
         failed(bench, HomeError.MaxHSOnAtStartRevDistanceTraveled)
         assert drive_position(bench) == pytest.approx(-0.5 - FAST * FAST / (2.0 * ACC), abs=2 * CYCLE_M)
-
-    def test_limit_switch(self, bench: Machine) -> None:
-        bench.switches(POS, positive_limit=-0.3)
-        bench.homing(POS, homeType=Type.LS)
-        assert home(bench)[0] == HomeState.LSFallingEdgeSearchReverse
-        homed_at(bench, -0.3)
 
 
 class TestLimitOnTheWay:
@@ -279,13 +196,6 @@ class TestLimitOnTheWay:
         failed(bench, HomeError.LSTriggered)
         assert drive_position(bench) > -0.9, "it did not go on into the end"
 
-    def test_z_pulse_types_stop_there(self, bench: Machine) -> None:
-        bench.switches(POS, z_pulse_spacing=1e6, positive_limit=0.3, negative_limit=-0.3)
-        bench.run(1)
-        bench.homing(POS, homeType=Type.ZPulse)
-        home(bench)
-        failed(bench, HomeError.LSTriggered)
-
     def test_while_shifting(self, bench: Machine) -> None:
         bench.switches(POS, home_from=0.1, home_to=0.2, positive_limit=0.5)
         bench.homing(POS, homeType=Type.HS, homeShiftDistance=1.0)
@@ -313,19 +223,12 @@ class TestLimitOnTheWay:
         failed(bench, HomeError.LSTriggered)
         assert drive_position(bench) > 0.3
 
-    def test_reversed_switches(self, bench: Machine) -> None:
-        bench.switches(POS_MIRRORED, negative_limit=-0.3)
-        bench.limits(POS_MIRRORED, lsDirection=Config_LimitSwitchDirection.Reverse)
-        bench.homing(POS_MIRRORED, homeType=Type.LS)
-        home(bench, POS_MIRRORED)
-        homed_at(bench, -0.3, POS_MIRRORED)
-
     def test_afterwards_the_limit_acts_again(self, bench: Machine) -> None:
         bench.switches(POS, home_from=0.1, home_to=0.2, positive_limit=0.5)
         bench.limits(POS, lsType=Config_LimitSwitchType.Dec)
         bench.homing(POS, homeType=Type.HS)
         home(bench)
-        assert bench.jog(POS, 1.0) == 0
+        assert bench.along(POS, 1.0) == 0
         bench.rest(POS)
         assert bench.flag(Flag.END_REASON, POS) == ErrorCode.AxisHardLimit
 
@@ -367,7 +270,7 @@ class TestInterrupted:
             case "quick":
                 assert engine.motion.quick_stop([POS], AxisCommandMode.Position) == 0
             case "one cycle":
-                assert engine.motion.stop_dec(POS, 1e6) == 0
+                bench.soft_stop(POS, 1e6)
             case "estop":
                 assert engine.exec_estop(EStopLevel.Level1) == 0
             case "servo off":
@@ -377,7 +280,7 @@ class TestInterrupted:
             case "bus":
                 assert engine.stop_communication() == 0
             case _:
-                engine._orphan(42)
+                engine.motion.quick_stop_axis(POS)
         bench.run(500)
         failed(bench, HomeError.NoError)
         assert bench.velocity(POS) == 0.0
@@ -391,14 +294,14 @@ class TestInterrupted:
         if shift:
             bench.until(lambda: bench.flag(Flag.HOME_STATE, POS) == HomeState.HomeShift, "shifting")
         bench.run(10)
-        assert bench.engine.motion.stop_dec(POS, 1e6) == 0
+        bench.soft_stop(POS, 1e6)
         bench.run(200)
         failed(bench, HomeError.NoError)
 
     def test_no_other_motion_starts_meanwhile(self, bench: Machine) -> None:
         on_its_way(bench)
         assert bench.move(POS, 1.0) == CoreMotionErrorCode.NotIdleOrPosState
-        assert bench.jog(POS, 1.0) == CoreMotionErrorCode.NotIdleOrJogState
+        assert bench.along(POS, 1.0) == CoreMotionErrorCode.NotIdleOrPosState
         assert bench.engine.start_home([POS]) == ErrorCode.NotIdleState
         assert bench.engine.set_gear(POS, 2.0, 1.0) == ErrorCode.NotIdleState
         assert bench.flag(Flag.OP_STATE, POS) == OperationState.Home
@@ -431,15 +334,23 @@ class TestRefused:
         ],
     )
     def test_without_the_sensor(self, bench: Machine, kind: Type, code: int) -> None:
-        bench.engine.set_home_done(POS, 1)
+        bench.flags[Flag.HOME_DONE, POS] = 1
         bench.homing(POS, homeType=kind)
         assert bench.engine.start_home([POS]) == code
         assert bench.flag(Flag.HOME_DONE, POS), "nothing has begun"
 
-    def test_half_the_sensors(self, bench: Machine) -> None:
-        bench.switches(POS, home_from=0.5, home_to=0.6)
-        bench.homing(POS, homeType=Type.HSZPulse)
-        assert bench.engine.start_home([POS]) == CoreMotionErrorCode.ZPulseDetectionUnsupported
+    @pytest.mark.parametrize(
+        ("kind", "code"),
+        [
+            (Type.HSZPulse, CoreMotionErrorCode.ZPulseDetectionUnsupported),
+            (Type.HSHS, ErrorCode.NoSupportedFunction),
+            (Type.HSOff, ErrorCode.NoSupportedFunction),
+        ],
+    )
+    def test_types_that_this_engine_does_not_have(self, bench: Machine, kind: Type, code: int) -> None:
+        bench.switches(POS, home_from=0.5, home_to=0.6, positive_limit=1.0)
+        bench.homing(POS, homeType=kind)
+        assert bench.engine.start_home([POS]) == code
 
     def test_states(self, bench: Machine) -> None:
         bench.switches(POS, home_from=0.5, home_to=0.6)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 
 import pytest
 
@@ -22,7 +21,7 @@ from robot_stack.wmx.api import (
 )
 from robot_stack.wmx.axes import Flag, Real
 from tests.support.waiting import wait_for
-from tests.unit.wmx.conformance import GOOD, LONG_WAY, SLOW, EngineConformance, cruising, in_state, jog, pos, vel
+from tests.unit.wmx.conformance import GOOD, LONG_WAY, SLOW, EngineConformance, along, cruising, in_state, pos, vel
 from tests.unit.wmx.harness import (
     N_AXES,
     POS,
@@ -30,6 +29,7 @@ from tests.unit.wmx.harness import (
     VEL,
     VEL_MIRRORED,
     ThreadHarness,
+    engine_in_thread,
     engine_state,
     runtime_folder,
     some_cycles,
@@ -42,13 +42,9 @@ ALARM = 42
 
 @pytest.fixture
 def harness() -> Iterator[ThreadHarness]:
-    with runtime_folder() as folder:
-        harness = ThreadHarness(folder)
-        try:
-            yield harness
-            harness.end_test()
-        finally:
-            harness.stop()
+    with engine_in_thread() as harness:
+        yield harness
+        harness.end_test()
 
 
 class TestDriveAlarm:
@@ -66,7 +62,6 @@ class TestDriveAlarm:
         assert not snapshot.servo_requested[axis], "it does not come back by itself"
         other = VEL if axis == POS else POS
         assert snapshot.op_state[other] != OperationState.Idle, "other axes go on"
-        assert engine.core_motion.motion.Wait_TimeMilli(axis, 20000) == ErrorCode.AxisAmpAlarm
 
     def test_nothing_starts_with_an_alarm_until_it_is_cleared(self, harness: ThreadHarness) -> None:
         engine = harness.ready()
@@ -110,7 +105,6 @@ class TestDriveAlarm:
         assert snapshot.op_state[VEL] == OperationState.Idle
         harness.drives.broken[VEL] = False
         assert not some_cycles(engine, 50).servo_on[VEL], "it has to be switched on again"
-        assert engine.core_motion.motion.Wait_TimeMilli(VEL, 20000) == ErrorCode.ServoOff
         assert engine.core_motion.axisControl.SetServoOn(VEL, 1) == GOOD
         wait_status(engine, lambda now: now.servo_on[VEL], "servo on")
 
@@ -129,7 +123,6 @@ class TestFollowingError:
         snapshot = wait_status(engine, lambda now: now.following_error_alarm[POS], "the alarm")
         assert abs(snapshot.reals[Real.FOLLOWING_ERROR, POS]) > 0.2
         wait_status(engine, in_state(POS, OperationState.Idle), "the quick stop")
-        assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == ErrorCode.AxisAmpAlarm
         assert engine.core_motion.motion.StartPos(pos(POS, 0.0)) == ErrorCode.AxisAmpAlarm
 
     def test_alarm_is_cleared_by_its_own_call_and_comes_back_with_its_cause(self, harness: ThreadHarness) -> None:
@@ -174,10 +167,10 @@ class TestFollowingError:
         param.followingErrorMoving = 0.1
         param.followingErrorType = Config_FollowingErrorAlarmType.NoAction
         config.SetAlarmParam(POS, param)
-        engine.core_motion.motion.StartJog(jog(POS, 2.0))
+        engine.core_motion.motion.StartPos(along(POS, 2.0))
         harness.drives.frozen[POS] = True
         wait_status(engine, lambda now: now.following_error_alarm[POS], "the alarm")
-        assert some_cycles(engine, 20).op_state[POS] == OperationState.Jog
+        assert some_cycles(engine, 20).op_state[POS] == OperationState.Pos
 
 
 class TestBusLoss:
@@ -186,7 +179,7 @@ class TestBusLoss:
         engine.core_motion.velocity.StartVel(vel(VEL, 2.0))
         wait_status(engine, cruising(VEL, 2.0), "motion")
         harness.drives.inputs[0] = 255
-        wait_for(lambda: engine.io.GetInByte(0) == (GOOD, 255), "the inputs")
+        wait_status(engine, lambda now: now.inputs[0] == 255, "the inputs")
         harness.drives.connected = False
         snapshot = wait_status(engine, lambda now: not now.communicating, "the loss")
         assert snapshot.engine_state is EngineState.Running
@@ -197,7 +190,6 @@ class TestBusLoss:
         assert (snapshot.velocity_cmd == 0.0).all()
         assert (snapshot.flags[Flag.SERVO_OFFLINE] == 1).all()
         assert not snapshot.input_bit(0, 0), "a dead bus has no inputs"
-        assert engine.io.GetInBit(0, 0) == (ErrorCode.CommNotStarted, 0)
         assert engine.core_motion.velocity.StartVel(vel(VEL, 2.0)) == ErrorCode.CommNotStarted
         harness.drives.connected = True
         assert not some_cycles(engine, 100).communicating, "it does not come back by itself"
@@ -205,12 +197,6 @@ class TestBusLoss:
         snapshot = status(engine)
         assert snapshot.engine_error == GOOD
         assert not snapshot.servo_on.any()
-
-    def test_wait_ends_with_the_bus(self, harness: ThreadHarness) -> None:
-        engine = harness.ready()
-        engine.core_motion.motion.StartPos(pos(POS, LONG_WAY, SLOW))
-        harness.drives.connected = False
-        assert engine.core_motion.motion.Wait_TimeMilli(POS, 20000) == ErrorCode.ServoOffline
 
     def test_short_loss_is_bridged_and_counted(self, harness: ThreadHarness) -> None:
         engine = harness.ready()
@@ -220,7 +206,6 @@ class TestBusLoss:
         snapshot = wait_status(engine, lambda now: now.lost_cycles == 5, "the loss of five cycles")
         assert some_cycles(engine, 30).communicating
         assert snapshot.op_state[VEL] == OperationState.Velocity
-        assert engine.ecat.GetMasterInfo()[1].statisticsInfo.packetLoss == 5
 
     def test_communication_never_starts_without_a_bus(self, harness: ThreadHarness) -> None:
         engine = harness.connect()
@@ -236,14 +221,6 @@ class TestBusLoss:
         harness.drives.connected = False
         snapshot = wait_status(engine, lambda now: not now.communicating, "the loss")
         assert snapshot.emergency_stop
-
-    def test_network_info_follows(self, harness: ThreadHarness) -> None:
-        engine = harness.communicating()
-        state = engine.ecat.GetMasterInfo()[1].state
-        assert engine.ecat.ScanNetwork(0) != GOOD, "a scan would disturb the running bus"
-        harness.drives.connected = False
-        wait_status(engine, lambda now: not now.communicating, "the loss")
-        assert engine.ecat.GetMasterInfo()[1].state != state
 
 
 class TestEStopSignal:
@@ -289,17 +266,15 @@ class TestInputs:
     def test_bits_and_bytes(self, harness: ThreadHarness) -> None:
         engine = harness.communicating()
         harness.drives.inputs.update({0: 0b101, 3: 200})
-        wait_for(lambda: engine.io.GetInBytes(0, 4) == (GOOD, [5, 0, 0, 200]), "the inputs")
-        assert [engine.io.GetInBit(0, bit)[1] for bit in range(3)] == [1, 0, 1]
-        snapshot = status(engine)
+        snapshot = wait_status(engine, lambda now: now.inputs.tolist() == [5, 0, 0, 200], "the inputs")
         assert snapshot.input_bit(0, 2)
         assert not snapshot.input_bit(0, 1)
         assert not snapshot.input_bit(99, 0), "beyond the image reads 0"
 
     def test_outputs_reach_the_bus(self, harness: ThreadHarness) -> None:
         engine = harness.communicating()
-        assert engine.io.SetOutBytes(0, 2, [7, 9]) == GOOD
-        wait_for(lambda: harness.drives.outputs.tolist() == [7, 9, 0, 0], "the outputs on the bus")
+        assert engine.io.SetOutBit(0, 2, 1) == engine.io.SetOutBit(1, 3, 1) == GOOD
+        wait_for(lambda: harness.drives.outputs.tolist() == [4, 8, 0, 0], "the outputs on the bus")
         assert status(engine).output_bit(1, 3)
 
     def test_torque_has_the_users_sign(self, harness: ThreadHarness) -> None:
@@ -373,41 +348,41 @@ def test_vendor_style_retry_gets_through_contention() -> None:
             harness.stop()
 
 
+def _short_watchdogs(harness: ThreadHarness) -> None:
+    """A second instead of the fifteen that a device begins with."""
+    for device in harness.engine.devices:
+        device.watchdog_ms = 1000
+
+
 class TestDeadClients:
-    def test_broken_connection_stops_the_clients_axes_only(self, harness: ThreadHarness) -> None:
+    def test_broken_connection_stops_nothing_and_its_device_goes_with_its_watchdog(
+        self, harness: ThreadHarness
+    ) -> None:
         victim, other = harness.ready("victim"), harness.connect("other")
         assert victim.core_motion.velocity.StartVel(vel(VEL, 2.0)) == GOOD
-        assert victim.core_motion.motion.StartJog(jog(POS, 2.0)) == GOOD
+        assert victim.core_motion.motion.StartPos(along(POS, 2.0)) == GOOD
         assert other.core_motion.velocity.StartVel(vel(VEL_MIRRORED, 2.0)) == GOOD
-        assert other.core_motion.motion.StartJog(jog(POS_GEARED, 2.0)) == GOOD
+        assert other.core_motion.motion.StartPos(along(POS_GEARED, 2.0)) == GOOD
+        _short_watchdogs(harness)
         victim.api._channel._socket.close()  # type: ignore[attr-defined]
-        at_rest = lambda now: not now.op_state[[VEL, POS]].any()  # noqa: E731
-        snapshot = wait_status(other, at_rest, "the dead client's axes at rest")
-        assert snapshot.op_state[VEL_MIRRORED] == OperationState.Velocity
-        assert snapshot.op_state[POS_GEARED] == OperationState.Jog
-        assert other.api.GetAllDevices()[1].count == 1
+        wait_for(lambda: other.api.GetAllDevices()[1].count == 1, "the dead client's device to go")
+        snapshot = status(other)
+        assert snapshot.op_state[[VEL, VEL_MIRRORED]].tolist() == [OperationState.Velocity] * 2
+        assert snapshot.op_state[[POS, POS_GEARED]].tolist() == [OperationState.Pos] * 2
 
-    def test_death_of_the_last_client_stops_before_the_servos_go_off(self, harness: ThreadHarness) -> None:
+    def test_death_of_the_last_client_ends_the_engine_whatever_moves(self, harness: ThreadHarness) -> None:
         engine = harness.ready()
         assert engine.core_motion.velocity.StartVel(vel(VEL, 40.0, acc=0.0)) == GOOD
         wait_status(engine, lambda now: now.actual_velocity[VEL] > 39.0, "motion")
-        states: list[tuple[float, bool]] = []
-        exchange = harness.drives.exchange
-
-        def watched(out, inp):  # type: ignore[no-untyped-def]
-            states.append((float(out.velocity_counts_per_s[VEL]), bool(out.servo_on[VEL])))
-            return exchange(out, inp)
-
-        harness.drives.exchange = watched  # type: ignore[method-assign]
+        _short_watchdogs(harness)
         engine.api._channel._socket.close()  # type: ignore[attr-defined]
         wait_for(lambda: engine_state(harness.folder) is EngineState.Idle, "the engine to end")
-        assert all(on for velocity, on in states if velocity != 0.0), "no ramp with the servo off"
-        steps = [before - after for (before, _), (after, _) in pairwise(states)]
-        assert max(steps) * 2 * 3.141592653589793 / 131072 <= 0.2 + 1e-9, "200 rad/s2 in steps of 1 ms"
+        assert not harness.drives.servo_on.any(), "the drives are told to switch off"
 
     def test_estop_while_the_last_client_is_gone(self, harness: ThreadHarness) -> None:
         engine, other = harness.ready("one"), harness.connect("other")
         engine.core_motion.velocity.StartVel(vel(VEL, 2.0))
+        _short_watchdogs(harness)
         other.core_motion.ExecEStop(EStopLevel.Level1)
         engine.api._channel._socket.close()  # type: ignore[attr-defined]
         wait_for(lambda: other.api.GetAllDevices()[1].count == 1, "the dead client's device to go")

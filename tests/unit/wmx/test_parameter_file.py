@@ -298,14 +298,14 @@ class TestSet:
         fresh.set_position(POS, Real.POS_CMD, 8.0)
         fresh.cycle()
         offset = fresh.arrays.reals[Real.HOME_OFFSET, POS]
-        fresh.set_home_done(POS, 1)
+        fresh.arrays.flags[Flag.HOME_DONE, POS] = 1
         wanted = changed(fresh, POS, "AxisParam/AxisGearRatioNumerator", 2 * 131072.0)
         assert apply(fresh, wanted) == 0
         assert fresh.arrays.reals[Real.ACTUAL_POS, POS] == pytest.approx((8.0 + offset) / 2 - offset)
         assert not fresh.arrays.flags[Flag.HOME_DONE, POS]
 
     def test_the_same_gear_leaves_a_homed_axis_homed(self, fresh: Engine) -> None:
-        fresh.set_home_done(POS, 1)
+        fresh.arrays.flags[Flag.HOME_DONE, POS] = 1
         position = fresh.arrays.reals[Real.POS_CMD, POS]
         assert apply(fresh, values(fresh)) == 0
         assert fresh.arrays.flags[Flag.HOME_DONE, POS]

@@ -16,9 +16,8 @@ from robot_stack.wmx.api import EngineState, ErrorCode, OperationState
 from robot_stack.wmx.config import ClientConfig
 from robot_stack.wmx.simulated.server import SOCKET_FILE
 from tests.support.waiting import wait_for
-from tests.unit.wmx.conformance import EngineConformance, cruising, vel
+from tests.unit.wmx.conformance import EngineConformance, cruising, in_state, vel
 from tests.unit.wmx.harness import (
-    POS,
     VEL,
     VEL_MIRRORED,
     ProcessHarness,
@@ -55,50 +54,34 @@ import sys, time
 from pathlib import Path
 from tests.unit.wmx.harness import client_config
 from robot_stack.wmx import connect
-from robot_stack.wmx.api import Motion_JogCommand, Profile, Velocity_VelCommand
+from robot_stack.wmx.api import Profile, Velocity_TimedVelCommand, Velocity_VelCommand
+from tests.unit.wmx.harness import VEL, VEL_MIRRORED
 engine = connect("victim", client_config(Path(sys.argv[1])))
-profile = Profile.SetupTrapezoidal(2.0, 400.0, 400.0)
-assert engine.core_motion.velocity.StartVel(Velocity_VelCommand(1, profile)) == 0
-assert engine.core_motion.motion.StartJog(Motion_JogCommand(0, profile)) == 0
+assert engine.core_motion.velocity.StartVel(Velocity_VelCommand(VEL, Profile.SetupTrapezoidal(2.0, 400.0, 400.0))) == 0
+timed = Velocity_TimedVelCommand(VEL_MIRRORED, 2000.0, Profile.SetupTimeAccTrapezoidal(2.0, 5.0, 5.0))
+assert engine.core_motion.velocity.StartVel_TimedVel(timed) == 0
 print("moving", flush=True)
 time.sleep(600)
 """
 
 
-def test_killed_client_process_stops_its_axes_only(harness: ProcessHarness) -> None:
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "hung"])
+def test_client_process_that_does_not_run_loses_its_device_and_timed_axes_only(
+    harness: ProcessHarness, number: signal.Signals
+) -> None:
+    """What the watchdog does, and what it does not: an endless motion goes on, a timed one ends by itself."""
     survivor = harness.ready("survivor")
-    assert survivor.core_motion.velocity.StartVel(vel(VEL_MIRRORED, 2.0)) == ErrorCode.PyNone
     victim = subprocess.Popen([sys.executable, "-c", CLIENT, str(harness.folder)], stdout=subprocess.PIPE, text=True)
     try:
         assert victim.stdout is not None
         assert victim.stdout.readline() == "moving\n"
-        both = lambda now: cruising(VEL, 2.0)(now) and cruising(POS, 2.0)(now)  # noqa: E731
+        both = lambda now: cruising(VEL, 2.0)(now) and cruising(VEL_MIRRORED, 2.0)(now)  # noqa: E731
         wait_status(survivor, both, "the victim's axes moving")
-        victim.send_signal(signal.SIGKILL)
-        at_rest = lambda now: not now.op_state[[VEL, POS]].any()  # noqa: E731
-        snapshot = wait_status(survivor, at_rest, "the victim's axes at rest")
-        assert snapshot.op_state[VEL_MIRRORED] == OperationState.Velocity
+        victim.send_signal(number)
+        wait_for(lambda: survivor.api.GetAllDevices()[1].count == 1, "the victim's device to be closed")
+        snapshot = wait_status(survivor, in_state(VEL_MIRRORED, OperationState.Idle), "the end of the timed motion")
+        assert snapshot.op_state[VEL] == OperationState.Velocity, "nobody stops an endless one"
         assert snapshot.servo_on.all()
-        assert survivor.api.GetAllDevices()[1].count == 1
-    finally:
-        victim.kill()
-        victim.wait()
-        if victim.stdout is not None:
-            victim.stdout.close()
-
-
-def test_hung_client_process_is_stopped_by_its_watchdog(harness: ProcessHarness) -> None:
-    """SIGSTOP: its socket stays open, it just says nothing any more."""
-    survivor = harness.ready("survivor")
-    script = CLIENT.replace('print("moving"', 'assert engine.api.SetWatchdog(500) == 0\nprint("moving"')
-    victim = subprocess.Popen([sys.executable, "-c", script, str(harness.folder)], stdout=subprocess.PIPE, text=True)
-    try:
-        assert victim.stdout is not None
-        assert victim.stdout.readline() == "moving\n"
-        victim.send_signal(signal.SIGSTOP)
-        at_rest = lambda now: not now.op_state[[VEL, POS]].any()  # noqa: E731
-        wait_status(survivor, at_rest, "the hung client's axes at rest")
-        assert survivor.api.GetAllDevices()[1].count == 2, "it may come back"
     finally:
         victim.kill()
         victim.wait()
@@ -113,16 +96,15 @@ def test_killed_engine_gives_clear_codes_and_a_new_one_takes_over() -> None:
             config = first.config.model_copy(update={"status_stale_s": 0.5})
             engine = connect("client", config)
             assert engine.api.StartCommunication(20000) == ErrorCode.PyNone
-            assert engine.core_motion.GetStatus()[0] == ErrorCode.PyNone
+            assert engine.read_status()[0] == ErrorCode.PyNone
         finally:
             first.process.kill()
             first.process.wait()
             first.close_pipes()
         assert engine.core_motion.velocity.Stop(VEL) == ErrorCode.IMLibIsNotRunning
         assert engine.core_motion.ExecEStop(1) == ErrorCode.IMLibIsNotRunning
-        wait_for(lambda: engine.core_motion.GetStatus()[0] == ErrorCode.StatusChannelError, "the status to go stale")
-        assert engine.core_motion.motion.Wait(POS) == ErrorCode.StatusChannelError
-        assert engine.io.GetInBit(0, 0) == (ErrorCode.StatusChannelError, 0)
+        wait_for(lambda: engine.read_status()[0] == ErrorCode.StatusChannelError, "the status to go stale")
+        assert engine.io.GetOutBit(0, 0) == (ErrorCode.StatusChannelError, 0)
         assert engine.api.GetEngineStatus()[0] == ErrorCode.StatusChannelError
         assert not engine.api.IsDeviceValid()
         code, snapshot = engine.read_status()
@@ -130,9 +112,9 @@ def test_killed_engine_gives_clear_codes_and_a_new_one_takes_over() -> None:
         assert snapshot.age_s(time.monotonic_ns()) > 0.5
         second = ProcessHarness(folder, stale_socket=True)
         try:
-            assert engine.core_motion.GetStatus()[0] == ErrorCode.DeviceIsNull, "the old device is void"
+            assert engine.read_status()[0] == ErrorCode.DeviceIsNull, "the old device is void"
             assert engine.api.CreateDevice(str(folder), 0, 20000) == ErrorCode.PyNone
-            assert engine.core_motion.GetStatus()[0] == ErrorCode.PyNone
+            assert engine.read_status()[0] == ErrorCode.PyNone
             engine.close()
             assert second.stop() == 0
         finally:
@@ -197,7 +179,7 @@ def test_calls_time_out_when_the_engine_hangs() -> None:
             began = time.monotonic()
             assert engine.api.GetDeviceName() == (ErrorCode.APIChannelTimeOut, "")
             assert time.monotonic() - began < 5.0
-            wait_for(lambda: engine.core_motion.GetStatus()[0] == ErrorCode.StatusChannelError, "stale status")
+            wait_for(lambda: engine.read_status()[0] == ErrorCode.StatusChannelError, "stale status")
             assert engine.api.SetDeviceName("late") == ErrorCode.APIChannelTimeOut
             harness.process.send_signal(signal.SIGCONT)
             # What was given up is answered now; each call still gets its own answer.

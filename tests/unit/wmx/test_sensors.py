@@ -17,8 +17,8 @@ from robot_stack.wmx.api import (
 )
 from robot_stack.wmx.axes import Flag
 from robot_stack.wmx.simulated.switches import DriveSwitches
-from tests.unit.wmx.conformance import GOOD, jog
-from tests.unit.wmx.harness import N_AXES, POS, ThreadHarness, runtime_folder, wait_status
+from tests.unit.wmx.conformance import GOOD, along
+from tests.unit.wmx.harness import N_AXES, POS, ThreadHarness, engine_in_thread, status, wait_idle, wait_status
 
 TURN = 131072.0
 """Counts of a turn of the axis; a drive of the tests stands at 0 when it is new."""
@@ -26,10 +26,8 @@ TURN = 131072.0
 
 @pytest.fixture(scope="module")
 def running() -> Iterator[ThreadHarness]:
-    with runtime_folder() as folder:
-        made = ThreadHarness(folder)
+    with engine_in_thread() as made:
         yield made
-        made.stop()
 
 
 @pytest.fixture
@@ -62,10 +60,9 @@ def ready(harness: ThreadHarness, sensors: DriveSwitches) -> MotionEngine:
 
 def record(engine: MotionEngine) -> tuple[bool, bool, bool, int, int]:
     """positiveLS, negativeLS, homeSwitch, homeState, homeError."""
-    code, status = engine.core_motion.GetStatus()
-    assert code == GOOD
-    axis = status.GetAxesStatus(POS)
-    return axis.positiveLS, axis.negativeLS, axis.homeSwitch, axis.homeState, axis.homeError
+    flags = status(engine).flags[:, POS].tolist()
+    state, error = flags[Flag.HOME_STATE], flags[Flag.HOME_ERROR]
+    return bool(flags[Flag.POSITIVE_LS]), bool(flags[Flag.NEGATIVE_LS]), bool(flags[Flag.HOME_SWITCH]), state, error
 
 
 def test_home_switch(harness: ThreadHarness) -> None:
@@ -74,7 +71,7 @@ def test_home_switch(harness: ThreadHarness) -> None:
     snapshot = wait_status(engine, lambda now: now.flags[Flag.HOME_STATE, POS] == HomeState.HSSearch, "the search")
     assert snapshot.op_state[POS] == OperationState.Home
     assert not snapshot.home_done[POS]
-    assert engine.core_motion.motion.Wait_TimeMilli(POS, 60000) == GOOD
+    wait_idle(engine, POS)
     snapshot = wait_status(engine, lambda now: now.home_done[POS], "home")
     assert snapshot.motion_complete[POS]
     assert snapshot.pos_cmd[POS] == pytest.approx(0.0, abs=1e-9)
@@ -96,7 +93,7 @@ def test_cancel(harness: ThreadHarness) -> None:
 def test_limit_while_homing(harness: ThreadHarness) -> None:
     engine = ready(harness, DriveSwitches(2 * TURN, -2 * TURN, home_from=1e9, home_to=2e9))
     assert engine.core_motion.home.StartHome(POS) == GOOD
-    assert engine.core_motion.motion.Wait_TimeMilli(POS, 60000) == ErrorCode.AxisHardLimit
+    assert wait_idle(engine, POS).flags[Flag.END_REASON, POS] == ErrorCode.AxisHardLimit
     positive, negative, _, state, error = record(engine)
     assert (positive, negative) == (False, True), "it had turned round at the other one"
     assert (state, error) == (HomeState.Idle, HomeError.LSTriggered)
@@ -105,12 +102,12 @@ def test_limit_while_homing(harness: ThreadHarness) -> None:
 def test_limit_switch(harness: ThreadHarness) -> None:
     engine = ready(harness, DriveSwitches(2 * TURN, -2 * TURN))
     motion = engine.core_motion.motion
-    assert motion.StartJog(jog(POS, 10.0)) == GOOD
-    assert motion.Wait_TimeMilli(POS, 60000) == ErrorCode.AxisHardLimit
+    assert motion.StartPos(along(POS, 10.0)) == GOOD
+    assert wait_idle(engine, POS).flags[Flag.END_REASON, POS] == ErrorCode.AxisHardLimit
     assert record(engine)[:2] == (True, False)
-    assert motion.StartJog(jog(POS, 1.0)) == ErrorCode.AxisHardLimit
+    assert motion.StartPos(along(POS, 1.0)) == ErrorCode.AxisHardLimit
     assert "limit" in engine.api.ErrorToString(ErrorCode.AxisHardLimit)
-    assert motion.StartJog(jog(POS, -10.0)) == GOOD
+    assert motion.StartPos(along(POS, -10.0)) == GOOD
     wait_status(engine, lambda now: not now.flags[Flag.POSITIVE_LS, POS], "the switch to let go")
-    assert motion.Wait_TimeMilli(POS, 60000) == ErrorCode.AxisHardLimit
+    assert wait_idle(engine, POS).flags[Flag.END_REASON, POS] == ErrorCode.AxisHardLimit
     assert record(engine)[:2] == (False, True)

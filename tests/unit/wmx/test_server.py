@@ -32,6 +32,7 @@ from tests.unit.wmx.harness import (
     VEL,
     ThreadHarness,
     engine_config,
+    engine_in_thread,
     runtime_folder,
     some_cycles,
     status,
@@ -56,13 +57,9 @@ MALFORMED = {
 
 @pytest.fixture
 def harness() -> Iterator[ThreadHarness]:
-    with runtime_folder() as folder:
-        harness = ThreadHarness(folder)
-        try:
-            yield harness
-            harness.end_test()
-        finally:
-            harness.stop()
+    with engine_in_thread() as harness:
+        yield harness
+        harness.end_test()
 
 
 class TestProtocol:
@@ -133,7 +130,7 @@ class TestMisbehaviour:
         harness.connect()
         with harness.raw_socket() as busy:
             frames = [encode([0, "CreateDevice", 0])]
-            frames += [encode([number, "GetDeviceName"]) for number in range(1, 500)]
+            frames += [encode([number, "WMX3Api.GetDeviceName"]) for number in range(1, 500)]
             busy.sendall(b"".join(frames))
             decoder, answers = Decoder(), []
             while len(answers) < 500:
@@ -147,7 +144,7 @@ class TestMisbehaviour:
             deaf.sendall(encode([0, "CreateDevice", 0]))
             wait_for(lambda: engine.api.GetAllDevices()[1].count == 2, "its device")
             deaf.settimeout(0.05)
-            talk = _EndlessTalk(deaf, encode([1, "GetParam"]))
+            talk = _EndlessTalk(deaf, encode([1, "config.GetAxisParam"]))
             wait_for(lambda: not talk.goes_on(), "the deaf client to be cut off", poll_s=0.0)
         wait_for(lambda: engine.api.GetAllDevices()[1].count == 1, "its device to go")
         assert status(engine).communicating
@@ -157,7 +154,7 @@ class TestMisbehaviour:
         with harness.raw_socket() as flood:
             flood.sendall(encode([0, "CreateDevice", 0]))
             flood.setblocking(False)
-            request = encode([1, "GetDeviceName"]) * 200
+            request = encode([1, "WMX3Api.GetDeviceName"]) * 200
             start = status(engine).cycle_counter
             deadline = time.monotonic() + 20.0
             while status(engine).cycle_counter < start + 200:
@@ -313,7 +310,7 @@ class TestTurns:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
             client.connect(str(manual.server._path))
             client.settimeout(20.0)
-            client.sendall(encode([7, "GetParam"]))
+            client.sendall(encode([7, "config.GetAxisParam"]))
             for _ in range(5):
                 manual.server.cycle()
             assert Decoder().feed(client.recv(1000)) == [[7, int(ErrorCode.SystemError)]]
@@ -323,7 +320,7 @@ class TestTurns:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as flood:
             flood.connect(str(manual.server._path))
             flood.setblocking(False)
-            talk = encode([1, "GetDeviceName"]) * 1000
+            talk = encode([1, "WMX3Api.GetDeviceName"]) * 1000
             waiting = []
             for _ in range(300):
                 with contextlib.suppress(BlockingIOError):
@@ -332,7 +329,7 @@ class TestTurns:
                     flood.recv(1 << 20)
                 manual.server.poll()
                 waiting.append(max(len(client.requests) for client in manual.server._clients.values()))
-        at_once = 16384 // len(encode([1, "GetDeviceName"])) + 1
+        at_once = 16384 // len(encode([1, "WMX3Api.GetDeviceName"])) + 1
         assert at_once - 32 <= max(waiting) <= at_once + 32
 
     def test_second_server_is_refused(self, manual: Manual) -> None:

@@ -25,27 +25,16 @@ from robot_stack.wmx.simulated import __main__ as main
 from robot_stack.wmx.simulated.parameter_file import read_file
 from robot_stack.wmx.simulated.switches import DriveSwitches, drive_switches
 from tests.unit.wmx.harness import POS, POS_MIRRORED, VEL, axis_kind, engine_config, engine_data
-from tests.unit.wmx.machine import Machine, machine
+from tests.unit.wmx.machine import Machine
 
 Type = Config_LimitSwitchType
 
 
-@pytest.fixture(scope="module")
-def shared() -> Machine:
-    return machine()
-
-
-@pytest.fixture
-def bench(shared: Machine) -> Machine:
-    shared.restart()
-    return shared
-
-
 def run_into(bench: Machine, axis: int, **limits: object) -> None:
-    """Jogs an axis at 1 rad/s into its switches at +-0.5 rad and waits for it to stand, or for long enough."""
+    """Moves an axis at 1 rad/s into its switches at +-0.5 rad and waits for it to stand, or for long enough."""
     bench.switches(axis, positive_limit=0.5, negative_limit=-0.5)
     bench.limits(axis, **limits)
-    assert bench.jog(axis, 1.0) == 0
+    assert bench.along(axis, 1.0) == 0
     bench.run(1500)
 
 
@@ -53,7 +42,7 @@ class TestActions:
     def test_none_only_reports(self, bench: Machine) -> None:
         run_into(bench, POS, lsType=Type.PyNone)
         assert bench.flag(Flag.POSITIVE_LS, POS) == 1
-        assert bench.flag(Flag.OP_STATE, POS) == OperationState.Jog
+        assert bench.flag(Flag.OP_STATE, POS) == OperationState.Pos
         assert bench.velocity(POS) == pytest.approx(1.0)
 
     @pytest.mark.parametrize(
@@ -82,9 +71,9 @@ class TestActions:
         assert 0.5 <= bench.position(POS) < 0.52, "the drive lets go a few cycles later"
 
     def test_other_axes_go_on(self, bench: Machine) -> None:
-        assert bench.jog(POS_MIRRORED, 1.0) == 0
+        assert bench.along(POS_MIRRORED, 1.0) == 0
         run_into(bench, POS, lsType=Type.Dec)
-        assert bench.flag(Flag.OP_STATE, POS_MIRRORED) == OperationState.Jog
+        assert bench.flag(Flag.OP_STATE, POS_MIRRORED) == OperationState.Pos
 
     def test_velocity_mode(self, bench: Machine) -> None:
         bench.switches(VEL, positive_limit=0.5)
@@ -99,9 +88,9 @@ class TestActions:
     def test_a_stop_under_way_keeps_its_rate(self, bench: Machine) -> None:
         bench.switches(POS, positive_limit=0.5)
         bench.limits(POS, lsType=Type.Dec)
-        assert bench.jog(POS, 1.0) == 0
+        assert bench.along(POS, 1.0) == 0
         bench.until(lambda: bench.position(POS) > 0.49, "close to the switch")
-        assert bench.engine.motion.stop_dec(POS, 5.0) == 0
+        bench.soft_stop(POS, 5.0)
         start = bench.position(POS)
         bench.rest(POS)
         assert bench.position(POS) - start == pytest.approx(0.1, abs=0.004)
@@ -110,9 +99,9 @@ class TestActions:
     def test_a_stop_under_way_into_servo_off(self, bench: Machine) -> None:
         bench.switches(POS, positive_limit=0.5)
         bench.limits(POS, lsType=Type.ServoOff)
-        assert bench.jog(POS, 1.0) == 0
+        assert bench.along(POS, 1.0) == 0
         bench.until(lambda: bench.position(POS) > 0.49, "close to the switch")
-        assert bench.engine.motion.stop_dec(POS, 1.0) == 0
+        bench.soft_stop(POS, 1.0)
         bench.until(lambda: not bench.flag(Flag.SERVO_ON, POS), "servo off")
         assert bench.position(POS) < 0.52
 
@@ -120,7 +109,7 @@ class TestActions:
 class TestDirections:
     def test_moving_away_is_free_and_moving_in_is_refused(self, bench: Machine) -> None:
         run_into(bench, POS, lsType=Type.Dec)
-        assert bench.jog(POS, 0.5) == ErrorCode.AxisHardLimit
+        assert bench.along(POS, 0.5) == ErrorCode.AxisHardLimit
         assert bench.move(POS, 2.0) == ErrorCode.AxisHardLimit
         assert bench.move(POS, 0.2) == 0
         bench.rest(POS)
@@ -138,12 +127,12 @@ class TestDirections:
     def test_the_negative_end(self, bench: Machine) -> None:
         bench.switches(POS, positive_limit=0.5, negative_limit=-0.5)
         bench.limits(POS, lsType=Type.Dec)
-        assert bench.jog(POS, -1.0) == 0
+        assert bench.along(POS, -1.0) == 0
         bench.run(1000)
         assert bench.position(POS) == pytest.approx(-0.55, abs=0.004)
         assert (bench.flag(Flag.POSITIVE_LS, POS), bench.flag(Flag.NEGATIVE_LS, POS)) == (0, 1)
-        assert bench.jog(POS, -1.0) == ErrorCode.AxisHardLimit
-        assert bench.jog(POS, 1.0) == 0
+        assert bench.along(POS, -1.0) == ErrorCode.AxisHardLimit
+        assert bench.along(POS, 1.0) == 0
 
     def test_each_end_has_its_type(self, bench: Machine) -> None:
         run_into(
@@ -153,8 +142,8 @@ class TestDirections:
             positiveLSType=Type.PyNone,
             negativeLSType=Type.Dec,
         )
-        assert bench.flag(Flag.OP_STATE, POS) == OperationState.Jog, "the positive end only reports"
-        assert bench.jog(POS, -1.0) == 0
+        assert bench.flag(Flag.OP_STATE, POS) == OperationState.Pos, "the positive end only reports"
+        assert bench.along(POS, -1.0) == 0
         bench.rest(POS)
         assert bench.position(POS) < -0.5
 
@@ -163,27 +152,27 @@ class TestDirections:
         bench.switches(POS_MIRRORED, positive_limit=0.5)
         bench.limits(POS_MIRRORED, lsType=Type.Dec, lsDirection=Config_LimitSwitchDirection.Reverse)
         start = bench.position(POS_MIRRORED)
-        assert bench.jog(POS_MIRRORED, -1.0) == 0
+        assert bench.along(POS_MIRRORED, -1.0) == 0
         bench.run(1000)
         assert bench.flag(Flag.POSITIVE_LS, POS_MIRRORED) == 1
         assert bench.position(POS_MIRRORED) - start == pytest.approx(-0.55, abs=0.004)
-        assert bench.jog(POS_MIRRORED, -1.0) == ErrorCode.AxisHardLimit
-        assert bench.jog(POS_MIRRORED, 1.0) == 0
+        assert bench.along(POS_MIRRORED, -1.0) == ErrorCode.AxisHardLimit
+        assert bench.along(POS_MIRRORED, 1.0) == 0
 
     def test_inverted_switches_are_on_where_they_were_off(self, bench: Machine) -> None:
         bench.switches(POS, positive_limit=0.5, negative_limit=-0.5)
         bench.limits(POS, lsType=Type.Dec, invertPositiveLSPolarity=True, invertNegativeLSPolarity=True)
         bench.run(1)
         assert (bench.flag(Flag.POSITIVE_LS, POS), bench.flag(Flag.NEGATIVE_LS, POS)) == (1, 1)
-        assert bench.jog(POS, 1.0) == bench.jog(POS, -1.0) == ErrorCode.AxisHardLimit
+        assert bench.along(POS, 1.0) == bench.along(POS, -1.0) == ErrorCode.AxisHardLimit
 
     def test_a_move_that_turns_round_into_the_switch(self, bench: Machine) -> None:
         run_into(bench, POS, lsType=Type.Dec)
-        assert bench.jog(POS, -0.5) == 0
+        assert bench.along(POS, -0.5) == 0
         bench.until(lambda: bench.velocity(POS) <= -0.4, "on its way out")
         assert bench.flag(Flag.POSITIVE_LS, POS) == 1
-        assert bench.jog(POS, 0.5) == ErrorCode.AxisHardLimit, "no override into it either"
-        assert bench.flag(Flag.OP_STATE, POS) == OperationState.Jog
+        assert bench.along(POS, 0.5) == ErrorCode.AxisHardLimit, "no override into it either"
+        assert bench.flag(Flag.OP_STATE, POS) == OperationState.Pos
 
 
 class TestSoftLimitTypes:
@@ -196,11 +185,11 @@ class TestSoftLimitTypes:
             softLimitPositivePos=0.5,
             softLimitNegativePos=-0.5,
         )
-        bench.engine.set_home_done(POS, 1)
-        assert bench.jog(POS, 1.0) == 0
+        bench.flags[Flag.HOME_DONE, POS] = 1
+        assert bench.along(POS, 1.0) == 0
         bench.rest(POS)
         assert bench.position(POS) == pytest.approx(0.5 + 1.0 / 4.0, abs=0.004)
-        assert bench.jog(POS, -1.0) == 0
+        assert bench.along(POS, -1.0) == 0
         bench.run(2000)
         assert bench.position(POS) < -0.6, "no limit at this end"
 
@@ -211,25 +200,13 @@ class TestVirtualSwitches:
         switches = DriveSwitches(positive_limit=100.0, negative_limit=-100.0, home_from=-10.0, home_to=10.0)
         seen = []
         for position in (-101.0, -100.0, -11.0, 0.0, 10.0, 99.0, 100.0):
-            switches.fill(inp, 0, position, position)
+            switches.fill(inp, 0, position)
             seen.append((bool(inp.negative_limit[0]), bool(inp.home_switch[0]), bool(inp.positive_limit[0])))
         nothing = (False, False, False)
         low, home, high = (True, False, False), (False, True, False), (False, False, True)
         assert seen == [low, low, nothing, home, home, nothing, high]
         assert inp.has_limit_switches[0]
         assert inp.has_home_switch[0]
-        assert not inp.has_z_pulse[0]
-
-    @pytest.mark.parametrize(
-        ("before", "position", "mark"),
-        [(5.0, 9.0, None), (5.0, 11.0, 10), (11.0, 5.0, 10), (-5.0, 5.0, 0), (5.0, -5.0, 0), (-11.0, -9.0, -10)],
-    )
-    def test_z_pulse(self, before: float, position: float, mark: int | None) -> None:
-        inp = DriveFeedback.zeros(1, 1)
-        DriveSwitches(z_pulse_spacing=10.0).fill(inp, 0, before, position)
-        assert bool(inp.z_pulse[0]) == (mark is not None)
-        if mark is not None:
-            assert inp.z_pulse_counts[0] == mark
 
     def test_from_the_configuration(self) -> None:
         where = {
@@ -237,22 +214,22 @@ class TestVirtualSwitches:
             "negative_limit_rad": None,
             "home_from_rad": -0.5,
             "home_to_rad": 0.5,
-            "z_pulse_spacing_rad": None,
         }
         kinds = {"a": axis_kind(polarity=-1, switches=where), "b": axis_kind()}
         axes = [{"name": name, "kind": name} for name in kinds]
         first, second = drive_switches(engine_config(kinds=kinds, axes=axes))
         scale = 131072.0 / (2.0 * math.pi)
-        assert first == DriveSwitches(scale, -math.inf, -0.5 * scale, 0.5 * scale, 0.0)
+        assert first == DriveSwitches(scale, -math.inf, -0.5 * scale, 0.5 * scale)
         assert second is None
 
     def test_the_process_gives_them_to_its_drives(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
         """The parameter file of a configuration is written without serving anybody."""
-        where = dict.fromkeys(
-            ("positive_limit_rad", "negative_limit_rad", "home_from_rad", "home_to_rad", "z_pulse_spacing_rad"), 1.0
-        ) | {"negative_limit_rad": -1.0, "home_to_rad": 2.0}
+        where = dict.fromkeys(("positive_limit_rad", "negative_limit_rad", "home_from_rad", "home_to_rad"), 1.0) | {
+            "negative_limit_rad": -1.0,
+            "home_to_rad": 2.0,
+        }
         data = engine_data(kinds={"a": axis_kind(switches=where)}, axes=[{"name": "a", "kind": "a"}])
         made = main._engine(validate(EngineConfig, data, "test"))
         made.start_engine()
@@ -261,7 +238,6 @@ class TestVirtualSwitches:
             made.cycle()
         assert made.feedback.has_home_switch[0]
         assert made.feedback.has_limit_switches[0]
-        assert made.feedback.has_z_pulse[0]
         configuration, written = tmp_path / "engine.yaml", tmp_path / "parameters.xml"
         configuration.write_text(yaml.safe_dump(data), encoding="utf-8")
         arguments = ["engine", "--config", str(configuration), "--export-parameters"]
@@ -278,11 +254,10 @@ class TestVirtualSwitches:
             ({"positive_limit_rad": -2.0, "negative_limit_rad": -1.0}, "negative_limit_rad must be below"),
             ({"home_from_rad": 1.0}, "must be given together"),
             ({"home_from_rad": 1.0, "home_to_rad": 1.0}, "home_from_rad must be below"),
-            ({"z_pulse_spacing_rad": 0.0}, "z_pulse_spacing_rad"),
         ],
     )
     def test_bad_positions(self, changes: dict[str, float], message: str) -> None:
-        names = ("positive_limit_rad", "negative_limit_rad", "home_from_rad", "home_to_rad", "z_pulse_spacing_rad")
+        names = ("positive_limit_rad", "negative_limit_rad", "home_from_rad", "home_to_rad")
         kinds = {"a": axis_kind(switches={**dict.fromkeys(names), **changes})}
         with pytest.raises(ConfigError, match=message):
             validate(EngineConfig, engine_data(kinds=kinds, axes=[{"name": "a", "kind": "a"}]), "file.yaml")

@@ -30,11 +30,10 @@ KINEMATICS = (
     "test_timed_motion_ends_by_itself",
     "test_position_motion_keeps_its_limits",
     "test_new_command_replaces_the_end_of_a_timed_one",
-    "test_watchdog_stops_the_axes_of_a_silent_device",
+    "test_a_client_that_says_nothing_keeps_its_device_and_its_motion",
     "test_release_while_still_stopping_lets_the_stop_end",
-    "test_timed_stop",
     "test_time_acc_profile",
-    "test_closing_the_device_stops_its_spline",
+    "test_closing_the_device_leaves_its_spline_to_its_end",
     "test_stop_of_one_axis_stops_all_along_the_path",
     "test_quick_stop_of_a_spline_is_not_softened",
 )

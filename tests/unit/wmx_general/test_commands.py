@@ -136,8 +136,33 @@ def test_commands_carry_every_field_to_its_axis() -> None:
         (1, 5.0, 7.0, 9.0),
     ]
     assert {c.profile.type for c in plain} == {ProfileType.Trapezoidal}
-    timed = timed_velocity_commands(order, 0.25)
-    assert [(c.axis, c.runTimeMilliseconds, c.profile) for c in timed] == [(c.axis, 250.0, c.profile) for c in plain]
+
+
+@pytest.mark.parametrize(
+    ("now", "velocity", "reached", "run_ms", "acc_ms"),
+    [
+        (0.0, 1.0, 1.0, 150.0, 100.0),  # 1 rad/s at 10 rad/s2, and the rest of 0.25 s at it
+        (0.5, 1.0, 1.0, 200.0, 50.0),
+        (0.0, -9.0, -2.5, 1.0, 250.0),  # as far as it gets
+        (2.0, 1.0, 1.0, 200.0, 1.0),  # down at 20 rad/s2
+        (1.0, -1.0, -1.0, 100.0, 100.0),  # through zero: 50 ms down, 100 ms up
+    ],
+)
+def test_timed_velocities_take_profiles_by_times_and_end_in_time(
+    now: float, velocity: float, reached: float, run_ms: float, acc_ms: float
+) -> None:
+    snapshot = standing(4)
+    snapshot.reals[Real.VELOCITY_CMD, 1] = now
+    order = AxisOrder([1, 2], [velocity, 0.0], [10.0, 10.0], [20.0, 20.0])
+    turning, resting = timed_velocity_commands(order, snapshot, 0.25)
+    assert [(command.axis, command.profile.velocity) for command in resting] == [(2, 0.0)]
+    (command,) = turning
+    assert command.axis == 1
+    assert command.profile.type == ProfileType.TimeAccTrapezoidal
+    assert command.profile.velocity == pytest.approx(reached, rel=1e-4)
+    assert command.runTimeMilliseconds == pytest.approx(run_ms, rel=1e-4)
+    assert command.profile.accTimeMilliseconds == pytest.approx(acc_ms, rel=1e-4)
+    assert command.profile.decTimeMilliseconds == pytest.approx(1e3 * abs(reached) / 20.0, rel=1e-4)
 
 
 def test_relative_to_the_present_position_while_an_axis_moves() -> None:

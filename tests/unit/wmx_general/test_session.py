@@ -26,7 +26,7 @@ from tests.unit.wmx.harness import (
     POS_MIRRORED,
     VEL,
     ThreadHarness,
-    runtime_folder,
+    engine_in_thread,
     some_cycles,
     status,
     wait_status,
@@ -35,6 +35,7 @@ from tests.unit.wmx.vendor_harness import vendor_harness
 
 QUICK = {
     "axis_count": 5,
+    "rated_torque_nm": [1.0] * 5,
     "device_retry_s": 0.02,
     "servo_timeout_s": 0.3,
     "alarm_timeout_s": 0.3,
@@ -113,13 +114,9 @@ class Rig:
 
 @pytest.fixture
 def harness() -> Iterator[ThreadHarness]:
-    with runtime_folder() as folder:
-        harness = ThreadHarness(folder)
-        try:
-            yield harness
-            harness.end_test()
-        finally:
-            harness.stop()
+    with engine_in_thread() as harness:
+        yield harness
+        harness.end_test()
 
 
 @pytest.fixture
@@ -270,7 +267,7 @@ class TestCommunication:
         rig.start()
         status_of = rig.session.engine.get_status
         assert rig.ask(status_of) == Answer(True, "Running")
-        assert rig.states == []  # zeros of a bus that is down would look valid
+        assert not any(state.communicating for state in rig.states)
         assert rig.ask(lambda: rig.session.engine.set_comm(True)) == Answer(True, "Communication is started")
         assert rig.ask(status_of) == Answer(True, "Communicating")
         wait_for(lambda: len(rig.states) > 2, "states")
@@ -578,6 +575,20 @@ class TestEmergencyStop:
         assert not status(onlooker).emergency_stop
 
 
+class TestState:
+    def test_is_said_from_the_first_tick_on(self, harness: ThreadHarness) -> None:
+        """As its peer does: servos off until there is an engine, and of an engine whose bus does not run yet."""
+        rig = Rig(harness)
+        rig.refusals = [ErrorCode.IMLibIsNotRunning] * 3
+        rig.start()
+        wait_for(lambda: any(state.engine_state is EngineState.Running for state in rig.states), "the engine's state")
+        rig.session.end()
+        assert rig.session.worker.failure is None
+        first = rig.states[0]
+        assert (first.engine_state, first.n_axes) == (EngineState.Unknown, 5)
+        assert not first.servo_on.any()
+
+
 class TestEnd:
     def test_own_axes_are_stopped_with_their_own_deceleration(self, harness: ThreadHarness) -> None:
         rig = Rig(harness)
@@ -631,7 +642,7 @@ class TestEnd:
 def test_code_of_a_lost_device_closes_it(harness: ThreadHarness) -> None:
     rig = Rig(harness)
     rig.start()
-    assert rig.session.device.heed(int(ErrorCode.DeviceIsNull)) == ErrorCode.DeviceIsNull
+    assert rig.session.device.check_code(int(ErrorCode.DeviceIsNull)) == ErrorCode.DeviceIsNull
     wait_for(lambda: rig.opened >= 2, "another device")
     rig.session.end()
 

@@ -38,7 +38,7 @@ REALS = {
 
 @pytest.mark.parametrize("axis_count", [1, 2, 4])
 def test_twelve_arrays_of_axis_count_entries(axis_count: int) -> None:
-    fields = axis_state(standing(4), axis_count, ())
+    fields = axis_state(standing(4), axis_count, [1.0] * axis_count)
     assert sorted(fields) == sorted(FIELDS)
     assert {len(values) for values in fields.values()} == {axis_count}
     assert [fields[name].typecode for name in FIELDS] == ["i"] * 7 + ["d"] * 5
@@ -49,7 +49,7 @@ def test_a_flag_shows_on_its_axis_and_in_its_field_alone(name: str) -> None:
     snapshot = standing(3)
     snapshot.flags[Flag.SERVO_ON] = 0
     snapshot.flags[FLAGS[name], 1] = 5  # the engine's, whatever it writes for true
-    fields = axis_state(snapshot, 3, ())
+    fields = axis_state(snapshot, 3, (1.0, 1.0, 1.0))
     assert fields[name].tolist() == [0, 1, 0]
     assert all(not any(fields[other]) for other in FLAGS if other != name)
 
@@ -58,15 +58,16 @@ def test_a_flag_shows_on_its_axis_and_in_its_field_alone(name: str) -> None:
 def test_a_number_shows_on_its_axis_and_in_its_field_alone(name: str) -> None:
     snapshot = standing(3)
     snapshot.reals[REALS[name], 1] = -1.25
-    fields = axis_state(snapshot, 2, ())
+    fields = axis_state(snapshot, 2, (100.0, 100.0))  # N m, so that percent and N m are one number
     assert fields[name].tolist() == [0.0, -1.25]
     assert all(not any(fields[other]) for other in REALS if other != name)
 
 
-def test_torque_in_newton_metres_where_the_rated_torque_is_known() -> None:
+def test_torque_is_in_newton_metres() -> None:
+    """The vendor's status tells percent of the rated torque."""
     snapshot = standing(3)
     snapshot.reals[Real.ACTUAL_TORQUE] = [50.0, -50.0, 10.0]
-    assert axis_state(snapshot, 3, (2.0, 0.0, 30.0))["actual_torque"].tolist() == [1.0, -50.0, 3.0]
+    assert axis_state(snapshot, 3, (2.0, 4.0, 30.0))["actual_torque"].tolist() == [1.0, -2.0, 3.0]
 
 
 def test_entries_end_with_a_semicolon_each_and_one_failure_is_enough() -> None:
@@ -87,7 +88,7 @@ def test_names_of_engine_states() -> None:
 
 def test_parameters_of_the_file_are_the_documented_ones() -> None:
     params = load(GeneralParams, "wmx_ros2_general_node")
-    assert (params.axis_count, params.velocity_timeout_s, params.rated_torque_nm) == (2, 0.0, ())
+    assert (params.axis_count, params.velocity_timeout_s, len(params.rated_torque_nm)) == (2, 0.0, 2)
     assert (params.device_attempts, params.device_retry_s, params.communication_timeout_s) == (5, 2.0, 10.0)
     assert not params.stop_communication_at_exit
 
@@ -97,7 +98,10 @@ def test_parameters_of_the_file_are_the_documented_ones() -> None:
     [
         ({"axis_count": 0}, "axis_count"),
         ({"axis_count": 129}, "axis_count"),
-        ({"axis_count": 2, "rated_torque_nm": [1.0]}, "rated_torque_nm must be empty or have axis_count = 2 entries"),
+        ({"axis_count": 2, "rated_torque_nm": [1.0]}, "rated_torque_nm must have axis_count = 2 entries, has 1"),
+        ({"axis_count": 2, "rated_torque_nm": []}, "rated_torque_nm must have axis_count = 2 entries, has 0"),
+        ({"axis_count": 3}, "rated_torque_nm must have axis_count = 3 entries, has 2"),
+        ({"rated_torque_nm": [1.0, 0.0]}, "rated_torque_nm"),
         ({"rated_torque_nm": [1.0, -1.0]}, "rated_torque_nm"),
         ({"velocity_timeout_s": -0.1}, "velocity_timeout_s"),
         ({"velocity_timeout_s": float("nan")}, "velocity_timeout_s"),

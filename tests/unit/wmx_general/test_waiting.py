@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Generator, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
@@ -104,8 +105,10 @@ class Family:
 
 def test_a_group_that_is_refused_is_stopped_axis_by_axis() -> None:
     position, velocity = Family(), Family()
-    device = Device("x", lambda *_: None, None, 1, 1.0, 1.0)  # type: ignore[arg-type, return-value]
-    device.engine = SimpleNamespace(core_motion=SimpleNamespace(motion=position, velocity=velocity))  # type: ignore[assignment]
+    api = SimpleNamespace(GetDeviceID=lambda: (0, 1))
+    engine = SimpleNamespace(api=api, core_motion=SimpleNamespace(motion=position, velocity=velocity))
+    device = Device("x", lambda *_: engine, logging.getLogger(), 1, 1.0, 1.0)  # type: ignore[arg-type, return-value]
+    device.poll(0.0)
     snapshot = standing(4)
     snapshot.flags[Flag.COMMAND_MODE, 3] = 1
     assert device.stop([0, 2, 3], snapshot) == {0: 0, 2: 7, 3: 0}

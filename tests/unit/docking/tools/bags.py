@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
-from robot_stack.recording.definitions import message_definition
+from robot_stack.core.message_definitions import message_definition
 from robot_stack.recording.writer import BagWriter, Format, topic_info
 
 START_S = 1_700_000_000.0
@@ -122,7 +122,7 @@ class Story:
             topics.SAFETY_STATUS,
             safety_state="EMERGENCY_STOP" if self.emergency else "NORMAL",
             active_faults=list(self.faults),
-            emergency_stop_active=self.emergency,
+            emergency_stop_active=False,  # a latched stop shows in the state alone
         )
         linear = make("geometry_msgs/msg/Vector3", x=0.12)
         twist = make("geometry_msgs/msg/Twist", linear=linear)

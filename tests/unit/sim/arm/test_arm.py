@@ -13,7 +13,7 @@ from robot_stack.wmx.config import EngineConfig
 from sim.arm.faults import FAULT_KINDS, JOINTS
 from sim.arm.params import ArmParams, disagreement
 from sim.arm.world import ArmWorld
-from sim.fault_table import FaultRefused, FaultTable
+from sim.plant.fault_table import FaultRefused, FaultTable
 from tests.unit.sim.arm.rig import DT_S, STRETCHED, ArmRig, arm_params
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from sim.drive_loops import (
+from sim.plant.drive_loops import (
     ALARM_BUS,
     ALARM_FOLLOWING_ERROR,
     ALARM_INVALID_COMMAND,

@@ -9,11 +9,11 @@ from robot_stack.core.config import load
 from robot_stack.wmx.api import EngineState, Motion_PosCommand
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import EngineConfig
-from robot_stack.wmx.simulated.client import CoreMotion, Io
 from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.simulated.library import library_of
 from sim.arm.world import ArmWorld
-from sim.drive_loops import ALARM_BUS
-from sim.local_engine import LocalApi, snapshot_of
+from sim.plant.drive_loops import ALARM_BUS
+from sim.plant.local_engine import LocalDevice, snapshot_of
 from tests.unit.sim.arm.rig import DT_S, STRETCHED, arm_params
 
 
@@ -21,8 +21,10 @@ class EngineWithArm:
     def __init__(self) -> None:
         self.arm = ArmWorld(arm_params(start_rad=STRETCHED), DT_S)
         self.engine = Engine(load(EngineConfig, "wmx_engine_manipulator"), self.arm.bus)
-        self.api = LocalApi(self.engine, self.cycle)
-        self.core_motion, self.io = CoreMotion(self.api), Io(self.api)
+        device = LocalDevice(self.engine)
+        library = library_of(lambda: device)
+        self.api = library.WMX3Api()
+        self.core_motion, self.io = library.CoreMotion(self.api), library.Io(self.api)
 
     def cycle(self) -> None:
         self.engine.cycle()

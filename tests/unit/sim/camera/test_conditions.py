@@ -10,11 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from sim.camera.conditions import CLEAR, Conditions, Glare, Shadow
-from sim.camera.faults import CameraFaultRefused, CameraFaults
+from sim.camera.faults import CameraFaults
 from sim.camera.motion import Motion
 from sim.camera.render import Renderer
 from sim.camera.scenery import build_scenery
-from sim.terrain import solids
+from sim.plant.fault_table import FaultRefused
+from sim.plant.terrain import solids
 from sim.worldfile import load_world
 from tests.unit.sim.camera.bench import DOCKS, PARAMS, marker_sides, place, project_on, renderer, sharp, true_camera
 
@@ -192,7 +193,7 @@ def test_camera_faults_become_conditions_and_end() -> None:
     assert faults.conditions("front", 12.0) == Conditions(dirt={3: 0.4})
     faults.inject("cover", "", 0.0, 0.0, 12.0)
     assert faults.conditions("rear", 12.0).covered == frozenset(range(4))
-    assert faults.inject("clear", "cover:1", 0.0, 0.0, 12.0) == "cleared: cover:1"
+    assert faults.inject("clear", "cover:1", 0.0, 0.0, 12.0) == "cleared cover:1"
     assert faults.conditions("rear", 12.0).covered == frozenset([0, 2, 3])
     faults.inject("clear", "", 0.0, 0.0, 12.0)
     assert faults.conditions("rear", 12.0) == CLEAR
@@ -201,16 +202,16 @@ def test_camera_faults_become_conditions_and_end() -> None:
 @pytest.mark.parametrize(
     ("request_", "message"),
     [
-        (("fog", "front", 0.0, 0.0), "no camera fault 'fog'"),
-        (("rain", "top", 0.0, 0.0), "target must be empty or a camera: front, rear"),
-        (("dirt", "9", 0.0, 0.0), "target must be empty or a marker: 0, 1, 2, 3"),
+        (("fog", "front", 0.0, 0.0), "no fault 'fog'"),
+        (("rain", "top", 0.0, 0.0), "target must be one of 'front', 'rear'"),
+        (("dirt", "9", 0.0, 0.0), "target must be one of '0', '1', '2', '3'"),
         (("rain", "front", 3.0, 0.0), r"must be in 0.01..1, is 3.0"),
         (("rain", "front", float("nan"), 0.0), "is nan"),
         (("silent", "front", 0.0, -1.0), "duration_s must be 0 or more"),
-        (("clear", "fog", 0.0, 0.0), "no camera fault 'fog'"),
+        (("clear", "fog", 0.0, 0.0), "no fault 'fog'"),
     ],
 )
 def test_camera_faults_that_make_no_sense_are_refused(request_: tuple[str, str, float, float], message: str) -> None:
     faults = CameraFaults(("front", "rear"), range(4), (720, 1280))
-    with pytest.raises(CameraFaultRefused, match=message):
+    with pytest.raises(FaultRefused, match=message):
         faults.inject(*request_, 0.0)

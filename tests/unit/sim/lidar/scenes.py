@@ -23,6 +23,7 @@ EMPTY: dict[str, Any] = {
     "floor": {"min_x_m": -60, "max_x_m": 60, "min_y_m": -60, "max_y_m": 60},
     "start": {"x_m": 0, "y_m": 0, "yaw_deg": 0},
 }
+TRUE_RINGS = {"range_bias_m": 0.0, "elevation_bias_deg": 0.0}
 # From base_link to the sensor's axis and up to its height.
 AHEAD_M, UP_M = 0.20, 0.70
 
@@ -33,10 +34,10 @@ def world(**more: Any) -> WorldFile:
 
 @cache
 def exact(columns: int = 360) -> LidarParams:
-    """No noise, nothing lost, nominal mounting."""
+    """No noise, no errors of rings, nothing lost, nominal mounting."""
     return changed(
         columns,
-        ranging={"noise_m": 0.0, "lost_share": 0.0, "mixed_share": 0.0, "range_at_ten_percent_m": 1e6},
+        ranging={"noise_m": 0.0, "lost_share": 0.0, "mixed_share": 0.0, "range_at_ten_percent_m": 1e6, **TRUE_RINGS},
         mounting={"position_m": 0.0, "rotation_rad": 0.0},
         wet={"lost_share": 0.0, "mirror_share": 0.0},
     )

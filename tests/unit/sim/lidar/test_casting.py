@@ -15,7 +15,7 @@ from sim.lidar import labels
 from sim.lidar.kernels import FIRST_SOLID
 from sim.lidar.poses import poses_at
 from sim.lidar.views import moving, sweep_at
-from sim.world import Setup, World
+from sim.plant.world import Setup, World
 from sim.worldfile import load_world
 
 from .scenes import AHEAD_M, ROBOT, SIM, UP_M, exact, lidar, pose, world

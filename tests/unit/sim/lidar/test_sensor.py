@@ -11,11 +11,11 @@ from pydantic import ValidationError
 from robot_stack.core.point_cloud import SWEEP
 from sim.camera.motion import still
 from sim.lidar import labels
-from sim.lidar.params import load_lidar_params
+from sim.lidar.params import LidarParams, load_lidar_params
 from sim.lidar.sensor import Conditions, join
 from sim.lidar.views import sweep_at
 
-from .scenes import ROBOT, changed, exact, lidar, world
+from .scenes import ROBOT, TRUE_RINGS, UP_M, changed, exact, lidar, pose, world
 
 WALL = {"name": "wall", "x_m": 6.0, "y_m": 0.0, "length_m": 2.0, "width_m": 8.0, "height_m": 3.0}
 HERE = still(np.eye(4))
@@ -84,7 +84,9 @@ def test_wet_ground_swallows_beams_and_mirrors_others() -> None:
     dry = {**puddle, "friction": 0.6}
     wall = {**WALL, "x_m": 6.0}
     params = changed(
-        720, ranging={"noise_m": 0.0, "mixed_share": 0.0}, mounting={"position_m": 0.0, "rotation_rad": 0.0}
+        720,
+        ranging={"noise_m": 0.0, "mixed_share": 0.0, **TRUE_RINGS},
+        mounting={"position_m": 0.0, "rotation_rad": 0.0},
     )
 
     def inside(patch: dict[str, object]) -> tuple[int, np.ndarray]:
@@ -162,3 +164,41 @@ def test_the_true_mounting_is_close_to_the_nominal_one_and_of_the_seed() -> None
 def test_not_finite_tracks_are_refused() -> None:
     with pytest.raises(ValueError, match="finite"):
         still(np.full((4, 4), np.nan))
+
+
+def test_a_sensor_at_rest_sees_walls_as_before_and_who_walks_as_they_are() -> None:
+    file = world(walls=[WALL], pits=[{"name": "pit", "x_m": 2, "y_m": 1, "length_m": 1, "width_m": 1, "depth_m": 0.3}])
+    resting, arriving = (lidar(file, exact(), people=("person_anna",)) for _ in range(2))
+    times = np.arange(-179, 1) * resting.column_s
+    for step in range(5):
+        base = still(pose(1e-9 * step, 0.0))
+        anna = {"person_anna": still(pose(3.0, 0.5 - 0.2 * step))}
+        seen = [result.copy() for result in resting.ranges(base, times, 0, 180, anna)]
+        arriving.ranges(still(pose(5.0 + step, 0.0)), times, 0, 180, anna)
+        fresh = arriving.ranges(base, times, 0, 180, anna)
+        np.testing.assert_allclose(seen[0], fresh[0], atol=1e-6)
+    moved = still(pose(0.01, 0.0))
+    seen = [result.copy() for result in resting.ranges(moved, times, 0, 180, {})]
+    fresh = lidar(file, exact(), people=("person_anna",)).ranges(moved, times, 0, 180, {})
+    assert all(np.array_equal(one, other) for one, other in zip(seen, fresh, strict=True)), "a centimetre is a move"
+
+
+def test_rings_are_wrong_by_what_the_data_sheet_allows_and_always_the_same() -> None:
+    """Level ground: each ring has one height of its own."""
+    quiet = {"noise_m": 0.0, "mixed_share": 0.0, "lost_share": 0.0}
+    still = {"position_m": 0.0, "rotation_rad": 0.0}
+    params = changed(360, ranging={**quiet, "range_bias_m": 0.03, "elevation_bias_deg": 0.1}, mounting=still)
+    true = changed(360, ranging={**quiet, **TRUE_RINGS}, mounting=still)
+
+    def off_m(which: LidarParams, seed: int) -> np.ndarray:
+        points = lidar(world(), which, seed).sweep(HERE, 0.0).points
+        rings = [points["z"][points["ring"] == ring] for ring in range(20)]
+        assert max(float(np.ptp(ring)) for ring in rings) < 1e-3, "no column differs"
+        return np.array([float(ring.mean()) for ring in rings]) + UP_M
+
+    assert np.abs(off_m(true, 5)).max() < 1e-4
+    off = off_m(params, 5)
+    assert off.std() > 0.002
+    assert np.abs(off).max() < 0.03
+    assert np.array_equal(off_m(params, 5), off), "the same sensor"
+    assert not np.array_equal(off_m(params, 6), off), "another one"

@@ -6,13 +6,13 @@ import math
 
 import pytest
 
-from robot_stack.wmx.differential.command import BadTwist, TwistCommand, Wish
+from robot_stack.wmx.differential.command import BadTwist, Command, OldTwist, TwistCommand
 
-REST = Wish(0.0, 0.0)
+REST = Command(0.0, 0.0)
 
 
-def speeds(wish: Wish) -> tuple[float, float]:
-    return wish.linear_mps, wish.angular_radps
+def speeds(requested: Command) -> tuple[float, float]:
+    return requested.linear_mps, requested.angular_radps
 
 
 def fields(linear: float = 0.0, angular: float = 0.0, **others: float) -> dict[str, float]:
@@ -24,23 +24,23 @@ def fields(linear: float = 0.0, angular: float = 0.0, **others: float) -> dict[s
 def command() -> TwistCommand:
     """One that has seen rest."""
     command = TwistCommand(timeout_s=0.25)
-    assert command.wish(10.0) == REST
+    assert command.requested(10.0) == REST
     return command
 
 
 def test_young_twist_is_the_wish(command: TwistCommand) -> None:
     command.receive(fields(0.5, -0.2), 10.0)
-    assert command.wish(10.25) == Wish(0.5, -0.2)
+    assert command.requested(10.25) == Command(0.5, -0.2)
 
 
 def test_old_twist_is_a_stop_and_says_so(command: TwistCommand) -> None:
     command.receive(fields(0.5), 10.0)
-    assert command.wish(10.26) == Wish(0.0, 0.0, "no command for 0.25 s")
+    assert command.requested(10.26) == Command(0.0, 0.0, "no command for 0.25 s")
 
 
 def test_time_that_ran_back_makes_a_twist_old(command: TwistCommand) -> None:
     command.receive(fields(0.5), 10.0)
-    assert speeds(command.wish(9.0)) == (0.0, 0.0)
+    assert speeds(command.requested(9.0)) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("name", ["linear_x", "linear_y", "linear_z", "angular_x", "angular_y", "angular_z"])
@@ -49,38 +49,87 @@ def test_bad_twist_is_a_stop_and_named(command: TwistCommand, name: str, value: 
     command.receive(fields(0.5), 10.0)
     with pytest.raises(BadTwist, match=f"{name.replace('_', '.')} is {value}, must be finite"):
         command.receive(fields(0.5, **{name: value}), 10.1)
-    assert command.wish(10.1) == REST
+    assert command.requested(10.1) == REST
 
 
 def test_after_a_bad_twist_a_good_one_drives(command: TwistCommand) -> None:
     with pytest.raises(BadTwist):
         command.receive(fields(math.nan), 10.0)
-    command.wish(10.0)
+    command.requested(10.0)
     command.receive(fields(0.5), 10.1)
-    assert command.wish(10.1) == Wish(0.5, 0.0)
+    assert command.requested(10.1) == Command(0.5, 0.0)
+
+
+def test_a_twist_is_as_old_as_its_stamp_says(command: TwistCommand) -> None:
+    command.receive(fields(0.5), 10.0, age_s=0.2)
+    assert command.requested(10.05) == Command(0.5, 0.0)
+    assert speeds(command.requested(10.06)) == (0.0, 0.0)
+    command.receive(fields(0.5), 10.1, age_s=-5.0)  # a clock ahead of ours does not make it last longer
+    assert command.requested(10.36).text == "no command for 0.25 s"
+
+
+def test_a_twist_that_comes_too_old_changes_nothing(command: TwistCommand) -> None:
+    command.receive(fields(0.5), 10.0)
+    with pytest.raises(OldTwist, match=r"it is 0\.260 s old, at most 0\.25 s"):
+        command.receive(fields(0.9), 10.1, age_s=0.26)
+    assert command.requested(10.2) == Command(0.5, 0.0)
+    assert speeds(command.requested(10.3)) == (0.0, 0.0)
 
 
 def test_motion_waits_for_rest(command: TwistCommand) -> None:
     command.receive(fields(0.5), 10.0)
-    command.demand_rest()
-    assert command.wish(10.1) == Wish(0.0, 0.0, "waiting for the command to be zero or silent once", blocked=True)
+    command.demand_rest(10.0)
+    assert command.requested(10.1) == Command(
+        0.0, 0.0, "waiting for the command to be zero or silent once", blocked=True
+    )
     command.receive(fields(0.6), 10.2)
-    assert command.wish(10.2).blocked
+    assert command.requested(10.2).blocked
 
 
 @pytest.mark.parametrize("rest", ["zero", "silence"])
 def test_zero_or_silence_is_rest(command: TwistCommand, rest: str) -> None:
     command.receive(fields(0.5), 10.0)
-    command.demand_rest()
+    command.demand_rest(10.0)
     if rest == "zero":
         command.receive(fields(), 10.1)
-    assert not command.wish(10.1 if rest == "zero" else 11.0).blocked
+    assert not command.requested(10.1 if rest == "zero" else 11.0).blocked
     command.receive(fields(0.3), 11.0)
-    assert command.wish(11.0) == Wish(0.3, 0.0)
+    assert command.requested(11.0) == Command(0.3, 0.0)
+
+
+def test_what_was_not_heard_before_rest_was_demanded_is_no_silence(command: TwistCommand) -> None:
+    """A node that hung: its first look finds an old twist and a drive that was stopped, then the stream goes on."""
+    command.receive(fields(0.5), 10.0)
+    assert speeds(command.requested(15.0)) == (0.0, 0.0)
+    command.demand_rest(15.0)
+    command.requested(15.01)
+    command.receive(fields(0.5), 15.02)
+    assert command.requested(15.02).blocked
+    command.requested(15.28)
+    command.receive(fields(0.5), 15.3)
+    assert command.requested(15.3) == Command(0.5, 0.0)
 
 
 def test_twist_before_anything_was_seen_must_wait() -> None:
     """A node that comes up under a stream of commands must not leap."""
     command = TwistCommand(timeout_s=0.25)
     command.receive(fields(0.5), 10.0)
-    assert command.wish(10.0).blocked
+    assert command.requested(10.0).blocked
+
+
+def test_nothing_received_is_no_silence_until_every_sender_must_be_known() -> None:
+    """A stream that was there before this node is discovered only after a while: it must not set the base in motion."""
+    command = TwistCommand(timeout_s=0.25, heard_from_s=2.5)
+    command.requested(1.0)
+    command.receive(fields(0.5), 1.1)
+    assert command.requested(1.15).blocked
+    assert command.requested(1.5).linear_mps == 0.0  # silent: now it counts
+    command.receive(fields(0.5), 1.6)
+    assert command.requested(1.65).linear_mps == 0.5
+
+
+def test_silence_counts_once_every_sender_must_be_known() -> None:
+    command = TwistCommand(timeout_s=0.25, heard_from_s=2.5)
+    command.requested(2.6)
+    command.receive(fields(0.5), 2.7)
+    assert command.requested(2.75).linear_mps == 0.5

@@ -11,6 +11,7 @@ from robot_stack.core.config import ConfigError, config_dir, load, read_yaml, va
 from robot_stack.wmx.config import EngineConfig
 from robot_stack.wmx.differential.parameters import (
     DiffDriveParams,
+    motion_limits,
     named,
     pose_covariance,
     session_settings,
@@ -29,6 +30,14 @@ DOCUMENTED = {
     "encoder_vel_topic": "/cmd_vel_check",
     "encoder_omega_topic": "/velocity_controller/commands",
     "encoder_odometry_topic": "/odom_enc",
+}
+
+
+NO_LIMITS = {
+    "linear_acceleration_mps2": 0.0,
+    "angular_acceleration_radps2": 0.0,
+    "linear_jerk_mps3": 0.0,
+    "angular_jerk_radps3": 0.0,
 }
 
 
@@ -68,6 +77,7 @@ def test_engine_of_the_base_has_two_velocity_axes() -> None:
         ({"cmd_vel_topic": "/diff_drive/no_param"}, "cmd_vel_topic needs a name"),
         ({"publish_pose": True, "odom_frame": ""}, "odom_frame and base_frame need names"),
         ({"wheel_base": 1.0}, "wheel_base"),
+        ({"limits": {**NO_LIMITS, "linear_jerk_mps3": -1.0}}, "linear_jerk_mps3"),
     ],
 )
 def test_wrong_value_is_refused_by_name(changes: dict[str, Any], says: str) -> None:
@@ -81,6 +91,13 @@ def test_wrong_value_is_refused_by_name(changes: dict[str, Any], says: str) -> N
 )
 def test_parameter_file_is_absolute_or_in_the_configuration_folder(value: str, expected: str) -> None:
     assert session_settings(params(wmx_param_file_path=value), Path("/config")).parameter_file == expected
+
+
+def test_limits_are_off_as_documented_and_each_can_be_set_alone() -> None:
+    assert motion_limits(params().limits) is None
+    limits = motion_limits(params(limits={**NO_LIMITS, "linear_jerk_mps3": 2.0}).limits)
+    assert limits is not None
+    assert (limits.jerk_mps3, limits.acceleration_mps2, limits.yaw_jerk_radps3) == (2.0, 1e6, 1e6)
 
 
 @pytest.mark.parametrize(("name", "is_one"), [("/odom_enc", True), ("", False), ("/diff_drive/no_param", False)])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -10,20 +12,22 @@ from robot_stack.core.config import load
 from robot_stack.wmx import EngineError
 from robot_stack.wmx.api import (
     AxisCommandMode,
+    AxisSelection,
     CoreMotionErrorCode,
     DetailOperationState,
     EngineState,
     ErrorCode,
     OperationState,
     ProfileType,
+    Velocity_TimedVelCommand,
     Velocity_VelCommand,
 )
 from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
 from robot_stack.wmx.differential.kinematics import REST, WheelPair
-from robot_stack.wmx.differential.parameters import DiffDriveParams
+from robot_stack.wmx.differential.parameters import DiffDriveParams, patience
 from robot_stack.wmx.differential.session import WheelSession
 from robot_stack.wmx.differential.states import SessionSettings, Stage
-from robot_stack.wmx.link import EngineLink
+from robot_stack.wmx.session import EngineSession
 
 PARAMS = load(DiffDriveParams, "diff_drive_controller")
 TICK_S = 0.01
@@ -37,8 +41,9 @@ class FakeEngine:
     def __init__(self) -> None:
         self.codes: dict[str, int] = {}
         self.calls: list[str] = []
-        self.commands: list[Velocity_VelCommand] = []
+        self.commands: list[Any] = []
         self.open = True
+        self.time_s = 5.0
         self.snapshot: StatusSnapshot = replace(empty_snapshot(N_AXES), engine_state=EngineState.Running)
         self.api = self.core_motion = self
         self.axisControl = self.motion = self.velocity = self.config = self
@@ -47,7 +52,7 @@ class FakeEngine:
         self.open = False
 
     def read_status(self) -> tuple[int, StatusSnapshot]:
-        return int(self.codes.get("read_status", 0)), self.snapshot
+        return int(self.codes.get("read_status", 0)), replace(self.snapshot, engine_time_s=self.time_s)
 
     def _answer(self, name: str) -> int:
         self.calls.append(name)
@@ -70,11 +75,8 @@ class FakeEngine:
         self.put(Flag.OP_STATE, OperationState.Idle, *axes)
         self.put(Flag.DETAIL_OP_STATE, DetailOperationState.Idle, *axes)
 
-    def SetWatchdog(self, milliseconds: int) -> int:
-        return self._answer(f"SetWatchdog({milliseconds})")
-
-    def ResetWatchdogTimer(self) -> int:
-        return self._answer("ResetWatchdogTimer")
+    def GetDeviceName(self) -> tuple[int, str]:
+        return self._answer("GetDeviceName"), "node"
 
     def StartCommunication(self, milliseconds: int) -> int:
         assert milliseconds == 0, "a wait would hold the node up"
@@ -99,18 +101,27 @@ class FakeEngine:
             self.put(Flag.SERVO_ON, on, *axes)
         return code
 
-    def ClearAmpAlarm(self, axis: int) -> int:
-        self.put(Flag.AMP_ALARM, 0, axis)
-        return self._answer(f"ClearAmpAlarm({axis})")
+    def ClearAmpAlarm_AxisSel(self, selection: AxisSelection) -> int:
+        self.put(Flag.AMP_ALARM, 0, *selection.axis)
+        return self._answer(f"ClearAmpAlarm({selection.axis})")
 
-    def ClearAxisAlarm(self, axis: int) -> int:
-        self.put(Flag.FOLLOWING_ERROR_ALARM, 0, axis)
-        return self._answer(f"ClearAxisAlarm({axis})")
+    def ClearAxisAlarm_AxisSel(self, selection: AxisSelection) -> int:
+        self.put(Flag.FOLLOWING_ERROR_ALARM, 0, *selection.axis)
+        return self._answer(f"ClearAxisAlarm({selection.axis})")
 
     def StartVel(self, count: int, commands: list[Velocity_VelCommand]) -> int:
-        assert count == len(commands) == 2
-        self.commands = commands
-        code = self._answer("StartVel")
+        return self._started("StartVel", count, commands)
+
+    def StartVel_TimedVel(self, count: int, commands: list[Velocity_TimedVelCommand]) -> int:
+        assert all(command.profile.type == ProfileType.TimeAccTrapezoidal for command in commands), "the vendor's rule"
+        return self._started("StartVel_TimedVel", count, commands)
+
+    def _started(
+        self, name: str, count: int, commands: Sequence[Velocity_VelCommand | Velocity_TimedVelCommand]
+    ) -> int:
+        assert count == len(commands)
+        self.commands = list(commands)
+        code = self._answer(name)
         if not code:
             for command in commands:
                 self.run(command.profile.velocity, command.axis)
@@ -136,9 +147,7 @@ class Story:
         self.opened = 0
         self.now_s = 100.0
         session = PARAMS.session
-        self.link = EngineLink(
-            self._open, retry_s=session.retry_s, feed_period_s=session.feed_period_s, watchdog_s=session.watchdog_s
-        )
+        self.connection = EngineSession(self._open, patience(session))
         settings = SessionSettings(
             LEFT,
             RIGHT,
@@ -149,8 +158,9 @@ class Story:
             session.request_pause_s,
             session.follow_s,
             session.standstill_radps,
+            session.command_lifetime_s,
         )
-        self.session = WheelSession(self.link, settings)
+        self.session = WheelSession(self.connection, settings)
 
     def _open(self) -> FakeEngine:  # type: ignore[override]
         if self.refusals:
@@ -162,6 +172,7 @@ class Story:
     def tick(self, seconds: float = TICK_S, *, stop: bool = False) -> tuple[Stage, str]:
         for _ in range(max(1, round(seconds / TICK_S))):
             self.now_s += TICK_S
+            self.engine.time_s += TICK_S
             state = self.session.poll(self.now_s, stop=stop)
         return state.stage, state.text
 
@@ -173,13 +184,13 @@ class Story:
 
     def driving(self) -> Story:
         self.ready()
-        assert self.session.follow(WheelPair(3.0, 4.0), self.now_s) == ""
+        assert self.session.follow(WheelPair(3.0, 4.0), self.now_s) == (WheelPair(3.0, 4.0), "")
         assert self.tick() == (Stage.READY, "ready")
         self.engine.calls.clear()
         return self
 
     def asked(self) -> list[str]:
-        return [call for call in self.engine.calls if call != "ResetWatchdogTimer"]
+        return [call for call in self.engine.calls if call != "GetDeviceName"]
 
     def called(self, name: str) -> int:
         return sum(call.startswith(name) for call in self.engine.calls)
@@ -199,10 +210,9 @@ def test_start_asks_for_everything_in_its_order(story: Story) -> None:
     story.tick(0.2)
     assert story.session.ready
     assert story.asked() == [
-        "SetWatchdog(300)",
         "StartCommunication",
         "ImportAndSetAll(/p.xml)",
-        "ClearAmpAlarm(2)",
+        "ClearAmpAlarm([2])",
         "SetAxisCommandMode(2)",
         "SetAxisCommandMode(1)",
         "SetServoOn([2, 1], 1)",
@@ -222,8 +232,11 @@ def test_absent_engine_is_waited_for_a_refusing_one_named(story: Story) -> None:
     assert story.tick() == (Stage.CONNECTING, "waiting for the motion engine")
     stage, text = story.tick(0.1)
     assert stage is Stage.CONNECTING
+    assert text.startswith("attempt 1 of 5: ")
     assert "cannot create a device: refused (ReachMaxChannelNumber, error 278)" in text
-    story.tick(0.3)
+    story.tick(1.8)
+    assert not story.session.ready, "two seconds between attempts"
+    story.tick(0.5)
     assert story.session.ready
 
 
@@ -258,49 +271,106 @@ def test_engine_with_too_few_axes_is_named(story: Story) -> None:
 
 
 def test_both_wheels_in_one_command_with_times_in_milliseconds(story: Story) -> None:
+    """0.5 s to the speeds: in the 0.3 s of a command's life they come 3/5 of the way, at an even rate."""
     story.ready()
-    assert story.session.follow(WheelPair(-3.0, 4.0), story.now_s) == ""
+    assert story.session.follow(WheelPair(-3.0, 4.0), story.now_s).problem == ""
     assert [command.axis for command in story.engine.commands] == [LEFT, RIGHT]
-    assert [command.profile.velocity for command in story.engine.commands] == [-3.0, 4.0]
+    assert [command.profile.velocity for command in story.engine.commands] == pytest.approx([-1.8, 2.4])
     for command in story.engine.commands:
-        assert command.profile.type == ProfileType.TimeAccTrapezoidal
-        assert command.profile.accTimeMilliseconds == 500.0
-        assert command.profile.decTimeMilliseconds == 250.0
+        assert command.profile.accTimeMilliseconds == pytest.approx(300.0)
+        assert command.profile.decTimeMilliseconds == pytest.approx(250.0)
+        assert command.runTimeMilliseconds == 1.0, "no time at a speed on the way"
+
+
+def test_wheel_slows_down_in_its_time_and_is_stopped_in_its_time(story: Story) -> None:
+    """The engine knows one deceleration for both: the harder."""
+    story.driving()
+    story.engine.run(3.0, LEFT)
+    story.engine.run(4.0, RIGHT)
+    story.tick()
+    story.session.follow(WheelPair(2.0, 2.0), story.now_s)
+    left, right = story.engine.commands
+    for command, change in ((left, 1.0), (right, 2.0)):
+        assert command.profile.velocity == 2.0
+        rate = command.profile.velocity / (1e-3 * command.profile.decTimeMilliseconds)
+        assert rate == pytest.approx(max(change, 2.0) / 0.25)
+        assert command.runTimeMilliseconds == pytest.approx(50.0)  # 0.3 s in all, of which the change has 0.25 s
+
+
+def test_one_wheel_at_rest_and_the_other_not(story: Story) -> None:
+    story.ready()
+    assert story.session.follow(WheelPair(0.0, 1.0), story.now_s).problem == ""
+    assert [call for call in story.engine.calls if call.startswith("Start")] == ["StartVel", "StartVel_TimedVel"]
+    assert [command.axis for command in story.engine.commands] == [RIGHT]
 
 
 def test_refused_motion_says_why(story: Story) -> None:
     story.ready()
-    story.engine.codes["StartVel"] = CoreMotionErrorCode.NotVelocityMode
-    assert story.session.follow(WheelPair(1.0, 1.0), story.now_s) == "driving: NotVelocityMode (error 65572)"
+    story.engine.codes["StartVel_TimedVel"] = CoreMotionErrorCode.NotVelocityMode
+    assert story.session.follow(WheelPair(1.0, 1.0), story.now_s) == (None, "driving: NotVelocityMode (error 65572)")
 
 
-def test_same_speeds_are_sent_once(story: Story) -> None:
-    """Sent again they would begin the change of speed anew."""
+def test_speeds_are_sent_again_three_times_in_the_life_of_a_command(story: Story) -> None:
     story.ready()
-    for _ in range(5):
-        assert story.session.follow(WheelPair(1.0, 2.0), story.now_s) == ""
+    for _ in range(100):
+        assert story.session.follow(WheelPair(1.0, 2.0), story.now_s).problem == ""
         story.tick()
-    assert story.called("StartVel") == 1
+    assert 9 <= story.called("StartVel_TimedVel") <= 11, "one second"
+    count = story.called("StartVel_TimedVel")
     story.session.follow(WheelPair(1.0, 2.1), story.now_s)
-    assert story.called("StartVel") == 2
+    assert story.called("StartVel_TimedVel") == count + 1
+
+
+def test_a_ramp_of_its_own(story: Story) -> None:
+    story.ready()
+    story.session.follow(WheelPair(2.0, 2.0), story.now_s, 0.02)
+    assert [command.profile.accTimeMilliseconds for command in story.engine.commands] == [pytest.approx(20.0)] * 2
+    assert story.engine.commands[0].profile.velocity == 2.0
+
+
+def test_a_wheel_stopped_by_another_is_noticed_while_speeds_change(story: Story) -> None:
+    story.ready()
+    for step in range(30):
+        story.session.follow(WheelPair(1.0 + 0.01 * step, 1.0), story.now_s, 0.02)
+        story.engine.run(1.0, LEFT, RIGHT)
+        story.tick()
+    story.engine.rest(LEFT)
+    story.tick()
+    assert story.session.state.stage is Stage.FAULT
+
+
+def test_ramp_goes_on_when_its_command_is_renewed(story: Story) -> None:
+    """Not anew: 0.5 s after it began, it is over."""
+    story.ready()
+    begun_s = story.now_s
+    while story.now_s - begun_s < 0.45:
+        story.session.follow(WheelPair(2.0, 2.0), story.now_s)
+        story.tick()
+    story.session._sent_s = 0.0
+    story.session.follow(WheelPair(2.0, 2.0), story.now_s)
+    for command in story.engine.commands:
+        assert command.profile.velocity == 2.0
+        left_ms = 1e3 * (begun_s + 0.5 - story.now_s)
+        assert command.profile.accTimeMilliseconds == pytest.approx(left_ms)
+        assert command.runTimeMilliseconds == pytest.approx(300.0 - left_ms)
 
 
 def test_refused_speeds_are_sent_again(story: Story) -> None:
     story.ready()
-    story.engine.codes["StartVel"] = ErrorCode.StartingPreviousCommand
-    assert "StartingPreviousCommand" in story.session.follow(WheelPair(1.0, 1.0), story.now_s)
-    del story.engine.codes["StartVel"]
-    assert story.session.follow(WheelPair(1.0, 1.0), story.now_s) == ""
+    story.engine.codes["StartVel_TimedVel"] = ErrorCode.StartingPreviousCommand
+    assert "StartingPreviousCommand" in story.session.follow(WheelPair(1.0, 1.0), story.now_s).problem
+    del story.engine.codes["StartVel_TimedVel"]
+    assert story.session.follow(WheelPair(1.0, 1.0), story.now_s).problem == ""
     assert story.called("StartVel") == 2
 
 
 def test_rest_is_not_sent_to_wheels_at_rest_but_to_others(story: Story) -> None:
     story.ready()
-    assert story.session.follow(REST, story.now_s) == ""
+    assert story.session.follow(REST, story.now_s).problem == ""
     assert story.called("StartVel") == 0
     story.engine.run(1.0, LEFT)  # by somebody else
     story.tick()
-    assert story.session.follow(REST, story.now_s) == ""
+    assert story.session.follow(REST, story.now_s).problem == ""
     assert story.called("StartVel") == 1
 
 
@@ -308,20 +378,21 @@ def test_after_a_stop_speeds_are_sent_again(story: Story) -> None:
     story.driving()
     story.tick(stop=True)
     story.tick(0.1)
-    assert story.session.follow(WheelPair(3.0, 4.0), story.now_s) == ""
+    assert story.session.follow(WheelPair(3.0, 4.0), story.now_s).problem == ""
     assert story.called("StartVel") == 1
 
 
 def test_nothing_drives_before_it_is_ready(story: Story) -> None:
-    assert story.session.follow(WheelPair(1.0, 1.0), story.now_s).startswith("not ready")
+    assert story.session.follow(WheelPair(1.0, 1.0), story.now_s).problem.startswith("not ready")
     assert story.engine.commands == []
 
 
-def test_watchdog_is_fed_and_is_the_only_call_of_a_steady_ride(story: Story) -> None:
+def test_nothing_but_the_engine_s_answer_is_asked_for_by_itself(story: Story) -> None:
+    """What keeps the wheels turning is ``follow``, and nothing else: a node that does not drive lets them stop."""
     story.driving()
     story.tick(1.0)
-    assert 8 <= story.called("ResetWatchdogTimer") <= 11
-    assert set(story.engine.calls) == {"ResetWatchdogTimer"}
+    assert 8 <= story.called("GetDeviceName") <= 11
+    assert set(story.engine.calls) == {"GetDeviceName"}
 
 
 # --- faults ----------------------------------------------------------------------------------------------------
@@ -341,7 +412,7 @@ def test_fault_of_one_wheel_stops_both_and_waits_for_somebody(story: Story, flag
     stage, text = story.tick()
     assert (stage, text[: len(says)]) == (Stage.FAULT, says)
     assert story.asked() == ["ExecQuickStop"]
-    assert story.session.follow(WheelPair(1.0, 1.0), story.now_s)
+    assert story.session.follow(WheelPair(1.0, 1.0), story.now_s).problem
     story.tick(5.0)
     assert story.asked() == ["ExecQuickStop"]
     story.engine.put(flag, 1 - value, RIGHT)
@@ -363,6 +434,37 @@ def test_wheel_that_is_being_stopped_by_another_stops_the_other_too(story: Story
     story.engine.put(Flag.DETAIL_OP_STATE, DetailOperationState.Stop, RIGHT)
     assert story.tick() == (Stage.STOPPING, "right wheel is being stopped")
     assert story.called("ExecQuickStop") == 1
+
+
+def test_who_was_held_up_does_not_set_stopped_wheels_in_motion_again(story: Story) -> None:
+    """The process hangs between its look and its command; meanwhile the engine stops the wheels by itself."""
+    story.driving()
+    story.engine.time_s += 1.0
+    story.engine.rest(LEFT, RIGHT)
+    applied = story.session.follow(WheelPair(3.1, 4.1), story.now_s)
+    assert applied == (None, "held up between the engine's status and the command")
+    assert story.asked() == []
+    assert story.tick()[0] is Stage.FAULT
+
+
+def test_who_was_held_up_in_the_command_itself_stops_the_wheels(story: Story, monkeypatch: pytest.MonkeyPatch) -> None:
+    story.driving()
+    start = FakeEngine.StartVel_TimedVel
+
+    def hang(engine: FakeEngine, count: int, commands: list[Velocity_TimedVelCommand]) -> int:
+        engine.time_s += 1.0
+        return start(engine, count, commands)
+
+    monkeypatch.setattr(FakeEngine, "StartVel_TimedVel", hang)
+    assert story.session.follow(WheelPair(3.1, 4.1), story.now_s).problem.startswith("held up")
+    assert story.asked() == ["StartVel_TimedVel", "ExecQuickStop"]
+
+
+def test_who_was_held_up_may_stop(story: Story) -> None:
+    story.driving()
+    story.engine.time_s += 1.0
+    assert story.session.follow(REST, story.now_s) == (REST, "")
+    assert story.asked() == ["StartVel"]
 
 
 def test_wheel_is_given_time_to_begin(story: Story) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_stack.wmx.api import AxisSelection, Config_AxisParam, EngineState, ErrorCode, OperationState
 from robot_stack.wmx.api.status import DevicesInfo
-from robot_stack.wmx.axes import Flag, StatusSnapshot, empty_snapshot
+from robot_stack.wmx.axes import AxisFeedback, Flag, StatusSnapshot, axis_feedback, empty_snapshot
 
 
 class FakeEngine:
@@ -28,6 +28,10 @@ class FakeEngine:
     def read_status(self) -> tuple[int, StatusSnapshot]:
         self.snapshot = replace(self.snapshot, cycle_counter=self.snapshot.cycle_counter + 1)
         return int(self.codes.get("read_status", ErrorCode.PyNone)), self.snapshot
+
+    def read_feedback(self) -> AxisFeedback | None:
+        code, snapshot = self.read_status()
+        return None if code else axis_feedback(snapshot)
 
     def close(self) -> None:
         self.calls.append("close")

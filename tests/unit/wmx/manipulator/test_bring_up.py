@@ -9,7 +9,8 @@ import pytest
 
 from robot_stack.wmx import EngineError
 from robot_stack.wmx.api import AxisCommandMode, EngineState, ErrorCode, OperationState
-from robot_stack.wmx.axes import Flag, StatusSnapshot
+from robot_stack.wmx.axes import UNTOLD, Flag, StatusSnapshot
+from robot_stack.wmx.failures import ABSENT, BUSY
 from robot_stack.wmx.manipulator.bring_up import BringUp, BringUpSettings
 from robot_stack.wmx.manipulator.startup import Rule, Step
 from tests.unit.wmx.manipulator.fake_engine import FakeEngine
@@ -119,13 +120,14 @@ def test_without_a_parameter_file_it_is_told_and_goes_on():
     assert not [call for call in story.engine.calls if call.startswith("Import")]
 
 
-def test_a_device_that_is_refused():
+@pytest.mark.parametrize("code", [ErrorCode.CreateDeviceLockError, ErrorCode.StartProcessLockError])
+def test_a_device_that_is_refused(code: ErrorCode):
     story = Story()
-    story.refusals = [ErrorCode.CreateDeviceLockError] * 3
+    story.refusals = [code] * 3
     story.tick()
     assert story.told() == [
         "warning: device: attempt 1 of 2 failed, next in 2 s: manipulator_state: cannot create a device: refused "
-        "(CreateDeviceLockError, error 297)"
+        f"({code.name}, error {int(code)})"
     ]
     story.run(1.9)
     assert len(story.refusals) == 2
@@ -156,7 +158,6 @@ def test_a_network_that_runs_is_not_scanned_nor_started():
 @pytest.mark.parametrize(
     ("call", "step"),
     [
-        ("ScanNetwork", Step.SCAN),
         ("StartCommunication", Step.COMMUNICATION),
         ("ClearAmpAlarm(1)", Step.CLEAR_ALARMS),
         ("SetServoOn(1, 1)", Step.SERVO_ON),
@@ -187,6 +188,31 @@ def test_a_request_without_effect_fails_in_time(call: str, step: Step, text: str
     story.run(2.5)
     assert story.step is step
     assert text in story.told()[-1]
+
+
+def test_a_network_scan_that_fails_is_only_told():
+    story = Story()
+    story.engine.codes["ScanNetwork"] = 1288
+    story.run(2.0)
+    assert story.step is Step.READY
+    assert [line for line in story.told() if line.startswith("warning: network scan: failed, going on without: ")]
+
+
+def test_a_bus_of_an_engine_that_does_not_tell_why_it_ended_is_started_again():
+    """The vendor's status names no cause: somebody who stopped it would be undone, a cable would be waited for."""
+    story = Story().up()
+    story.engine.communicates(False, error=UNTOLD)
+    story.run(4.0)
+    assert story.step is Step.READY
+    assert story.engine.calls == ["StartCommunication"]
+
+
+@pytest.mark.parametrize("code", sorted(ABSENT - BUSY))
+def test_an_engine_that_is_not_up_yet_refuses_nothing(code: int):
+    story = Story()
+    story.refusals = [code] * 3
+    story.tick()
+    assert story.told() == ["info: device: waiting for the motion engine"]
 
 
 def test_axis_parameters_that_cannot_be_read_stop_nothing():
@@ -396,3 +422,38 @@ def test_the_end_with_an_engine_that_has_ended():
     story.engine.codes["read_status"] = ErrorCode.DeviceIsNull
     assert story.bring_up.end(hurry=False)
     assert story.engine.calls == ["close"]
+
+
+# --- between polls
+
+
+def test_a_look_suffices_while_nothing_changes():
+    story = Story()
+    assert story.bring_up.look(story.now_s) is None, "no engine yet"
+    story.up()
+    feedback = story.bring_up.look(story.now_s)
+    assert feedback is not None
+    assert feedback.cycle_counter == story.engine.snapshot.cycle_counter
+    assert feedback.position == tuple(story.engine.snapshot.actual_pos)
+    assert story.engine.calls == []
+
+
+@pytest.mark.parametrize("what", ["no status", "no communication", "a cycle that was seen already"])
+def test_what_changes_is_left_to_a_poll(what: str):
+    story = Story().up()
+    if what == "no status":
+        story.engine.codes["read_status"] = ErrorCode.StatusChannelError
+    elif what == "no communication":
+        story.engine.communicates(False, error=5)
+    else:
+        story.engine.snapshot = replace(story.engine.snapshot, cycle_counter=story.engine.snapshot.cycle_counter - 1)
+    assert story.bring_up.look(story.now_s) is None
+
+
+def test_cycles_seen_by_looks_do_not_stand_still():
+    story = Story().up()
+    for _ in range(10):
+        story.now_s += TICK_S
+        assert story.bring_up.look(story.now_s) is not None
+    story.engine.snapshot = replace(story.engine.snapshot, cycle_counter=story.engine.snapshot.cycle_counter - 1)
+    assert story.tick() is not None, "seen a tick ago, not a second"

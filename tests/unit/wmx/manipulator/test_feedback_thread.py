@@ -7,18 +7,14 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from robot_stack.wmx.axes import empty_snapshot
+from robot_stack.wmx.axes import axis_feedback, empty_snapshot
 from robot_stack.wmx.manipulator.startup import Progress, Step
-from robot_stack.wmx.nodes import feedback_thread
 from robot_stack.wmx.nodes.feedback_thread import FeedbackThread
 from tests.support.waiting import wait_for
-
-PERIOD_NS = 2_000_000
 
 
 @pytest.fixture(autouse=True)
@@ -31,7 +27,7 @@ def _as_before() -> Iterator[None]:
 
 
 class FakeBringUp:
-    """Ready from the beginning. ``status``: what a poll answers."""
+    """Ready from the beginning. ``status``: what a poll answers. ``changed_at``: the look that no longer suffices."""
 
     def __init__(self) -> None:
         self.progress = Progress(Step.READY)
@@ -40,13 +36,19 @@ class FakeBringUp:
         self.lines: deque[Any] = deque()
         self.ends: list[bool] = []
         self.stops: set[bool] = set()
+        self.polls = self.looks = self.changed_at = 0
 
     def poll(self, now_s: float, stopped: Callable[[], bool]) -> Any:
         assert abs(now_s - time.monotonic()) < 60.0
         self.stops.add(stopped())
+        self.polls += 1
         if isinstance(self.status, Exception):
             raise self.status
         return self.status
+
+    def look(self, now_s: float) -> Any:
+        self.looks += 1
+        return axis_feedback(self.status) if self.changed_at == 0 or self.looks < self.changed_at else None
 
     def end(self, hurry: bool) -> bool:
         self.ends.append(hurry)
@@ -58,60 +60,6 @@ def thread(bring_up: FakeBringUp, publish: Any = lambda _: True, **changes: Any)
     return FeedbackThread(bring_up, publish, lambda: False, **settings)  # type: ignore[arg-type]
 
 
-class FakeTime:
-    """Time passes by sleeping, and by what a tick takes."""
-
-    def __init__(self) -> None:
-        self.now_ns = 0
-        self.late_ns = 0
-
-    def monotonic_ns(self) -> int:
-        return self.now_ns
-
-    def sleep(self, seconds: float) -> None:
-        assert seconds > 0.0
-        self.now_ns += round(1e9 * seconds) + self.late_ns
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> FakeTime:
-    clock = FakeTime()
-    fake = SimpleNamespace(monotonic_ns=clock.monotonic_ns, sleep=clock.sleep, monotonic=time.monotonic)
-    monkeypatch.setattr(feedback_thread, "time", fake)
-    return clock
-
-
-def test_deadlines_are_absolute(clock: FakeTime):
-    paced, due_ns = thread(FakeBringUp()), 0
-    clock.late_ns = 300_000
-    for number in range(1, 6):
-        clock.now_ns += 100_000  # a tick's work
-        due_ns = paced._sleep_until(due_ns + PERIOD_NS, PERIOD_NS)
-        assert due_ns == number * PERIOD_NS
-        assert clock.now_ns == due_ns + 300_000
-    assert paced.overruns == 0
-    assert paced.worst_late_ns == 300_000
-
-
-def test_a_tick_that_took_less_than_a_period_too_long_leaves_none_out(clock: FakeTime):
-    paced = thread(FakeBringUp())
-    clock.now_ns = PERIOD_NS + 500_000
-    assert paced._sleep_until(PERIOD_NS, PERIOD_NS) == PERIOD_NS
-    assert clock.now_ns == PERIOD_NS + 500_000
-    assert paced._sleep_until(2 * PERIOD_NS, PERIOD_NS) == 2 * PERIOD_NS
-    assert clock.now_ns == 2 * PERIOD_NS
-    assert paced.overruns == 0
-
-
-def test_periods_that_are_past_are_left_out_and_counted(clock: FakeTime):
-    paced = thread(FakeBringUp())
-    clock.now_ns = 4 * PERIOD_NS + 500_000
-    assert paced._sleep_until(PERIOD_NS, PERIOD_NS) == 4 * PERIOD_NS
-    assert paced.overruns == 3
-    paced._sleep_until(5 * PERIOD_NS, PERIOD_NS)
-    assert clock.now_ns == 5 * PERIOD_NS  # on the grid again
-
-
 def test_it_publishes_every_status_and_ends_in_order():
     bring_up = FakeBringUp()
     published: list[Any] = []
@@ -119,7 +67,7 @@ def test_it_publishes_every_status_and_ends_in_order():
     paced.start()
     wait_for(lambda: len(published) >= 5, "five ticks")
     paced.end()
-    assert published[0] is bring_up.status
+    assert published[0] == axis_feedback(bring_up.status)
     assert paced.published == len(published)
     assert (paced.skipped, paced.failure) == (0, "")
     assert bring_up.ends == [False, False, False]
@@ -136,6 +84,28 @@ def test_what_is_not_published_is_counted_with_its_reason(fit: bool):
     wait_for(lambda: paced.skipped >= 3, "three ticks")
     paced.end()
     assert (paced.published, paced.snapshot, paced.reason) == (0, None, "no status")
+
+
+def test_between_polls_it_only_looks():
+    bring_up = FakeBringUp()
+    paced = thread(bring_up)
+    paced.start()
+    wait_for(lambda: paced.published >= 100, "a hundred ticks")
+    paced.end()
+    assert bring_up.polls + bring_up.looks == paced.published
+    assert 0.2 / 0.05 <= bring_up.polls < 0.5 * paced.published
+    assert paced.snapshot is bring_up.status
+
+
+def test_what_a_look_does_not_show_is_polled_in_the_same_tick():
+    bring_up = FakeBringUp()
+    bring_up.changed_at = 3
+    paced = thread(bring_up)
+    paced.start()
+    wait_for(lambda: bring_up.looks >= 3, "a look that does not suffice")
+    wait_for(lambda: bring_up.polls >= 2, "the poll")
+    paced.end()
+    assert paced.skipped == 0
 
 
 def test_the_start_counts_nothing():

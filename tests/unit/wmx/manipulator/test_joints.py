@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
+from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, axis_feedback, empty_snapshot
 from robot_stack.wmx.manipulator.joints import JointSettings, faults, read
 
 SETTINGS = JointSettings(("a", "b", "left", "right"), 2, 1, 3, finger_open=0.0, finger_closed=0.045)
@@ -28,7 +28,7 @@ def status(outputs: list[int]) -> StatusSnapshot:
     [([0, 0b1000], 0.045), ([0, 0b11110111], 0.0), ([0b1000, 0], 0.0), ([0b1000], 0.0), ([], 0.0)],
 )
 def test_read(outputs: list[int], finger: float):
-    assert read(status(outputs), SETTINGS) == ([0.1, -0.2, finger, finger], [1.0, 2.0, 0.0, 0.0])
+    assert read(axis_feedback(status(outputs)), SETTINGS) == ((0.1, -0.2, finger, finger), (1.0, 2.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("row", [Real.ACTUAL_POS, Real.ACTUAL_VELOCITY])
@@ -36,7 +36,7 @@ def test_read(outputs: list[int], finger: float):
 def test_values_that_are_not_finite_are_told(row: Real, value: float):
     snapshot = status([0, 0])
     snapshot.reals[row, 1] = value
-    assert read(snapshot, SETTINGS) is None
+    assert read(axis_feedback(snapshot), SETTINGS) is None
 
 
 def test_other_axes_do_not_matter():
@@ -44,7 +44,7 @@ def test_other_axes_do_not_matter():
     snapshot.reals[Real.ACTUAL_POS, 2] = math.nan
     snapshot.flags[Flag.AMP_ALARM, 2] = 1
     snapshot.flags[Flag.SERVO_ON, 2] = 0
-    assert read(snapshot, SETTINGS) is not None
+    assert read(axis_feedback(snapshot), SETTINGS) is not None
     assert faults(snapshot, SETTINGS, servos=True) == ""
 
 

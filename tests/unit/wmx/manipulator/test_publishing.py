@@ -13,10 +13,10 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
-from robot_stack.wmx.axes import Real, StatusSnapshot, empty_snapshot
+from robot_stack.wmx.axes import AxisFeedback, Real, axis_feedback, empty_snapshot
 from robot_stack.wmx.manipulator.joints import JointSettings
 from robot_stack.wmx.manipulator.messages import ArrayBytes, JointStateBytes
-from robot_stack.wmx.nodes.manipulator_state import ManipulatorState
+from robot_stack.wmx.nodes.manipulator_state import ManipulatorStateNode
 
 NAMES = ("joint1", "left", "right")
 STAMP_NS = 5_000_000_006
@@ -34,7 +34,6 @@ class Sent:
 
 def node(sent: Sent, **changes: Any) -> Any:
     """As much of the node as a tick needs."""
-    now = SimpleNamespace(nanoseconds=STAMP_NS)
     parts = {
         "_joints": JointSettings(NAMES, 1, 0, 0, finger_open=0.0, finger_closed=0.045),
         "_message": JointStateBytes(NAMES),
@@ -45,23 +44,22 @@ def node(sent: Sent, **changes: Any) -> Any:
         "_isaac_heard": True,
         "_gazebo_heard": True,
         "_isaac_stamp": False,
-        "_system_time": False,
         "_bring_up": SimpleNamespace(status_problem=""),
-        "get_clock": lambda: SimpleNamespace(now=lambda: now),
+        "now_ns": lambda: STAMP_NS,
     }
     return SimpleNamespace(**{**parts, **changes})
 
 
-def status(position: float = 0.5) -> StatusSnapshot:
+def feedback(position: float = 0.5) -> AxisFeedback:
     snapshot = replace(empty_snapshot(1), outputs=np.array([1], np.uint8))
     snapshot.reals[Real.ACTUAL_POS, 0] = position
     snapshot.reals[Real.ACTUAL_VELOCITY, 0] = -1.0
-    return snapshot
+    return axis_feedback(snapshot)
 
 
 def test_isaac_without_stamp_then_the_stamped_one_then_gazebo():
     sent = Sent()
-    assert ManipulatorState._publish(node(sent), status())
+    assert ManipulatorStateNode._publish(node(sent), feedback())
     assert [name for name, _ in sent.items] == ["isaac", "encoder", "gazebo"]
     isaac, encoder = (deserialize_message(data, JointState) for _, data in sent.items[:2])
     assert (isaac.header.stamp.sec, isaac.header.stamp.nanosec) == (0, 0)
@@ -74,7 +72,7 @@ def test_isaac_without_stamp_then_the_stamped_one_then_gazebo():
 
 def test_a_stamp_for_isaac_if_so_configured():
     sent = Sent()
-    assert ManipulatorState._publish(node(sent, _isaac_stamp=True), status())
+    assert ManipulatorStateNode._publish(node(sent, _isaac_stamp=True), feedback())
     assert deserialize_message(sent.items[0][1], JointState).header.stamp.sec == 5
 
 
@@ -88,13 +86,13 @@ def test_a_stamp_for_isaac_if_so_configured():
 )
 def test_what_is_not_set_or_not_heard_is_not_sent(changes: dict[str, Any], names: list[str]):
     sent = Sent()
-    assert ManipulatorState._publish(node(sent, **changes), status())
+    assert ManipulatorStateNode._publish(node(sent, **changes), feedback())
     assert [name for name, _ in sent.items] == names
 
 
 def test_a_value_that_is_not_finite_is_not_sent():
     sent = Sent()
     fake = node(sent)
-    assert not ManipulatorState._publish(fake, status(math.nan))
+    assert not ManipulatorStateNode._publish(fake, feedback(math.nan))
     assert sent.items == []
     assert fake._bring_up.status_problem == "a joint's position or velocity is not finite"

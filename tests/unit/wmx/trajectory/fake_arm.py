@@ -8,13 +8,25 @@ from robot_stack.wmx.trajectory.arm import ArmState
 from robot_stack.wmx.trajectory.goal import CheckedGoal
 from robot_stack.wmx.trajectory.plan import PlanLimits
 from robot_stack.wmx.trajectory.results import Fault
+from robot_stack.wmx.trajectory.sampling import Nearness
 from robot_stack.wmx.trajectory.settings import ExecutionSettings
 from robot_stack.wmx.trajectory.spline import ClampedSpline
 from robot_stack.wmx.trajectory.tolerances import Tolerances
+from robot_stack.wmx.trajectory.waypoints import Waypoints
 
 JOINTS = ("shoulder", "elbow")
 TICK_S = 0.005
-NO_LIMITS = PlanLimits(1e-3, 0.0, (0.0, 0.0), (0.0, 0.0))
+NO_LIMITS = PlanLimits(
+    same_position_rad=1e-3,
+    max_start_deviation_rad=0.0,
+    max_velocity_radps=(0.0, 0.0),
+    max_acceleration_radps2=(0.0, 0.0),
+    catch_up_ratio=1.5,
+    catch_up_acceleration_radps2=1.0,
+    near=Nearness(1e-4, 0.02, 4000),
+    speed_scaling=1.0,
+    continuous=(),
+)
 SETTINGS = ExecutionSettings(
     joints=JOINTS,
     plan=NO_LIMITS,
@@ -31,16 +43,20 @@ SETTINGS = ExecutionSettings(
 def goal(
     *waypoints: tuple[float, tuple[float, float]],
     start_in_s: float = 0.0,
+    late_s: float = 0.0,
     path: Tolerances | None = None,
     at_goal: Tolerances | None = None,
     goal_time_s: float = 0.5,
 ) -> CheckedGoal:
     """Waypoints are (time, (shoulder, elbow))."""
     return CheckedGoal(
-        positions=np.array([position for _, position in waypoints], float).reshape(-1, 2),
-        times_s=np.array([time_s for time_s, _ in waypoints], float),
+        points=Waypoints(
+            np.array([time_s for time_s, _ in waypoints], float),
+            np.array([position for _, position in waypoints], float).reshape(-1, 2),
+        ),
         order=(0, 1),
         start_in_s=start_in_s,
+        late_s=late_s,
         path=path or Tolerances.none(2),
         at_goal=at_goal or Tolerances.none(2),
         goal_time_s=goal_time_s,

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from robot_stack.wmx import EngineError
-from robot_stack.wmx.api import CoreMotionErrorCode, EngineState, ErrorCode
+from robot_stack.wmx.api import CoreMotionErrorCode, EngineState, ErrorCode, OperationState
 from robot_stack.wmx.axes import Flag, Real, empty_snapshot
-from robot_stack.wmx.link import EngineLink
+from robot_stack.wmx.session import EngineSession, Patience
 from robot_stack.wmx.trajectory.arm import ArmState, Blind, fault_of
 from robot_stack.wmx.trajectory.engine_arm import EngineArm
 from robot_stack.wmx.trajectory.spline import ClampedSpline
@@ -36,8 +36,7 @@ class FakeEngine:
         snapshot.flags[Flag.SERVO_ON] = 1
         self.snapshot = replace(snapshot, engine_state=EngineState.Communicating, engine_time_s=7.0)
         self.api = SimpleNamespace(
-            SetWatchdog=self._call("SetWatchdog"),
-            ResetWatchdogTimer=self._call("ResetWatchdogTimer"),
+            GetDeviceName=lambda: (self.answer("GetDeviceName"), "node"),
             ErrorToString=lambda code: f"base {code}",
         )
         motion = SimpleNamespace(Stop_AxisSel=self._call("Stop"), ExecQuickStop_AxisSel=self._call("QuickStop"))
@@ -82,8 +81,8 @@ class Bench:
     def __init__(self) -> None:
         self.engine = FakeEngine()
         self.absent = False
-        link = EngineLink(self._open, retry_s=0.1, feed_period_s=0.1, watchdog_s=0.5)
-        self.arm = EngineArm(link, n_joints=2, max_points=1000)
+        session = EngineSession(self._open, Patience(0.1, 5, 2.0, 0.1))
+        self.arm = EngineArm(session, n_joints=2, max_points=1000)
         self.now_s = 0.0
 
     def _open(self) -> Any:
@@ -108,7 +107,23 @@ def test_the_buffer_is_created_once_with_room_for_the_present_position(bench: Be
     assert bench.poll() == ""
     assert bench.poll(5.0) == ""
     assert bench.named("CreateSplineBuffer") == [("CreateSplineBuffer", 0, 1001)]
-    assert bench.named("SetWatchdog") == [("SetWatchdog", 500)]
+
+
+def test_a_trajectory_that_a_dead_server_left_is_stopped_before_anything_else(bench: Bench) -> None:
+    """The engine goes on with it: nothing stops a spline but its end or a stop."""
+    bench.engine.snapshot.flags[Flag.OP_STATE, :2] = OperationState.Intpl
+    assert bench.poll() == "stopping a trajectory whose server is gone"
+    assert len(bench.named("Stop")) == 1
+    assert bench.named("CreateSplineBuffer") == []
+    bench.engine.snapshot.flags[Flag.OP_STATE, :2] = OperationState.Stop
+    bench.poll(1.1)
+    assert bench.named("CreateSplineBuffer") == []
+    bench.engine.snapshot.flags[Flag.OP_STATE, :2] = OperationState.Idle
+    assert bench.poll(1.1) == ""
+    bench.engine.snapshot.flags[Flag.OP_STATE, :2] = OperationState.Intpl  # its own, from now on
+    stops = len(bench.named("Stop"))
+    assert bench.poll(5.0) == ""
+    assert len(bench.named("Stop")) == stops
 
 
 @pytest.mark.parametrize(("found", "created"), [(1001, 1), (5000, 1), (1000, 2)])

@@ -28,11 +28,11 @@ class Run:
     """An execution and its arm on one fake clock."""
 
     def __init__(
-        self, wish: CheckedGoal = THERE, arm: FakeArm | None = None, settings_: ExecutionSettings = SETTINGS
+        self, requested: CheckedGoal = THERE, arm: FakeArm | None = None, settings_: ExecutionSettings = SETTINGS
     ) -> None:
         self.arm = arm or FakeArm()
         self.now_s = 0.0
-        self.execution = Execution(wish, self.arm, settings_, self.now_s)
+        self.execution = Execution(requested, self.arm, settings_, self.now_s)
         self.blind: Blind | None = None
         self.result = self.execution.tick(self.now_s, self.arm.state())
 
@@ -86,6 +86,17 @@ def test_samples_compare_with_the_spline_at_the_time_of_the_engine(delay_s: floa
     assert sample.acceleration == pytest.approx(expected[2], abs=1e-2)
 
 
+def test_the_time_of_a_sample_is_that_of_the_goal() -> None:
+    """A start 0.3 s late, at half speed."""
+    slow = replace(SETTINGS, plan=replace(SETTINGS.plan, speed_scaling=0.5, catch_up_acceleration_radps2=9.0))
+    run = Run(goal((0.0, (0.0, 0.0)), (1.0, (0.4, 0.2)), (2.0, (1.0, -0.2)), late_s=0.3), settings_=slow)
+    run.to(1.0)
+    assert run.execution.sample is not None
+    assert run.execution.sample.time_s == pytest.approx(0.3 + 0.5, abs=0.01)
+    assert run.to_end().outcome is Outcome.SUCCEEDED
+    assert run.now_s == pytest.approx(2.0 * 1.7, abs=0.02)
+
+
 def test_a_late_start_waits_for_its_time() -> None:
     run = Run(goal((1.0, (0.5, 0.0)), start_in_s=0.5))
     run.to(0.49)
@@ -97,8 +108,8 @@ def test_a_late_start_waits_for_its_time() -> None:
 
 
 def test_nothing_to_do_succeeds_without_the_engine() -> None:
-    for wish, words in ((goal(), "no points"), (goal((1.0, (0.0, 0.0))), "already there")):
-        run = Run(wish)
+    for requested, words in ((goal(), "no points"), (goal((1.0, (0.0, 0.0))), "already there")):
+        run = Run(requested)
         assert run.result is not None
         assert (run.result.outcome, run.result.code) == (Outcome.SUCCEEDED, 0)
         assert words in run.result.text
@@ -265,8 +276,8 @@ def test_an_engine_whose_clock_stands_is_late_in_the_end() -> None:
 
 
 def test_path_tolerance_stops_and_aborts() -> None:
-    wish = goal((1.0, (0.4, 0.2)), path=Tolerances(np.array([np.inf, 0.05]), np.full(2, np.inf)))
-    run = Run(wish)
+    requested = goal((1.0, (0.4, 0.2)), path=Tolerances(np.array([np.inf, 0.05]), np.full(2, np.inf)))
+    run = Run(requested)
     run.arm.offset[:] = (9.0, 0.049)
     run.to(0.5)
     run.arm.offset[1] = -0.06
@@ -278,19 +289,30 @@ def test_path_tolerance_stops_and_aborts() -> None:
 
 
 def test_goal_tolerance_is_waited_for() -> None:
-    wish = goal((1.0, (0.4, 0.2)), at_goal=Tolerances(np.full(2, 0.01), np.full(2, np.inf)), goal_time_s=0.5)
-    run = Run(wish)
+    requested = goal((1.0, (0.4, 0.2)), at_goal=Tolerances(np.full(2, 0.01), np.full(2, np.inf)), goal_time_s=0.5)
+    run = Run(requested)
     run.arm.offset[0] = 0.02
     run.to(1.4)
     assert run.execution.phase is Phase.SETTLING
     run.arm.offset[0] = 0.009
     assert run.to_end().outcome is Outcome.SUCCEEDED
-    run = Run(wish)
+    run = Run(requested)
     run.arm.offset[0] = -0.02
     result = run.to_end()
     assert (result.outcome, result.code) == (Outcome.ABORTED, GoalCode.GOAL_TOLERANCE_VIOLATED)
     assert "0.5 s after the end: shoulder: position error +0.02000 rad, tolerance 0.01" in result.text
     assert run.now_s == pytest.approx(1.5, abs=0.02)
+
+
+def test_a_fault_while_the_joints_settle_is_no_success() -> None:
+    run = Run(goal((1.0, (0.4, 0.2)), at_goal=Tolerances(np.full(2, 0.01), np.full(2, np.inf))))
+    run.arm.offset[0] = 0.02
+    run.to(1.2)
+    assert run.execution.phase is Phase.SETTLING
+    run.arm.offset[0] = 0.0
+    run.arm.servo_on[0] = False
+    result = run.to_end()
+    assert (result.outcome, result.code) == (Outcome.ABORTED, ErrorCode.ServoOff)
 
 
 def test_cancel_ends_when_the_axes_stand() -> None:
@@ -338,7 +360,8 @@ def test_a_stop_that_does_nothing_becomes_a_quick_stop() -> None:
     result = run.to_end()
     assert result.outcome is Outcome.CANCELED
     assert run.arm.calls == ["start", "stop", "quick_stop"]
-    assert run.now_s == pytest.approx(0.7 + SETTINGS.stop_timeout_s + 0.02, abs=0.02)
+    own_s = run.execution._spline.longest_stop_s()
+    assert run.now_s == pytest.approx(0.7 + own_s + SETTINGS.stop_timeout_s + 0.02, abs=0.02)
 
 
 def test_a_refused_stop_becomes_a_quick_stop_at_once() -> None:
@@ -350,15 +373,27 @@ def test_a_refused_stop_becomes_a_quick_stop_at_once() -> None:
     assert run.to_end().outcome is Outcome.CANCELED
 
 
+def test_a_gentle_trajectory_is_stopped_gently() -> None:
+    """Its own greatest acceleration stops it, which takes its time, and no quick stop interferes."""
+    run = Run(goal((0.0, (0.0, 0.0)), (20.0, (1.0, 0.0))))
+    own_s = run.execution._spline.longest_stop_s()
+    assert own_s == pytest.approx(2.0 * 0.25 * 20.0)  # 1.5 / 20 rad/s at 6 / 20^2 rad/s2, and as long again
+    run.arm.stop_takes_s = 5.0
+    run.to(3.0)
+    run.stop(canceled("canceled"))
+    assert run.to_end().outcome is Outcome.CANCELED
+    assert run.arm.calls == ["start", "stop"]
+
+
 def test_a_failed_stop_is_reported_and_not_called_canceled() -> None:
-    run = Run()
+    run = Run(goal((0.0, (0.0, 0.0)), (8.0, (1.0, 0.0))))
     run.arm.stop_takes_s = run.arm.quick_stop_takes_s = None
     run.to(0.7)
     run.stop(canceled("canceled"))
     result = run.to_end()
     assert (result.outcome, result.code) == (Outcome.ABORTED, CoreMotionErrorCode.WaitTimeout)
     assert "STOP FAILED: shoulder moves at" in result.text
-    assert run.now_s == pytest.approx(0.7 + 0.5 + 0.3, abs=0.03)
+    assert run.now_s == pytest.approx(0.7 + 2.0 * 0.25 * 8.0 + 0.5 + 0.3, abs=0.03)
 
 
 def test_an_emergency_makes_a_stop_a_quick_one() -> None:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from robot_stack.wmx.trajectory.arm import Blind
 from robot_stack.wmx.trajectory.goal import CheckedGoal
 from robot_stack.wmx.trajectory.goal_queue import GoalQueue
 from robot_stack.wmx.trajectory.results import Fault, GoalCode, Outcome, Result
+from robot_stack.wmx.trajectory.settings import ExecutionSettings
 from tests.unit.wmx.trajectory.fake_arm import SETTINGS, TICK_S, FakeArm, goal
 
 FIRST = goal((0.0, (0.0, 0.0)), (2.0, (1.0, 0.0)))
@@ -15,19 +19,19 @@ EMERGENCY = Fault(65632, "emergency stop")
 
 
 class Desk:
-    def __init__(self) -> None:
+    def __init__(self, settings: ExecutionSettings = SETTINGS) -> None:
         self.arm = FakeArm()
         self.ended: dict[str, Result] = {}
         self.ended_at_s: dict[str, float] = {}
         self.now_s = 0.0
-        self.queue: GoalQueue[str] = GoalQueue(self.arm, SETTINGS, self._end)
+        self.queue: GoalQueue[str] = GoalQueue(self.arm, settings, self._end)
 
     def _end(self, key: str, result: Result) -> None:
         assert key not in self.ended, "ended twice"
         self.ended[key], self.ended_at_s[key] = result, self.now_s
 
-    def submit(self, key: str, wish: CheckedGoal) -> None:
-        self.queue.submit(key, wish, self.now_s, self.arm.state())
+    def submit(self, key: str, requested: CheckedGoal) -> None:
+        self.queue.submit(key, requested, self.now_s, self.arm.state())
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / TICK_S)):
@@ -114,9 +118,9 @@ def test_cancel_of_the_running_the_waiting_and_an_unknown_goal() -> None:
 def test_repeated_cancellations_do_not_postpone_the_quick_stop() -> None:
     desk = Desk()
     desk.arm.stop_takes_s = None
-    desk.submit("a", FIRST)
+    desk.submit("a", goal((0.0, (0.0, 0.0)), (8.0, (1.0, 0.0))))
     desk.run(0.5)
-    for _ in range(round(0.6 / TICK_S)):
+    for _ in range(round(4.6 / TICK_S)):  # the stop of this spline may take 4 s, and 0.5 s more
         desk.queue.cancel("a", desk.now_s)
         desk.run(TICK_S)
     assert desk.ended["a"].outcome is Outcome.CANCELED
@@ -135,3 +139,117 @@ def test_an_emergency_ends_everything() -> None:
     assert desk.ended["a"].outcome is Outcome.ABORTED
     assert desk.arm.calls == ["start", "stop", "quick_stop"]
     assert desk.queue.active is None
+
+
+# --- goals that come while another one runs ---------------------------------------------------------------------------
+
+STRICT = replace(SETTINGS, plan=replace(SETTINGS.plan, max_velocity_radps=(2.0, 2.0)))
+HASTY = goal((0.1, (3.0, 0.0)))
+
+
+def test_a_goal_that_cannot_be_planned_leaves_the_running_one_alone() -> None:
+    desk = Desk(STRICT)
+    desk.submit("a", FIRST)
+    desk.run(0.9)
+    desk.submit("hasty", HASTY)
+    assert (desk.ended["hasty"].outcome, desk.ended["hasty"].code) == (Outcome.ABORTED, GoalCode.INVALID_GOAL)
+    assert "velocity" in desk.ended["hasty"].text
+    desk.run(1.3)
+    assert desk.ended["a"].outcome is Outcome.SUCCEEDED
+    assert desk.arm.calls == ["start"]
+
+
+def test_a_goal_that_cannot_be_planned_leaves_the_waiting_one_alone_too() -> None:
+    desk = Desk(STRICT)
+    desk.submit("a", FIRST)
+    desk.run(0.1)
+    desk.submit("later", goal((2.0, (0.0, 1.0)), start_in_s=3.0))
+    desk.submit("hasty", HASTY)
+    assert set(desk.ended) == {"hasty"}
+    desk.run(5.2)
+    assert [desk.ended[key].outcome for key in ("a", "later")] == [Outcome.SUCCEEDED] * 2
+
+
+def test_the_running_goal_goes_on_until_the_start_of_the_newer_one() -> None:
+    desk = Desk()
+    desk.submit("a", FIRST)
+    desk.run(0.5)
+    desk.submit("b", replace(SECOND, start_in_s=0.6))
+    desk.run(0.55)
+    assert desk.arm.calls == ["start"]
+    assert desk.queue.active is not None
+    assert desk.queue.active[0] == "a"
+    assert desk.ended == {}
+    desk.run(0.2)
+    assert desk.arm.calls == ["start", "stop", "start"]
+    assert desk.ended["a"].code == GoalCode.INVALID_GOAL
+    assert desk.ended_at_s["a"] == pytest.approx(1.2, abs=0.02)
+    desk.run(1.2)
+    assert desk.ended["b"].outcome is Outcome.SUCCEEDED
+
+
+def test_a_goal_that_ends_before_the_start_of_the_newer_one_succeeds() -> None:
+    desk = Desk()
+    desk.submit("a", FIRST)
+    desk.run(0.5)
+    desk.submit("b", goal((1.0, (0.0, 1.0)), start_in_s=2.0))
+    desk.run(1.6)
+    assert desk.ended["a"].outcome is Outcome.SUCCEEDED
+    assert desk.arm.calls == ["start"]
+    desk.run(1.7)
+    assert desk.ended["b"].outcome is Outcome.SUCCEEDED
+    assert desk.ended_at_s["b"] == pytest.approx(3.5, abs=0.03)
+
+
+def test_the_newest_of_two_that_wait_for_their_start_counts() -> None:
+    desk = Desk()
+    desk.submit("a", FIRST)
+    desk.run(0.5)
+    desk.submit("b", replace(SECOND, start_in_s=0.5))
+    desk.submit("c", SECOND)
+    assert desk.ended["b"].code == GoalCode.INVALID_GOAL
+    assert desk.arm.calls == ["start", "stop"]
+    desk.run(1.3)
+    assert desk.ended["c"].outcome is Outcome.SUCCEEDED
+
+
+def test_a_cancellation_of_the_one_that_waits_leaves_the_running_one_alone() -> None:
+    desk = Desk()
+    desk.submit("a", FIRST)
+    desk.run(0.5)
+    desk.submit("b", replace(SECOND, start_in_s=0.5))
+    desk.queue.cancel("b", desk.now_s)
+    desk.run(1.6)
+    assert (desk.ended["a"].outcome, desk.ended["b"].outcome) == (Outcome.SUCCEEDED, Outcome.CANCELED)
+
+
+def test_an_emergency_ends_the_one_that_waits_as_well() -> None:
+    desk = Desk()
+    desk.submit("a", FIRST)
+    desk.run(0.5)
+    desk.submit("b", replace(SECOND, start_in_s=5.0))
+    desk.queue.stop_all(EMERGENCY, desk.now_s)
+    desk.run(0.1)
+    assert [desk.ended[key].code for key in ("a", "b")] == [65632, 65632]
+
+
+def test_a_goal_is_planned_from_where_the_running_one_will_be() -> None:
+    """From here it would be too far in the time; from there it is not."""
+    desk = Desk(STRICT)
+    desk.submit("a", goal((0.0, (0.0, 0.0)), (4.0, (4.0, 0.0))))
+    desk.run(0.2)
+    near_the_end = goal((1.0, (4.2, 0.0)), start_in_s=3.9)
+    desk.submit("b", near_the_end)
+    assert desk.ended == {}
+    desk.run(5.5)
+    assert desk.ended["b"].outcome is Outcome.SUCCEEDED
+
+
+def test_without_a_status_the_newer_goal_is_planned_when_the_joints_stand() -> None:
+    desk = Desk(STRICT)
+    desk.submit("a", FIRST)
+    desk.run(0.5)
+    desk.queue.submit("hasty", HASTY, desk.now_s, Blind(Fault(1, "silent"), gone=False))
+    assert desk.arm.calls == ["start", "stop"]
+    desk.run(0.2)
+    assert desk.ended["hasty"].code == GoalCode.INVALID_GOAL

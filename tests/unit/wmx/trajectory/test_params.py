@@ -20,7 +20,21 @@ def test_the_documented_defaults() -> None:
     assert (params.joint_number, params.max_points) == (6, 1000)
     assert goal_limits(params).joints == tuple(f"joint{number}" for number in range(1, 7))
     plan = execution_settings(params).plan
-    assert (plan.max_start_deviation_rad, sum(plan.max_velocity_radps), sum(plan.max_acceleration_radps2)) == (0, 0, 0)
+    assert (sum(plan.max_velocity_radps), sum(plan.max_acceleration_radps2)) == (0, 0)
+    assert (plan.speed_scaling, plan.continuous) == (1.0, ())
+
+
+def test_deviations_are_limited_unless_that_is_switched_off() -> None:
+    params = load(TrajectoryServerParams, "follow_joint_trajectory_server")
+    limits = goal_limits(params)
+    assert min(limits.path_position_rad, limits.goal_position_rad, limits.goal_velocity_radps) > 0.0
+    assert execution_settings(params).plan.max_start_deviation_rad > 0.0
+    validate(TrajectoryServerParams, {**DATA, "path": {"position_rad": 0.0}}, "test")
+
+
+def test_continuous_joints_are_those_of_their_axes() -> None:
+    params = validate(TrajectoryServerParams, {**DATA, "continuous_joints": ["joint6", "joint1"]}, "test")
+    assert execution_settings(params).plan.continuous == (5, 0)
 
 
 def test_names_of_fingers_have_no_axis() -> None:
@@ -41,7 +55,12 @@ def test_names_of_fingers_have_no_axis() -> None:
         ({"gripper_output_bit": 8}, "gripper_output_bit"),
         ({"joint_trajectory_action": ""}, "joint_trajectory_action"),
         ({"start": {**DATA["start"], "max_velocity_radps": [1.0]}}, "a value for each of 6 joints"),
-        ({"link": {**DATA["link"], "watchdog_s": 0.15}}, "feed_period_s must be below half"),
+        ({"continuous_joints": ["joint1", "joint9"]}, "continuous_joints: joint9 has no axis"),
+        ({"spline": {**DATA["spline"], "max_points": 999}}, "must not be less than max_points"),
+        ({"speed_scaling": {"initial_scaling_factor": 0.0}}, "initial_scaling_factor"),
+        ({"speed_scaling": {"initial_scaling_factor": 1.5}}, "initial_scaling_factor"),
+        ({"start": {**DATA["start"], "catch_up_ratio": 0.9}}, "catch_up_ratio"),
+        ({"link": {**DATA["link"], "attempts": 0}}, "link.attempts"),
     ],
 )
 def test_what_cannot_work_is_refused(changes: dict[str, Any], words: str) -> None:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from robot_stack.wmx.trajectory.plan import plan_spline
 from robot_stack.wmx.trajectory.results import GoalCode, GoalRefused
 from robot_stack.wmx.trajectory.spline import ClampedSpline
+from robot_stack.wmx.trajectory.waypoints import Waypoints
 from tests.unit.wmx.trajectory.fake_arm import JOINTS, NO_LIMITS
 
 HERE = np.array([0.5, -0.5])
@@ -21,7 +22,8 @@ ENGINE_GAP_S, ENGINE_SAME_RAD = 1e-6, 1e-6
 
 def plan(*waypoints: tuple[float, tuple[float, float]], limits=NO_LIMITS) -> ClampedSpline | None:
     positions = np.array([position for _, position in waypoints])
-    return plan_spline(positions, np.array([time_s for time_s, _ in waypoints]), HERE, JOINTS, limits)
+    points = Waypoints(np.array([time_s for time_s, _ in waypoints]), positions)
+    return plan_spline(points, 0.0, HERE, JOINTS, limits)
 
 
 def rows(spline: ClampedSpline | None) -> list[tuple[float, list[float]]]:
@@ -130,7 +132,7 @@ def test_the_engine_never_gets_what_it_refuses(steps: list[tuple[float, float, f
     times = np.cumsum([gap for gap, _, _ in steps]) - (steps[0][0] if from_zero else 0.0)
     positions = HERE + np.cumsum([(a, b) for _, a, b in steps], axis=0)
     try:
-        spline = plan_spline(positions, times, HERE, JOINTS, NO_LIMITS)
+        spline = plan_spline(Waypoints(times, positions), 0.0, HERE, JOINTS, NO_LIMITS)
     except GoalRefused:
         assert np.abs(positions[-1] - HERE).max() > 1e-3
         return

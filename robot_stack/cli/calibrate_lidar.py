@@ -1,0 +1,94 @@
+"""What ``robot-stack calibrate lidar`` does: read a ride, find the mount, draw, print what belongs into the files."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from robot_stack.cli.errors import CommandError
+from robot_stack.cli.map_build import ProgressBar
+from robot_stack.cli.map_recording import read_ride
+from robot_stack.core.config import load
+from robot_stack.core.robot import load_robot
+from robot_stack.mapping.mount import MountFound, mount_of
+from robot_stack.mapping.params import MappingParams
+from robot_stack.mapping.ride import RideError
+
+Angles = tuple[float, float, float]
+_DPI = 110
+
+
+def calibrate_lidar(recording: Path, rpy_deg: Angles, picture: Path | None) -> None:
+    """rpy_deg: by which the clouds had been turned when they were recorded. Raises CommandError, ConfigError."""
+    params, robot = load(MappingParams, "mapping"), load_robot()
+    with ProgressBar() as bar:
+        ride, warnings = read_ride(recording, params.sweeps, robot, lambda done, total: bar("reading", done, total))
+    for warning in warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    try:
+        found = mount_of(ride, params, robot)
+    except RideError as error:
+        raise CommandError(f"{recording}: {error}") from None
+    print("\n".join(lines_of(found, rpy_deg, robot.lidar_xyz_m)))
+    if picture is not None:
+        draw_mount(found, picture)
+        print(f"picture: {picture}")
+
+
+def lines_of(found: MountFound, before_deg: Angles, sensor_m: tuple[float, float, float]) -> list[str]:
+    """The result in words."""
+    tilt, heading = found.tilt, found.heading
+    one, turn = np.degrees(tilt.deviation_rad), np.degrees(heading.deviation_rad)
+    roll, pitch, yaw = found.rpy_deg((0.0, 0.0, 0.0))
+    x, y, z = sensor_m
+    rpy = ", ".join(f"{angle:.2f}" for angle in found.rpy_deg(before_deg))
+    ends = np.percentile(found.yaw_rad, [0.0, 100.0])
+    return [
+        f"{found.sweeps} sweeps, {heading.distance_m:.1f} m, headings of {np.degrees(ends[1] - ends[0]):.0f} deg",
+        f"the cloud has to be turned by roll {roll:.2f}, pitch {pitch:.2f} (+- {one:.3f}), yaw {yaw:.2f} "
+        f"(+- {turn:.3f}) deg",
+        f"the sensor sits {tilt.height_m:.3f} m above the ground (+- {tilt.height_deviation_m:.4f}), not {z:.3f}",
+        f"left: ground {1e3 * tilt.ground_rms_m:.0f} mm rms, steps {1e3 * _rms(heading.residuals_m[:, 0]):.0f} mm "
+        f"along and {1e3 * _rms(heading.residuals_m[:, 1]):.0f} mm across the way",
+        f"beside the wheels' the LiDAR's way is {100.0 * (heading.scale - 1.0):+.2f} % longer and turns by "
+        f"{np.degrees(heading.turn_radpm):+.2f} deg/m more",
+        "write, and record another ride to see them near zero:",
+        f"  the LiDAR driver's config   rpy_deg: [{rpy}]",
+        f"  config/robot.yaml, lidar    xyz_m: [{x:g}, {y:g}, {tilt.height_m:.3f}]",
+    ]
+
+
+def draw_mount(found: MountFound, file: Path) -> None:
+    """Left the tilt that each sweep's ground shows, by heading, with what mount and slope explain; right the steps.
+
+    Raises CommandError.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 4.5))
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2)
+    order = np.argsort(found.yaw_rad)
+    heading = np.degrees(found.yaw_rad[order])
+    for column, (name, colour) in enumerate((("roll", "tab:blue"), ("pitch", "tab:orange"))):
+        left.plot(heading, np.degrees(found.tilt.vectors[order, column]), ".", color=colour, alpha=0.5, label=name)
+        left.plot(heading, np.degrees(found.tilt.fitted[order, column]), color=colour)
+    left.set(xlabel="heading in odom, deg", ylabel="levels the ground, deg", title="tilt: sweeps, mount and slope")
+    left.legend()
+    residuals = 1e3 * found.heading.residuals_m
+    right.plot(residuals[:, 0], residuals[:, 1], ".", alpha=0.6)
+    right.axhline(0.0, color="0.7")
+    right.axvline(0.0, color="0.7")
+    right.set(xlabel="along the way, mm", ylabel="across, mm", title="steps of LiDAR and wheels: what is left")
+    figure.tight_layout()
+    try:
+        figure.savefig(file, dpi=_DPI)
+    except OSError as error:
+        raise CommandError(f"{file}: cannot be written: {error.strerror or error}") from None
+
+
+def _rms(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
+    return float(np.sqrt(np.mean(values**2)))

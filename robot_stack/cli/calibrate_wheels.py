@@ -1,0 +1,110 @@
+"""What ``robot-stack calibrate wheels`` does: a ride's joint states through the odometry that learns from them."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+from robot_stack.cli.errors import CommandError
+from robot_stack.cli.map_recording import messages
+from robot_stack.contract import topics
+from robot_stack.contract.frames import MODULES
+from robot_stack.core.config import load
+from robot_stack.core.robot import load_robot
+from robot_stack.drive.joint_states import BadJointStates, encoders
+from robot_stack.drive.odometry import SwerveOdometry
+from robot_stack.drive.parameters import SwerveControllerParams, module_positions, odometry_settings
+from robot_stack.drive.self_calibration import CalibrationSettings, Learnt
+
+# An estimate that is hardly surer than the prior has been told nothing.
+_TOLD = 0.3
+
+
+def calibrate_wheels(recording: Path, picture: Path | None) -> None:
+    """Raises CommandError, ConfigError."""
+    params, robot = load(SwerveControllerParams, "swerve_controller"), load_robot()
+    settings = odometry_settings(params.odometry, robot)
+    odometry = SwerveOdometry(module_positions(robot), settings)
+    refused = 0
+    for item in messages(recording, (topics.JOINT_STATES.name,), lambda done, total: None):
+        if isinstance(item, str):
+            print(f"warning: {item}", file=sys.stderr)
+            continue
+        message = item.decode()
+        try:
+            stamp_s = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+            odometry.update(encoders(stamp_s, message.name, message.position))
+        except BadJointStates:
+            refused += 1
+    if refused:
+        print(f"warning: {recording}: {refused} joint states refused", file=sys.stderr)
+    learnt = odometry.calibration.learnt()
+    problem = untold(learnt, settings.calibration)
+    if problem:
+        raise CommandError(f"{recording}: {problem}")
+    print("\n".join(lines_of(learnt)))
+    if picture is not None:
+        draw_wheels(learnt, picture)
+        print(f"picture: {picture}")
+
+
+def untold(learnt: Learnt, settings: CalibrationSettings) -> str:
+    """Why the ride tells nothing of the wheels; empty if it does."""
+    if not learnt.readings:
+        return f"there is no motion in {topics.JOINT_STATES.name}"
+    if max(learnt.radius_deviations) > _TOLD * settings.radius_deviation:
+        return "the ride does not tell the wheels' radii: drive straight, for longer"
+    if max(learnt.zero_deviations_rad) > _TOLD * settings.zero_deviation_rad:
+        return "the ride does not tell the steering zeros: drive straight and sideways, for longer"
+    return ""
+
+
+def lines_of(learnt: Learnt) -> list[str]:
+    """The result in words."""
+    rows = zip(
+        MODULES,
+        learnt.radius_errors,
+        learnt.radius_deviations,
+        learnt.zero_errors_rad,
+        learnt.zero_deviations_rad,
+        strict=True,
+    )
+    return [
+        f"{learnt.readings} readings in motion; what no rigid motion explains of a wheel's way: "
+        f"{1e6 * learnt.unlike_m:.0f} um a reading, {1e6 * learnt.left_m:.0f} um with the correction",
+        "module   wheel greater by           steering encoder shows too much",
+        *(
+            f"{name:<6}{100 * radius:+9.3f} % +- {100 * radius_sigma:.3f} {math.degrees(zero):+16.3f} deg "
+            f"+- {math.degrees(zero_sigma):.3f}"
+            for name, radius, radius_sigma, zero, zero_sigma in rows
+        ),
+        "Differences between the wheels: what all have in common they cannot know of each other.",
+        "The swerve controller learns the same while it rides. Zeros beyond 0.1 deg are worth adjusting at the module.",
+    ]
+
+
+def draw_wheels(learnt: Learnt, file: Path) -> None:
+    """Bars with three standard deviations. Raises CommandError."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 3.8))
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2)
+    percent = [100.0 * value for value in learnt.radius_errors], [300.0 * value for value in learnt.radius_deviations]
+    degrees = (
+        [math.degrees(value) for value in learnt.zero_errors_rad],
+        [3.0 * math.degrees(value) for value in learnt.zero_deviations_rad],
+    )
+    for axes, (values, bars), what in ((left, percent, "wheel greater by, %"), (right, degrees, "shows too much, deg")):
+        axes.bar(list(MODULES), values, yerr=bars, color="tab:blue", alpha=0.7, capsize=4)
+        axes.axhline(0.0, color="0.5")
+        axes.set(ylabel=what)
+    left.set(title="wheel radii")
+    right.set(title="steering zeros")
+    figure.tight_layout()
+    try:
+        figure.savefig(file, dpi=110)
+    except OSError as error:
+        raise CommandError(f"{file}: cannot be written: {error.strerror or error}") from None

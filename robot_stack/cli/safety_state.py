@@ -1,0 +1,51 @@
+"""What `up` says about safety when all is running: an emergency of before is still latched, and somebody must know."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from typing import Any
+
+from robot_stack.contract.faults import BY_CODE
+from robot_stack.contract.model import Clears
+from robot_stack.supervisor.control import NotRunning, ask
+
+_POLL_S = 0.05
+
+
+def settled_safety(deadline_s: float) -> dict[str, Any] | None:
+    """What the supervisor has heard from the safety monitor once nothing is wrong or something is latched, else at the
+    deadline: right after a start some inputs have only begun to come. None if there is nothing by then.
+    """
+    end_s = time.monotonic() + deadline_s
+    safety: dict[str, Any] | None = None
+    while True:
+        with contextlib.suppress(NotRunning, TimeoutError):
+            safety = ask("safety").get("safety")
+        if safety is not None and (safety["emergency"] or not safety["faults"]):
+            return safety
+        if time.monotonic() > end_s:
+            return safety
+        time.sleep(_POLL_S)
+
+
+def safety_lines(safety: dict[str, Any] | None) -> list[str]:
+    """The state, and if the robot may not move: what holds it and what releases it."""
+    if safety is None:
+        return ["safety: the safety monitor says nothing"]
+    faults = list(safety["faults"])
+    if not safety["emergency"]:
+        passing = f": {', '.join(faults)}; clears when the cause is gone" if faults else ""
+        return [f"safety: {safety['state']}{passing}"]
+    return [
+        f"safety: {safety['state']}: the robot does not move",
+        *(f"  {_described(code)}" for code in faults),
+        "  `robot-stack reset` releases it, once no stop button is pressed and the causes are gone",
+    ]
+
+
+def _described(code: str) -> str:
+    row = BY_CODE.get(code)
+    if row is None:
+        return code
+    return f"{code}: {row.raised_when}{' (latched)' if row.clears is Clears.ON_RESET else ''}"

@@ -1,0 +1,38 @@
+"""What the tables of the command line have in common: they fit into 100 columns, and what is long stands below them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+from typing import Literal
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+WIDTH = 100
+Column = tuple[str, Literal["left", "right"]]
+
+
+def console() -> Console:
+    """On standard output. A pipe has no width of its own."""
+    return Console() if sys.stdout.isatty() else Console(width=WIDTH)
+
+
+def table(title: str, columns: Sequence[Column]) -> Table:
+    """Without rows yet. Where it is too wide, cells go on in the next line: nothing is cut."""
+    made = Table(title=Text(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
+    for name, justify in columns:
+        made.add_column(name, justify=justify, overflow="fold")
+    return made
+
+
+def notes(entries: Iterable[tuple[str, str]], style: str = "") -> Table:
+    """Subjects and what there is to say about them, wrapped."""
+    made = Table.grid(padding=(0, 2))
+    made.add_column(overflow="fold", style=style)
+    made.add_column(overflow="fold")
+    for subject, text in entries:
+        made.add_row(Text(subject), Text(text))
+    return made

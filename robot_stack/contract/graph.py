@@ -1,0 +1,49 @@
+"""Who must have an endpoint by the contract's rows, and who must not: pure, for tools, tests and the system monitor."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from robot_stack.contract.model import EVERY_NODE, Topic
+
+# Listens to every row, and is therefore in the subscribers of none.
+RECORDER = "recorder"
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoints:
+    """Node names that publish and subscribe to a topic in the live graph."""
+
+    publishers: frozenset[str] = frozenset()
+    subscribers: frozenset[str] = frozenset()
+
+
+def expected(names: Collection[str], nodes: Collection[str], exempt: Collection[str] = ()) -> frozenset[str]:
+    """Of a row's ``names`` those that run here; of a row of every node all. exempt: who may lack the endpoint."""
+    if EVERY_NODE in exempt:
+        return frozenset()
+    wanted = frozenset(nodes) if EVERY_NODE in names else frozenset(names) & frozenset(nodes)
+    return wanted - frozenset(exempt)
+
+
+def lacking(row: Topic, seen: Endpoints, nodes: Collection[str]) -> tuple[str, ...]:
+    """What the row names and the graph lacks, in words. nodes: the nodes that run here."""
+    publishers = expected(row.publishers, nodes, row.sometimes) - seen.publishers
+    # The one publisher of a row for every node need not hear itself.
+    itself = row.publishers if EVERY_NODE in row.subscribers and len(row.publishers) == 1 else ()
+    subscribers = expected(row.subscribers, nodes, (*row.sometimes, *itself)) - seen.subscribers
+    return (
+        *(["not published by " + ", ".join(sorted(publishers))] if publishers else []),
+        *(["not subscribed to by " + ", ".join(sorted(subscribers))] if subscribers else []),
+    )
+
+
+def strangers(row: Topic, seen: Endpoints, nodes: Collection[str]) -> tuple[str, ...]:
+    """Nodes of the stack that have an endpoint the row does not give them, in words. Tools may listen to everything."""
+    publishers = seen.publishers - set(row.publishers)
+    subscribers = (seen.subscribers - {*row.subscribers, RECORDER}) & set(nodes)
+    return (
+        *(f"published by {name}" for name in sorted(publishers) if EVERY_NODE not in row.publishers),
+        *(f"subscribed to by {name}" for name in sorted(subscribers) if EVERY_NODE not in row.subscribers),
+    )

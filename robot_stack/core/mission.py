@@ -1,0 +1,167 @@
+"""What a mission is: named waypoints in the map, each with something to do there.
+
+Lengths in m, yaw in rad, map frame. The YAML form is described in ``config/missions/README.md``.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from enum import Enum
+from typing import Annotated, Any
+
+from pydantic import (
+    Field,
+    SerializerFunctionWrapHandler,
+    StringConstraints,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
+
+from robot_stack.core.config import Config
+from robot_stack.core.geometry import Pose2
+
+MISSION_ID_PATTERN = r"^[a-z0-9][a-z0-9_]{0,63}$"
+# Waypoints are counted in a uint8 of /mission/status, the way home included.
+MAX_WAYPOINTS = 254
+
+# A site of 20 km across; what lies outside is a typing error.
+Coordinate = Annotated[float, Field(strict=True, ge=-10_000.0, le=10_000.0)]
+# One full turn either way: whoever writes degrees is told so instead of being turned by 90 rad.
+Yaw = Annotated[float, Field(strict=True, ge=-6.2832, le=6.2832)]
+Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=64)]
+MissionId = Annotated[str, StringConstraints(pattern=MISSION_ID_PATTERN)]
+
+
+class Kind(Enum):
+    PASS = "pass"
+    WAIT = "wait"
+    PARK = "park"
+    DOCK = "dock"
+    UNDOCK = "undock"
+
+
+_PLAIN = (Kind.PASS, Kind.PARK, Kind.UNDOCK)
+_WITH_VALUE = {Kind.WAIT: "wait_s", Kind.DOCK: "dock_id"}
+_FORMS = "pass, park, undock, {wait: seconds} or {dock: id}"
+
+
+class Action(Config):
+    """What happens at a waypoint. Written as ``pass``, ``park``, ``undock``, ``{wait: 5.0}`` or ``{dock: chair_1}``."""
+
+    kind: Kind
+    wait_s: Annotated[float, Field(strict=True, ge=0.0, le=86_400.0)] = 0.0
+    dock_id: Annotated[str, StringConstraints(max_length=64)] = ""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_yaml(cls, value: Any) -> Any:
+        if isinstance(value, str) and value in {kind.value for kind in _PLAIN}:
+            return {"kind": value}
+        if isinstance(value, dict) and len(value) == 1:
+            (word, argument), *_ = value.items()
+            field = next((name for kind, name in _WITH_VALUE.items() if kind.value == word), None)
+            if field is not None and argument is not None and argument != "":
+                return {"kind": word, field: argument}
+        raise ValueError(f"must be {_FORMS}")
+
+    @model_serializer
+    def _to_yaml(self) -> Any:
+        field = _WITH_VALUE.get(self.kind)
+        return {self.kind.value: getattr(self, field)} if field else self.kind.value
+
+
+class Spot(Config):
+    """A pose in the map."""
+
+    x: Coordinate
+    y: Coordinate
+    yaw: Yaw
+
+    @property
+    def pose(self) -> Pose2:
+        return Pose2(self.x, self.y, self.yaw)
+
+
+class WaypointLabel(Config):
+    """What displays call a waypoint in a language other than English; its name where nothing is given."""
+
+    ja: Name | None = None
+    zh: Name | None = None
+
+
+class Waypoint(Spot):
+    """A named pose and what happens there. name: in English, and what the waypoint is known by."""
+
+    name: Name
+    label: WaypointLabel = WaypointLabel()
+    action: Action
+
+    def names(self) -> dict[str, str]:
+        """Its name in each language that the displays speak."""
+        return {"en": self.name, "ja": self.label.ja or self.name, "zh": self.label.zh or self.name}
+
+    @model_serializer(mode="wrap")
+    def _without_empty_label(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """As people write it: a label only where there is one."""
+        fields: dict[str, Any] = serialize(self)
+        label = {language: text for language, text in fields.pop("label").items() if text is not None}
+        return {**fields, **({"label": label} if label else {})}
+
+
+class LocalName(Config):
+    """The mission's name in each language that the displays speak."""
+
+    en: Name
+    ja: Name
+    zh: Name
+
+
+class Mission(Config):
+    """A route. ``home`` is where the robot goes by itself after a mission that ended on a low battery."""
+
+    id: MissionId
+    name: LocalName
+    home: Spot
+    waypoints: Annotated[tuple[Waypoint, ...], Field(min_length=1, max_length=MAX_WAYPOINTS)]
+
+    @field_validator("waypoints")
+    @classmethod
+    def _names_are_unique(cls, waypoints: tuple[Waypoint, ...]) -> tuple[Waypoint, ...]:
+        twice = [name for name, count in Counter(waypoint.name for waypoint in waypoints).items() if count > 1]
+        if twice:
+            raise ValueError(f"every waypoint needs a name of its own: {', '.join(twice)} is used more than once")
+        return waypoints
+
+    def name_in(self, language: str) -> str:
+        """The name for people; English for a language that missions do not have."""
+        return str(getattr(self.name, language, self.name.en))
+
+
+def docking_problem(mission: Mission, docks: Mapping[str, str], passenger_attached: bool) -> tuple[int, str] | None:
+    """Index of the first waypoint at which docking, undocking or driving on cannot be, and a sentence for people.
+
+    docks: kind of each dock by its id. passenger_attached: at the start.
+    """
+    aboard, station = passenger_attached, ""
+    for index, waypoint in enumerate(mission.waypoints):
+        where, kind, dock_id = (
+            f"waypoint {waypoint.name!r} of {mission.id!r}",
+            waypoint.action.kind,
+            waypoint.action.dock_id,
+        )
+        if kind is Kind.DOCK:
+            if dock_id not in docks:
+                return index, f"{where}: there is no dock {dock_id!r}; known: {', '.join(sorted(docks)) or 'none'}"
+            if aboard or station:
+                held = f"docked to {station!r}" if station else "carrying a wheelchair"
+                return index, f"{where} asks to dock to {dock_id!r}, but the robot is already {held} then: undock first"
+            aboard, station = docks[dock_id] == "wheelchair", dock_id if docks[dock_id] == "station" else ""
+        elif kind is Kind.UNDOCK:
+            if not (aboard or station):
+                return index, f"{where} asks to undock, but no wheelchair is attached then and no dock comes before"
+            aboard, station = False, ""
+        elif station:
+            return index, f"{where} leaves the dock {station!r} without an undock before"
+    return None

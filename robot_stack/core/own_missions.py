@@ -1,0 +1,92 @@
+"""The missions that people make on this robot: files of their own folder, never overwritten unseen."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+import yaml
+
+from robot_stack.core.mission import Mission
+
+
+class MissionTaken(Exception):
+    """Another mission has this id."""
+
+
+class MissionChanged(Exception):
+    """The file is no longer what the editor began with: somebody else has changed or deleted it."""
+
+
+class OwnMissions:
+    """One file ``<id>.yaml`` each. shipped: the folder of missions that come with the software and stay as they are.
+
+    Every function raises OSError if the disk refuses.
+    """
+
+    def __init__(self, folder: Path, shipped: Path) -> None:
+        self.folder, self._shipped = folder, shipped
+
+    def path(self, mission_id: str) -> Path:
+        return self.folder / f"{mission_id}.yaml"
+
+    def save(self, mission: Mission, was: str = "", revision: str = "") -> None:
+        """Writes a new mission, or in place of ``was``, which had ``revision`` when it was opened.
+
+        A mission under a new id takes the old one's place: it is renamed. Raises MissionTaken, MissionChanged.
+        """
+        if was:
+            self._require(was, revision)
+        if mission.id == was:
+            _write(self.path(was), mission, replace=True)
+            return
+        if (self._shipped / f"{mission.id}.yaml").exists():
+            raise MissionTaken(mission.id)
+        try:
+            _write(self.path(mission.id), mission, replace=False)
+        except FileExistsError:
+            raise MissionTaken(mission.id) from None
+        if was:
+            self.path(was).unlink()
+
+    def delete(self, mission_id: str, revision: str) -> None:
+        """Raises MissionChanged."""
+        self._require(mission_id, revision)
+        self.path(mission_id).unlink()
+
+    def _require(self, mission_id: str, revision: str) -> None:
+        if revision_of(self.path(mission_id)) != revision or not revision:
+            raise MissionChanged(mission_id)
+
+
+def revision_of(path: Path) -> str:
+    """What tells one content of a file from another; empty if there is no file."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    except OSError:
+        return ""
+
+
+def _write(path: Path, mission: Mission, *, replace: bool) -> None:
+    """Whole or not at all, also when the power fails. Raises FileExistsError unless it is to be replaced."""
+    text = yaml.safe_dump(mission.model_dump(mode="json"), allow_unicode=True, sort_keys=False, default_flow_style=None)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=".mission-")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        if replace:
+            os.replace(name, path)
+        else:
+            os.link(name, path)  # which, unlike a rename, never takes the place of another file
+    finally:
+        Path(name).unlink(missing_ok=True)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)

@@ -1,0 +1,16 @@
+"""Compiles what a grid runs through, or loads it: before the first grid instead of during it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robot_stack.core.config import load
+from robot_stack.core.robot import load_robot
+from robot_stack.costmap.costmap import LocalCostmap, Space
+from robot_stack.costmap.params import CostmapParams
+
+
+def warm_up() -> None:
+    """One obstacle."""
+    costmap = LocalCostmap(load(CostmapParams, "costmap_server"), load_robot())
+    costmap.costs(Space(np.full((20, 20), 100, np.int8), 0.05))

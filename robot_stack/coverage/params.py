@@ -1,0 +1,50 @@
+"""Parameters of ``robot-stack coverage``, ``config/coverage.yaml``, and the layouts it can compare."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from robot_stack.core.config import Config, load
+from robot_stack.core.range_sensor import RangeSensor
+
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+class CoverageParams(Config):
+    """Sizes in m; what counts as seen."""
+
+    band_m: Positive
+    cell_m: Annotated[float, Field(ge=0.01, le=0.5)]
+    thing_width_m: Positive
+    thing_heights_m: Annotated[tuple[Positive, ...], Field(min_length=1)]
+    lowest_point_m: Annotated[float, Field(ge=0.0)]
+    points_min: Annotated[int, Field(ge=1)]
+    edge_columns: Annotated[int, Field(ge=0, le=20)]
+    map_heights_m: Annotated[tuple[Positive, ...], Field(min_length=1)]
+    slab_m: Positive
+
+
+class Layout(Config):
+    """Sensors by name. robot: those of ``config/robot.yaml`` that belong to it too; own: its own beside them."""
+
+    what: str
+    robot: tuple[str, ...]
+    own: dict[str, RangeSensor]
+
+
+class Layouts(Config):
+    """``config/coverage_layouts.yaml``: what was compared before the robot's sensors were chosen."""
+
+    layouts: dict[str, Layout]
+
+
+def load_coverage_params() -> CoverageParams:
+    """Raises ConfigError."""
+    return load(CoverageParams, "coverage")
+
+
+def load_layouts() -> Layouts:
+    """Raises ConfigError."""
+    return load(Layouts, "coverage_layouts")

@@ -1,0 +1,81 @@
+"""The swerve controller without ROS: encoders and a request in, odometry and set points of the modules out."""
+
+from __future__ import annotations
+
+import math
+
+from robot_stack.core.geometry import ZERO_TWIST, Twist2
+from robot_stack.core.limits import MotionLimits
+from robot_stack.core.robot import Robot
+from robot_stack.drive.arbitration import Command
+from robot_stack.drive.kinematics import Four
+from robot_stack.drive.odometry import Encoders, Odometry, SwerveOdometry
+from robot_stack.drive.parameters import (
+    SwerveControllerParams,
+    drive_settings,
+    module_limits,
+    module_positions,
+    odometry_settings,
+)
+from robot_stack.drive.self_calibration import WheelCalibration
+from robot_stack.drive.swerve_drive import DriveOutput, SwerveDrive
+
+
+class SwerveController:
+    """Node, rig and benchmarks run this: ``observe`` at the rate of the encoders, ``step`` at that of the commands.
+
+    Times are s on any clock that goes on. The first step takes no time.
+    """
+
+    def __init__(self, params: SwerveControllerParams, robot: Robot) -> None:
+        positions = module_positions(robot)
+        self._drive = SwerveDrive(positions, module_limits(params.module, robot), drive_settings(params.drive, robot))
+        self._odometry = SwerveOdometry(positions, odometry_settings(params.odometry, robot))
+        self._standing = params.standing
+        self._encoders: Encoders | None = None
+        self._stepped_s = math.nan
+        self.odometry = Odometry()
+
+    @property
+    def measured_rad(self) -> Four | None:
+        """Headings of the modules, any number of turns; None before the first encoders."""
+        return None if self._encoders is None else self._encoders.steer_rad
+
+    @property
+    def set_point(self) -> Twist2:
+        """What twist the robot tries to have now, base_link."""
+        return self._drive.twist
+
+    @property
+    def calibration(self) -> WheelCalibration:
+        return self._odometry.calibration
+
+    def observe(self, encoders: Encoders) -> Odometry:
+        self._encoders = encoders
+        self.odometry = self._odometry.update(encoders)
+        return self.odometry
+
+    def standing(self) -> bool:
+        """By the wheels."""
+        twist, limit = self.odometry.twist, self._standing
+        return twist.speed() <= limit.speed_mps and abs(twist.omega) <= limit.yaw_rate_radps
+
+    def halt(self, now_s: float) -> DriveOutput:
+        """Zero at once; the headings stay where they are."""
+        self._stepped_s = now_s
+        return self._drive.halt(self.measured_rad)
+
+    def step(self, requested: Command, limits: MotionLimits, now_s: float, *, braking: bool = False) -> DriveOutput:
+        """The next set points. braking: towards standstill at the emergency deceleration, whatever is requested."""
+        elapsed_s, self._stepped_s = now_s - self._stepped_s, now_s
+        return self._drive.step(
+            requested, limits, elapsed_s, self.measured_rad, standing=self.standing(), braking=braking
+        )
+
+    def reset_odometry(self) -> bool:
+        """odom begins where the robot stands. False if it moves: nothing is reset then."""
+        if not self.standing() or self.set_point != ZERO_TWIST:
+            return False
+        self._odometry.reset()
+        self.odometry = Odometry()
+        return True

@@ -1,0 +1,247 @@
+"""The drive's session with the motion engine: from no engine at all to servos that are on, and back when it is lost.
+
+``poll`` is called often and never waits: it looks at the engine's status and asks for the next thing that is missing.
+What it finds broken while the drives were ready trips: the engine's emergency stop, until somebody has gone through the
+release of an emergency stop. A servo is switched on only with permission.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from robot_stack.contract.frames import DRIVE_AXES, JOINTS, STEER_AXES
+from robot_stack.drive import axis_commands
+from robot_stack.drive.kinematics import ModuleSetPoints
+from robot_stack.drive.wheel_axes import AxisSettings, DriveMove, SteerMove, drive_moves, steer_moves, stop_moves
+from robot_stack.wmx.api import AxisCommandMode, EStopLevel
+from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.axis_group import SERVO_ON, AxisGroup
+from robot_stack.wmx.opening import OpenEngine
+from robot_stack.wmx.session import Applied, EngineSession, Patience
+from robot_stack.wmx.start_up import SessionState, StartUp
+
+_N_AXES = len(JOINTS)
+_MODES = np.array(
+    [AxisCommandMode.Velocity if axis in DRIVE_AXES else AxisCommandMode.Position for axis in range(_N_AXES)]
+)
+
+# Requests, as refusals name them.
+_ESTOP, _RELEASE, _STEERING, _DRIVING = "emergency stop", "release", "steering", "driving"
+
+
+class Stage(Enum):
+    """How far the session is."""
+
+    CONNECTING = "connecting"
+    COMMUNICATION = "starting communication"
+    STOPPED = "emergency stop"
+    TRIPPED = "tripped"
+    SWITCHING_ON = "switching on"
+    READY = "ready"
+
+
+@dataclass(frozen=True, slots=True)
+class SessionSettings:
+    """connection: with the engine. communication_retry_s, request_pause_s: between repetitions of a request that has
+    not been fulfilled. standstill_radps: a slower wheel stands.
+    """
+
+    connection: Patience
+    communication_retry_s: float
+    request_pause_s: float
+    standstill_radps: float
+
+
+@dataclass(frozen=True, slots=True)
+class AxisMoves:
+    """What the engine carries out."""
+
+    drives: tuple[DriveMove, ...] = ()
+    steers: tuple[SteerMove, ...] = ()
+
+
+AppliedMoves = Applied[AxisMoves]
+
+
+class DriveSession:
+    """Belongs to one thread. Times are steady seconds."""
+
+    def __init__(
+        self, open_engine: OpenEngine, settings: SessionSettings, axes: AxisSettings, *, own_thread: bool = False
+    ) -> None:
+        """open_engine, own_thread: see ``EngineSession``. axes: how set points become moves; among it how long the
+        engine lets a wheel turn that gets no other command.
+        """
+        self._engine = EngineSession(open_engine, settings.connection, own_thread=own_thread)
+        self._group = AxisGroup(self._engine, dict(enumerate(JOINTS)), settings.request_pause_s)
+        steps = (self._communication, self._stopping, self._alarms, self._servos)
+        self._start = StartUp(
+            self._engine, range(_N_AXES), steps, Stage.CONNECTING, Stage.READY, connected=self._on_connection
+        )
+        self._settings, self._axes = settings, axes
+        self._stop = self._may_switch_on = False
+        self._was_ready = False
+        self._stopped = False
+        self._tripped = ""
+        self._state = SessionState(Stage.CONNECTING, self._engine.text)
+
+    @property
+    def state(self) -> SessionState[Stage]:
+        return self._state
+
+    @property
+    def ready(self) -> bool:
+        return self._state.stage is Stage.READY
+
+    # --- the next step -----------------------------------------------------------------------------------------------
+
+    def poll(self, now_s: float, *, stop: bool, may_switch_on: bool) -> SessionState[Stage]:
+        """Looks, and asks for what is missing.
+
+        stop: an emergency stop is in force. may_switch_on: servos may come on.
+        """
+        self._stop, self._may_switch_on = stop, may_switch_on
+        self._stopped = self._stopped or stop
+        self._state = self._start.poll(now_s)
+        self._was_ready = self._was_ready or self.ready
+        return self._state
+
+    def _on_connection(self) -> None:
+        self._was_ready, self._tripped = False, ""
+
+    def _communication(self, snapshot: StatusSnapshot, now_s: float) -> tuple[Stage, str] | None:
+        if snapshot.communicating:
+            return None
+        text = "communication with the drives is lost" if self._was_ready else "the engine does not communicate yet"
+        pause_s = self._settings.communication_retry_s
+        return Stage.COMMUNICATION, self._engine.start_communication(now_s, pause_s, text)
+
+    def _stopping(self, snapshot: StatusSnapshot, now_s: float) -> tuple[Stage, str] | None:
+        if self._stop:
+            if not snapshot.emergency_stop:
+                self.emergency_stop()
+            self._clear_alarms(snapshot, now_s)  # they are what the release waits for
+            return Stage.STOPPED, "emergency stop"
+        if not snapshot.emergency_stop:
+            if self._stopped:
+                self._stopped = self._was_ready = False
+                self._tripped = ""
+            return None
+        # Released by the safety monitor. One that was found here and that this session has not heard of is somebody's:
+        # a session that starts anew holds no key to it.
+        if self._stopped:
+            if not self._may_switch_on:
+                return Stage.STOPPED, "emergency stop, waiting for the safety monitor"
+            self._engine.ask(_RELEASE, lambda engine: engine.core_motion.ReleaseEStop())
+            return Stage.STOPPED, self._engine.refusal(_RELEASE, "emergency stop released")
+        cause = self._tripped or "an emergency stop that nobody here asked for"
+        return Stage.TRIPPED, f"{cause}; needs an emergency stop and its release"
+
+    def _alarms(self, snapshot: StatusSnapshot, now_s: float) -> tuple[Stage, str] | None:
+        faults = self._group.faults(snapshot)
+        if not faults:
+            return None
+        if self._was_ready:
+            return self._trip(faults)
+        self._clear_alarms(snapshot, now_s)
+        return Stage.SWITCHING_ON, faults
+
+    def _servos(self, snapshot: StatusSnapshot, now_s: float) -> tuple[Stage, str] | None:
+        off = self._group.where(~snapshot.servo_on)
+        if not off:
+            return None
+        text = f"servo off: {', '.join(JOINTS[axis] for axis in off)}"
+        if self._was_ready:
+            return self._trip(text)
+        if not self._may_switch_on:
+            return Stage.SWITCHING_ON, f"{text}; waiting for the safety monitor"
+        if self._engine.due("servo", now_s, self._settings.request_pause_s) and self._set_modes(snapshot):
+            self._group.switch_on(off)
+        return Stage.SWITCHING_ON, self._engine.refusal(SERVO_ON, text)
+
+    def _set_modes(self, snapshot: StatusSnapshot) -> bool:
+        def set_mode(axis: int) -> bool:
+            mode = int(_MODES[axis])
+            return self._engine.ask(
+                f"command mode of {JOINTS[axis]}",
+                lambda engine: engine.core_motion.axisControl.SetAxisCommandMode(axis, mode),
+            )
+
+        return all(set_mode(axis) for axis in np.flatnonzero(snapshot.command_mode[:_N_AXES] != _MODES).tolist())
+
+    def _clear_alarms(self, snapshot: StatusSnapshot, now_s: float) -> None:
+        if self.standing(snapshot):
+            self._group.clear_alarms(snapshot, now_s)
+
+    # --- motion ------------------------------------------------------------------------------------------------------
+
+    def follow(self, set_points: ModuleSetPoints) -> AppliedMoves:
+        """Has wheels and headings at the set points when the next ones are due, or on their way there."""
+        snapshot = self.look()
+        if snapshot is None:
+            return Applied(None, self._engine.problem if self.ready else self._not_ready)
+        return self.move(
+            drive_moves(set_points.speeds_mps, _wheel_speeds_radps(snapshot), self._axes),
+            steer_moves(set_points.angles_rad, snapshot.pos_cmd[list(STEER_AXES)].tolist(), self._axes),
+        )
+
+    def stop_wheels(self, snapshot: StatusSnapshot) -> AppliedMoves:
+        """Wheels that nobody commands any more come to rest; headings stay."""
+        velocities = _wheel_speeds_radps(snapshot)
+        if not self.ready or not any(velocities):
+            return Applied(None)
+        return self.move(stop_moves(velocities, self._axes), [])
+
+    def move(self, drives: list[DriveMove], steers: list[SteerMove]) -> AppliedMoves:
+        """Commands the axes. Headings go first: wheels that turn with headings that do not are worse than wheels that
+        stand.
+        """
+        if not self.ready:
+            return Applied(None, self._not_ready)
+        engine, lifetime_s = self._engine, self._axes.command_lifetime_s
+        if steers and not engine.ask(_STEERING, lambda device: axis_commands.steer(device.core_motion, steers)):
+            return Applied(None, engine.refusal(_STEERING, engine.text))
+        if drives and not engine.ask(
+            _DRIVING, lambda device: axis_commands.drive(device.core_motion, drives, lifetime_s)
+        ):
+            return Applied(AxisMoves(steers=tuple(steers)), engine.refusal(_DRIVING, engine.text))
+        return Applied(AxisMoves(tuple(drives), tuple(steers)))
+
+    def look(self) -> StatusSnapshot | None:
+        """The status at this moment; None if it cannot be trusted or the session is not ready."""
+        snapshot = self._engine.read() if self.ready else None
+        return snapshot if snapshot is not None and snapshot.communicating else None
+
+    def emergency_stop(self) -> str:
+        """Stops everything in the engine, at once and latched. Returns why it could not, an empty text if it could."""
+        done = self._engine.ask(_ESTOP, lambda engine: engine.core_motion.ExecEStop(EStopLevel.Level1))
+        return "" if done else self._engine.refusal(_ESTOP, "no engine to stop")
+
+    def standing(self, snapshot: StatusSnapshot) -> bool:
+        speeds = np.abs(snapshot.actual_velocity[list(DRIVE_AXES)])
+        return bool((speeds <= self._settings.standstill_radps).all())
+
+    def servos_off(self) -> None:
+        """The holding brakes close. Only for wheels that stand."""
+        self._group.switch_off()
+
+    def close(self) -> None:
+        """Gives the device back; wheels that still turn are stopped when the time of their last command is over."""
+        self._engine.close()
+
+    @property
+    def _not_ready(self) -> str:
+        return f"not ready: {self._state.text}"
+
+    def _trip(self, cause: str) -> tuple[Stage, str]:
+        self._tripped = cause
+        self.emergency_stop()
+        return Stage.TRIPPED, cause
+
+
+def _wheel_speeds_radps(snapshot: StatusSnapshot) -> list[float]:
+    speeds: list[float] = snapshot.velocity_cmd[list(DRIVE_AXES)].tolist()
+    return speeds

@@ -1,0 +1,1 @@
+"""A battery monitor that is asked over Modbus."""

@@ -1,0 +1,57 @@
+"""Node modbus_battery_driver: a battery monitor on Modbus as /battery_state."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from robot_stack.contract import topics
+from robot_stack.core.runtime import runtime_dir
+from robot_stack.drivers.modbus.battery import ModbusBattery
+from robot_stack.drivers.modbus.params import ModbusBatteryDriverParams
+from robot_stack.drivers.nodes.battery_message import battery_state
+from robot_stack.drivers.nodes.modbus_reader import ModbusReader
+from robot_stack.ros.node import StackNode, run
+
+_WATCH_HZ = 2.0
+
+
+class ModbusBatteryDriverNode(StackNode):
+    """Publishes with each answer that comes, and only then: what is not heard again is not said again."""
+
+    def __init__(self) -> None:
+        super().__init__("modbus_battery_driver", ModbusBatteryDriverParams)
+        params = self.params
+        self._battery = ModbusBattery(params.registers, params.alarms, params.pack)
+        self._state = self.advertise(topics.BATTERY_STATE)
+        serial_port = str(runtime_dir() / params.modbus.serial_port)  # an absolute path is taken as it is
+        self._reader = ModbusReader(params.modbus, serial_port, self._battery.blocks(), self._on_registers)
+        self.set_health(False, f"waiting for the battery on {self._reader.where}")
+        self.every(_WATCH_HZ, self._watch)
+
+    def _on_registers(self, raw: dict[int, int]) -> None:
+        self.call_soon(partial(self._take, raw))
+
+    def _take(self, raw: dict[int, int]) -> None:
+        reading = self._battery.received(raw, self.steady_s())
+        if reading is not None:
+            self._state.publish(battery_state(reading, self.params.pack.capacity_ah, self.stamp()))
+
+    def _watch(self) -> None:
+        now_s = self.steady_s()
+        problem = self._battery.problem(now_s)
+        if self._battery.reading(now_s) is None:
+            problem = f"{problem}; {self._reader.state}"
+        self.set_health(not problem, problem or "readings arrive")
+        self.report.values |= {
+            "device": f"battery on {self._reader.state}",
+            "opened": f"{self._reader.opened} times",
+            **self._battery.values(now_s),
+        }
+
+    def destroy_node(self) -> None:
+        self._reader.close()
+        super().destroy_node()
+
+
+def main() -> None:
+    run(ModbusBatteryDriverNode)

@@ -1,0 +1,30 @@
+"""What drivers of LiDARs that send their packets by UDP share."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, IPvAnyAddress
+
+from robot_stack.core.config import Config
+from robot_stack.drivers.device_clock import DeviceClockParams
+
+Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
+
+
+class PacketLidarParams(Config):
+    """bind_address, port: where packets are listened for. device_ip: whose alone are taken.
+
+    rpy_deg: the LiDAR in the frame lidar, turned about its fixed axes. latency_s: from a packet's time to its arrival,
+    at best. silence_s: without a sweep: called silent.
+    """
+
+    bind_address: IPvAnyAddress
+    port: Annotated[int, Field(ge=1024, le=65535)]
+    device_ip: IPvAnyAddress
+    rpy_deg: tuple[Degrees, Degrees, Degrees]
+    min_range_m: Annotated[float, Field(ge=0.1, le=5.0)]
+    max_range_m: Annotated[float, Field(ge=10.0, le=500.0)]
+    latency_s: Annotated[float, Field(ge=0.0, le=0.05)]
+    clock: DeviceClockParams
+    silence_s: Annotated[float, Field(gt=0.0, le=5.0)]

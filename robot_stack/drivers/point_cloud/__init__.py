@@ -1,0 +1,1 @@
+"""Point clouds of other vendors' ROS drivers as sweeps of the contract."""

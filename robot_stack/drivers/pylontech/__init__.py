@@ -1,0 +1,1 @@
+"""Batteries that speak Pylontech's CAN protocol for inverters, which many others speak too."""

@@ -1,0 +1,1 @@
+"""Velodyne LiDARs by their UDP packets; velodyne-decoder knows their geometry and timing."""

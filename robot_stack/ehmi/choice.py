@@ -1,0 +1,79 @@
+"""Which state the display shows, from what was asked and from what the bridge knows itself.
+
+What is asked is believed as long as nothing contradicts it: a stop, a silent safety monitor, a passenger on board.
+While nobody asks (the bridge has just started, or who asked is gone) the state follows from mission, docking and
+passenger.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from robot_stack.contract.display import Display
+
+
+class Safety(Enum):
+    """What is known of the safety monitor."""
+
+    UNKNOWN = "never heard"
+    FRESH = "fresh"
+    SILENT = "silent"
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """emergency: the stop latch of the node. asked: the last state asked for, None if nobody does.
+
+    mission, docking: states of /mission/status and of /docking/status, empty while unknown.
+    """
+
+    emergency: bool
+    safety: Safety
+    asked: int | None
+    passenger: bool
+    mission: str = ""
+    docking: str = ""
+
+
+# Nobody shall be told that a robot with a passenger is empty.
+_WITH_PASSENGER = {
+    Display.IDLE: Display.PASSENGER_ONBOARD,
+    Display.NAVIGATING: Display.TRANSPORT,
+    Display.APPROACHING_CHAIR: Display.TRANSPORT,
+}
+_OF_DOCKING = {
+    "APPROACH": Display.APPROACHING_CHAIR,
+    "SEARCH": Display.DOCKING,
+    "SERVOING": Display.DOCKING,
+    "FINE_ALIGN": Display.DOCKING,
+    "FAILED": Display.DOCKING_FAILED,
+}
+_OF_MISSION = {
+    "RUNNING": Display.NAVIGATING,
+    "WAITING": Display.PAUSED,
+    "PAUSED": Display.PAUSED,
+    "FAILED": Display.ERROR,
+}
+
+
+def choose(situation: Situation) -> Display:
+    """The state to show now."""
+    if situation.emergency:
+        return Display.EMERGENCY_STOP
+    if situation.safety is Safety.UNKNOWN:
+        return Display.OFF
+    if situation.safety is Safety.SILENT:
+        return Display.ERROR
+    state = Display(situation.asked) if situation.asked in set(Display) else _guess(situation)
+    return _WITH_PASSENGER.get(state, state) if situation.passenger else state
+
+
+def _guess(situation: Situation) -> Display:
+    docking = _OF_DOCKING.get(situation.docking)
+    if docking is not None:
+        return docking
+    mission = _OF_MISSION.get(situation.mission)
+    if mission is not None:
+        return mission
+    return Display.DOCKING_COMPLETE if situation.docking == "DOCKED" and not situation.passenger else Display.IDLE

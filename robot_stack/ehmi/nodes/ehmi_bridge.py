@@ -1,0 +1,126 @@
+"""Node ``ehmi_bridge``: /ehmi/state_command to the display on the serial line, its health to /ehmi/status."""
+
+from __future__ import annotations
+
+import time
+
+from custom_msgs.msg import EHMIState, EHMIStatus
+from robot_stack.contract import topics
+from robot_stack.contract.display import Display
+from robot_stack.core.runtime import runtime_dir
+from robot_stack.ehmi import codec
+from robot_stack.ehmi.choice import Safety, Situation, choose
+from robot_stack.ehmi.link import LinkStatus, Shown
+from robot_stack.ehmi.nodes.serial_port import SerialPort
+from robot_stack.ehmi.params import EhmiParams
+from robot_stack.ros.node import StackNode, run
+
+_LAST_WORD_S = 0.5  # of the way out
+
+
+class EhmiBridgeNode(StackNode):
+    def __init__(self) -> None:
+        super().__init__("ehmi_bridge", EhmiParams)
+        self._asked: int | None = None
+        self._language, self._volume = self.params.language, self.params.volume
+        self._mission_managers = 0
+        self._leaving = False
+        self._status = self.advertise(topics.EHMI_STATUS)
+        self._passenger = self.subscribe(topics.PASSENGER_ATTACHED)
+        self._docking = self.subscribe(topics.DOCKING_STATUS)
+        self._mission = self.subscribe(topics.MISSION_STATUS)
+        self.subscribe(topics.EHMI_STATE_COMMAND, self._on_command)
+        self._shown = self._wanted()
+        # An absolute path is taken as it is.
+        self._port_path = str(runtime_dir() / self.params.port)
+        self._port = SerialPort(self._port_path, self.params.baud_rate, self.params.link, self._shown)
+        self.every(self.params.tick_rate_hz, self._tick)
+        self.every(topics.EHMI_STATUS.nominal_rate_hz, self._publish)
+
+    # --- inputs ------------------------------------------------------------------------------------------------------
+
+    def _on_command(self, message: EHMIState) -> None:
+        known = message.state_num in codec.STATES
+        if not known or message.language not in codec.LANGUAGES or message.volume > codec.HIGHEST_VOLUME:
+            what = f"state {message.state_num}, language {message.language!r}, volume {message.volume}"
+            self.get_logger().error(f"/ehmi/state_command refused: {what}", throttle_duration_sec=1.0)
+            return
+        self._asked, self._language, self._volume = message.state_num, message.language, message.volume
+        self._show()
+
+    def on_emergency_stop(self) -> None:
+        self._show()
+
+    def _tick(self) -> None:
+        self._watch_mission_manager()
+        self._show()
+        link = self._port.status()
+        self.set_health(link.linked, link.text)
+        self._report(link)
+
+    def _watch_mission_manager(self) -> None:
+        """What was asked by one that died is not true any more; its OFF was its last word."""
+        before, self._mission_managers = self._mission_managers, self.count_publishers(topics.MISSION_STATUS.name)
+        if before and not self._mission_managers and self._asked != Display.OFF:
+            self._asked = None
+
+    # --- outputs -----------------------------------------------------------------------------------------------------
+
+    def _wanted(self) -> Shown:
+        state = Display.OFF if self._leaving else choose(self._situation())
+        return Shown(int(state), self._language, self._volume)
+
+    def _situation(self) -> Situation:
+        mission, docking, passenger = self._mission.latest, self._docking.latest, self._passenger.latest
+        return Situation(
+            emergency=self.emergency_stop,
+            safety=self._safety(),
+            asked=self._asked,
+            passenger=passenger is not None and passenger.data,
+            mission=mission.state if mission is not None and self._mission_managers else "",
+            docking=docking.state if docking is not None and self._docking.fresh() else "",
+        )
+
+    def _safety(self) -> Safety:
+        if not self.safety_status_input.received:
+            return Safety.UNKNOWN
+        silent = self.safety_status_input.age_s() > self.params.safety_silence_s
+        return Safety.SILENT if silent else Safety.FRESH
+
+    def _show(self) -> None:
+        wanted = self._wanted()
+        if wanted != self._shown:
+            self._shown = wanted
+            self._port.show(wanted)
+
+    def _publish(self) -> None:
+        link = self._port.status()
+        acknowledged = EHMIStatus.NO_STATE if link.acknowledged_state is None else link.acknowledged_state
+        message = EHMIStatus(linked=link.linked, acknowledged_state=acknowledged, firmware_fault=link.fault)
+        message.header.stamp = self.stamp()
+        self._status.publish(message)
+
+    def _report(self, link: LinkStatus) -> None:
+        self.report.values |= {
+            "port": self._port_path,
+            "shown": Display(self._shown.state).name,
+            "asked": "nothing" if self._asked is None else Display(self._asked).name,
+            "state to acknowledge": f"{1e3 * link.state_to_ack_s:.1f} ms",
+            "refused lines": ", ".join(f"{count} {why}" for why, count in self._port.rejected().items()) or "none",
+        }
+
+    def safe_output(self) -> None:
+        """The display goes dark with the robot, if it can still be told."""
+        self._leaving = True
+        self._show()
+        end_s = time.monotonic() + _LAST_WORD_S
+        while self._port.status().acknowledged_state != Display.OFF and time.monotonic() < end_s:
+            time.sleep(0.01)
+
+    def destroy_node(self) -> None:
+        self._port.close()
+        super().destroy_node()
+
+
+def main() -> None:
+    run(EhmiBridgeNode)

@@ -1,0 +1,186 @@
+"""ndt_localization: /odom, /sensors/imu and, where there is a map, /sensors/lidar/points to the pose in map.
+
+Out come /current_pose, /localization/quality and the transform map -> odom.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Imu
+from std_msgs.msg import Float32
+
+from robot_stack.contract import frames, topics
+from robot_stack.core.config import ConfigError
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.point_cloud import SWEEP
+from robot_stack.core.site_map import load_map
+from robot_stack.localization.gyro import ImuSample
+from robot_stack.localization.localizer import Estimate, Localizer, planar_covariance, usable_covariance
+from robot_stack.localization.map_localizer import MapLocalizer
+from robot_stack.localization.ndt.solver import SweepSolver
+from robot_stack.localization.nodes.matching_thread import MatchingThread
+from robot_stack.localization.odometry import OdometryReading, Variances
+from robot_stack.localization.params import LocalizationParams
+from robot_stack.localization.warm_up import warm_up
+from robot_stack.ros.conversions import (
+    pose_from_msg,
+    pose_stamped,
+    time_from_s,
+    time_to_s,
+    transform_stamped,
+    twist_from_msg,
+)
+from robot_stack.ros.node import StackNode, run
+from robot_stack.ros.point_cloud import points_of
+from robot_stack.ros.wire import CloudView
+from tf2_msgs.msg import TFMessage
+
+
+class NdtLocalizationNode(StackNode):
+    """Predicts with every odometry message and publishes at the contract's rate."""
+
+    def __init__(self) -> None:
+        super().__init__("ndt_localization", LocalizationParams)
+        motion = self.robot.empty
+        self._thread: MatchingThread | None = None
+        self._map: MapLocalizer | None = None
+        self._localizer: Localizer
+        if self.params.map:
+            warm_up()
+            solver = self._solver()
+            self._localizer = self._map = MapLocalizer(
+                self.params, motion.max_speed_mps, motion.max_yaw_rate_radps, solver.matcher
+            )
+            self._thread = MatchingThread(solver, lambda: self.call_soon(self._match))
+        else:
+            self._localizer = Localizer(self.params, motion.max_speed_mps, motion.max_yaw_rate_radps)
+        self._pose = self.advertise(topics.CURRENT_POSE)
+        self._quality = self.advertise(topics.LOCALIZATION_QUALITY)
+        self._tf = self.advertise(topics.TF)
+        self._imu = self.subscribe(topics.IMU, self._on_imu)
+        self._odom = self.subscribe(topics.ODOM, self._on_odometry)
+        self.subscribe(topics.INITIAL_POSE, self._on_initial_pose)
+        if self._map is not None:
+            self.subscribe(topics.LIDAR_POINTS, self._on_sweep)
+        self.set_health(False, "waiting for /odom")
+        self.every(topics.CURRENT_POSE.nominal_rate_hz, self._tick)
+
+    def _solver(self) -> SweepSolver:
+        site = load_map(self.params.map)
+        try:
+            solver = SweepSolver(site.cells, self.params.ndt, self.robot.lidar_xyz_m)
+        except ValueError as error:
+            raise ConfigError(f"map {self.params.map!r}: {error}") from error
+        self.get_logger().info(f"map {site.name}: {len(site.cells.key)} cells of {site.cells.size_m} m")
+        return solver
+
+    def _on_imu(self, message: Imu) -> None:
+        rate, acceleration = message.angular_velocity, message.linear_acceleration
+        signature = (rate.x, rate.y, rate.z, acceleration.x, acceleration.y, acceleration.z)
+        self._localizer.on_imu(ImuSample(time_to_s(message.header.stamp), rate.z, signature))
+        if self._map is not None and message.orientation_covariance[0] >= 0.0:  # negative: the unit has none
+            q = message.orientation
+            up = (2.0 * (q.x * q.z - q.w * q.y), 2.0 * (q.y * q.z + q.w * q.x), 1.0 - 2.0 * (q.x * q.x + q.y * q.y))
+            self._map.on_up(np.array(up))
+
+    def _on_odometry(self, message: Odometry) -> None:
+        reading = OdometryReading(
+            time_to_s(message.header.stamp),
+            pose_from_msg(message.pose.pose),
+            twist_from_msg(message.twist.twist),
+            _planar_variances(message.pose.covariance),
+            _planar_variances(message.twist.covariance),
+        )
+        self._localizer.on_odometry(reading, self._odom.received_s)
+
+    def _on_sweep(self, message: CloudView) -> None:
+        assert self._map is not None
+        try:
+            sweep = points_of(message, SWEEP)
+        except ValueError as error:
+            self.get_logger().error(f"/sensors/lidar/points refused: {error}", throttle_duration_sec=1.0)
+            return
+        same_layout = sweep.dtype.fields == SWEEP.fields and sweep.dtype.itemsize == SWEEP.itemsize
+        self._map.on_sweep(sweep if same_layout else sweep.astype(SWEEP), time_to_s(message.header.stamp))
+        self._match()
+
+    def _match(self) -> None:
+        """Takes what the thread has finished, and gives it the next sweep."""
+        if self._map is None or self._thread is None:
+            return
+        answer = self._thread.take()
+        if answer is not None:
+            self._map.answer(answer, self.steady_s())
+        if not self._thread.busy():
+            request = self._map.request()
+            if request is not None:
+                self._thread.ask(request)
+
+    def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        pose, problem = _given_pose(message)
+        if problem:
+            self.get_logger().error(f"/initialpose refused: {problem}")
+            return
+        covariance = planar_covariance(message.pose.covariance)
+        if not usable_covariance(covariance):  # a tool that leaves it zero, or writes nonsense
+            covariance = self._localizer.start_covariance()
+        self._localizer.reset(pose, covariance, time_to_s(message.header.stamp))
+        self.get_logger().info(f"/initialpose taken: x {pose.x:.2f} m, y {pose.y:.2f} m, yaw {pose.yaw:.3f} rad")
+
+    def _tick(self) -> None:
+        self._match()
+        estimate = self._localizer.estimate(self.steady_s())
+        self._quality.publish(Float32(data=estimate.quality))
+        if estimate.pose is not None and estimate.map_to_odom is not None:
+            stamp = time_from_s(estimate.stamp_s)
+            self._pose.publish(pose_stamped(estimate.pose, frames.MAP, stamp))
+            transform = transform_stamped(estimate.map_to_odom, frames.MAP, frames.ODOM, stamp)
+            self._tf.publish(TFMessage(transforms=[transform]))
+        self._report_state(estimate)
+
+    def _report_state(self, estimate: Estimate) -> None:
+        self.set_health(estimate.pose is not None, "; ".join(estimate.faults) or "pose known")
+        self.report.values = {
+            "position sigma": f"{estimate.position_sigma_m:.3f} m",
+            "yaw sigma": f"{estimate.yaw_sigma_rad:.4f} rad",
+            "gyro bias": f"{estimate.gyro_bias_radps:.5f} rad/s",
+            "standing": str(estimate.standing),
+        }
+        if self._map is not None:
+            match = self._map.match
+            self.report.values["map"] = self._map.confidence.value
+            self.report.values["match"] = "none" if match is None else f"{match.score:.2f}, {match.iterations} steps"
+
+    def destroy_node(self) -> None:
+        if self._thread is not None:
+            self._thread.end()
+        super().destroy_node()
+
+
+def _planar_variances(covariance: list[float]) -> Variances:
+    """(x, y, yaw) of the diagonal of a row-major (6, 6) covariance."""
+    return float(covariance[0]), float(covariance[7]), float(covariance[35])
+
+
+def _given_pose(message: PoseWithCovarianceStamped) -> tuple[Pose2, str]:
+    """The pose and why it cannot be used, an empty text if it can."""
+    pose = pose_from_msg(message.pose.pose)
+    q = message.pose.pose.orientation
+    norm2 = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
+    if message.header.frame_id != frames.MAP:
+        return pose, f"frame_id is {message.header.frame_id!r}, must be {frames.MAP!r}"
+    if not pose.is_finite():
+        return pose, f"pose is not finite: x {pose.x}, y {pose.y}, yaw {pose.yaw}"
+    if not abs(norm2 - 1.0) < 0.01:
+        return pose, f"orientation is no unit quaternion, its squared norm is {norm2:.3f}"
+    return pose, ""
+
+
+def main() -> None:
+    run(NdtLocalizationNode, bulk=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,212 @@
+"""Node ``mission_manager``: UI commands in, goals, mission status and the external display's state out."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path as PlanPath
+from sensor_msgs.msg import BatteryState
+from std_msgs.msg import Bool
+
+from custom_msgs.msg import EHMIState, MissionStatus, UICommand
+from robot_stack.contract import frames, topics
+from robot_stack.contract.display import Display
+from robot_stack.core.config import load
+from robot_stack.core.departure import DepartureParams
+from robot_stack.core.docks import load_docks
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.mission import Kind
+from robot_stack.core.mission_library import MissionError, mission_library
+from robot_stack.mission import events as ev
+from robot_stack.mission import route
+from robot_stack.mission.journal import SqliteJournal, default_journal_path
+from robot_stack.mission.kernel import MissionKernel
+from robot_stack.mission.nodes.docking_client import DockingClient
+from robot_stack.mission.params import MissionParams
+from robot_stack.mission.perform import Performer, load_record
+from robot_stack.mission.states import UNDER_WAY
+from robot_stack.ros.conversions import pose_from_msg, pose_stamped, twist_from_msg
+from robot_stack.ros.departures import DepartureWarnings
+from robot_stack.ros.node import StackNode, run
+
+_CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
+
+
+class MissionManagerNode(StackNode):
+    def __init__(self) -> None:
+        super().__init__("mission_manager", MissionParams)
+        self._status = self.advertise(topics.MISSION_STATUS)
+        self._goal = self.advertise(topics.GOAL_POSE)
+        self._stop = self.emergency_stop_source(until_latched=True)
+        self._ehmi = self.advertise(topics.EHMI_STATE_COMMAND)
+        self._pose = self.subscribe(topics.CURRENT_POSE)
+        self._odom = self.subscribe(topics.ODOM)
+        self._battery = self.subscribe(topics.BATTERY_STATE)
+        self._robot_status = self.subscribe(topics.ROBOT_STATUS)
+        self._teleop = self.subscribe(topics.TELEOP_CMD_VEL)
+        self._plan = self.subscribe(topics.PLAN, self._on_plan)
+        self._plan_xy = np.empty((0, 2))
+        self._navigation_status = self.subscribe(topics.NAVIGATION_STATUS)
+        self._docking_status = self.subscribe(topics.DOCKING_STATUS)
+        self._docking = DockingClient(self, self._handle)
+        self._navigators = self._displays = 0
+        self._display: int | None = None
+        self._library = mission_library(self.params.missions_folder, self.params.own_missions_folder)
+        self._journal = SqliteJournal(_path(self.params.journal_file, default_journal_path()))
+        record, problem = load_record(self._journal)
+        if problem:
+            self.get_logger().error(problem)
+        docks = {name: dock.kind for name, dock in load_docks().docks.items()}
+        # Its own warnings need nobody else's: it takes the goal away before it gives one.
+        self._departures = DepartureWarnings(self, given=lambda: None)
+        self._kernel = MissionKernel(self.params, load(DepartureParams, "departure"), record, problem, docks)
+        self._performer = Performer(self._kernel, self._journal, self)
+        self._performer.start_up(self._inputs(), self.steady_s())
+        self.subscribe(topics.UI_COMMAND, self._on_command)
+        self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
+        self.every(self.params.tick_rate_hz, self._tick)
+
+    # --- inputs ------------------------------------------------------------------------------------------------------
+
+    def _on_command(self, message: UICommand) -> None:
+        name = message.command_type
+        command = self._start_command(message.mission_id) if name == ev.START_MISSION else ev.Command(name)
+        self._handle(command)
+
+    def _start_command(self, mission_id: str) -> ev.Command:
+        try:
+            return ev.Command(ev.START_MISSION, self._library.find(mission_id))
+        except MissionError as error:
+            return ev.Command(ev.START_MISSION, problem=str(error))
+
+    def _on_plan(self, message: PlanPath) -> None:
+        places = [(item.pose.position.x, item.pose.position.y) for item in message.poses]
+        self._plan_xy = np.array(places, float).reshape(-1, 2)
+
+    def _on_passenger(self, message: Bool) -> None:
+        self._handle(ev.PassengerChanged(message.data))
+
+    def on_emergency_stop(self) -> None:
+        self._handle(ev.EmergencyStopBegan())
+
+    def _tick(self) -> None:
+        self._watch_subscribers()
+        self._docking.poll(self._docking_state(), self.steady_s())
+        self._handle(ev.Tick())
+        missing = [item.topic.name for item in (self._pose, self._odom, self.safety_status_input) if not item.fresh()]
+        self.set_health(not missing, ", ".join(missing) if missing else "ready for commands")
+
+    def _watch_subscribers(self) -> None:
+        """Goals are not latched: who begins to listen has to be told."""
+        before, self._navigators = self._navigators, self._goal.get_subscription_count()
+        if before and self._navigators != before:
+            self._plan.latest = None  # the plan of one that is gone
+        if self._navigators > before:
+            self._handle(ev.NavigationAppeared())
+        displays, self._displays = self._displays, self._ehmi.get_subscription_count()
+        if self._displays > displays and self._display is not None:
+            self._show(self._display)
+
+    def _handle(self, event: ev.Event) -> None:
+        self._performer.handle(event, self._inputs(), self.steady_s())
+
+    def _docking_state(self) -> str:
+        return self._docking_status.latest.state if self._docking_status.fresh() else ""
+
+    def _inputs(self) -> ev.Inputs:
+        safety = self.safety_status_input
+        plan, navigation = self._plan.latest, self._navigation_status.latest
+        pose = pose_from_msg(self._pose.latest.pose) if self._pose.fresh() else None
+        return ev.Inputs(
+            pose=pose,
+            twist=twist_from_msg(self._odom.latest.twist.twist) if self._odom.fresh() else None,
+            emergency_stop=self.emergency_stop,
+            safety_known=safety.fresh(),
+            faults=tuple(safety.latest.active_faults) if safety.fresh() else (),
+            battery=self._charge(),
+            plan_end=pose_from_msg(plan.poses[-1].pose) if plan is not None and plan.poses else None,
+            detour_m=0.0 if plan is None or pose is None else route.detour_m(pose, self._plan_xy),
+            navigation_text="" if navigation is None else navigation.data,
+            docking_served=self._docking.served(),
+            docking_state=self._docking_state(),
+            charging=self._battery.fresh() and self._battery.latest.power_supply_status == _CHARGING,
+            manual=self._teleop.fresh(),
+            setting_out=self._departures.heard,
+        )
+
+    def _charge(self) -> float:
+        """[0, 1], NaN = unknown. What the robot's summary says counts where the battery itself is not heard."""
+        if self._battery.fresh():
+            return float(self._battery.latest.percentage)
+        return float(self._robot_status.latest.battery_percent) / 100.0 if self._robot_status.fresh() else math.nan
+
+    # --- outputs -----------------------------------------------------------------------------------------------------
+
+    def send_goal(self, pose: Pose2) -> None:
+        self._goal.publish(pose_stamped(pose, frames.MAP, self.stamp()))
+
+    def cancel_goal(self) -> None:
+        message = PoseStamped()  # an empty frame cancels
+        message.header.stamp = self.stamp()
+        self._goal.publish(message)
+
+    def start_docking(self, call: int, kind: Kind, dock_id: str) -> None:
+        self._docking.start(call, kind, dock_id)
+
+    def cancel_docking(self, everything: bool) -> None:
+        if everything:
+            self._docking.cancel_everything()
+        else:
+            self._docking.cancel()
+
+    def publish_emergency_stop(self, active: bool) -> None:
+        self._stop.publish(active)
+
+    def warn_of_departure(self, remaining_s: float) -> None:
+        self._departures.publish(remaining_s)
+
+    def publish_status(self, status: ev.Status) -> None:
+        message = MissionStatus(
+            state=status.state,
+            mission_id=status.mission.id if status.mission else "",
+            mission_name=status.mission.name_in(self.params.language) if status.mission else "",
+            current_waypoint=status.current_waypoint,
+            waypoints_completed=status.waypoints_completed,
+            total_waypoints=status.total_waypoints,
+            progress=status.progress,
+            eta_s=status.eta_s,
+            passenger_attached=status.passenger_attached,
+            reason=status.reason,
+            last_command=status.last_command,
+            last_command_accepted=status.last_command_accepted,
+        )
+        message.header.stamp, message.header.frame_id = self.stamp(), frames.MAP
+        self._status.publish(message)
+        self.report.values |= {"state": self._kernel.record.state.value, "reason": status.reason}
+        if status.display != self._display:
+            self._show(status.display)
+
+    def _show(self, display: int) -> None:
+        self._display = display
+        message = EHMIState(state_num=display, language=self.params.language, volume=self.params.ehmi_volume)
+        message.header.stamp = self.stamp()
+        self._ehmi.publish(message)
+
+    def safe_output(self) -> None:
+        """Nobody is left to watch the ride: the robot stands. The journal brings the mission back, paused."""
+        if self._kernel.record.state in UNDER_WAY:
+            self.cancel_goal()
+            self._docking.cancel()
+        self._show(Display.OFF)
+        self._journal.close()
+
+
+def _path(named: str, default: Path) -> Path:
+    return Path(named).expanduser() if named else default
+
+
+def main() -> None:
+    run(MissionManagerNode)

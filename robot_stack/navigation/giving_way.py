@@ -1,0 +1,85 @@
+"""Out of a stand-off: who walks waits for a robot in his way, and the robot waits for him.
+
+A person who stands nearer to the robot than he wants leaves no motion along the route. The robot then gives way: slowly
+to whichever side has the most room for him, as somebody does who meets another in a door.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.robot import Footprint
+from robot_stack.navigation.footprint import outline
+from robot_stack.navigation.local_map import LocalMap
+from robot_stack.navigation.params import GiveWayParams
+from robot_stack.navigation.rollout_kernels import free_time, person_gap
+
+Array = npt.NDArray[np.float64]
+_DIRECTIONS = 16
+_X, _Y, _RADIUS = 0, 1, 4
+# What a metre out of a person's way is worth, in metres of room.
+_ASIDE = 0.3
+
+
+def nearest_m(pose: Pose2, footprint: Footprint, people: Array) -> float:
+    """Metres from the footprint to the nearest of ``people`` (m, 6), in their frame; infinite without any."""
+    return _gap(_box(footprint), np.array([pose.x, pose.y, pose.yaw]), people)
+
+
+def way_out(
+    pose: Pose2, footprint: Footprint, local: LocalMap, people: Array, margin_m: float, params: GiveWayParams
+) -> Twist2 | None:
+    """The motion (base_link) that leaves most room to people, and the way of the nearest free.
+
+    None where there is room enough, or where none is clear or makes a difference.
+
+    pose: costmap's frame. people: (m, 6) x, y, vx, vy, radius, wanted gap. margin_m: to what stands.
+    """
+    at, box, edge = np.array([pose.x, pose.y, pose.yaw]), _box(footprint), outline(footprint)
+    place = local.field, local.resolution_m, local.x_m, local.y_m
+    here_m = float(local.clearance_m(edge, at[None])[0])
+    # Where it stands nearer than the margin it may go on as near, but not nearer.
+    margin_m = min(margin_m, here_m - 0.02)
+    now_m = _gap(box, at, people)
+    if now_m >= params.room_m:
+        return None
+    best, best_m = None, now_m + params.least_m
+    before = min(people, key=lambda one: math.hypot(one[_X] - at[0], one[_Y] - at[1]))
+    for k in range(_DIRECTIONS):
+        course = 2.0 * math.pi * k / _DIRECTIONS
+        twist = np.array([params.speed_mps * math.cos(course), params.speed_mps * math.sin(course), 0.0])
+        then = _after(at, twist, params.look_s)
+        gap_m = min(_gap(box, then, people), params.room_m) + _ASIDE * _beside(at, then, before)
+        if gap_m <= best_m + 1e-6:
+            continue
+        if free_time(*place, edge, at, twist, margin_m, params.look_s, box, people) >= params.look_s:
+            best, best_m = Twist2(*map(float, twist)), gap_m
+    return best
+
+
+def _beside(at: Array, then: Array, person: Array) -> float:
+    """Metres by which a motion leads out of the line from a person to the robot, where he means to go on."""
+    lx, ly = at[0] - person[_X], at[1] - person[_Y]
+    far_m = max(math.hypot(lx, ly), 1e-6)
+    return float(abs(lx * (then[1] - at[1]) - ly * (then[0] - at[0])) / far_m)
+
+
+def _gap(box: Array, at: Array, people: Array) -> float:
+    x, y, yaw = map(float, at)
+    gaps = (person_gap(box, x, y, yaw, float(one[_X]), float(one[_Y]), float(one[_RADIUS])) for one in people)
+    return min(gaps, default=math.inf)
+
+
+def _after(at: Array, twist: Array, time_s: float) -> Array:
+    c, s = math.cos(at[2]), math.sin(at[2])
+    return at + time_s * np.array([c * twist[0] - s * twist[1], s * twist[0] + c * twist[1], 0.0])
+
+
+def _box(footprint: Footprint) -> Array:
+    """front, rear, half width, middle."""
+    middle = 0.5 * (footprint.front_m + footprint.rear_m)
+    return np.array([footprint.front_m, footprint.rear_m, 0.5 * footprint.width_m, middle])

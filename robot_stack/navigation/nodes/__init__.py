@@ -1,0 +1,1 @@
+"""What node ``navigation_controller`` publishes for pictures."""

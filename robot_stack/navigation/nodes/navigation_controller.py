@@ -1,0 +1,193 @@
+"""navigation_controller: /goal_pose to /cmd_vel and /plan.
+
+/cmd_vel comes at the contract's rate all the time, zero without a goal: whoever watches it sees a node that works, and
+the drive's arbitration puts any other source before it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import OccupancyGrid, Odometry
+from nav_msgs.msg import Path as PathMessage
+from std_msgs.msg import Bool, String
+
+from custom_msgs.msg import VelocityLimit
+from robot_stack.contract import frames, topics
+from robot_stack.core.config import load
+from robot_stack.core.departure import Departure, DepartureParams
+from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from robot_stack.core.limits import SpeedLimit
+from robot_stack.core.site_map import load_map
+from robot_stack.navigation.controller import NavigationController, NavigationState, Output, Situation
+from robot_stack.navigation.goal import GoalRequest
+from robot_stack.navigation.nodes.people_markers import people_markers
+from robot_stack.navigation.nodes.planning_thread import PlanningThread
+from robot_stack.navigation.params import NavigationParams
+from robot_stack.navigation.path import Path
+from robot_stack.navigation.pose_source import PoseSource
+from robot_stack.navigation.routes import RouteSolver
+from robot_stack.navigation.warm_up import warm_up
+from robot_stack.ros.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg, twist_to_msg
+from robot_stack.ros.departures import DepartureWarnings
+from robot_stack.ros.node import StackNode, run
+
+
+class NavigationControllerNode(StackNode):
+    """Stores inputs in callbacks; one tick asks the kernel and publishes."""
+
+    def __init__(self) -> None:
+        super().__init__("navigation_controller", NavigationParams)
+        motion = self.robot.empty
+        self._poses = PoseSource(self.params.pose, motion.max_speed_mps, motion.max_yaw_rate_radps)
+        self._departure = Departure(load(DepartureParams, "departure"))
+        self._departures = DepartureWarnings(self, given=self._departure.announced)
+        grid = load_map(self.params.map).grid if self.params.map else None
+        self._controller = NavigationController(
+            self.params, self.robot, frames.MAP, self._departure, grid, self._planning_thread
+        )
+        self._asked_s = math.inf
+        if grid is not None or self.params.use_costmap:
+            warm_up()
+        self._problems = {topics.ODOM.name: "", topics.CURRENT_POSE.name: "", topics.LOCAL_COSTMAP.name: ""}
+        self._status_text = ""
+        self._shown_path: Path | None = None
+        self._plan_shown = False
+        self._cmd_vel = self.advertise(topics.CMD_VEL)
+        self._plan = self.advertise(topics.PLAN)
+        self._status = self.advertise(topics.NAVIGATION_STATUS)
+        self._people = self.advertise(topics.NAVIGATION_PEOPLE)
+        self.subscribe(topics.ODOM, self._on_odometry)
+        self.subscribe(topics.CURRENT_POSE, self._on_pose)
+        self.subscribe(topics.GOAL_POSE, self._on_goal)
+        self._limit = self.subscribe(topics.VELOCITY_LIMIT, self._on_velocity_limit)
+        self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
+        if self.params.use_costmap:
+            self.subscribe(topics.LOCAL_COSTMAP, self._on_costmap)
+        self._publish_plan()
+        self.every(topics.CMD_VEL.nominal_rate_hz, self._tick)
+
+    def _planning_thread(self, solver: RouteSolver) -> PlanningThread:
+        self._planning = PlanningThread(solver, lambda: self.call_soon(lambda: None))
+        return self._planning
+
+    def work_since_s(self) -> float:
+        """A simulated world waits for a route: the next tick takes it, however long it takes to plan."""
+        if not self._planning.busy():
+            self._asked_s = math.inf
+        elif self._asked_s == math.inf:
+            self._asked_s = self.steady_s()
+        return self._asked_s
+
+    def destroy_node(self) -> None:
+        self._planning.end()
+        super().destroy_node()
+
+    def on_emergency_stop(self) -> None:
+        self._controller.stop()
+        self._cmd_vel.publish(twist_to_msg(ZERO_TWIST))
+
+    def safe_output(self) -> None:
+        self._cmd_vel.publish(twist_to_msg(ZERO_TWIST))
+
+    def _on_odometry(self, message: Odometry) -> None:
+        pose, twist = pose_from_msg(message.pose.pose), twist_from_msg(message.twist.twist)
+        problem = self._poses.on_odometry(time_to_s(message.header.stamp), pose, twist, self.steady_s())
+        self._problems[topics.ODOM.name] = problem
+
+    def _on_pose(self, message: PoseStamped) -> None:
+        if message.header.frame_id == frames.MAP:
+            stamp_s = time_to_s(message.header.stamp)
+            problem = self._poses.on_pose(stamp_s, pose_from_msg(message.pose), self.steady_s())
+        else:
+            problem = f"/current_pose frame_id is {message.header.frame_id!r}, must be {frames.MAP!r}"
+        self._problems[topics.CURRENT_POSE.name] = problem
+
+    def _on_goal(self, message: PoseStamped) -> None:
+        p, q = message.pose.position, message.pose.orientation
+        stamp_s = time_to_s(message.header.stamp)
+        request = GoalRequest(message.header.frame_id, stamp_s, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+        located, _ = self._poses.located(self.now_s(), self.steady_s())
+        problem = self._controller.request(request, self.now_s(), located, emergency_stop=self.emergency_stop)
+        if problem:
+            self.get_logger().error(f"/goal_pose refused: {problem}")
+        self._publish_plan()
+
+    def _on_costmap(self, message: OccupancyGrid) -> None:
+        info = message.info
+        cells = np.frombuffer(message.data, np.int8)
+        if message.header.frame_id != frames.ODOM:
+            problem = f"/local_costmap/costmap frame_id is {message.header.frame_id!r}, must be {frames.ODOM!r}"
+        elif cells.size != info.height * info.width:
+            problem = f"/local_costmap/costmap data has {cells.size} cells, must be {info.height} x {info.width}"
+        else:
+            problem = self._controller.around.on_costmap(
+                time_to_s(message.header.stamp),
+                info.resolution,
+                pose_from_msg(info.origin),
+                cells.reshape(info.height, info.width),
+                self.steady_s(),
+            )
+        self._problems[topics.LOCAL_COSTMAP.name] = problem
+        if not problem and self._people.get_subscription_count():
+            stamp, people = message.header.stamp, self._controller.around.people
+            self._people.publish(people_markers(people, stamp, time_to_s(stamp), self.params.people.sightings))
+
+    def _on_velocity_limit(self, message: VelocityLimit) -> None:
+        limit = SpeedLimit(message.max_linear_velocity, message.max_angular_velocity)
+        self._controller.set_speed_limit(limit)
+
+    def _on_passenger(self, message: Bool) -> None:
+        self._controller.set_passenger(message.data)
+
+    def _tick(self) -> None:
+        if self._limit.received and not self._limit.fresh():
+            self._controller.set_speed_limit(SpeedLimit(0.0, 0.0))  # whoever limits the speed has fallen silent
+        located, problem = self._poses.located(self.now_s(), self.steady_s())
+        blind = self._controller.around.problem(self.steady_s())
+        problem = "; ".join(filter(None, self._problems.values())) or problem or blind
+        situation = Situation(self.now_s(), located, problem, self.emergency_stop, blind)
+        output = self._controller.tick(situation)
+        self._departures.publish(self._departure.remaining_s)
+        self._cmd_vel.publish(twist_to_msg(output.twist))
+        self._publish_plan()
+        self._report_state(output, problem)
+
+    def _publish_plan(self) -> None:
+        path = self._controller.path
+        if path is self._shown_path and self._plan_shown:
+            return
+        stamp = self.stamp()
+        poses = [] if path is None else [Pose2(*map(float, row)) for row in path.poses]
+        message = PathMessage(poses=[pose_stamped(pose, frames.MAP, stamp) for pose in poses])
+        message.header.frame_id, message.header.stamp = frames.MAP, stamp
+        self._plan.publish(message)
+        self._shown_path, self._plan_shown = path, True
+
+    def _publish_status(self, text: str) -> None:
+        if text != self._status_text:
+            self._status.publish(String(data=text))
+            self._status_text = text
+
+    def _report_state(self, output: Output, missing: str) -> None:
+        if output.refused:
+            self.get_logger().error(f"/goal_pose refused: {output.refused}")
+        if output.reached:
+            self.get_logger().info(f"goal reached, {1e3 * output.error.distance_m():.0f} mm off")
+        self._publish_status(output.text)
+        held = output.state is NavigationState.HELD
+        self.set_health(not missing, missing or (f"held: {output.text}" if held else output.text))
+        self.report.values = {
+            "state": output.state.value,
+            "tracking error": f"{1e3 * output.error.distance_m():.0f} mm, {output.error.yaw:.3f} rad",
+        }
+
+
+def main() -> None:
+    run(NavigationControllerNode)
+
+
+if __name__ == "__main__":
+    main()

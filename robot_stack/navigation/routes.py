@@ -1,0 +1,107 @@
+"""Questions for a route and their answers: what a planner is told is a snapshot, so it may think for long.
+
+Whoever drives asks and goes on with its tick; the newest question wins, and the answer is taken when it is there. Nodes
+answer in a thread of their own (``robot_stack.navigation.nodes.planning_thread``), benchmarks and tests at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.robot import Footprint
+from robot_stack.navigation.global_planner import GlobalPlanner, NoWay
+from robot_stack.navigation.params import PlannerParams
+from robot_stack.navigation.path import Path
+from robot_stack.navigation.planning_grid import PlanningGrid, empty_grid
+from robot_stack.navigation.stop import Stop
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class RouteRequest:
+    """Poses in map. seen: (n, 2) obstacle points in map beside those of the site's map; nobody changes it."""
+
+    start: Pose2
+    goal: Pose2
+    footprint: Footprint
+    seen: Array
+
+
+@dataclass(frozen=True, slots=True)
+class RouteResult:
+    """route: None without a way, and ``reason`` says why.
+
+    lasting: the site's map alone leaves no way, so that waiting changes nothing.
+    """
+
+    route: Path | None
+    reason: str = ""
+    lasting: bool = False
+
+
+class RoutePlanner(Protocol):
+    """Answers the newest question."""
+
+    def ask(self, question: RouteRequest) -> None:
+        """Whatever was asked before is not answered any more."""
+
+    def take(self) -> RouteResult | None:
+        """The answer to the newest question, once; None until it is there."""
+
+    def drop(self) -> None:
+        """The newest question is not to be answered any more."""
+
+
+class RouteSolver:
+    """Answers are a pure function of question and site. site: the map's grid, None without a map."""
+
+    def __init__(self, params: PlannerParams, site: PlanningGrid | None) -> None:
+        self._params = params
+        self._site = None if site is None else site.view()
+
+    def solve(self, question: RouteRequest, stop: Stop) -> RouteResult:
+        """stop: once it is set the answer comes soon and is worth nothing."""
+        p, grid = self._params, self._site
+        if grid is None:
+            empty = empty_grid(question.start, question.goal, p.open_pad_m, p.open_resolution_m)
+            grid = PlanningGrid(empty, bounded=False)
+        found = self._plan(grid, question, question.seen, stop)
+        if not isinstance(found, NoWay):
+            return RouteResult(found)
+        # Only the map's own obstacles are there for good.
+        nothing = question.seen[:0]
+        by_map = self._plan(grid, question, nothing, stop, doubtful=True) if len(question.seen) else found
+        if isinstance(by_map, NoWay) and self._site is not None:
+            return RouteResult(None, by_map.reason, lasting=True)
+        return RouteResult(None, found.reason)
+
+    def _plan(
+        self, grid: PlanningGrid, question: RouteRequest, seen: Array, stop: Stop, *, doubtful: bool = False
+    ) -> Path | NoWay:
+        grid.lay_over(seen)
+        planner = GlobalPlanner(grid, self._params, stop, doubtful=doubtful)
+        return planner.plan(question.start, question.goal, question.footprint)
+
+
+class PromptRoutes:
+    """A planner that answers while it is asked."""
+
+    def __init__(self, solver: RouteSolver) -> None:
+        self._solver = solver
+        self._answer: RouteResult | None = None
+
+    def ask(self, question: RouteRequest) -> None:
+        self._answer = self._solver.solve(question, Stop())
+
+    def take(self) -> RouteResult | None:
+        answer, self._answer = self._answer, None
+        return answer
+
+    def drop(self) -> None:
+        self._answer = None

@@ -1,0 +1,76 @@
+"""Obstacles that the overhead LiDAR shows: near the robot, and where the wheelchair hides them from the other one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.point_cloud import Points
+from robot_stack.core.range_sensor import RangeSensor
+from robot_stack.core.robot import Robot
+from robot_stack.perception.airborne import crowd_of
+from robot_stack.perception.deskew import Motion
+from robot_stack.perception.mixed import ChairEdges
+from robot_stack.perception.params import PerceptionParams
+from robot_stack.perception.sensor_view import SensorView
+from robot_stack.perception.space.view import SweepViews, View
+from robot_stack.perception.voxel import raised, voxels
+
+Float = NDArray[np.float32]
+_NOTHING: Float = np.empty((0, 3), np.float32)
+
+
+class Overhead:
+    """The newest frame's obstacles, moved on by what the robot has driven since."""
+
+    def __init__(self, robot: Robot, params: PerceptionParams, sensor: RangeSensor, motion: Motion) -> None:
+        self._params, self._motion = params, motion
+        # A point within range_m of base_link is no farther from the sensor than this.
+        reach_m = params.overhead.range_m + math.hypot(*sensor.xyz_m)
+        self._view = SensorView(robot, params, sensor, (sensor.min_m, min(sensor.max_m, reach_m)), robot.mast)
+        self._views = SweepViews(self._view.grid, min(float(self._view.grid.edges_m[-1]), params.space.reach_m))
+        spacing_rad = (sensor.ring_spacing_rad, math.radians(sensor.span_deg) / sensor.columns)
+        self._chair_edges = ChairEdges(self._view.mount, self._view.turned, self._view.cut[True][-1], spacing_rad)
+        self._crowd = crowd_of(sensor, params.obstacles, params.overhead.range_m)
+        self._stamp_s = -math.inf
+        self._obstacles = _NOTHING
+
+    def forget(self) -> None:
+        self._stamp_s, self._obstacles = -math.inf, _NOTHING
+
+    def take(self, points: Points, stamp_s: float, chair: bool) -> View:
+        """A frame: points (n,) in the sensor's frame, m, times relative to the stamp, s. Needs the motion there.
+
+        Returns its look for the model of the space: without the obstacles beside the chair, see ``mixed``.
+        """
+        xyz, _ = self._view.points(points, stamp_s, self._motion, chair)
+        seen = self._view.segment(xyz, self._motion.attitude_at(stamp_s))
+        found = raised(seen.xyz, seen.labels)
+        things, _ = self._crowd.split(found)
+        if chair:
+            self._chair_edges.look(points)
+            things = self._chair_edges.believed(things, self._params.mixed, self._params.mixed.overhead_points_min)
+        self._obstacles = told = voxels(things, self._params.obstacles.voxel_m)
+        self._stamp_s = stamp_s
+        if chair:
+            told = told[~self._chair_edges.beside(told)]
+        return replace(self._views.view(stamp_s, seen.sensor_m, told, seen.points, seen.profile), specks=found)
+
+    def at(self, stamp_s: float) -> Float:
+        """(k, 3) base_link at the stamp; none from a frame that is older than ``keep_s``."""
+        if not abs(stamp_s - self._stamp_s) <= self._params.overhead.keep_s or not len(self._obstacles):
+            return _NOTHING
+        step = self._motion.pose_at(self._stamp_s).relative_to(self._motion.pose_at(stamp_s))
+        return moved(self._obstacles, step)
+
+
+def moved(xyz: Float, step: Pose2) -> Float:
+    """(n, 3) of a frame at ``step``, in the frame that ``step`` is given in."""
+    c, s = math.cos(step.yaw), math.sin(step.yaw)
+    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]], np.float32)
+    found: Float = xyz @ turn + np.array([step.x, step.y, 0.0], np.float32)
+    return found

@@ -1,0 +1,79 @@
+"""One range sensor's points in base_link, and what of them is ground: all that depends on how it is mounted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.core.point_cloud import Points
+from robot_stack.core.range_sensor import RangeSensor
+from robot_stack.core.robot import Mast, Robot
+from robot_stack.perception import ground
+from robot_stack.perception.crop import beside_mast, boxes, crop
+from robot_stack.perception.deskew import LEVEL, Attitude, Motion, deskew
+from robot_stack.perception.params import PerceptionParams
+from robot_stack.perception.polar import Sorted, make_grid, sort_points
+
+Float = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Segmented:
+    """xyz: (n, 3) base_link; labels: (n,) of ``cells``; height_m: (n,) above the local ground. sensor_m: levelled."""
+
+    xyz: Float
+    labels: NDArray[np.uint8]
+    height_m: Float
+    profile: ground.Profile
+    points: Sorted
+    sensor_m: tuple[float, float, float]
+
+
+class SensorView:
+    """range_m: least and greatest range that is used. mast: what the sensor sees of its own mast.
+
+    mount: (3,) base_link. turned: (3, 3) from the sensor's axes to base_link's, None if they are the same. cut: with
+    and without a chair, (k, 6) boxes of what is the robot's own, the chair last.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        params: PerceptionParams,
+        sensor: RangeSensor,
+        range_m: tuple[float, float],
+        mast: Mast | None = None,
+    ) -> None:
+        self._params = params
+        self.grid = make_grid(params.ground, range_m[1])
+        self.mount = np.array(sensor.xyz_m, dtype=np.float32)
+        self.xy_m = (float(self.mount[0]), float(self.mount[1]))
+        self.turned = sensor.rotation().astype(np.float32) if any(sensor.rpy_deg) else None
+        self._border = ground.wheel_border(robot, self.grid, self.xy_m)
+        self._reach = ground.reach_of(sensor, params.ground, params.free_space)
+        self.cut = {chair: boxes(robot, params.crop, chair) for chair in (False, True)}
+        self._range_m, self._mast = range_m, mast
+        self._margin_rad = params.crop.mast_columns * math.radians(sensor.span_deg) / sensor.columns
+
+    def points(self, points: Points, stamp_s: float, motion: Motion, chair: bool) -> tuple[Float, int]:
+        """Cropped and de-skewed: (n, 3) base_link at the stamp, and how many points were not finite."""
+        xyz, times, broken = crop(points, self.mount, self.cut[chair], self._range_m, self.turned)
+        if self._mast is not None:
+            kept = ~beside_mast(xyz, self.xy_m, self._mast, self._margin_rad)
+            xyz, times = xyz[kept], times[kept]
+        oldest_s = max(float(times.min()), -self._params.deskew.longest_s) if len(times) else 0.0
+        steps = motion.steps(stamp_s, oldest_s)
+        return deskew(xyz, times, steps, self._params.deskew.step_s, out=xyz), broken
+
+    def segment(self, xyz: Float, attitude: Attitude | None = None) -> Segmented:
+        """Ground and the rest. xyz: (n, 3) base_link; attitude None: the robot's own plane is taken for level."""
+        params, level = self._params.ground, (attitude or LEVEL).matrix()
+        x, y, z = (float(value) for value in level @ self.mount)
+        points = sort_points(xyz, level.astype(np.float32), (x, y), self.grid, params.low_band_m, params.outlier_gap_m)
+        start = ground.seeds(self._border, level, (x, y))
+        profile = ground.follow(points, self.grid, start, z, params, self._params.free_space, self._reach)
+        labels, height = ground.classify(points, profile, z, params, self._reach)
+        return Segmented(xyz, labels, height, profile, points, (x, y, z))

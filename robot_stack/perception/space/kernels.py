@@ -1,0 +1,399 @@
+"""Compiled loops over the cells of the space. They live in one file: numba's cache looks at one file only.
+
+Grids are (rows, columns), row 0 at the lowest y. ``corner`` (2,) names the cell of row 0, column 0 by the integers
+floor(x / cell) and floor(y / cell) in odom. ``pose`` (4,): x, y, cos and sin of the yaw of base_link in odom.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.perception.polar import PI, angle_of
+from robot_stack.perception.space.view import BIN_M
+
+Cells = NDArray[np.int8]
+Floats = NDArray[np.float64]
+Float = NDArray[np.float32]
+Corner = NDArray[np.int64]
+
+UNSEEN, FREE, OCCUPIED = np.int8(-1), np.int8(0), np.int8(100)
+# Of ``limits``, what ``look`` judges by.
+PASSES, MARGIN_M, FREE_BELOW_M, WATCHED_BELOW_M, MEMORY_M, LOW_M = range(6)
+_SPECK = 3  # an unseen cell with fewer unseen ones around it is a hole in the rays, no place to hide in
+
+
+@numba.njit(cache=True, error_model="numpy")
+def mark(
+    state: Cells,
+    passes: Any,
+    thing_m: Float,
+    hit_s: Floats,
+    hit_at_m: Floats,
+    since_s: Floats,
+    found: Any,
+    last: Float,
+    corner: Corner,
+    cell_m: float,
+    pose: Floats,
+    hits: Float,
+    origin: Floats,
+    ground: Float,
+    own: Floats,
+    thing_cells: int,
+    now_s: float,
+    travel_m: float,
+) -> None:
+    """Makes the cells of what returned occupied.
+
+    since_s: (rows, columns) when a cell became occupied. found: it was unseen: what is there may have stood there.
+    last: (rows, columns, 3) the highest return of the last view that met the cell: where in the cell, and its height
+    above the ground. thing_m: of the thing it is a part of: the highest return within ``thing_cells``, because a foot
+    belongs to the body above it.
+    """
+    rows, columns = state.shape
+    directions, bins = ground.shape
+    hit_rows, hit_columns = np.empty(len(hits), np.int32), np.empty(len(hits), np.int32)
+    count = 0
+    for i in range(len(hits)):
+        x, y, z = hits[i, 0], hits[i, 1], hits[i, 2]
+        if not math.isfinite(x + y + z):
+            continue
+        if own[0] <= x <= own[1] and abs(y) <= own[2]:
+            continue
+        across = (pose[0] + pose[2] * x - pose[3] * y) / cell_m - corner[0]
+        along = (pose[1] + pose[3] * x + pose[2] * y) / cell_m - corner[1]
+        column, row = math.floor(across), math.floor(along)
+        if not (0 <= row < rows and 0 <= column < columns):
+            continue
+        dx, dy = np.float32(x - origin[0]), np.float32(y - origin[1])
+        s = min(int((angle_of(dy, dx) + PI) / (2.0 * math.pi) * directions), directions - 1)
+        b = min(int(math.sqrt(dx * dx + dy * dy) / BIN_M), bins - 1)
+        height = z - ground[s, b]
+        if hit_s[row, column] != now_s:
+            hit_rows[count], hit_columns[count] = row, column
+            count += 1
+            hit_s[row, column] = now_s
+        elif height <= last[row, column, 2]:
+            continue
+        last[row, column, 0], last[row, column, 1], last[row, column, 2] = across - column, along - row, height
+        if state[row, column] != OCCUPIED:
+            since_s[row, column], found[row, column] = now_s, state[row, column] != FREE
+        state[row, column], passes[row, column], hit_at_m[row, column] = OCCUPIED, 0, travel_m
+    for i in range(count):
+        row, column = hit_rows[i], hit_columns[i]
+        top = last[row, column, 2]
+        for r in range(max(row - thing_cells, 0), min(row + thing_cells + 1, rows)):
+            for c in range(max(column - thing_cells, 0), min(column + thing_cells + 1, columns)):
+                if hit_s[r, c] == now_s:
+                    top = max(top, last[r, c, 2])
+        thing_m[row, column] = top
+
+
+@numba.njit(cache=True, error_model="numpy")
+def come(
+    state: Cells,
+    since_s: Floats,
+    found: Any,
+    corner: Corner,
+    cell_m: float,
+    pose: Floats,
+    hits: Float,
+    apart: int,
+    after_s: float,
+    out: Floats,
+) -> int:
+    """Of what returned, what came to its place after ``after_s``, and nothing that stands within ``apart`` cells of it.
+
+    ``mark`` comes before it. hits: (n, 3) base_link. out: (n, 5) of each cell the middle of what returned, x and y in
+    odom and z, 1 where it was free before and 0 where it was unseen, and of how many. Returns how many cells.
+    """
+    rows, columns = state.shape
+    count, told = 0, np.zeros((rows, columns), np.int32)  # of a cell, its number in out from 1 on, -1: it has not come
+    for i in range(len(hits)):
+        x, y = hits[i, 0], hits[i, 1]
+        if not math.isfinite(x + y):
+            continue
+        u, v = pose[0] + pose[2] * x - pose[3] * y, pose[1] + pose[3] * x + pose[2] * y
+        column, row = math.floor(u / cell_m) - corner[0], math.floor(v / cell_m) - corner[1]
+        if not (apart <= row < rows - apart and apart <= column < columns - apart):
+            continue
+        k = told[row, column] - 1
+        if k < -1:
+            continue
+        if k >= 0:
+            out[k, 4] += 1.0
+            out[k, 0] += (u - out[k, 0]) / out[k, 4]
+            out[k, 1] += (v - out[k, 1]) / out[k, 4]
+            out[k, 2] += (hits[i, 2] - out[k, 2]) / out[k, 4]
+            continue
+        told[row, column] = -1
+        if state[row, column] != OCCUPIED or since_s[row, column] < after_s:  # the robot's own place, or it stands
+            continue
+        stands = False
+        for r in range(row - apart, row + apart + 1):
+            for c in range(column - apart, column + apart + 1):
+                stands |= state[r, c] == OCCUPIED and since_s[r, c] < after_s
+        if not stands and count < len(out):
+            out[count, 0], out[count, 1], out[count, 2] = u, v, hits[i, 2]
+            out[count, 3], out[count, 4] = 0.0 if found[row, column] else 1.0, 1.0
+            count += 1
+            told[row, column] = count
+    return count
+
+
+@numba.njit(cache=True, error_model="numpy")
+def stand(
+    state: Cells,
+    passes: Any,
+    thing_m: Float,
+    hit_s: Floats,
+    hit_at_m: Floats,
+    since_s: Floats,
+    watched_s: Floats,
+    last: Float,
+    corner: Corner,
+    cell_m: float,
+    points: Floats,
+    unwatched_s: float,
+    now_s: float,
+    travel_m: float,
+) -> None:
+    """Makes the cells of points (n, 3), x and y in odom, occupied where nobody has looked since ``unwatched_s``."""
+    rows, columns = state.shape
+    for i in range(len(points)):
+        across, along = points[i, 0] / cell_m - corner[0], points[i, 1] / cell_m - corner[1]
+        column, row = math.floor(across), math.floor(along)
+        if not (0 <= row < rows and 0 <= column < columns) or watched_s[row, column] >= unwatched_s:
+            continue
+        if state[row, column] != OCCUPIED:
+            last[row, column, 2], thing_m[row, column] = points[i, 2], points[i, 2]
+            last[row, column, 0], last[row, column, 1] = across - column, along - row
+            since_s[row, column], hit_s[row, column] = -math.inf, now_s
+        state[row, column], passes[row, column], hit_at_m[row, column] = OCCUPIED, 0, travel_m
+
+
+@numba.njit(cache=True, error_model="numpy")
+def hold(state: Cells, passes: Any, corner: Corner, cell_m: float, pose: Floats, specks: Float) -> None:
+    """Rays have not passed through an occupied cell for good while anything returns from there or right beside it.
+
+    ``look`` comes after it. specks: (n, 3) base_link, m."""
+    rows, columns = state.shape
+    for i in range(len(specks)):
+        x, y = specks[i, 0], specks[i, 1]
+        if not math.isfinite(x + y):
+            continue
+        column = math.floor((pose[0] + pose[2] * x - pose[3] * y) / cell_m - corner[0])
+        row = math.floor((pose[1] + pose[3] * x + pose[2] * y) / cell_m - corner[1])
+        for r in range(max(row - 1, 0), min(row + 2, rows)):
+            for c in range(max(column - 1, 0), min(column + 2, columns)):
+                if state[r, c] == OCCUPIED:
+                    passes[r, c] = 0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def look(
+    state: Cells,
+    passes: Any,
+    thing_m: Float,
+    hit_s: Floats,
+    hit_at_m: Floats,
+    watched_s: Floats,
+    corner: Corner,
+    cell_m: float,
+    pose: Floats,
+    origin: Floats,
+    passed: Float,
+    bare: Any,
+    own: Floats,
+    limits: Floats,
+    now_s: float,
+    travel_m: float,
+) -> None:
+    """What the rays of one view make of the cells: ``mark`` comes before it, ``fade`` after it.
+
+    own: rear, front, half width of what stands there, m: the robot's own place is free. passed, bare: as in ``View``.
+    No ray passes below the top of what is hardly higher than the ground. It is gone where ground is seen in its place.
+    """
+    rows, columns = state.shape
+    directions, bins = passed.shape
+    per_rad, half_m = np.float32(directions / (2.0 * math.pi)), np.float32(0.71 * cell_m)
+    xs, ys = np.empty(columns, np.float32), np.empty(columns, np.float32)
+    ats, aways = np.empty(columns, np.float32), np.empty(columns, np.float32)
+    for row in range(rows):
+        _bearings(row + corner[1], corner[0], cell_m, pose, origin, per_rad, xs, ys, ats, aways)
+        for column in range(columns):
+            if own[0] <= xs[column] <= own[1] and abs(ys[column]) <= own[2]:
+                state[row, column], watched_s[row, column] = FREE, now_s
+                continue
+            was = state[row, column]
+            if was == OCCUPIED and travel_m - hit_at_m[row, column] > limits[MEMORY_M]:
+                state[row, column] = was = UNSEEN
+            away, at = aways[column], ats[column]
+            b = int(away * np.float32(1.0 / BIN_M))
+            if b >= bins or math.isnan(passed[min(int(at), directions - 1), 0]):
+                continue  # out of reach, or the sensor did not look there
+            # Every direction that meets the cell must have passed it: beside a pole one sees past it.
+            wide = half_m / max(away, half_m) * per_rad
+            least = np.float32(-1.0)
+            for i in range(math.floor(at - wide), math.floor(at + wide) + 1):
+                height = passed[i - directions if i >= directions else i, b]
+                if height > least:  # false where the sensor did not look
+                    least = height
+                if least == np.inf:
+                    break
+            if least < np.float32(0.0) or least == np.inf:
+                continue
+            if least <= limits[WATCHED_BELOW_M]:
+                watched_s[row, column] = now_s
+            if was == OCCUPIED:
+                if hit_s[row, column] == now_s:
+                    continue
+                gone = least < thing_m[row, column] - limits[MARGIN_M]
+                if not gone and thing_m[row, column] <= limits[LOW_M]:
+                    gone = True
+                    for i in range(math.floor(at - wide), math.floor(at + wide) + 1):
+                        gone &= bare[i - directions if i >= directions else i, b]
+                if gone:
+                    passes[row, column] += 1
+                    if passes[row, column] >= limits[PASSES]:
+                        state[row, column] = FREE if least <= limits[FREE_BELOW_M] else UNSEEN
+            elif was == UNSEEN and least <= limits[FREE_BELOW_M]:
+                state[row, column] = FREE
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _bearings(
+    row: int,
+    first_column: int,
+    cell_m: float,
+    pose: Floats,
+    origin: Floats,
+    per_rad: Any,
+    xs: Float,
+    ys: Float,
+    ats: Float,
+    aways: Float,
+) -> None:
+    """Of the middles of a row's cells: x and y in base_link; direction around the sensor, in steps, and distance.
+
+    Arithmetic alone, for vector code.
+    """
+    cos, sin = np.float32(pose[2]), np.float32(pose[3])
+    dy, first = np.float32((row + 0.5) * cell_m - pose[1]), np.float32((first_column + 0.5) * cell_m - pose[0])
+    step, x0, y0 = np.float32(cell_m), np.float32(origin[0]), np.float32(origin[1])
+    for column in range(len(xs)):
+        dx = first + step * np.float32(column)
+        x, y = cos * dx + sin * dy, cos * dy - sin * dx
+        xs[column], ys[column] = x, y
+        x, y = x - x0, y - y0
+        aways[column] = np.float32(math.sqrt(x * x + y * y))
+        ats[column] = (angle_of(y, x) + PI) * per_rad
+
+
+@numba.njit(cache=True, error_model="numpy")
+def fade(state: Cells, watched_s: Floats, enter_cells: int, fade_s: float, now_s: float, stack: Corner) -> None:
+    """What was free and is watched no more becomes unseen, if anybody can have got there.
+
+    Who enters a place that no ray watches comes from such a place, from beyond the grid, or was seen beside it, at most
+    ``enter_cells`` away: a hollow within watched space, as before the knees of a passenger, stays free until then.
+    stack: (rows * columns,) memory.
+    """
+    rows, columns = state.shape
+    hidden = np.empty((rows, columns), np.bool_)
+    for row in range(rows):
+        for column in range(columns):
+            hidden[row, column] = not now_s - watched_s[row, column] <= fade_s
+    count = 0
+    for row in range(rows):
+        for column in range(columns):
+            border = row in (0, rows - 1) or column in (0, columns - 1)
+            if border and hidden[row, column]:
+                hidden[row, column] = False
+                stack[count] = row * columns + column
+                count += 1
+            if state[row, column] != OCCUPIED:
+                continue
+            for r in range(max(row - enter_cells, 0), min(row + enter_cells + 1, rows)):
+                for c in range(max(column - enter_cells, 0), min(column + enter_cells + 1, columns)):
+                    if hidden[r, c]:
+                        hidden[r, c] = False
+                        stack[count] = r * columns + c
+                        count += 1
+    while count:
+        count -= 1
+        row, column = stack[count] // columns, stack[count] % columns
+        if state[row, column] == FREE:
+            state[row, column] = UNSEEN
+        for r, c in ((row - 1, column), (row + 1, column), (row, column - 1), (row, column + 1)):
+            if 0 <= r < rows and 0 <= c < columns and hidden[r, c]:
+                hidden[r, c] = False
+                stack[count] = r * columns + c
+                count += 1
+
+
+@numba.njit(cache=True, error_model="numpy")
+def remembered(
+    state: Cells, last: Float, hit_s: Floats, corner: Corner, cell_m: float, pose: Floats, before_s: float, out: Float
+) -> int:
+    """Occupied cells that were hit last before ``before_s``: (n, 3) base_link, that hit. Returns how many."""
+    rows, columns = state.shape
+    count = 0
+    for row in range(rows):
+        for column in range(columns):
+            if state[row, column] == OCCUPIED and hit_s[row, column] < before_s and count < len(out):
+                dx = (column + corner[0] + last[row, column, 0]) * cell_m - pose[0]
+                dy = (row + corner[1] + last[row, column, 1]) * cell_m - pose[1]
+                out[count, 0] = pose[2] * dx + pose[3] * dy
+                out[count, 1] = pose[2] * dy - pose[3] * dx
+                out[count, 2] = last[row, column, 2]
+                count += 1
+    return count
+
+
+@numba.njit(cache=True, error_model="numpy")
+def frontier(state: Cells, corner: Corner, cell_m: float, pose: Floats, radius_m: float, out: Float) -> int:
+    """Unseen cells beside free ones: (n, 3) base_link, z 0. Returns how many."""
+    rows, columns = state.shape
+    count = 0
+    for row in range(1, rows - 1):
+        dy = (row + corner[1] + 0.5) * cell_m - pose[1]
+        for column in range(1, columns - 1):
+            if state[row, column] != UNSEEN or count >= len(out):
+                continue
+            beside = (
+                state[row - 1, column] == FREE
+                or state[row + 1, column] == FREE
+                or state[row, column - 1] == FREE
+                or state[row, column + 1] == FREE
+            )
+            if not beside:
+                continue
+            unseen = 0
+            for r in range(row - 1, row + 2):
+                for c in range(column - 1, column + 2):
+                    unseen += state[r, c] == UNSEEN
+            dx = (column + corner[0] + 0.5) * cell_m - pose[0]
+            if unseen - 1 >= _SPECK and dx * dx + dy * dy <= radius_m * radius_m:
+                out[count, 0] = pose[2] * dx + pose[3] * dy
+                out[count, 1] = pose[2] * dy - pose[3] * dx
+                out[count, 2] = 0.0
+                count += 1
+    return count
+
+
+@numba.njit(cache=True, error_model="numpy")
+def make_unseen(state: Cells, corner: Corner, cell_m: float, pose: Floats, rect: Floats) -> None:
+    """Nobody knows any more what is within a rectangle: rear, front, half width in base_link, m."""
+    rows, columns = state.shape
+    for row in range(rows):
+        dy = (row + corner[1] + 0.5) * cell_m - pose[1]
+        for column in range(columns):
+            dx = (column + corner[0] + 0.5) * cell_m - pose[0]
+            x, y = pose[2] * dx + pose[3] * dy, pose[2] * dy - pose[3] * dx
+            if rect[0] <= x <= rect[1] and abs(y) <= rect[2]:
+                state[row, column] = UNSEEN

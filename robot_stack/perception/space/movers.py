@@ -1,0 +1,202 @@
+"""Who moves: bodies that came to places seen free a moment ago, followed from look to look with their velocity.
+
+What stands never comes to a free place but by noise, odometry's error or being noticed late: it appears, and stays
+where it is. So a body counts as moving only once it has been followed over a way, at a speed that its own uncertainty
+cannot explain, and is no more seen where it was. One ``Movers`` per sensor: two sensors see different sides of a body.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.perception.params import MoverParams
+
+Floats = NDArray[np.float64]
+_SHOWN = 24  # points of a body that are told
+_MOST = 300  # cells that are looked at: more than a dozen people beside the robot show
+NOBODY: NDArray[np.float32] = np.empty((0, 5), np.float32)
+
+
+@dataclass(slots=True)
+class Track:
+    """One body in odom: where its visible points' middle is, m, and its velocity, m/s, at ``at_s``.
+
+    count: of the returns it has shown lately. p11, p12, p22: covariance of place and velocity, alike along both axes.
+    shape: (n, 3) points about the middle. before: its points in odom in the last moments, and when.
+    """
+
+    at_s: float
+    seen_s: float
+    since_s: float
+    begin: tuple[float, float]
+    x: float
+    y: float
+    shape: Floats
+    p11: float
+    p22: float
+    p12: float = 0.0
+    vx: float = 0.0
+    vy: float = 0.0
+    before: deque[tuple[float, Floats]] = field(default_factory=deque)
+    count: float = 0.0
+    moves: bool = False
+
+    def predict(self, now_s: float, acceleration_mps2: float) -> None:
+        dt = now_s - self.at_s
+        q = acceleration_mps2 * acceleration_mps2
+        self.x, self.y = self.x + self.vx * dt, self.y + self.vy * dt
+        self.p11 += dt * (2.0 * self.p12 + dt * self.p22) + 0.25 * q * dt**4
+        self.p12 += dt * self.p22 + 0.5 * q * dt**3
+        self.p22 += q * dt * dt
+        self.at_s = now_s
+
+    def correct(self, x: float, y: float, sigma_m: float) -> None:
+        gain = self.p11 / (self.p11 + sigma_m**2), self.p12 / (self.p11 + sigma_m**2)
+        dx, dy = x - self.x, y - self.y
+        self.x, self.y = self.x + gain[0] * dx, self.y + gain[0] * dy
+        self.vx, self.vy = self.vx + gain[1] * dx, self.vy + gain[1] * dy
+        self.p22 -= gain[1] * self.p12
+        self.p12 *= 1.0 - gain[0]
+        self.p11 *= 1.0 - gain[0]
+
+    def stand_in(self, x: float, y: float, body: Floats, sigma_m: float) -> None:
+        """Its place is that of other points of it from now on; what it does is not changed by that."""
+        self.x, self.y, self.p11, self.p12 = x, y, sigma_m * sigma_m, 0.0
+        self.shape = body[:, :3] - (x, y, 0.0)
+        self.before.clear()
+
+
+class Movers:
+    """Feed it what came (``Space.come``) at every look of one sensor. Stamps in s, one clock, odom."""
+
+    def __init__(self, params: MoverParams) -> None:
+        self._params = params
+        self._tracks: list[Track] = []
+
+    def forget(self) -> None:
+        self._tracks.clear()
+
+    def look(
+        self, points: Floats, stamp_s: float, would_see: Callable[[float, float], bool]
+    ) -> list[tuple[Floats, float, float]]:
+        """points: (n, 5) as of ``Space.come``. would_see: whether rays pass at a place in odom, x and y.
+
+        Returns who has disappeared where nobody looks: (n, 3) points where they were, vx, vy."""
+        p = self._params
+        there, lost = list[Track](), list[Track]()
+        for track in self._tracks:
+            missed_s, dt = stamp_s - track.seen_s, stamp_s - track.at_s
+            if missed_s > p.missed_s and would_see(track.x + dt * track.vx, track.y + dt * track.vy):
+                continue  # they have stopped, or gone elsewhere
+            (there if 0.0 <= missed_s <= p.coast_s else lost).append(track)
+        self._tracks = there
+        for track in self._tracks:
+            track.predict(stamp_s, p.acceleration_mps2)
+        free = list(self._tracks)
+        for body in self._bodies(points):
+            x, y = (float(value) for value in body[:, :2].mean(axis=0))
+            nearest = min(free, key=lambda track: math.hypot(track.x - x, track.y - y), default=None)
+            if nearest is not None and math.hypot(nearest.x - x, nearest.y - y) <= p.gate_m:
+                free.remove(nearest)
+                nearest.seen_s = stamp_s
+                before, count = nearest.count, float(body[:, 4].sum())
+                nearest.count = max(0.9 * before, count)
+                if count < p.whole * before:  # most of it is hidden by now: its rest's middle says little
+                    nearest.correct(x, y, p.place_sigma_m + 0.5 * _width_m(nearest.shape))
+                    continue
+                if p.whole * count > before:  # somebody has come beside it: their common middle is elsewhere
+                    nearest.stand_in(x, y, body, p.place_sigma_m)
+                    continue
+                less, more = sorted((before, count))
+                nearest.correct(x, y, p.place_sigma_m + 0.5 * (1.0 - less / more) * _width_m(body))
+                nearest.shape = body[:, :3] - (x, y, 0.0)
+                nearest.moves = self._moves(nearest) and self._has_left(nearest, body[:, :2])
+            elif body[:, 3] @ body[:, 4] >= p.points_min:  # what was only found may have stood there
+                shape, sigma_m = body[:, :3] - (x, y, 0.0), p.place_sigma_m
+                begin = (x, y)
+                track = Track(stamp_s, stamp_s, stamp_s, begin, x, y, shape, sigma_m**2, p.fastest_mps**2 / 4.0)
+                track.count = float(body[:, 4].sum())
+                self._tracks.append(track)
+        return [(self._points(track, track.seen_s)[:, :3], track.vx, track.vy) for track in lost if track.moves]
+
+    def at(self, stamp_s: float, pose: Pose2) -> NDArray[np.float32]:
+        """(n, 5) x, y, z, vx, vy in base_link at ``pose``, m, m/s: points of who moves, where they are by then."""
+        found = [self._points(track, stamp_s) for track in self._tracks if track.moves and self._there(track, stamp_s)]
+        if not found:
+            return NOBODY
+        rows, (c, s) = np.concatenate(found), (math.cos(pose.yaw), math.sin(pose.yaw))
+        dx, dy, vx, vy = rows[:, 0] - pose.x, rows[:, 1] - pose.y, rows[:, 3], rows[:, 4]
+        turned = [c * dx + s * dy, c * dy - s * dx, rows[:, 2], c * vx + s * vy, c * vy - s * vx]
+        return np.stack(turned, axis=1).astype(np.float32)
+
+    def _there(self, track: Track, stamp_s: float) -> bool:
+        return -self._params.coast_s <= stamp_s - track.seen_s <= self._params.coast_s
+
+    def _points(self, track: Track, stamp_s: float) -> Floats:
+        """(n, 5) odom."""
+        dt = stamp_s - track.at_s
+        shape = track.shape[:: len(track.shape) // _SHOWN + 1]
+        rows = np.empty((len(shape), 5))
+        rows[:, :3] = shape + np.array([track.x + dt * track.vx, track.y + dt * track.vy, 0.0])
+        rows[:, 3:] = track.vx, track.vy
+        return rows
+
+    def _moves(self, track: Track) -> bool:
+        p, speed_mps = self._params, math.hypot(track.vx, track.vy)
+        followed = track.at_s - track.since_s >= p.follow_s
+        gone = math.hypot(track.x - track.begin[0], track.y - track.begin[1]) >= p.distance_m
+        sure = speed_mps >= max(p.slowest_mps, p.sure * math.sqrt(track.p22))
+        return followed and (gone or track.moves) and sure and speed_mps <= p.fastest_mps
+
+    def _has_left(self, track: Track, places: Floats) -> bool:
+        """It is no more where it was: a wall's end of which more and more is seen seems to move, and is still there."""
+        p, before = self._params, track.before
+        before.append((track.at_s, places))
+        while before[0][0] < track.at_s - p.vacated_s:
+            before.popleft()
+        gaps = np.hypot(*(before[0][1][:, None] - places).transpose(2, 0, 1)).min(axis=1)
+        return float(np.mean(gaps <= p.same_m)) <= p.vacated_share
+
+    def _bodies(self, points: Floats) -> list[Floats]:
+        p = self._params
+        points = points[:_MOST]
+        labels = np.full(len(points), -1, np.int64)
+        count = _clusters(points, p.link_m, labels)
+        bodies = [points[labels == number] for number in range(count)]
+        return [body for body in bodies if body[:, 4].sum() >= p.points_min and _width_m(body) <= p.widest_m]
+
+
+def _width_m(body: Floats) -> float:
+    """Of the rectangle along the axes that holds it."""
+    return float(np.hypot(*np.ptp(body[:, :2], axis=0)))
+
+
+@numba.njit(cache=True)
+def _clusters(points: Floats, link_m: float, labels: Any) -> int:
+    """Numbers the points (n, 3) by what they hang together with in plan. Returns how many there are."""
+    stack = np.empty(len(points), np.int64)
+    count = 0
+    for first in range(len(points)):
+        if labels[first] >= 0:
+            continue
+        labels[first], stack[0], left = count, first, 1
+        while left:
+            left -= 1
+            i = stack[left]
+            for j in range(len(points)):
+                if labels[j] < 0:
+                    dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+                    if dx * dx + dy * dy <= link_m * link_m:
+                        labels[j], stack[left] = count, j
+                        left += 1
+        count += 1
+    return count

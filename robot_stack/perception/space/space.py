@@ -1,0 +1,244 @@
+"""The model of the space around the robot. Stamps in s, one clock; poses are base_link in odom.
+
+A cell is FREE only where a ray passed since it was not, and as long as nobody could have stepped there unseen. It is
+OCCUPIED from a return on until a ray passes through it, below its top, or until ground is seen in the place of what was
+hardly higher: whatever hides it, and however long. Only the robot's own motion ages it, because it makes the place
+doubtful. All else is UNSEEN.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.core.geometry import Pose2, wrap_angle
+from robot_stack.core.robot import Footprint, Robot
+from robot_stack.perception.params import SpaceParams
+from robot_stack.perception.space import kernels
+from robot_stack.perception.space.kernels import UNSEEN, Cells, Float, Floats
+from robot_stack.perception.space.view import View
+
+NumberT = TypeVar("NumberT", bound=np.generic)
+_MOST_POINTS = 8000
+_STEP_S = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class SpaceGrid:
+    """state: (rows, columns) -1 unseen, 0 free, 100 occupied, row 0 at the lowest y. corner_m: lower left, odom."""
+
+    state: Cells
+    corner_m: tuple[float, float]
+    cell_m: float
+
+
+class Space:
+    """Feed it every look of every sensor in the order of arrival. before_s and stamps: as the looks'."""
+
+    def __init__(self, params: SpaceParams, robot: Robot) -> None:
+        self._params, self._robot = params, robot
+        count = round(params.size_m / params.cell_m)
+        self._corner = np.zeros(2, np.int64)
+        self._state: Cells = np.full((count, count), UNSEEN, np.int8)
+        self._passes = np.zeros((count, count), np.uint8)
+        self._thing_m = np.zeros((count, count), np.float32)
+        self._last = np.zeros((count, count, 3), np.float32)
+        self._hit_s, self._hit_at_m, self._watched_s, self._since_s = (
+            np.full((count, count), -math.inf) for _ in range(4)
+        )
+        self._limits = np.array(
+            [
+                params.passes,
+                params.top_margin_m,
+                params.free_below_m,
+                params.watched_below_m,
+                params.memory_m,
+                params.low_m,
+            ]
+        )
+        self._pose: Pose2 | None = None
+        self._newest_s = -math.inf
+        self._travel_m = 0.0
+        self._chair = False
+        self._points = np.empty((_MOST_POINTS, 3), np.float32)
+        self._found = np.zeros((count, count), np.bool_)
+        self._stack = np.empty(count * count, np.int64)
+
+    def chair(self, attached: bool) -> None:
+        """The footprint in force. What was seen of the chair is no obstacle once it is attached; what it hides beneath
+        itself is unknown once it is gone."""
+        if attached == self._chair:
+            return
+        self._chair = attached
+        if self._pose is not None:
+            margin_m = self._params.attach_margin_m if attached else 0.0
+            rect = _rectangle(self._robot.footprint_with_chair, margin_m)
+            kernels.make_unseen(self._state, self._corner, self._params.cell_m, _array(self._pose), rect)
+
+    def forget(self) -> None:
+        """Nothing is known any more."""
+        self._state[:] = UNSEEN
+        self._pose, self._newest_s = None, -math.inf
+
+    def observe(self, view: View, pose: Pose2) -> None:
+        """Takes a look of a sensor; base_link was at ``pose`` at its stamp.
+
+        A look that is a little older than another sensor's newest one counts as of that moment. One that is older by
+        more than what is seen lasts comes from a clock that was set back: nothing is known any more.
+        """
+        if view.stamp_s < self._newest_s - self._params.fade_s:
+            self.forget()
+        if view.stamp_s >= self._newest_s:
+            self._move_to(pose)
+            self._newest_s = view.stamp_s
+        now_s = self._newest_s
+        footprint = self._robot.footprint_with_chair if self._chair else self._robot.footprint
+        at, own, origin = _array(pose), _rectangle(footprint, 0.0), np.array(view.origin_m, np.float64)
+        p, cell_m = self._params, self._params.cell_m
+        cells = (self._state, self._passes, self._thing_m, self._hit_s, self._hit_at_m)
+        hits = np.ascontiguousarray(view.hits, np.float32)
+        near_cells = round(p.thing_m / cell_m)
+        kernels.mark(
+            *cells,
+            self._since_s,
+            self._found,
+            self._last,
+            self._corner,
+            cell_m,
+            at,
+            hits,
+            origin,
+            view.ground_m,
+            own,
+            near_cells,
+            now_s,
+            self._travel_m,
+        )
+        kernels.hold(self._state, self._passes, self._corner, cell_m, at, view.specks)
+        kernels.look(
+            *cells,
+            self._watched_s,
+            self._corner,
+            cell_m,
+            at,
+            origin,
+            view.passed_m,
+            view.bare,
+            own,
+            self._limits,
+            now_s,
+            self._travel_m,
+        )
+        enter_cells = round(p.enter_m / cell_m)
+        kernels.fade(self._state, self._watched_s, enter_cells, p.fade_s, now_s, self._stack)
+
+    def remembered(self, pose: Pose2, before_s: float) -> Float:
+        """(n, 3) base_link at ``pose``: what is there and was hit last before ``before_s``; z above ground."""
+        cells = (self._state, self._last, self._hit_s, self._corner, self._params.cell_m)
+        count = kernels.remembered(*cells, _array(pose), before_s, self._points)
+        return self._points[:count].copy()
+
+    def come(self, view: View, pose: Pose2) -> Floats:
+        """(n, 5) of each cell where nothing was a moment ago, with nothing that stands right beside it, the middle of
+        what returned: x, y in odom, z, 1 if it was seen free and 0 if unseen, of how many. ``observe`` comes first."""
+        p = self._params
+        hits, out = np.ascontiguousarray(view.hits, np.float32), np.empty((len(view.hits), 5))
+        cells = (self._state, self._since_s, self._found, self._corner, p.cell_m)
+        apart, after_s = round(p.movers.apart_m / p.cell_m), self._newest_s - p.movers.new_s
+        return out[: kernels.come(*cells, _array(pose), hits, apart, after_s, out)]
+
+    def would_see(self, x_m: float, y_m: float) -> bool:
+        """Rays pass low at that place in odom, so that who is there would be seen."""
+        cell_m, count = self._params.cell_m, len(self._state)
+        column, row = math.floor(x_m / cell_m) - self._corner[0], math.floor(y_m / cell_m) - self._corner[1]
+        inside = 0 <= row < count and 0 <= column < count
+        return bool(inside and self._watched_s[row, column] >= self._newest_s - 0.5 * self._params.fade_s)
+
+    def go_on(self, body: Floats, vx_mps: float, vy_mps: float, pose: Pose2) -> None:
+        """Who was seen last as ``body``, (n, 3) x, y in odom, z, and moved, is remembered where they may have gone to.
+
+        That is on their course, up to the robot, and only where nobody looks."""
+        p, footprint = self._params, self._robot.footprint_with_chair if self._chair else self._robot.footprint
+        rear, front, half = _rectangle(footprint, p.movers.beside_m)
+        x, y, c, s = _array(pose)
+        at = body
+        for after_s in np.arange(_STEP_S, p.movers.coast_s + _STEP_S, _STEP_S):
+            on = body + np.array([after_s * vx_mps, after_s * vy_mps, 0.0])
+            dx, dy = on[:, 0] - x, on[:, 1] - y
+            u, v = c * dx + s * dy, c * dy - s * dx
+            if ((u >= rear) & (u <= front) & (np.abs(v) <= half)).any():
+                break
+            at = on
+        kernels.stand(
+            *(self._state, self._passes, self._thing_m, self._hit_s, self._hit_at_m, self._since_s, self._watched_s),
+            self._last,
+            self._corner,
+            p.cell_m,
+            np.ascontiguousarray(at, np.float64),
+            self._newest_s - 0.5 * p.fade_s,
+            self._newest_s,
+            self._travel_m,
+        )
+
+    def frontier(self, pose: Pose2) -> Float:
+        """(n, 3) base_link at ``pose``: where the seen and remembered space ends, z 0."""
+        cells = (self._state, self._corner, self._params.cell_m)
+        count = kernels.frontier(*cells, _array(pose), 0.5 * self._params.size_m, self._points)
+        return self._points[:count].copy()
+
+    def grid(self) -> SpaceGrid:
+        """As it is now; the array changes with the next look."""
+        x, y = (float(self._corner[axis] * self._params.cell_m) for axis in (0, 1))
+        return SpaceGrid(self._state, (x, y), self._params.cell_m)
+
+    def _move_to(self, pose: Pose2) -> None:
+        before = self._pose
+        if before is not None and pose.distance_to(before) > self._params.jump_m:
+            self.forget()  # another odometry began
+        elif before is not None:
+            turned_m = abs(wrap_angle(pose.yaw - before.yaw)) * self._params.lever_m
+            self._travel_m += pose.distance_to(before) + turned_m
+        self._pose = pose
+        self._centre_on(pose)
+
+    def _centre_on(self, pose: Pose2) -> None:
+        """Rolls so that ``pose`` is in the middle. What leaves the grid is forgotten, what enters it is unseen."""
+        half, cell_m = len(self._state) // 2, self._params.cell_m
+        corner = np.array([math.floor(pose.x / cell_m) - half, math.floor(pose.y / cell_m) - half], np.int64)
+        columns, rows = (int(step) for step in corner - self._corner)
+        self._corner = corner
+        if rows or columns:
+            self._state = _rolled(self._state, rows, columns, float(UNSEEN))
+            self._passes = _rolled(self._passes, rows, columns, 0.0)
+            self._thing_m = _rolled(self._thing_m, rows, columns, 0.0)
+            self._last = _rolled(self._last, rows, columns, 0.0)
+            self._since_s = _rolled(self._since_s, rows, columns, -math.inf)
+            self._found = _rolled(self._found, rows, columns, 0.0)
+            self._hit_s = _rolled(self._hit_s, rows, columns, -math.inf)
+            self._hit_at_m = _rolled(self._hit_at_m, rows, columns, -math.inf)
+            self._watched_s = _rolled(self._watched_s, rows, columns, -math.inf)
+
+
+def _array(pose: Pose2) -> Floats:
+    return np.array([pose.x, pose.y, math.cos(pose.yaw), math.sin(pose.yaw)])
+
+
+def _rectangle(footprint: Footprint, margin_m: float) -> Floats:
+    half = 0.5 * footprint.width_m
+    return np.array([footprint.rear_m - margin_m, footprint.front_m + margin_m, half + margin_m])
+
+
+def _rolled(cells: NDArray[NumberT], rows: int, columns: int, fill: float) -> NDArray[NumberT]:
+    """The cells of a window that has moved by that many rows and columns."""
+    out = np.full_like(cells, fill)
+    height, width = cells.shape[:2]
+    if abs(rows) >= height or abs(columns) >= width:
+        return out
+    out[max(-rows, 0) : height - max(rows, 0), max(-columns, 0) : width - max(columns, 0)] = cells[
+        max(rows, 0) : height - max(-rows, 0), max(columns, 0) : width - max(-columns, 0)
+    ]
+    return out

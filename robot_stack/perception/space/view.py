@@ -1,0 +1,175 @@
+"""One look of one sensor, as the model of the space takes it: what returned, and where its rays have passed.
+
+Rays are kept by direction around the sensor and by distance: of all that passed a place on their way to a return, the
+height of the lowest. A beam that returned nothing has passed nowhere, unless its sensor vouches for it: what is too
+near, black or made of glass returns nothing either.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.perception.cells import DROP, EMPTY, FLOOR
+from robot_stack.perception.ground import Profile
+from robot_stack.perception.polar import COUNT, DISTANCE, GROUND_M, HEIGHT, TOP, PolarGrid, Sorted
+
+Float = NDArray[np.float32]
+BIN_M = 0.05  # of the distances
+Mask = NDArray[np.bool_]
+_NOTHING: Float = np.empty((0, 3), np.float32)
+RISE_M = 0.10  # that a thing is taken to be higher than where a single beam met it
+_FLAT_M = np.float32(0.06)  # cells of ground are no higher, but with something on them
+_BELOW_M = np.float32(0.15)  # a ray farther than this below the ground has been mirrored by it
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """base_link at stamp_s, m.
+
+    origin_m: x, y, z of the sensor. hits: (n, 3) tops of what returned and is neither ground nor the robot. passed_m:
+    (directions, bins) height above the ground of the lowest ray that passed the bin, inf where none did, NaN where the
+    sensor did not look; direction i is -pi + (i + 0.5) * 2 pi / directions, bin k from k * BIN_M on. ground_m:
+    (directions, bins) height of the ground. specks: (n, 3) returns that may be too few to be a thing: what was a
+    thing before is still there. bare: (directions, bins) ground returned from there, and nothing above it.
+    """
+
+    stamp_s: float
+    origin_m: tuple[float, float, float]
+    hits: Float
+    passed_m: Float
+    ground_m: Float
+    bare: Mask
+    specks: Float = field(default_factory=lambda: _NOTHING)
+
+
+def view_of_beams(
+    stamp_s: float,
+    origin_m: tuple[float, float, float],
+    ends: Float,
+    returned: NDArray[np.bool_],
+    own: NDArray[np.bool_],
+    reach_m: float,
+    directions: int = 360,
+) -> View:
+    """The look of a sensor with few beams: a planar scanner, an array of ranges.
+
+    ends: (n, 3) base_link, where each beam ended: at its return, or, for a beam that returned nothing, as far as the
+    sensor vouches that it would have; less than ``BIN_M`` away if it vouches for nothing. returned: (n,). own: (n,)
+    what belongs to the robot or its chair: it hides, and is no obstacle. The ground is taken for level.
+    """
+    finite = np.isfinite(ends).all(axis=1)
+    bins = math.ceil(reach_m / BIN_M)
+    passed = np.full((directions, bins), np.nan, np.float32)
+    _pass_beams(np.ascontiguousarray(ends[finite], np.float32), np.array(origin_m, np.float32), passed)
+    hits = ends[finite & returned & ~own].astype(np.float32)
+    hits[:, 2] += np.float32(RISE_M)
+    shape = (directions, bins)
+    return View(stamp_s, origin_m, hits, passed, np.zeros(shape, np.float32), np.zeros(shape, np.bool_))
+
+
+class SweepViews:
+    """Looks of a spinning sensor, from the cells that its points were sorted into to find the ground."""
+
+    def __init__(self, grid: PolarGrid, reach_m: float) -> None:
+        self._edges_m = grid.edges_m
+        self._bins = math.ceil(reach_m / BIN_M)
+        # A ray has passed a bin if it returned from a ring that begins behind it.
+        ends = (np.arange(self._bins) + 1) * BIN_M
+        self._behind = np.searchsorted(grid.edges_m[:-1], ends - 1e-4).astype(np.int32)
+
+    def view(
+        self, stamp_s: float, origin_m: tuple[float, float, float], hits: Float, points: Sorted, profile: Profile
+    ) -> View:
+        """origin_m: the sensor, levelled frame."""
+        cells = points.cells
+        directions = len(cells.values)
+        passed = np.full((directions, self._bins), np.nan, np.float32)
+        passed[_looked_at(profile.covered)] = np.inf
+        ground = np.zeros((directions, self._bins), np.float32)
+        bare = np.zeros((directions, self._bins), np.bool_)
+        _pass_sweep(
+            cells.values,
+            cells.sectors,
+            profile.kind,
+            self._edges_m,
+            self._behind,
+            np.float32(origin_m[2]),
+            passed,
+            ground,
+            bare,
+        )
+        return View(stamp_s, origin_m, hits, passed, ground, bare)
+
+
+def _looked_at(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(directions,) all between two that returned something, unless they are as far apart as a sensor's halves."""
+    found = np.flatnonzero(covered)
+    looked = covered.copy()
+    widest = len(covered) // 8
+    for begin, end in zip(found, np.append(found[1:], found[:1] + len(covered)), strict=True):
+        if 1 < end - begin <= widest:
+            looked[np.arange(begin, end) % len(covered)] = True
+    return looked
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _pass_sweep(
+    cells: Float,
+    active: Any,
+    kind: Any,
+    edges: Float,
+    behind: Any,
+    sensor_m: Any,
+    passed: Float,
+    ground: Float,
+    bare: Mask,
+) -> None:
+    rings, bins = cells.shape[1], passed.shape[1]
+    lowest = np.empty(rings + 1, np.float32)  # of all rays that returned from a ring or beyond it: their slope
+    for s in active:
+        if math.isnan(passed[s, 0]):
+            continue
+        lowest[rings] = np.inf
+        for k in range(rings - 1, -1, -1):
+            lowest[k] = lowest[k + 1]
+            if cells[s, k, COUNT] > np.float32(0.0) and kind[s, k] != EMPTY and kind[s, k] != DROP:
+                slope = (cells[s, k, HEIGHT] - sensor_m) / max(cells[s, k, DISTANCE], np.float32(0.1))
+                lowest[k] = min(lowest[k], slope)
+        height, k = np.float32(0.0), 0
+        for b in range(bins):
+            begin = np.float32(b * BIN_M)
+            while k < rings and edges[k] <= begin:
+                if cells[s, k, COUNT] > np.float32(0.0) and kind[s, k] != EMPTY:
+                    height = cells[s, k, GROUND_M]
+                k += 1
+            ground[s, b] = height
+            at = k - 1  # the ring that holds the bin
+            if at >= 0 and kind[s, at] == FLOOR and cells[s, at, COUNT] > np.float32(0.0):
+                bare[s, b] = cells[s, at, TOP] - cells[s, at, HEIGHT] < _FLAT_M
+            slope = lowest[behind[b]]
+            if slope == np.inf:
+                continue
+            above = sensor_m + slope * begin - height
+            if above >= -_BELOW_M:
+                passed[s, b] = max(above, np.float32(0.0))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _pass_beams(ends: Float, origin: Float, passed: Float) -> None:
+    directions, bins = passed.shape
+    for i in range(len(ends)):
+        dx, dy = ends[i, 0] - origin[0], ends[i, 1] - origin[1]
+        away = math.sqrt(dx * dx + dy * dy)
+        slope = (ends[i, 2] - origin[2]) / max(away, 1e-3)
+        s = min(int((math.atan2(dy, dx) + math.pi) / (2.0 * math.pi) * directions), directions - 1)
+        if math.isnan(passed[s, 0]):
+            passed[s] = np.inf
+        for b in range(min(int(away / BIN_M), bins)):
+            above = np.float32(max(origin[2] + slope * b * BIN_M, 0.0))
+            passed[s, b] = min(passed[s, b], above)

@@ -1,0 +1,128 @@
+"""Timers that the lean executor asks how long it may sleep."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from rclpy.exceptions import InvalidHandle
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+
+from robot_stack.ros.clocks import NodeClock
+
+RCLError = _rclpy.RCLError
+
+
+class NodeTimer:
+    """Calls its callback at whole periods from the start of its schedule on, so that timers of one node come together.
+
+    A call that is missed is not made up for.
+    """
+
+    def __init__(self, schedule: Schedule, period_s: float, callback: Callable[[], Any]) -> None:
+        self.period_s = period_s
+        self.callback = callback
+        self._schedule = schedule
+        self.due_s = schedule.next_whole(period_s)
+
+    def cancel(self) -> None:
+        self.due_s = math.inf
+
+    def reset(self) -> None:
+        """Starts anew: the next call is one period from now."""
+        self.due_s = self._schedule.now_s() + self.period_s
+
+    def is_canceled(self) -> bool:
+        return self.due_s == math.inf
+
+    def destroy(self) -> None:
+        self._schedule.remove(self)
+
+
+class Schedule:
+    """The timers of a node on one clock. Timers may be added and removed by any thread."""
+
+    def __init__(self, clock: NodeClock) -> None:
+        self._clock = clock
+        self._start_s = clock.timer_s()
+        self._timers: list[NodeTimer] = []
+        self._turn = threading.Lock()
+
+    def now_s(self) -> float:
+        return self._clock.timer_s()
+
+    def next_whole(self, period_s: float) -> float:
+        """The next time that is a whole number of periods after the start."""
+        return self._start_s + period_s * (math.floor((self.now_s() - self._start_s) / period_s) + 1.0)
+
+    def add(self, period_s: float, callback: Callable[[], Any]) -> NodeTimer:
+        """Raises ValueError for a period that is none."""
+        if not 0.0 < period_s < math.inf:
+            raise ValueError(f"a timer's period must be positive and finite, is {period_s}")
+        timer = NodeTimer(self, period_s, callback)
+        with self._turn:
+            self._timers = [*self._timers, timer]
+        return timer
+
+    def remove(self, timer: NodeTimer) -> None:
+        timer.cancel()
+        with self._turn:
+            self._timers = [item for item in self._timers if item is not timer]
+
+    def next_due_s(self) -> float:
+        """On the schedule's clock; infinite without a timer."""
+        return min((timer.due_s for timer in self._timers), default=math.inf)
+
+    def wait_s(self) -> float:
+        """Real time to sleep before it is worth asking for ``due``."""
+        return self._clock.real_wait_s(self.next_due_s())
+
+    def due(self) -> Iterator[Callable[[], Any]]:
+        """The callbacks that are due, each once."""
+        now_s = self.now_s()
+        if now_s < self._start_s:  # time began anew (a restarted simulation)
+            self._start_s = now_s
+            for timer in self._timers:
+                if not timer.is_canceled():
+                    timer.due_s = now_s + timer.period_s
+        for timer in self._timers:
+            if now_s >= timer.due_s:
+                timer.due_s = max(timer.due_s + timer.period_s, self.next_whole(timer.period_s))
+                yield timer.callback
+
+
+class RclTimers:
+    """Timers of nodes that are no nodes of this stack: rcl's own."""
+
+    def __init__(self, timers: list[Any]) -> None:
+        self._timers = timers
+
+    def wait_s(self) -> float:
+        return min((_wait_s(timer) for timer in self._timers), default=math.inf)
+
+    def due(self) -> Iterator[Callable[[], Any]]:
+        for timer in self._timers:
+            try:
+                if not timer.handle.is_timer_ready():
+                    continue
+                timer.handle.call_timer()
+            except (InvalidHandle, RCLError):  # destroyed, by an earlier callback or another thread
+                continue
+            yield timer.callback
+
+
+# A timer on a clock that stands still says "not yet" and "now" at once.
+_LEAST_WAIT_S = 0.001
+
+
+def _wait_s(timer: Any) -> float:
+    try:
+        if timer.handle.is_timer_canceled():
+            return math.inf
+        if timer.handle.is_timer_ready():
+            return 0.0
+        return max(_LEAST_WAIT_S, 1e-9 * float(timer.handle.time_until_next_call()))
+    except (InvalidHandle, RCLError):
+        return math.inf

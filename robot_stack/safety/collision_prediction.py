@@ -1,0 +1,103 @@
+"""What the robot's motion leads to: measured, commanded and requested twists against the points around it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robot_stack.core.geometry import Twist2
+from robot_stack.safety.collision import FREE, Approach, Floats, Outline, approach
+from robot_stack.safety.meeting import NOBODY, Meeting
+from robot_stack.safety.obstacle_params import CollisionParams
+
+
+@dataclass(frozen=True, slots=True)
+class CollisionPrediction:
+    """moving: what the robot does and is about to do. wanted: what a standing robot is asked to do.
+
+    unseen: how either of them comes near where known space ends. nearest_m: distance of the nearest obstacle to the
+    footprint, infinite without one. reach_m: how far the footprint reaches from base_link. brake_mps2: how hard the
+    robot can brake. meeting: who walks into its way.
+    """
+
+    moving: Approach
+    wanted: Approach
+    unseen: Approach
+    nearest_m: float
+    reach_m: float
+    brake_mps2: float
+    meeting: Meeting = NOBODY
+
+    @property
+    def clearance_m(self) -> float:
+        return min(self.moving.clearance_m, self.wanted.clearance_m)
+
+    @property
+    def time_s(self) -> float:
+        return min(self.moving.time_s, self.wanted.time_s)
+
+
+def look_ahead(
+    points: Floats,
+    unseen: Floats | None,
+    body: Outline,
+    widened: Outline,
+    measured: Twist2,
+    driven: Twist2 | None,
+    requested: Twist2,
+    params: CollisionParams,
+    brake_mps2: float,
+) -> CollisionPrediction:
+    """Judges the motions, base_link.
+
+    Args:
+        points: (n, 3) obstacles in base_link, m. unseen: where known space ends; None: nobody knows.
+        body, widened: the footprint in force, and the same with the margin.
+        measured: by the wheels, zero where the robot stands or nobody knows.
+        driven: what the drive tries to do; None if it does not say: then ``requested`` takes its place.
+        requested: what the drive is asked to do. It counts beside ``driven`` only while that is a standstill: a robot
+            that is held back must not lurch each time the obstacle that holds it seems to be gone.
+    """
+    commanded = requested if driven is None else driven
+    moving = _judge(points, widened, measured, params).worse(_judge(points, widened, commanded, params))
+    wanted = _judge(points, widened, requested, params) if rests(commanded, params) else FREE
+    leading = [twist for twist in (measured, commanded, requested) if not rests(twist, params)]
+    nearest_m = float(body.distances(points).min()) if len(points) else math.inf
+    return CollisionPrediction(
+        moving, wanted, _into_unseen(unseen, widened, leading), nearest_m, body.reach(), brake_mps2
+    )
+
+
+def speed_limit_mps(clearance_m: float, params: CollisionParams, brake_mps2: float) -> float:
+    """How fast the robot may go with so much way left, m/s."""
+    remaining_m = max(clearance_m - params.stop_clearance_m, 0.0)
+    lost = brake_mps2 * params.reaction_s
+    stoppable_mps = math.sqrt(lost * lost + 2.0 * brake_mps2 * remaining_m) - lost
+    speed_mps = min(clearance_m / params.approach_s, stoppable_mps)
+    # In steps, so that the noise of the points is no new limit at every tick.
+    return max(params.slowest_mps, math.floor(speed_mps / params.step_mps) * params.step_mps)
+
+
+def seen_limit_mps(clearance_m: float, params: CollisionParams, brake_mps2: float) -> float:
+    """How fast the robot may go to stop within so much of a way that is seen or remembered, m/s."""
+    lost = brake_mps2 * params.reaction_s
+    seen_m = max(clearance_m - params.margin_m, 0.0)
+    speed_mps = math.sqrt(lost * lost + 2.0 * brake_mps2 * seen_m) - lost
+    return max(params.unseen_mps, math.floor(speed_mps / params.step_mps) * params.step_mps)
+
+
+def rests(twist: Twist2, params: CollisionParams) -> bool:
+    """A twist so small that it is a standstill."""
+    return twist.speed() <= params.rest_mps and abs(twist.omega) <= params.rest_radps
+
+
+def _into_unseen(unseen: Floats | None, outline: Outline, twists: Sequence[Twist2]) -> Approach:
+    worst = FREE
+    for twist in twists:
+        worst = worst.worse(Approach(0.0, 0.0) if unseen is None else approach(unseen, outline, twist))
+    return worst
+
+
+def _judge(points: Floats, outline: Outline, twist: Twist2, params: CollisionParams) -> Approach:
+    return FREE if rests(twist, params) else approach(points, outline, twist)

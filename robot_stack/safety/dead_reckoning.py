@@ -1,0 +1,52 @@
+"""How the robot moves, by its wheels: the twist they agree on, and where it has taken the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
+
+
+@dataclass(frozen=True, slots=True)
+class Modules:
+    """The drive's geometry, m: (x, y) of the steering axes in base_link, symmetric around it."""
+
+    positions_m: tuple[tuple[float, float], ...]
+    wheel_radius_m: float
+
+    def twist(self, speeds_mps: Sequence[float], angles_rad: Sequence[float]) -> Twist2:
+        """The twist of base_link that fits the modules' velocities best (least squares).
+
+        Because the modules lie symmetrically, the mean of their velocities is base_link's own, without any turn.
+        """
+        vx = [speed * math.cos(angle) for speed, angle in zip(speeds_mps, angles_rad, strict=True)]
+        vy = [speed * math.sin(angle) for speed, angle in zip(speeds_mps, angles_rad, strict=True)]
+        moment = sum(x * v - y * u for (x, y), u, v in zip(self.positions_m, vx, vy, strict=True))
+        inertia = sum(x * x + y * y for x, y in self.positions_m)
+        return Twist2(sum(vx) / len(vx), sum(vy) / len(vy), moment / inertia)
+
+
+class DeadReckoning:
+    """base_link in a frame that begins where the robot stood first. Steady seconds."""
+
+    def __init__(self, max_gap_s: float) -> None:
+        self._max_gap_s = max_gap_s
+        self._at_s = math.nan
+        self.pose = IDENTITY
+        self.twist = ZERO_TWIST
+
+    def update(self, twist: Twist2, now_s: float) -> None:
+        """A measured twist, base_link. Over a gap nothing is added: nobody knows."""
+        dt_s = now_s - self._at_s
+        if 0.0 <= dt_s <= self._max_gap_s:
+            self.pose = self.pose.compose(exp_se2(twist, dt_s))
+        self.twist, self._at_s = twist, now_s
+
+    def pose_at(self, moment_s: float) -> Pose2:
+        """base_link a moment ago or ahead, by the newest twist; the newest pose beyond the longest gap."""
+        ahead_s = moment_s - self._at_s
+        if not abs(ahead_s) <= self._max_gap_s:
+            return self.pose
+        return self.pose.compose(exp_se2(self.twist, ahead_s))

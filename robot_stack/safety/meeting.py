@@ -1,0 +1,122 @@
+"""Who walks into the robot's way: bodies with a velocity against a robot that goes on, or brakes.
+
+A contact while the robot stands harms nobody, so the question is not whether somebody will touch the robot, but whether
+it can stand by then. For each motion it is followed into the near future with everybody's own velocity: until it would
+have come to a standstill, were it told to brake now. It stops at the last moment at which that is still in time, and is
+slowed down to a speed from which that moment is some way off. Where going on touches nobody, it goes on: braking before
+somebody who walks behind would only bring them nearer.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_stack.core.geometry import ZERO_TWIST, Twist2
+from robot_stack.safety.collision import Floats, Outline
+from robot_stack.safety.obstacle_params import MeetingParams
+from robot_stack.safety.timing import age_s
+
+_TINY = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Meeting:
+    """stop: the robot must stand, somebody comes. speed_mps: no faster, of the footprint's fastest place, or inf."""
+
+    stop: bool = False
+    speed_mps: float = math.inf
+
+
+NOBODY = Meeting()
+
+
+class MeetingWatch:
+    """``judge`` at every tick, steady s. Remembers that somebody has just walked up, because beside the robot nobody
+    sees what they do: as long as something is beside it, it gives them ``hold_s`` to go on."""
+
+    def __init__(self, params: MeetingParams, brake_mps2: float) -> None:
+        self._params, self._brake_mps2 = params, brake_mps2
+        self._came_s: float | None = None
+
+    def judge(
+        self, moving: Floats, nearest_m: float, body: Outline, motions: list[Twist2], request: Twist2, now_s: float
+    ) -> Meeting:
+        """moving: (n, 5) x, y, z, vx, vy in base_link, over ground. nearest_m: of all obstacles, to the footprint.
+
+        motions: what the robot does and is about to do. request: what it is asked to do.
+        """
+        p, requests = self._params, _fastest_mps(request, body)
+        share = self._share(moving, body, request)
+        stop = share == 0.0 or any(self._too_late(moving, body, twist) for twist in motions)
+        if self._arrives(moving, body):
+            self._came_s = now_s
+        held = age_s(now_s, self._came_s) <= p.hold_s and nearest_m <= p.beside_m
+        return Meeting(stop or (held and requests > _TINY), share * requests if share < 1.0 else math.inf)
+
+    def _arrives(self, moving: Floats, body: Outline) -> bool:
+        """Somebody is about to walk up to the robot, wherever it is going."""
+        times = np.arange(0.0, self._params.ahead_s + self._params.step_s, self._params.step_s)
+        gaps = _gaps(moving, body, ZERO_TWIST, times, np.zeros_like(times))
+        return bool((gaps <= self._params.margin_m + self._params.drift_mps * times).any())
+
+    def _too_late(self, moving: Floats, body: Outline, twist: Twist2) -> bool:
+        """It touches somebody before it stands, if it brakes any later than now."""
+        return self._touches(moving, body, twist, 1.0, self._params.reaction_s) and self._touches(
+            moving, body, twist, 1.0, None
+        )
+
+    def _share(self, moving: Floats, body: Outline, request: Twist2) -> float:
+        """Of a motion's speed, the greatest from which a stop need not be now; 0: there is none."""
+        p = self._params
+        for step in range(p.shares, 0, -1):
+            share = step / p.shares
+            if not self._touches(moving, body, request, share, p.reaction_s + p.ahead_s):
+                return share
+            if not self._touches(moving, body, request, share, None):
+                return share
+        return 0.0
+
+    def _touches(self, moving: Floats, body: Outline, twist: Twist2, share: float, brakes_s: float | None) -> bool:
+        """Does somebody touch a robot that goes on with a share of the twist, and brakes after ``brakes_s``, before it
+        stands? None: it does not brake, and is followed to the horizon."""
+        p = self._params
+        speed_mps = share * _fastest_mps(twist, body)
+        if speed_mps <= _TINY or not len(moving):
+            return False
+        last_s = p.horizon_s if brakes_s is None else min(brakes_s + speed_mps / self._brake_mps2, p.horizon_s)
+        times = np.arange(0.0, last_s + p.step_s, p.step_s)
+        reached = share * times
+        if brakes_s is not None:
+            braking = np.clip(times - brakes_s, 0.0, speed_mps / self._brake_mps2)
+            driven = np.minimum(times, brakes_s) + braking - 0.5 * self._brake_mps2 / speed_mps * braking**2
+            reached = share * driven
+        near = _gaps(moving, body, twist, times, reached) <= p.margin_m + p.drift_mps * times
+        return bool(near.any())
+
+
+def _fastest_mps(twist: Twist2, body: Outline) -> float:
+    """Of all places of the footprint, or a little more."""
+    return twist.speed() + abs(twist.omega) * body.reach()
+
+
+def _gaps(moving: Floats, body: Outline, twist: Twist2, times: Floats, reached: Floats) -> Floats:
+    """(n, k) m from (n, 5) points at (k,) moments to the footprint of a robot that has followed the twist so far."""
+    x, y, turned = _along(twist, reached)
+    dx = moving[:, 0, None] + moving[:, 3, None] * times - x
+    dy = moving[:, 1, None] + moving[:, 4, None] * times - y
+    c, s = np.cos(turned), np.sin(turned)
+    u, v = c * dx + s * dy, c * dy - s * dx
+    ahead = np.maximum(np.maximum(u - body.front, body.rear - u), 0.0)
+    gaps: NDArray[np.float64] = np.hypot(ahead, np.maximum(np.abs(v) - body.half, 0.0))
+    return gaps
+
+
+def _along(twist: Twist2, seconds: Floats) -> tuple[Floats, Floats, Floats]:
+    """(k,) x, y and yaw of base_link after so many seconds of a twist."""
+    turned = twist.omega * seconds
+    sine, cosine = np.sinc(turned / math.pi) * seconds, 0.5 * turned * np.sinc(0.5 * turned / math.pi) ** 2 * seconds
+    return twist.vx * sine - twist.vy * cosine, twist.vx * cosine + twist.vy * sine, turned

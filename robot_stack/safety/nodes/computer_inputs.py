@@ -1,0 +1,41 @@
+"""What the safety monitor hears of the robot's computer and of its links to displays and screens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from sensor_msgs.msg import Temperature
+from std_msgs.msg import Header
+
+from custom_msgs.msg import EHMIStatus, RobotStatus
+from robot_stack.contract import topics
+from robot_stack.ros.node import StackNode
+from robot_stack.safety.observation import Observation
+
+
+class ComputerInputs:
+    """Subscriptions of the node ``safety_monitor``.
+
+    observation: gives the one in force, which a start under /clock renews.
+    """
+
+    def __init__(self, node: StackNode, observation: Callable[[], Observation]) -> None:
+        self._observation = observation
+        self._status = node.subscribe(topics.ROBOT_STATUS, self._on_status)
+        self._temperature = node.subscribe(topics.COMPUTER_TEMPERATURE, self._on_temperature)
+        self._ehmi = node.subscribe(topics.EHMI_STATUS, self._on_ehmi)
+        self._ui = node.subscribe(topics.UI_HEARTBEAT, self._on_ui)
+
+    def _on_status(self, message: RobotStatus) -> None:
+        cpu, memory, disk = message.cpu_usage_percent, message.memory_usage_percent, message.disk_usage_percent
+        self._observation().computer.usage(cpu, memory, disk, self._status.received_s)
+
+    def _on_temperature(self, message: Temperature) -> None:
+        self._observation().computer.temperature(message.temperature, self._temperature.received_s)
+
+    def _on_ehmi(self, message: EHMIStatus) -> None:
+        if message.linked:
+            self._observation().ehmi.alive(self._ehmi.received_s)
+
+    def _on_ui(self, _: Header) -> None:
+        self._observation().ui.alive(self._ui.received_s)

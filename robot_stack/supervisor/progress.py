@@ -1,0 +1,56 @@
+"""What a start still waits for, in one line for people."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from robot_stack.core.world_clock import slow_text
+
+# Where nobody watches a line that changes, a new one is written this often.
+_TELL_EVERY_S = 5.0
+
+
+def waiting_for(status: dict[str, Any]) -> str:
+    """Who is not ready yet and what each is busy with; empty if all are."""
+    return ", ".join(
+        f"{item['name']} ({item['reason']})" if item["reason"] else item["name"]
+        for item in status["processes"]
+        if item["state"] != "ready"
+    )
+
+
+def pace_text(status: dict[str, Any]) -> str:
+    """``simulation at 0.7x`` where the simulated world is slower than it should be; else empty."""
+    pace = status.get("sim_pace")
+    return "" if pace is None else slow_text(pace, status["sim_speed"])
+
+
+@contextmanager
+def shown() -> Iterator[Callable[[dict[str, Any]], None]]:
+    """Shows each status it is given on stderr: on a terminal a line that changes, elsewhere a line now and then."""
+    if not sys.stderr.isatty():
+        yield _Lines().show
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("starting") as line:
+        yield lambda status: line.update(_text(status))
+
+
+class _Lines:
+    def __init__(self) -> None:
+        self._told_s = time.monotonic()
+
+    def show(self, status: dict[str, Any]) -> None:
+        if time.monotonic() - self._told_s >= _TELL_EVERY_S:
+            self._told_s = time.monotonic()
+            print(_text(status), file=sys.stderr, flush=True)
+
+
+def _text(status: dict[str, Any]) -> str:
+    ready = sum(item["state"] == "ready" for item in status["processes"])
+    return f"{ready} of {len(status['processes'])} ready; waiting for {waiting_for(status)}"

@@ -1,0 +1,128 @@
+"""The computer's figures as the kernel tells them, by psutil and the files of thermal zones and pressure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import psutil
+
+from robot_stack.core.node_record import NodeRecords
+from robot_stack.system_monitor.computer import CpuTimes, ProcessFigures, celsius_of, pressure_avg10
+
+_MIB = 2**20
+_KERNEL = "/proc"
+PRESSURES = ("cpu", "io", "memory")
+
+
+class ComputerReader:
+    """What cannot be read is NaN or missing, whatever the reason. disk_folder need not exist yet."""
+
+    def __init__(self, proc_folder: Path, thermal_folder: Path, disk_folder: Path) -> None:
+        self._proc, self._thermal = proc_folder, thermal_folder
+        self._wanted_disk, self._disk = disk_folder, disk_folder
+        self.find_disk()
+
+    def cpu(self) -> CpuTimes | None:
+        with suppress(OSError, ValueError, IndexError), _told_in(self._proc):
+            times = psutil.cpu_times()
+            # The kernel counts guests in user and nice already.
+            total_s = math.fsum(times) - getattr(times, "guest", 0.0) - getattr(times, "guest_nice", 0.0)
+            return CpuTimes(total_s - times.idle - getattr(times, "iowait", 0.0), total_s)
+        return None
+
+    def memory_percent(self) -> float:
+        with suppress(OSError, ValueError, KeyError, ZeroDivisionError), _told_in(self._proc):
+            return float(psutil.virtual_memory().percent)
+        return math.nan
+
+    def disk_percent(self) -> float:
+        """Of what ordinary users may fill."""
+        with suppress(OSError):
+            usage = psutil.disk_usage(str(self._disk))
+            return float(usage.percent) if usage.total else math.nan
+        return math.nan
+
+    def find_disk(self) -> None:
+        """A folder that is not there yet will lie in the nearest one that is."""
+        folders = (self._wanted_disk, *self._wanted_disk.parents)
+        self._disk = next((path for path in folders if path.exists()), Path("/"))
+
+    def zones(self) -> dict[str, float]:
+        """Degrees Celsius by zone: the kernel's number and type of it."""
+        found = {}
+        for zone in sorted(self._thermal.glob("thermal_zone*")):
+            with suppress(OSError):  # a sensor that sleeps answers with an error
+                celsius = celsius_of((zone / "temp").read_text(encoding="ascii", errors="replace"))
+                found[f"{zone.name} {_kind(zone)}".strip()] = celsius
+        return found
+
+    def pressure(self) -> dict[str, float]:
+        """% of the last 10 s in which somebody waited for it; empty on a kernel that does not count it."""
+        found = {}
+        for name in PRESSURES:
+            with suppress(OSError):
+                found[name] = pressure_avg10((self._proc / "pressure" / name).read_text(encoding="ascii"))
+        return found
+
+
+@contextmanager
+def _told_in(proc_folder: Path) -> Iterator[None]:
+    """psutil reads there. Only for a moment: the stack's processes are found by their real numbers."""
+    psutil.PROCFS_PATH = str(proc_folder)
+    try:
+        yield
+    finally:
+        psutil.PROCFS_PATH = _KERNEL
+
+
+def _kind(zone: Path) -> str:
+    try:
+        return (zone / "type").read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""
+
+
+class ProcessReader:
+    """CPU and memory of the stack's processes, which their records in shared memory name."""
+
+    def __init__(self, nodes: tuple[str, ...]) -> None:
+        self._nodes = nodes
+        self._records = NodeRecords()
+        self._processes: dict[str, psutil.Process] = {}
+        self._pss_mb: dict[int, float] = {}
+
+    def read(self) -> list[ProcessFigures]:
+        """The processes that live. A process of several nodes is there once, by the first of them."""
+        return [figures for name, pid in self._pids().items() if (figures := self._read(name, pid)) is not None]
+
+    def read_pss(self) -> None:
+        """Proportional memory: what is shared counts by its users. Costs ten times the rest."""
+        self._pss_mb = {}
+        for process in self._processes.values():
+            with suppress(psutil.Error, OSError):
+                self._pss_mb[process.pid] = process.memory_full_info().pss / _MIB
+
+    def _pids(self) -> dict[str, int]:
+        pids: dict[str, int] = {}
+        for name in self._nodes:
+            state = self._records.read(name)
+            if state is not None and state.pid not in pids.values():
+                pids[name] = state.pid
+        return pids
+
+    def _read(self, name: str, pid: int) -> ProcessFigures | None:
+        try:
+            process, known = self._processes.get(name), True
+            if process is None or process.pid != pid:
+                process, known = psutil.Process(pid), False
+                self._processes[name] = process
+            with process.oneshot():
+                cpu_percent = process.cpu_percent()
+                rss_mb = process.memory_info().rss / _MIB
+        except (psutil.Error, OSError):
+            self._processes.pop(name, None)
+            return None
+        return ProcessFigures(name, cpu_percent if known else math.nan, rss_mb, self._pss_mb.get(pid, math.nan))

@@ -1,0 +1,47 @@
+"""Who publishes and subscribes to the contract's topics in the live graph."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from rclpy.node import Node
+
+from robot_stack.contract import topics
+from robot_stack.contract.graph import Endpoints
+from robot_stack.contract.model import Topic
+from robot_stack.ros.bulk import owner_of
+
+
+class GraphReader:
+    """Names of endpoints cost a hundred times their number: they are looked up where the number has changed."""
+
+    def __init__(self, node: Node, rows: Sequence[Topic]) -> None:
+        self._node = node
+        self._names = tuple(row.name for row in rows)
+        self._counts: dict[str, tuple[int, int]] = {}
+        self.endpoints: dict[str, Endpoints] = {}
+        self.doubles: tuple[str, ...] = ()
+        self.version = 0  # counts the changes
+
+    def look(self) -> None:
+        """Follows the graph."""
+        changed = [name for name in self._names if self._counts.get(name) != self._count(name)]
+        for name in changed:
+            self._counts[name] = self._count(name)
+            self.endpoints[name] = Endpoints(
+                frozenset(owner_of(info.node_name) for info in self._node.get_publishers_info_by_topic(name)),
+                frozenset(owner_of(info.node_name) for info in self._node.get_subscriptions_info_by_topic(name)),
+            )
+        counted = Counter(self._node.get_node_names())
+        # Tools come and go, and two of one kind do no harm.
+        doubles = tuple(sorted(name for name in counted if counted[name] > 1 and name not in topics.OUTSIDE))
+        self.version += bool(changed) or doubles != self.doubles
+        self.doubles = doubles
+
+    def publishers(self, name: str) -> int:
+        """How many publish a topic, at the last look."""
+        return self._counts.get(name, (0, 0))[0]
+
+    def _count(self, name: str) -> tuple[int, int]:
+        return self._node.count_publishers(name), self._node.count_subscribers(name)

@@ -1,0 +1,38 @@
+"""The audit log: who did what, when, and what came of it. One JSON object a line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+_LENGTH_MAX = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """at: UTC, ISO 8601. who: page, its address and role. what: the action. outcome: ``ok`` or why not."""
+
+    at: str
+    who: str
+    what: str
+    outcome: str
+
+
+def line(entry: Entry) -> str:
+    """Without line breaks and control characters, whatever is in the entry."""
+    fields = {name: getattr(entry, name)[:_LENGTH_MAX] for name in ("at", "who", "what", "outcome")}
+    return json.dumps(fields, ensure_ascii=True)
+
+
+def read(text: str, newest: int) -> list[Entry]:
+    """The newest entries of a log, oldest first; lines that are none (a cut end) are left out."""
+    return [entry for entry in map(_entry, text.splitlines()[-newest:]) if entry is not None]
+
+
+def _entry(text: str) -> Entry | None:
+    try:
+        fields: Any = json.loads(text)
+        return Entry(*(str(fields[name]) for name in ("at", "who", "what", "outcome")))
+    except (ValueError, KeyError, TypeError):
+        return None

@@ -1,0 +1,45 @@
+"""What a page has not been told yet: changed sections only, at most so often. Times are steady seconds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+
+class Changes:
+    """The sections of one page. ``offer`` what is, ``take`` what to send."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self._period_s = 1.0 / rate_hz
+        self._sent: dict[str, Any] = {}
+        self._waiting: dict[str, Any] = {}
+        self._sent_s = -math.inf
+
+    def offer(self, sections: Mapping[str, Any]) -> None:
+        """The newest of each section is kept; one that is again as the page knows it is forgotten."""
+        for name, value in sections.items():
+            if name in self._sent and self._sent[name] == value:
+                self._waiting.pop(name, None)
+            else:
+                self._waiting[name] = value
+
+    def wait_s(self, now_s: float) -> float:
+        """Seconds until something may be sent; infinite while there is nothing."""
+        if not self._waiting:
+            return math.inf
+        return min(self._period_s, max(0.0, self._sent_s + self._period_s - now_s))
+
+    def take(self, now_s: float) -> dict[str, Any]:
+        """What to send now; empty if nothing changed or it is too early."""
+        if self.wait_s(now_s) > 0.0:
+            return {}
+        taken, self._waiting = self._waiting, {}
+        self._sent |= taken
+        self._sent_s = now_s
+        return taken
+
+    def forget(self, name: str) -> None:
+        """The page has dropped a section: it is told anew when it comes again."""
+        self._sent.pop(name, None)
+        self._waiting.pop(name, None)

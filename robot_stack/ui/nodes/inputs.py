@@ -1,0 +1,216 @@
+"""What the touch screen takes from the robot, as plain values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from visualization_msgs.msg import Marker as MarkerMessage
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import System, Topic
+from robot_stack.core.geometry import Pose2
+from robot_stack.ros.conversions import pose_from_msg
+from robot_stack.ros.inputs import Input
+from robot_stack.ros.node import StackNode
+from robot_stack.ui.diagnostics import Diagnostics
+from robot_stack.ui.protocol import Layer
+from robot_stack.ui.snapshot import Computer, Docking, ExternalDisplay, Limit, Marker, Person, Ride, Safety, Snapshot
+
+# What only some pages show is subscribed to while one does.
+_BY_LAYER: dict[Layer, tuple[Topic, ...]] = {
+    Layer.COSTMAP: (topics.LOCAL_COSTMAP, topics.ODOM),
+    Layer.OBSTACLES: (topics.OBSTACLES,),
+    Layer.PEOPLE: (topics.NAVIGATION_PEOPLE, topics.ODOM),
+    Layer.DISPLAY: (topics.EHMI_STATUS,),
+    Layer.MARKERS: (topics.ARUCO_DETECTIONS,),
+    Layer.STOP_SOURCES: (topics.DIAGNOSTICS,),
+    Layer.DIAGNOSTICS: (topics.DIAGNOSTICS,),
+    Layer.FRONT_IMAGE: (topics.FRONT_IMAGE,),
+    Layer.REAR_IMAGE: (topics.REAR_IMAGE,),
+}
+# What lies beneath a picture may be this old: it is taken when the node wakes, five times a second, before or after it.
+_PICTURE_AGE_S = 1.0
+# Without these a rider is told nothing true.
+_NEEDED = (topics.SAFETY_STATUS, topics.MISSION_STATUS, topics.CURRENT_POSE, topics.BATTERY_STATE)
+
+
+class RobotInputs:
+    """callbacks: what takes the messages of topics whose every message counts, by name."""
+
+    def __init__(self, node: StackNode, callbacks: dict[str, Callable[[Any], None]]) -> None:
+        self._node = node
+        self._callbacks = {**callbacks, topics.DIAGNOSTICS.name: self._on_diagnostics}
+        self._diagnostics = Diagnostics()
+        self._rows = topics.of_system(System.ROBOT)
+        self._ride = node.subscribe(topics.MISSION_STATUS)
+        self._limit = node.subscribe(topics.VELOCITY_LIMIT)
+        self._docking = node.subscribe(topics.DOCKING_STATUS)
+        self._battery = node.subscribe(topics.BATTERY_STATE)
+        self._plan = node.subscribe(topics.PLAN)
+        self._navigation = node.subscribe(topics.NAVIGATION_STATUS)
+        self._pose = node.subscribe(topics.CURRENT_POSE)
+        self._quality = node.subscribe(topics.LOCALIZATION_QUALITY)
+        self._speed = node.subscribe(topics.CMD_VEL_LIMITED)
+        self._robot = node.subscribe(topics.ROBOT_STATUS)
+        self._at_times: dict[str, Input] = {}
+
+    def want(self, layers: frozenset[Layer]) -> None:
+        """Takes from now on what these layers show, and no more."""
+        rows = {row.name: row for layer in layers for row in _BY_LAYER.get(layer, ())}
+        for name in self._at_times.keys() - rows.keys():
+            self._node.unsubscribe(self._at_times.pop(name))
+        for name in rows.keys() - self._at_times.keys():
+            self._at_times[name] = self._node.subscribe(rows[name], self._callbacks.get(name))
+
+    def latest(self, row: Topic, within_s: float | None = None) -> Any:
+        """The newest message that is not too old, by its row or ``within_s``; None without one."""
+        entry = self._at_times.get(row.name)
+        if entry is None:
+            return None
+        fresh = entry.fresh() if within_s is None else 0.0 <= entry.age_s() <= within_s
+        return entry.latest if fresh else None
+
+    def pose(self) -> Pose2 | None:
+        """base_link in map."""
+        return pose_from_msg(self._pose.latest.pose) if self._pose.fresh() else None
+
+    def odom_in_map(self) -> Pose2 | None:
+        """The frame odom in map, None while either pose of base_link is unknown."""
+        in_map, odom = self.pose(), self.latest(topics.ODOM, _PICTURE_AGE_S)
+        return None if in_map is None or odom is None else in_map.compose(pose_from_msg(odom.pose.pose).inverse())
+
+    def ride(self) -> Ride | None:
+        return _ride(self._ride.latest)
+
+    def diagnostics(self) -> dict[str, Any]:
+        return self._diagnostics.section(self._rows, self._node.steady_s())
+
+    def stop_sources(self) -> dict[str, Any]:
+        return self._diagnostics.stop_sources(self._node.steady_s())
+
+    def snapshot(self, *, staff_called: bool, driven_by_hand: bool) -> Snapshot:
+        return Snapshot(
+            safety=_safety(self._node.safety_status_input),
+            limit=_limit(self._limit.latest) if self._limit.fresh() else None,
+            ride=self.ride(),
+            docking=_docking(self._docking),
+            computer=_computer(self._robot) if self._robot.fresh() else None,
+            display=_display(self.latest(topics.EHMI_STATUS)),
+            pose=self.pose(),
+            quality=self._quality.latest.data if self._quality.fresh() else None,
+            battery=self._battery.latest.percentage if self._battery.fresh() else None,
+            speed=_speed(self._speed) if self._speed.fresh() else None,
+            plan=_plan(self._plan.latest),
+            navigation=self._navigation.latest.data if self._navigation.latest is not None else "",
+            markers=_markers(self.latest(topics.ARUCO_DETECTIONS)),
+            people=_people(self.latest(topics.NAVIGATION_PEOPLE), self.odom_in_map()),
+            emergency_stop=self._node.emergency_stop,
+            staff_called=staff_called,
+            driven_by_hand=driven_by_hand,
+            missing=self._missing(),
+        )
+
+    def _missing(self) -> tuple[str, ...]:
+        states = self._node.input_states()
+        return tuple(row.name for row in _NEEDED if row.name in states and not states[row.name].fresh)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        now_s = self._node.steady_s()
+        for status in message.status:
+            level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
+            values = {item.key: item.value for item in status.values}
+            self._diagnostics.heard(status.name, level, status.message, values, now_s)
+
+
+def _safety(entry: Input) -> Safety | None:
+    if not entry.fresh():
+        return None
+    m = entry.latest
+    return Safety(m.safety_state, tuple(m.active_faults), m.min_obstacle_distance, m.emergency_stop_active)
+
+
+def _limit(m: Any) -> Limit | None:
+    if m is None:
+        return None
+    reasons = tuple(part.strip() for part in m.reason.split(",") if part.strip())
+    return Limit(m.max_linear_velocity, m.max_angular_velocity, reasons)
+
+
+def _ride(m: Any) -> Ride | None:
+    if m is None:
+        return None
+    return Ride(
+        state=m.state,
+        mission_id=m.mission_id,
+        waypoint=m.current_waypoint,
+        completed=m.waypoints_completed,
+        total=m.total_waypoints,
+        progress=m.progress,
+        eta_s=m.eta_s,
+        passenger=m.passenger_attached,
+        reason=m.reason,
+        last_command=m.last_command,
+        accepted=m.last_command_accepted,
+    )
+
+
+def _docking(entry: Input) -> Docking | None:
+    if not entry.fresh():
+        return None
+    m = entry.latest
+    return Docking(m.state, m.position_error, m.orientation_error, m.visible_markers_count, m.convergence_progress)
+
+
+def _computer(entry: Input) -> Computer:
+    m = entry.latest
+    return Computer(m.cpu_usage_percent, m.memory_usage_percent, m.disk_usage_percent)
+
+
+def _display(m: Any) -> ExternalDisplay | None:
+    if m is None:
+        return None
+    state = None if m.acknowledged_state == m.NO_STATE else m.acknowledged_state
+    return ExternalDisplay(m.linked, state, m.firmware_fault)
+
+
+def _speed(entry: Input) -> tuple[float, float]:
+    twist = entry.latest.twist
+    return math.hypot(twist.linear.x, twist.linear.y), twist.angular.z
+
+
+def _plan(m: Any) -> tuple[tuple[float, float], ...]:
+    return () if m is None else tuple((item.pose.position.x, item.pose.position.y) for item in m.poses)
+
+
+def _markers(m: Any) -> tuple[Marker, ...]:
+    if m is None:
+        return ()
+    return tuple(
+        Marker(
+            item.marker_id,
+            item.camera_frame,
+            item.quality_score,
+            item.pose.position.x,
+            item.pose.position.y,
+            item.pose.position.z,
+        )
+        for item in m.detections
+    )
+
+
+def _people(m: Any, odom: Pose2 | None) -> tuple[Person, ...]:
+    """Cylinders are who and what is there; the arrow of the same number leads to where it will be in a second."""
+    if m is None or odom is None:
+        return ()
+    arrows = {item.id: item.points for item in m.markers if item.type == MarkerMessage.ARROW and len(item.points) == 2}
+    found = []
+    for item in m.markers:
+        if item.type == MarkerMessage.CYLINDER:
+            at = odom.compose(Pose2(item.pose.position.x, item.pose.position.y, 0.0))
+            start, end = arrows.get(item.id, (item.pose.position, item.pose.position))
+            speed = Pose2(0.0, 0.0, odom.yaw).compose(Pose2(end.x - start.x, end.y - start.y, 0.0))
+            found.append(Person(item.ns, at.x, at.y, 0.5 * item.scale.x, speed.x, speed.y))
+    return tuple(found)

@@ -1,0 +1,75 @@
+"""What staff ask of the safety monitor: the second key of the release, and a press that nobody can release."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from robot_stack.contract.model import Service
+from robot_stack.ros.interfaces import interface_class
+from robot_stack.ros.node import StackNode
+from robot_stack.ros.timers import NodeTimer
+from robot_stack.ui.params import ResetParams
+
+# (granted, why not as a key of a text, the safety monitor's own words)
+Answer = Callable[[bool, str, str], None]
+NO_MONITOR, REFUSED, BUSY = "answer.no_monitor", "answer.reset_refused", "answer.reset_busy"
+
+
+class OperatorRequest:
+    """One at a time. Every way out answers once. A refusal is asked again, ``tries`` times in all."""
+
+    def __init__(self, node: StackNode, params: ResetParams, row: Service, tries: int) -> None:
+        self._node, self._params, self._tries_max = node, params, tries
+        self._service = interface_class(row.type)
+        self._client = node.create_client(self._service, row.name)
+        self._answer: Answer | None = None
+        self._fields: dict[str, Any] = {}
+        self._tries = 0
+        self._timers: list[NodeTimer] = []
+
+    def ask(self, answer: Answer, **fields: Any) -> None:
+        """fields: of the request."""
+        if self._answer is not None:
+            answer(False, BUSY, "")
+            return
+        if not self._client.service_is_ready():
+            answer(False, NO_MONITOR, "")
+            return
+        self._answer, self._fields, self._tries = answer, fields, self._tries_max
+        self._after(self._params.timeout_s, lambda: self._end(False, NO_MONITOR, ""))
+        # The safety monitor wants the release to last a moment before it grants a reset.
+        self._after(self._params.pause_s, self._call)
+
+    def _call(self) -> None:
+        if self._answer is not None:
+            self._tries -= 1
+            self._client.call_async(self._service.Request(**self._fields)).add_done_callback(self._on_done)
+
+    def _on_done(self, future: Any) -> None:
+        response = future.result()
+        if response is None or self._answer is None:
+            return
+        if response.success:
+            self._end(True, "", response.message)
+        elif self._tries > 0:
+            self._after(self._params.pause_s, self._call)
+        else:
+            self._end(False, REFUSED, response.message)
+
+    def _after(self, seconds: float, callback: Callable[[], None]) -> None:
+        def once() -> None:
+            timer.destroy()
+            callback()
+
+        timer = self._node.create_timer(seconds, once)
+        timer.reset()  # from now, not from the schedule's next whole period
+        self._timers.append(timer)
+
+    def _end(self, granted: bool, why: str, detail: str) -> None:
+        answer, self._answer = self._answer, None
+        for timer in self._timers:
+            timer.destroy()
+        self._timers = []
+        if answer is not None:
+            answer(granted, why, detail)

@@ -1,0 +1,63 @@
+"""What the touch screen publishes. ``stop`` and ``drive`` may be called from any thread, and wait for none."""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from std_msgs.msg import Header
+
+from custom_msgs.msg import UICommand
+from robot_stack.contract import frames, topics
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.ros.conversions import pose_stamped, pose_to_msg, twist_stamped
+from robot_stack.ros.node import StackNode
+
+# Of a pose that a finger drags: half a metre and 15 degrees, as RViz says of its own tool.
+_POSITION_M2 = 0.25
+_YAW_RAD2 = 0.0685
+
+
+class Outputs:
+    def __init__(self, node: StackNode) -> None:
+        self._node = node
+        self._stop = node.emergency_stop_source()
+        self._command = node.advertise(topics.UI_COMMAND)
+        self._teleop = node.advertise(topics.TELEOP_CMD_VEL)
+        self._pose = node.advertise(topics.INITIAL_POSE)
+        self._goal = node.advertise(topics.GOAL_POSE)
+        self._heartbeat = node.advertise(topics.UI_HEARTBEAT)
+
+    def stop(self) -> None:
+        """To everyone, and to the mission manager as a command: its mission then knows why it stands."""
+        self._stop.publish(True)
+        self.command(UICommand.EMERGENCY_STOP)
+
+    def ask_release(self) -> None:
+        """A request: whoever is still pressed stays so, and the safety monitor alone grants it."""
+        self._stop.publish(False)
+
+    def drive(self, twist: Twist2) -> None:
+        self._teleop.publish(twist_stamped(twist, frames.BASE_LINK, self._node.stamp()))
+
+    def command(self, command_type: str, mission_id: str = "") -> None:
+        message = UICommand(command_type=command_type, mission_id=mission_id)
+        message.header.stamp = self._node.stamp()
+        self._command.publish(message)
+
+    def set_pose(self, pose: Pose2) -> None:
+        message = PoseWithCovarianceStamped()
+        message.header.frame_id, message.header.stamp = frames.MAP, self._node.stamp()
+        message.pose.pose = pose_to_msg(pose)
+        message.pose.covariance[0] = message.pose.covariance[7] = _POSITION_M2
+        message.pose.covariance[35] = _YAW_RAD2
+        self._pose.publish(message)
+
+    def go(self, pose: Pose2) -> None:
+        self._goal.publish(pose_stamped(pose, frames.MAP, self._node.stamp()))
+
+    def cancel_goal(self) -> None:
+        message = PoseStamped()  # an empty frame cancels
+        message.header.stamp = self._node.stamp()
+        self._goal.publish(message)
+
+    def beat(self) -> None:
+        self._heartbeat.publish(Header(stamp=self._node.stamp()))

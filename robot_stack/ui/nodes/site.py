@@ -1,0 +1,75 @@
+"""What pages know of this site: its map, its cameras, its recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from robot_stack.contract.frames import FRONT_CAMERA, REAR_CAMERA
+from robot_stack.core.camera import camera_file, load_intrinsics
+from robot_stack.core.display_patterns import load_patterns
+from robot_stack.core.display_picture import svg
+from robot_stack.core.site_map import FREE, OCCUPIED, load_map
+
+_RECORDINGS_MAX = 50
+# Free ground is nearly white, walls are dark; unknown is between, and bluish as water on a map.
+_SHADES_BGR = {FREE: (250, 249, 247), OCCUPIED: (74, 58, 44)}
+_UNKNOWN_BGR = (226, 218, 209)
+
+
+def background(name: str) -> tuple[dict[str, Any] | None, bytes]:
+    """(where the picture lies in map, the picture as PNG), or (None, nothing) without a map. Raises ConfigError."""
+    if not name:
+        return None, b""
+    grid = load_map(name).grid
+    picture = np.full((*grid.occupancy.shape, 3), _UNKNOWN_BGR, np.uint8)
+    for value, shade in _SHADES_BGR.items():
+        picture[grid.occupancy == value] = shade
+    _, png = cv2.imencode(".png", picture[::-1])
+    rows, columns = grid.occupancy.shape
+    about = {
+        "x": grid.origin_x_m,
+        "y": grid.origin_y_m,
+        "width": columns * grid.resolution_m,
+        "height": rows * grid.resolution_m,
+    }
+    return about, png.tobytes()
+
+
+def pictures(map_png: bytes) -> dict[str, tuple[str, bytes]]:
+    """What is served beside the page's own files, path -> (type, bytes): the map, and what the external display shows
+    in each state and language. Raises ConfigError.
+    """
+    patterns = load_patterns()
+    found = {
+        f"/display/{state}-{language}.svg": ("image/svg+xml", svg(patterns, state, language).encode())
+        for state in patterns.states
+        for language in ("en", "ja", "zh")
+    }
+    return found | ({"/map.png": ("image/png", map_png)} if map_png else {})
+
+
+def cameras() -> dict[str, dict[str, float]]:
+    """Of each camera what puts a marker's place into its image. Raises ConfigError."""
+    found = {}
+    for frame in (FRONT_CAMERA, REAR_CAMERA):
+        k = load_intrinsics(camera_file(frame))
+        found[frame] = {"fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy, "width": float(k.width)}
+    return found
+
+
+def recordings(folder: Path) -> dict[str, Any]:
+    """The newest recordings: name and size."""
+    try:
+        names = sorted((item for item in folder.iterdir() if item.is_dir()), reverse=True)[:_RECORDINGS_MAX]
+        found = [{"name": item.name, "megabytes": _megabytes(item)} for item in names]
+    except OSError:
+        found = []
+    return {"list": found, "folder": str(folder)}
+
+
+def _megabytes(folder: Path) -> float:
+    return round(sum(item.stat().st_size for item in folder.iterdir() if item.is_file()) / 1e6, 1)

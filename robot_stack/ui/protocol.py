@@ -1,0 +1,219 @@
+"""What a page may say: JSON objects with a type ``t``, everything else is refused.
+
+Numbers are finite, strings are short, unknown fields are an error. A message may carry a number ``id`` (0 if it wants
+no answer); the answer repeats it.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, StringConstraints, TypeAdapter, ValidationError
+
+# A message of a page; the longest is 300 characters, but for the missions that staff edit.
+MESSAGE_BYTES_MAX = 4096
+STAFF_BYTES_MAX = 65_536
+# A site of 20 km across, as in mission files.
+Coordinate = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]
+Yaw = Annotated[float, Field(ge=-6.2832, le=6.2832)]
+Deflection = Annotated[float, Field(ge=-1.0, le=1.0)]
+MissionId = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_]{0,63}$")]
+Revision = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{0,16}$")]
+Pin = Annotated[str, StringConstraints(pattern=r"^[0-9]{4,12}$")]
+
+
+class Layer(StrEnum):
+    """What only some pages show; it is taken from the robot while one does."""
+
+    PLAN = "plan"
+    PEOPLE = "people"
+    DISPLAY = "display"
+    STOP_SOURCES = "stop_sources"
+    DIAGNOSTICS = "diagnostics"
+    HISTORY = "history"
+    RECORDINGS = "recordings"
+    MISSION_FILES = "mission_files"
+    COSTMAP = "costmap"
+    OBSTACLES = "obstacles"
+    MARKERS = "markers"
+    FRONT_IMAGE = "front_image"
+    REAR_IMAGE = "rear_image"
+
+
+BINARY_LAYERS = (Layer.COSTMAP, Layer.OBSTACLES, Layer.FRONT_IMAGE, Layer.REAR_IMAGE)
+
+
+class Message(BaseModel):
+    # lax enough for JSON's one kind of number, strict in everything else
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    id: Annotated[int, Field(ge=0, le=2**31)] = 0
+
+
+class Alive(Message):
+    """The page shows something: 1 Hz."""
+
+    t: Literal["alive"]
+
+
+class Show(Message):
+    """The layers that the page shows now."""
+
+    t: Literal["show"]
+    layers: Annotated[list[Annotated[Layer, Field(strict=False)]], Field(max_length=len(Layer))]
+
+
+class Ready(Message):
+    """The page has drawn the last frame of this layer and takes the next."""
+
+    t: Literal["ready"]
+    layer: Annotated[Layer, Field(strict=False)]
+
+
+class Stop(Message):
+    """Emergency stop."""
+
+    t: Literal["stop"]
+
+
+class Reset(Message):
+    """Takes this screen's emergency stop back and asks the safety monitor to release the robot."""
+
+    t: Literal["reset"]
+
+
+class ClearStop(Message):
+    """Somebody has looked: what pressed the emergency stop and is gone, or unknown, asks for it no longer."""
+
+    t: Literal["clear_stop"]
+    source: Annotated[str, StringConstraints(min_length=1, max_length=128)]
+
+
+class Start(Message):
+    t: Literal["start"]
+    mission: MissionId
+
+
+class Ride(Message):
+    """A command about the running mission."""
+
+    t: Literal["pause", "resume", "abort"]
+
+
+class Login(Message):
+    t: Literal["login"]
+    pin: Pin
+
+
+class Logout(Message):
+    t: Literal["logout"]
+
+
+class Pad(Message):
+    """The finger on the dead-man pad, 20 Hz. x forward, y left, turn left. at_ms: the page's own steady clock."""
+
+    t: Literal["pad"]
+    x: Deflection
+    y: Deflection
+    turn: Deflection
+    at_ms: Annotated[float, Field(ge=0.0, le=1e13)]
+
+
+class Lift(Message):
+    """The finger has left the pad."""
+
+    t: Literal["lift"]
+
+
+class Pose(Message):
+    """The robot stands here, map."""
+
+    t: Literal["pose"]
+    x: Coordinate
+    y: Coordinate
+    yaw: Yaw
+
+
+class Goal(Message):
+    """Drive here, map."""
+
+    t: Literal["goal"]
+    x: Coordinate
+    y: Coordinate
+    yaw: Yaw
+
+
+class CancelGoal(Message):
+    t: Literal["cancel_goal"]
+
+
+class CallStaff(Message):
+    """A rider asks for staff (on), or staff have come (off)."""
+
+    t: Literal["call"]
+    on: bool
+
+
+class CheckMission(Message):
+    """What would be wrong with this mission? It is judged as the mission manager judges its file."""
+
+    t: Literal["mission_check"]
+    mission: dict[str, JsonValue]
+
+
+class SaveMission(Message):
+    """Keeps a mission: a new one, or in place of ``was``, of which the page knows the content by its ``revision``."""
+
+    t: Literal["mission_save"]
+    mission: dict[str, JsonValue]
+    was: MissionId | Literal[""]
+    revision: Revision
+
+
+class DeleteMission(Message):
+    t: Literal["mission_delete"]
+    mission: MissionId
+    revision: Revision
+
+
+ClientMessage = Annotated[
+    Alive
+    | Show
+    | Ready
+    | Stop
+    | Reset
+    | ClearStop
+    | Start
+    | Ride
+    | Login
+    | Logout
+    | Pad
+    | Lift
+    | Pose
+    | Goal
+    | CancelGoal
+    | CallStaff
+    | CheckMission
+    | SaveMission
+    | DeleteMission,
+    Field(discriminator="t"),
+]
+_ADAPTER: TypeAdapter[ClientMessage] = TypeAdapter(ClientMessage)
+
+
+class Refused(ValueError):
+    """No message of this protocol."""
+
+
+def parse(text: str | bytes, bytes_max: int = MESSAGE_BYTES_MAX) -> ClientMessage:
+    """The message in a frame. Raises Refused for everything that is none."""
+    if len(text) > bytes_max:
+        raise Refused(f"longer than {bytes_max} bytes")
+    try:
+        return _ADAPTER.validate_json(text)
+    except ValidationError as error:
+        first = error.errors(include_input=False, include_url=False)[0]
+        raise Refused(f"{'.'.join(map(str, first['loc']))}: {first['type']}") from None
+    except (ValueError, RecursionError) as error:  # no text, or nested beyond reason
+        raise Refused(type(error).__name__) from None

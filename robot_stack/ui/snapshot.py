@@ -1,0 +1,123 @@
+"""What the node knows of the robot, as plain values. None: never heard, or too old to be believed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from robot_stack.core.geometry import Pose2
+
+
+@dataclass(frozen=True, slots=True)
+class Safety:
+    """As /safety/status. obstacle_m: +inf nothing seen, NaN unknown."""
+
+    state: str
+    faults: tuple[str, ...]
+    obstacle_m: float
+    pressed: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """As /safety/velocity_limit."""
+
+    linear_mps: float
+    angular_radps: float
+    reasons: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Ride:
+    """As /mission/status."""
+
+    state: str
+    mission_id: str
+    waypoint: str
+    completed: int
+    total: int
+    progress: float
+    eta_s: float
+    passenger: bool
+    reason: str
+    last_command: str
+    accepted: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Docking:
+    """As /docking/status."""
+
+    state: str
+    position_m: float
+    yaw_rad: float
+    markers: int
+    progress: float
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """One of /docking/aruco_detections: where it is in its camera's frame, m."""
+
+    marker_id: int
+    camera: str
+    quality: float
+    x_m: float
+    y_m: float
+    z_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Person:
+    """One of /navigation/people: kind (walking, person, object), in map, m, m/s; what does not walk has no speed."""
+
+    kind: str
+    x_m: float
+    y_m: float
+    radius_m: float
+    vx_mps: float = 0.0
+    vy_mps: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class ExternalDisplay:
+    """As /ehmi/status: state is the one that the display has acknowledged last, None before any."""
+
+    linked: bool
+    state: int | None
+    fault: str
+
+
+@dataclass(frozen=True, slots=True)
+class Computer:
+    """Of /robot_status; NaN unknown."""
+
+    cpu_pct: float
+    memory_pct: float
+    disk_pct: float
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """battery: charge [0, 1], NaN unknown. speed: (m/s, rad/s) really asked of the wheels. quality: of the pose [0, 1].
+
+    plan: (x, y) in map, m. emergency_stop: from the first /emergency_stop true until both keys have released it.
+    """
+
+    safety: Safety | None = None
+    limit: Limit | None = None
+    ride: Ride | None = None
+    docking: Docking | None = None
+    computer: Computer | None = None
+    display: ExternalDisplay | None = None
+    pose: Pose2 | None = None
+    quality: float | None = None
+    battery: float | None = None
+    speed: tuple[float, float] | None = None
+    plan: tuple[tuple[float, float], ...] = ()
+    navigation: str = ""
+    markers: tuple[Marker, ...] = ()
+    people: tuple[Person, ...] = ()
+    emergency_stop: bool = False
+    staff_called: bool = False
+    driven_by_hand: bool = False
+    missing: tuple[str, ...] = field(default=())

@@ -1,0 +1,66 @@
+// Behind the PIN: the pages of those who look after the robot.
+
+import { html, useEffect, useState } from "/vendor/preact-htm.js";
+import { known, t } from "/i18n.js";
+import { DisplayPage } from "/pages/display.js";
+import { DockingPage } from "/pages/docking.js";
+import { DrivePage } from "/pages/drive.js";
+import { MapPage } from "/pages/map.js";
+import { MissionsPage } from "/pages/missions.js";
+import { SettingsPage } from "/pages/settings.js";
+import { DiagnosticsPage, FaultsPage, HistoryPage, RecordingsPage } from "/pages/tables.js";
+
+const PAGES = {
+  map: MapPage,
+  drive: DrivePage,
+  docking: DockingPage,
+  display: DisplayPage,
+  faults: FaultsPage,
+  diagnostics: DiagnosticsPage,
+  missions: MissionsPage,
+  history: HistoryPage,
+  recordings: RecordingsPage,
+  settings: SettingsPage,
+};
+
+export function PinDialog({ link, state, onCancel }) {
+  const [pin, setPin] = useState("");
+  const [wrong, setWrong] = useState("");
+  const access = state.access ?? {};
+  const enter = async () => {
+    const answer = await link.ask({ t: "login", pin });
+    setPin("");
+    setWrong(answer.ok ? "" : answer.why);
+  };
+  const press = (digit) => pin.length < 12 && setPin(pin + digit);
+  const hint = access.pin_set === false ? "answer.no_pin" : wrong || "pin.hint";
+  return html`<section class="page pin" data-page="pin" aria-label=${t("pin.title")}>
+    <h2>${t("pin.title")}</h2>
+    <p role="status">${known(hint) ? t(hint) : hint}</p>
+    <p class="dots" aria-hidden="true">${"●".repeat(pin.length) || "–"}</p>
+    <div class="keys">
+      ${[1, 2, 3, 4, 5, 6, 7, 8, 9].map((digit) => html`<button data-key=${digit} onClick=${() => press(digit)}>${digit}</button>`)}
+      <button onClick=${() => setPin(pin.slice(0, -1))}>${t("pin.delete")}</button>
+      <button data-key="0" onClick=${() => press(0)}>0</button>
+      <button class="primary" id="unlock" disabled=${pin.length < 4} onClick=${enter}>${t("pin.enter")}</button>
+    </div>
+    <button class="plain" onClick=${onCancel}>${t("app.cancel")}</button>
+  </section>`;
+}
+
+export function StaffPages({ link, state, say, change }) {
+  const [page, setPage] = useState("map");
+  useEffect(() => () => link.show([]), []);
+  const Page = PAGES[page];
+  const faults = (state.safety?.faults ?? []).length + (state.staff?.called ? 1 : 0);
+  return html`<div class="staff">
+    <nav aria-label=${t("nav.label")}>
+      ${Object.keys(PAGES).map((name) => html`
+        <button data-nav=${name} aria-current=${page === name ? "page" : null} onClick=${() => setPage(name)}>
+          ${t(`nav.${name}`)}${name === "faults" && faults ? html` <b class="count">${faults}</b>` : null}
+        </button>`)}
+      <button class="plain" id="lock" onClick=${() => link.ask({ t: "logout" })}>${t("pin.lock")}</button>
+    </nav>
+    <${Page} key=${page} link=${link} state=${state} say=${say} change=${change} />
+  </div>`;
+}

@@ -1,0 +1,76 @@
+"""From the twist that is asked for to the speeds of the wheels, within limits of acceleration and jerk of the body.
+
+Without limits the engine shapes a change by itself, in the documented acc_time and dec_time. With limits the speeds of
+each tick are a step towards those that are asked for, and the engine only smooths from one step to the next.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_stack.core.geometry import ZERO_TWIST, Twist2
+from robot_stack.core.limits import MotionLimits
+from robot_stack.core.twist_limits import approach
+from robot_stack.wmx.differential.command import Command
+from robot_stack.wmx.differential.kinematics import REST, BaseGeometry, WheelPair, body_twist, wheel_speeds
+
+# More time than this since the last step is no step: then it begins from what the wheels do.
+_LONGEST_STEP_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class WheelCommand:
+    """speeds: rad/s, of wheels that drive forward. ramp_s: in which the engine reaches them; None: in the times of the
+    interface documents.
+    """
+
+    speeds: WheelPair
+    ramp_s: float | None = None
+
+
+class TwistShaper:
+    """Belongs to one thread. Times are the engine's own, in which the wheels move: one that is held up is not hurried
+    afterwards. limits: None where there are none.
+    """
+
+    def __init__(
+        self, base: BaseGeometry, max_wheel_speed_radps: float, limits: MotionLimits | None, period_s: float
+    ) -> None:
+        self._base, self._most_radps = base, max_wheel_speed_radps
+        self._limits, self._period_s = limits, period_s
+        self._twist = self._acceleration = ZERO_TWIST
+        self._step_at_s: float | None = None
+        self._last = WheelCommand(REST)
+
+    def shape(self, requested: Command, present: WheelPair, now_s: float) -> WheelCommand:
+        """The next step. present: the speeds that the engine commands the wheels (rad/s). Silence is no command that
+        has limits: it is a stop in the documented time.
+        """
+        wheels = wheel_speeds(requested.linear_mps, requested.angular_radps, self._base, self._most_radps)
+        if self._limits is None:
+            return WheelCommand(wheels)
+        if requested.text:
+            self._step_at_s = None
+            return WheelCommand(REST)
+        if now_s == self._step_at_s:
+            return self._last
+        dt_s = self._passed_s(present, now_s)
+        target, still = _twist(wheels, self._base), ZERO_TWIST
+        self._twist, self._acceleration = approach(self._twist, self._acceleration, target, still, self._limits, dt_s)
+        speeds = wheel_speeds(self._twist.vx, self._twist.omega, self._base, self._most_radps)
+        # A period longer than the step: then the next one is there before this one is through.
+        self._last = WheelCommand(speeds, dt_s + self._period_s)
+        return self._last
+
+    def _passed_s(self, present: WheelPair, now_s: float) -> float:
+        """Since the last step; without one the wheels are taken as they are."""
+        before_s, self._step_at_s = self._step_at_s, now_s
+        if before_s is not None and 0.0 < now_s - before_s <= _LONGEST_STEP_S:
+            return now_s - before_s
+        self._twist, self._acceleration = _twist(present, self._base), ZERO_TWIST
+        return self._period_s
+
+
+def _twist(wheels: WheelPair, base: BaseGeometry) -> Twist2:
+    linear_mps, angular_radps = body_twist(wheels, base)
+    return Twist2(linear_mps, 0.0, angular_radps)

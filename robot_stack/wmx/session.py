@@ -1,0 +1,208 @@
+"""A client's session with the motion engine: found, kept alive, lost and found again, the same for whoever has one.
+
+Requests are asked for by name; the reason of a refused one is kept under its name until it succeeds. Nothing here
+waits, but for the opening of a device, which the vendor's library may take seconds for: whoever has no thread for that
+lets the session have one. What is asked of a new device, and in which order, are the steps of ``start_up``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final, Generic, NamedTuple, TypeVar
+
+from robot_stack.wmx import EngineError, MotionEngine
+from robot_stack.wmx.api import ErrorCode, error_name
+from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.failures import ABSENT, LOST
+from robot_stack.wmx.opening import OpenEngine, ThreadedOpener
+
+_WAITING: Final = "waiting for the motion engine"
+_ENDED: Final = "the motion engine has ended"
+_CONNECT, _STATUS, _PROBE, _COMMUNICATION = "connect", "engine status", "engine's answer", "starting communication"
+_HUNG_PAUSE_S: Final = 3.0
+
+SetPointsT = TypeVar("SetPointsT")
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """retry_s: between looks for an engine that does not run. attempts, attempt_pause_s: of opening a device that the
+    engine refuses; after so many it is told, and goes on. probe_period_s: how often an engine is asked whether it is
+    there: a dead one leaves a status that only grows old. waited_for: the codes of an engine that does not run.
+    """
+
+    retry_s: float
+    attempts: int
+    attempt_pause_s: float
+    probe_period_s: float
+    waited_for: frozenset[ErrorCode] = ABSENT
+
+
+def _nothing(*_: Any) -> None:
+    """Nobody wants to know."""
+
+
+@dataclass(frozen=True, slots=True)
+class Events:
+    """What becomes of the device, for who has to know at once. refused: with the failures in a row, this included."""
+
+    opened: Callable[[MotionEngine], None] = _nothing
+    refused: Callable[[EngineError, int], None] = _nothing
+    lost: Callable[[], None] = _nothing
+
+
+class Applied(NamedTuple, Generic[SetPointsT]):
+    """What the engine has taken over of set points, None for nothing; and why it is not all of them, else empty."""
+
+    set_points: SetPointsT | None
+    problem: str = ""
+
+
+class EngineSession:
+    """Belongs to one thread. Times are steady seconds."""
+
+    def __init__(
+        self, open_engine: OpenEngine, patience: Patience, events: Events | None = None, *, own_thread: bool = False
+    ) -> None:
+        """own_thread: devices are opened in a thread, as an executor's tick must not wait for one."""
+        self._opener = ThreadedOpener(open_engine) if own_thread else None
+        self._open_engine: Callable[[], MotionEngine | None] = self._opener or open_engine
+        self._patience = patience
+        self._events = events or Events()
+        self._failures = 0
+        self._pauses: dict[str, tuple[float, float]] = {}
+        self._refusals: dict[str, str] = {}
+        self.engine: MotionEngine | None = None
+        self.connections = 0
+        self.text = _WAITING
+
+    # --- the device --------------------------------------------------------------------------------------------------
+
+    def poll(self, now_s: float) -> bool:
+        """Looks for an engine, or asks the one there is whether it still is. True while there is one."""
+        return self.connect(now_s) if self.engine is None else self.probe(now_s)
+
+    def connect(self, now_s: float) -> bool:
+        """Opens a device if there is none and it is time to try. True if there is one."""
+        if self.engine is not None:
+            return True
+        under_way = self._opener is not None and self._opener.under_way
+        if not self.due(_CONNECT, now_s, self._patience.retry_s) and not under_way:
+            return False
+        before, error = self.connections, self.open()
+        if error is not None:
+            self._refuse(error, now_s)
+        connected = self.connections != before
+        if connected:
+            self._pause(_PROBE, now_s, self._patience.probe_period_s)
+        return connected
+
+    def open(self) -> EngineError | None:
+        """Tries now to open a device; why there is none. None: there is one, or the thread is still at it."""
+        try:
+            engine = self._open_engine()
+        except EngineError as error:
+            return error
+        if engine is not None:
+            self.engine = engine
+            self.connections += 1
+            self._failures, self.text = 0, "connected"
+            self._pauses.clear()  # what was asked of an engine before this one does not count
+            self._refusals.clear()
+            self._events.opened(engine)
+        return None
+
+    def _refuse(self, error: EngineError, now_s: float) -> None:
+        if error.code in self._patience.waited_for:
+            self.text = _WAITING
+            return
+        self._failures += 1
+        self._pause(_CONNECT, now_s, self._patience.attempt_pause_s)
+        attempts = self._patience.attempts
+        if self._failures < attempts:
+            self.text = f"attempt {self._failures} of {attempts}: {error}"
+        else:
+            self.text = f"{self._failures} attempts failed, still trying: {error}"
+        self._events.refused(error, self._failures)
+
+    def probe(self, now_s: float) -> bool:
+        """Asks the engine, now and then, whether it is there. False once it is not."""
+        if self.due(_PROBE, now_s, self._patience.probe_period_s):
+            answered = self.ask(_PROBE, lambda engine: engine.api.GetDeviceName()[0])
+            if not answered:  # an engine that hangs holds every call up: do not spend all time on it
+                self._pause(_PROBE, now_s, _HUNG_PAUSE_S)
+        return self.engine is not None
+
+    def close(self) -> int:
+        """Gives the device back; the engine's code. What it set in motion goes on: stop it before."""
+        if self._opener is not None:
+            self._opener.abandon()
+        if self.engine is None:
+            return ErrorCode.DeviceIsNull
+        engine, self.engine = self.engine, None
+        return engine.close()
+
+    # --- requests ----------------------------------------------------------------------------------------------------
+
+    def read(self) -> StatusSnapshot | None:
+        """The status at this moment, None if it cannot be trusted."""
+        return self.status()[1]
+
+    def status(self) -> tuple[int, StatusSnapshot | None]:
+        """(0, the status at this moment), or (why it cannot be trusted, None)."""
+        if self.engine is None:
+            return ErrorCode.DeviceIsNull, None
+        code, snapshot = self.engine.read_status()
+        return code, snapshot if self._succeeded(_STATUS, code) else None
+
+    def call(self, request: Callable[[MotionEngine], int]) -> int:
+        """The engine's code; DeviceIsNull without a device."""
+        return ErrorCode.DeviceIsNull if self.engine is None else self.check_code(int(request(self.engine)))
+
+    def ask(self, what: str, request: Callable[[MotionEngine], int]) -> bool:
+        """One request to the engine; False if there is none, or if it refused, see ``refusal``."""
+        return self.engine is not None and self._succeeded(what, request(self.engine))
+
+    def refusal(self, what: str, otherwise: str) -> str:
+        """Why the last request of this name was refused, ``otherwise`` if it was not."""
+        return self._refusals.get(what, otherwise)
+
+    @property
+    def problem(self) -> str:
+        """Why there is no status."""
+        return self.refusal(_STATUS, self.text)
+
+    def start_communication(self, now_s: float, pause_s: float, otherwise: str) -> str:
+        """Asks for the bus, not more often than every ``pause_s``. Why it was refused, ``otherwise`` if it was not."""
+        if self.due(_COMMUNICATION, now_s, pause_s):
+            self.ask(_COMMUNICATION, lambda engine: engine.api.StartCommunication(0))
+        return self.refusal(_COMMUNICATION, otherwise)
+
+    def due(self, what: str, now_s: float, pause_s: float) -> bool:
+        """True once, then not before ``pause_s`` have passed. Time that ran back makes everything due."""
+        asked_s, due_s = self._pauses.get(what, (now_s, now_s))
+        if asked_s <= now_s < due_s:
+            return False
+        self._pause(what, now_s, pause_s)
+        return True
+
+    def check_code(self, code: int) -> int:
+        """The code, after what it means for the device."""
+        if code in LOST and self.engine is not None:
+            self.text = _ENDED
+            self._refusals.clear()
+            self.close()
+            self._events.lost()
+        return code
+
+    def _pause(self, what: str, now_s: float, pause_s: float) -> None:
+        self._pauses[what] = now_s, now_s + pause_s
+
+    def _succeeded(self, what: str, code: int) -> bool:
+        if code:
+            self._refusals[what] = f"{what}: {error_name(code)} (error {code})"
+            self.check_code(code)
+        else:
+            self._refusals.pop(what, None)
+        return not code

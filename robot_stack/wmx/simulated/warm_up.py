@@ -1,0 +1,13 @@
+"""Compiles what a cycle of the engine runs through, or loads it."""
+
+from __future__ import annotations
+
+from robot_stack.wmx.config import load_engine_config
+from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+
+
+def warm_up() -> None:
+    """An engine does it by itself when it is made."""
+    config = load_engine_config()
+    Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s))

@@ -1,0 +1,80 @@
+"""A curve as points that the engine's spline can follow: that spline takes positions at times and nothing else.
+
+At rest at both ends and through all points, it is within the fourth power of their distance of a smooth curve, and
+within the square where accelerations jump, as they do between cubics. So points are put in where it is not near enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from robot_stack.wmx.trajectory.results import GoalCode, GoalRefused
+from robot_stack.wmx.trajectory.spline import ClampedSpline
+from robot_stack.wmx.trajectory.waypoints import Waypoints, curve_of
+
+FloatArray = NDArray[np.float64]
+Acceptable = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+
+_FIRST_STEP_S, _FIRST_STEPS = 0.04, 8  # between two points of the goal: no shorter and no more to begin with
+_LAST_STEP_S = 1e-3  # the engine's cycle: what happens in less is not seen by any drive
+_LOOKS = np.array([0.0, 0.25, 0.5, 0.75])  # places from one point to the next at which the deviation is looked for
+
+
+@dataclass(frozen=True, slots=True)
+class Nearness:
+    """How far the engine's spline may be from the curve between their common points, and of how many points it is."""
+
+    deviation_rad: float
+    deviation_radps: float
+    max_points: int
+
+
+def sample(points: Waypoints, acceptable: Acceptable, near: Nearness) -> tuple[FloatArray, FloatArray]:
+    """Rows (n, joints) rad and times (n,) s of which the engine's spline is the curve of ``points``. acceptable: leaves
+    out what the engine would. Raises GoalRefused.
+    """
+    curve, times = curve_of(points), _first_times(points.times_s)
+    while True:
+        if len(times) > near.max_points:
+            raise _too_many(near)
+        rows, kept = acceptable(curve(times), times)
+        if len(kept) < 2:
+            return rows, kept
+        h = np.diff(times)
+        rough = _rough(ClampedSpline(kept, rows), curve, times, near) & (h >= 2.0 * _LAST_STEP_S)
+        if not rough.any():
+            return rows, kept
+        times = np.sort(np.concatenate([times, times[:-1][rough] + 0.5 * h[rough]]))
+
+
+def _rough(spline: ClampedSpline, curve: PPoly, times: FloatArray, near: Nearness) -> NDArray[np.bool_]:
+    """The intervals in which the spline is too far from the curve, (len(times) - 1,)."""
+    between = (times[:-1, None] + np.diff(times)[:, None] * _LOOKS).ravel()
+    between = between.clip(max=spline.times_s[-1])
+    off_rad = np.abs(spline.positions_at(between) - curve(between)).max(axis=1)
+    off_radps = np.abs(spline.velocities_at(between) - curve(between, 1)).max(axis=1)
+    rough = (off_rad > near.deviation_rad) | (off_radps > near.deviation_radps)
+    intervals: NDArray[np.bool_] = rough.reshape(-1, len(_LOOKS)).any(axis=1)
+    return intervals
+
+
+def _first_times(times: FloatArray) -> FloatArray:
+    """The times, and equal steps between two of them."""
+    counts = np.ceil(np.diff(times) / _FIRST_STEP_S - 1e-9).clip(1, _FIRST_STEPS).astype(np.int64)
+    starts = np.repeat(times[:-1], counts)
+    steps = np.repeat(np.diff(times) / counts, counts)
+    within = np.arange(counts.sum()) - np.repeat(np.concatenate([[0], np.cumsum(counts)[:-1]]), counts)
+    return np.append(starts + within * steps, times[-1])
+
+
+def _too_many(near: Nearness) -> GoalRefused:
+    return GoalRefused(
+        GoalCode.INVALID_GOAL,
+        f"points.velocities: the engine's spline would need more than {near.max_points} points to follow them within "
+        f"{near.deviation_rad:g} rad and {near.deviation_radps:g} rad/s",
+    )

@@ -1,0 +1,159 @@
+"""One robot among bodies that move, in simulated time: sensors, perception, safety monitor and drive, each at its rate.
+
+Every node's phase is drawn from the seed, and what passes between them arrives late as measured on the whole stack.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Callable, Iterable, Mapping
+
+import numpy as np
+
+from robot_stack.contract import topics
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.robot import Robot, load_robot
+from robot_stack.drive.arbitration import Source
+from robot_stack.safety.arbiter import Verdict
+from robot_stack.safety.collision import Outline, outline_of
+from sim.bench import people_senses as senses
+from sim.bench.people_robot import ACTUATION_S, DrivenRobot
+from sim.camera.history import BASE
+from sim.lidar.scene import WHEELCHAIR
+from sim.lidar.shapes import Shape
+
+STEP_S = 0.005
+# docs/figures.md: points_to_obstacles_ms_p95 28.0; and the message of the sweep, which the LiDAR's node sends.
+PERCEPTION_S = 0.035
+TRANSPORT_S = 0.002
+# From a body's place to the robot's brakes, in the mean: half a turn of the LiDAR, half a tick of monitor and drive.
+_TICKS_S = 0.01 + 0.5 / topics.WHEEL_COMMANDS.nominal_rate_hz
+REACTION_S = 0.5 * senses.SWEEP_S + PERCEPTION_S + TRANSPORT_S + _TICKS_S + ACTUATION_S
+_REQUEST_S, _BEGIN_S = 0.05, 100.0
+_TOPIC = {Source.TELEOP: topics.TELEOP_CMD_VEL, Source.DOCKING: topics.DOCKING_CMD_VEL}
+
+
+class Stage:
+    """``advance`` moves everything by one step of 5 ms.
+
+    poses: in map, of what moves beside the robot; whoever walks writes it. chair: the robot carries wheelchair and
+    passenger. dock: a wheelchair stands there, which the robot is on its last way to. guarded: False is a robot whose
+    safety monitor lets it do anything.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        fixed: Iterable[Shape],
+        movers: Mapping[str, Iterable[Shape]],
+        *,
+        chair: bool = False,
+        dock: Pose2 | None = None,
+        guarded: bool = True,
+    ) -> None:
+        self._random = np.random.default_rng([seed, 1])
+        self.robot: Robot = load_robot()
+        self.outline: Outline = outline_of(self.robot.footprint_with_chair if chair else self.robot.footprint)
+        self.chair, self.dock, self._guarded = chair, dock, guarded
+        self.now_s = _BEGIN_S
+        self.poses: dict[str, Pose2] = {}
+        self.body = DrivenRobot(self.robot, chair)
+        self.requested, self.source = Twist2(0.0, 0.0, 0.0), Source.TELEOP
+        self._tracker = senses.SimulatedSensors(self.robot, fixed, movers, seed)
+        self._perception = senses.Perception(self.robot, chair, self._random)
+        self.params = senses.safety_params()
+        self.monitor = senses.monitor(self.robot, self.params, chair, self.now_s)
+        self.verdict: Verdict = self.monitor.step(self.now_s)
+        self._where = senses.Whereabouts()
+        self._steps = 0
+        self._messages: list[tuple[float, int, Callable[[], None]]] = []
+        self._order = itertools.count()
+        self._tasks = self._nodes()
+
+    def advance(self) -> None:
+        self._steps += 1
+        self.now_s = _BEGIN_S + self._steps * STEP_S
+        self.body.move(self.now_s, STEP_S)
+        self._note()
+        for period, phase, task in self._tasks:
+            if self._steps % period == phase:
+                task()
+        while self._messages and self._messages[0][0] <= self.now_s:
+            heapq.heappop(self._messages)[2]()
+
+    def seen_from_robot(self, name: str) -> Pose2:
+        """A mover in base_link."""
+        return self.poses[name].relative_to(self.body.pose)
+
+    def _nodes(self) -> list[tuple[int, int, Callable[[], None]]]:
+        rates = (
+            (1.0 / topics.JOINT_STATES.nominal_rate_hz, self._joint_states),
+            (0.5 * senses.SWEEP_S, self._half_sweep),
+            (senses.SWEEP_S, self._overhead),
+            (1.0 / self.params.tick_hz, self._judge),
+            (1.0 / topics.WHEEL_COMMANDS.nominal_rate_hz, self._drive),
+            (_REQUEST_S, self._requested),
+        )
+        periods = [(round(period_s / STEP_S), task) for period_s, task in rates]
+        return [(period, int(self._random.integers(period)), task) for period, task in periods]
+
+    def _after(self, delay_s: float, task: Callable[[], None]) -> None:
+        heapq.heappush(self._messages, (self.now_s + delay_s, next(self._order), task))
+
+    def _note(self) -> None:
+        self._where.add(BASE, self.now_s, self.body.pose)
+        if self.chair:
+            self._where.add(WHEELCHAIR, self.now_s, self.body.pose.compose(senses.chair_ahead()))
+        elif self.dock is not None:
+            self._where.add(WHEELCHAIR, self.now_s, self.dock)
+        for name, pose in self.poses.items():
+            self._where.add(name, self.now_s, pose)
+
+    # --- nodes -------------------------------------------------------------------------------------------------------
+
+    def _joint_states(self) -> None:
+        states, twist = self.body.joint_states(), self.body.twist
+        self._perception.odometry(twist, 1.0 / topics.JOINT_STATES.nominal_rate_hz, self.now_s)
+        self._after(TRANSPORT_S, lambda: senses.joint_states(self.monitor, states, self.now_s))
+
+    def _half_sweep(self) -> None:
+        points, stamp_s = self._tracker.half_sweep(self.now_s, self._where.tracks()), self.now_s
+
+        def deliver() -> None:
+            scene = self._perception.scene(points, stamp_s)
+            if scene is not None:
+                observation, latency_s = self.monitor.observation, self.now_s - stamp_s
+                observation.obstacles(scene.obstacles, latency_s, self.now_s)
+                observation.surroundings.unseen_received(scene.unseen, latency_s, self.now_s)
+                observation.surroundings.moving_received(scene.moving, latency_s, self.now_s)
+
+        self._after(PERCEPTION_S, deliver)
+
+    def _overhead(self) -> None:
+        points, stamp_s = self._tracker.frame(self.now_s, self._where.tracks()), self.now_s
+        self._after(PERCEPTION_S, lambda: self._perception.overhead(points, stamp_s))
+
+    def _judge(self) -> None:
+        observation = self.monitor.observation
+        observation.commands.limited(self.body.set_point, self.now_s)
+        if self.dock is not None:
+            observation.docking("FINE_ALIGN", self.now_s)
+            observation.surroundings.dock(self.dock.relative_to(self.body.pose), 0.0, self.now_s)
+        verdict = self.verdict = self.monitor.step(self.now_s)
+        if self._guarded:
+            self._after(TRANSPORT_S, lambda: self.body.obey(verdict))
+        else:
+            self.body.free()
+
+    def _drive(self) -> None:
+        self.body.tick(self.now_s)
+
+    def _requested(self) -> None:
+        requested, source, sent_s = self.requested, self.source, self.now_s
+
+        def deliver() -> None:
+            self.body.command(source, requested, sent_s + TRANSPORT_S)
+            self.monitor.observation.commands.request(_TOPIC[source].name, requested, sent_s + TRANSPORT_S)
+
+        self._after(TRANSPORT_S, deliver)

@@ -1,0 +1,56 @@
+"""A serial cable: a pseudo terminal under a name that stays when it is pulled and put back."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pty
+import tty
+from pathlib import Path
+
+_CHUNK = 4096
+
+
+class SerialLine:
+    """The device's end. link: the path under which the host finds the terminal. Begins unplugged."""
+
+    def __init__(self, link: Path) -> None:
+        self._link = link
+        self._ends: tuple[int, int] | None = None  # the device's, the host's
+
+    def plug(self) -> None:
+        """The terminal appears; does nothing while it is there."""
+        if self._ends is not None:
+            return
+        ours, theirs = pty.openpty()
+        tty.setraw(theirs)
+        os.set_blocking(ours, False)
+        self._ends = ours, theirs
+        fresh = self._link.with_name(f".{self._link.name}.{os.getpid()}")
+        fresh.unlink(missing_ok=True)
+        fresh.symlink_to(os.ttyname(theirs))
+        fresh.replace(self._link)
+
+    def pull(self) -> None:
+        """Who has the terminal open sees it hang up."""
+        if self._ends is None:
+            return
+        self._link.unlink(missing_ok=True)
+        for end in self._ends:
+            os.close(end)
+        self._ends = None
+
+    def send(self, data: bytes) -> None:
+        """What a full or pulled line does not take is lost, as on a wire."""
+        if self._ends is not None:
+            with contextlib.suppress(BlockingIOError):
+                os.write(self._ends[0], data)
+
+    def received(self) -> bytes:
+        """What the host has sent."""
+        if self._ends is None:
+            return b""
+        try:
+            return os.read(self._ends[0], _CHUNK)
+        except BlockingIOError:
+            return b""

@@ -1,0 +1,117 @@
+"""The line: a pseudo terminal with the firmware at its end, under a name that stays when it is plugged in anew."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pty
+import select
+import threading
+import time
+import tty
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from sim.ehmi.firmware import Display, Firmware
+from sim.ehmi.params import FirmwareParams
+
+ResultT = TypeVar("ResultT")
+_CHUNK = 4096
+_LONGEST_WAIT_S = 0.5
+
+
+class DisplayLine:
+    """A powered display on a plugged cable, in a thread of its own; ``close`` ends it.
+
+    link: the path under which the terminal is found. Real time: a microcontroller knows no other.
+    """
+
+    def __init__(self, params: FirmwareParams, link: Path) -> None:
+        self._firmware = Firmware(params)
+        self._link = link
+        self._turn = threading.Lock()
+        self._ends: tuple[int, int] | None = None  # of the terminal: ours, the host's
+        self._wake_read, self._wake_write = os.pipe()
+        os.set_blocking(self._wake_read, False)
+        self._closing = False
+        self._firmware.power_on(time.monotonic())
+        self.plug()
+        self._thread = threading.Thread(target=self._run, name="ehmi_display", daemon=True)
+        self._thread.start()
+
+    @property
+    def time_s(self) -> float:
+        return time.monotonic()
+
+    def with_firmware(self, act: Callable[[Firmware, float], ResultT]) -> ResultT:
+        """``act(firmware, now)``, while nothing else happens to it."""
+        with self._turn:
+            result = act(self._firmware, time.monotonic())
+        self._wake()
+        return result
+
+    def display(self) -> Display:
+        return self.with_firmware(lambda firmware, now_s: firmware.display(now_s))
+
+    def plug(self) -> None:
+        """The cable is in: the terminal appears."""
+        with self._turn:
+            if self._ends is not None:
+                return
+            ours, theirs = pty.openpty()
+            tty.setraw(theirs)
+            os.set_blocking(ours, False)
+            self._ends = ours, theirs
+            fresh = self._link.with_name(f".{self._link.name}.{os.getpid()}")
+            fresh.unlink(missing_ok=True)
+            fresh.symlink_to(os.ttyname(theirs))
+            fresh.replace(self._link)
+        self._wake()
+
+    def pull(self) -> None:
+        """The cable is out: who has the terminal open sees it hang up. The display keeps its power."""
+        with self._turn:
+            if self._ends is None:
+                return
+            self._link.unlink(missing_ok=True)
+            for end in self._ends:
+                os.close(end)
+            self._ends = None
+        self._wake()
+
+    def close(self) -> None:
+        self._closing = True
+        self._wake()
+        self._thread.join()
+        self.pull()
+
+    def _wake(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._wake_write, b"\0")
+
+    def _run(self) -> None:
+        while not self._closing:
+            timeout_s = self._step()
+            # The terminal is read by looking: its descriptor may be closed by a pull while somebody waits on it.
+            with self._turn:
+                ours = self._ends[0] if self._ends is not None else None
+            readers = [self._wake_read, *([] if ours is None else [ours])]
+            with contextlib.suppress(OSError):
+                select.select(readers, [], [], timeout_s)
+            with contextlib.suppress(BlockingIOError):
+                os.read(self._wake_read, _CHUNK)
+
+    def _step(self) -> float:
+        """Takes and gives what there is; returns how long nothing will be to do."""
+        with self._turn:
+            now_s = time.monotonic()
+            if self._ends is not None:
+                with contextlib.suppress(OSError):  # nothing there
+                    self._firmware.receive(os.read(self._ends[0], _CHUNK), now_s)
+            data = self._firmware.transmit(now_s)
+            if self._ends is not None and data:
+                with contextlib.suppress(OSError):  # nobody reads
+                    os.write(self._ends[0], data)
+            due_s = self._firmware.next_due_s()
+        return min(max(0.0, due_s - time.monotonic()), _LONGEST_WAIT_S)

@@ -1,0 +1,46 @@
+"""What a sensor that stands still saw of things that do not move: the same again, at no cost."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.lidar.shapes import F32, F64
+
+# Nearer than this to where it was, it stands still: 0.05 mm at 50 m, a four-hundredth of the ranges' noise.
+_TURN, _SHIFT_M = 1e-6, 1e-6
+Results = tuple[F32, NDArray[np.int16], F32]
+
+
+class StillView:
+    """One part of a turn. Remembers only what was seen twice from the same place: on the move it costs nothing."""
+
+    def __init__(self) -> None:
+        self._origins: F64 = np.zeros((0, 3))
+        self._rotations: F64 = np.zeros((0, 3, 3))
+        self._seen: Results | None = None
+
+    def recall(self, origins: F64, rotations: F64, results: Results) -> bool:
+        """Fills ``results`` (columns, rings) with what was seen from there, if it is known.
+
+        origins: (columns, 3) m, rotations: (columns, 3, 3), of the sensor in map.
+        """
+        if self._seen is None or not self._same(origins, rotations):
+            return False
+        ranges, hits, cosines = results
+        ranges[:], hits[:], cosines[:] = self._seen
+        return True
+
+    def keep(self, origins: F64, rotations: F64, results: Results) -> None:
+        """Something new was seen from there."""
+        twice = self._same(origins, rotations)
+        self._origins, self._rotations = origins, rotations
+        ranges, hits, cosines = results
+        self._seen = (ranges.copy(), hits.copy(), cosines.copy()) if twice else None
+
+    def _same(self, origins: F64, rotations: F64) -> bool:
+        return (
+            len(origins) == len(self._origins)
+            and bool(np.abs(origins - self._origins).max() < _SHIFT_M)
+            and bool(np.abs(rotations - self._rotations).max() < _TURN)
+        )

@@ -1,0 +1,1 @@
+"""The ride that a map is built from, and how true the map is."""

@@ -1,0 +1,30 @@
+"""The service by which a simulated device is given faults."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from robot_stack.contract.model import Service
+from robot_stack.ros.node import StackNode
+from sim.plant.fault_table import FaultRefused
+from sim.run.requests import NotServed
+
+
+def serve_faults(node: StackNode, row: Service, inject: Callable[[str, str, float, float], str]) -> None:
+    """Offers ``row``, of type InjectFault.
+
+    inject: takes kind, target, value and duration_s (0: until cleared), returns what it did; FaultRefused and NotServed
+    are the refusals that whoever asked is told.
+    """
+
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            response.message = inject(request.kind, request.target, request.value, request.duration_s)
+            response.success = True
+            node.get_logger().warning(f"fault: {response.message}")
+        except (FaultRefused, NotServed) as error:
+            response.message = str(error)
+        return response
+
+    node.serve(row, answer)

@@ -1,0 +1,51 @@
+"""Node sim_computer: the simulated robot's computer in the kernel's own formats, and what can go wrong with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from robot_stack.contract import services, topics
+from robot_stack.core.runtime import recordings_dir, runtime_dir
+from robot_stack.ros.node import StackNode, run
+from sim.computer.computer import SimComputer
+from sim.computer.faults import ComputerFaults
+from sim.computer.params import SimComputerParams
+from sim.nodes.fault_service import serve_faults
+
+
+class SimComputerNode(StackNode):
+    """Lives on real time, as the computer of the nodes that run on it does."""
+
+    def __init__(self) -> None:
+        super().__init__("sim_computer", SimComputerParams)
+        self._computer = SimComputer(self.params, runtime_dir() / self.params.folder, _existing(recordings_dir()))
+        self._faults = ComputerFaults(self._computer)
+        self.subscribe(topics.UI_HEARTBEAT, lambda _: self._computer.screen.heard())
+        serve_faults(self, services.INJECT_COMPUTER_FAULT, self._faults.inject)
+        self.every_real(self.params.tick_rate_hz, self._tick)
+
+    def _tick(self) -> None:
+        self._faults.update()
+        self._computer.kernel.tick()
+        kernel = self._computer.kernel
+        self.report.values["shown"] = (
+            f"processor {kernel.cpu_percent:g} %, memory {kernel.memory_percent:g} %, {kernel.celsius:g} C"
+        )
+        self.set_health(True, "running")
+
+    def destroy_node(self) -> None:
+        self._computer.close()
+        super().destroy_node()
+
+
+def _existing(folder: Path) -> Path:
+    """The folder, or the nearest one above it that is there already: it will lie on the same file system."""
+    return next(path for path in (folder, *folder.parents) if path.exists())
+
+
+def main() -> None:
+    run(SimComputerNode)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,128 @@
+"""What the nodes of the simulated LiDARs share: a sensor in the world, its faults, its clouds as bytes."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Annotated, ClassVar
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped
+from numpy.typing import NDArray
+from pydantic import Field
+from rclpy.publisher import Publisher
+
+from robot_stack.contract import frames, topics
+from robot_stack.contract.model import Service
+from robot_stack.core.config import Config
+from robot_stack.core.point_cloud import SWEEP, Points
+from robot_stack.core.range_sensor import RangeSensor
+from robot_stack.core.robot_shape import quaternion_of
+from robot_stack.ros.conversions import time_from_s
+from robot_stack.ros.node import StackNode
+from robot_stack.ros.point_cloud import cloud_message
+from sim.lidar.faults import LidarFaults
+from sim.lidar.params import load_lidar_params
+from sim.lidar.scene import build_scene
+from sim.lidar.sensor import Lidar
+from sim.lidar.shapes import Shape
+from sim.lidar.sweeper import Sweeper
+from sim.lidar.warm_up import warm_up
+from sim.nodes.bodies import Bodies
+from sim.nodes.fault_service import serve_faults
+from sim.nodes.message_bytes import CloudBytes, restamped
+from sim.parameters import load_sim_params
+from sim.plant.people import PREFIX
+from sim.worldfile import load_world
+from tf2_msgs.msg import TFMessage
+
+
+class LidarDriverParams(Config):
+    """``config/lidar_driver.yaml`` and ``config/overhead_lidar_driver.yaml``."""
+
+    seed: Annotated[int, Field(ge=0)]
+    world: str
+    columns: Annotated[int, Field(ge=8, le=8192)] | None
+    passenger: bool
+    silence_s: Annotated[float, Field(gt=0.0)]
+
+
+class TurningLidar(StackNode):
+    """Measures a part of a turn once the bodies' poses reach its end.
+
+    sensor: of ``config/robot.yaml``, also its frame. parts: of a turn that are measured one by one.
+    """
+
+    sensor: ClassVar[str]
+    parts: ClassVar[int]
+    inject: ClassVar[Service]
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name, LidarDriverParams)
+        self.sweeper = Sweeper(self._lidar(), self.parts)
+        warm_up()
+        self.faults = LidarFaults()
+        beams = self.sweeper.lidar.params.beams
+        self.turn_points = np.empty(beams.columns * beams.rings, SWEEP)
+        self._cloud = CloudBytes(cloud_message(np.empty(0, SWEEP), self.sensor))
+        self._sent: dict[str, bytes] = {}
+        self._tf = self.advertise(topics.TF_STATIC)
+        self._tf.publish(TFMessage(transforms=[self._mounting()]))
+        self._bodies = Bodies(self, self._on_bodies)
+        serve_faults(self, self.inject, self._inject)
+        self.set_health(False, f"waiting for {topics.SIM_BODIES.name}")
+        self.every(2.0, self._watch)
+
+    @abstractmethod
+    def turn(self, number: int, end_s: float) -> None:
+        """Part ``number``, counted from 1, is over: measures and sends it."""
+
+    def own_shapes(self) -> list[Shape]:
+        """What the sensor sees of the robot itself."""
+        return []
+
+    def send(self, publisher: Publisher, points: Points | None, end_s: float) -> None:
+        """None: what was sent last, once more."""
+        stamp = time_from_s(end_s)
+        if points is not None:
+            self._sent[publisher.topic_name] = self._cloud.filled(points, stamp)
+        elif publisher.topic_name in self._sent:
+            self._sent[publisher.topic_name] = restamped(self._sent[publisher.topic_name], stamp)
+        else:
+            return
+        publisher.publish(self._sent[publisher.topic_name])
+
+    def has_sent(self, publisher: Publisher) -> bool:
+        return publisher.topic_name in self._sent
+
+    def _on_bodies(self, time_s: float, poses: dict[str, NDArray[np.float64]]) -> None:
+        self.sweeper.add(time_s, poses)
+        due = self.sweeper.due()
+        if due is not None:
+            self.turn(*due)
+
+    def _watch(self) -> None:
+        self._bodies.watch(self.params.silence_s)
+
+    def _inject(self, kind: str, target: str, value: float, duration_s: float) -> str:
+        return self.faults.inject(kind, target, value, duration_s, self.now_s())
+
+    def _lidar(self) -> Lidar:
+        world, params = load_world(self.params.world), load_lidar_params(self.sensor)
+        if self.params.columns is not None:
+            params = params.with_columns(self.params.columns)
+        people = [f"{PREFIX}{person.name}" for person in world.people]
+        chair = load_sim_params().wheelchair
+        scene = build_scene(world, params, chair, people=people, passenger=self.params.passenger, own=self.own_shapes())
+        return Lidar(scene, params, self.robot, self.params.seed, self.sensor)
+
+    def _mounting(self) -> TransformStamped:
+        """The nominal mounting: what the stack knows."""
+        nominal: RangeSensor = self.robot.range_sensors[self.sensor]
+        message = TransformStamped(child_frame_id=self.sensor)
+        message.header.frame_id, message.header.stamp = frames.BASE_LINK, self.stamp()
+        place, turned = message.transform.translation, message.transform.rotation
+        place.x, place.y, place.z = nominal.xyz_m
+        pose = np.eye(4)
+        pose[:3, :3] = nominal.rotation()
+        turned.x, turned.y, turned.z, turned.w = quaternion_of(pose)
+        return message

@@ -1,0 +1,1 @@
+"""Pictures of the robot in its world, of rides and of scenarios."""

@@ -1,0 +1,23 @@
+"""Compiles what a cycle of the robot's servo drives runs through, or loads it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robot_stack.core.robot import load_robot
+from robot_stack.wmx.bus import DriveCommands, DriveFeedback
+from sim.parameters import load_sim_params
+from sim.plant.drives import N_AXES, JointIndex, ServoDrives
+from sim.plant.robot_model import nominal_tolerances
+
+_BYTES = 1  # of inputs and outputs
+
+
+def warm_up() -> None:
+    """One cycle of wheels that stand."""
+    robot, params = load_robot(), load_sim_params()
+    random, cycle_s = np.random.default_rng(0), params.physics.timestep_s
+    drives = ServoDrives(robot, params, nominal_tolerances(robot), cycle_s, random)
+    axes, standing = np.arange(N_AXES), np.zeros(N_AXES)
+    drives.exchange(DriveCommands.zeros(N_AXES, _BYTES), DriveFeedback.zeros(N_AXES, _BYTES))
+    drives.step(standing, standing, JointIndex(axes, axes), np.zeros(N_AXES), np.zeros(N_AXES))

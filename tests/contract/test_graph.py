@@ -1,0 +1,59 @@
+"""Who must have an endpoint, and who must not: every difference is named, both ways."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from robot_stack.contract import topics
+from robot_stack.contract.graph import Endpoints, lacking, strangers
+from robot_stack.contract.model import EVERY_NODE
+
+NODES = ("swerve_controller", "navigation_controller", "ndt_localization")
+
+
+def seen(publishers: tuple[str, ...] = (), subscribers: tuple[str, ...] = ()) -> Endpoints:
+    return Endpoints(frozenset(publishers), frozenset(subscribers))
+
+
+def test_what_a_row_names_and_the_graph_lacks() -> None:
+    whole = seen(("swerve_controller",), ("navigation_controller", "ndt_localization"))
+    assert lacking(topics.ODOM, whole, NODES) == ()
+    assert lacking(topics.ODOM, seen(), NODES) == (
+        "not published by swerve_controller",
+        "not subscribed to by navigation_controller, ndt_localization",
+    )
+
+
+def test_nodes_that_do_not_run_here_are_not_missed() -> None:
+    assert lacking(topics.OBSTACLES, seen(), NODES) == ()
+
+
+def test_rows_of_every_node() -> None:
+    assert lacking(topics.HEARTBEAT, seen(NODES[:2]), NODES) == ("not published by ndt_localization",)
+    assert strangers(topics.HEARTBEAT, seen(("anybody",)), NODES) == ()
+
+
+def test_the_one_publisher_for_every_node_need_not_hear_itself_but_must_speak() -> None:
+    nodes = ("safety_monitor", "swerve_controller")
+    assert lacking(topics.SAFETY_STATUS, seen(("safety_monitor",), ("swerve_controller",)), nodes) == ()
+    assert lacking(topics.SAFETY_STATUS, seen((), ("swerve_controller",)), nodes) == (
+        "not published by safety_monitor",
+    )
+
+
+def test_who_has_an_endpoint_only_sometimes_is_not_missed() -> None:
+    row = replace(topics.ODOM, sometimes=("ndt_localization",))
+    assert lacking(row, seen(("swerve_controller",), ("navigation_controller",)), NODES) == ()
+    assert lacking(replace(topics.ODOM, sometimes=(EVERY_NODE,)), seen(), NODES) == ()
+
+
+def test_endpoints_that_the_row_does_not_give() -> None:
+    found = seen(("swerve_controller", "intruder"), ("navigation_controller", "swerve_controller", "rviz"))
+    assert strangers(topics.ODOM, seen((), ("recorder",)), (*NODES, "recorder")) == ()
+    assert strangers(topics.ODOM, found, NODES) == ("published by intruder", "subscribed to by swerve_controller")
+
+
+def test_those_who_lack_an_endpoint_sometimes_are_named_by_their_row() -> None:
+    for row in topics.TOPICS:
+        assert set(row.sometimes) <= {*row.publishers, *row.subscribers}, row.name
+        assert row is topics.CLOCK or EVERY_NODE not in row.sometimes, row.name

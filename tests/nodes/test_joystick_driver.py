@@ -1,0 +1,159 @@
+"""The joystick's driver on a device file: commands while the button is held, and what ends them."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from geometry_msgs.msg import TwistStamped
+from std_msgs.msg import Bool
+
+from robot_stack.contract import topics
+from sim.devices.joystick import Joystick, axis, button
+from tests.nodes.test_point_cloud_adapter import says
+from tests.support.fake_safety import FakeSafety
+from tests.support.peer import Heard, Peer
+from tests.support.processes import NodeProcess
+from tests.support.waiting import wait_for
+
+pytestmark = pytest.mark.timeout(300)
+NAME = "joystick_driver"
+AHEAD, DEAD_MAN = 1, 4
+TREMBLE_S = 0.05
+
+
+class Hand:
+    """Holds the button and the stick ahead, and trembles as hands do."""
+
+    def __init__(self, joystick: Joystick) -> None:
+        self.joystick = joystick
+        self.trembles = False
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def drives(self) -> None:
+        self.joystick.send(axis(AHEAD, 0.0), button(DEAD_MAN, False), button(DEAD_MAN, True), axis(AHEAD, -1.0))
+        self.trembles = True
+
+    def _run(self) -> None:
+        number = 0
+        while not self._ended.wait(TREMBLE_S):
+            number += 1
+            if self.trembles:
+                self.joystick.send(axis(AHEAD, -1.0 + 0.001 * (number % 2)))
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def joystick(ros_domain: int) -> Iterator[Joystick]:
+    folder = Path(os.environ["ROBOT_STACK_RUNTIME_DIR"])
+    folder.mkdir(parents=True, exist_ok=True)
+    joystick = Joystick(folder / "js")
+    yield joystick
+    joystick.pull()
+
+
+@pytest.fixture
+def hand(joystick: Joystick) -> Iterator[Hand]:
+    hand = Hand(joystick)
+    yield hand
+    hand.close()
+
+
+def drives(commands: Heard) -> TwistStamped:
+    return commands.wait(lambda message: message.twist.linear.x > 0.55, "a command to drive")
+
+
+def comes_to_rest(commands: Heard, diagnostics: Heard, text: str) -> None:
+    """Zero is commanded last, and then nothing at all."""
+    commands.wait(lambda message: message.twist.linear.x == 0.0, "zero")
+    says(diagnostics, NAME, text)
+    count = len(commands.items)
+    says(diagnostics, NAME, text)
+    assert len(commands.items) == count
+    assert commands.last.twist.linear.x == 0.0
+
+
+def test_commands_while_the_button_is_held(
+    start: Callable[..., NodeProcess], peer: Peer, joystick: Joystick, hand: Hand
+) -> None:
+    commands, diagnostics = peer.listen(topics.TELEOP_CMD_VEL), peer.listen(topics.DIAGNOSTICS)
+    safety = FakeSafety(peer)
+    start(NAME, "-p", "device:=js")
+    says(diagnostics, NAME, "No such file or directory")
+    joystick.plug()
+    says(diagnostics, NAME, "the joystick is there")
+    assert not commands.items
+    hand.drives()
+    command = drives(commands)
+    assert command.header.frame_id == "base_link"
+    wait_for(lambda: len(commands.items) > 20, "commands at 20 Hz")
+    # Released.
+    hand.trembles = False
+    joystick.send(button(DEAD_MAN, False))
+    comes_to_rest(commands, diagnostics, "the joystick is there")
+    # Not felt any more: nobody has released it.
+    hand.drives()
+    drives(commands)
+    hand.trembles = False
+    comes_to_rest(commands, diagnostics, "the joystick is there")
+    # Pulled while it was held, and put back.
+    hand.drives()
+    drives(commands)
+    hand.trembles = False
+    joystick.pull()
+    comes_to_rest(commands, diagnostics, "No such file or directory")
+    joystick.plug()
+    says(diagnostics, NAME, "the joystick is there")
+    hand.drives()
+    drives(commands)
+    # An emergency stop while it is held, and after its end: only a new press moves again.
+    wait_for(lambda: peer.publisher(topics.EMERGENCY_STOP).get_subscription_count() >= 1, "the driver listens")
+    peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
+    comes_to_rest(commands, diagnostics, "the joystick is there")
+    safety.active = False
+    peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
+    count = len(commands.items)
+    says(diagnostics, NAME, "the joystick is there")
+    says(diagnostics, NAME, "the joystick is there")
+    assert len(commands.items) == count
+    hand.drives()
+    drives(commands)
+
+
+def test_what_makes_no_sense_ends_a_command(
+    start: Callable[..., NodeProcess], peer: Peer, joystick: Joystick, hand: Hand
+) -> None:
+    commands, diagnostics = peer.listen(topics.TELEOP_CMD_VEL), peer.listen(topics.DIAGNOSTICS)
+    FakeSafety(peer)
+    joystick.plug()
+    start(NAME, "-p", "device:=js")
+    says(diagnostics, NAME, "the joystick is there")
+    hand.drives()
+    drives(commands)
+    hand.trembles = False
+    joystick.send(bytes(8))
+    comes_to_rest(commands, diagnostics, "")
+    hand.drives()
+    drives(commands)
+
+
+def test_the_end_of_the_driver_ends_a_command(
+    start: Callable[..., NodeProcess], peer: Peer, joystick: Joystick, hand: Hand
+) -> None:
+    commands, diagnostics = peer.listen(topics.TELEOP_CMD_VEL), peer.listen(topics.DIAGNOSTICS)
+    FakeSafety(peer)
+    joystick.plug()
+    process = start(NAME, "-p", "device:=js")
+    says(diagnostics, NAME, "the joystick is there")
+    hand.drives()
+    drives(commands)
+    process.stop()
+    commands.wait(lambda message: message.twist.linear.x == 0.0, "zero as the last word")

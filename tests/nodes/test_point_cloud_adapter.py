@@ -1,0 +1,133 @@
+"""The point cloud adapters beside another vendor's driver, over DDS."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import PointCloud2, PointField
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import Topic
+from robot_stack.core.point_cloud import SWEEP
+from robot_stack.drivers.point_cloud.cloud import Cloud
+from robot_stack.ros.conversions import time_from_s, time_to_s
+from robot_stack.ros.point_cloud import points_of
+from tests.support.peer import Heard, Peer
+from tests.support.processes import NodeProcess
+from tests.support.waiting import wait_for
+from tests.unit.drivers.vendor_clouds import LIVOX, OUSTER, SPAN_S, cloud_of, scene
+
+pytestmark = pytest.mark.timeout(300)
+SEEN = scene(64, 64)
+ADAPTERS = {
+    "point_cloud_adapter": (topics.VENDOR_POINTS, topics.LIDAR_POINTS, "lidar", OUSTER),
+    "overhead_lidar_adapter": (
+        topics.OVERHEAD_VENDOR_POINTS, topics.OVERHEAD_LIDAR_POINTS, "overhead_lidar", LIVOX,
+    ),
+}  # fmt: skip
+
+
+def message_of(cloud: Cloud) -> PointCloud2:
+    fields = [PointField(name=f.name, offset=f.offset, datatype=f.datatype, count=f.count) for f in cloud.fields]
+    message = PointCloud2(
+        height=cloud.height, width=cloud.width, fields=fields, is_bigendian=cloud.is_bigendian,
+        point_step=cloud.point_step, row_step=cloud.row_step, is_dense=True,
+    )  # fmt: skip
+    message.header.frame_id, message.header.stamp = cloud.frame_id, time_from_s(cloud.stamp_s)
+    message.data = array("B", cloud.data.tobytes())
+    return message
+
+
+class VendorDriver:
+    """Another vendor's driver: sweeps that end now, as the vendor lays them out."""
+
+    def __init__(self, peer: Peer, name: str, seen: object) -> None:
+        self.peer, self.row = peer, ADAPTERS[name][0]
+        self.vendor, self.seen = ADAPTERS[name][3], seen
+        self.changes: dict[str, object] = {}
+
+    def sweep(self) -> PointCloud2:
+        start_s = self.peer.node.get_clock().now().nanoseconds / 1e9 - SPAN_S - 0.005
+        return message_of(replace(cloud_of(self.vendor, self.seen, start_s=start_s, padding=5), **self.changes))
+
+    def run(self) -> None:
+        self.peer.repeat(self.row, self.sweep, 10.0)
+
+    def stop(self) -> None:
+        self.peer.silence(self.row)
+
+
+def launch(start: Callable[..., NodeProcess], name: str, row: Topic) -> NodeProcess:
+    return start(name, "-p", f"topic:={row.name}", "-p", "frame_id:=vendor_frame")
+
+
+def says(diagnostics: Heard, name: str, text: str) -> dict[str, str]:
+    """The values with which the node says so from now on; it reports once a second."""
+    first = len(diagnostics.items)
+
+    def told(message: DiagnosticArray) -> bool:
+        return message.status[0].name == name and text in message.status[0].message
+
+    found = wait_for(lambda: next(filter(told, diagnostics.messages[first:]), None), f"{name}: {text}")
+    return {item.key: item.value for item in found.status[0].values}
+
+
+@pytest.mark.parametrize("name", ADAPTERS)
+def test_a_vendors_cloud_becomes_the_contracts_and_silence_is_told(
+    start: Callable[..., NodeProcess], peer: Peer, name: str
+) -> None:
+    vendor_row, row, frame, vendor = ADAPTERS[name]
+    sweeps, diagnostics = peer.listen(row), peer.listen(topics.DIAGNOSTICS)
+    mountings = peer.listen(topics.TF_STATIC)
+    # The overhead LiDAR's forty rings, of robot.yaml, do not have this one's sixty-four.
+    seen = SEEN if frame == "lidar" else scene(16, 64)
+    driver = VendorDriver(peer, name, seen)
+    launch(start, name, vendor_row)
+    peer.wait_matched(vendor_row)
+    driver.run()
+    wait_for(lambda: len(sweeps.items) >= 5, "sweeps")
+    points = points_of(sweeps.last, SWEEP)
+    assert (sweeps.last.header.frame_id, len(points)) == (frame, len(seen.xyz))
+    assert points["time"].max() == 0.0
+    assert points["time"].min() == pytest.approx(-SPAN_S, abs=1e-4)
+    assert set(np.unique(points["ring"])) == set(range(seen.rings))
+    stamps = np.array([time_to_s(message.header.stamp) for message in sweeps.messages])
+    assert (np.diff(stamps) > 0.0).all()
+    values = says(diagnostics, name, "sweeps arrive")
+    assert (values["layout"], values["stamp at"]) == (vendor.name, "first")
+    place = next(t for m in mountings.messages for t in m.transforms if t.child_frame_id == frame)
+    assert place.header.frame_id == "base_link"
+    # Pulled: it is said, nothing old is sent again, and plugged in again it goes on.
+    driver.stop()
+    says(diagnostics, name, f"{vendor_row.name} is silent")
+    count = len(sweeps.items)
+    says(diagnostics, name, f"{vendor_row.name} is silent")
+    assert len(sweeps.items) == count
+    driver.run()
+    wait_for(lambda: len(sweeps.items) >= count + 3, "sweeps again")
+
+
+def test_what_is_refused_is_told_by_name_and_counted(start: Callable[..., NodeProcess], peer: Peer) -> None:
+    sweeps, diagnostics = peer.listen(topics.LIDAR_POINTS), peer.listen(topics.DIAGNOSTICS)
+    driver = VendorDriver(peer, "point_cloud_adapter", SEEN)
+    driver.changes = {"is_bigendian": True}
+    launch(start, "point_cloud_adapter", topics.VENDOR_POINTS)
+    driver.run()
+    values = says(diagnostics, "point_cloud_adapter", "the cloud is big endian, expected little endian")
+    assert int(values["sweeps refused"]) > 0
+    assert not sweeps.items
+    driver.changes = {"frame_id": "base_link"}
+    says(diagnostics, "point_cloud_adapter", "frame_id is 'base_link', expected 'vendor_frame'")
+    driver.changes = {}
+    wait_for(lambda: sweeps.items, "a sweep")
+
+
+def test_a_wrong_parameter_is_one_clear_line(start: Callable[..., NodeProcess]) -> None:
+    process = start("point_cloud_adapter", "-p", "layout:=sick")
+    assert process.wait() == 2
+    assert "layout" in process.output()

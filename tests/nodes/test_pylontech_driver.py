@@ -1,0 +1,135 @@
+"""The battery driver behind an adapter on a real pseudo terminal: readings, nonsense, silence, a pulled cable."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from sensor_msgs.msg import BatteryState
+
+from robot_stack.contract import topics
+from sim.devices.pylontech import Battery, SlcanAdapter
+from sim.devices.serial_line import SerialLine
+from tests.nodes.test_point_cloud_adapter import says
+from tests.support.peer import Peer
+from tests.support.processes import NodeProcess
+from tests.support.waiting import wait_for
+
+pytestmark = pytest.mark.timeout(300)
+PERIOD_S = 0.2  # five times as often as a real one, for the test's sake
+NAME = "pylontech_driver"
+SLCAN = ("-p", "can.interface:=slcan", "-p", "can.channel:=can")
+
+
+class Bus:
+    """A battery and the adapter on a cable that can be pulled."""
+
+    def __init__(self, link: Path) -> None:
+        self.line, self.adapter, self.battery = SerialLine(link), SlcanAdapter(), Battery()
+        self.silent: tuple[int, ...] = ()
+        self.extra = b""
+        self._turn, self._ended = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def plug(self) -> None:
+        with self._turn:
+            self.line.plug()
+
+    def pull(self) -> None:
+        with self._turn:
+            self.line.pull()
+            self.adapter.is_open = False
+
+    def _run(self) -> None:
+        while not self._ended.wait(PERIOD_S):
+            with self._turn:
+                self.line.send(self.adapter.heard(self.line.received()))
+                for frame in self.battery.frames():
+                    if frame[0] not in self.silent:
+                        self.line.send(self.adapter.from_bus(frame))
+                if self.adapter.is_open:
+                    self.line.send(self.extra)
+                    self.extra = b""
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+        self.pull()
+
+
+@pytest.fixture
+def bus(ros_domain: int) -> Iterator[Bus]:
+    folder = Path(os.environ["ROBOT_STACK_RUNTIME_DIR"])
+    folder.mkdir(parents=True, exist_ok=True)
+    bus = Bus(folder / "can")
+    yield bus
+    bus.close()
+
+
+def test_readings_and_what_the_battery_complains_of(start: Callable[..., NodeProcess], peer: Peer, bus: Bus) -> None:
+    states, diagnostics = peer.listen(topics.BATTERY_STATE), peer.listen(topics.DIAGNOSTICS)
+    start(NAME, *SLCAN)
+    says(diagnostics, NAME, "no frame 0x356")
+    bus.plug()
+    wait_for(lambda: len(states.items) >= 3, "readings")
+    state = states.last
+    assert (state.voltage, state.current, state.percentage) == pytest.approx((50.0, -12.3, 0.76))
+    assert (state.charge, state.capacity, state.temperature) == pytest.approx((0.76 * 49.0, 49.0, 21.5))
+    assert state.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    assert state.power_supply_health == BatteryState.POWER_SUPPLY_HEALTH_GOOD
+    assert says(diagnostics, NAME, "readings arrive")["manufacturer"] == "PYLON"
+    wait_for(lambda: (0x305, bytes(8)) in bus.adapter.sent, "a keep-alive frame")
+    # What the battery complains of is told, and readings go on.
+    bus.battery = Battery(current_a=8.0, protections=b"\x08\x00")
+    states.wait(
+        lambda message: (
+            message.power_supply_health == BatteryState.POWER_SUPPLY_HEALTH_OVERHEAT
+            and message.power_supply_status == BatteryState.POWER_SUPPLY_STATUS_CHARGING
+        ),
+        "a hot battery",
+    )
+    says(diagnostics, NAME, "the battery protects itself: over temperature")
+    # Garbage on the line costs a frame at most.
+    bus.battery = Battery()
+    bus.extra = b"tZZZ\r\xff\xfe\r"
+    wait_for(lambda: int(says(diagnostics, NAME, "readings arrive")["frames corrupt"]) > 0, "a corrupt frame")
+
+
+def test_silence_nonsense_and_a_pulled_cable(start: Callable[..., NodeProcess], peer: Peer, bus: Bus) -> None:
+    states, diagnostics = peer.listen(topics.BATTERY_STATE), peer.listen(topics.DIAGNOSTICS)
+    bus.plug()
+    start(NAME, *SLCAN)
+    wait_for(lambda: len(states.items) >= 3, "readings")
+    # A frame that stays away, or is nonsense, ends in silence, not in what was there before.
+    bus.silent = (0x355,)
+    says(diagnostics, NAME, "no frame 0x355 (charge) for 3 s")
+    count = len(states.items)
+    says(diagnostics, NAME, "no frame 0x355")
+    assert len(states.items) == count
+    bus.silent, bus.battery = (), Battery(voltage_v=4.0)
+    says(diagnostics, NAME, "the last was refused: the voltage is 4.0 V, expected 30.0 to 60.0 V")
+    assert len(states.items) <= count + 1  # the charge may come back before the last true measurement is old
+    bus.battery = Battery(charge_percent=75)
+    states.wait(lambda message: message.percentage == pytest.approx(0.75), "a reading")
+    # The cable is pulled, and put back.
+    bus.pull()
+    says(diagnostics, NAME, "no frame 0x356 (voltage, current) and 0x355 (charge)")
+    bus.battery = Battery(charge_percent=74)
+    bus.plug()
+    states.wait(lambda message: message.percentage == pytest.approx(0.74), "a reading")
+
+
+def test_a_bus_that_is_not_there_is_told(start: Callable[..., NodeProcess], peer: Peer) -> None:
+    diagnostics = peer.listen(topics.DIAGNOSTICS)
+    start(NAME, "-p", "can.channel:=can99")
+    assert "can99" in says(diagnostics, NAME, "can99")["device"]
+
+
+def test_a_wrong_parameter_is_one_clear_line(start: Callable[..., NodeProcess]) -> None:
+    process = start(NAME, "-p", "can.bitrate:=9600")
+    assert process.wait() == 2
+    assert "bitrate" in process.output()

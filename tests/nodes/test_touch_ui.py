@@ -1,0 +1,664 @@
+"""The touch screen's node over a real WebSocket, with real DDS peers in place of the robot."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import random
+import signal
+import socket
+import ssl
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import OccupancyGrid, Odometry
+from sensor_msgs.msg import Image
+from std_msgs.msg import Bool
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
+from custom_msgs.msg import MissionStatus, SafetyStatus, UICommand
+from robot_stack.contract import topics
+from robot_stack.core.point_cloud import Points
+from robot_stack.core.runtime import touch_screen_url
+from robot_stack.ros.point_cloud import cloud_message
+from robot_stack.ui import frames
+from robot_stack.ui.pin import hash_pin
+from robot_stack.ui.protocol import Layer
+from tests.support.fake_safety import FakeSafety
+from tests.support.processes import NodeProcess
+from tests.support.ui_page import PIN, WebPage, web_page
+from tests.support.waiting import wait_for
+from tests.unit.ui.test_protocol import GOOD, mutate
+
+if TYPE_CHECKING:
+    from tests.support.peer import Heard, Peer
+
+Start = Callable[..., NodeProcess]
+
+
+class TouchScreen:
+    """The node, where it listens, and what it has said to the robot."""
+
+    def __init__(self, start: Start, peer: Peer, *arguments: str) -> None:
+        self.peer = peer
+        self.stops: Heard = peer.listen(topics.EMERGENCY_STOP)
+        self.commands: Heard = peer.listen(topics.UI_COMMAND)
+        self.teleop: Heard = peer.listen(topics.TELEOP_CMD_VEL)
+        self.poses: Heard = peer.listen(topics.INITIAL_POSE)
+        self.goals: Heard = peer.listen(topics.GOAL_POSE)
+        self.beats: Heard = peer.listen(topics.UI_HEARTBEAT)
+        pin = f"access.pin_hash:='{hash_pin(PIN)}'"
+        self.process = start("touch_ui", "-p", "server.port:=0", "-p", pin, "-p", "pages.map:=''", *arguments)
+        self.process.wait_output("serving http")
+        self.port = int(self.process.output().split("serving http")[1].split("/")[2].split(":")[1])
+
+    def matched(self) -> TouchScreen:
+        def all_there() -> bool:
+            rows = (
+                topics.EMERGENCY_STOP,
+                topics.UI_COMMAND,
+                topics.TELEOP_CMD_VEL,
+                topics.GOAL_POSE,
+                topics.INITIAL_POSE,
+            )
+            named = [{item.node_name for item in self.peer.node.get_publishers_info_by_topic(row.name)} for row in rows]
+            return all("touch_ui" in nodes for nodes in named)
+
+        wait_for(all_there, "the node's publishers")
+        return self
+
+    def said_nothing(self) -> bool:
+        heard = (self.stops, self.commands, self.teleop, self.poses, self.goals)
+        return not any(item.items for item in heard)
+
+
+@pytest.fixture
+def screen(start: Start, peer: Peer) -> TouchScreen:
+    return TouchScreen(start, peer).matched()
+
+
+@pytest.fixture
+def rider(screen: TouchScreen) -> Iterator[WebPage]:
+    with web_page(screen.port) as page:
+        yield page
+
+
+@pytest.fixture
+def staff(screen: TouchScreen) -> Iterator[WebPage]:
+    with web_page(screen.port) as page:
+        yield page.log_in()
+
+
+def test_every_command_of_a_rider(screen: TouchScreen, rider: WebPage) -> None:
+    assert rider.ask("start", mission="site_ride")["ok"]
+    for t in ("pause", "resume", "abort"):
+        assert rider.ask(t)["ok"]
+    wait_for(lambda: len(screen.commands.items) == 4, "four commands")
+    assert [(item.command_type, item.mission_id) for item in screen.commands.messages] == [
+        (UICommand.START_MISSION, "site_ride"),
+        (UICommand.PAUSE, ""),
+        (UICommand.RESUME, ""),
+        (UICommand.ABORT, ""),
+    ]
+    assert rider.ask("call", on=True)["ok"]
+    rider.wait("staff", "called", True)
+
+
+def test_the_stop_reaches_everyone_at_once_and_only_a_request_takes_it_back(
+    screen: TouchScreen, rider: WebPage, peer: Peer
+) -> None:
+    safety = FakeSafety(peer)
+    safety.refusals = ["refused: stop button pressed"] * 20
+    rider.wait("safety", "emergency", False)
+    pressed_s = time.monotonic()
+    assert rider.ask("stop")["ok"]
+    screen.stops.wait(lambda message: message.data, "the stop")
+    print(f"frame to /emergency_stop: {1e3 * (screen.stops.items[0][0] - pressed_s):.1f} ms")
+    assert screen.stops.items[0][0] - pressed_s < 1.0  # on a busy test machine; the bench says what it is
+    screen.commands.wait(lambda message: message.command_type == UICommand.EMERGENCY_STOP, "the command")
+    rider.wait("safety", "emergency", True)
+    rider.wait("stand", "reasons", ["ESTOP_PRESSED"])
+    assert rider.ask("reset") == {"t": "answer", "id": 2, "ok": False, "why": "answer.needs_staff", "detail": ""}
+    assert [item.data for item in screen.stops.messages] == [True]
+    rider.log_in()
+    refused = rider.ask("reset")
+    assert (refused["ok"], refused["why"]) == (False, "answer.reset_refused")
+    assert refused["detail"] == "refused: stop button pressed"  # what still blocks it
+    safety.refusals = ["not yet", "not yet"]
+    assert rider.ask("reset")["ok"]
+    rider.wait("safety", "emergency", False)
+    assert [item.data for item in screen.stops.messages] == [True, False, False]
+
+
+def test_staff_clear_a_stop_that_nobody_can_release(screen: TouchScreen, rider: WebPage, peer: Peer) -> None:
+    safety = FakeSafety(peer)
+    rider.wait("safety", "emergency", False)
+    assert rider.ask("clear_stop", source="panel")["why"] == "answer.needs_staff"
+    rider.log_in()
+    assert rider.ask("clear_stop", source="panel")["ok"]
+    safety.uncleared = "refused: ui is there and says that it is pressed: release it there"
+    refused = rider.ask("clear_stop", source="ui")
+    assert (refused["ok"], refused["detail"]) == (False, safety.uncleared)
+    assert safety.cleared == ["panel", "ui"]
+    assert screen.stops.items == []  # to clear is neither to stop nor to release
+
+
+def test_reset_without_a_safety_monitor(screen: TouchScreen, staff: WebPage) -> None:
+    assert staff.ask("reset")["why"] == "answer.no_monitor"
+    assert staff.ask("clear_stop", source="panel")["why"] == "answer.no_monitor"
+
+
+def test_staff_set_poses_and_goals(screen: TouchScreen, staff: WebPage) -> None:
+    assert staff.ask("pose", x=1.0, y=-2.0, yaw=0.0)["ok"]
+    assert staff.ask("goal", x=3.0, y=4.0, yaw=3.14159265)["ok"]
+    wait_for(lambda: screen.goals.items, "the goal")  # its writer keeps one message
+    assert staff.ask("cancel_goal")["ok"]
+    pose = screen.poses.wait(lambda _: True, "a pose")
+    assert (pose.header.frame_id, pose.pose.pose.position.x, pose.pose.pose.position.y) == ("map", 1.0, -2.0)
+    assert pose.pose.covariance[0] > 0.0
+    wait_for(lambda: len(screen.goals.items) == 2, "two goals")
+    goal, cancelled = screen.goals.messages
+    assert (goal.header.frame_id, goal.pose.position.x) == ("map", 3.0)
+    assert goal.pose.orientation.z == pytest.approx(1.0)
+    assert cancelled.header.frame_id == ""
+
+
+def hold_pad(page: WebPage, seconds: float, x: float = 1.0) -> None:
+    """A finger on the pad for so long."""
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s:
+        page.say("pad", x=x, y=0.0, turn=0.0, at_ms=1e3 * time.monotonic())
+        time.sleep(0.05)
+
+
+def test_the_pad_drives_while_it_is_held(screen: TouchScreen, staff: WebPage) -> None:
+    hold_pad(staff, 2.0)
+    staff.say("lift")
+    screen.teleop.wait(lambda message: message.twist.linear.x == 0.0, "standstill")
+    driven = [item.twist.linear.x for item in screen.teleop.messages]
+    assert driven[0] == pytest.approx(0.5)
+    assert all(any(pair) for pair in pairwise(driven))  # one standstill, then the pad is silent
+    assert screen.teleop.period_s() == pytest.approx(0.05, abs=0.02)
+    assert screen.teleop.last.header.frame_id == "base_link"
+
+
+def test_a_pad_that_falls_silent_stops(screen: TouchScreen, staff: WebPage) -> None:
+    hold_pad(staff, 0.3)
+    silent_s = time.monotonic()
+    screen.teleop.wait(lambda message: message.twist.linear.x == 0.0, "standstill")
+    assert screen.teleop.items[-1][0] - silent_s < 2.0  # 0.2 s, on a busy test machine
+
+
+def test_a_page_that_vanishes_stops(screen: TouchScreen) -> None:
+    with web_page(screen.port) as page:
+        page.log_in()
+        hold_pad(page, 0.3)
+    screen.teleop.wait(lambda message: message.twist.linear.x == 0.0, "standstill")
+
+
+def test_the_node_that_ends_stops(screen: TouchScreen, staff: WebPage) -> None:
+    hold_pad(staff, 0.3)
+    screen.process.signal(signal.SIGINT)
+    screen.teleop.wait(lambda message: message.twist.linear.x == 0.0, "standstill")
+    assert screen.process.wait() == 0
+
+
+def test_two_operators_at_once(screen: TouchScreen, staff: WebPage) -> None:
+    with web_page(screen.port) as other:
+        other.log_in()
+        staff.say("pad", x=1.0, y=0.0, turn=0.0, at_ms=1e3 * time.monotonic())
+        screen.teleop.wait(lambda message: message.twist.linear.x > 0.0, "the first drives")
+
+        def refused() -> bool:
+            staff.say("pad", x=1.0, y=0.0, turn=0.0, at_ms=1e3 * time.monotonic())
+            other.say("pad", x=-1.0, y=0.0, turn=0.0, at_ms=1e3 * time.monotonic())
+            return any(answer["why"] == "answer.pad_busy" for answer in other.answers.values())
+
+        wait_for(refused, "the second to be refused", poll_s=0.05)
+        other.say("lift")
+        staff.say("lift")
+        screen.teleop.wait(lambda message: message.twist.linear.x == 0.0, "standstill")
+        # both may stop; each sees it
+        assert other.ask("stop")["ok"]
+        staff.wait("safety", "emergency", True)
+
+
+def test_what_pages_show(screen: TouchScreen, rider: WebPage, peer: Peer) -> None:
+    rider.wait("stand", "reasons", ["NO_SAFETY"])
+    safety = SafetyStatus(safety_state="DEGRADED", active_faults=["BATTERY_LOW"], min_obstacle_distance=2.0)
+    peer.repeat(topics.SAFETY_STATUS, lambda: safety, 10.0)
+    peer.publish(topics.MISSION_STATUS, MissionStatus(state="RUNNING", mission_id="tour", eta_s=61.0, progress=0.5))
+    pose = PoseStamped()
+    pose.pose.position.x, pose.pose.orientation.w = 3.0, 1.0
+    peer.repeat(topics.CURRENT_POSE, lambda: pose, 10.0)
+    rider.wait("ride", "eta_s", 75)
+    rider.wait("place", "pose", [3.0, 0.0, 0.0])
+    rider.wait("safety", "state", "DEGRADED")
+    assert rider.state["safety"]["faults"][0]["code"] == "BATTERY_LOW"
+    assert {item["id"] for item in rider.state["missions"]["list"]} >= {"site_ride", "wheelchair_transport"}
+    assert rider.state["access"]["role"] == "rider"
+    wait_for(lambda: len(screen.beats.items) >= 3, "three seconds")
+    for name in {name for _, told in rider.told for name in told}:  # what is told is new
+        values = [told[name] for _, told in rider.told if name in told]
+        assert all(before != after for before, after in pairwise(values)), name
+    peer.silence(topics.SAFETY_STATUS)
+    rider.wait("stand", "reasons", ["NO_SAFETY"])
+
+
+def test_at_most_five_times_a_second(screen: TouchScreen, rider: WebPage, peer: Peer) -> None:
+    rider.wait("stand", "reasons", ["NO_SAFETY"])
+    count = iter(range(10**6))
+
+    def pose() -> PoseStamped:
+        message = PoseStamped()
+        message.pose.position.x, message.pose.orientation.w = float(next(count)), 1.0
+        return message
+
+    peer.repeat(topics.CURRENT_POSE, pose, 20.0)
+    begun_s = time.monotonic()
+    wait_for(lambda: len(rider.told) >= 25, "changes")
+    assert time.monotonic() - begun_s > 24 * 0.2 - 0.5
+
+
+def test_heartbeat_only_while_a_page_is_there(screen: TouchScreen) -> None:
+    with web_page(screen.port):
+        wait_for(lambda: len(screen.beats.items) >= 3, "heartbeats")
+        assert screen.beats.period_s() == pytest.approx(1.0, abs=0.2)
+    count = len(screen.beats.items)
+    with web_page(screen.port, alive=False) as silent:  # a socket that shows nothing to anybody
+        silent.wait("access", "role", "rider")
+        begun_s = time.monotonic()
+        wait_for(lambda: time.monotonic() - begun_s > 3.0, "three seconds")
+        assert len(screen.beats.items) <= count + 1
+
+
+def _cloud() -> Any:
+    points: Points = np.zeros(100, np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")]))
+    return cloud_message(points, "base_link")
+
+
+def test_heavy_data_come_only_while_a_page_shows_them(screen: TouchScreen, staff: WebPage, peer: Peer) -> None:
+    pose, odom = PoseStamped(), Odometry()
+    pose.pose.orientation.w = odom.pose.pose.orientation.w = 1.0
+    grid = OccupancyGrid(data=[0] * 12)
+    grid.info.width, grid.info.height, grid.info.resolution = 4, 3, 0.05
+    grid.info.origin.orientation.w = 1.0
+    image = Image(height=72, width=128, step=128, encoding="mono8", data=bytes(72 * 128))
+    for row, message, rate_hz in (
+        (topics.CURRENT_POSE, pose, 10.0),
+        (topics.ODOM, odom, 20.0),
+        (topics.LOCAL_COSTMAP, grid, 5.0),
+        (topics.OBSTACLES, _cloud(), 20.0),
+        (topics.FRONT_IMAGE, image, 10.0),
+    ):
+        peer.repeat(row, lambda message=message: message, rate_hz)
+
+    def listeners(row: Any) -> int:
+        return int(peer.publisher(row).get_subscription_count())
+
+    heavy = {
+        Layer.COSTMAP: topics.LOCAL_COSTMAP,
+        Layer.OBSTACLES: topics.OBSTACLES,
+        Layer.FRONT_IMAGE: topics.FRONT_IMAGE,
+    }
+    assert not any(listeners(row) for row in heavy.values())
+    staff.say("show", layers=[layer.value for layer in heavy])
+    for layer in heavy:
+        number = frames.NUMBERS[layer]
+        wait_for(lambda number=number: staff.frames.get(number), f"{layer.value}")
+    counts = {number: len(items) for number, items in staff.frames.items()}
+    staff.ask("call", on=False)  # a round trip: without a ready nothing more is sent
+    assert {number: len(items) for number, items in staff.frames.items()} == counts
+    assert all(count == 1 for count in counts.values())
+    staff.say("ready", layer="front_image")
+    wait_for(lambda: len(staff.frames[frames.NUMBERS[Layer.FRONT_IMAGE]]) == 2, "the next image")
+    assert staff.frames[frames.NUMBERS[Layer.FRONT_IMAGE]][-1][4:6] == b"\xff\xd8"  # a JPEG
+    staff.say("show", layers=[])
+    wait_for(lambda: not any(listeners(row) for row in heavy.values()), "no listeners")
+    staff.say("show", layers=["costmap"])
+    wait_for(lambda: listeners(topics.LOCAL_COSTMAP) == 1, "a listener again")
+
+
+def test_diagnostics_history_and_recordings(screen: TouchScreen, staff: WebPage, peer: Peer) -> None:
+    values = [KeyValue(key="input /odom", value="12 received, 50.0 Hz, age 0.01 s")]
+    status = DiagnosticStatus(name="navigation_controller", level=DiagnosticStatus.OK, message="well", values=values)
+    peer.repeat(topics.DIAGNOSTICS, lambda: DiagnosticArray(status=[status]), 2.0)
+    staff.say("show", layers=["diagnostics", "history", "recordings"])
+
+    def odom() -> bool:
+        rows = staff.state.get("diagnostics", {}).get("topics", [])
+        return any(row["name"] == "/odom" and row["state"] == "OK" and row["rate_hz"] == 50.0 for row in rows)
+
+    wait_for(odom, "the rate of /odom")
+    wait_for(lambda: any(item["what"] == "staff PIN" for item in staff.state["history"]["list"]), "the log-in")
+    assert "list" in staff.state["recordings"]
+    staff.say("logout")
+    staff.wait("access", "role", "rider")
+    assert staff.ask("show", layers=["history"])["why"] == "answer.needs_staff"
+
+
+def test_operator_actions_are_on_record(screen: TouchScreen, staff: WebPage, tmp_path: Path) -> None:
+    staff.ask("start", mission="tour")
+    staff.ask("goal", x=1.0, y=2.0, yaw=0.0)
+    assert not staff.ask("login", pin="1111")["ok"]
+    staff.say("stop")
+
+    def lines() -> list[dict[str, str]]:
+        logs = list((tmp_path / "state").rglob("touch_ui_audit.jsonl"))
+        return [json.loads(text) for log in logs for text in log.read_text().splitlines()]
+
+    wait_for(lambda: lines() and lines()[-1]["what"] == "emergency stop", "the record")
+    assert [(item["what"], item["outcome"]) for item in lines()] == [
+        ("staff PIN", "ok"),
+        ("start mission tour", "ok"),
+        ("goal 1.00 2.00 0.000", "ok"),
+        ("staff PIN", "wrong"),
+        ("emergency stop", "ok"),
+    ]
+    assert all("127.0.0.1" in item["who"] and item["at"].endswith("+00:00") for item in lines())
+    assert "1111" not in json.dumps(lines())
+
+
+def test_wrong_pins_lock_everyone_out_but_never_the_stop(screen: TouchScreen, rider: WebPage) -> None:
+    answers = [rider.ask("login", pin="1111")["why"] for _ in range(6)]
+    assert answers == ["answer.wrong_pin"] * 4 + ["answer.wait"] * 2
+    with web_page(screen.port) as other:
+        assert other.ask("login", pin=PIN)["why"] == "answer.wait"
+        assert other.ask("stop")["ok"]
+        other.wait("access", "wait_s", 30)
+
+
+# --- missions --------------------------------------------------------------------------------------------------------
+
+TOUR = {
+    "id": "tour",
+    "name": {"en": "Tour", "ja": "一周", "zh": "一圈"},
+    "home": {"x": 0, "y": 0, "yaw": 0},
+    "waypoints": [{"name": "gate", "x": 1.0, "y": 2, "yaw": 0.5, "action": "park"}],
+}
+
+
+def file_of(page: WebPage, mission: str) -> dict[str, Any] | None:
+    """What the page knows of a mission's file."""
+    found = page.state.get("mission_files", {}).get("list", [])
+    return next((item for item in found if item["id"] == mission), None)
+
+
+def saved(page: WebPage, **draft: Any) -> dict[str, Any]:
+    return page.ask("mission_save", mission=TOUR | draft, was="", revision="")
+
+
+def test_missions_are_saved_changed_renamed_and_deleted(staff: WebPage, tmp_path: Path) -> None:
+    folder = tmp_path / "data" / "robot_stack" / "missions"
+    staff.say("show", layers=["mission_files", "history"])
+    assert saved(staff)["ok"]
+    revision = wait_for(lambda: file_of(staff, "tour"), "the file")["revision"]
+    assert {item["id"] for item in staff.state["missions"]["list"]} >= {"tour", "site_ride"}
+    again = saved(staff)
+    assert (again["ok"], again["why"], again["problems"][0]["field"]) == (False, "answer.mission_taken", "id")
+    assert saved(staff, id="site_ride")["why"] == "answer.mission_taken"
+    renamed = {"mission": TOUR | {"id": "round"}, "was": "tour"}
+    assert staff.ask("mission_save", **renamed, revision="0" * 16)["why"] == "answer.mission_changed"
+    assert staff.ask("mission_save", **renamed, revision=revision)["ok"]
+    wait_for(lambda: file_of(staff, "round") and not file_of(staff, "tour"), "the new name")
+    assert staff.ask("mission_delete", mission="round", revision="")["why"] == "answer.mission_changed"
+    assert staff.ask("mission_delete", mission="site_ride", revision="")["why"] == "answer.mission_changed"
+    assert staff.ask("mission_delete", mission="round", revision=file_of(staff, "round")["revision"])["ok"]
+    assert list(folder.iterdir()) == []
+    on_record = [(item["what"], item["outcome"]) for item in staff.state["history"]["list"]]
+    assert ("save mission round (was tour)", "answer.mission_changed") in on_record
+    assert ("save mission round (was tour)", "ok") in on_record
+
+
+def test_a_mission_is_judged_before_it_is_kept(staff: WebPage, tmp_path: Path) -> None:
+    def problems(**draft: Any) -> dict[str, str]:
+        answer = staff.ask("mission_check", mission=TOUR | draft)
+        assert not answer["ok"]
+        return {item["field"]: item["text"] for item in answer["problems"]}
+
+    assert staff.ask("mission_check", mission=TOUR)["ok"]
+    stop = TOUR["waypoints"][0]
+    assert problems(waypoints=[]).keys() == {"waypoints"}
+    assert problems(waypoints=[stop | {"x": "far"}]).keys() == {"waypoints.0.x"}
+    assert problems(waypoints=[stop | {"action": {"wait": -1}}]).keys() == {"waypoints.0.action.wait_s"}
+    assert "no dock" in problems(waypoints=[stop | {"action": {"dock": "chair_9"}}])["waypoints.0.action"]
+    assert problems(id="../tour").keys() == {"id"}
+    assert len(problems(waypoints=[{"name": name} for name in "abcdefghijkl"])) == 20  # and no more
+    assert saved(staff, name={"en": ""})["why"] == "answer.mission_invalid"
+    assert not (tmp_path / "data").exists()
+
+
+def test_the_longest_mission_fits_and_only_from_staff(staff: WebPage, rider: WebPage) -> None:
+    stops = [TOUR["waypoints"][0] | {"name": f"stop {number}"} for number in range(254)]
+    assert saved(staff, waypoints=stops)["ok"]
+    rider.say("mission_save", mission=TOUR | {"waypoints": stops}, was="", revision="")
+    wait_for(lambda: any("longer than" in why for why in rider.refused), "the refusal")
+    assert rider.ask("mission_save", mission=TOUR | {"id": "mine"}, was="", revision="")["why"] == "answer.needs_staff"
+    assert rider.ask("mission_delete", mission="tour", revision="")["why"] == "answer.needs_staff"
+
+
+def test_a_full_disk_is_told(staff: WebPage, tmp_path: Path) -> None:
+    (tmp_path / "data").write_text("no folder can be made here")
+    answer = saved(staff)
+    assert answer["why"] == "answer.mission_not_saved"
+    assert "Not a directory" in answer["detail"]
+
+
+# --- hostile ---------------------------------------------------------------------------------------------------------
+
+
+def get(port: int, path: str, host: str | None = None, method: str = "GET") -> tuple[int, bytes]:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+    try:
+        connection.putrequest(method, path, skip_host=True)
+        connection.putheader("Host", host or f"127.0.0.1:{port}")
+        connection.endheaders()
+        response = connection.getresponse()
+        return response.status, response.read()
+    finally:
+        connection.close()
+
+
+PATHS = (
+    "/../params.py",
+    "/..%2fparams.py",
+    "/%2e%2e/%2e%2e/params.py",
+    "/....//params.py",
+    "/static/../../nodes/hub.py",
+    "//etc/passwd",
+    "/%00index.html",
+    "/index.html%00.js",
+    "/..\\..\\params.py",
+    "/web/index.html",
+    "/vendor/",
+    "/file:///etc/passwd",
+    "/~root/.bashrc",
+    "/" + "a" * 5000,
+    "/?token=" + "x" * 100 + "&path=/etc/passwd",
+)
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_no_path_leads_out_of_the_page(screen: TouchScreen, path: str) -> None:
+    status, body = get(screen.port, path)
+    assert status in (200, 400, 404)
+    assert b"robot_stack" not in body
+    assert b"root:" not in body
+    if status == 200:
+        assert body == get(screen.port, "/")[1]
+
+
+def test_foreign_pages_get_no_socket(screen: TouchScreen) -> None:
+    for origin in (
+        "http://evil.example",
+        "null",
+        f"http://127.0.0.1:{screen.port + 1}",
+        f"https://127.0.0.1:{screen.port}",
+    ):
+        with pytest.raises(InvalidStatus) as refusal:
+            WebPage(screen.port, origin=origin)
+        assert refusal.value.response.status_code == 403
+    assert get(screen.port, "/", host=f"evil.example:{screen.port}")[0] == 421
+    assert get(screen.port, "/", method="POST")[0] == 405
+
+
+def test_hostile_pages_change_nothing_and_crash_nothing(screen: TouchScreen) -> None:
+    """2,000 malformed frames, from pages that are closed for it and come again."""
+    draw = random.Random(11)
+    harmless = [
+        json.dumps(fields).encode()
+        for fields, _ in GOOD
+        if fields["t"] not in ("stop", "start", "pause", "resume", "abort")
+    ]
+    sent = 0
+    while sent < 2000:
+        page = WebPage(screen.port, alive=False)
+        try:
+            for _ in range(500):
+                data = mutate(draw.choice(harmless), draw)
+                page.send(data if draw.random() < 0.2 else data.decode("utf-8", "replace"))
+                sent += 1
+        except ConnectionClosed:
+            pass
+        wait_for(lambda page=page: page.closed is not None, "a page that is closed for what it said")
+        page.close()
+        assert page.closed in (1008, 1009), page.closed
+    assert screen.said_nothing()
+    with web_page(screen.port) as page:
+        assert page.ask("call", on=True)["ok"]
+    assert screen.process.running()
+    assert "Traceback" not in screen.process.output()
+
+
+def test_a_flood_ends_with_the_page_and_others_go_on(screen: TouchScreen, rider: WebPage) -> None:
+    page = WebPage(screen.port, alive=False)
+    with suppress(ConnectionClosed):
+        for _ in range(20_000):
+            page.send('{"t": "pause"}')
+    wait_for(lambda: page.closed == 1008, "the page to be closed")
+    page.close()
+    assert rider.ask("stop")["ok"]
+    assert len(screen.commands.items) < 100
+
+
+def test_too_many_pages(screen: TouchScreen) -> None:
+    pages = [WebPage(screen.port) for _ in range(8)]
+    try:
+        for page in pages:
+            page.wait("access", "role", "rider")
+        ninth = WebPage(screen.port, alive=False)
+        wait_for(lambda: ninth.closed == 1013, "the ninth to be sent away")
+        ninth.close()
+        assert pages[0].ask("stop")["ok"]
+    finally:
+        for page in pages:
+            page.close()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("-p", "server.address:='0.0.0.0'"), "can be reached from outside"),
+        (("-p", "server.address:='robot'"), "must be an IP address"),
+        (("-p", "access.pin_hash:='2468'"), "access.pin_hash"),
+        (("-p", "pages.map:='nowhere'"), "no map 'nowhere'"),
+    ],
+)
+def test_what_cannot_be_served_safely_is_refused(start: Start, arguments: tuple[str, ...], said: str) -> None:
+    process = start("touch_ui", *arguments)
+    assert process.wait() == 2
+    errors = [line for line in process.output().splitlines() if line.startswith("error:")]
+    assert len(errors) == 1
+    assert said in errors[0]
+
+
+def test_a_port_that_is_taken_is_refused(
+    screen: TouchScreen, start: Start, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(tmp_path / "other"))
+    second = start("touch_ui", "-p", f"server.port:={screen.port}", "-p", "server.ports:=1", "-p", "pages.map:=''")
+    assert second.wait() == 2
+    third = start("touch_ui", "-p", f"server.port:={screen.port}", "-p", "pages.map:=''")
+    third.wait_output("serving http")  # the next free one
+    assert f":{screen.port}/" not in third.output()
+    assert "cannot be served" in second.output()
+
+
+def test_the_address_is_told_while_it_is_served(screen: TouchScreen) -> None:
+    assert touch_screen_url() == f"http://127.0.0.1:{screen.port}/"
+    screen.process.signal(signal.SIGTERM)
+    assert screen.process.wait() == 0
+    assert touch_screen_url() is None
+
+
+def test_an_emergency_stop_of_others_is_shown(screen: TouchScreen, rider: WebPage, peer: Peer) -> None:
+    peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
+    rider.wait("safety", "emergency", True)
+
+
+def test_beyond_this_machine_only_with_the_token_over_tls(start: Start, peer: Peer, tmp_path: Path) -> None:
+    """Served on this machine here, as a robot serves it to others."""
+    key, certificate, token = tmp_path / "key.pem", tmp_path / "certificate.pem", "t0ken-" * 6
+    make = "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2 -subj /CN=robot"
+    names = ["-addext", "subjectAltName=IP:127.0.0.1", "-keyout", str(key), "-out", str(certificate)]
+    subprocess.run([*make.split(), *names], check=True, capture_output=True)
+    tls = [f"server.tls_certificate:={certificate}", f"server.tls_key:={key}", f"server.token:={token}"]
+    process = start(
+        "touch_ui", "-p", "server.port:=0", "-p", "pages.map:=''", *(part for item in tls for part in ("-p", item))
+    )
+    process.wait_output("serving https://127.0.0.1:")
+    port = int(process.output().split("serving https://127.0.0.1:")[1].split("/")[0])
+    trust = ssl.create_default_context(cafile=str(certificate))
+
+    def ask(path: str, **headers: str) -> http.client.HTTPResponse:
+        connection = http.client.HTTPSConnection("127.0.0.1", port, context=trust, timeout=20)
+        connection.request("GET", path, headers=headers)
+        return connection.getresponse()
+
+    assert [ask(path).status for path in ("/", "/texts.json", "/?token=", f"/?token={token[:-1]}x")] == [403] * 4
+    welcome = ask(f"/?token={token}")
+    assert (welcome.status, welcome.headers["location"]) == (303, "/")  # the token leaves the address bar
+    cookie = welcome.headers["set-cookie"]
+    assert all(part in cookie for part in ("HttpOnly", "Secure", "SameSite=strict"))
+    sent = {"Cookie": cookie.partition(";")[0]}
+    assert ask("/", **sent).status == 200
+    assert ask("/", Cookie="touch_ui=" + "x" * 36).status == 403
+    where, origin = f"wss://127.0.0.1:{port}/ws", Origin(f"https://127.0.0.1:{port}")
+    with pytest.raises(InvalidStatus), connect(where, origin=origin, ssl=trust):
+        pass
+    with connect(where, origin=origin, ssl=trust, additional_headers=sent) as socket:
+        assert json.loads(socket.recv(20.0))["t"] == "state"
+
+
+def test_a_certificate_that_cannot_be_read_is_refused(start: Start) -> None:
+    process = start("touch_ui", "-p", "server.tls_certificate:=/nowhere.pem", "-p", "server.tls_key:=/nowhere.pem")
+    assert process.wait() == 2
+    assert "tls_certificate or tls_key cannot be used" in process.output()
+
+
+def test_a_connection_that_becomes_nothing_is_ended_and_a_page_is_not(start: Start, peer: Peer) -> None:
+    """Half a request, and a handshake that the server cannot read and does not answer."""
+    screen = TouchScreen(start, peer, "-p", "server.request_s:=1.0")
+    with web_page(screen.port) as page:
+        for begun in (
+            b"GET / HTTP/1.1\r\nHost: ",
+            b"",
+            b"GET /ws HTTP/1.1\r\nHost: x\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nCookie: \x01\r\n\r\n",
+        ):
+            with socket.create_connection(("127.0.0.1", screen.port), 45.0) as connection:
+                connection.sendall(begun)
+                with suppress(ConnectionResetError):
+                    assert connection.recv(100) == b""
+        assert page.ask("pause")["ok"]
+        assert page.closed is None

@@ -1,0 +1,311 @@
+"""The live view beside real publishers, with a plain websocket client."""
+
+from __future__ import annotations
+
+import json
+import random
+import re
+import signal
+import socket
+import struct
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from sensor_msgs.msg import Image, JointState
+from std_msgs.msg import Bool
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.typing import Subprotocol
+
+from custom_msgs.msg import EHMIStatus
+from robot_stack.contract import topics
+from robot_stack.contract.display import Display
+from robot_stack.contract.model import System, Topic
+from robot_stack.view.channels import MODEL, offered
+from tests.support.peer import Peer
+from tests.support.processes import NodeProcess
+from tests.support.waiting import wait_for
+
+COMMAND = [sys.executable, "-m", "robot_stack.cli", "view"]
+_MESSAGE = 1
+
+
+class Viewer:
+    """One client. Messages are (channel's topic, bytes)."""
+
+    def __init__(self, port: int) -> None:
+        self._open = ExitStack()
+        address, subprotocol = f"ws://127.0.0.1:{port}", Subprotocol("foxglove.sdk.v1")
+        self._link = self._open.enter_context(
+            connect(address, subprotocols=[subprotocol], max_size=2**26, open_timeout=30)
+        )
+        self.channels: dict[str, dict[str, Any]] = {}
+        self.messages: list[tuple[str, bytes]] = []
+        self.statuses: list[dict[str, Any]] = []
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+        wait_for(lambda: len(self.channels) > len(offered(System.ROBOT)), "every channel")
+
+    def _read(self) -> None:
+        try:
+            for item in self._link:
+                self._take(item)
+        except ConnectionClosed:
+            pass
+
+    def _take(self, item: str | bytes) -> None:
+        if isinstance(item, bytes):
+            opcode, subscription, _ = struct.unpack_from("<BIQ", item)
+            assert opcode == _MESSAGE
+            self.messages.append((self._topic(subscription), item[13:]))
+            return
+        message = json.loads(item)
+        if message["op"] == "advertise":
+            self.channels |= {channel["topic"]: channel for channel in message["channels"]}
+        elif message["op"] == "status":
+            self.statuses.append(message)
+
+    def _topic(self, channel: int) -> str:
+        return next(topic for topic, item in self.channels.items() if item["id"] == channel)
+
+    def look(self, topic: str) -> None:
+        """Subscriptions get their channel's number."""
+        number = self.channels[topic]["id"]
+        self.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": number, "channelId": number}]}))
+
+    def look_away(self, topic: str) -> None:
+        self.send(json.dumps({"op": "unsubscribe", "subscriptionIds": [self.channels[topic]["id"]]}))
+
+    def send(self, item: str | bytes) -> None:
+        self._link.send(item)
+
+    def heard(self, topic: str) -> list[bytes]:
+        return [data for name, data in self.messages if name == topic]
+
+    def close(self) -> None:
+        self._open.close()
+        self._thread.join(10.0)
+
+    def vanish(self) -> None:
+        """As a browser that is killed."""
+        self._link.socket.shutdown(socket.SHUT_RDWR)
+        self._thread.join(10.0)
+
+
+@pytest.fixture
+def view(start: Callable[..., NodeProcess]) -> NodeProcess:
+    process = start("view", command=[*COMMAND, "--port", "0"])
+    process.wait_output("Ctrl-C ends it")
+    return process
+
+
+@pytest.fixture
+def viewer(view: NodeProcess) -> Iterator[Callable[[], Viewer]]:
+    """``viewer()`` connects one."""
+    made: list[Viewer] = []
+
+    def join() -> Viewer:
+        made.append(Viewer(port_of(view)))
+        return made[-1]
+
+    yield join
+    for each in made:
+        each.close()
+
+
+def port_of(process: NodeProcess) -> int:
+    found = re.search(r"ws://127\.0\.0\.1:(\d+)", process.output())
+    assert found is not None
+    return int(found.group(1))
+
+
+def subscribers(peer: Peer, row: Topic) -> int:
+    return int(peer.publisher(row).get_subscription_count())
+
+
+def odometry(number: int) -> bytes:
+    """As it goes over the wire. Serialised once: padding between fields is whatever lay in memory."""
+    message = Odometry(child_frame_id=f"base_link {number}")
+    message.pose.pose.position.x = 0.1 * number
+    message.pose.covariance[35] = 1e-3 * number
+    return bytes(serialize_message(message))
+
+
+YES, NO = (bytes(serialize_message(Bool(data=value))) for value in (True, False))
+
+
+def test_channels_carry_the_contract_and_schemas_that_others_can_read(viewer: Callable[[], Viewer]) -> None:
+    channels = viewer().channels
+    assert set(channels) == {*offered(System.ROBOT), MODEL}
+    for row in offered(System.ROBOT).values():
+        channel = channels[row.name]
+        assert (channel["encoding"], channel["schemaEncoding"], channel["schemaName"]) == ("cdr", "ros2msg", row.type)
+        store = get_typestore(Stores.EMPTY)
+        store.register(get_types_from_msg(channel["schema"], row.type))  # an independent reader
+        assert row.type in store.types
+    assert channels[MODEL]["schemaName"] == "foxglove.SceneUpdate"
+
+
+def test_bytes_arrive_as_they_were_sent_and_only_while_somebody_looks(peer: Peer, viewer: Callable[[], Viewer]) -> None:
+    row = topics.ODOM
+    one = viewer()
+    peer.publisher(row)
+    assert subscribers(peer, row) == 0
+    one.look(row.name)
+    peer.wait_matched(row)
+    sent = [odometry(number) for number in range(1000)]
+    coming = iter(sent)
+    peer.repeat(row, lambda: next(coming), 20.0)
+    wait_for(lambda: len(one.heard(row.name)) >= 5, "five messages")
+    heard = one.heard(row.name)
+    first = sent.index(heard[0])
+    assert heard == sent[first : first + len(heard)]
+    one.look_away(row.name)
+    wait_for(lambda: subscribers(peer, row) == 0, "the subscription's end")
+
+
+def test_images_pass_whole(peer: Peer, viewer: Callable[[], Viewer]) -> None:
+    row = topics.FRONT_IMAGE
+    data = random.Random(1).randbytes(1280 * 720)
+    image = bytes(serialize_message(Image(height=720, width=1280, encoding="mono8", step=1280, data=data)))
+    one = viewer()
+    one.look(row.name)
+    peer.wait_matched(row)
+    peer.repeat(row, lambda: image, 5.0)
+    wait_for(lambda: one.heard(row.name), "an image")
+    assert one.heard(row.name)[0] == image
+
+
+def test_second_viewer_hears_what_was_latched_and_outlives_the_first(peer: Peer, viewer: Callable[[], Viewer]) -> None:
+    row = topics.PASSENGER_ATTACHED
+    peer.publish(row, YES)
+    one, two = viewer(), viewer()
+    one.look(row.name)
+    wait_for(lambda: one.heard(row.name), "the latched message")
+    two.look(row.name)
+    wait_for(lambda: two.heard(row.name), "the latched message for who came later")
+    assert set(one.heard(row.name)) == set(two.heard(row.name)) == {YES}
+    one.vanish()
+    peer.publish(row, NO)
+    wait_for(lambda: NO in two.heard(row.name), "the next message")
+    two.close()
+    wait_for(lambda: subscribers(peer, row) == 0, "the subscription's end with its last viewer")
+
+
+def test_a_viewer_that_vanishes_leaves_no_subscription(peer: Peer, viewer: Callable[[], Viewer]) -> None:
+    one = viewer()
+    for row in (topics.ODOM, topics.IMU):
+        one.look(row.name)
+        peer.wait_matched(row)
+    one.vanish()
+    for row in (topics.ODOM, topics.IMU):
+        wait_for(lambda row=row: subscribers(peer, row) == 0, f"the end of {row.name}")
+
+
+def test_the_model_follows_joints_and_passenger(peer: Peer, viewer: Callable[[], Viewer]) -> None:
+    one = viewer()
+    one.look(MODEL)
+    peer.wait_matched(topics.JOINT_STATES)
+    peer.wait_matched(topics.PASSENGER_ATTACHED)
+    assert one.channels["/joint_states"]  # not looked at itself
+    states = JointState(name=["fl_drive", "fl_steer"], position=[0.0, 0.5])
+    peer.repeat(topics.JOINT_STATES, lambda: states, 20.0)
+    wait_for(lambda: one.heard(MODEL), "a model")
+    assert b"fl_wheel" in one.heard(MODEL)[-1]
+    assert b"wheelchair" not in one.heard(MODEL)[-1]
+    assert one.heard("/joint_states") == []
+    peer.publish(topics.PASSENGER_ATTACHED, Bool(data=True))
+    wait_for(lambda: b"wheelchair" in one.heard(MODEL)[-1], "the wheelchair")
+    one.look_away(MODEL)
+    wait_for(lambda: subscribers(peer, topics.JOINT_STATES) == 0, "the end of /joint_states")
+
+
+def test_the_external_display_is_above_the_robot(peer: Peer, viewer: Callable[[], Viewer]) -> None:
+    one = viewer()
+    one.look(MODEL)
+    peer.wait_matched(topics.JOINT_STATES)
+    peer.wait_matched(topics.EHMI_STATUS)
+    peer.repeat(topics.JOINT_STATES, lambda: JointState(name=["fl_drive"], position=[0.0]), 20.0)
+    status = EHMIStatus(linked=True, acknowledged_state=Display.EMERGENCY_STOP)
+    peer.repeat(topics.EHMI_STATUS, lambda: status, 5.0)
+    wait_for(lambda: one.heard(MODEL) and b"Emergency stop" in one.heard(MODEL)[-1], "what the display shows")
+    status.linked = False
+    wait_for(lambda: b"no answer" in one.heard(MODEL)[-1], "that nobody knows what it shows")
+
+
+HOSTILE = (
+    b"",
+    b"\xff\x00garbage",
+    b"\x01" + b"\x00" * 12 + b"a message for the graph",
+    "",
+    "no json",
+    "[]",
+    '{"op": "subscribe"}',
+    '{"op": "subscribe", "subscriptions": [{"id": -1, "channelId": "x"}]}',
+    '{"op": "subscribe", "subscriptions": [{"id": 1, "channelId": 999999999}]}',
+    '{"op": "unsubscribe", "subscriptionIds": [77, 78]}',
+    '{"op": "advertise", "channels": [{"id": 1, "topic": "/emergency_stop", "encoding": "cdr", "schemaName": "x"}]}',
+    '{"op": "setParameters", "parameters": [{"name": "port", "value": 1}]}',
+    '{"op": "fetchAsset", "uri": "file:///etc/passwd", "requestId": 1}',
+    "{" * 10_000,
+    "\x00" * 100_000,
+)
+
+
+def test_garbage_changes_nothing(peer: Peer, view: NodeProcess, viewer: Callable[[], Viewer]) -> None:
+    """A hostile client beside one that looks: nothing reaches the graph, nobody else is disturbed."""
+    stop, row, odometry_1 = peer.listen(topics.EMERGENCY_STOP), topics.ODOM, odometry(1)
+    peer.publisher(row)
+    looking = viewer()
+    looking.look(row.name)
+    peer.wait_matched(row)
+    draw = random.Random(1)
+    hostile = viewer()
+    wild = [draw.randbytes(draw.randrange(200)) for _ in range(200)]
+    for item in (*HOSTILE, *wild, *(data.decode("latin-1") for data in wild)):
+        try:
+            hostile.send(item)
+        except ConnectionClosed:  # the server may show it the door
+            hostile = viewer()
+    raw_requests(port_of(view))
+    peer.repeat(row, lambda: odometry_1, 20.0)  # best effort: the first may be lost
+    wait_for(lambda: looking.heard(row.name), "the message of the other viewer")
+    assert set(looking.heard(row.name)) == {odometry_1}
+    assert subscribers(peer, row) == 1
+    assert peer.node.count_publishers(topics.EMERGENCY_STOP.name) == 0
+    assert stop.messages == []
+    assert view.running()
+
+
+def raw_requests(port: int) -> None:
+    """What is no websocket at all."""
+    for request in (b"GET /../../etc/passwd HTTP/1.1\r\nHost: x\r\n\r\n", b"\x16\x03\x01\x00\xff", b"\r\n" * 1000):
+        with socket.create_connection(("127.0.0.1", port), timeout=10.0) as link:
+            link.sendall(request)
+
+
+def test_ctrl_c_ends_it_while_nobody_looks(view: NodeProcess) -> None:
+    view.signal(signal.SIGINT)
+    assert view.wait() == 0
+
+
+def test_sigterm_ends_it_under_a_viewer(peer: Peer, view: NodeProcess, viewer: Callable[[], Viewer]) -> None:
+    viewer().look(topics.ODOM.name)
+    peer.wait_matched(topics.ODOM)
+    view.signal(signal.SIGTERM)
+    assert view.wait() == 0
+
+
+def test_a_taken_port_is_told(view: NodeProcess, start: Callable[..., NodeProcess]) -> None:
+    port = port_of(view)
+    second = start("second", command=[*COMMAND, "--port", str(port)])
+    assert second.wait() == 1
+    assert f"error: port {port} of 127.0.0.1 cannot be had: " in second.output()
+    assert "`robot-stack view --port`" in second.output()

@@ -1,0 +1,66 @@
+"""A passenger's ride on the whole stack in physics, by touch alone: nobody but the page asks the robot for anything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from robot_stack.core.runtime import touch_screen_url
+from tests.support.waiting import wait_for
+from tests.ui.conftest import browser as browser
+from tests.ui.conftest import unlock, until
+
+if TYPE_CHECKING:
+    from tests.support.stack import StackUnderTest
+
+pytestmark = pytest.mark.timeout(300)
+
+
+@pytest.fixture
+def page(stack: StackUnderTest, browser: Any) -> Iterator[Any]:
+    url = wait_for(touch_screen_url, "the touch screen's address")
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.set_default_timeout(60_000)
+    page.goto(url)
+    page.wait_for_selector("[data-mission]")
+    yield page
+    page.close()
+
+
+def test_a_ride_is_started_paused_stopped_released_and_finished_by_touch(page: Any, stack: StackUnderTest) -> None:
+    page.click('[data-mission="short_hop"]')
+    page.click("#start")
+    wait_for(lambda: stack.speed_mps > 0.3, "the robot to set out")
+    page.click("#pause")
+    stack.wait_stands()
+    page.wait_for_selector('[data-reason="PAUSED"]')
+    page.click("#resume")
+    wait_for(lambda: stack.speed_mps > 0.3, "the robot to go on")
+    page.click("#stop")
+    stack.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
+    stack.wait_stands(10.0)
+    page.wait_for_selector('[data-page="emergency"]')
+    unlock(page)
+    page.click('[data-nav="faults"]')
+    page.click("#reset")
+    stack.wait_safety("NORMAL")
+    page.click("#to-staff")  # the rider's page again
+    page.click("#resume")
+    page.wait_for_selector('[data-end="COMPLETED"]', timeout=120_000)
+    stack.wait_stands()
+
+
+def test_staff_drive_by_hand_and_the_robot_stops_when_the_finger_lifts(page: Any, stack: StackUnderTest) -> None:
+    unlock(page)
+    until(page, "window.touchUi.link.state.place?.pose !== undefined")
+    page.click('[data-nav="drive"]')
+    pad = page.locator("#pad").bounding_box()
+    x = pad["x"] + pad["width"] / 2
+    page.mouse.move(x, pad["y"] + pad["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(x, pad["y"] + 10)
+    wait_for(lambda: stack.speed_mps > 0.3, "the robot to be driven")
+    page.mouse.up()
+    stack.wait_stands(10.0)

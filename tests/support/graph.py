@@ -1,0 +1,48 @@
+"""A running stack against the contract, both ways: who publishes, who subscribes, QoS, rates."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from robot_stack.supervisor.profile import Plan
+from tests.support.waiting import wait_for
+
+if TYPE_CHECKING:
+    from robot_stack.bench.graph import Seen
+
+PEER = "scenario_peer"
+# A busy machine delays messages, and not every node's in the same window; the bench `rates` measures exactly.
+RATE_TOLERANCE = 0.5
+
+
+def without_the_test(seen: Seen) -> Seen:
+    """Its peer speaks and listens where it likes."""
+    kept = [tuple(item for item in side if item.node != PEER) for side in (seen.publishers, seen.subscribers)]
+    return replace(seen, publishers=kept[0], subscribers=kept[1])
+
+
+def assert_graph_is_the_contracts(plan: Plan) -> None:
+    """Measured until all of it fits: a machine that is busy for a moment holds the world up, and all topics with it."""
+    from robot_stack.bench.graph import judge_all, rows_of, unknown_topics
+    from robot_stack.bench.nodes.meter import Meter
+
+    rows = rows_of(plan.machine, use_sim_time=plan.use_sim_time)
+    nodes = frozenset(node for process in plan.processes for node in process.nodes)
+    wrong: dict[str, tuple[str, ...]] = {}
+    with Meter(rows) as meter:
+        meter.settle(20.0)
+
+        def as_in_the_contract() -> bool:
+            meter.run(3.0)
+            seen = {name: without_the_test(item) for name, item in meter.seen().items()}
+            findings = judge_all(rows, seen, nodes, RATE_TOLERANCE)
+            wrong.clear()
+            wrong.update({finding.row.name: finding.problems for finding in findings if finding.problems})
+            wrong.update(dict.fromkeys(unknown_topics(meter.topic_names(), rows), ("not in the contract",)))
+            return not wrong
+
+        try:
+            wait_for(as_in_the_contract, "a stack as in the contract", 60.0)
+        except AssertionError as error:
+            raise AssertionError(f"{error}: {wrong}") from None

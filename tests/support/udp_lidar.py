@@ -1,0 +1,46 @@
+"""A LiDAR on the loopback interface: sends what is due, by a clock of its own."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable
+
+
+class UdpLidar:
+    """packet: the bytes of the n-th, one every ``packet_s``. sends: False while its cable is pulled.
+
+    extra: sent once, between two packets. port: where it sends to, free when this was made.
+    """
+
+    IP = "127.0.0.1"
+
+    def __init__(self, packet: Callable[[int], bytes], packet_s: float) -> None:
+        self.packet, self._packet_s = packet, packet_s
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind((self.IP, 0))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind((self.IP, 0))
+            self.port = free.getsockname()[1]
+        self.sends, self.extra = True, b""
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        begin_s, number = time.monotonic(), 0
+        while not self._ended.wait(0.005):
+            due = int((time.monotonic() - begin_s) / self._packet_s)
+            while number < due:
+                if self.sends:
+                    self._socket.sendto(self.packet(number), (self.IP, self.port))
+                number += 1
+            if self.extra:
+                self._socket.sendto(self.extra, (self.IP, self.port))
+                self.extra = b""
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+        self._socket.close()

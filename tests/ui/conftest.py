@@ -1,0 +1,103 @@
+"""A real Chromium on the touch screen's own page; the node is real, DDS peers stand in for the rest of the robot."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from robot_stack.ui.pin import hash_pin
+from tests.support.processes import NodeProcess
+from tests.support.ui_page import PIN
+from tests.support.ui_robot import StandInRobot
+from tests.support.waiting import wait_for
+
+if TYPE_CHECKING:
+    from tests.support.peer import Peer
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+# As a kiosk starts it; the sandbox needs rights that a container's root does not have.
+OPTIONS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
+DEADLINE_MS = 30_000
+STAFF_PAGES = (
+    "map",
+    "drive",
+    "docking",
+    "display",
+    "faults",
+    "diagnostics",
+    "missions",
+    "history",
+    "recordings",
+    "settings",
+)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    if CHROMIUM is None:
+        pytest.skip("no Chromium on this machine: install the package chromium to run the tests of the pages")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def screen(start: Callable[..., NodeProcess], browser: Any) -> NodeProcess:
+    """The node; ``url`` is where it serves its page."""
+    pin = f"access.pin_hash:='{hash_pin(PIN)}'"
+    process = start("touch_ui", "-p", "server.port:=0", "-p", pin)
+    process.wait_output("serving http")
+    return process
+
+
+@pytest.fixture
+def robot(peer: Peer, screen: NodeProcess) -> StandInRobot:
+    return StandInRobot(peer)
+
+
+@pytest.fixture
+def url(screen: NodeProcess) -> str:
+    found = re.search(r"serving (http://\S+)", screen.output())
+    assert found is not None
+    return found[1]
+
+
+@pytest.fixture
+def page(browser: Any, robot: StandInRobot, url: str) -> Iterator[Any]:
+    """The rider's page, connected, 1280x800. An error on the page fails the test."""
+    context = browser.new_context(viewport={"width": 1280, "height": 800}, has_touch=True)
+    context.set_default_timeout(DEADLINE_MS)
+    page = context.new_page()
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+    page.goto(url)
+    page.wait_for_selector("[data-mission]")
+    yield page
+    context.close()
+    assert [text for text in errors if "ERR_CONNECTION" not in text and "ERR_INTERNET" not in text] == []
+
+
+def unlock(page: Any) -> None:
+    """Staff, by the keys of the PIN dialog."""
+    page.click("#to-staff")
+    for digit in PIN:
+        page.click(f'[data-key="{digit}"]')
+    page.click("#unlock")
+    page.wait_for_selector("nav")
+
+
+def until(page: Any, expression: str) -> None:
+    """Waits for JavaScript that becomes true; playwright's own way is what the page's security policy forbids."""
+    wait_for(lambda: page.evaluate(expression), expression, poll_s=0.05)
+
+
+def h2(page: Any) -> str:
+    return str(page.evaluate("document.querySelector('h2')?.textContent ?? ''"))

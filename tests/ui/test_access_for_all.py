@@ -1,0 +1,102 @@
+"""Every page in every language on both screens: axe-core finds nothing, nothing is too small, nothing is cut off."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.support.ui_robot import StandInRobot
+from tests.ui.conftest import STAFF_PAGES, unlock
+
+pytestmark = pytest.mark.timeout(300)
+AXE = (Path(__file__).parent / "vendor" / "axe.min.js").read_text(encoding="utf-8")
+# WCAG 2.2 AA, contrast of AAA (7:1), and what axe calls best practice.
+RULES = """async () => {
+    const found = await axe.run(document, {
+        runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"],
+        rules: { "color-contrast-enhanced": { enabled: true } },
+    });
+    if (!found.passes.some(item => item.id === "color-contrast-enhanced")) return ["contrast was not looked at"];
+    const places = (item) => item.nodes.map(node => node.html).slice(0, 3).join(" | ");
+    return found.violations.map(item => `${item.id}: ${places(item)}`);
+}"""
+# Targets of 48 px, and no text beside its button.
+TARGETS = """() => [...document.querySelectorAll("button, input")].filter(item => item.offsetParent).flatMap(item => {
+    const { width, height } = item.getBoundingClientRect();
+    const cut = item.scrollWidth > item.clientWidth + 1 || item.scrollHeight > item.clientHeight + 1;
+    const name = `${item.textContent.trim()} ${Math.round(width)}x${Math.round(height)}`;
+    return width < 48 || height < 48 || cut ? [name + (cut ? " cut" : "")] : [];
+})"""
+# The stop is whole on the screen, and nothing makes the page scroll as a whole.
+STOP = """() => {
+    const box = document.getElementById("stop").getBoundingClientRect();
+    const root = document.documentElement;
+    const whole = box.top >= 0 && box.bottom <= innerHeight && box.left >= 0 && box.right <= innerWidth;
+    return whole && box.width >= 120 && root.scrollWidth <= innerWidth && root.scrollHeight <= innerHeight;
+}"""
+
+
+def check(page: Any, where: str) -> None:
+    page.mouse.move(0, 0)
+    assert page.evaluate(RULES) == [], where
+    assert page.evaluate(TARGETS) == [], where
+    assert page.evaluate(STOP), where
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (1024, 600), (800, 1280)], ids=["1280x800", "1024x600", "800x1280"])
+@pytest.mark.parametrize("language", ["en", "ja", "zh-Hans"])
+def test_pages_for_everyone(page: Any, robot: StandInRobot, language: str, size: tuple[int, int]) -> None:
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    page.evaluate(AXE)
+    page.click(f'.languages [lang="{language}"]')
+    check(page, "destinations")
+    page.click('[data-mission="site_transport"]')
+    check(page, "departure")
+    page.click("#start")
+    page.wait_for_selector("#pause")
+    check(page, "ride")
+    page.click("#abort")
+    check(page, "end the ride")
+    page.click(".sure .primary")
+    page.click("#stop")
+    page.wait_for_selector('[data-page="emergency"]')
+    robot.faults = ["LIDAR_TIMEOUT", "BATTERY_LOW"]
+    page.wait_for_selector("#call-now")
+    check(page, "emergency")
+    page.click("#to-staff")
+    page.wait_for_selector('[data-page="pin"]')
+    check(page, "PIN")
+    page.click("#to-staff")
+    unlock(page)
+    for name in STAFF_PAGES:
+        page.click(f'[data-nav="{name}"]')
+        page.wait_for_selector(f'[data-page="{name}"]')
+        check(page, name)
+    page.click('[data-nav="missions"]')
+    page.click('[data-file="wheelchair_transport"] [data-act="copy"]')
+    for step in ("names", "1", "home"):
+        page.click(f'[data-step="{step}"]')
+        check(page, f"mission editor, {step}")
+    page.click('[data-field="home.x"]')
+    page.wait_for_selector(".keyboard")
+    check(page, "keys")
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (800, 1280)], ids=["1280x800", "800x1280"])
+def test_pages_in_the_sun(page: Any, robot: StandInRobot, size: tuple[int, int]) -> None:
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    page.evaluate(AXE)
+    unlock(page)
+    page.click('[data-nav="settings"]')
+    page.click('[data-choice="contrast-sun"]')
+    assert page.evaluate("getComputedStyle(document.body).color") == "rgb(0, 0, 0)"
+    robot.faults = ["LIDAR_TIMEOUT", "BATTERY_LOW"]
+    for name in STAFF_PAGES:
+        page.click(f'[data-nav="{name}"]')
+        page.wait_for_selector(f'[data-page="{name}"]')
+        check(page, name)
+    page.click("#to-staff")
+    page.wait_for_selector("[data-mission]")
+    check(page, "destinations")

@@ -1,0 +1,324 @@
+"""By touch alone: what a passenger and staff do, in a real browser against the real node."""
+
+from __future__ import annotations
+
+import math
+import signal
+import time
+from typing import Any
+
+import pytest
+
+from custom_msgs.msg import EHMIStatus
+from robot_stack.contract import topics
+from robot_stack.contract.display import Display
+from robot_stack.core.stop_presence import Presence
+from tests.support.processes import NodeProcess
+from tests.support.ui_robot import StandInRobot
+from tests.support.waiting import wait_for
+from tests.ui.conftest import STAFF_PAGES, h2, unlock, until
+
+pytestmark = pytest.mark.timeout(180)
+
+
+def told(robot: StandInRobot, what: str) -> None:
+    wait_for(lambda: what in robot.told, f"{what}, was told {robot.told}")
+
+
+def test_a_ride_from_the_first_touch_to_the_end(page: Any, robot: StandInRobot) -> None:
+    page.click('[data-mission="wheelchair_transport"]')
+    page.click("#start")
+    told(robot, "START_MISSION wheelchair_transport")
+    page.wait_for_selector('[data-state="RUNNING"]')
+    assert "north path" in page.inner_text("h2")
+    assert "3 minutes" in page.inner_text(".figures")
+    page.click('.languages [lang="ja"]')
+    wait_for(lambda: "北の道" in h2(page), "the place's name in Japanese")
+    page.click('.languages [lang="en"]')
+    page.click("#pause")
+    told(robot, "PAUSE")
+    page.wait_for_selector('[data-reason="PAUSED"]')  # why it stands
+    page.click("#resume")
+    told(robot, "RESUME")
+    page.wait_for_selector("#pause")
+    page.click("#abort")
+    page.click(".sure .primary")  # no, keep going
+    assert "ABORT" not in robot.told
+    robot.say_ride(state="COMPLETED", progress=1.0)
+    page.wait_for_selector('[data-end="COMPLETED"]')
+
+
+def test_ending_a_ride_asks_first(page: Any, robot: StandInRobot) -> None:
+    robot.say_ride(state="RUNNING", mission_id="yard_tour", current_waypoint="gate")
+    page.click("#abort")
+    page.click("#abort-yes")
+    told(robot, "ABORT")
+    page.wait_for_selector('[data-end="ABORTED"]')
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [("ja", "どちらへ行きますか？"), ("zh-Hans", "您想去哪里？"), ("en", "Where would you like to go?")],
+)
+def test_languages_change_at_once_and_stay(page: Any, url: str, code: str, said: str) -> None:
+    page.click(f'.languages [lang="{code}"]')
+    wait_for(lambda: h2(page) == said, said)
+    assert page.evaluate("document.documentElement.lang") == code
+    page.goto(url)
+    wait_for(lambda: h2(page) == said, said)
+    wanted = {"ja": "Noto Sans JP", "zh-Hans": "Noto Sans SC", "en": "Noto Sans JP"}[code]
+
+    def drawn_with() -> list[str]:
+        script = "[...document.fonts].filter(face => face.status === 'loaded').map(face => face.family)"
+        return [family for family in page.evaluate(script) if wanted in family]
+
+    wait_for(drawn_with, f"{wanted}, served by the node and not found on this machine")
+
+
+def test_the_stop_is_on_every_page_and_reset_takes_the_pin(page: Any, robot: StandInRobot) -> None:
+    pressed_s = time.monotonic()
+    page.click("#stop")
+    told(robot, "stop True")
+    print(f"click to /emergency_stop, with playwright's own time: {1e3 * (time.monotonic() - pressed_s):.0f} ms")
+    page.wait_for_selector('[data-page="emergency"]')
+    unlock(page)
+    for name in STAFF_PAGES:
+        page.click(f'[data-nav="{name}"]')
+        page.wait_for_selector(f'[data-page="{name}"]')
+        assert page.is_visible("#stop")
+        assert page.is_enabled("#stop")
+    robot.pressed = True
+    page.click('[data-nav="faults"]')
+    page.click("#reset")
+    until(page, "document.querySelector('.toast')?.textContent.includes('refused: stop button pressed')")
+    assert robot.emergency
+    robot.pressed = False
+    page.click("#reset")
+    wait_for(lambda: not robot.emergency, "the reset")
+    page.wait_for_selector("#reset", state="detached")
+
+
+def test_only_a_press_that_nobody_can_release_can_be_cleared(page: Any, robot: StandInRobot) -> None:
+    robot.stop_sources = {"ui": Presence.THERE, "panel": Presence.GONE, "unknown": Presence.UNKNOWN}
+    robot.emergency = True
+    unlock(page)
+    page.click('[data-nav="faults"]')
+    for name in robot.stop_sources:
+        page.wait_for_selector(f'[data-source="{name}"]')
+    assert page.locator(".clear").count() == 2
+    assert page.locator('[data-source="ui"] .clear').count() == 0
+    page.click('[data-source="panel"] .clear')
+    told(robot, "clear panel")
+    page.wait_for_selector('[data-source="panel"]', state="detached")
+    assert robot.emergency  # it was no reset
+    page.click('[data-source="unknown"] .clear')
+    told(robot, "clear unknown")
+    page.wait_for_selector('[data-source="unknown"]', state="detached")
+    assert page.locator(".clear").count() == 0
+
+
+def test_a_wrong_pin_opens_nothing(page: Any) -> None:
+    page.click("#to-staff")
+    for digit in "1111":
+        page.click(f'[data-key="{digit}"]')
+    page.click("#unlock")
+    until(page, "document.querySelector('.pin [role=status]').textContent === 'Wrong PIN.'")
+    assert not page.query_selector("nav")
+
+
+def test_driving_by_hand(page: Any, robot: StandInRobot) -> None:
+    unlock(page)
+    page.click('[data-nav="drive"]')
+    pad = page.locator("#pad").bounding_box()
+    x, y = pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, pad["y"] + 0.1 * pad["height"])  # ahead
+    wait_for(lambda: any(item.twist.linear.x > 0.3 for item in robot.twists), "the robot to be driven")
+    page.mouse.up()
+    wait_for(lambda: robot.twists[-1].twist.linear.x == 0.0, "standstill")
+    count = len(robot.twists)
+    page.click("#mode-side")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(pad["x"] + 0.1 * pad["width"], y)  # to the left
+    wait_for(lambda: any(item.twist.linear.y > 0.2 for item in robot.twists[count:]), "sideways")
+    page.evaluate("window.dispatchEvent(new Event('blur'))")  # another window comes to the front
+    wait_for(lambda: robot.twists[-1].twist.linear.y == 0.0, "standstill")
+    page.mouse.up()
+
+
+def test_a_pad_on_a_page_that_freezes_stops(page: Any, robot: StandInRobot) -> None:
+    unlock(page)
+    page.click('[data-nav="drive"]')
+    pad = page.locator("#pad").bounding_box()
+    page.mouse.move(pad["x"] + pad["width"] / 2, pad["y"] + 20)
+    page.mouse.down()
+    wait_for(lambda: any(item.twist.linear.x > 0.3 for item in robot.twists), "the robot to be driven")
+    page.evaluate("() => { const end = performance.now() + 1500; while (performance.now() < end); }")
+    assert any(item.twist.linear.x == 0.0 for item in robot.twists[1:])
+    page.mouse.up()
+
+
+def drag(page: Any, start: tuple[float, float], end: tuple[float, float]) -> None:
+    """On the map, in pixels from its middle, which is where the robot is."""
+    box = page.locator("#map").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x + start[0], y + start[1])
+    page.mouse.down()
+    page.mouse.move(x + end[0], y + end[1])
+    page.mouse.up()
+
+
+def test_pose_and_goal_on_the_map(page: Any, robot: StandInRobot) -> None:
+    unlock(page)
+    page.wait_for_selector("#pose")
+    until(page, "window.touchUi.link.state.plan?.points.length > 10")
+    page.click("#tool-pose")
+    drag(page, (48, 0), (48, -72))  # 24 pixels are a metre: 2 m to the right, looking up
+    page.click("#confirm")
+    wait_for(lambda: robot.poses, "the pose")
+    at = robot.poses[0].pose.pose
+    assert (at.position.x, at.position.y) == pytest.approx((4.0, 1.0), abs=0.1)
+    assert 2.0 * math.atan2(at.orientation.z, at.orientation.w) == pytest.approx(math.pi / 2, abs=0.1)
+    wait_for(lambda: "4.0" in page.inner_text("#pose"), "the page to show the new pose")
+    page.click("#tool-goal")
+    drag(page, (0, -72), (0, -72))  # 3 m up, no direction given: as it arrives
+    page.click("#confirm")
+    wait_for(lambda: robot.goals, "the goal")
+    goal = robot.goals[0].pose
+    # From where the robot was put, which is in the middle of the page: each touch is a few pixels off.
+    above = (at.position.x, at.position.y + 3.0)
+    assert (goal.position.x, goal.position.y) == pytest.approx(above, abs=0.1)
+    assert 2.0 * math.atan2(goal.orientation.z, goal.orientation.w) == pytest.approx(math.pi / 2, abs=0.1)
+    page.click("#cancel-goal")
+    wait_for(lambda: len(robot.goals) == 2 and robot.goals[1].header.frame_id == "", "the goal to be taken back")
+
+
+def colours(page: Any, canvas: str) -> int:
+    """How many colours a canvas shows."""
+    return int(
+        page.evaluate(
+            """id => {
+                const canvas = document.getElementById(id);
+                const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+                return new Set(new Uint32Array(pixels.buffer)).size;
+            }""",
+            canvas,
+        )
+    )
+
+
+# Pixels of the colour of people, which are drawn over nearly white ground.
+BROWN = """() => {
+    const canvas = document.getElementById('map');
+    const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+    let count = 0;
+    for (let i = 0; i < pixels.length; i += 4) {
+        count += pixels[i] > 150 && pixels[i] < 195 && pixels[i + 1] > 60 && pixels[i + 1] < 130 && pixels[i + 2] < 80;
+    }
+    return count;
+}"""
+
+
+def test_heavy_data_are_drawn(page: Any, robot: StandInRobot) -> None:
+    unlock(page)
+    wait_for(lambda: colours(page, "map") > 20, "map, costmap and obstacles")
+    robot.docking.state = "SERVOING"
+    robot.docking.position_error = 0.123
+    page.click('[data-nav="docking"]')
+    wait_for(lambda: colours(page, "camera") > 5, "the camera image")
+    until(page, "document.querySelector('dl').textContent.includes('123.0 mm')")
+    until(page, "window.touchUi.link.state.markers?.seen.length === 4")
+
+
+def test_people_and_things_are_on_the_map(page: Any, robot: StandInRobot) -> None:
+    unlock(page)
+    until(page, "document.querySelector('#people').textContent === 'People: 2 (walking: 1), things: 1'")
+    near = page.evaluate("window.touchUi.link.state.people.near")
+    assert near[0] == {"kind": "walking", "at": [3.5, -0.2], "radius": 0.3, "speed": [1.1, 0.3]}  # odom is map here
+    assert [item["speed"] for item in near[1:]] == [[0.0, 0.0], [0.0, 0.0]]
+    before = wait_for(lambda: page.evaluate(BROWN), "them to be drawn")
+    page.click('[aria-label="Zoom in"]')
+    wait_for(lambda: page.evaluate(BROWN) > 1.3 * before > 260, "them to be drawn larger")
+    robot.peer.silence(topics.NAVIGATION_PEOPLE)
+    until(page, "window.touchUi.link.state.people.near.length === 0")  # nobody who is not seen any more
+
+
+def shown(page: Any) -> str:
+    """Title of the picture of the external display; empty without one."""
+    return str(page.evaluate("document.querySelector('.display-picture svg title')?.textContent ?? ''"))
+
+
+def test_the_external_display_is_shown_as_it_has_confirmed(page: Any, robot: StandInRobot) -> None:
+    unlock(page)
+    page.click('[data-nav="display"]')
+    wait_for(lambda: shown(page) == "Driving by itself", "the picture")
+    light = "getComputedStyle(document.querySelectorAll('.display-picture rect')[1]).opacity"
+    first = page.evaluate(light)
+    wait_for(lambda: page.evaluate(light) != first, "the wave to travel")
+    page.click('.languages [lang="ja"]')
+    wait_for(lambda: shown(page) == "自動走行中", "the picture in Japanese")
+    page.click('.languages [lang="en"]')
+    robot.display = EHMIStatus(linked=True, acknowledged_state=Display.EMERGENCY_STOP, firmware_fault="LED3")
+    wait_for(lambda: shown(page) == "Emergency stop", "the next state")
+    assert "LED3" in page.inner_text('[data-page="display"]')
+    robot.display = EHMIStatus(linked=False, acknowledged_state=Display.EMERGENCY_STOP)
+    until(page, "document.querySelector('#display-link').textContent.includes('does not answer')")
+    assert shown(page) == ""  # what was acknowledged last is not what it shows
+    robot.display = EHMIStatus(linked=True, acknowledged_state=EHMIStatus.NO_STATE)
+    until(page, "document.querySelector('#display-link').textContent.includes('Waiting')")
+    robot.peer.silence(topics.EHMI_STATUS)
+    until(page, "document.querySelector('#display-link').textContent.includes('Nobody reports')")
+
+
+def test_diagnostics_and_faults_say_what_to_do(page: Any, robot: StandInRobot) -> None:
+    unlock(page)
+    robot.faults = ["LIDAR_TIMEOUT"]
+    robot.say_limit(0.0, "LIDAR_TIMEOUT")
+    page.click('[data-nav="faults"]')
+    page.wait_for_selector('[data-fault="LIDAR_TIMEOUT"]')
+    assert "Check the LiDAR" in page.inner_text('[data-fault="LIDAR_TIMEOUT"]')
+    page.click('[data-nav="diagnostics"]')
+    until(page, "document.querySelector('#topics')?.textContent.includes('/sensors/imu')")
+    row = page.locator("#topics tr", has_text="/sensors/imu").first
+    wait_for(lambda: "Stale" in row.inner_text(), "the stale topic")
+    page.click("#to-staff")  # what the rider reads
+    page.wait_for_selector('[data-reason="LIDAR_TIMEOUT"]')
+
+
+def test_a_rider_calls_staff(page: Any, robot: StandInRobot) -> None:
+    page.click("#call")
+    page.wait_for_selector("#call[disabled]")
+    unlock(page)
+    page.click('[data-nav="faults"]')
+    page.click("#call-done")
+    page.wait_for_selector("#call:not([disabled])")
+
+
+def test_a_page_that_lost_its_link_shows_it_and_keeps_only_the_stop(
+    page: Any, robot: StandInRobot, screen: NodeProcess, start: Any, url: str
+) -> None:
+    screen.signal(signal.SIGSTOP)  # hangs, with its sockets open
+    page.wait_for_selector(".lost", timeout=8_000)
+    assert page.evaluate("window.touchUi.link.send({t: 'pause'}) && !window.touchUi.link.lost") is False
+    page.click("#stop")
+    until(page, "document.querySelector('.lost').textContent.includes('stop will be sent')")
+    screen.signal(signal.SIGCONT)
+    told(robot, "stop True")
+    page.wait_for_selector(".lost", state="detached")
+    page.wait_for_selector('[data-page="emergency"]')
+    until(page, "!window.touchUi.link.stopWaits")
+    assert "PAUSE" not in robot.told
+
+
+def test_settings_stay_on_this_screen(page: Any, url: str) -> None:
+    unlock(page)
+    page.click('[data-nav="settings"]')
+    page.click('[data-choice="text-large"]')
+    page.click('[data-choice="hand-left"]')
+    assert page.locator("#stop").bounding_box()["x"] < 300
+    page.goto(url)
+    page.wait_for_selector("[data-mission]")
+    assert page.locator("#stop").bounding_box()["x"] < 300
+    assert page.evaluate("getComputedStyle(document.documentElement).fontSize") == "21px"

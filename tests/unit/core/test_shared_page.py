@@ -1,0 +1,200 @@
+"""What processes tell each other in shared memory."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from robot_stack.core import node_record
+from robot_stack.core.node_record import Heartbeats, NodeRecord, NodeRecords
+from robot_stack.core.shared_page import SharedPage
+from robot_stack.core.world_clock import WorldClock, clock_path
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(tmp_path))
+    return tmp_path
+
+
+class TestPage:
+    def test_words_and_text_reach_another_reader(self, tmp_path: Path) -> None:
+        writer = SharedPage(tmp_path / "page", 2, 16, create=True)
+        reader = SharedPage(tmp_path / "page", 2, 16, create=False)
+        with writer.writing() as words:
+            words[0], words[1] = -5, 2**62
+            writer.text = "räder"
+        assert reader.read() == (-5, 2**62)
+        assert reader.text == "räder"
+        writer.set_word(1, 7)
+        assert reader.word(1) == 7
+
+    def test_a_text_too_long_is_cut(self, tmp_path: Path) -> None:
+        page = SharedPage(tmp_path / "page", 1, 4, create=True)
+        page.text = "abcäöü"
+        assert page.text.startswith("abc")
+
+    def test_a_page_that_is_missing_or_being_made(self, tmp_path: Path) -> None:
+        with pytest.raises(FileNotFoundError):
+            SharedPage(tmp_path / "page", 1, create=False)
+        (tmp_path / "page").write_bytes(b"\0" * 8)
+        with pytest.raises(FileNotFoundError, match="being made"):
+            SharedPage(tmp_path / "page", 1, create=False)
+
+    def test_a_writer_that_died_over_it_blocks_nobody(self, tmp_path: Path) -> None:
+        page = SharedPage(tmp_path / "page", 2, create=True)
+        writing = page.writing()
+        words = writing.__enter__()
+        words[0] = 9
+        assert SharedPage(tmp_path / "page", 2, create=False).read() == (9, 0)
+        del words
+        with SharedPage(tmp_path / "page", 2, create=True).writing() as words:
+            words[0] = 3
+        assert page.read() == (3, 0)
+
+    def test_a_writer_that_is_held_up_shows_what_was_before(self, tmp_path: Path) -> None:
+        """The processor was taken from it in the middle: what is half written is nothing to go by."""
+        writer = SharedPage(tmp_path / "page", 2, create=True)
+        reader = SharedPage(tmp_path / "page", 2, create=False)
+        with writer.writing() as words:
+            words[0], words[1] = 1, 1
+        assert reader.read() == (1, 1)
+        with writer.writing() as words:
+            words[0] = 2
+            assert reader.read() == (1, 1)
+            words[1] = 2
+        assert reader.read() == (2, 2)
+
+    def test_a_reader_never_mixes_two_writings(self, tmp_path: Path) -> None:
+        writer = SharedPage(tmp_path / "page", 4, create=True)
+        reader = SharedPage(tmp_path / "page", 4, create=False)
+        end = threading.Event()
+
+        def write() -> None:
+            number = 0
+            while not end.is_set():
+                number += 1
+                with writer.writing() as words:
+                    for index in range(4):
+                        words[index] = number
+
+        thread = threading.Thread(target=write)
+        thread.start()
+        try:
+            for _ in range(5000):
+                assert len(set(reader.read())) == 1
+        finally:
+            end.set()
+            thread.join()
+
+    def test_it_can_be_closed(self, tmp_path: Path) -> None:
+        page = SharedPage(tmp_path / "page", 1, create=True)
+        page.read()
+        page.close()
+
+
+class TestWorldClock:
+    def test_there_is_none_without_a_world(self) -> None:
+        assert WorldClock.find() is None
+        WorldClock.make()
+        assert WorldClock.find() is not None
+        WorldClock.remove()
+        assert not clock_path().exists()
+        assert WorldClock.find() is None
+
+    def test_it_is_zero_at_speed_one_until_a_world_has_told_it(self) -> None:
+        clock = WorldClock.make()
+        assert (clock.now_ns(), clock.speed, clock.pace) == (0, 1.0, 0.0)
+
+    def test_it_runs_on_within_a_step_and_never_beyond(self) -> None:
+        clock = WorldClock.make()
+        clock.write(10.0, 0.002, 1.0)
+        assert 10.0 <= clock.now_s() <= 10.002
+        deadline_s = time.monotonic() + 5.0
+        while clock.now_s() < 10.002:
+            assert time.monotonic() < deadline_s
+        assert clock.now_s() == pytest.approx(10.002, abs=1e-12)
+
+    def test_it_does_not_go_back(self) -> None:
+        world, clock = WorldClock.make(), WorldClock.find()
+        assert clock is not None
+        world.write(10.0, 0.0, 1.0)
+        assert clock.now_s() == 10.0
+        world.write(9.99, 0.0, 1.0)
+        assert clock.now_s() == 10.0
+        world.write(10.01, 0.0, 1.0)
+        assert clock.now_s() == pytest.approx(10.01)
+
+    def test_a_world_that_begins_anew_is_believed(self) -> None:
+        world, clock = WorldClock.make(), WorldClock.find()
+        assert clock is not None
+        world.write(200.0, 0.0, 1.0)
+        assert clock.now_s() == 200.0
+        world.write(100.0, 0.0, 1.0)
+        assert clock.now_s() == 100.0
+
+    def test_speed_and_pace(self) -> None:
+        clock = WorldClock.make()
+        clock.write(1.0, 0.001, 2.5)
+        clock.write_pace(0.7)
+        other = WorldClock.find()
+        assert other is not None
+        assert (other.speed, other.pace) == (2.5, 0.7)
+
+
+class TestNodeRecord:
+    def test_construction_and_life(self) -> None:
+        records = NodeRecords()
+        assert records.read("a") is None
+        record = NodeRecord("a")
+        assert records.read("a") is None, "nothing has been said yet"
+        record.constructing("compiling")
+        state = records.read("a")
+        assert state is not None
+        assert (state.pid, state.beats, state.ready, state.text) == (os.getpid(), 0, False, "compiling")
+        record.beat(False, "/odom")
+        record.beat(True, "driving")
+        state = records.read("a")
+        assert state is not None
+        assert (state.beats, state.ready, state.text) == (2, True, "")
+        assert 0.0 <= time.monotonic() - state.beat_s < 5.0
+        assert node_record.names() == ["a"]
+
+    def test_what_is_due(self) -> None:
+        record, records = NodeRecord("a"), NodeRecords()
+        record.constructing("imports")
+        assert records.due_s("a") == math.inf
+        record.due(12.5)
+        assert records.due_s("a") == pytest.approx(12.5)
+        record.due(math.inf)
+        assert records.due_s("a") == math.inf
+        assert records.due_s("b") == math.inf
+
+    def test_only_new_heartbeats_count(self) -> None:
+        record = NodeRecord("a")
+        record.beat(True, "")
+        heartbeats = Heartbeats(["a", "b"])
+        assert heartbeats.new() == [], "it may have died long ago"
+        assert heartbeats.new() == []
+        record.beat(True, "")
+        assert heartbeats.new() == ["a"]
+        assert heartbeats.new() == []
+
+    def test_construction_is_no_heartbeat(self) -> None:
+        record = NodeRecord("a")
+        heartbeats = Heartbeats(["a"])
+        record.constructing("imports")
+        assert heartbeats.new() == []
+        record.beat(False, "")
+        heartbeats.new()
+        record.beat(False, "")
+        assert heartbeats.new() == ["a"]
+
+
+def test_no_folder_no_names() -> None:
+    assert node_record.names() == []

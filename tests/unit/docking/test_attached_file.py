@@ -1,0 +1,60 @@
+"""Whether a wheelchair was attached: what cannot be read counts as attached."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robot_stack.core.runtime import state_dir
+from robot_stack.docking.nodes.attached_file import AttachedFile
+
+
+@pytest.fixture
+def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    return state_dir() / "wheelchair_attached"
+
+
+def test_no_file_is_no_chair(path: Path) -> None:
+    assert not AttachedFile().load()
+
+
+@pytest.mark.parametrize("attached", [True, False])
+def test_round_trip(path: Path, attached: bool) -> None:
+    file = AttachedFile()
+    assert file.save(not attached) == ""
+    assert file.save(attached) == ""
+    assert AttachedFile().load() is attached
+    assert [item.name for item in path.parent.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("data", [b"", b"fre", b"\xff\xfe", b"attached"])
+def test_what_makes_no_sense_counts_as_attached(path: Path, data: bytes) -> None:
+    path.parent.mkdir(parents=True)
+    path.write_bytes(data)
+    assert AttachedFile().load()
+
+
+def test_what_cannot_be_read_counts_as_attached_and_is_told_when_it_cannot_be_written(path: Path) -> None:
+    path.mkdir(parents=True)
+    file = AttachedFile()
+    assert file.load()
+    assert "wheelchair_attached cannot be written" in file.save(True)
+    path.rmdir()
+    assert file.save(True) == ""  # it is tried again
+
+
+def test_the_same_is_written_once(path: Path) -> None:
+    file = AttachedFile()
+    file.save(True)
+    path.unlink()
+    assert file.save(True) == ""
+    assert not path.exists()
+
+
+def test_a_new_world_has_no_past(path: Path) -> None:
+    AttachedFile().forget()
+    AttachedFile().save(True)
+    AttachedFile().forget()
+    assert not AttachedFile().load()

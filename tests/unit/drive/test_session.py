@@ -1,0 +1,463 @@
+"""The engine session, tick by tick in fake time, on an engine of which only the answers are real."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_stack.core.config import load
+from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_settings, session_settings
+from robot_stack.drive.kinematics import ModuleSetPoints
+from robot_stack.drive.session import DriveSession, Stage
+from robot_stack.drive.wheel_axes import DriveMove, SteerMove
+from robot_stack.wmx import EngineError
+from robot_stack.wmx.api import EngineState, ErrorCode, EStopLevel, ProfileType
+from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
+from tests.unit.drive.robot import ROBOT
+
+PARAMS = load(SwerveHardwareParams, "swerve_hardware_interface")
+SETTINGS = session_settings(PARAMS.session)
+AXES = axis_settings(PARAMS, ROBOT, 50.0)
+TICK_S = 0.02
+DRIVES = [DriveMove(0, 1.0, 10.0, 25.0, 0.1, 0.1)]
+STEERS = [SteerMove(1, 0.5, 1.0, 10.0)]
+
+
+class FakeEngine:
+    """Answers as the port does. ``codes``: what a call answers, by its name; everything else succeeds."""
+
+    def __init__(self) -> None:
+        self.codes: dict[str, int] = {}
+        self.calls: list[str] = []
+        self.started: list[Any] = []
+        self.open = True
+        snapshot = empty_snapshot(8)
+        snapshot.flags[Flag.COMMAND_MODE] = [1, 0, 1, 0, 1, 0, 1, 0]
+        self.snapshot: StatusSnapshot = replace(snapshot, engine_state=EngineState.Running)
+        self.api = self.core_motion = self
+        self.axisControl = self.motion = self.velocity = self
+
+    def read_status(self) -> tuple[int, StatusSnapshot]:
+        return self._answer("read_status"), self.snapshot
+
+    def close(self) -> None:
+        self.open = False
+
+    def _answer(self, name: str) -> int:
+        if name != "read_status":
+            self.calls.append(name)
+        return int(self.codes.get(name, ErrorCode.PyNone))
+
+    def set_flag(self, flag: Flag, axis: int | slice, value: int) -> None:
+        self.snapshot.flags[flag, axis] = value
+
+    # The vendor's names; what a request does to the status is as immediate as it never is.
+
+    def GetDeviceName(self) -> tuple[int, str]:  # noqa: N802
+        return self._answer("GetDeviceName"), "node"
+
+    def StartCommunication(self, milliseconds: int) -> int:  # noqa: N802
+        assert milliseconds == 0, "a wait would hold the node up"
+        code = self._answer("StartCommunication")
+        if not code:
+            self.snapshot = replace(self.snapshot, engine_state=EngineState.Communicating)
+        return code
+
+    def SetAxisCommandMode(self, axis: int, mode: int) -> int:  # noqa: N802
+        self.set_flag(Flag.COMMAND_MODE, axis, mode)
+        return self._answer("SetAxisCommandMode")
+
+    def SetServoOn_AxisSel(self, selection: object, on: int) -> int:  # noqa: N802
+        code = self._answer(f"SetServoOn({on})")
+        if not code:
+            self.set_flag(Flag.SERVO_ON, slice(None), on)
+        return code
+
+    def ClearAmpAlarm_AxisSel(self, selection: object) -> int:  # noqa: N802
+        self.set_flag(Flag.AMP_ALARM, slice(None), 0)
+        return self._answer("ClearAmpAlarm")
+
+    def ClearAxisAlarm_AxisSel(self, selection: object) -> int:  # noqa: N802
+        self.set_flag(Flag.FOLLOWING_ERROR_ALARM, slice(None), 0)
+        return self._answer("ClearAxisAlarm")
+
+    def ExecEStop(self, level: int) -> int:  # noqa: N802
+        assert level == EStopLevel.Level1
+        code = self._answer("ExecEStop")
+        if not code:
+            self.snapshot = replace(self.snapshot, emergency_stop=True)
+        return code
+
+    def ReleaseEStop(self) -> int:  # noqa: N802
+        code = self._answer("ReleaseEStop")
+        if not code:
+            self.snapshot = replace(self.snapshot, emergency_stop=False)
+        return code
+
+    def StartPos(self, count: int, commands: list[object]) -> int:  # noqa: N802
+        assert count == len(commands)
+        return self._answer("StartPos")
+
+    def StartVel(self, count: int, commands: list[object]) -> int:  # noqa: N802
+        assert count == len(commands)
+        self.started += commands
+        return self._answer("StartVel")
+
+    def StartVel_TimedVel(self, count: int, commands: list[object]) -> int:  # noqa: N802
+        assert count == len(commands)
+        self.started += commands
+        return self._answer("StartVel_TimedVel")
+
+
+class Story:
+    """A session in fake time."""
+
+    def __init__(self) -> None:
+        self.engine = FakeEngine()
+        self.refusals: list[int] = []  # codes of the next attempts to open a device
+        self.opened = 0
+        self.now_s = 100.0
+        self.session = DriveSession(self._open, SETTINGS, AXES)
+
+    def _open(self) -> FakeEngine:  # type: ignore[override]
+        if self.refusals:
+            code = self.refusals.pop(0)
+            raise EngineError("cannot create a device", code, "refused")
+        self.opened += 1
+        return self.engine
+
+    def tick(self, seconds: float = TICK_S, *, stop: bool = False, may: bool = True) -> tuple[Stage, str]:
+        for _ in range(max(1, round(seconds / TICK_S))):
+            self.now_s += TICK_S
+            state = self.session.poll(self.now_s, stop=stop, may_switch_on=may)
+        return state.stage, state.text
+
+    def ready(self) -> Story:
+        self.tick(0.2)
+        assert self.session.ready
+        self.engine.calls.clear()
+        return self
+
+
+@pytest.fixture
+def story() -> Story:
+    return Story()
+
+
+# --- start
+# -------------------------------------------------------------------------------------------------------------
+
+
+def test_from_nothing_to_ready(story: Story):
+    assert story.tick()[0] is Stage.COMMUNICATION
+    assert story.session.state.snapshot is None  # no joint states before the bus is up
+    assert story.tick()[0] is Stage.SWITCHING_ON
+    assert story.tick()[0] is Stage.READY
+    assert [call for call in story.engine.calls if call != "GetDeviceName"] == [
+        "StartCommunication",
+        "SetServoOn(1)",
+    ]
+
+
+def test_wrong_modes_are_set_before_the_servos_come_on(story: Story):
+    story.engine.snapshot.flags[Flag.COMMAND_MODE] = 0
+    story.tick(0.2)
+    calls = story.engine.calls
+    assert calls.count("SetAxisCommandMode") == 4
+    assert calls.index("SetAxisCommandMode") < calls.index("SetServoOn(1)")
+    assert story.engine.snapshot.flags[Flag.COMMAND_MODE].tolist() == [1, 0, 1, 0, 1, 0, 1, 0]
+
+
+def test_absent_engine_is_looked_for_often(story: Story):
+    story.refusals = [ErrorCode.IMLibIsNotRunning] * 8
+    assert story.tick(0.5) == (Stage.CONNECTING, "waiting for the motion engine")
+    assert len(story.refusals) in (3, 4)  # every 0.1 s
+    story.tick(1.0)
+    assert story.session.ready
+
+
+def test_engine_that_refuses_is_tried_five_times_two_seconds_apart_and_then_on(story: Story):
+    story.refusals = [ErrorCode.ReachMaxChannelNumber] * 7
+    _, text = story.tick()
+    assert text.startswith("attempt 1 of 5: cannot create a device: refused")
+    story.tick(1.9)
+    assert len(story.refusals) == 6
+    story.tick(0.2)
+    assert len(story.refusals) == 5
+    _, text = story.tick(6.2)
+    assert text.startswith("5 attempts failed, still trying")
+    story.tick(6.5)
+    assert story.session.ready
+
+
+def test_servos_need_permission(story: Story):
+    assert story.tick(1.0, may=False) == (
+        Stage.SWITCHING_ON,
+        "servo off: fl_drive, fl_steer, fr_drive, fr_steer, rl_drive, rl_steer, rr_drive, rr_steer; "
+        "waiting for the safety monitor",
+    )
+    assert "SetServoOn(1)" not in story.engine.calls
+    assert story.session.state.snapshot is not None  # joint states come all the same
+
+
+def test_refused_requests_are_told_and_repeated_at_their_pace(story: Story):
+    story.engine.codes["SetServoOn(1)"] = ErrorCode.ServoOffline
+    _, text = story.tick(1.2)
+    assert text == f"servo on: ServoOffline (error {int(ErrorCode.ServoOffline)})"
+    assert story.engine.calls.count("SetServoOn(1)") == 3
+
+
+def test_alarms_at_the_start_are_cleared(story: Story):
+    story.engine.set_flag(Flag.AMP_ALARM, 2, 1)
+    story.tick(0.3)
+    assert story.session.ready
+    assert "ExecEStop" not in story.engine.calls
+
+
+# --- emergency stop
+# ------------------------------------------------------------------------------------------------------
+
+
+def test_stop_and_release(story: Story):
+    story.ready()
+    assert story.session.emergency_stop() == ""
+    assert story.tick(stop=True) == (Stage.STOPPED, "emergency stop")
+    assert story.engine.calls.count("ExecEStop") == 1
+    assert story.tick(may=False) == (Stage.STOPPED, "emergency stop, waiting for the safety monitor")
+    assert "ReleaseEStop" not in story.engine.calls
+    story.tick(0.1)
+    assert "ReleaseEStop" in story.engine.calls
+    assert story.session.ready
+
+
+def test_stop_is_repeated_until_the_engine_shows_it(story: Story):
+    story.ready()
+    story.engine.codes["ExecEStop"] = ErrorCode.APIChannelTimeOut
+    assert story.session.emergency_stop().startswith("emergency stop: APIChannelTimeOut")
+    story.tick(0.1, stop=True)
+    assert story.engine.calls.count("ExecEStop") == 6
+    story.engine.codes.clear()
+    story.tick(stop=True)
+    assert story.engine.snapshot.emergency_stop
+
+
+def test_no_motion_during_a_stop(story: Story):
+    story.ready()
+    story.tick(stop=True)
+    assert story.session.move(DRIVES, STEERS).problem == "not ready: emergency stop"
+    assert story.engine.started == []
+
+
+def test_stop_that_a_new_session_finds_is_somebody_elses_and_needs_both_keys(story: Story):
+    """A restarted hardware interface holds no key: who stopped the engine may stand in front of the robot."""
+    story.engine.snapshot = replace(story.engine.snapshot, emergency_stop=True)
+    story.tick(1.0, may=False)
+    stage, text = story.tick(5.0)
+    assert (stage, text) == (
+        Stage.TRIPPED,
+        "an emergency stop that nobody here asked for; needs an emergency stop and its release",
+    )
+    assert story.engine.snapshot.emergency_stop
+    assert "ReleaseEStop" not in story.engine.calls
+    story.tick(0.3, stop=True)
+    story.tick(0.5)
+    assert story.session.ready
+
+
+def test_stop_by_somebody_else_is_not_released_by_itself(story: Story):
+    story.ready()
+    story.engine.snapshot = replace(story.engine.snapshot, emergency_stop=True)
+    stage, text = story.tick(5.0)
+    assert stage is Stage.TRIPPED
+    assert text == "an emergency stop that nobody here asked for; needs an emergency stop and its release"
+    story.tick(stop=True)
+    story.tick(0.2)
+    assert story.session.ready
+
+
+# --- faults
+# ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("flag", "says"),
+    [(Flag.AMP_ALARM, "rl_drive alarm 0"), (Flag.FOLLOWING_ERROR_ALARM, "rl_drive following error")],
+)
+def test_alarm_trips_and_waits_for_a_release(story: Story, flag: Flag, says: str):
+    story.ready()
+    story.engine.set_flag(flag, 4, 1)
+    assert story.tick() == (Stage.TRIPPED, says)
+    assert story.engine.snapshot.emergency_stop
+    assert story.tick(2.0)[1] == f"{says}; needs an emergency stop and its release"
+    assert story.engine.snapshot.flags[flag, 4] == 1  # nobody clears it behind the safety monitor's back
+    story.tick(stop=True)
+    assert story.engine.snapshot.flags[flag, 4] == 0
+    story.tick(0.2)
+    assert story.session.ready
+
+
+def test_alarms_are_cleared_only_when_the_wheels_stand(story: Story):
+    story.ready()
+    story.engine.set_flag(Flag.AMP_ALARM, 0, 1)
+    story.engine.snapshot.reals[Real.ACTUAL_VELOCITY, 2] = -3.0
+    story.tick(1.0, stop=True)
+    assert "ClearAmpAlarm" not in story.engine.calls
+    story.engine.snapshot.reals[Real.ACTUAL_VELOCITY, 2] = 0.0
+    story.tick(0.6, stop=True)
+    assert "ClearAmpAlarm" in story.engine.calls
+
+
+def test_servo_that_drops_out_trips(story: Story):
+    story.ready()
+    story.engine.set_flag(Flag.SERVO_ON, 7, 0)
+    assert story.tick() == (Stage.TRIPPED, "servo off: rr_steer")
+    assert "SetServoOn(1)" not in story.engine.calls
+
+
+def test_lost_bus_is_started_again_and_then_trips(story: Story):
+    story.ready()
+    story.engine.snapshot = replace(story.engine.snapshot, engine_state=EngineState.Running)
+    story.engine.set_flag(Flag.SERVO_ON, slice(None), 0)
+    story.engine.codes["StartCommunication"] = ErrorCode.StartCommunicationError
+    stage, text = story.tick(4.1)
+    assert (stage, story.session.state.snapshot) == (Stage.COMMUNICATION, None)
+    assert text.startswith("starting communication: StartCommunicationError")
+    assert story.engine.calls.count("StartCommunication") == 2  # two seconds apart
+    story.engine.codes.clear()
+    story.tick(2.1)
+    assert story.session.state.stage is Stage.TRIPPED
+
+
+def test_ended_engine_is_forgotten_and_found_again(story: Story):
+    story.ready()
+    story.engine.codes["GetDeviceName"] = ErrorCode.IMLibIsNotRunning
+    story.refusals = [ErrorCode.IMLibIsNotRunning] * 3
+    told = [story.tick() for _ in range(8)]
+    assert (Stage.CONNECTING, "the motion engine has ended") in told
+    assert not story.engine.open
+    story.engine = FakeEngine()
+    story.tick(0.5)
+    assert story.opened == 2
+    assert story.session.ready
+
+
+def test_engine_that_hangs_is_not_asked_all_the_time(story: Story):
+    """Every call to it would hold the node up for its whole time-out."""
+    story.ready()
+    story.engine.codes |= {
+        "GetDeviceName": ErrorCode.APIChannelTimeOut,
+        "read_status": ErrorCode.StatusChannelError,
+    }
+    stage, text = story.tick(3.0)
+    assert stage is Stage.CONNECTING
+    assert text.startswith("engine status: StatusChannelError")
+    assert story.session.state.snapshot is None
+    assert story.engine.calls.count("GetDeviceName") <= 2
+    story.engine.codes.clear()
+    story.tick()
+    assert story.session.ready
+
+
+def test_short_status_is_no_status(story: Story):
+    story.ready()
+    story.engine.snapshot = replace(empty_snapshot(4), engine_state=EngineState.Communicating)
+    assert story.tick()[0] is Stage.CONNECTING
+    assert story.session.state.snapshot is None
+    assert story.session.look() is None
+
+
+# --- motion
+# --------------------------------------------------------------------------------------------------------------
+
+
+def test_headings_go_first_and_wheels_only_after_them(story: Story):
+    story.ready()
+    assert story.session.move(DRIVES, STEERS).problem == ""
+    assert story.engine.calls[-2:] == ["StartPos", "StartVel_TimedVel"]
+    story.engine.calls.clear()
+    story.engine.codes["StartPos"] = ErrorCode.ServoOff
+    started = list(story.engine.started)
+    assert story.session.move(DRIVES, STEERS).problem == f"steering: ServoOff (error {int(ErrorCode.ServoOff)})"
+    assert story.engine.started == started
+
+
+def test_what_the_engine_has_taken_over_is_returned(story: Story):
+    set_points = ModuleSetPoints((0.1, 0.1, 0.1, 0.1), (0.2, 0.2, 0.2, 0.2))
+    assert story.session.follow(set_points) == (None, "not ready: waiting for the motion engine")
+    story.ready()
+    applied = story.session.follow(set_points)
+    assert applied.problem == ""
+    assert applied.set_points is not None
+    assert [move.axis for move in applied.set_points.drives] == [0, 2, 4, 6]
+    assert [move.target_rad for move in applied.set_points.steers] == pytest.approx([0.2] * 4)
+    story.engine.codes["StartVel_TimedVel"] = ErrorCode.ServoOff
+    applied = story.session.follow(set_points)
+    assert applied.problem == f"driving: ServoOff (error {int(ErrorCode.ServoOff)})"
+    assert applied.set_points is not None
+    assert (applied.set_points.drives, len(applied.set_points.steers)) == ((), 4)
+    story.engine.codes["read_status"] = ErrorCode.StatusChannelError
+    applied = story.session.follow(set_points)
+    assert applied.set_points is None
+    assert applied.problem.startswith("engine status: StatusChannelError")
+
+
+def test_wheels_that_nobody_commands_are_stopped_once(story: Story):
+    story.ready()
+    snapshot = story.session.state.snapshot
+    assert snapshot is not None
+    assert story.session.stop_wheels(snapshot) == (None, "")
+    assert story.engine.started == []
+    story.engine.snapshot.reals[Real.VELOCITY_CMD, 0] = 2.0
+    applied = story.session.stop_wheels(story.engine.snapshot)
+    assert applied.problem == ""
+    assert applied.set_points is not None
+    assert [move.velocity_radps for move in applied.set_points.drives] == [0.0] * 4
+    assert "StartPos" not in story.engine.calls
+
+
+def test_engine_counts_the_life_of_every_wheel_that_turns(story: Story):
+    """The dead-man: no turning wheel is ever commanded without an end, and the vendor takes only profiles by times."""
+    story.ready()
+    still = DriveMove(2, 0.0, 10.0, 25.0, 0.0, 0.0)
+    assert story.session.move([*DRIVES, still], []).problem == ""
+    assert story.engine.calls[-2:] == ["StartVel", "StartVel_TimedVel"], "standing wheels first"
+    rest, turn = story.engine.started
+    assert (rest.axis, rest.profile.velocity, rest.profile.dec) == (2, 0.0, 25.0)
+    assert turn.profile.type == ProfileType.TimeAccTrapezoidal
+    # Reached after 0.1 s; braking of its own begins 0.2 s after the command, at 25 rad/s2 from 1 rad/s.
+    assert (turn.runTimeMilliseconds, turn.profile.accTimeMilliseconds) == pytest.approx((100.0, 100.0))
+    assert turn.profile.decTimeMilliseconds == pytest.approx(40.0)
+
+
+def test_a_refused_rest_of_some_wheels_leaves_the_others_unmoved(story: Story):
+    story.ready()
+    story.engine.codes["StartVel"] = ErrorCode.ServoOff
+    assert "ServoOff" in story.session.move([*DRIVES, DriveMove(2, 0.0, 10.0, 25.0, 0.0, 0.0)], []).problem
+    assert "StartVel_TimedVel" not in story.engine.calls
+
+
+def test_session_asks_for_no_watchdog(story: Story):
+    """The fake has no such call: the vendor's stops no axis."""
+    story.ready()
+    story.tick(5.0)
+    assert set(story.engine.calls) == {"GetDeviceName"}
+
+
+def test_motion_on_an_engine_that_has_just_ended(story: Story):
+    story.ready()
+    story.engine.codes["StartVel_TimedVel"] = ErrorCode.IMLibIsNotRunning
+    assert story.session.move(DRIVES, []).problem == "the motion engine has ended"
+    assert story.session.look() is None
+    assert story.session.emergency_stop() == "no engine to stop"
+
+
+def test_time_that_runs_back_holds_nothing_up(story: Story):
+    story.ready()
+    story.now_s -= 1000.0
+    story.engine.calls.clear()
+    story.tick(0.2)
+    assert "GetDeviceName" in story.engine.calls
+    assert np.isfinite(story.now_s)

@@ -1,0 +1,61 @@
+"""Which state is shown, from what is asked and what is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from robot_stack.contract.display import Display
+from robot_stack.ehmi.choice import Safety, Situation, choose
+
+CALM = Situation(emergency=False, safety=Safety.FRESH, asked=None, passenger=False)
+
+
+@pytest.mark.parametrize("asked", [None, *Display])
+@pytest.mark.parametrize("safety", Safety)
+@pytest.mark.parametrize("passenger", [False, True])
+def test_an_emergency_stop_shows_6_whatever_is_asked(asked, safety, passenger):
+    assert choose(Situation(True, safety, asked, passenger, "RUNNING", "SERVOING")) is Display.EMERGENCY_STOP
+
+
+@pytest.mark.parametrize("asked", Display)
+def test_what_is_asked_is_shown(asked):
+    assert choose(replace(CALM, asked=int(asked))) is asked
+
+
+@pytest.mark.parametrize("asked", [None, *Display])
+def test_a_safety_monitor_that_is_not_there(asked):
+    assert choose(replace(CALM, asked=asked, safety=Safety.UNKNOWN)) is Display.OFF
+    assert choose(replace(CALM, asked=asked, safety=Safety.SILENT)) is Display.ERROR
+
+
+@pytest.mark.parametrize("asked", Display)
+def test_nobody_is_told_that_a_robot_with_a_passenger_is_empty(asked):
+    other = {Display.IDLE: Display.PASSENGER_ONBOARD, Display.NAVIGATING: Display.TRANSPORT,
+             Display.APPROACHING_CHAIR: Display.TRANSPORT}  # fmt: skip
+    assert choose(replace(CALM, asked=asked, passenger=True)) is other.get(asked, asked)
+
+
+@pytest.mark.parametrize(
+    ("mission", "docking", "passenger", "state"),
+    [
+        ("", "", False, Display.IDLE),
+        ("IDLE", "IDLE", False, Display.IDLE),
+        ("COMPLETED", "IDLE", True, Display.PASSENGER_ONBOARD),
+        ("RUNNING", "IDLE", False, Display.NAVIGATING),
+        ("RUNNING", "DOCKED", True, Display.TRANSPORT),
+        ("WAITING", "IDLE", False, Display.PAUSED),
+        ("PAUSED", "IDLE", False, Display.PAUSED),
+        ("FAILED", "IDLE", False, Display.ERROR),
+        ("", "APPROACH", False, Display.APPROACHING_CHAIR),
+        ("RUNNING", "SEARCH", False, Display.DOCKING),
+        ("RUNNING", "SERVOING", False, Display.DOCKING),
+        ("", "FINE_ALIGN", False, Display.DOCKING),
+        ("FAILED", "FAILED", False, Display.DOCKING_FAILED),
+        ("", "DOCKED", False, Display.DOCKING_COMPLETE),
+        ("", "DOCKED", True, Display.PASSENGER_ONBOARD),
+    ],
+)
+def test_while_nobody_asks_it_follows_from_mission_and_docking(mission, docking, passenger, state):
+    assert choose(replace(CALM, mission=mission, docking=docking, passenger=passenger)) is state

@@ -1,0 +1,473 @@
+"""Stories of the link in fake time: a display that answers, is late, refuses, falls silent, is pulled, comes back."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from robot_stack.core.config import load
+from robot_stack.ehmi import codec
+from robot_stack.ehmi.codec import Decoder
+from robot_stack.ehmi.link import Link, Shown
+from robot_stack.ehmi.params import EhmiParams, LinkParams
+
+PARAMS: LinkParams = load(EhmiParams, "ehmi_bridge").link
+IDLE = Shown(1, "ja", 5)
+
+
+class Story:
+    """A link, and a display at the other end that does what the test says. ``heard``: every line it was sent."""
+
+    def __init__(self, shown: Shown = IDLE) -> None:
+        self.link = Link(PARAMS, shown)
+        self.now_s = 100.0
+        self.heard: list[str] = []
+        self.sent_s: list[float] = []
+        self.opens = self.closes = 0
+        self.answering = True
+        self.decoder = Decoder()
+
+    def act(self) -> Story:
+        """Does what the link wants at this moment, until it wants nothing more."""
+        for _ in range(50):
+            order = self.link.step(self.now_s)
+            self.closes += order.close
+            self.opens += order.open
+            lines = self.decoder.feed(order.data)
+            self.heard += lines
+            self.sent_s += [self.now_s] * len(lines)
+            if self.answering:
+                for line in lines:
+                    self.says(f"OK {line}")
+            if not (order.close or order.data):
+                return self
+        raise AssertionError(f"it never stops talking: {self.heard[-5:]}")
+
+    def says(self, *lines: str) -> Story:
+        for line in lines:
+            self.link.received(codec.encode(line), self.now_s)
+        return self
+
+    def open(self) -> Story:
+        self.act()
+        assert self.opens == 1
+        self.link.opened(self.now_s)
+        return self.act()
+
+    def wait(self, seconds: float) -> Story:
+        """Time passes; the link is asked whenever it said that it wants to be."""
+        end_s = self.now_s + seconds
+        while self.link.next_due_s() <= end_s:
+            self.now_s = max(self.now_s, self.link.next_due_s())
+            before = self.link.next_due_s()
+            self.act()
+            assert self.link.next_due_s() > before or self.link.next_due_s() > self.now_s, "it would spin"
+        self.now_s = end_s
+        return self
+
+    def show(self, state: int, language: str = "ja", volume: int = 5) -> Story:
+        self.link.show(Shown(state, language, volume), self.now_s)
+        return self.act()
+
+    def silent(self) -> Story:
+        self.answering = False
+        return self
+
+    def clear(self) -> Story:
+        self.heard.clear()
+        self.sent_s.clear()
+        return self
+
+    @property
+    def linked(self) -> bool:
+        return self.link.status.linked
+
+
+@pytest.fixture
+def story() -> Story:
+    return Story()
+
+
+# --- a display that answers ------------------------------------------------------------------------------------------
+
+
+def test_before_the_port_is_open_nothing_is_known(story):
+    status = story.link.status
+    assert (status.linked, status.acknowledged_state, status.fault) == (False, None, "")
+    story.act()
+    assert (story.opens, story.heard) == (1, [])
+    assert story.link.next_due_s() == math.inf, "an open is under way"
+    story.wait(60.0)
+    assert story.opens == 1
+
+
+def test_a_first_connection_asks_and_then_tells_all(story):
+    story.open()
+    assert story.heard == ["PING", "LANG ja", "VOL 5", "STATE 1"]
+    status = story.link.status
+    assert (status.linked, status.acknowledged_state, status.text) == (True, 1, "the display acknowledges")
+
+
+def test_the_first_bytes_end_whatever_half_line_the_display_still_holds(story):
+    story.act()
+    story.link.opened(story.now_s)
+    assert story.link.step(story.now_s).data == b"\n" + codec.encode("PING")
+    story.answering = True
+    story.says("OK PING")
+    assert story.link.step(story.now_s).data == codec.encode("LANG ja")
+
+
+def test_the_state_is_repeated_once_a_second_and_nothing_else(story):
+    story.open().clear().wait(10.05)
+    assert story.heard == ["STATE 1"] * 10
+
+
+def test_a_new_state_goes_out_at_once(story):
+    story.open().clear().wait(0.3).clear().show(2)
+    assert story.heard == ["STATE 2"]
+    assert story.link.status.acknowledged_state == 2
+
+
+def test_only_what_changed_is_told(story):
+    story.open().clear().show(1, "en")
+    assert story.heard == ["LANG en"]
+    story.clear().show(1, "en", 9)
+    assert story.heard == ["VOL 9"]
+    story.clear().show(25, "zh", 0)
+    assert story.heard == ["LANG zh", "VOL 0", "STATE 25"]
+
+
+def test_the_time_from_wish_to_acknowledge(story):
+    story.open().silent().show(2)
+    assert math.isnan(story.link.status.state_to_ack_s)
+    story.now_s += 0.03
+    story.says("OK STATE 2")
+    assert story.link.status.state_to_ack_s == pytest.approx(0.03)
+    story.wait(0.5).says("OK STATE 2")
+    assert story.link.status.state_to_ack_s == pytest.approx(0.03), "of the first acknowledge"
+
+
+def test_what_the_display_cannot_show_is_refused_and_changes_nothing(story):
+    story.open().clear()
+    for wrong in (Shown(11, "ja", 5), Shown(1, "de", 5), Shown(1, "ja", 11)):
+        with pytest.raises(ValueError, match="no command"):
+            story.link.show(wrong, story.now_s)
+    assert story.act().heard == []
+
+
+# --- late, lost and garbled ------------------------------------------------------------------------------------------
+
+
+def test_three_tries_200_ms_apart_then_the_link_is_lost(story):
+    story.open().silent().clear().show(2).wait(0.61)
+    assert story.heard[:3] == ["STATE 2"] * 3
+    assert story.sent_s[1] - story.sent_s[0] == pytest.approx(0.2)
+    assert story.sent_s[2] - story.sent_s[1] == pytest.approx(0.2)
+    assert not story.linked
+    assert story.link.status.text == "no acknowledge of 'STATE 2' after 3 tries"
+    assert story.link.status.acknowledged_state == 1, "what it acknowledged last"
+
+
+@pytest.mark.parametrize("at_s", [0.1, 0.3, 0.5])
+def test_an_answer_to_any_try_will_do(story, at_s):
+    story.open().silent().show(2).wait(at_s).says("OK STATE 2").act()
+    assert story.linked
+    assert story.link.status.acknowledged_state == 2
+    story.answering = True
+    assert story.clear().wait(3.0).linked
+
+
+def test_a_retry_says_what_is_wanted_by_then(story):
+    story.open().silent().show(1, "en").clear()
+    story.link.show(Shown(1, "zh", 5), story.now_s)
+    story.now_s += 0.2
+    assert story.act().heard == ["LANG zh"]
+
+
+def test_an_echo_of_something_else_is_no_acknowledge(story):
+    story.open().silent().show(23).clear().says("OK STATE 10")
+    assert story.link.status.acknowledged_state == 10, "that is what it shows"
+    story.wait(0.25)
+    assert story.heard == ["STATE 23"]
+    story.says("OK STATE 23").act()
+    assert story.link.status.acknowledged_state == 23
+
+
+def test_the_late_answer_to_an_older_state_does_not_hide_the_new_one(story):
+    story.open().silent().show(2).show(3).clear().says("OK STATE 2")
+    assert story.linked
+    story.wait(0.25)
+    assert story.heard == ["STATE 3"]
+
+
+def test_a_state_overtakes_one_that_waits_for_its_answer(story):
+    story.open().silent().show(2).clear().show(3)
+    assert story.heard == ["STATE 3"]
+
+
+def test_a_state_waits_for_the_language_but_a_stop_does_not(story):
+    story.open().silent().clear().show(2, "en")
+    assert story.heard == ["LANG en"]
+    story.show(6, "en")
+    assert story.heard == ["LANG en", "STATE 6"]
+
+
+def test_a_stop_is_told_before_language_and_volume(story):
+    story.open().clear().show(6, "en", 9)
+    assert story.heard == ["STATE 6", "LANG en", "VOL 9"]
+
+
+def test_garbage_is_counted_and_harms_nothing(story):
+    story.open().clear()
+    story.link.received(b"\xff\x00noise\nOK STATE 7\nOK STATE 7*00\n", story.now_s)
+    story.says("HELLO", "OK FLY", "OK STATE 12").wait(2.05)
+    assert story.linked
+    assert story.link.status.acknowledged_state == 1
+    assert story.link.rejected == {"not ASCII": 1, "no checksum": 1, "wrong checksum": 1, "unknown answer": 3}
+
+
+def test_a_garbled_answer_is_asked_for_again_at_once_but_once_only(story):
+    story.open().silent().clear().show(2)
+    story.link.received(b"OK STA?E 2*4C\n", story.now_s)
+    story.act()
+    assert story.heard == ["STATE 2"] * 2
+    story.link.received(b"OK STA?E 2*4C\n", story.now_s)
+    story.act().wait(0.15)
+    assert story.heard == ["STATE 2"] * 2
+    story.wait(0.1)
+    assert story.heard == ["STATE 2"] * 3
+    assert story.linked
+
+
+def test_half_lines_are_joined(story):
+    story.open().silent().show(2)
+    line = codec.encode("OK STATE 2")
+    for byte in line:
+        story.link.received(bytes([byte]), story.now_s)
+    assert story.link.status.acknowledged_state == 2
+
+
+# --- ERROR, FAULT, READY ---------------------------------------------------------------------------------------------
+
+
+def test_an_error_is_asked_again_at_once_three_times_in_all(story):
+    story.open().silent().clear().show(2).says("ERROR not a line").act().says("ERROR not a line").act()
+    assert story.heard == ["STATE 2"] * 3
+    story.says("ERROR unknown command").act()
+    assert story.linked, "it is there"
+    assert story.link.status.text == "the display refuses 'STATE 2': unknown command"
+    assert story.heard == ["STATE 2"] * 3
+
+
+def test_what_was_refused_is_tried_again_with_the_next_repetition(story):
+    story.open().silent().clear().show(2)
+    for _ in range(3):
+        story.says("ERROR").act()
+    assert story.link.status.text.endswith("no reason given")
+    story.clear().wait(0.9)
+    assert story.heard == []
+    story.answering = True
+    story.wait(0.2)
+    assert story.heard == ["STATE 2"]
+    assert story.link.status.text == "the display acknowledges"
+
+
+def test_a_refused_language_does_not_hold_the_state_back(story):
+    story.open().silent().clear().show(2, "en")
+    for _ in range(3):
+        story.says("ERROR no such font").act()
+    assert story.heard == ["LANG en"] * 3 + ["STATE 2"]
+
+
+def test_another_wish_does_not_wait_for_a_refused_one(story):
+    story.open().silent().clear().show(2)
+    for _ in range(3):
+        story.says("ERROR").act()
+    story.clear().show(3)
+    assert story.heard == ["STATE 3"]
+
+
+def test_an_error_that_nobody_asked_for(story):
+    story.open().clear().says("ERROR not a line").act()
+    assert (story.heard, story.linked) == ([], True)
+
+
+def test_ready_has_everything_told_again(story):
+    story.show(25).open().wait(0.3).clear().says("READY").act()
+    assert story.heard == ["LANG ja", "VOL 5", "STATE 25"]
+
+
+def test_ready_while_a_command_waits(story):
+    story.open().silent().show(2).clear()
+    story.answering = True
+    story.says("READY").act()
+    assert story.heard == ["LANG ja", "VOL 5", "STATE 2"]
+
+
+def test_ready_of_a_display_that_was_silent_is_answered_at_once(story):
+    story.silent().open().wait(0.3).clear()
+    story.answering = True
+    story.says("READY").act()
+    assert story.heard == ["LANG ja", "VOL 5", "STATE 1"]
+    assert story.linked
+
+
+def test_ready_alone_is_no_acknowledge(story):
+    story.silent().open().says("READY").act()
+    assert not story.linked
+    story.wait(0.7)
+    assert not story.linked
+
+
+def test_a_fault_stays_until_it_is_over(story):
+    story.open().says("FAULT LED_DRIVER").wait(5.0)
+    status = story.link.status
+    assert (status.linked, status.fault) == (True, "LED_DRIVER")
+    assert status.text == "the display reports LED_DRIVER"
+    assert story.says("FAULT NONE").link.status.fault == ""
+    assert story.says("FAULT OVERHEAT").says("READY").link.status.fault == ""
+
+
+# --- a display that is not there -------------------------------------------------------------------------------------
+
+
+def test_a_port_that_cannot_be_opened_is_tried_with_back_off(story):
+    pauses = []
+    for _ in range(8):
+        story.act()
+        story.link.lost("no such file", story.now_s)
+        pauses.append(story.link.next_due_s() - story.now_s)
+        story.now_s = story.link.next_due_s()
+    assert pauses == pytest.approx([0.25, 0.5, 1.0, 2.0, 4.0, 4.0, 4.0, 4.0])
+    assert story.opens == 8
+    assert story.link.status.text == "no such file"
+
+
+def test_a_pulled_cable_and_back(story):
+    story.open().show(25).clear().link.lost("hung up", story.now_s)
+    assert not story.linked
+    assert (story.link.status.text, story.link.status.acknowledged_state) == ("hung up", 25)
+    story.wait(0.2)
+    assert (story.opens, story.heard) == (1, [])
+    story.wait(0.1)
+    assert story.opens == 2
+    story.link.opened(story.now_s)
+    story.act()
+    assert story.heard == ["PING", "LANG ja", "VOL 5", "STATE 25"]
+    assert story.linked
+
+
+def test_an_acknowledge_ends_the_back_off(story):
+    for _ in range(4):
+        story.act()
+        story.link.lost("no", story.now_s)
+        story.now_s = story.link.next_due_s()
+    story.act()
+    story.link.opened(story.now_s)
+    story.act().link.lost("hung up", story.now_s)
+    assert story.link.next_due_s() == pytest.approx(story.now_s + 0.25)
+
+
+def test_a_change_while_the_cable_is_out_is_told_when_it_is_back(story):
+    story.open().link.lost("hung up", story.now_s)
+    story.show(6).clear().wait(0.3).link.opened(story.now_s)
+    story.act()
+    assert story.heard == ["PING", "STATE 6", "LANG ja", "VOL 5"]
+
+
+def test_half_a_line_from_before_the_cable_was_pulled_spoils_nothing(story):
+    story.open().link.received(b"OK STA", story.now_s)
+    story.link.lost("hung up", story.now_s)
+    story.wait(0.3).link.opened(story.now_s)
+    story.act()
+    assert story.link.rejected == {}
+
+
+def test_a_silent_display_is_asked_by_ping_and_state_in_turn_then_the_port_is_opened_anew(story):
+    story.silent().show(25).open().wait(2.9)
+    assert story.heard == ["PING", "STATE 25"] * 3
+    assert not story.linked
+    assert story.closes == 0
+    story.wait(0.2)
+    assert story.closes == 1
+    assert story.link.status.text == "the display has been silent for 3 s"
+    story.wait(0.3)
+    assert story.opens == 2
+
+
+def test_a_stop_reaches_a_display_that_hears_and_is_not_heard(story):
+    story.silent().open().wait(1.0).show(6).clear().wait(1.1)
+    assert "STATE 6" in story.heard
+
+
+def test_a_display_that_wakes_up_is_taken_back(story):
+    story.open().silent().wait(2.0)
+    assert not story.linked
+    story.answering = True
+    story.clear().wait(1.0)
+    assert story.linked
+    assert {"LANG ja", "VOL 5", "STATE 1"} <= set(story.heard)
+
+
+# --- whatever happens ------------------------------------------------------------------------------------------------
+
+happenings = st.one_of(
+    st.tuples(st.just("wait"), st.sampled_from([0.0, 0.05, 0.2, 0.9, 3.5])),
+    st.tuples(st.just("show"), st.sampled_from([0, 1, 6, 25])),
+    st.tuples(st.just("says"), st.sampled_from(["READY", "ERROR", "FAULT X", "OK PING", "OK STATE 3", "OK STATE 6"])),
+    st.tuples(st.just("bytes"), st.binary(max_size=30)),
+    st.tuples(st.just("answering"), st.booleans()),
+    st.tuples(st.just("cable"), st.just(None)),
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(happenings, max_size=40))
+def test_after_any_story_a_display_that_answers_shows_what_is_wanted(script):
+    story = Story()
+    wanted = 1
+    story.act()
+    story.link.opened(story.now_s)
+    for what, value in script:
+        match what:
+            case "wait":
+                run(story, value)
+            case "show":
+                wanted = value
+                story.link.show(Shown(wanted, "ja", 5), story.now_s)
+            case "says":
+                story.says(value)
+            case "bytes":
+                story.link.received(value, story.now_s)
+            case "answering":
+                story.answering = value
+            case _:
+                story.link.lost("pulled", story.now_s)
+        run(story, 0.0)
+    story.answering = True
+    run(story, 12.0)
+    assert story.linked
+    assert story.link.status.acknowledged_state == wanted
+    story.clear()
+    run(story, 2.1)
+    assert set(story.heard) == {f"STATE {wanted}"}, "and then it only repeats"
+    assert len(story.heard) in (2, 3)
+
+
+def run(story: Story, seconds: float) -> None:
+    """As ``wait``, with a port that opens whenever it is asked to."""
+    end_s = story.now_s + seconds
+    while True:
+        opens = story.opens
+        story.act()
+        if story.opens > opens:
+            story.link.opened(story.now_s)
+            continue
+        due_s = story.link.next_due_s()
+        if due_s > end_s:
+            break
+        story.now_s = max(story.now_s, due_s)
+    story.now_s = end_s

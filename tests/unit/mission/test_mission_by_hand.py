@@ -1,0 +1,103 @@
+"""What the external display shows where an operator, and no mission, lets the robot go."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot_stack.contract.display import Display
+from robot_stack.core.geometry import Pose2
+from robot_stack.mission import events as ev
+
+from .conftest import DEPARTURE, TICK_S, DockStory
+
+GOAL = Pose2(5.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def story(params) -> DockStory:
+    """A robot that stands, without a mission."""
+    return DockStory(params).tick(5.0)
+
+
+@pytest.mark.parametrize(("aboard", "driving"), [(False, Display.NAVIGATING), (True, Display.TRANSPORT)])
+def test_a_goal_by_hand_shows_that_it_drives_from_the_warning_on(story, aboard, driving):
+    story.attach(aboard).given(plan_end=GOAL, setting_out=True).tick(0.5)
+    assert story.status.display == driving
+    story.at(0.2, speed=0.5).given(setting_out=False).tick(3.0)
+    assert story.status.display == driving
+    story.at(5.0).given(plan_end=None).tick()
+    assert story.status.display == (Display.PASSENGER_ONBOARD if aboard else Display.IDLE)
+
+
+def test_one_that_stands_on_its_way_waits_and_chimes_anew_before_it_goes_on(story):
+    story.at(0.5, speed=0.5).given(plan_end=GOAL).tick().at(0.5).tick(2.0)
+    assert story.status.display == Display.NAVIGATING
+    story.tick(1.5)
+    assert story.status.display == Display.OBSTACLE
+    story.given(setting_out=True).tick()
+    assert story.status.display == Display.NAVIGATING
+
+
+@pytest.mark.parametrize(
+    ("inputs", "display"),
+    [
+        ({"pose": None}, Display.LOCALIZATION_LOST),
+        ({"faults": ("COLLISION_IMMINENT",)}, Display.OBSTACLE),
+        ({"safety_known": False}, Display.ERROR),
+        ({"manual": True}, Display.MANUAL),
+    ],
+)
+def test_what_holds_it_is_shown(story, inputs, display):
+    story.given(plan_end=GOAL, **inputs).tick()
+    assert story.status.display == display
+
+
+@pytest.mark.parametrize("ended", [ev.ABORT, "FAILED"])
+def test_after_a_mission_that_ended_badly_a_goal_drives_it_home(story, ended):
+    story.start("park").tick()
+    if ended == "FAILED":
+        for _ in range(story.params.tries):
+            story.stall()
+    else:
+        story.command(ended)
+    story.given(plan_end=GOAL, setting_out=True).tick()
+    assert story.status.display == Display.NAVIGATING
+
+
+@pytest.mark.parametrize(
+    ("aboard", "docking_state", "setting_out", "display"),
+    [
+        (False, "APPROACH", True, Display.APPROACHING_CHAIR),
+        (False, "APPROACH", False, Display.APPROACHING_CHAIR),
+        (False, "SEARCH", True, Display.APPROACHING_CHAIR),
+        (False, "SEARCH", False, Display.DOCKING),
+        (False, "FINE_ALIGN", False, Display.DOCKING),
+        (True, "SERVOING", True, Display.PASSENGER_DISEMBARK),
+        (True, "SERVOING", False, Display.PASSENGER_DISEMBARK),
+    ],
+)
+def test_a_docking_by_hand(story, aboard, docking_state, setting_out, display):
+    story.attach(aboard).given(docking_state=docking_state, setting_out=setting_out).tick()
+    assert story.status.display == display
+
+
+def test_an_emergency_stop_wins(story):
+    story.given(plan_end=GOAL, setting_out=True).emergency(True).tick()
+    assert story.status.display == Display.EMERGENCY_STOP
+
+
+def test_the_others_hear_of_the_mission_managers_own_warning(story):
+    """So that navigation does not warn once more."""
+    story.start("park")
+    assert story.warnings[0] == pytest.approx(DEPARTURE.warning_s)
+    assert story.warnings[-1] == 0.0
+    assert story.warnings == sorted(story.warnings, reverse=True)
+    assert len(story.warnings) == pytest.approx(DEPARTURE.warning_s / TICK_S, abs=2)
+
+
+def test_docking_that_warns_within_a_mission_shows(story):
+    story.start({"dock": "chair_1"}).at(1.0, speed=0.5).tick().arrive(2.0).tick().accept().feedback("SEARCH").at(2.0)
+    story.given(faults=("OBSTACLE_NEAR",)).tick(5.0)
+    assert story.status.display == Display.OBSTACLE
+    story.given(setting_out=True).tick()
+    assert story.status.display == Display.DOCKING

@@ -1,0 +1,244 @@
+"""After a long stop people are warned before the robot begins to move by itself: whatever made it stand."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from robot_stack.contract.display import Display
+from robot_stack.core.departure import Departure
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.mission import events as ev
+from robot_stack.mission.record import Record
+from robot_stack.mission.states import State
+
+from .conftest import DEPARTURE, STILL, TICK_S, DockStory, Story, make_mission
+
+DOCK = {"dock": "chair_1"}
+MOVING = Twist2(0.5, 0.0, 0.0)
+
+
+@pytest.fixture
+def story(params) -> DockStory:
+    return DockStory(params)
+
+
+def warned(story: Story) -> float:
+    """Seconds from now to the moment the robot is let go; the light of driving shows all that time."""
+    begun_s = story.now_s
+    while story.goal is None and story.call is None:
+        assert story.now_s < begun_s + 20.0, "it never sets out"
+        story.tick()
+        if story.goal is None and story.call is None:
+            assert "about to set out" in story.status.reason
+            assert story.status.display in (
+                Display.NAVIGATING,
+                Display.TRANSPORT,
+                Display.APPROACHING_CHAIR,
+                Display.PASSENGER_DISEMBARK,
+            )
+    return story.now_s - begun_s
+
+
+def begin(story: Story, *actions) -> Story:
+    """START_MISSION, and no tick after it."""
+    return story.happens(ev.Command(ev.START_MISSION, make_mission(*actions)))
+
+
+# --- the mission -----------------------------------------------------------------------------------------------------
+
+
+def test_a_mission_sets_out_two_seconds_after_its_start(story):
+    begin(story, "park")
+    assert (story.state, story.goal) == (State.RUNNING, None)
+    assert story.status.last_command_accepted
+    assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
+    assert story.goals() == [2.0]
+    assert story.tick().status.reason == ""
+
+
+def test_the_journal_knows_the_mission_before_the_warning(story):
+    begin(story, "park")
+    assert story.journal.records[-1].state is State.RUNNING
+
+
+def test_a_pause_within_the_warning_takes_it_back_and_resume_warns_in_full(story):
+    begin(story, "park").tick(1.5).happens(ev.Command(ev.PAUSE))
+    assert (story.state, story.goal) == (State.PAUSED, None)
+    story.tick(1.0).happens(ev.Command(ev.RESUME))
+    assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
+
+
+def test_an_emergency_stop_within_the_warning(story):
+    begin(story, "park").tick(1.0).emergency(True)
+    assert (story.state, story.goal, story.status.display) == (State.STOPPED, None, Display.EMERGENCY_STOP)
+    story.tick(3.0)
+    assert story.goals() == []
+
+
+@pytest.mark.parametrize(("stood_s", "warning_s"), [(8.0, 0.0), (12.0, 2.0)])
+def test_resume_warns_after_a_long_stop_only(story, stood_s, warning_s):
+    story.start("park").at(0.5, speed=0.5).tick().happens(ev.Command(ev.PAUSE))
+    story.at(0.5).tick(stood_s).happens(ev.Command(ev.RESUME))
+    assert warned(story) == pytest.approx(warning_s, abs=2 * TICK_S)
+
+
+@pytest.mark.parametrize(("wait_s", "warning_s"), [(5.0, 0.0), (15.0, 2.0)])
+def test_going_on_after_a_wait(story, wait_s, warning_s):
+    story.start({"wait": wait_s}, "park").at(1.0, speed=0.5).tick().reach(2.0)
+    assert story.state is State.WAITING
+    story.clear().goal = None  # of the waypoint that was reached
+    while story.state is State.WAITING:
+        story.tick()
+    left = 0.0 if story.goals() else warned(story)
+    assert left == pytest.approx(warning_s, abs=2 * TICK_S)
+
+
+# --- standing in the middle of a ride ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("hindrance", [{"faults": ("COLLISION_IMMINENT",)}, {"pose": None}, {"safety_known": False}])
+def test_held_for_long_the_goal_is_taken_away_and_given_back_after_a_warning(story, hindrance):
+    story.start("park").at(0.5, speed=0.5).tick().at(0.5).given(plan_end=Pose2(2.0, 0.0, 0.0)).given(
+        **hindrance
+    ).clear()
+    story.tick(9.0)
+    assert story.log == [], "a short stop changes nothing"
+    story.tick(20.0)
+    assert story.log == ["cancel"]
+    assert story.status.display != Display.NAVIGATING
+    story.at(0.5).given(faults=(), safety_known=True)
+    assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
+    assert story.goals() == [2.0]
+
+
+def test_a_hindrance_within_the_warning_begins_it_anew(story):
+    begin(story, "park").tick(1.5).given(faults=("COLLISION_IMMINENT",)).tick(0.5)
+    assert (story.goal, story.status.display) == (None, Display.OBSTACLE)
+    story.given(faults=())
+    assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
+
+
+def test_a_robot_that_stands_without_a_known_reason_is_warned_of_too(story):
+    """Navigation may be waiting for somebody to step aside: it must not drive off on its own after that."""
+    story.start("park").at(0.5, speed=0.5).tick().at(0.5).given(plan_end=Pose2(2.0, 0.0, 0.0)).clear()
+    story.tick(10.5)
+    assert story.log == ["cancel"]
+    assert warned(story) < 2.0 + TICK_S
+    assert story.goals() == [2.0]
+
+
+def test_a_navigation_controller_that_comes_back_late_gets_its_goal_after_a_warning(story):
+    story.start("park").tick(5.0)
+    for _ in range(6):
+        story.now_s += 0.9
+        story.happens(ev.PassengerChanged(False))  # time passes without a tick
+    story.clear().happens(ev.NavigationAppeared())
+    assert story.goals() == []
+    story.goal = None
+    assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
+
+
+def test_motion_by_hand_is_no_stop(story):
+    story.start("park").command(ev.PAUSE).tick(20.0)
+    story.at(1.0, speed=0.5).tick().at(1.0).tick().happens(ev.Command(ev.RESUME))
+    assert story.goals()[-1] == 2.0
+    assert story.goal is not None
+
+
+def test_a_robot_that_stands_under_way_says_that_it_waits_and_chimes_anew_before_it_goes(story):
+    """A sound comes with the beginning of a state: the warning's state must not be the one shown before."""
+    story.start("park").at(0.5, speed=0.5).tick()
+    assert story.status.display == Display.NAVIGATING
+    story.at(0.5).tick(2.5)
+    assert story.status.display == Display.NAVIGATING
+    story.tick(1.0)
+    assert story.status.display == Display.OBSTACLE
+    while story.goal is not None:
+        story.tick()
+    story.tick()
+    assert story.status.display == Display.NAVIGATING
+    assert "about to set out" in story.status.reason
+
+
+def test_a_robot_that_waits_for_the_docking_controller_says_so(story):
+    story.start(DOCK).at(1.0, speed=0.5).tick().arrive(2.0).given(docking_served=False).tick(4.0)
+    assert story.status.display == Display.OBSTACLE
+    story.given(docking_served=True).tick().accept().feedback("APPROACH").tick(5.0)
+    assert story.status.display == Display.APPROACHING_CHAIR
+
+
+# --- docking ---------------------------------------------------------------------------------------------------------
+
+
+def test_docking_after_a_short_stop_begins_at_once(story):
+    story.start(DOCK).at(1.0, speed=0.5).tick().arrive(2.0)
+    assert warned(story) < 2 * TICK_S
+
+
+def test_docking_that_had_to_wait_is_warned_of(story):
+    story.start(DOCK).at(1.0, speed=0.5).tick().arrive(2.0).given(faults=("COLLISION_IMMINENT",)).tick(15.0)
+    assert story.call is None
+    story.given(faults=())
+    assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
+    assert story.calls() == [("dock", "chair_1")]
+
+
+def test_no_warning_while_the_docking_controller_is_not_there(story):
+    story.start(DOCK).at(1.0, speed=0.5).tick().arrive(2.0).given(faults=("COLLISION_IMMINENT",)).tick(15.0)
+    story.given(faults=(), docking_served=False).tick(5.0)
+    assert "about to set out" not in story.status.reason
+    story.given(docking_served=True)
+    assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
+
+
+@pytest.mark.parametrize(("kind", "aboard"), [("dock", False), ("undock", True)])
+def test_resume_of_a_docking_warns(story, kind, aboard):
+    action = DOCK if kind == "dock" else "undock"
+    story.attach(aboard).start(action).arrive(2.0).tick().accept()
+    call = story.called()
+    story.happens(ev.Command(ev.PAUSE)).ends(False, call=call).tick(20.0).happens(ev.Command(ev.RESUME))
+    assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
+    assert story.calls()[-1][0] == kind
+
+
+def test_a_restart_warns_on_resume(params):
+    story = Story(params, Record(State.RUNNING, make_mission("park")))
+    story.happens(ev.Command(ev.RESUME))
+    assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
+
+
+# --- the clock of it -------------------------------------------------------------------------------------------------
+
+
+def test_a_robot_of_which_nobody_knows_that_it_moves_stands(params):
+    for twist in (None, Twist2(math.nan, 0.0, 0.0), STILL):
+        departure = Departure(DEPARTURE)
+        departure.elapse(MOVING, 1.0)
+        assert not departure.due
+        departure.elapse(twist, DEPARTURE.after_s)
+        assert not departure.due, "10 s are not more than 10 s"
+        departure.elapse(twist, 0.1)
+        assert departure.due
+
+
+def test_a_warning_that_led_to_nothing_is_good_for_ten_seconds(params):
+    departure = Departure(DEPARTURE)
+    assert not departure.cleared(0.1)
+    assert departure.warning
+    while not departure.cleared(0.1):
+        departure.elapse(STILL, 0.1)
+    assert not departure.warning
+    departure.elapse(STILL, DEPARTURE.after_s)
+    assert departure.cleared(0.1)
+    departure.elapse(STILL, 0.1)
+    assert not departure.cleared(0.1)
+
+
+def test_motion_within_a_warning_ends_it(params):
+    departure = Departure(DEPARTURE)
+    assert not departure.cleared(0.1)
+    departure.elapse(MOVING, 0.1)
+    assert departure.cleared(0.1)
+    assert not departure.warning

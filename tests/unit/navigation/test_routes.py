@@ -1,0 +1,313 @@
+"""Routes that are planned beside the tick: the newest question wins, and what cannot be reached is told once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import ndimage
+
+from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from robot_stack.core.site_map import FREE, OCCUPIED, Grid
+from robot_stack.navigation.controller import NavigationState
+from robot_stack.navigation.grid_kernels import astar
+from robot_stack.navigation.nodes.planning_thread import PlanningThread
+from robot_stack.navigation.planning_grid import PlanningGrid
+from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteRequest, RouteResult, RouteSolver
+from robot_stack.navigation.stop import Stop
+from tests.support.waiting import wait_for
+from tests.unit.navigation.plant import ROBOT, params
+from tests.unit.navigation.test_among_obstacles import Story, box, corridor, nothing, reached
+
+START, GOAL = Pose2(2.0, 5.0, 0.0), Pose2(13.0, 5.0, 0.0)
+NOTHING_SEEN = np.empty((0, 2))
+
+
+def divided(gate: slice | None = None) -> Grid:
+    """The corridor with a wall across at x = 8 m, and a gate in it."""
+    cells = corridor().occupancy.copy()
+    cells[:, 80] = OCCUPIED
+    if gate is not None:
+        cells[gate, 80] = FREE
+    return Grid(0.1, 0.0, 0.0, cells)
+
+
+def question(goal: Pose2 = GOAL, seen: np.ndarray = NOTHING_SEEN) -> RouteRequest:
+    return RouteRequest(START, goal, ROBOT.footprint, seen)
+
+
+def solver(grid: Grid | None) -> RouteSolver:
+    return RouteSolver(params().planner, None if grid is None else PlanningGrid(grid))
+
+
+@dataclass
+class Noted:
+    """Answers as ``PromptRoutes`` does, but ``late`` times that it is asked for them later; notes what it was asked."""
+
+    solver: RouteSolver
+    late: int = 0
+    questions: list[RouteRequest] = field(default_factory=list)
+    _answer: RouteResult | None = None
+    _asked_for: int = 0
+
+    def ask(self, asked: RouteRequest) -> None:
+        self.questions.append(asked)
+        self._answer, self._asked_for = self.solver.solve(asked, Stop()), 0
+
+    def take(self) -> RouteResult | None:
+        self._asked_for += 1
+        if self._asked_for <= self.late:
+            return None
+        answer, self._answer = self._answer, None
+        return answer
+
+    def drop(self) -> None:
+        self._answer = None
+
+
+def story(grid: Grid, late: int = 0, paint: Callable[..., np.ndarray] = nothing) -> tuple[Story, Noted]:
+    made: list[Noted] = []
+
+    def routes(of: RouteSolver) -> RoutePlanner:
+        made.append(Noted(of, late))
+        return made[0]
+
+    return Story(paint, grid, routes=routes), made[0]
+
+
+# --- answers ---------------------------------------------------------------------------------------------------------
+
+
+def test_what_the_map_closes_is_lasting_and_what_was_seen_is_not() -> None:
+    assert solver(divided()).solve(question(), Stop()) == RouteResult(
+        None, "no way from (2.0, 5.0) to (13.0, 5.0)", lasting=True
+    )
+    across = np.column_stack((np.full(200, 8.05), np.linspace(0.0, 10.0, 200)))
+    answer = solver(divided(slice(40, 60))).solve(question(seen=across), Stop())
+    assert (answer.route, answer.lasting) == (None, False)
+    assert "no way" in answer.reason
+    assert solver(divided(slice(40, 60))).solve(question(), Stop()).route is not None
+
+
+def test_without_a_map_nothing_is_lasting() -> None:
+    ring = (GOAL.x, GOAL.y) + 2.0 * np.array([(np.cos(angle), np.sin(angle)) for angle in np.linspace(0.0, 6.29, 400)])
+    answer = solver(None).solve(question(seen=ring), Stop())
+    assert (answer.route, answer.lasting) == (None, False)
+
+
+def test_two_solvers_of_one_map_do_not_see_each_other_s_obstacles() -> None:
+    site = PlanningGrid(divided(slice(40, 60)))
+    one, other = RouteSolver(params().planner, site), RouteSolver(params().planner, site)
+    across = np.column_stack((np.full(200, 8.05), np.linspace(0.0, 10.0, 200)))
+    assert one.solve(question(seen=across), Stop()).route is None
+    assert other.solve(question(), Stop()).route is not None
+    assert np.array_equal(site.field, site.known_field)
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0, 50, 10_000]), st.floats(0.2, 0.5))
+@settings(max_examples=60, deadline=None)
+def test_a_way_is_found_exactly_where_there_is_one(seed: int, flood_cells: int, share: float) -> None:
+    """Cells that touch, also at a corner, are connected: as scipy labels them."""
+    random = np.random.default_rng(seed)
+    free = random.random((40, 50)) > share
+    start, goal = ((int(random.integers(40)), int(random.integers(50))) for _ in range(2))
+    free[start] = free[goal] = True
+    labels, _ = ndimage.label(free, structure=np.ones((3, 3)))
+    clear, unknown = free.astype(np.float32), np.zeros(free.shape, np.bool_)
+    blocked = np.empty((0, 3), np.int64)
+    found = astar(
+        clear, unknown, 1, start, goal, 0.5, 0.5, 0.0, 1.0, 1.2, blocked, 0, flood_cells, np.zeros(1, np.bool_)
+    )
+    assert bool(len(found)) == bool(labels[start] == labels[goal])
+    if len(found):
+        assert tuple(found[0]) == start
+        assert tuple(found[-1]) == goal
+        assert free[tuple(found.T)].all()
+
+
+# --- the thread ------------------------------------------------------------------------------------------------------
+
+
+def big_divided() -> Grid:
+    """300 m x 300 m in two halves: the search looks at much of it."""
+    cells = np.full((3000, 3000), FREE, np.int8)
+    cells[1490:1496, :] = OCCUPIED
+    return Grid(0.1, 0.0, 0.0, cells)
+
+
+BIG = RouteRequest(Pose2(150.0, 2.0, 1.5), Pose2(150.0, 298.0, 1.5), ROBOT.footprint, NOTHING_SEEN)
+SMALL = RouteRequest(Pose2(10.0, 10.0, 0.0), Pose2(20.0, 10.0, 0.0), ROBOT.footprint, NOTHING_SEEN)
+
+
+@pytest.fixture(scope="module")
+def big() -> RouteSolver:
+    return solver(big_divided())
+
+
+@pytest.fixture
+def thread(big: RouteSolver) -> Iterator[PlanningThread]:
+    made = PlanningThread(big, lambda: None)
+    yield made
+    made.end()
+
+
+def answer_of(thread: PlanningThread) -> RouteResult:
+    answers: list[RouteResult] = []
+
+    def there() -> bool:
+        answer = thread.take()
+        return answer is not None and not answers.append(answer)
+
+    wait_for(there, "an answer", 60.0)
+    return answers[0]
+
+
+def test_the_newest_question_wins(thread: PlanningThread) -> None:
+    thread.ask(BIG)
+    thread.ask(SMALL)
+    assert thread.busy()
+    route = answer_of(thread).route
+    assert route is not None
+    assert route.end().distance_to(SMALL.goal) < 1e-9
+    assert not thread.busy()
+    assert thread.take() is None
+
+
+def test_asking_answers_at_once_to_whoever_asks(thread: PlanningThread) -> None:
+    """The caller is not kept: not by the question, not while it is thought about."""
+    began_s = time.thread_time()
+    for _ in range(20):
+        thread.ask(BIG)
+        thread.take()
+        thread.busy()
+    assert time.thread_time() - began_s < 0.02
+
+
+def test_a_question_that_is_dropped_is_not_answered(thread: PlanningThread) -> None:
+    thread.ask(BIG)
+    thread.drop()
+    assert not thread.busy()
+    assert thread.take() is None
+    thread.ask(SMALL)
+    assert answer_of(thread).route is not None
+
+
+def test_a_search_that_is_stopped_ends_without_a_way(big: RouteSolver) -> None:
+    stop = Stop()
+    stop.set()
+    began_s = time.thread_time()
+    assert big.solve(BIG, stop).route is None
+    assert time.thread_time() - began_s < 0.1
+
+
+def test_an_error_in_a_plan_is_an_answer_and_the_thread_lives(thread: PlanningThread) -> None:
+    thread.ask(RouteRequest(BIG.start, BIG.goal, ROBOT.footprint, np.empty(3)))
+    assert "planning failed: " in answer_of(thread).reason
+    thread.ask(SMALL)
+    assert answer_of(thread).route is not None
+
+
+def test_the_thread_ends_in_the_middle_of_a_search(big: RouteSolver) -> None:
+    ended = PlanningThread(big, lambda: None)
+    ended.ask(BIG)
+    ended.end()
+    assert not ended.busy()
+
+
+# --- driving ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_goal_behind_a_wall_of_the_map_is_refused_once_and_not_planned_again() -> None:
+    told, routes = story(divided(), late=3)
+    assert told.go(GOAL) == ""
+    output = told.until(lambda output: bool(output.refused), 0.5)
+    assert output.refused == "no way from (2.0, 5.0) to (13.0, 5.0)"
+    assert output.text == "goal refused: no way from (2.0, 5.0) to (13.0, 5.0)"
+    assert (output.state, output.twist) == (NavigationState.IDLE, ZERO_TWIST)
+    assert told.controller.goal is None
+    assert told.controller.path is None
+    assert not told.tick().refused
+    for _ in range(5):  # as a mission manager asks again
+        assert told.go(GOAL) == output.refused
+        assert told.tick().text == output.text
+    assert len(routes.questions) == 1
+    assert told.go(Pose2(6.0, 5.0, 0.0)) == ""
+    told.until(reached)
+
+
+def test_a_goal_that_turns_out_to_be_unreachable_stops_a_moving_robot_smoothly() -> None:
+    told, _ = story(divided(), late=4)
+    told.go(Pose2(6.5, 5.0, 0.0))
+    told.until(lambda output: output.twist.speed() > 0.8)
+    told.go(GOAL)
+    told.until(lambda output: bool(output.refused), 1.0)
+    told.until(lambda output: output.state is NavigationState.IDLE, 5.0)
+    assert told.drive.pose.x < 7.0
+    speeds = [output.twist.speed() for output in told.outputs[-60:]]
+    assert max(before - after for before, after in pairwise(speeds)) < 0.12
+
+
+def test_another_goal_while_a_route_is_planned_wins() -> None:
+    told, routes = story(divided(slice(70, 90)), late=5)
+    told.go(GOAL)
+    told.tick()
+    assert told.outputs[-1].text == "planning a route"
+    told.go(Pose2(4.0, 5.0, 0.0))
+    told.until(reached)
+    assert told.drive.pose.distance_to(Pose2(4.0, 5.0, 0.0)) < 0.04
+    assert max(pose.x for pose in told.poses) < 4.5
+    assert routes.questions[0].goal == GOAL
+
+
+def test_a_goal_that_is_cancelled_while_a_route_is_planned_moves_nothing() -> None:
+    told, _ = story(divided(slice(70, 90)), late=5)
+    told.go(GOAL)
+    told.tick()
+    told.controller.stop()
+    for _ in range(10):
+        assert told.tick().twist == ZERO_TWIST
+    assert told.controller.goal is None
+
+
+def test_a_late_planner_is_waited_for_and_the_robot_arrives() -> None:
+    told, _ = story(divided(slice(40, 60)), late=8, paint=box(5.0, 5.6, 4.6, 5.4))
+    told.go(GOAL)
+    told.until(reached)
+    assert min(told.clearances) > 0.15
+
+
+def test_a_closed_way_is_planned_anew_only_when_something_else_is_seen() -> None:
+    """A gate that is shut: asked for once, once more each time that something changes."""
+
+    def shut(now_s: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        gate = (abs(x - 8.05) < 0.06) & (now_s < 17.0)
+        return gate | ((np.hypot(x - 4.0, y - 8.0) < 0.3) & (now_s > 14.0))
+
+    told, routes = story(divided(slice(40, 60)), paint=shut)
+    told.go(GOAL)
+    while told.now_s < 13.9:
+        told.tick()
+    asked = len(routes.questions)
+    assert told.outputs[-1].text.startswith("waiting: the only way is blocked")
+    while told.now_s < 16.9:
+        told.tick()
+    assert len(routes.questions) == asked + 1
+    told.until(reached)
+
+
+def test_a_prompt_planner_forgets_what_is_dropped() -> None:
+    prompt = PromptRoutes(solver(divided(slice(40, 60))))
+    prompt.ask(question())
+    prompt.drop()
+    assert prompt.take() is None
+    prompt.ask(question())
+    first = prompt.take()
+    assert first is not None
+    assert first.route is not None
+    assert prompt.take() is None

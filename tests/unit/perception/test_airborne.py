@@ -1,0 +1,142 @@
+"""Rain, snow and dust are no obstacles; thin, small and half-hidden things and whoever enters are, and at once."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robot_stack.contract import frames
+from robot_stack.core.geometry import IDENTITY, ZERO_TWIST
+from robot_stack.core.robot import Robot
+from robot_stack.perception.airborne import Crowd, crowd_of
+from robot_stack.perception.params import PerceptionParams
+from robot_stack.perception.pipeline import Pipeline
+from sim.bench.weather_scenes import Bystander, Shower, shower, with_bystander
+from sim.lidar.sensor import Conditions
+
+HALF_S = 0.05
+
+
+@pytest.fixture
+def crowd(robot: Robot, params: PerceptionParams) -> Crowd:
+    return crowd_of(robot.range_sensors[frames.LIDAR], params.obstacles, params.obstacles.range_m)
+
+
+def patch(at_m: float, size_m: float, robot: Robot) -> np.ndarray:
+    """(n, 3) what a square ``at_m`` ahead of the sensor and at its height returns."""
+    sensor = robot.range_sensors[frames.LIDAR]
+    across = np.arange(-0.5 * size_m, 0.5 * size_m, at_m * math.radians(sensor.span_deg) / sensor.columns)
+    up = np.arange(-0.5 * size_m, 0.5 * size_m, at_m * sensor.ring_spacing_rad)
+    y, z = np.meshgrid(across, up)
+    x = np.full(y.size, sensor.xyz_m[0] + at_m)
+    return np.stack([x, y.ravel(), sensor.xyz_m[2] + z.ravel()], axis=1).astype(np.float32)
+
+
+@pytest.mark.parametrize("at_m", [1.0, 2.0, 3.0])
+def test_a_thing_is_believed_by_its_size_whatever_its_distance(at_m: float, crowd: Crowd, robot: Robot) -> None:
+    large, small = patch(at_m, 0.08, robot), patch(at_m, 0.03, robot)
+    assert len(crowd.split(large)[0]) == len(large)
+    things, doubtful = crowd.split(small)
+    assert len(things) == 0
+    np.testing.assert_array_equal(doubtful, small)
+    assert len(crowd.split(small[:2])[1]) == 0
+
+
+def test_the_number_asked_for_has_a_floor_and_a_ceiling(crowd: Crowd, params: PerceptionParams) -> None:
+    few, many = params.obstacles.neighbours_min, params.obstacles.neighbours_max
+    far, close = np.array([[20.0, 0.0, 0.7]], np.float32), np.array([[0.8, 0.0, 0.7]], np.float32)
+    assert len(crowd.split(np.repeat(far, few, axis=0))[0]) == few
+    assert len(crowd.split(np.repeat(far, few - 1, axis=0))[0]) == 0
+    assert len(crowd.split(np.repeat(close, many, axis=0))[0]) == many
+    assert len(crowd.split(np.repeat(close, many - 1, axis=0))[0]) == 0
+
+
+def test_what_is_out_of_range_or_not_a_number_is_nothing(crowd: Crowd) -> None:
+    points = np.array([[100.0, 0.0, 1.0], [np.nan, 0.0, 1.0]], np.float32)
+    assert [len(part) for part in crowd.split(points)] == [0, 0]
+    assert [len(part) for part in crowd.split(points[:0])] == [0, 0]
+
+
+def run(pipeline: Pipeline, weather: Shower, halves: int, begin_s: float = 0.0) -> list[np.ndarray]:
+    """Obstacles after each half sweep."""
+    found = []
+    for step in range(halves):
+        stamp_s = begin_s + HALF_S * step
+        pipeline.motion.on_odometry(stamp_s, IDENTITY, ZERO_TWIST)
+        found.append(pipeline.scene(weather.half_sweep(stamp_s, step % 2).points, stamp_s).obstacles)
+    return found
+
+
+@pytest.mark.parametrize("kind", ["rain", "snow", "dust"])
+@pytest.mark.parametrize("returns", [100, 300, 1000])
+def test_what_is_in_the_air_is_no_obstacle(kind: str, returns: int, pipeline: Pipeline) -> None:
+    """On an empty plain: whatever is published is a phantom."""
+    weather = shower(kind, returns, seed=41)
+    counts = [len(obstacles) for obstacles in run(pipeline, weather, 20)]
+    assert 0.8 * returns < weather.mean_airborne() < 1.2 * returns
+    assert np.mean(counts) < 1.0
+
+
+BYSTANDERS = [
+    Bystander("pole", 0.025, 1.0),
+    Bystander("leg", 0.025, 0.45),
+    Bystander("person", 0.20, 1.70, light=0.05),
+]
+
+
+@pytest.mark.parametrize("who", BYSTANDERS, ids=lambda who: who.name)
+@pytest.mark.parametrize("place", [(0.8, 0.0), (2.0, 0.0), (4.0, 0.0), (6.0, 0.0), (8.0, 1.0)])
+@pytest.mark.parametrize("kind", ["clear", "snow"])
+def test_who_enters_is_seen_in_the_first_turn_and_never_lost(
+    who: Bystander, place: tuple[float, float], kind: str, pipeline: Pipeline
+) -> None:
+    """place: from base_link, whose footprint ends 0.5 m ahead. Dead ahead halves meet: each sees one side."""
+    x_m, y_m = place
+    weather = with_bystander(shower(kind, 1000, seed=42), who, x_m, y_m)
+    weather.absent = True
+    run(pipeline, weather, 6)
+    weather.absent = False
+    for obstacles in run(pipeline, weather, 14, 6 * HALF_S)[2:]:
+        assert (np.hypot(obstacles[:, 0] - x_m, obstacles[:, 1] - y_m) < who.radius_m + 0.1).any()
+
+
+def test_what_was_occupied_is_not_free_because_it_now_returns_too_little(pipeline: Pipeline) -> None:
+    """A pole that stands in place, of which only stray returns come back from some moment on."""
+    who, at_m = Bystander("pole", 0.025, 1.0), 2.0
+    weather = with_bystander(shower("clear", 0, seed=43), who, at_m)
+    run(pipeline, weather, 6)
+    weather.fewer_of_bystander = 0.1
+    for step in range(6, 26):
+        obstacles = run(pipeline, weather, 1, step * HALF_S)[0]
+        occupied = pipeline.space.remembered(IDENTITY, math.inf)
+        assert (np.hypot(occupied[:, 0] - at_m, occupied[:, 1]) < 0.15).any()
+        if step > 9:  # what nothing has hit for 0.15 s is shown from memory
+            assert (np.hypot(obstacles[:, 0] - at_m, obstacles[:, 1]) < 0.15).any()
+
+
+def test_a_thin_chain_across_the_way_is_seen_and_keeps_its_place(pipeline: Pipeline) -> None:
+    """8 mm, 0.5 m high: where it is thinner than what is believed anew, it stays what it was."""
+    across = Bystander("chain", 0.004, 1.0)
+    weather = with_bystander(shower("clear", 0, seed=45), across, 2.0, lying_m=0.5)
+    for obstacles in run(pipeline, weather, 12)[4:]:
+        assert (np.abs(obstacles[:, 0] - 2.0) < 0.15).any()
+    weather.fewer_of_bystander = 0.4
+    run(pipeline, weather, 12, 12 * HALF_S)
+    occupied = pipeline.space.remembered(IDENTITY, math.inf)
+    assert (np.abs(occupied[:, 0] - 2.0) < 0.15).any()
+
+
+def test_the_ground_under_a_shower_does_not_fall_away(pipeline: Pipeline) -> None:
+    weather = shower("snow", 1000, seed=44)
+    for step in range(12):
+        seen = pipeline.segment(pipeline.points(weather.half_sweep(0.0, step % 2).points, 0.0)[0])
+        assert not seen.profile.drop_m.any()
+
+
+def test_weather_is_drawn_by_its_seed() -> None:
+    first, again, other = (shower("rain", 300, seed).half_sweep(0.0, 0) for seed in (7, 7, 8))
+    assert np.array_equal(first.points, again.points)
+    assert not np.array_equal(first.points, other.points)
+    assert shower("clear", 300, 7).conditions == Conditions()

@@ -1,0 +1,91 @@
+"""Beams at the attached chair's edge that return a range between it and what is behind: nothing is there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot_stack.contract import frames
+from robot_stack.core.docks import load_docks
+from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from robot_stack.core.point_cloud import SWEEP
+from robot_stack.core.robot import Robot, load_robot
+from robot_stack.core.robot_shape import load_robot_shape, planar
+from robot_stack.perception.mixed import ChairEdges
+from robot_stack.perception.params import PerceptionParams
+from robot_stack.perception.pipeline import Pipeline
+from sim.camera.motion import still
+from sim.lidar.bodies import robot_shapes
+from sim.lidar.params import load_lidar_params
+from sim.lidar.scene import WHEELCHAIR, build_scene
+from sim.lidar.sensor import Lidar
+from sim.lidar.views import moving
+from sim.parameters import load_sim_params
+from sim.worldfile import load_world
+from tests.unit.space.yard import CHILD, POLE, Post, Yard, near
+
+LOW_BOX, STUMP = Post(0.15, 0.30), Post(0.05, 0.20)
+CLEARANCE_M = 0.16  # a little more than what stops the robot
+
+
+def site_lidar(sensor: str, seed: int) -> Lidar:
+    robot, params = load_robot(), load_lidar_params(sensor)
+    own = robot_shapes(robot, load_robot_shape()) if sensor == frames.OVERHEAD_LIDAR else []
+    scene = build_scene(load_world("yard"), params, load_sim_params().wheelchair, own=own)
+    return Lidar(scene, params, robot, seed, sensor)
+
+
+@pytest.mark.parametrize(
+    "pose",
+    [Pose2(-1.61, 11.54, 2.29), Pose2(-1.57, 11.85, 2.02), Pose2(-2.01, 11.54, 2.52), Pose2(2.63, 12.99, 0.07)],
+)
+def test_a_ride_with_the_chair_is_not_stopped_by_what_is_not_there(
+    pose: Pose2, robot: Robot, params: PerceptionParams
+) -> None:
+    """Places of the demonstration where such points have stopped the robot, once in some ten sweeps."""
+    lidar, overhead = site_lidar(frames.LIDAR, 3), site_lidar(frames.OVERHEAD_LIDAR, 4)
+    latched = load_docks().latched_wheelchair()
+    assert latched is not None
+    base, movers = moving(planar(pose), ZERO_TWIST, 0.1), {WHEELCHAIR: still(planar(pose.compose(latched)))}
+    pipeline = Pipeline(robot, params)
+    pipeline.chair = True
+    footprint = robot.footprint_with_chair
+    for step in range(40):
+        stamp_s = 10.0 + 0.05 * step
+        pipeline.motion.on_odometry(stamp_s, pose, ZERO_TWIST)
+        if step % 2:
+            pipeline.overhead(overhead.sweep(base, 0.0, movers).points, stamp_s)
+        found = pipeline.scene(lidar.half_sweep(base, 0.0, step % 2, movers).points, stamp_s).obstacles
+        x, y = found[:, 0], np.abs(found[:, 1])
+        close = (x < footprint.front_m + CLEARANCE_M) & (x > footprint.rear_m - CLEARANCE_M)
+        assert not (close & (y < 0.5 * footprint.width_m + CLEARANCE_M)).any(), (step, found[close])
+
+
+@pytest.mark.parametrize(
+    ("who", "x_m"),
+    [(who, x_m) for who in (CHILD, POLE, LOW_BOX, STUMP) for x_m in (1.2, 1.6, 2.0, 2.6) if (who, x_m) != (STUMP, 2.6)],
+)
+@pytest.mark.parametrize("y_m", [0.50, 0.60, 0.70, -0.60])
+def test_what_stands_beside_the_chairs_edge_is_an_obstacle(who: Post, x_m: float, y_m: float) -> None:
+    yard = Yard(chair=True, mixed=0.3, columns=load_lidar_params().beams.columns, who=who)
+    away_m = max(abs(y_m), 0.45 + who.radius_m)
+    yard.at["who"] = (x_m, np.copysign(away_m, y_m))
+    yard.run(0.3)
+    assert yard.scene is not None
+    assert near(yard.scene.obstacles, x_m, float(np.copysign(away_m, y_m)), who.radius_m + 0.1) > 0
+
+
+def test_few_points_beside_the_chair_are_no_thing_and_many_are(params: PerceptionParams) -> None:
+    few = params.mixed
+    box = np.array([0.45, 1.45, -0.45, 0.45, -0.3, 1.6], np.float32)
+    chair = np.zeros(3, SWEEP)
+    chair["x"], chair["y"], chair["z"] = [0.8, 0.8, np.nan], [0.3, 0.31, 0.0], [0.1, 0.1, 0.1]
+    edges = ChairEdges(np.array([0.2, 0.0, 0.7], np.float32), None, box, (np.pi, np.radians(1.0)))
+    edges.look(chair)
+    behind = np.array([0.2 + 2 * 0.8, 2 * 0.3, 0.5], np.float32)
+    for count, kept in ((few.points_min - 1, 0), (few.points_min, few.points_min)):
+        assert len(edges.believed(np.tile(behind, (count, 1)), few, few.points_min)) == kept
+    for elsewhere in ((1.6, -0.6, 0.5), (few.reach_m + 0.4, (few.reach_m + 0.2) * 0.3 / 0.8, 0.5)):
+        assert len(edges.believed(np.array([elsewhere], np.float32), few, few.points_min)) == 1
+    edges.look(chair[2:])
+    assert len(edges.believed(behind[None], few, few.points_min)) == 1

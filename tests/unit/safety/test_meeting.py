@@ -1,0 +1,165 @@
+"""Who walks into the way of a robot that goes on, or brakes: when it has to stand, and from when on it is slower."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from robot_stack.contract.model import SafetyAction, SafetyState
+from robot_stack.core.geometry import ZERO_TWIST, Twist2, exp_se2
+from robot_stack.safety.collision import Outline
+from robot_stack.safety.meeting import Meeting, MeetingWatch, _along, _gaps
+from tests.unit.safety.story import PARAMS, Story
+
+P = PARAMS.meeting
+BODY = Outline(0.5, -0.5, 0.35)
+BRAKE_MPS2 = 2.0
+AHEAD, SLOW, BACK, TURN = Twist2(1.0, 0.0, 0.0), Twist2(0.3, 0.0, 0.0), Twist2(-0.5, 0.0, 0.0), Twist2(0.0, 0.0, 1.0)
+FREE = math.inf
+
+
+def who(x: float, y: float, vx: float, vy: float) -> NDArray[np.float64]:
+    return np.array([[x, y, 0.8, vx, vy]])
+
+
+NONE = np.empty((0, 5))
+
+
+def judge(
+    moving: NDArray[np.float64], request: Twist2 = AHEAD, does: Twist2 | None = None, nearest_m: float = 9.0
+) -> Meeting:
+    """Of a robot that does what it is asked to, unless ``does`` says otherwise."""
+    watch = MeetingWatch(P, BRAKE_MPS2)
+    return watch.judge(moving, nearest_m, BODY, [request if does is None else does], request, 10.0)
+
+
+def test_nobody_and_a_robot_that_is_asked_nothing() -> None:
+    assert judge(NONE) == Meeting()
+    assert judge(who(0.6, 0.0, -1.0, 0.0), ZERO_TWIST) == Meeting()
+
+
+def test_who_comes_from_the_side_into_the_place_where_the_robot_will_be() -> None:
+    """From 1 m/s it stands 0.6 m farther on. At 1.2 m/s from 2.4 m aside they are before it in 1.7 s."""
+    far, near = who(2.0, 2.4, 0.0, -1.2), who(1.0, 1.2, 0.0, -1.2)
+    assert not judge(far).stop
+    assert judge(near).stop
+
+
+def test_the_nearer_the_slower_then_stop() -> None:
+    limits = []
+    for away_m in np.arange(3.0, 0.4, -0.1):
+        found = judge(who(0.0, away_m + 0.35, 0.0, -1.5), SLOW)
+        limits.append(0.0 if found.stop else found.speed_mps)
+    assert limits[0] == FREE
+    assert limits[-1] == 0.0
+    assert limits == sorted(limits, reverse=True)
+    assert any(0.0 < limit < SLOW.vx for limit in limits)
+
+
+def test_who_stands_or_goes_past_or_away_is_nobody() -> None:
+    for moving in (
+        who(1.5, 0.9, -1.5, 0.0),  # past, 0.55 m aside
+        who(-1.5, -0.9, 1.6, 0.0),  # overtakes
+        who(0.8, 0.0, 1.2, 0.0),  # goes ahead
+        who(0.0, 0.6, 0.0, 1.0),  # leaves
+    ):
+        assert judge(moving, SLOW) == Meeting()
+
+
+def test_who_walks_behind_as_fast_is_not_braked_before() -> None:
+    assert judge(who(-0.9, 0.0, 1.0, 0.0)) == Meeting()
+    assert judge(who(-1.0, 0.0, 1.8, 0.0)).stop  # who runs into it anyhow
+
+
+def test_who_runs_into_a_robot_that_backs_off_or_turns() -> None:
+    assert judge(who(1.0, 0.0, -1.5, 0.0), BACK).stop
+    assert judge(who(0.0, 1.0, 0.0, -1.0), TURN).stop
+    assert judge(who(0.0, 2.5, 0.0, 1.0), TURN) == Meeting()
+
+
+def test_what_the_robot_does_counts_beside_what_it_is_asked() -> None:
+    """It is asked to back off, and still goes ahead."""
+    crossing = who(1.0, 0.7, 0.0, -1.0)
+    assert judge(crossing, BACK, does=AHEAD).stop
+    assert not judge(crossing, BACK, does=BACK).stop
+
+
+def test_a_limit_is_of_the_footprints_fastest_place() -> None:
+    turning = judge(who(0.0, 1.9, 0.0, -1.0), TURN)
+    assert not turning.stop
+    assert 0.0 < turning.speed_mps < BODY.reach()
+
+
+def test_who_has_come_is_given_time_to_go_on_as_long_as_something_is_beside_the_robot() -> None:
+    watch = MeetingWatch(P, BRAKE_MPS2)
+
+    def stop(moving: NDArray[np.float64], nearest_m: float, now_s: float) -> bool:
+        return watch.judge(moving, nearest_m, BODY, [SLOW], SLOW, now_s).stop
+
+    assert stop(who(0.0, 0.8, 0.0, -1.0), 0.45, 10.0)
+    assert stop(NONE, P.beside_m, 10.0 + P.hold_s - 0.01)
+    assert not stop(NONE, P.beside_m + 0.01, 10.0 + P.hold_s - 0.01)
+    assert not stop(NONE, 0.1, 10.0 + P.hold_s + 0.01)
+
+
+def test_who_was_never_near_is_not_waited_for() -> None:
+    watch = MeetingWatch(P, BRAKE_MPS2)
+    assert watch.judge(who(2.4, 0.0, -2.0, 0.0), 9.0, BODY, [AHEAD], AHEAD, 10.0).stop
+    assert not watch.judge(NONE, 0.2, BODY, [AHEAD], AHEAD, 10.1).stop
+
+
+@given(st.floats(-1.5, 1.5), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(0.0, 3.0))
+def test_the_way_of_a_twist(vx: float, vy: float, omega: float, seconds: float) -> None:
+    twist = Twist2(vx, vy, omega)
+    x, y, turned = _along(twist, np.array([seconds]))
+    expected = exp_se2(twist, seconds)
+    assert (x[0], y[0]) == pytest.approx((expected.x, expected.y), abs=1e-9)
+    assert turned[0] == pytest.approx(omega * seconds)
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
+def test_gaps_are_those_of_the_outline_at_each_moment(vx: float, vy: float, omega: float, x: float, y: float) -> None:
+    twist, times = Twist2(vx, vy, omega), np.array([0.0, 0.7, 1.4])
+    found = _gaps(who(x, y, 0.3, -0.4), BODY, twist, times, times)[0]
+    for seconds, gap_m in zip(times, found, strict=True):
+        pose = exp_se2(twist, float(seconds))
+        dx, dy = x + 0.3 * seconds - pose.x, y - 0.4 * seconds - pose.y
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        there = np.array([[c * dx + s * dy, c * dy - s * dx]])
+        assert gap_m == pytest.approx(BODY.distances(there)[0], abs=1e-9)
+
+
+def test_the_monitor_slows_and_stops_for_who_comes_from_the_side() -> None:
+    story = Story().healthy()
+    story.request = story.driven = SLOW
+    story.run(0.2).expect(SafetyState.NORMAL)
+    story.moving = who(0.0, 1.81, 0.0, -1.3).astype(np.float32)
+    story.run(0.1).expect(SafetyState.COLLISION_AVOIDANCE, ["OBSTACLE_NEAR"])
+    assert 0.0 < story.verdict.limit.linear_mps < SLOW.vx
+    assert story.monitor.details["OBSTACLE_NEAR"] == "somebody comes"
+    story.moving = who(0.0, 0.9, 0.0, -1.3).astype(np.float32)
+    story.run(0.1)
+    assert story.verdict.action is SafetyAction.STOP
+    assert story.verdict.hard
+    assert story.monitor.details["COLLISION_IMMINENT"] == "somebody walks into the way"
+    story.moving = np.empty((0, 5), np.float32)
+    story.run(1.0).expect(SafetyState.NORMAL)
+
+
+def test_while_nobody_says_who_comes_the_robot_is_as_slow_as_where_nothing_is_seen() -> None:
+    story = Story().healthy()
+    story.request = story.driven = AHEAD
+    story.run(0.2)
+    assert story.verdict.limit.linear_mps > 1.0
+    story.moving = None
+    story.run(0.5)
+    assert story.verdict.limit.linear_mps == pytest.approx(PARAMS.collision.unseen_mps)
+    assert story.verdict.reason == "WAY_UNSEEN"
+    story.moving = np.array([[math.nan] * 5], np.float32)
+    story.run(0.5)
+    assert story.verdict.reason == "WAY_UNSEEN"

@@ -1,0 +1,298 @@
+"""Who presses the emergency stop: nobody's press is ended by somebody else."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_stack.core.stop_presence import Presence, describe_presence, parse_presence
+from robot_stack.safety.stop_sources import UNKNOWN, Press, SourcePresence, SourceReport, StopSources
+
+EXPLAIN_S, DISCOVERY_S, STALE_S = 2.0, 8.0, 1.0
+NO_AUTHOR = "a true on /emergency_stop whose source has not reported yet"
+
+
+class Bench:
+    """Two processes per name at most, which publish and report as ``StopSource`` does."""
+
+    def __init__(self, presses: tuple[Press, ...] = ()) -> None:
+        self.sources = StopSources(EXPLAIN_S, DISCOVERY_S, STALE_S, presses)
+        self.now_s = 10.0
+        self._presses: dict[tuple[str, int], int] = {}
+
+    def after(self, seconds: float) -> Bench:
+        self.now_s += seconds
+        return self
+
+    def says(self, name: str, pressed: bool, pid: int = 1, *, order: str = "message first") -> Bench:
+        key = (name, pid)
+        self._presses[key] = self._presses.get(key, 0) + pressed
+        if order == "message first":
+            self.sources.message(pressed, self.now_s)
+        self.repeats(name, pressed, pid)
+        if order == "report first":
+            self.sources.message(pressed, self.now_s)
+        return self
+
+    def repeats(self, name: str, pressed: bool, pid: int = 1) -> Bench:
+        self.sources.report(SourceReport(name, pid, self._presses.get((name, pid), 0), pressed), self.now_s)
+        return self
+
+    def nobody_says(self, pressed: bool) -> Bench:
+        self.sources.message(pressed, self.now_s)
+        return self
+
+    @property
+    def standing(self) -> str:
+        return self.sources.standing(self.now_s)
+
+
+@pytest.mark.parametrize("order", ["message first", "report first"])
+def test_a_press_stands_until_its_own_release(order: str) -> None:
+    bench = Bench().says("ui", True, order=order)
+    assert bench.standing == "pressed by ui"
+    assert bench.sources.presses == (Press("ui", 1),)
+    assert bench.says("ui", False, order=order).standing == ""
+    assert bench.after(2 * EXPLAIN_S).standing == ""
+
+
+def test_a_release_of_another_ends_nothing() -> None:
+    bench = Bench().says("a", True).says("b", True).says("b", False)
+    assert bench.standing == "pressed by a"
+    assert bench.nobody_says(False).standing == "pressed by a"
+    assert bench.says("a", False).standing == ""
+
+
+def test_a_press_needs_no_message_at_all() -> None:
+    assert Bench().repeats("a", True).standing == "pressed by a"
+
+
+def test_a_report_says_the_same_again_and_again() -> None:
+    bench = Bench().says("a", True)
+    for _ in range(5):
+        bench.after(0.2).repeats("a", True)
+    assert bench.standing == "pressed by a"
+    assert bench.nobody_says(True).standing == f"pressed by a; {NO_AUTHOR}"  # a repetition explains no other true
+
+
+def test_a_true_that_nobody_explains_is_unknown_and_is_cleared_by_name() -> None:
+    bench = Bench().nobody_says(True).nobody_says(False)
+    assert bench.standing == NO_AUTHOR
+    assert bench.after(EXPLAIN_S).standing == NO_AUTHOR
+    assert bench.after(0.01).standing == "pressed by unknown"
+    assert bench.sources.presses == (Press(UNKNOWN, 0),)
+    assert bench.says("a", True).says("a", False).nobody_says(False).standing == "pressed by unknown"
+    assert bench.sources.clear("a", bench.now_s) == "'a' is not pressed; pressed: unknown"
+    assert bench.sources.clear(UNKNOWN, bench.now_s) == ""
+    assert bench.standing == ""
+    assert bench.sources.clear(UNKNOWN, bench.now_s) == "'unknown' is not pressed; pressed: no source"
+
+
+def test_what_has_waited_too_long_can_be_cleared_at_once() -> None:
+    bench = Bench().says("a", True).nobody_says(True).after(EXPLAIN_S + 0.01)
+    assert bench.sources.clear("b", bench.now_s) == "'b' is not pressed; pressed: a, unknown"
+    bench = Bench().nobody_says(True).after(EXPLAIN_S + 0.01)
+    assert bench.sources.clear(UNKNOWN, bench.now_s) == ""
+
+
+def test_an_explanation_may_come_late_but_in_time() -> None:
+    bench = Bench().nobody_says(True).after(EXPLAIN_S)
+    bench.sources.report(SourceReport("a", 1, 1, True), bench.now_s)
+    assert bench.standing == "pressed by a"
+    bench.sources.report(SourceReport("a", 1, 1, False), bench.now_s)
+    assert bench.after(5.0).standing == ""
+
+
+def test_a_report_whose_true_never_came_explains_no_later_one() -> None:
+    bench = Bench()
+    bench.sources.report(SourceReport("a", 1, 1, True), bench.now_s)
+    bench.sources.report(SourceReport("a", 1, 1, False), bench.now_s)
+    bench.after(EXPLAIN_S + 0.01).nobody_says(True)
+    assert bench.standing == NO_AUTHOR
+    assert bench.after(EXPLAIN_S + 0.01).standing == "pressed by unknown"
+
+
+def test_a_report_may_come_early_but_in_time() -> None:
+    bench = Bench()
+    bench.sources.report(SourceReport("a", 1, 1, True), bench.now_s)
+    bench.sources.report(SourceReport("a", 1, 1, False), bench.now_s)
+    assert bench.after(EXPLAIN_S).nobody_says(True).standing == ""
+
+
+def test_each_true_needs_a_press_of_its_own() -> None:
+    bench = Bench().says("a", True).nobody_says(True)
+    bench.says("a", False).after(EXPLAIN_S + 0.01)
+    assert bench.standing == "pressed by unknown"
+
+
+def test_one_report_may_tell_of_several_presses() -> None:
+    """The reports between were lost."""
+    bench = Bench().repeats("a", False).nobody_says(True).nobody_says(True)
+    bench.sources.report(SourceReport("a", 1, 2, True), bench.now_s)
+    assert bench.after(2 * EXPLAIN_S).standing == "pressed by a (gone)"
+
+
+def test_of_a_process_from_before_only_the_retained_message_arrives() -> None:
+    """The monitor has just started: three presses of the past explain no more than the one that is still in force."""
+    bench = Bench().nobody_says(True).nobody_says(True)
+    bench.sources.report(SourceReport("a", 7, 3, True), bench.now_s)
+    assert bench.after(EXPLAIN_S + 0.01).standing == "pressed by a (gone), unknown"
+    bench = Bench().nobody_says(True)
+    bench.sources.report(SourceReport("a", 7, 3, False), bench.now_s)
+    assert bench.after(EXPLAIN_S + 0.01).standing == "pressed by unknown"
+
+
+@pytest.mark.parametrize("known_before", [True, False], ids=["restarted", "new"])
+@pytest.mark.parametrize("waited_s", [0.1, EXPLAIN_S + 0.1, DISCOVERY_S - 0.1])
+def test_the_first_report_of_a_process_that_came_after_the_monitor_explains_all_its_presses(
+    known_before: bool, waited_s: float
+) -> None:
+    """Its report is found later than its message: it may have pressed twice, and released, before it is heard."""
+    bench = Bench()
+    if known_before:
+        bench.repeats("a", False, pid=1)
+    else:
+        assert bench.standing == ""  # the monitor begins
+        bench.after(DISCOVERY_S + 0.1)
+    bench.nobody_says(True).nobody_says(True).nobody_says(False).after(waited_s)
+    assert bench.standing == (NO_AUTHOR if waited_s < EXPLAIN_S else "pressed by unknown")
+    bench.sources.report(SourceReport("a", 2, 2, False), bench.now_s)
+    assert bench.standing == ""
+    assert bench.sources.presses == ()
+    assert bench.after(2 * DISCOVERY_S).standing == ""
+
+
+def test_it_explains_no_more_than_its_own_and_none_that_came_long_before() -> None:
+    bench = Bench().repeats("a", False, pid=1).nobody_says(True).nobody_says(True).nobody_says(True)
+    bench.after(EXPLAIN_S + 0.1)
+    bench.sources.report(SourceReport("a", 2, 2, True), bench.now_s)
+    assert bench.standing == "pressed by unknown, a"
+    bench = Bench().repeats("a", False, pid=1).nobody_says(True).after(DISCOVERY_S + 0.1)
+    bench.sources.report(SourceReport("a", 2, 2, False), bench.now_s)
+    assert bench.standing == "pressed by unknown"
+    bench = Bench((Press(UNKNOWN, 0),)).repeats("a", False, pid=1).nobody_says(True).after(EXPLAIN_S + 0.1)
+    bench.sources.report(SourceReport("a", 2, 2, False), bench.now_s)
+    assert bench.standing == "pressed by unknown"  # from before the restart
+
+
+def test_an_unknown_that_was_cleared_can_be_explained_no_more() -> None:
+    bench = Bench().repeats("a", False, pid=1).nobody_says(True).after(EXPLAIN_S + 0.1)
+    assert bench.sources.clear(UNKNOWN, bench.now_s) == ""
+    bench.nobody_says(True)
+    bench.sources.report(SourceReport("a", 2, 1, False), bench.now_s)
+    assert bench.after(EXPLAIN_S + 0.1).standing == ""
+    bench = Bench((Press(UNKNOWN, 0),))
+    assert bench.sources.clear(UNKNOWN, bench.now_s) == ""
+    bench.nobody_says(True).after(EXPLAIN_S + 0.1)
+    bench.sources.report(SourceReport("a", 2, 1, True), bench.now_s)
+    assert bench.standing == "pressed by a"
+
+
+def test_exactly_the_time_of_discovery_is_enough_and_exactly_so_long_is_not_after_the_monitor() -> None:
+    bench = Bench().repeats("a", False, pid=1).nobody_says(True).after(DISCOVERY_S)
+    bench.sources.report(SourceReport("a", 2, 1, False), bench.now_s)
+    assert bench.standing == ""
+    bench = Bench()
+    assert bench.standing == ""
+    bench.after(DISCOVERY_S).nobody_says(True)
+    bench.sources.report(SourceReport("a", 2, 1, False), bench.now_s)
+    assert bench.standing == NO_AUTHOR
+
+
+def test_the_first_report_may_come_before_its_message() -> None:
+    bench = Bench().repeats("a", False, pid=1)
+    bench.sources.report(SourceReport("a", 2, 1, True), bench.now_s)
+    assert bench.nobody_says(True).standing == "pressed by a"
+    assert bench.after(EXPLAIN_S + 0.1).standing == "pressed by a (gone)"
+
+
+def test_who_falls_silent_stays_pressed_until_cleared_by_name() -> None:
+    bench = Bench().says("ui", True)
+    assert bench.sources.clear("ui", bench.now_s) == "ui is there and says that it is pressed: release it there"
+    assert bench.after(STALE_S).standing == "pressed by ui"
+    assert bench.sources.clear("ui", bench.now_s) != ""
+    assert bench.after(0.01).standing == "pressed by ui (gone)"
+    assert bench.after(1e6).standing == "pressed by ui (gone)"
+    assert bench.sources.clear("ui", bench.now_s) == ""
+    assert bench.standing == ""
+
+
+def test_of_each_press_it_is_told_whether_its_source_is_there() -> None:
+    bench = Bench().says("ui", True).says("panel", True).says("button", False).nobody_says(True).after(STALE_S)
+    assert bench.sources.presence(bench.now_s) == {"ui": Presence.THERE, "panel": Presence.THERE}
+    bench.repeats("ui", True).after(EXPLAIN_S).repeats("ui", True)
+    wanted = {"ui": Presence.THERE, "panel": Presence.GONE, UNKNOWN: Presence.UNKNOWN}
+    assert bench.sources.presence(bench.now_s) == wanted
+    assert parse_presence({"rows": "IMU_TIMEOUT", **describe_presence(wanted)}) == wanted
+
+
+def test_a_presence_that_says_nothing_known_is_not_to_be_cleared() -> None:
+    described = describe_presence({"ui": Presence.GONE})
+    assert parse_presence(dict.fromkeys(described, "?")) == {"ui": Presence.THERE}
+
+
+def test_a_source_that_started_anew_has_released_nothing() -> None:
+    bench = Bench().says("ui", True).repeats("ui", False, pid=2)
+    assert bench.standing == "pressed by ui (gone)"
+    assert bench.sources.clear("ui", bench.now_s) == ""
+
+
+def test_a_source_that_started_anew_and_pressed_again_may_release() -> None:
+    bench = Bench().says("ui", True).says("ui", True, pid=2)
+    assert bench.standing == "pressed by ui"
+    assert bench.repeats("ui", False, pid=1).standing == "pressed by ui (gone)"
+    assert bench.says("ui", False, pid=2).standing == ""
+
+
+def test_fewer_presses_than_before_explain_nothing() -> None:
+    bench = Bench().says("a", True).nobody_says(True)
+    bench.sources.report(SourceReport("a", 1, 0, True), bench.now_s)
+    assert bench.standing == f"pressed by a; {NO_AUTHOR}"
+
+
+def test_what_stood_before_a_restart_stands_after_it() -> None:
+    bench = Bench((Press("ui", 1), Press(UNKNOWN, 0)))
+    assert bench.standing == "pressed by ui (gone), unknown"
+    assert bench.repeats("ui", True).standing == "pressed by ui, unknown"
+    assert bench.says("ui", False).standing == "pressed by unknown"
+
+
+def test_age() -> None:
+    bench = Bench()
+    assert bench.sources.age_s("a", bench.now_s) == math.inf
+    assert bench.repeats("a", False).after(0.5).sources.age_s("a", bench.now_s) == 0.5
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from("abc"), st.booleans(), st.sampled_from(["message first", "report first"])),
+        max_size=30,
+    )
+)
+def test_in_any_order_those_are_pressed_whose_last_word_was_true(words: list[tuple[str, bool, str]]) -> None:
+    bench = Bench()
+    last: dict[str, bool] = {}
+    for name, pressed, order in words:
+        bench.after(0.05).says(name, pressed, order=order)
+        last[name] = pressed
+    assert {press.name for press in bench.sources.presses} == {name for name, pressed in last.items() if pressed}
+    bench.after(2 * EXPLAIN_S)
+    assert UNKNOWN not in bench.standing
+
+
+def test_presence_is_asked_for_only_after_it_has_settled() -> None:
+    presence = SourcePresence(silence_s=0.5, settle_s=1.0)
+    assert presence.missing(math.inf, True, 0.0) is False
+    assert not presence.missing(0.0, False, 1.0)  # busy starting
+    assert not presence.missing(0.0, True, 2.0)
+    assert not presence.missing(0.0, True, 2.75)
+    assert not presence.missing(0.6, True, 2.9)  # not yet settled
+    assert not presence.missing(0.0, True, 3.0)
+    assert not presence.missing(0.0, True, 3.5)
+    assert not presence.missing(0.5, True, 4.0)  # exactly settled, and exactly in time
+    assert presence.missing(0.51, True, 4.1)
+    assert presence.missing(math.inf, False, 4.2)
+    assert not presence.missing(0.1, True, 4.3)

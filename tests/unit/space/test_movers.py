@@ -1,0 +1,214 @@
+"""Who moves and who only seems to: bodies followed by themselves, and behind the simulated LiDARs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
+from robot_stack.perception.space.kernels import FREE, OCCUPIED
+from robot_stack.perception.space.movers import Movers
+from tests.unit.space.test_space import PARAMS, SEEN, Scanner
+from tests.unit.space.yard import ADULT, CHILD, Yard, state_at
+
+P = PARAMS.movers
+LOOK_S = 0.1
+
+
+def body(x: float, y: float, noise: np.random.Generator | None = None, points: int = 12) -> NDArray[np.float64]:
+    """What a post of 0.15 m shows."""
+    angles = np.linspace(-1.2, 1.2, points)
+    heights, came = np.linspace(0.1, 1.6, points), np.ones(points)
+    rows = np.stack([x - 0.15 * np.cos(angles), y + 0.15 * np.sin(angles), heights, came, came], axis=1)
+    if noise is not None:
+        rows[:, :2] += noise.normal(0.0, 0.02, (points, 2))
+    return rows
+
+
+def blind(x_m: float, y_m: float) -> bool:
+    """No ray passes there."""
+    return False
+
+
+def follow(movers: Movers, seconds: float, speed_mps: float, at_s: float = 10.0, noise: bool = True) -> float:
+    """Somebody walks from x = 4 m towards the robot. Returns the moment of the last look."""
+    random = np.random.default_rng(1) if noise else None
+    for number in range(round(seconds / LOOK_S) + 1):
+        movers.look(body(4.0 - speed_mps * number * LOOK_S, 0.5, random), at_s + number * LOOK_S, blind)
+    return at_s + number * LOOK_S
+
+
+@pytest.mark.parametrize("speed_mps", [0.3, 0.6, 1.2, 2.0])
+def test_who_walks_has_their_velocity(speed_mps: float) -> None:
+    movers = Movers(P)
+    now_s = follow(movers, 1.5, speed_mps)
+    found = movers.at(now_s, IDENTITY)
+    assert len(found) == 12
+    assert found[:, 3].mean() == pytest.approx(-speed_mps, abs=0.12 * speed_mps + 0.05)
+    assert abs(found[:, 4].mean()) < 0.15
+    assert found[:, 0].mean() == pytest.approx(4.0 - 1.5 * speed_mps - 0.1, abs=0.06)
+    turned = movers.at(now_s, Pose2(1.0, 0.0, math.pi / 2))
+    assert turned[:, 4].mean() == pytest.approx(-found[:, 3].mean())
+    assert turned[:, 1].mean() == pytest.approx(1.0 - found[:, 0].mean(), abs=1e-5)
+
+
+def test_what_appears_and_stays_does_not_move() -> None:
+    movers, random = Movers(P), np.random.default_rng(2)
+    for number in range(100):
+        movers.look(np.concatenate([body(3.0, y, random) for y in (-2.0, 0.0, 2.0)]), 10.0 + number * LOOK_S, blind)
+        assert len(movers.at(10.0 + number * LOOK_S, IDENTITY)) == 0
+
+
+def test_specks_and_walls_are_no_bodies() -> None:
+    movers = Movers(P)
+    for number in range(20):
+        x = 4.0 - 0.1 * number
+        wall = np.stack([np.full(40, x), np.linspace(-1.5, 1.5, 40), np.ones(40), np.ones(40), np.ones(40)], axis=1)
+        movers.look(np.concatenate([wall, body(x, 3.0, points=P.points_min - 1)]), 10.0 + number * LOOK_S, blind)
+    assert len(movers.at(12.0, IDENTITY)) == 0
+
+
+def test_who_disappears_goes_on_for_a_moment_and_is_told_where_they_were() -> None:
+    movers = Movers(P)
+    now_s = follow(movers, 1.5, 1.0, noise=False)
+    gone = np.empty((0, 5))
+    assert movers.look(gone, now_s + 0.4, blind) == []
+    assert movers.at(now_s + 0.4, IDENTITY)[:, 0].mean() == pytest.approx(2.5 - 0.4 - 0.1, abs=0.06)
+    ((where, vx_mps, vy_mps),) = movers.look(gone, now_s + P.coast_s + 0.05, blind)
+    assert where[:, 0].mean() == pytest.approx(2.5 - 0.1, abs=0.06)
+    assert (vx_mps, vy_mps) == pytest.approx((-1.0, 0.0), abs=0.1)
+    assert len(movers.at(now_s + P.coast_s + 0.05, IDENTITY)) == 0
+    now_s = follow(movers, 1.5, 1.0, at_s=20.0)
+    assert len(movers.at(now_s + P.coast_s + 0.05, IDENTITY)) == 0
+    movers.forget()
+    assert len(movers.at(now_s, IDENTITY)) == 0
+
+
+def test_who_is_not_where_one_would_see_them_has_stopped() -> None:
+    movers = Movers(P)
+    now_s = follow(movers, 1.5, 1.0)
+    gone = np.empty((0, 5))
+    assert movers.look(gone, now_s + P.missed_s - 0.01, lambda x, y: True) == []
+    assert len(movers.at(now_s + P.missed_s - 0.01, IDENTITY)) > 0
+    assert movers.look(gone, now_s + P.missed_s + 0.01, lambda x, y: x > 2.0) == []
+    assert len(movers.at(now_s + P.missed_s + 0.01, IDENTITY)) == 0
+
+
+def test_who_gets_hidden_keeps_their_velocity() -> None:
+    """The rest of a body has its middle elsewhere."""
+    movers = Movers(P)
+    now_s = follow(movers, 1.5, 1.0, noise=False)
+    for number in range(1, 5):
+        movers.look(body(2.5 - 0.1 * number, 0.5)[8:], now_s + number * LOOK_S, blind)
+    assert movers.at(now_s + 0.4, IDENTITY)[:, 3].mean() == pytest.approx(-1.0, abs=0.1)
+
+
+def test_what_is_found_where_nobody_had_looked_is_no_new_body_and_may_be_an_old_one() -> None:
+    found = np.array([1.0, 1.0, 1.0, 0.0, 1.0])
+    movers = Movers(P)
+    for number in range(15):
+        movers.look(body(4.0 - 0.1 * number, 0.5) * found, 10.0 + number * LOOK_S, blind)
+    assert len(movers.at(11.4, IDENTITY)) == 0
+    now_s = follow(movers, 1.0, 1.0, at_s=20.0)
+    for number in range(1, 15):
+        movers.look(body(3.0 - 0.1 * number, 0.5) * found, now_s + number * LOOK_S, blind)
+    assert movers.at(now_s + 1.4, IDENTITY)[:, 0].mean() == pytest.approx(1.5, abs=0.06)
+
+
+def test_a_walls_end_that_comes_into_view_bit_by_bit_stays() -> None:
+    movers, random = Movers(P), np.random.default_rng(3)
+    for number in range(2, 14):
+        along = np.arange(0.0, 0.1 * number, 0.05)
+        end = np.stack([np.full_like(along, 2.0), 1.0 + along, *np.ones((3, len(along)))], axis=1)
+        end[:, :2] += random.normal(0.0, 0.01, (len(end), 2))
+        movers.look(end, 10.0 + number * LOOK_S, blind)
+        assert len(movers.at(10.0 + number * LOOK_S, IDENTITY)) == 0, number
+
+
+def test_two_who_meet_go_on_as_they_did() -> None:
+    """They walk one behind the other, 0.5 m aside, until both are one body whose middle is elsewhere."""
+    movers = Movers(P)
+    for number in range(30):
+        x = 4.0 - 0.1 * number
+        behind = body(x + 0.1, 0.9 if number < 15 else 0.7)
+        movers.look(np.concatenate([body(x, 0.5), behind]), 10.0 + number * LOOK_S, blind)
+        if number > 8:
+            found = movers.at(10.0 + number * LOOK_S, IDENTITY)
+            assert np.abs(found[:, 4]).max() < 0.4, number
+            assert found[:, 3].mean() == pytest.approx(-1.0, abs=0.2)
+
+
+def test_faster_than_anybody_is_nobody() -> None:
+    movers = Movers(P)
+    now_s = follow(movers, 0.6, P.fastest_mps + 0.6, noise=False)
+    assert len(movers.at(now_s, IDENTITY)) == 0
+
+
+def come(scanner: Scanner, *walls: tuple[float, float, float]) -> int:
+    scanner.now_s += LOOK_S
+    view = scanner.view(*walls)
+    scanner.space.observe(view, IDENTITY)
+    return int(scanner.space.come(view, IDENTITY)[:, 3].sum())
+
+
+NEAR, FAR = (-3.0, 3.0, 1.52), (-3.0, 3.0, 1.72)
+
+
+def test_only_what_comes_to_a_free_place_has_come() -> None:
+    assert come(Scanner(), NEAR) == 0  # it may have been there for long
+    assert come(Scanner().look(), NEAR) > 0
+    assert come(Scanner().look(FAR), NEAR) > 0
+    wall = (-3.0, 3.0, 1.52 + 0.5 * P.apart_m)
+    assert come(Scanner().look(wall, times=12), NEAR) == 0  # its own noise
+    scanner = Scanner().look()
+    for _ in range(round(P.new_s / LOOK_S)):
+        assert come(scanner, NEAR) > 0
+    come(scanner, NEAR)
+    assert come(scanner, NEAR) == 0  # it stands
+
+
+def test_who_went_on_where_nobody_looks_is_remembered_there_and_nowhere_else() -> None:
+    someone = np.array([[SEEN[0], SEEN[1], 1.2]])
+    scanner = Scanner().look(NEAR)
+    behind = (2.62, 0.02)  # in its shadow
+    scanner.space.go_on(np.array([[2.22, 0.02, 1.2]]), 0.4, 0.0, IDENTITY)
+    assert scanner.at(*behind) == OCCUPIED
+    scanner.look(times=PARAMS.passes)
+    assert scanner.at(*behind) == FREE
+    scanner.space.go_on(someone, -0.8, 0.0, IDENTITY)
+    assert scanner.at(SEEN[0] - 0.4, SEEN[1]) == FREE  # one would see them there
+    blind = Scanner()
+    blind.look(vouch=False)
+    blind.space.go_on(np.array([[1.2, 0.0, 1.2]]), -3.0, 0.0, IDENTITY)
+    found = blind.remembered()
+    assert len(found) == 0 or found[:, 0].min() > 0.5  # never in the robot
+
+
+def test_a_child_that_walks_up_is_known_to_come_and_walls_stay_where_they_are() -> None:
+    """While the robot drives, with odometry that is 0.5 % wrong."""
+    yard = Yard(child=CHILD)
+    yard.pipeline.motion.on_odometry(100.0, IDENTITY, Twist2(0.0, 0.0, 0.0))
+    yard.run(1.0, Twist2(0.5, 0.1, 0.2))
+    scenes = [yard.step() for _ in range(40)]
+    assert all(len(scene.moving) == 0 for scene in scenes)
+    x, y = yard.pose.x, yard.pose.y
+    yard.at["child"] = (x + 3.5, y + 1.0)
+    yard.twist = Twist2(0.0, 0.0, 0.0)
+    yard.walk("child", (x + 1.6, y + 0.4))
+    assert yard.scene is not None
+    moving = yard.scene.moving
+    assert len(moving) > 3
+    assert np.hypot(moving[:, 3], moving[:, 4]).mean() == pytest.approx(1.0, abs=0.15)
+
+
+def test_who_walks_into_the_wedge_before_the_knees_is_remembered_before_them() -> None:
+    """The strip that neither LiDAR sees."""
+    yard = Yard(chair=True, who=ADULT)
+    yard.run(0.5)
+    yard.at["who"] = (4.0, 0.0)
+    yard.walk("who", (1.75, 0.0))
+    yard.run(1.0)
+    assert any(state_at(yard, x, 0.02) == OCCUPIED for x in np.arange(1.45, 1.75, 0.05))

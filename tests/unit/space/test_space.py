@@ -1,0 +1,343 @@
+"""The model of the space by itself: what looks of sensors make of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from robot_stack.core.config import load
+from robot_stack.core.geometry import IDENTITY, Pose2
+from robot_stack.core.robot import load_robot
+from robot_stack.perception.params import PerceptionParams, SpaceParams
+from robot_stack.perception.space.kernels import FREE, OCCUPIED, UNSEEN
+from robot_stack.perception.space.space import Space
+from robot_stack.perception.space.view import BIN_M, RISE_M, View, view_of_beams
+
+PARAMS = load(PerceptionParams, "perception_pipeline").space
+ROBOT = load_robot()
+LOW, HIGH = (0.45, 0.0, 0.15), (0.45, 0.0, 1.20)  # a planar scanner before the chassis, and one above most things
+REACH_M = 4.0
+
+
+class Scanner:
+    """A planar scanner ahead of the robot, one beam for each degree, and the space that it shows."""
+
+    def __init__(self, origin_m: tuple[float, float, float] = LOW) -> None:
+        self.space = Space(PARAMS, ROBOT)
+        self.origin_m = origin_m
+        self.now_s = 10.0
+
+    def look(
+        self, *walls: tuple[float, float, float], pose: Pose2 = IDENTITY, times: int = 1, vouch: bool = True
+    ) -> Scanner:
+        """walls: from bearing, to bearing (deg) and range (m): what the beams meet. vouch: the others saw nothing."""
+        for _ in range(times):
+            self.now_s += 0.1
+            self.space.observe(self.view(*walls, vouch=vouch), pose)
+        return self
+
+    def view(self, *walls: tuple[float, float, float], vouch: bool = True) -> View:
+        bearings = np.radians(np.arange(-89.5, 90.0, 1.0))
+        ranges = np.full(len(bearings), REACH_M if vouch else 0.5 * BIN_M)
+        returned = np.zeros(len(bearings), np.bool_)
+        for begin, end, away in walls:
+            met = (np.degrees(bearings) >= begin) & (np.degrees(bearings) <= end)
+            ranges[met], returned[met] = away, True
+        ends = np.array(self.origin_m) + np.stack(
+            [ranges * np.cos(bearings), ranges * np.sin(bearings), np.zeros(len(bearings))], axis=1
+        )
+        own = np.abs(ends[:, :2]).max(axis=1) < 0.3
+        return view_of_beams(self.now_s, self.origin_m, ends, returned, own, REACH_M)
+
+    def at(self, x_m: float, y_m: float) -> int:
+        grid = self.space.grid()
+        column, row = ((value - low) / grid.cell_m for value, low in zip((x_m, y_m), grid.corner_m, strict=True))
+        return int(grid.state[math.floor(row), math.floor(column)])
+
+    def remembered(self, pose: Pose2 = IDENTITY) -> NDArray[np.float32]:
+        return self.space.remembered(pose, self.now_s - 0.05)
+
+
+WALL = (-10.0, 10.0, 1.52)  # at x = 1.97 straight ahead
+SEEN = (1.97, 0.02)
+
+
+def test_free_is_where_a_ray_passed_and_nowhere_else() -> None:
+    scanner = Scanner().look(WALL)
+    assert scanner.at(*SEEN) == OCCUPIED
+    assert scanner.at(1.5, 0.0) == scanner.at(2.5, 2.0) == FREE
+    assert scanner.at(3.0, 0.0) == UNSEEN  # behind it
+    assert scanner.at(-1.0, 0.0) == UNSEEN  # behind the robot
+    assert scanner.at(0.0, 0.0) == scanner.at(-0.45, 0.3) == FREE  # the robot itself
+    assert scanner.at(4.8, 0.0) == UNSEEN  # beyond the scanner's reach
+
+
+def test_occupied_stays_until_rays_pass_through_it() -> None:
+    scanner = Scanner().look(WALL, times=2)
+    scanner.look(times=PARAMS.passes - 1)
+    assert scanner.at(*SEEN) == OCCUPIED
+    scanner.look()
+    assert scanner.at(*SEEN) == FREE
+
+
+def test_a_return_now_and_then_is_enough_to_stay() -> None:
+    scanner = Scanner().look(WALL)
+    for _ in range(10):
+        scanner.look(times=PARAMS.passes - 1).look(WALL)
+    assert scanner.look(times=PARAMS.passes - 1).at(*SEEN) == OCCUPIED
+
+
+@pytest.mark.parametrize("how", ["hidden", "not vouched for", "above"])
+def test_what_no_ray_passes_through_is_remembered_for_ever(how: str) -> None:
+    scanner = Scanner().look(WALL)
+    if how == "hidden":
+        scanner.look((-20.0, 20.0, 0.80), times=50)
+    elif how == "above":
+        scanner.origin_m = HIGH
+        scanner.look(times=50)
+    else:
+        scanner.look(times=50, vouch=False)
+    scanner.now_s += 3600.0
+    scanner.look((-20.0, 20.0, 0.80), vouch=False)
+    assert scanner.at(*SEEN) == OCCUPIED
+    found = scanner.remembered()
+    assert np.hypot(found[:, 0] - SEEN[0], found[:, 1] - SEEN[1]).min() < 0.05
+    assert found[:, 2].max() == pytest.approx(LOW[2] + RISE_M)
+
+
+def test_free_that_nobody_watches_is_unseen_again() -> None:
+    scanner = Scanner().look(WALL)
+    for _ in range(round(PARAMS.fade_s / 0.1)):
+        scanner.look((-20.0, 20.0, 0.80))
+    assert scanner.at(1.5, 0.0) == FREE
+    scanner.look((-20.0, 20.0, 0.80))
+    assert scanner.at(1.5, 0.0) == UNSEEN
+    assert scanner.at(1.1, 0.0) == FREE  # before it
+
+
+HOLLOW = (1.5, 0.0)  # seen over: nothing looks into it but from near by
+
+
+def look_past(scanner: Scanner, *hits: tuple[float, float, float], times: int = 1) -> None:
+    """Looks whose rays pass everywhere but over a strip of 0.3 m ahead; hits: what returned."""
+    for _ in range(times):
+        scanner.now_s += 0.1
+        bare = scanner.view()
+        passed = bare.passed_m.copy()
+        passed[170:190, round(0.9 / BIN_M) : round(1.3 / BIN_M)] = np.inf
+        points = np.array(hits, np.float32).reshape(-1, 3)
+        scanner.space.observe(replace(bare, hits=points, passed_m=passed), IDENTITY)
+
+
+def test_a_hollow_within_watched_space_stays_free_until_somebody_is_seen_beside_it() -> None:
+    scanner = Scanner().look()
+    look_past(scanner, times=50)
+    assert scanner.at(*HOLLOW) == FREE
+    look_past(scanner, (1.5, 1.5, 0.5))
+    assert scanner.at(*HOLLOW) == FREE
+    look_past(scanner, (1.5, 0.35, 0.5))
+    assert scanner.at(*HOLLOW) == UNSEEN
+    look_past(scanner, times=20)
+    assert scanner.at(*HOLLOW) == UNSEEN
+    assert scanner.look().at(*HOLLOW) == FREE
+
+
+def test_what_was_not_free_in_a_hollow_is_not_made_so() -> None:
+    scanner = Scanner()
+    look_past(scanner, times=20)
+    assert scanner.at(*HOLLOW) == UNSEEN
+
+
+def test_few_returns_make_nothing_occupied_and_keep_what_is() -> None:
+    """A thin pole in the far field of a sensor: its rays pass to either side, and a few return."""
+    for specks, after in (([(1.99, 0.04, 0.3)], OCCUPIED), ([(2.5, 0.0, 0.3)], FREE), ([(math.nan, 0.0, 0.3)], FREE)):
+        scanner = Scanner().look(WALL)
+        for _ in range(3 * PARAMS.passes):
+            scanner.now_s += 0.1
+            bare = scanner.view()
+            few = np.array(specks, np.float32)
+            scanner.space.observe(replace(bare, specks=few), IDENTITY)
+        assert scanner.at(*SEEN) == after
+        assert scanner.at(2.52, 0.02) == FREE
+
+
+def test_looks_of_two_sensors_need_not_come_in_the_order_of_their_stamps() -> None:
+    """One comes 0.05 s late, with the pose of then: what the other has just seen stays, and nobody has driven."""
+    scanner, late, now = Scanner().look(WALL), Scanner(), Pose2(0.10, 0.0, 0.0)
+    for _ in range(200):
+        scanner.look((-90.0, -20.0, 0.60), (-20.0, 20.0, 0.80), pose=now)
+        late.now_s = scanner.now_s - 0.05
+        scanner.space.observe(late.view(vouch=False), IDENTITY)
+    assert scanner.at(1.0, 1.5) == FREE
+    assert scanner.at(*SEEN) == OCCUPIED
+
+
+def test_a_clock_that_was_set_back_forgets_everything() -> None:
+    scanner = Scanner().look(WALL)
+    scanner.now_s -= PARAMS.fade_s + 0.2
+    scanner.look(vouch=False)
+    assert scanner.at(*SEEN) == scanner.at(1.5, 0.0) == UNSEEN
+    assert scanner.look().at(1.5, 0.0) == FREE
+
+
+def test_rays_above_a_place_neither_make_nor_keep_it_free() -> None:
+    scanner = Scanner(HIGH).look()
+    assert scanner.at(1.5, 0.0) == UNSEEN
+    scanner.origin_m = LOW
+    scanner.look()
+    scanner.origin_m = HIGH
+    scanner.look(times=10)
+    assert scanner.at(1.5, 0.0) == UNSEEN
+
+
+def test_a_ray_between_two_heights_keeps_free_and_makes_nothing_free() -> None:
+    scanner = Scanner().look()
+    scanner.origin_m = (0.45, 0.0, 0.5 * (PARAMS.free_below_m + PARAMS.watched_below_m))
+    scanner.look(times=20)
+    assert scanner.at(1.5, 0.0) == FREE
+    assert Scanner(scanner.origin_m).look(times=20).at(1.5, 0.0) == UNSEEN
+
+
+def test_who_is_seen_through_where_the_ground_is_not_seen_leaves_a_place_that_is_unseen() -> None:
+    scanner = Scanner((0.45, 0.0, 0.50)).look(WALL).look(times=PARAMS.passes)
+    assert scanner.at(*SEEN) == UNSEEN
+
+
+def test_a_foot_belongs_to_the_leg_above_it() -> None:
+    def look(scanner: Scanner, *hits: tuple[float, float, float]) -> None:
+        scanner.now_s += 0.1
+        bare, points = scanner.view(), np.array(hits, np.float32).reshape(-1, 3)
+        scanner.space.observe(replace(bare, hits=points), IDENTITY)
+
+    for leg, gone in (((1.62, 0.0, 0.8), True), ((1.62, 0.6, 0.8), False)):
+        scanner = Scanner((0.45, 0.0, 0.30))
+        look(scanner, (1.52, 0.0, 0.10), leg)
+        for _ in range(PARAMS.passes):
+            look(scanner)
+        assert (scanner.at(1.52, 0.0) == UNSEEN) == gone
+
+
+@pytest.mark.parametrize(
+    ("top_m", "ground_deg", "after"),
+    [
+        (0.06, (-90, 90), FREE),
+        (0.06, (-90, 0), OCCUPIED),  # seen in half of its cell only
+        (0.06, (10, 90), OCCUPIED),  # beside it
+        (0.16, (-90, 90), OCCUPIED),  # a foot, a dog: rays pass below its top, or it is there
+    ],
+)
+def test_what_is_hardly_higher_than_the_ground_is_gone_where_ground_is_seen(
+    top_m: float, ground_deg: tuple[int, int], after: int
+) -> None:
+    scanner = Scanner((0.45, 0.0, 0.14))
+    hit, seen = np.array([(*SEEN, top_m)], np.float32), scanner.view().bare
+    seen[180 + ground_deg[0] : 180 + ground_deg[1]] = True
+    for number in range(PARAMS.passes + 1):
+        scanner.now_s += 0.1
+        look = scanner.view()
+        assert scanner.at(*SEEN) == (OCCUPIED if number else UNSEEN)
+        scanner.space.observe(replace(look, hits=look.hits if number else hit, bare=seen), IDENTITY)
+    assert scanner.at(*SEEN) == after
+    scanner.now_s += 0.1
+    scanner.space.observe(replace(scanner.view(), hits=hit, bare=seen), IDENTITY)
+    assert scanner.at(*SEEN) == OCCUPIED  # what returns now is there
+
+
+def test_beside_a_pole_nobody_sees_through_it() -> None:
+    """Half of the beams that meet its cell pass it."""
+    scanner = Scanner().look((-1.0, 1.0, 0.62))
+    scanner.look((0.0, 2.0, 0.62), times=10)
+    assert scanner.at(1.07, 0.01) == OCCUPIED
+
+
+def test_the_way_makes_places_doubtful_and_time_does_not() -> None:
+    scanner = Scanner().look(WALL)
+    step = Pose2(0.0, 0.25, 0.0)
+    pose = IDENTITY
+    for k in range(int(PARAMS.memory_m / 0.25) + 2):
+        assert scanner.at(*SEEN) == (OCCUPIED if 0.25 * k <= PARAMS.memory_m else UNSEEN)
+        pose = step if pose == IDENTITY else IDENTITY
+        scanner.look(pose=pose, vouch=False)
+    turning = Scanner().look(WALL)
+    for k in range(int(PARAMS.memory_m / PARAMS.lever_m / 0.5) + 2):
+        turning.look(pose=Pose2(0.0, 0.0, 0.5 * k), vouch=False)
+    assert turning.at(*SEEN) == UNSEEN
+
+
+def test_things_stay_in_place_while_the_robot_moves_and_leave_with_the_grid() -> None:
+    scanner = Scanner().look(WALL)
+    scanner.look(pose=Pose2(0.30, -0.20, 0.5), vouch=False)
+    assert scanner.at(*SEEN) == OCCUPIED
+    found = scanner.remembered(Pose2(0.30, -0.20, 0.5))
+    back = [Pose2(0.30, -0.20, 0.5).compose(Pose2(float(x), float(y), 0.0)) for x, y, _ in found]
+    assert min(math.hypot(p.x - SEEN[0], p.y - SEEN[1]) for p in back) < 0.05
+    for x in np.arange(0.3, -4.0, -0.4):
+        scanner.look(pose=Pose2(float(x), 0.0, 0.0), vouch=False)
+    scanner.look(pose=Pose2(-3.6, 0.0, 0.0), vouch=False).look(pose=Pose2(0.0, 0.0, 0.0), vouch=False)
+    assert scanner.at(*SEEN) == UNSEEN
+
+
+def test_odometry_that_begins_anew_forgets_everything() -> None:
+    scanner = Scanner().look(WALL)
+    scanner.look(pose=Pose2(PARAMS.jump_m + 0.1, 0.0, 0.0), vouch=False)
+    assert len(scanner.remembered()) == 0
+    assert scanner.at(1.5, 0.0) == UNSEEN
+
+
+def test_points_that_are_no_numbers_and_the_robots_own_are_none() -> None:
+    scanner = Scanner()
+    hits = np.array([(math.nan, 0.0, 0.3), (1.5, math.inf, 0.3), (0.4, 0.2, 0.3), (90.0, 0.0, 0.3)], np.float32)
+    bare = scanner.view()
+    scanner.space.observe(replace(bare, stamp_s=20.0, hits=hits), IDENTITY)
+    assert not (scanner.space.grid().state == OCCUPIED).any()
+    ends = np.array([(math.nan, 0.0, 0.2), (2.0, 0.0, 0.15)], np.float32)
+    view = view_of_beams(20.0, LOW, ends, np.array([True, True]), np.zeros(2, np.bool_), REACH_M)
+    assert len(view.hits) == 1
+
+
+def test_the_frontier_is_where_known_space_ends_and_no_speck_in_it() -> None:
+    scanner = Scanner().look(WALL)
+    ends = scanner.space.frontier(IDENTITY)
+    behind = ends[(ends[:, 0] > 2.0) & (np.abs(ends[:, 1]) < 1.0)]
+    assert len(behind) > 10
+    assert not ((ends[:, 0] > 0.6) & (ends[:, 0] < 1.8) & (np.abs(ends[:, 1]) < 0.5)).any()
+    grid = scanner.space.grid()
+    row, column = (math.floor((v - low) / grid.cell_m) for v, low in zip((0.0, 1.2), grid.corner_m[::-1], strict=True))
+    grid.state[row, column] = UNSEEN
+    assert len(scanner.space.frontier(IDENTITY)) == len(ends)
+    turned = scanner.space.frontier(Pose2(0.0, 0.0, math.pi / 2))
+    assert np.sort(turned[:, 1])[0] == pytest.approx(-ends[:, 0].max(), abs=1e-5)
+
+
+def test_the_chair_is_free_while_attached_and_unknown_when_it_is_gone() -> None:
+    scanner = Scanner().look((-30.0, 30.0, 0.60))
+    assert len(scanner.remembered()) == 0  # seen now
+    scanner.space.chair(True)
+    scanner.space.chair(True)
+    scanner.look(vouch=False)
+    assert scanner.at(1.0, 0.0) == FREE
+    assert not (scanner.space.grid().state == OCCUPIED).any()
+    scanner.space.chair(False)
+    scanner.look(vouch=False)
+    assert scanner.at(1.0, 0.0) == UNSEEN
+    assert scanner.at(0.2, 0.0) == FREE
+
+
+def test_a_chair_before_the_first_look() -> None:
+    space = Space(PARAMS, ROBOT)
+    space.chair(True)
+    space.observe(Scanner().view(), IDENTITY)
+    assert (space.grid().state == FREE).any()
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("cell_m", 0.0), ("passes", 0), ("fade_s", math.nan), ("free_below_m", 0.8), ("size_m", None)]
+)
+def test_bad_parameters_are_refused_by_name(field: str, value: object) -> None:
+    with pytest.raises(ValidationError, match=field):
+        SpaceParams.model_validate({**PARAMS.model_dump(), field: value})

@@ -1,0 +1,253 @@
+"""What walks into the places that the LiDAR does not see is still there, and nobody who has left is.
+
+Through the simulated LiDAR, perception and the safety monitor's kernel.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.perception.space.kernels import FREE, OCCUPIED, UNSEEN
+from robot_stack.safety.arbiter import Verdict
+from tests.unit.safety.story import Story
+from tests.unit.space.yard import ADULT, CHILD, DOG, POLE, Post, Yard, near, state_at
+
+LOW_BOX = Post(0.15, 0.30)
+FOOTPRINT = {
+    "ahead": (1.0, 0.0, 0.50),
+    "left": (0.0, 1.0, 0.35),
+    "right": (0.0, -1.0, 0.35),
+    "behind": (-1.0, 0.0, 0.50),
+}
+
+
+def verdict(yard: Yard, requested: Twist2) -> Verdict:
+    """Of a monitor that is shown what perception shows now."""
+    story = Story().healthy()
+    assert yard.scene is not None
+    story.obstacles, story.unseen = yard.scene.obstacles, yard.scene.unseen
+    story.monitor.passenger = yard.pipeline.chair
+    story.requested = story.driven = requested
+    return story.run(0.1).verdict
+
+
+def walked_up(side: str, who: Post, gap_m: float = 0.05) -> tuple[Yard, Twist2]:
+    """Somebody has come from 3 m away and stands ``gap_m`` beside the robot; and the motion that leads there."""
+    x, y, edge_m = FOOTPRINT[side]
+    yard = Yard(who=who).run(0.5)
+    stands_m = edge_m + gap_m + who.radius_m
+    yard.at["who"] = (3.5 * x, 3.5 * y)
+    yard.walk("who", (stands_m * x, stands_m * y))
+    return yard, Twist2(1.5 * x, 1.5 * y, 0.0)
+
+
+@pytest.mark.parametrize("side", FOOTPRINT)
+@pytest.mark.parametrize("who", [CHILD, POLE, ADULT, DOG, LOW_BOX], ids=["child", "pole", "adult", "dog", "box"])
+def test_who_walked_up_to_the_robot_stops_it(who: Post, side: str) -> None:
+    yard, towards = walked_up(side, who)
+    for _ in range(3):
+        yard.run(0.7)
+        assert verdict(yard, towards).limit.linear_mps == 0.0
+
+
+def test_nobody_is_forgotten_because_time_goes_by() -> None:
+    """An hour before a thing 0.3 m ahead that is lower than the lowest ray."""
+    yard, towards = walked_up("ahead", LOW_BOX, gap_m=0.30)
+    yard.run(0.5)
+    assert verdict(yard, towards).limit.linear_mps < 0.2
+    yard.now_s += 3600.0
+    yard.run(1.0)
+    assert yard.scene is not None
+    assert near(yard.scene.obstacles, 0.95, 0.0, 0.35) > 0
+    assert verdict(yard, towards).limit.linear_mps < 0.2
+
+
+@pytest.mark.parametrize("who", [CHILD, ADULT], ids=["child", "adult"])
+@pytest.mark.parametrize("side", ["ahead", "left"])
+def test_who_leaves_again_is_gone(who: Post, side: str) -> None:
+    yard, towards = walked_up(side, who, gap_m=0.25)
+    x, y, _ = FOOTPRINT[side]
+    yard.run(1.0)
+    yard.walk("who", (3.5 * x + 1.0, 3.5 * y + 1.0)).run(0.6)
+    assert yard.scene is not None
+    assert near(yard.scene.obstacles, 1.0 * x, 1.0 * y, 0.7) == 0
+    assert verdict(yard, towards).faults == ()
+
+
+def test_who_walks_past_leaves_no_trail() -> None:
+    yard = Yard(who=ADULT).run(0.5)
+    yard.at["who"] = (1.3, -3.0)
+    yard.walk("who", (1.3, 3.0), speed_mps=1.4).run(0.4)
+    assert yard.scene is not None
+    assert np.abs(yard.scene.obstacles[:, 1])[np.hypot(*yard.scene.obstacles[:, :2].T) < 2.5].size == 0
+    assert verdict(yard, Twist2(1.5, 0.0, 0.0)).faults == ()
+
+
+def test_a_low_box_is_remembered_while_the_robot_drives_up_to_it_and_seen_again_from_afar() -> None:
+    yard = Yard(box=LOW_BOX)
+    yard.at["box"] = (2.5, 0.0)
+    yard.run(3.2, Twist2(0.5, 0.0, 0.0)).run(1.0)
+    assert yard.scene is not None
+    assert near(yard.scene.obstacles, 2.5 - yard.pose.x, 0.0, 0.2) > 0
+    yard.at["box"] = None  # carried away behind its back
+    yard.run(1.0)
+    assert state_at(yard, 2.36, 0.0) == OCCUPIED
+    yard.run(3.0, Twist2(-0.7, 0.0, 0.0)).run(0.5)
+    assert state_at(yard, 2.36, 0.0) == FREE
+
+
+def test_places_grow_doubtful_with_the_way_and_not_with_time() -> None:
+    yard, _ = walked_up("left", LOW_BOX)
+    x, y = 0.0, 0.40
+    yard.now_s += 3600.0
+    yard.at["who"] = None
+    yard.run(0.5)
+    found = [(x, y + dy) for dy in np.arange(0.0, 0.6, 0.05) if state_at(yard, x, y + dy) == OCCUPIED]
+    assert found
+    for _ in range(3):
+        yard.run(2.0, Twist2(1.0, 0.0, 0.0)).run(2.0, Twist2(-1.0, 0.0, 0.0))
+    assert {state_at(yard, *place) for place in found} <= {UNSEEN, FREE}
+
+
+# --- with the wheelchair attached ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("overhead", [True, False], ids=["seen from above", "overhead LiDAR silent"])
+def test_who_stands_in_the_shadow_of_the_chair_is_still_there(overhead: bool) -> None:
+    """A person stands 3 m away; the robot turns the chair towards them."""
+    yard = Yard(chair=True, overhead=overhead, who=ADULT)
+    angle = math.radians(60.0)
+    yard.at["who"] = (3.0 * math.cos(angle), 3.0 * math.sin(angle))
+    yard.run(1.0)
+    yard.run(angle / 0.5, Twist2(0.0, 0.0, 0.5)).run(2.0)
+    who = yard.at["who"]
+    assert who is not None
+    around = [
+        state_at(yard, who[0] + dx, who[1] + dy)
+        for dx in np.arange(-0.4, 0.41, 0.05)
+        for dy in np.arange(-0.4, 0.41, 0.05)
+        if math.hypot(dx, dy) <= (0.15 if overhead else 0.4)
+    ]
+    assert around.count(int(OCCUPIED)) >= (1 if overhead else 4)
+    assert around.count(int(FREE)) == 0
+    ahead = yard.pose.compose(Pose2(2.2, 0.5, 0.0))  # within the shadow of the chair, beside that of a head
+    assert state_at(yard, ahead.x, ahead.y) == (FREE if overhead else UNSEEN)
+    assert yard.scene is not None
+    assert near(yard.scene.obstacles, 3.0, 0.0, 0.4) > 0
+
+
+def test_who_stood_where_the_chair_hid_them_and_left_is_gone_once_rays_pass_there() -> None:
+    yard = Yard(chair=True, overhead=False, who=ADULT)
+    yard.at["who"] = (1.5, 2.6)
+    yard.run(1.0).run(2.0, Twist2(0.0, 0.0, 0.5)).run(0.5)
+    yard.at["who"] = None
+    yard.run(0.5)
+    assert state_at(yard, 1.5, 2.42) == OCCUPIED
+    yard.run(2.0, Twist2(0.0, 0.0, -0.5)).run(0.5)
+    assert state_at(yard, 1.5, 2.42) == FREE
+
+
+def test_what_the_chairs_edge_mixes_with_a_thing_behind_it_is_not_remembered() -> None:
+    """A beam that meets both returns a range in between: beside the chair's front, where no ray will ever pass."""
+    yard = Yard(chair=True, mixed=0.3, post=Post(0.30, 1.5))
+    yard.at["post"] = (1.9, -0.75)
+    yard.run(2.0)
+    for x in np.arange(1.02, 1.65, 0.05):
+        for y in np.arange(-0.63, -0.41, 0.05):
+            if math.hypot(x - 1.9, y + 0.75) > 0.45:
+                assert state_at(yard, float(x), float(y)) != OCCUPIED, (x, y)
+
+
+@pytest.mark.parametrize("dirt_deg", [(25.0, 55.0), (-60.0, -30.0), (-5.0, 15.0)])
+def test_dirt_beside_and_before_the_chair_is_noticed(dirt_deg: tuple[float, float]) -> None:
+    """No direction is excused: the chair itself returns what meets it."""
+    yard = Yard(chair=True).run(0.5)
+    assert not yard.watch.obstructed.any()
+    yard.dirt_deg = dirt_deg
+    yard.run(0.5)
+    found = np.flatnonzero(yard.watch.obstructed) - 180
+    assert len(found) >= dirt_deg[1] - dirt_deg[0] - 2
+    assert np.all((found >= dirt_deg[0] - 1) & (found <= dirt_deg[1] + 1))
+
+
+def test_what_was_seen_of_the_chair_is_no_obstacle_once_it_is_attached() -> None:
+    yard = Yard(chair=True)
+    yard.pipeline.chair = False
+    yard.run(0.5)
+    assert yard.scene is not None
+    assert near(yard.scene.obstacles, 0.95, 0.0, 0.5) > 0
+    yard.pipeline.chair = True
+    yard.run(0.5)
+    ahead = yard.scene.obstacles[np.abs(yard.scene.obstacles[:, :2]).max(axis=1) < 2.0]
+    assert len(ahead) == 0
+
+
+def test_with_the_chair_the_way_ahead_is_seen_from_above() -> None:
+    """The last 0.7 m before the knees, that no ray meets low enough, were seen before the robot came so near."""
+    yard = Yard(chair=True, mixed=0.3).run(6.5, Twist2(0.3, 0.0, 0.0))
+    for twist in (Twist2(1.0, 0.0, 0.0), Twist2(-1.0, 0.0, 0.0), Twist2(0.0, 0.0, 0.5)):
+        found = verdict(yard, twist)
+        assert (found.limit.linear_mps, found.reason, found.faults) == (1.0, "PASSENGER_ONBOARD", ())
+
+
+def test_without_the_overhead_lidar_the_way_ahead_is_unseen_and_the_way_back_is_not() -> None:
+    yard = Yard(chair=True, overhead=False).run(8.0, Twist2(0.3, 0.0, 0.0))
+    ahead, back = (verdict(yard, Twist2(speed, 0.0, 0.0)) for speed in (0.5, -0.5))
+    assert (ahead.limit.linear_mps, ahead.reason, ahead.faults) == (pytest.approx(0.3), "WAY_UNSEEN", ())
+    assert (back.limit.linear_mps, back.reason) == (1.0, "PASSENGER_ONBOARD")
+
+
+@pytest.mark.parametrize("from_y_m", [-2.5, 2.5])
+def test_who_walks_before_the_knees_of_the_passenger_slows_the_robot(from_y_m: float) -> None:
+    """Passenger and lap hide a child of 0.62 m there from both sensors: it was seen going in."""
+    yard = Yard(chair=True, who=CHILD).run(6.5, Twist2(0.3, 0.0, 0.0)).run(1.0)
+    who = yard.pose.compose(Pose2(1.60, from_y_m, 0.0))
+    to = yard.pose.compose(Pose2(1.60, 0.0, 0.0))
+    assert verdict(yard, Twist2(1.0, 0.0, 0.0)).limit.linear_mps == 1.0
+    yard.at["who"] = (who.x, who.y)
+    yard.walk("who", (to.x, to.y))
+    for _ in range(4):
+        yard.run(1.0)
+        assert verdict(yard, Twist2(1.0, 0.0, 0.0)).limit.linear_mps <= 0.3
+
+
+# --- an ordinary ride ------------------------------------------------------------------------------------------------
+
+
+def test_a_ride_remembers_nothing_of_its_own_and_sees_all_of_its_way() -> None:
+    yard = Yard(left=ADULT, right=POLE, low=LOW_BOX)
+    yard.at |= {"left": (4.0, 1.2), "right": (4.5, -1.2), "low": (6.0, 1.1)}
+    yard.run(1.5, Twist2(1.0, 0.0, 0.0))
+    for _ in range(80):
+        yard.run(0.05, Twist2(1.0, 0.0, 0.0))
+        assert yard.scene is not None
+        in_the_way = np.abs(yard.scene.obstacles[:, 1]) < 0.6
+        assert not (in_the_way & (np.abs(yard.scene.obstacles[:, 0]) < 4.0)).any()
+        assert not ((np.abs(yard.scene.unseen[:, 1]) < 0.5) & (yard.scene.unseen[:, 0] > 0.0)).any()
+    yard.run(6.0, Twist2(0.0, 0.0, 0.8))
+    assert yard.scene is not None
+    assert not (np.hypot(*yard.scene.obstacles[:, :2].T) < 0.9).any()
+
+
+def test_at_the_start_nothing_is_known_of_what_is_too_near_to_be_seen() -> None:
+    yard = Yard().run(0.3)
+    assert yard.scene is not None
+    away = np.hypot(yard.scene.unseen[:, 0] - 0.2, yard.scene.unseen[:, 1])
+    assert state_at(yard, 0.6, 0.0) == state_at(yard, 0.2, 0.5) == UNSEEN
+    assert away.max() < 1.1
+    assert state_at(yard, 1.3, 0.0) == state_at(yard, 0.2, 1.1) == state_at(yard, -0.9, 0.0) == FREE
+    yard.run(4.0, Twist2(0.3, 0.0, 0.0))
+    assert not ((np.abs(yard.scene.unseen[:, 1]) < 0.4) & (yard.scene.unseen[:, 0] > 0.0)).any()
+
+
+def test_a_start_is_slow_until_the_way_has_been_seen() -> None:
+    yard = Yard().run(0.3)
+    ahead = Twist2(1.0, 0.0, 0.0)
+    begin = verdict(yard, ahead)
+    assert (begin.limit.linear_mps, begin.reason, begin.faults) == (pytest.approx(0.3), "WAY_UNSEEN", ())
+    yard.run(4.0, Twist2(0.3, 0.0, 0.0))
+    assert (verdict(yard, ahead).limit.linear_mps, verdict(yard, ahead).reason) == (1.5, "")

@@ -1,0 +1,117 @@
+"""Rates and ages as subscribers tell them, against the contract's rows."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import EVERY_NODE, System
+from robot_stack.contract.processes import PROCESSES
+from robot_stack.core.health import INPUT_PREFIX, InputState, describe_input, parse_input
+from robot_stack.system_monitor.topic_health import TopicFigures, TopicHealth, describe_topic, judge_topic, topics_of
+
+NODES = ("swerve_controller", "imu_driver")
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        InputState("/odom", 0.05, 49.8, True, 1234),
+        InputState("/odom", 7.25, 0.0, False, 3),
+        InputState("/odom", 0.01, math.nan, True, 1),
+        InputState("/odom", -0.5, math.nan, False, 1),
+        InputState("/odom", math.inf, math.nan, False, 0),
+    ],
+)
+def test_what_a_node_describes_can_be_read_again(state: InputState) -> None:
+    read = parse_input("/odom", describe_input(state))
+    assert read is not None
+    assert (read.fresh, read.received) == (state.fresh, state.received)
+    assert (read.age_s, read.rate_hz) == pytest.approx((state.age_s, state.rate_hz), nan_ok=True)
+
+
+@pytest.mark.parametrize("text", ["", "soon", "3 received", "x received, 1.0 Hz, age 1.0 s"])
+def test_other_texts_are_no_inputs(text: str) -> None:
+    assert parse_input("/odom", text) is None
+
+
+def told(health: TopicHealth, node: str, text: str, now_s: float, topic: str = "/odom") -> None:
+    health.heard(node, [(f"{INPUT_PREFIX}{topic}", text), ("loop tick", "3 calls"), (INPUT_PREFIX, "junk")], now_s)
+
+
+def test_the_subscriber_that_counts_most_is_believed() -> None:
+    health = TopicHealth(5.0)
+    assert health.figures("/odom", 0.0) is None
+    told(health, "mission_manager", "100 received, 10.0 Hz, age 0.09 s", 1.0)
+    told(health, "ndt_localization", "500 received, 50.1 Hz, age 0.02 s", 1.0)
+    told(health, "costmap_server", "nothing received", 1.0)
+    assert health.figures("/odom", 1.5) == TopicFigures(50.1, 0.02)
+    assert health.figures("/imu", 1.5) is None
+
+
+def test_who_is_silent_tells_nothing() -> None:
+    health = TopicHealth(5.0)
+    told(health, "ndt_localization", "500 received, 50.1 Hz, age 0.02 s", 1.0)
+    told(health, "mission_manager", "100 received, 10.0 Hz, age 0.09 s", 3.0)
+    assert health.figures("/odom", 6.0) == TopicFigures(50.1, 0.02)
+    assert health.figures("/odom", 6.1) == TopicFigures(10.0, 0.09)
+    assert health.figures("/odom", 8.1) is None
+    assert health.figures("/odom", 2.0) == TopicFigures(50.1, 0.02)  # the other lies in the future
+
+
+def test_a_topic_that_nobody_has_received() -> None:
+    health = TopicHealth(5.0)
+    told(health, "ndt_localization", "nothing received", 1.0)
+    figures = health.figures("/odom", 1.0)
+    assert figures is not None
+    assert (math.isnan(figures.rate_hz), figures.age_s) == (True, math.inf)
+    assert describe_topic(topics.ODOM, figures) == "nothing received"
+
+
+@pytest.mark.parametrize(
+    ("figures", "problem"),
+    [
+        (TopicFigures(50.0, 0.02), ""),
+        (TopicFigures(37.6, 0.02), ""),
+        (TopicFigures(37.4, 0.02), "37.4 Hz instead of 50"),
+        (TopicFigures(62.6, 0.02), "62.6 Hz instead of 50"),
+        (TopicFigures(math.nan, 0.02), ""),
+        (TopicFigures(50.0, 0.21), "silent for 0.2 s"),
+        (TopicFigures(math.nan, math.inf), "never received"),
+        (None, ""),
+    ],
+)
+def test_traffic(figures: TopicFigures | None, problem: str) -> None:
+    assert judge_topic(topics.ODOM, figures, NODES, 0.25) == problem
+
+
+def test_what_is_not_sent_here_or_only_on_demand_is_not_judged() -> None:
+    silent = TopicFigures(0.0, 99.0)
+    assert judge_topic(topics.ODOM, silent, ("imu_driver",), 0.25) == ""
+    assert judge_topic(topics.DOCKING_CMD_VEL, silent, ("docking_controller",), 0.25) == ""
+    assert judge_topic(topics.PLAN, silent, ("navigation_controller",), 0.25) == ""
+    assert judge_topic(topics.HEARTBEAT, silent, NODES, 0.25) == ""
+
+
+def test_words() -> None:
+    assert describe_topic(topics.ODOM, TopicFigures(50.0, 0.02)) == "50.0 Hz of 50, age 0.02 s"
+    assert describe_topic(topics.PLAN, TopicFigures(math.nan, 9.0)) == "rate unknown, age 9.00 s"
+    assert describe_topic(topics.ODOM, None) == "no subscriber tells of it"
+
+
+def test_rows_of_what_runs_here() -> None:
+    found = topics_of((topics.ODOM, topics.PLAN, topics.DIAGNOSTICS), NODES)
+    assert found == (topics.ODOM, topics.DIAGNOSTICS)
+
+
+def test_every_topic_with_a_rate_has_a_subscriber_that_tells_of_it() -> None:
+    """Else the monitor would have to count it. Heartbeats are told by the nodes' records; the tree is its own."""
+    nodes = {node for process in PROCESSES for node in process.nodes}
+    untold = [
+        row.name
+        for row in topics.of_system(System.ROBOT)
+        if row.rate_hz is not None and not ({EVERY_NODE, *nodes} & set(row.subscribers))
+    ]
+    assert untold == ["/system/heartbeat", "/diagnostics_agg"]

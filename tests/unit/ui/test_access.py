@@ -1,0 +1,137 @@
+"""PIN, sessions and where pages may come from."""
+
+from __future__ import annotations
+
+import pytest
+from pydantic import ValidationError
+
+from robot_stack.core.config import ConfigError, load, validate
+from robot_stack.ui.access import Access, PinTries, Role
+from robot_stack.ui.origin import Gate
+from robot_stack.ui.params import ServerParams, TouchUiParams
+from robot_stack.ui.pin import hash_pin, verify_pin
+
+TOKEN = "t" * 32
+
+
+def test_a_pin_is_known_by_its_hash_alone() -> None:
+    pin_hash = hash_pin("2468")
+    assert "2468" not in pin_hash
+    assert verify_pin(pin_hash, "2468")
+    assert not verify_pin(pin_hash, "2469")
+    assert not verify_pin("", "2468")
+    assert not verify_pin("$argon2id$nonsense", "2468")
+
+
+@pytest.mark.parametrize("pin", ["", "123", "12a4", "１２３４", "1" * 13])
+def test_what_is_no_pin_is_not_hashed(pin: str) -> None:
+    with pytest.raises(ValueError, match="digits"):
+        hash_pin(pin)
+
+
+def test_wrong_pins_make_everyone_wait_longer_each_time() -> None:
+    tries = PinTries(3, 10.0, 25.0)
+    now_s = 0.0
+    for wait_s in (10.0, 20.0, 25.0, 25.0):
+        for _ in range(3):
+            assert tries.begin(now_s)
+            tries.end(False, now_s)
+        assert tries.wait_s(now_s) == wait_s
+        assert not tries.begin(now_s + wait_s - 0.01)
+        now_s += wait_s
+    assert tries.begin(now_s)
+    tries.end(True, now_s)
+    for _ in range(2):
+        assert tries.begin(now_s)
+        tries.end(False, now_s)
+    assert tries.begin(now_s)  # the right one began a new row
+
+
+def test_one_pin_is_looked_at_at_a_time() -> None:
+    tries = PinTries(3, 10.0, 25.0)
+    assert tries.begin(0.0)
+    assert not tries.begin(0.0)
+    tries.end(False, 0.0)
+    assert tries.begin(0.0)
+
+
+def test_sessions_end(params: TouchUiParams) -> None:
+    idle_s, session_s = params.access.idle_s, params.access.session_s
+    access = Access(params.access)
+    assert access.role(1, 0.0) is Role.RIDER
+    access.admit(1, 0.0)
+    assert access.role(1, idle_s - 0.1) is Role.STAFF
+    assert access.role(2, 0.0) is Role.RIDER
+    assert access.role(1, idle_s) is Role.RIDER
+    access.admit(1, 0.0)
+    now_s = 0.0
+    while now_s < session_s:
+        assert access.role(1, now_s) is Role.STAFF
+        access.touch(1, now_s)
+        now_s += 0.5 * idle_s
+    assert access.role(1, now_s) is Role.RIDER
+    access.touch(1, now_s)  # a rider's touch makes no staff
+    assert access.role(1, now_s) is Role.RIDER
+    access.admit(1, 100.0)
+    assert access.role(1, 99.0) is Role.RIDER  # time ran backwards
+    access.admit(1, 0.0)
+    access.dismiss(1)
+    assert access.role(1, 0.0) is Role.RIDER
+
+
+def server(**changes: object) -> ServerParams:
+    plain = load(TouchUiParams, "touch_ui").server.model_dump()
+    return validate(ServerParams, {**plain, **changes}, "touch_ui")
+
+
+def test_beyond_this_machine_only_with_certificate_and_token() -> None:
+    with pytest.raises(ConfigError, match="can be reached from outside") as refusal:
+        server(address="0.0.0.0")
+    assert "\n" not in str(refusal.value)
+    for missing in ("tls_certificate", "tls_key", "token"):
+        protection = {"tls_certificate": "c.pem", "tls_key": "k.pem", "token": TOKEN, missing: ""}
+        with pytest.raises(ConfigError):
+            server(address="192.168.1.5", **protection)
+    assert not server(address="0.0.0.0", tls_certificate="c.pem", tls_key="k.pem", token=TOKEN).loopback
+    assert server(address="::1").loopback
+    for wrong in ({"address": "robot.local"}, {"token": "short"}, {"host_names": ["a b"]}):
+        with pytest.raises(ConfigError):
+            server(**wrong)
+
+
+def test_only_our_own_pages_may_speak() -> None:
+    gate = Gate(server(), 8460)
+    assert gate.origin("http://127.0.0.1:8460", "127.0.0.1:8460")
+    assert gate.origin("http://localhost:8460", "localhost:8460")
+    for origin, host in (
+        (None, "127.0.0.1:8460"),
+        ("null", "127.0.0.1:8460"),
+        ("http://evil.example", "127.0.0.1:8460"),
+        ("http://evil.example:8460", "evil.example:8460"),  # a name that was made to point here
+        ("http://127.0.0.1:9999", "127.0.0.1:8460"),
+        ("https://127.0.0.1:8460", "127.0.0.1:8460"),
+        ("http://localhost:8460", "127.0.0.1:8460"),
+        ("http://127.0.0.1:8460.evil.example", "127.0.0.1:8460"),
+        ("http://127.0.0.1:8460", None),
+        ("http://127.0.0.1:8460", "127.0.0.1"),
+    ):
+        assert not gate.origin(origin, host), (origin, host)
+    assert gate.token(None)
+    assert not gate.needs_token
+
+
+def test_with_a_token_nobody_comes_without() -> None:
+    params = server(address="192.168.1.5", tls_certificate="c", tls_key="k", token=TOKEN, host_names=["robot.example"])
+    gate = Gate(params, 443)
+    assert gate.needs_token
+    assert gate.token(TOKEN)
+    for wrong in (None, "", TOKEN[:-1], TOKEN + "t", "ü" * 32):
+        assert not gate.token(wrong)
+    assert gate.origin("https://robot.example", "robot.example")
+    assert gate.origin("https://192.168.1.5:443", "192.168.1.5:443")
+
+
+def test_the_configuration_has_no_default_pin() -> None:
+    assert load(TouchUiParams, "touch_ui").access.pin_hash == ""
+    with pytest.raises(ValidationError):
+        TouchUiParams.model_validate({})

@@ -1,0 +1,132 @@
+"""The catalogue of texts: every language, every fault, nothing missing, nothing unused, every character has a font."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from robot_stack.contract.faults import FAULTS
+from robot_stack.core.display_patterns import load_patterns
+from robot_stack.core.mission import Kind
+from robot_stack.core.stop_presence import Presence
+from robot_stack.ui import desk, view
+from robot_stack.ui.nodes import hub, mission_files, operator_requests
+from robot_stack.ui.nodes.server import WEB
+
+TEXTS: dict[str, dict[str, str]] = json.loads((WEB / "texts.json").read_text(encoding="utf-8"))
+SCRIPTS = [path for path in WEB.rglob("*.js") if "vendor" not in path.parts]
+CODE = "\n".join(path.read_text(encoding="utf-8") for path in SCRIPTS)
+# Keys that scripts put together, by their beginning: what may come behind it.
+FAMILIES = {
+    "fault.": {fault.code for fault in FAULTS},
+    "todo.": {fault.code for fault in FAULTS},
+    "action.": {"NONE", "WARN", "LIMIT", "STOP", "EMERGENCY_STOP"},
+    "level.": {"OK", "WARN", "ERROR", "STALE", "SILENT", "NONE"},
+    "dock.": {"IDLE", "APPROACH", "SEARCH", "SERVOING", "FINE_ALIGN", "DOCKED", "FAILED", "UNKNOWN"},
+    "reason.": {
+        "NO_SAFETY", "NO_MISSION_MANAGER", "PAUSED", "WAITING", "BY_HAND", "RIDE_FAILED", "RIDE_ENDED", "STOPPED",
+    },
+    "nav.": {
+        "map", "drive", "docking", "display", "faults", "diagnostics", "missions", "history", "recordings", "settings",
+    },
+    "docking.": {"front", "rear"},
+    "presence.": {presence.value for presence in Presence},
+    "step.": {kind.value for kind in Kind},
+    "dock_kind.": {"wheelchair", "station"},
+    "settings.": {"normal", "large", "light", "sun", "right", "left"},
+}  # fmt: skip
+
+
+def used() -> set[str]:
+    """Keys that scripts and the node name, and those they put together."""
+    named = set(re.findall(r'"([a-z]+\.[A-Za-z_]+)"', CODE)) & (set(TEXTS) | set(re.findall(r't\("([^"]+)"', CODE)))
+    for beginning, ends in FAMILIES.items():
+        assert f"`{beginning}${{" in CODE, f"no script puts {beginning}... together"
+        named |= {beginning + end for end in ends}
+    answers = {
+        value
+        for module in (desk, hub, mission_files, operator_requests)
+        for value in vars(module).values()
+        if isinstance(value, str) and value.startswith("answer.")
+    }
+    return named | answers
+
+
+def test_no_text_is_missing_and_none_is_unused() -> None:
+    assert used() - set(TEXTS) == set()
+    assert set(TEXTS) - used() == set()
+
+
+@pytest.mark.parametrize("key", TEXTS)
+def test_every_text_in_every_language(key: str) -> None:
+    entry = TEXTS[key]
+    assert list(entry) == ["en", "ja", "zh"]
+    places = {language: sorted(re.findall(r"\{(\w+)\}", text)) for language, text in entry.items()}
+    assert all(text.strip() == text and text for text in entry.values())
+    assert places["en"] == places["ja"] == places["zh"]
+
+
+def test_reasons_are_those_that_the_view_gives() -> None:
+    source = Path(view.__file__).read_text(encoding="utf-8")
+    given = set(re.findall(r'"([A-Z_]+)"', source)) & FAMILIES["reason."]
+    assert given == FAMILIES["reason."]
+
+
+def test_no_page_has_words_of_its_own() -> None:
+    """Between tags there are signs, figures and texts of the catalogue."""
+    for path in SCRIPTS:
+        words = re.findall(r">\s*([A-Za-z][a-z]+(?: [A-Za-z]+)*)\s*</", path.read_text(encoding="utf-8"))
+        assert not words, (path.name, words)
+
+
+def ranges(face: str) -> set[int]:
+    match = re.search(r"unicode-range: ([^;]+);", face)
+    assert match is not None
+    found: set[int] = set()
+    for part in match[1].split(","):
+        low, _, high = part.strip().removeprefix("U+").partition("-")
+        found |= set(range(int(low, 16), int(high or low, 16) + 1))
+    return found
+
+
+def test_every_character_has_a_font() -> None:
+    css = (WEB / "vendor/fonts/fonts.css").read_text(encoding="utf-8")
+    faces = re.findall(r"@font-face \{.*?\}", css, re.DOTALL)
+    missions = Path("config/missions").glob("*.yaml")
+    letters = {ord(letter) for entry in TEXTS.values() for text in entry.values() for letter in text}
+    patterns = load_patterns().states.values()
+    letters |= {ord(letter) for item in patterns for letter in item.text.en + item.text.ja + item.text.zh}
+    letters |= {ord(letter) for path in missions for letter in path.read_text(encoding="utf-8") if letter.isprintable()}
+    for family, weight in (("Noto Sans JP", 400), ("Noto Sans SC", 400), ("Noto Sans JP", 700), ("Noto Sans SC", 700)):
+        own = [face for face in faces if f"'{family}'" in face and f"font-weight: {weight};" in face]
+        assert own
+        if weight == 400:
+            has = set().union(*map(ranges, own))
+            other = "Noto Sans SC" if family.endswith("JP") else "Noto Sans JP"
+            rest = [face for face in faces if f"'{other}'" in face and "font-weight: 400;" in face]
+            assert not letters - has - set().union(*map(ranges, rest))
+    for face in faces:
+        file = re.search(r"url\(/vendor/fonts/([^)]+)\)", face)
+        assert file is not None
+        assert (WEB / "vendor/fonts" / file[1]).is_file()
+
+
+def test_licences_lie_beside_what_they_are_of() -> None:
+    vendor = WEB / "vendor"
+    for name in (
+        "LICENSE-htm.txt",
+        "LICENSE-preact.txt",
+        "fonts/LICENSE-noto-sans-jp.txt",
+        "fonts/LICENSE-noto-sans-sc.txt",
+    ):
+        assert (vendor / name).read_text(encoding="utf-8").strip()
+    assert sum(path.stat().st_size for path in vendor.rglob("*") if path.is_file()) < 12_000_000
+
+
+def test_the_page_asks_for_every_module_at_once() -> None:
+    asked = set(re.findall(r'rel="modulepreload" href="/([^"]+)"', (WEB / "index.html").read_text(encoding="utf-8")))
+    modules = {path.relative_to(WEB).as_posix() for path in WEB.rglob("*.js")}
+    assert asked == modules - {"app.js"}

@@ -1,0 +1,182 @@
+"""What pages show, and that they are told changes only."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot_stack.contract import topics
+from robot_stack.contract.faults import FAULTS
+from robot_stack.core.geometry import Pose2
+from robot_stack.ui import frames, view
+from robot_stack.ui.audit import Entry, line, read
+from robot_stack.ui.changes import Changes
+from robot_stack.ui.diagnostics import Diagnostics
+from robot_stack.ui.protocol import Layer
+from robot_stack.ui.snapshot import Docking, Limit, Marker, Ride, Safety, Snapshot
+
+NORMAL = Safety("NORMAL", (), math.inf, pressed=False)
+RIDE = Ride("RUNNING", "tour", "gate", 1, 4, 0.25, 62.0, False, "", "START_MISSION", True)
+WELL = Snapshot(safety=NORMAL, ride=RIDE, limit=Limit(1.5, 1.0, ()), pose=Pose2(1.0, 2.0, 0.5), battery=0.8)
+SILENT = Safety("DEGRADED", ("BATTERY_LOW", "LIDAR_TIMEOUT"), 1.0, pressed=False)
+HELD = Limit(0.0, 0.0, ("LIDAR_TIMEOUT", "BATTERY_LOW"))
+
+
+@pytest.mark.parametrize(
+    ("snapshot", "reasons"),
+    [
+        (Snapshot(), ["NO_SAFETY"]),
+        (WELL, []),
+        (replace(WELL, ride=None), ["NO_MISSION_MANAGER"]),
+        (replace(WELL, ride=replace(RIDE, state="PAUSED")), ["PAUSED"]),
+        (replace(WELL, ride=replace(RIDE, state="WAITING")), ["WAITING"]),
+        (replace(WELL, ride=replace(RIDE, state="FAILED")), ["RIDE_FAILED"]),
+        (replace(WELL, driven_by_hand=True), ["BY_HAND"]),
+        (replace(WELL, emergency_stop=True), ["ESTOP_PRESSED"]),
+        (replace(WELL, safety=Safety("EMERGENCY_STOP", ("TILT", "CPU_HIGH"), 1.0, False)), ["TILT"]),
+        (replace(WELL, safety=SILENT, limit=HELD), ["LIDAR_TIMEOUT"]),
+        (replace(WELL, safety=Safety("DEGRADED", ("BATTERY_LOW",), 1.0, False)), []),
+        (replace(WELL, limit=Limit(0.0, 0.0, ("SOMETHING_NEW",))), ["STOPPED"]),
+    ],
+)  # fmt: skip
+def test_why_the_robot_stands(snapshot: Snapshot, reasons: list[str]) -> None:
+    assert view.standing_reasons(snapshot) == reasons
+
+
+def test_every_fault_that_stops_is_told() -> None:
+    for fault in FAULTS:
+        state = fault.state.name
+        stopped = Snapshot(
+            safety=Safety(state, (fault.code,), 1.0, False), limit=Limit(0.0, 0.0, (fault.code,)), ride=RIDE
+        )
+        assert view.standing_reasons(stopped) == [fault.code]
+
+
+def test_sections_are_json_whatever_is_unknown() -> None:
+    nan = math.nan
+    for snapshot in (
+        Snapshot(),
+        WELL,
+        replace(
+            WELL,
+            battery=nan,
+            quality=nan,
+            docking=Docking("SERVOING", nan, nan, 0, nan),
+            ride=replace(RIDE, eta_s=nan, progress=nan, reason="x" * 999),
+            pose=Pose2(nan, 0.0, 0.0),
+            speed=(nan, nan),
+            markers=(Marker(1, "front_camera", nan, nan, 0.0, 1.0),),
+        ),
+    ):
+        told = {
+            **view.sections(snapshot),
+            "plan": view.plan_section(snapshot),
+            "markers": view.marker_section(snapshot),
+        }
+        json.dumps(told, allow_nan=False)
+
+
+def test_time_of_arrival_comes_in_steps() -> None:
+    def told(eta_s: float) -> int | None:
+        eta = view.sections(replace(WELL, ride=replace(RIDE, eta_s=eta_s)))["ride"]["eta_s"]
+        return None if eta is None else int(eta)
+
+    assert [told(value) for value in (0.0, 1.0, 5.0, 59.0, 61.0, 3599.0)] == [0, 5, 5, 60, 75, 3600]
+    assert told(math.nan) is None
+    assert told(-1.0) is None
+
+
+def test_a_long_plan_is_thinned_and_keeps_its_end() -> None:
+    plan = tuple((0.1 * i, 0.0) for i in range(1234))
+    points = view.plan_section(replace(WELL, plan=plan))["points"]
+    assert len(points) <= 201
+    assert points[0] == [0.0, 0.0]
+    assert points[-1] == [123.3, 0.0]
+    assert view.plan_section(WELL) == {"points": []}
+
+
+def test_pages_are_told_changes_at_most_five_times_a_second() -> None:
+    changes = Changes(5.0)
+    assert changes.wait_s(0.0) == math.inf
+    changes.offer({"a": 1, "b": 2})
+    assert changes.take(0.0) == {"a": 1, "b": 2}
+    changes.offer({"a": 1, "b": 3})
+    assert changes.wait_s(0.05) == pytest.approx(0.15)
+    assert changes.take(0.19) == {}
+    changes.offer({"b": 4})
+    assert changes.take(0.2) == {"b": 4}
+    changes.offer({"b": 5})
+    changes.offer({"b": 4})  # back again before anybody was told
+    assert changes.wait_s(9.0) == math.inf
+    changes.forget("b")
+    changes.offer({"b": 4})
+    assert changes.take(9.0) == {"b": 4}
+    changes.offer({"b": 5})
+    assert changes.take(1.0) == {}  # time ran backwards: a period later it goes on
+    assert 0.0 < changes.wait_s(1.0) <= 0.2
+
+
+def test_costmap_frame() -> None:
+    costs = np.array([[0, 100, -1], [1, 2, 3]], np.int8)
+    frame = frames.costmap(costs, 0.05, Pose2(1.0, 2.0, 0.5))
+    assert struct.unpack_from("<BBHHHffff", frame) == (
+        frames.NUMBERS[Layer.COSTMAP], 0, 0, 3, 2, pytest.approx(0.05), 1.0, 2.0, 0.5,
+    )  # fmt: skip
+    assert list(frame[24:]) == [0, 100, frames.UNKNOWN, 1, 2, 3]
+
+
+def test_obstacle_frame() -> None:
+    points = np.array([[1.0, -2.0], [np.nan, 0.0], [1e6, -1e6]])
+    frame = frames.obstacles(points, Pose2(1.0, 2.0, 0.5), 100)
+    assert struct.unpack_from("<BBHfffI", frame) == (frames.NUMBERS[Layer.OBSTACLES], 0, 0, 1.0, 2.0, 0.5, 2)
+    assert np.frombuffer(frame[20:], "<i2").tolist() == [100, -200, 32_767, -32_768]
+    many = frames.obstacles(np.zeros((1001, 2)), Pose2(0.0, 0.0, 0.0), 500)
+    assert struct.unpack_from("<I", many, 16)[0] <= 500
+    assert frames.obstacles(np.zeros((0, 2)), Pose2(0.0, 0.0, 0.0), 500)[16:] == b"\0\0\0\0"
+
+
+def test_image_frame() -> None:
+    assert frames.image(Layer.REAR_IMAGE, b"jpeg") == bytes([frames.NUMBERS[Layer.REAR_IMAGE], 0, 0, 0]) + b"jpeg"
+    assert len(set(frames.NUMBERS.values())) == 4
+
+
+def test_rate_and_age_of_a_topic_come_from_who_heard_it_last() -> None:
+    diagnostics = Diagnostics()
+    rows = (topics.CURRENT_POSE, topics.ODOM, topics.TELEOP_CMD_VEL, topics.UI_COMMAND)
+    pose = f"input {topics.CURRENT_POSE.name}"
+    diagnostics.heard("a", 0, "well", {pose: "9 received, 9.9 Hz, age 0.30 s", "other": "1"}, 0.0)
+    diagnostics.heard("b", 1, "hm", {pose: "9 received, 10.1 Hz, age 0.10 s"}, 0.0)
+    odom = f"input {topics.ODOM.name}"
+    teleop = f"input {topics.TELEOP_CMD_VEL.name}"
+    diagnostics.heard("c", 7, "", {odom: "nothing received", teleop: "3 received, 0.0 Hz, age 9.00 s, STALE"}, 0.0)
+    section = diagnostics.section(rows, 1.0)
+    assert [(item["state"], item["by"]) for item in section["topics"]] == [
+        ("OK", "b"), ("SILENT", ""), ("OK", "c"), ("NONE", ""),
+    ]  # fmt: skip
+    assert [(item["name"], item["level"]) for item in section["nodes"]] == [("a", "OK"), ("b", "WARN"), ("c", "ERROR")]
+    assert diagnostics.section(rows, 60.0)["nodes"] == []
+    diagnostics.heard("b", 2, "", {pose: "9 received, 0.0 Hz, age 2.00 s, STALE"}, 60.0)
+    assert diagnostics.section(rows, 60.0)["topics"][0]["state"] == "STALE"
+
+
+@given(st.text(), st.text(), st.text())
+def test_an_audit_line_is_one_line(who: str, what: str, outcome: str) -> None:
+    entry = Entry("2025-06-15T12:00:00Z", who[:200], what[:200], outcome[:200])
+    text = line(entry)
+    assert len(text.splitlines()) == 1
+    assert text.isascii()
+    assert read(text, 10) == [entry]
+
+
+def test_a_cut_audit_log_is_read_as_far_as_it_goes() -> None:
+    entries = [Entry(str(i), "a", "b", "ok") for i in range(5)]
+    text = "\n".join(line(entry) for entry in entries) + '\n{"at": "2025'
+    assert read(text, 3) == entries[3:]
+    assert read("[]\n1\n{}", 3) == []
