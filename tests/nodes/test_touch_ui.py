@@ -36,6 +36,7 @@ from robot_stack.ui import frames
 from robot_stack.ui.pin import hash_pin
 from robot_stack.ui.protocol import Layer
 from tests.support.fake_safety import FakeSafety
+from tests.support.held_up import HeldUp
 from tests.support.processes import NodeProcess
 from tests.support.ui_page import PIN, WebPage, web_page
 from tests.support.waiting import wait_for
@@ -121,11 +122,12 @@ def test_the_stop_reaches_everyone_at_once_and_only_a_request_takes_it_back(
     safety = FakeSafety(peer)
     safety.refusals = ["refused: stop button pressed"] * 20
     rider.wait("safety", "emergency", False)
-    pressed_s = time.monotonic()
-    assert rider.ask("stop")["ok"]
-    screen.stops.wait(lambda message: message.data, "the stop")
+    with HeldUp() as machine:
+        pressed_s = time.monotonic()
+        assert rider.ask("stop")["ok"]
+        screen.stops.wait(lambda message: message.data, "the stop")
     print(f"frame to /emergency_stop: {1e3 * (screen.stops.items[0][0] - pressed_s):.1f} ms")
-    assert screen.stops.items[0][0] - pressed_s < 1.0  # on a busy test machine; the bench says what it is
+    assert screen.stops.items[0][0] - pressed_s - machine.seconds < 1.0  # the bench says what it is
     screen.commands.wait(lambda message: message.command_type == UICommand.EMERGENCY_STOP, "the command")
     rider.wait("safety", "emergency", True)
     rider.wait("stand", "reasons", ["ESTOP_PRESSED"])
@@ -195,9 +197,10 @@ def test_the_pad_drives_while_it_is_held(screen: TouchScreen, staff: WebPage) ->
 
 def test_a_pad_that_falls_silent_stops(screen: TouchScreen, staff: WebPage) -> None:
     hold_pad(staff, 0.3)
-    silent_s = time.monotonic()
-    screen.teleop.wait(lambda message: message.twist.linear.x == 0.0, "standstill")
-    assert screen.teleop.items[-1][0] - silent_s < 2.0  # 0.2 s, on a busy test machine
+    with HeldUp() as machine:
+        silent_s = time.monotonic()
+        screen.teleop.wait(lambda message: message.twist.linear.x == 0.0, "standstill")
+        assert screen.teleop.items[-1][0] - silent_s - machine.seconds < 2.0  # 0.2 s and what a page's socket may add
 
 
 def test_a_page_that_vanishes_stops(screen: TouchScreen) -> None:
@@ -273,8 +276,7 @@ def test_at_most_five_times_a_second(screen: TouchScreen, rider: WebPage, peer: 
 
 def test_heartbeat_only_while_a_page_is_there(screen: TouchScreen) -> None:
     with web_page(screen.port):
-        wait_for(lambda: len(screen.beats.items) >= 3, "heartbeats")
-        assert screen.beats.period_s() == pytest.approx(1.0, abs=0.2)
+        screen.beats.wait_period(1.0, rel=0.2, count=3)
     count = len(screen.beats.items)
     with web_page(screen.port, alive=False) as silent:  # a socket that shows nothing to anybody
         silent.wait("access", "role", "rider")

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pytest
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Bool
 
@@ -63,3 +64,13 @@ def test_an_emergency_stop_that_was_lost_is_repeated_at_once(start: Callable[...
     peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
     listener.signal(signal.SIGCONT)
     wait_for(lambda: "\nstop\n" in listener.output(), "the emergency stop", 1.5)
+
+
+@pytest.mark.parametrize(("name", "shared"), [("swerve_controller", False), ("perception_pipeline", True)])
+def test_only_who_takes_clouds_has_shared_memory(
+    start: Callable[..., NodeProcess], peer: Peer, name: str, shared: bool
+) -> None:
+    """Whoever has some is held up when another program comes up beside the robot: not so what stops the wheels."""
+    process = start(name)
+    peer.wait_matched(topics.EMERGENCY_STOP if name == "swerve_controller" else topics.LIDAR_POINTS)
+    assert ("/dev/shm/fastrtps_" in Path(f"/proc/{process.pid}/maps").read_text()) == shared

@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import pytest
 
-from robot_stack.ros import transport
 from robot_stack.supervisor.control import ask
 from tests.support.environment import stack_environment
-from tests.support.processes import ROOT
-from tests.support.rights import needs_rights
 
 if TYPE_CHECKING:
     from tests.support.stack import StackUnderTest
@@ -53,57 +47,6 @@ def test_a_pause_of_the_machine_ends_in_a_stop_that_an_operator_can_release(
     stack.let_go()
     stack.release()
     stack.wait_safety("NORMAL")
-
-
-@needs_rights
-def test_programs_that_come_up_beside_the_robot_do_not_stop_it(stack: StackUnderTest) -> None:
-    """Each has shared memory, as Fast DDS does by default: whoever has some too is held up by it.
-
-    That may cost the perception a third of a second, for which the robot waits; it must not latch a stop.
-    """
-    stack.drive_at(0.4)
-    before = len(stack.safety.items)
-    for number in range(4):
-        with short_lived_node(f"visitor_{number}"):
-            pass
-    heard = stack.safety.messages[before:]
-    assert len(heard) > 20
-    assert "EMERGENCY_STOP" not in {message.safety_state for message in heard}
-    stack.wait_safety("NORMAL")
-    stack.let_go()
-    stack.wait_stands()
-
-
-@contextmanager
-def short_lived_node(name: str) -> Iterator[None]:
-    """A plain rclpy program with the DDS settings of an installed ROS 2; ready when it has heard the robot."""
-    environment = {**os.environ, "NAME": name}
-    del environment[transport.PROFILE], environment[transport.REACH]
-    program = [sys.executable, "-c", _VISITOR]
-    with subprocess.Popen(program, env=environment, cwd=ROOT, stdout=subprocess.PIPE, text=True) as visitor:
-        try:
-            assert visitor.stdout is not None
-            assert visitor.stdout.readline() == "heard\n"
-            yield
-        finally:
-            visitor.kill()
-
-
-_VISITOR = """
-import os, time
-import robot_stack.core.wheels_env, rclpy
-from rclpy.node import Node
-from robot_stack.contract import topics
-from robot_stack.ros.interfaces import interface_class, qos_profile
-rclpy.init()
-node, heard = Node(os.environ["NAME"]), []
-for row in (topics.SAFETY_STATUS, topics.JOINT_STATES):
-    node.create_subscription(interface_class(row.type), row.name, heard.append, qos_profile(row.qos))
-while len(heard) < 20:
-    rclpy.spin_once(node)
-print("heard", flush=True)
-time.sleep(60.0)
-"""
 
 
 def pause(stack: StackUnderTest, seconds: float) -> None:

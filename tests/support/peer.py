@@ -52,6 +52,25 @@ class Heard:
             statistics.median(later - earlier for earlier, later in zip(times, times[periods:], strict=False)) / periods
         )
 
+    def wait_period(self, period_s: float, rel: float = 0.05, count: int = 21) -> None:
+        """Until ``count`` receptions after this call, the newest ones, come as often as they should.
+
+        A node at a wrong rate never gets there; a machine that is held up for a moment does when it goes on.
+        """
+        first, told = len(self.items), [math.nan]
+
+        def as_it_should() -> bool:
+            newest = len(self.items) - count
+            if newest < first:
+                return False
+            told[0] = self.period_s(newest)
+            return abs(told[0] - period_s) <= rel * period_s
+
+        try:
+            wait_for(as_it_should, f"{self.subscription.topic_name} every {period_s} s", poll_s=0.2 * period_s)
+        except AssertionError as error:
+            raise AssertionError(f"{error}; it comes every {told[0]:.4f} s, {len(self.items) - first} times") from None
+
     def wait_connected(self) -> None:
         """Until a publisher is known: what one says once is lost on who does not know it yet."""
         wait_for(self.subscription.get_publisher_count, f"a publisher of {self.subscription.topic_name}")

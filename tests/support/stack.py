@@ -15,7 +15,7 @@ from custom_msgs.msg import UICommand
 from custom_msgs.srv import InjectFault
 from robot_stack.contract import services, topics
 from robot_stack.core.geometry import Pose2
-from robot_stack.ros.conversions import pose_from_msg, pose_from_transform
+from robot_stack.ros.conversions import pose_from_msg, pose_from_transform, time_to_s
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import ask
 from sim.settings import FEW_BEAMS, world_settings
@@ -97,6 +97,17 @@ class StackUnderTest:
 
     def wait_stands(self, deadline_s: float = DEADLINE_S) -> None:
         wait_for(lambda: self.stands, "the robot stands", deadline_s)
+
+    def wait_stood(self, seconds: float) -> None:
+        """Until it has stood for so long, in the world's time."""
+        begun_s = [math.inf]
+
+        def stood() -> bool:
+            now_s = time_to_s(self.truth.last.header.stamp)
+            begun_s[0] = min(begun_s[0], now_s) if self.stands else math.inf
+            return now_s - begun_s[0] > seconds
+
+        wait_for(stood, f"the robot has stood for {seconds} s")
 
     def wait_safety(self, state: str, fault: str = "", deadline_s: float = DEADLINE_S) -> Any:
         try:
