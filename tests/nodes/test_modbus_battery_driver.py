@@ -23,7 +23,7 @@ from tests.unit.drivers.test_modbus_battery import ALARMS, VENDOR
 pytestmark = pytest.mark.timeout(300)
 NAME, UNIT = "modbus_battery_driver", 225
 # A pseudo terminal knows no parity.
-SERIAL = ("-p", "modbus.transport:=rtu", "-p", "modbus.serial_port:=battery", "-p", "modbus.parity:=N")
+SERIAL = ("-p", "modbus.transport:=rtu", "-p", "modbus.serial_port:=battery", "-p", "modbus.parity:=none")
 QUICK = ("-p", "modbus.poll_s:=0.1", "-p", "modbus.reopen_s:=0.2")
 
 

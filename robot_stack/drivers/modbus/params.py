@@ -24,7 +24,7 @@ class ModbusParams(Config):
     port: Annotated[int, Field(ge=1, le=65535)]
     serial_port: Annotated[str, Field(min_length=1)]
     baud_rate: Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200]
-    parity: Literal["N", "E", "O"]
+    parity: Literal["none", "even", "odd"]  # YAML takes N for false
     unit: Annotated[int, Field(ge=0, le=255)]
     poll_s: Annotated[float, Field(ge=0.1, le=2.0)]
     timeout_s: Annotated[float, Field(ge=0.05, le=1.0)]

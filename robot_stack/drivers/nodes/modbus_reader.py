@@ -85,8 +85,8 @@ class ModbusReader:
         return ModbusSerialClient(
             self._serial_port,
             baudrate=params.baud_rate,
-            parity=params.parity,
-            stopbits=1 if params.parity != "N" else 2,  # MODBUS over serial line 1.02: always 11 bits
+            parity=params.parity[0].upper(),
+            stopbits=2 if params.parity == "none" else 1,  # MODBUS over serial line 1.02: always 11 bits
             timeout=params.timeout_s,
             retries=0,
         )
