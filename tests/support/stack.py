@@ -134,14 +134,15 @@ class StackUnderTest:
         message.twist.linear.x, message.twist.linear.y, message.twist.angular.z = vx_mps, vy_mps, omega_radps
         self.stick.hold(lambda: self.peer.publish(topics.TELEOP_CMD_VEL, message))
 
-    def drive_at(self, speed_mps: float) -> None:
+    def drive_at(self, speed_mps: float, releasing: bool = False) -> None:
         """Drives ahead and waits until the robot has nearly that speed.
 
-        On the system clock a machine that is held up looks like a sensor that fell silent: that stop is released.
+        releasing: an emergency stop on the way is released. On the system clock it always is: a machine that is held up
+        looks like a sensor that fell silent there.
         """
 
         def reached() -> bool:
-            if self._system_time and self.safety.last.safety_state == "EMERGENCY_STOP":
+            if (releasing or self._system_time) and self.safety.last.safety_state == "EMERGENCY_STOP":
                 self.let_go()
                 self.release()
                 self.drive(speed_mps)
@@ -153,7 +154,8 @@ class StackUnderTest:
         except AssertionError as error:
             last, limit, drive = self.safety.last, self.limit.last, self.process("swerve_controller")
             told = f"{last.safety_state} {list(last.active_faults)}, limit {limit.max_linear_velocity} {limit.reason}"
-            raise AssertionError(f"{error}; it is {told}; swerve_controller: {drive}") from None
+            near = f"nearest obstacle {last.min_obstacle_distance:.2f} m, the robot at {self.at()}"
+            raise AssertionError(f"{error}; it is {told}; {near}; swerve_controller: {drive}") from None
 
     def let_go(self) -> None:
         """Returns when the drive takes it for let go: who drives on at once after a stop has not asked anew."""

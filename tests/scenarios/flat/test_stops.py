@@ -151,9 +151,8 @@ def test_a_frozen_encoder_stops_the_robot_whenever_its_axis_is_to_turn(stack: St
     stack.wait_safety("NORMAL")
     ends_in_a_stop()
     stack.inject("clear")
-    stack.release()
-    stack.wait_safety("NORMAL", deadline_s=60.0)
-    stack.drive_at(0.3)
+    # An encoder that is back has leapt; if it leapt far, its amplifier takes that for an overspeed once more.
+    stack.drive_at(0.3, releasing=True)
 
 
 def test_silence_of_the_operator_stops_the_robot(stack: StackUnderTest) -> None:
