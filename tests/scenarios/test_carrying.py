@@ -14,7 +14,7 @@ from tests.support.environment import own_config, stack_environment
 if TYPE_CHECKING:
     from tests.support.docking_stack import DockingStackUnderTest
 
-pytestmark = pytest.mark.timeout(600)
+pytestmark = pytest.mark.timeout(900)
 
 # Beside the staging pose, at which the robot believes to stand: without a map it carries that error along.
 START = Pose2(0.2, 0.3, math.radians(10.0))

@@ -19,7 +19,7 @@ from tests.support.waiting import wait_for
 if TYPE_CHECKING:
     from tests.support.docking_stack import DockingStackUnderTest
 
-pytestmark = pytest.mark.timeout(400)
+pytestmark = pytest.mark.timeout(900)
 
 
 @pytest.fixture(scope="module")

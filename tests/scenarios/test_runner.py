@@ -11,7 +11,7 @@ import pytest
 
 from tests.support.processes import ROOT
 
-pytestmark = pytest.mark.timeout(240)
+pytestmark = pytest.mark.timeout(900)
 
 SCENARIO = """
 description: Half a metre per second by hand, an emergency stop, the release, the stick let go, and on.

@@ -15,7 +15,7 @@ from tests.support.waiting import wait_for
 if TYPE_CHECKING:
     from tests.support.site_stack import SiteUnderTest
 
-pytestmark = pytest.mark.timeout(240)
+pytestmark = pytest.mark.timeout(900)
 START = Pose2(2.0, 0.0, 0.0)  # along the south way
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tests.support.site_stack import SiteUnderTest
     from tests.support.stack import StackUnderTest
 
-pytestmark = pytest.mark.timeout(400)
+pytestmark = pytest.mark.timeout(900)
 
 # West of ramp_10 of config/worlds/yard.yaml: up from x = -2.0 to 0.84 m along y = -6.5 m. The site's map was made on a
 # ride that left it out and shows it as an obstacle, so that only a person drives there.

@@ -17,7 +17,7 @@ from tests.support.waiting import wait_for
 if TYPE_CHECKING:
     from tests.support.stack import StackUnderTest
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = pytest.mark.timeout(900)
 SPEED_MPS = 0.3
 # Code, who is asked, which fault, and the figure of /robot_status that shows it.
 TROUBLES: tuple[tuple[str, Service, str, str], ...] = (

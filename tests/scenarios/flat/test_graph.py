@@ -12,7 +12,7 @@ from tests.support.graph import assert_graph_is_the_contracts
 if TYPE_CHECKING:
     from tests.support.stack import StackUnderTest
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = pytest.mark.timeout(900)
 
 
 def test_rows_and_the_running_robot_are_the_same(stack: StackUnderTest) -> None:

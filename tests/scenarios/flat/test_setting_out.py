@@ -18,7 +18,7 @@ from tests.support.waiting import wait_for
 if TYPE_CHECKING:
     from tests.support.stack import StackUnderTest
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = pytest.mark.timeout(900)
 DEPARTURE = load(DepartureParams, "departure")
 
 

@@ -15,7 +15,7 @@ from tests.ui.conftest import unlock, until
 if TYPE_CHECKING:
     from tests.support.stack import StackUnderTest
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = pytest.mark.timeout(900)
 
 
 @pytest.fixture
