@@ -30,21 +30,6 @@ class Physics(Config):
         return self
 
 
-class Chassis(Config):
-    """The box that carries everything but wheels and steering modules, centred over base_link."""
-
-    length_m: Positive
-    width_m: Positive
-    bottom_m: Positive
-    top_m: Positive
-
-    @model_validator(mode="after")
-    def _top_above_bottom(self) -> Chassis:
-        if self.top_m <= self.bottom_m:
-            raise ValueError("top_m must be above bottom_m")
-        return self
-
-
 class Wheel(Config):
     """One driven wheel. Friction torques at the wheel axis."""
 
@@ -61,7 +46,7 @@ class Steering(Config):
     friction_nm: Positive
     viscous_friction_nms: NonNegative
     rotor_inertia_kgm2: NonNegative
-    mass_height_m: Positive
+    mass_above_axle_m: float
     zero_error_rad: Annotated[float, Field(ge=0.0, le=0.1)]
 
 
@@ -109,14 +94,11 @@ class Wheelchair(Config):
 
 
 class LatchMechanism(Config):
-    """The robot's latch: two hooks that take the rail ends of a wheelchair. Places in base_link."""
+    """The robot's latch: two hooks that take the rail ends of a wheelchair. plate_*: from the hook."""
 
-    x_m: Positive
-    half_width_m: Positive
-    height_m: Positive
     plate_length_m: Positive
-    plate_inner_m: Positive
-    plate_outer_m: Positive
+    plate_inwards_m: Positive
+    plate_outwards_m: Positive
     plate_height_m: Positive
     travel_s: Positive
     draw_in_s: Positive
@@ -221,7 +203,6 @@ class SimParams(Config):
     """Everything in ``config/sim.yaml``."""
 
     physics: Physics
-    chassis: Chassis
     wheel: Wheel
     steering: Steering
     suspension: Suspension

@@ -44,15 +44,15 @@ def camera(
 def lidar(
     recording: Annotated[Path, typer.Argument(help="Ride of a full circle and more, made by robot-stack record.")],
     rpy_deg: Annotated[
-        tuple[float, float, float],
-        typer.Option(help="The driver's rpy_deg when it was recorded: roll, pitch, yaw."),
-    ] = (0.0, 0.0, 0.0),
+        tuple[float, float, float] | None,
+        typer.Option(help="The LiDAR's rpy_deg in robot.yaml when it was recorded; by default what it is now."),
+    ] = None,
     picture: Annotated[Path | None, typer.Option(help="Draw what was measured and what is left into this PNG.")] = None,
 ) -> None:
     """Find how the LiDAR is mounted: tilt and height by the ground, heading by the way it moves."""
     from robot_stack.cli.calibrate_lidar import calibrate_lidar
 
-    if not all(-180.0 <= angle <= 180.0 for angle in rpy_deg):
+    if rpy_deg is not None and not all(-180.0 <= angle <= 180.0 for angle in rpy_deg):
         raise CommandError(f"rpy-deg must be three angles of -180 to 180 deg, is {rpy_deg}", WRONG_USE)
     calibrate_lidar(recording, rpy_deg, picture)
 

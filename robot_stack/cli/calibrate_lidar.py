@@ -10,6 +10,7 @@ import numpy as np
 from robot_stack.cli.errors import CommandError
 from robot_stack.cli.map_build import ProgressBar
 from robot_stack.cli.map_recording import read_ride
+from robot_stack.contract import frames
 from robot_stack.core.config import load
 from robot_stack.core.robot import load_robot
 from robot_stack.mapping.mount import MountFound, mount_of
@@ -20,8 +21,11 @@ Angles = tuple[float, float, float]
 _DPI = 110
 
 
-def calibrate_lidar(recording: Path, rpy_deg: Angles, picture: Path | None) -> None:
-    """rpy_deg: by which the clouds had been turned when they were recorded. Raises CommandError, ConfigError."""
+def calibrate_lidar(recording: Path, rpy_deg: Angles | None, picture: Path | None) -> None:
+    """rpy_deg: by which the clouds had been turned when they were recorded, None: as they are now.
+
+    Raises CommandError, ConfigError.
+    """
     params, robot = load(MappingParams, "mapping"), load_robot()
     with ProgressBar() as bar:
         ride, warnings = read_ride(recording, params.sweeps, robot, lambda done, total: bar("reading", done, total))
@@ -31,7 +35,8 @@ def calibrate_lidar(recording: Path, rpy_deg: Angles, picture: Path | None) -> N
         found = mount_of(ride, params, robot)
     except RideError as error:
         raise CommandError(f"{recording}: {error}") from None
-    print("\n".join(lines_of(found, rpy_deg, robot.lidar_xyz_m)))
+    before_deg = rpy_deg or robot.range_sensors[frames.LIDAR].rpy_deg
+    print("\n".join(lines_of(found, before_deg, robot.lidar_xyz_m)))
     if picture is not None:
         draw_mount(found, picture)
         print(f"picture: {picture}")
@@ -54,9 +59,9 @@ def lines_of(found: MountFound, before_deg: Angles, sensor_m: tuple[float, float
         f"along and {1e3 * _rms(heading.residuals_m[:, 1]):.0f} mm across the way",
         f"beside the wheels' the LiDAR's way is {100.0 * (heading.scale - 1.0):+.2f} % longer and turns by "
         f"{np.degrees(heading.turn_radpm):+.2f} deg/m more",
-        "write, and record another ride to see them near zero:",
-        f"  the LiDAR driver's config   rpy_deg: [{rpy}]",
-        f"  config/robot.yaml, lidar    xyz_m: [{x:g}, {y:g}, {tilt.height_m:.3f}]",
+        "write into config/robot.yaml, range_sensors, lidar, and record another ride to see them near zero:",
+        f"  xyz_m: [{x:g}, {y:g}, {tilt.height_m:.3f}]",
+        f"  rpy_deg: [{rpy}]",
     ]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Generic, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from pydantic import Field, model_validator
 from robot_stack.contract.frames import FRONT_CAMERA, REAR_CAMERA
 from robot_stack.core.config import Config, load
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.robot import Robot, load_robot
 
 Positive = Annotated[float, Field(gt=0.0)]
 MarkerId = Annotated[int, Field(ge=0, le=999)]
@@ -50,16 +51,11 @@ class MarkerPlace(Config):
         )
 
 
-class Dock(Config):
-    """One dock.
-
-    staging: base_link in map where docking begins. dock_pose: base_link in the dock frame when docked.
-    """
+class Board(Config):
+    """What a dock is, which of the robot's cameras looks at it, and what it carries for that."""
 
     kind: Literal["wheelchair", "station"]
     camera: Literal["front", "rear"]
-    staging: Place
-    dock_pose: Place
     markers: Annotated[dict[MarkerId, MarkerPlace], Field(min_length=1)]
 
     @property
@@ -68,15 +64,73 @@ class Dock(Config):
         return FRONT_CAMERA if self.camera == "front" else REAR_CAMERA
 
 
-class Docks(Config):
-    """Everything in ``config/docks.yaml``. dictionary: OpenCV's name of the markers' dictionary."""
+class Dock(Board):
+    """One dock as this robot meets it.
+
+    staging: base_link in map where docking begins. dock_pose: base_link in the dock frame when docked.
+    """
+
+    staging: Place
+    dock_pose: Place
+
+
+class DockPlace(Board):
+    """One dock as the file has it: where it is, and where the robot's part that belongs to it stands when docked.
+
+    place: the dock frame in map. latch_x_m: the robot's latch, of a wheelchair; camera_x_m: the camera, of a station;
+    m in the dock frame.
+    """
+
+    place: Place
+    latch_x_m: Annotated[float, Field(lt=0.0)] | None = None
+    camera_x_m: Annotated[float, Field(lt=0.0)] | None = None
+
+    @model_validator(mode="after")
+    def _says_where_the_robot_stands(self) -> DockPlace:
+        by_latch, by_camera = self.latch_x_m is not None, self.camera_x_m is not None
+        if (by_latch, by_camera) != (self.kind == "wheelchair", self.kind == "station"):
+            raise ValueError("a wheelchair has latch_x_m, a station camera_x_m, and neither has the other")
+        if self.kind == "wheelchair" and self.camera != "front":
+            raise ValueError("a wheelchair is docked to by the front camera: the latch is at the robot's front")
+        return self
+
+    def of_robot(self, robot: Robot, staging_m: float) -> Dock:
+        """The dock as ``robot`` meets it, which begins ``staging_m`` before the dock pose."""
+        front = self.camera == "front"
+        if self.latch_x_m is not None:
+            x, y = self.latch_x_m - robot.latch.x_m, 0.0
+        else:
+            assert self.camera_x_m is not None
+            camera = robot.front_camera_xyz_m if front else robot.rear_camera_xyz_m
+            ahead = 1.0 if front else -1.0
+            x, y = self.camera_x_m - ahead * camera[0], -ahead * camera[1]
+        docked = Pose2(x, y, 0.0 if front else math.pi)
+        staging = self.place.pose().compose(Pose2(docked.x - staging_m, docked.y, docked.yaw))
+        return Dock(
+            kind=self.kind,
+            camera=self.camera,
+            markers=self.markers,
+            staging=_place(staging),
+            dock_pose=_place(docked),
+        )
+
+
+def _place(pose: Pose2) -> Place:
+    return Place(x_m=pose.x, y_m=pose.y, yaw_rad=pose.yaw)
+
+
+DockT = TypeVar("DockT", bound=Board)
+
+
+class _Docks(Config, Generic[DockT]):
+    """dictionary: OpenCV's name of the markers' dictionary."""
 
     dictionary: Annotated[str, Field(pattern="^DICT_")]
     marker_size_m: Positive
-    docks: dict[str, Dock]
+    docks: dict[str, DockT]
 
     @model_validator(mode="after")
-    def _markers_belong_to_one_dock(self) -> Docks:
+    def _markers_belong_to_one_dock(self) -> Self:
         owner: dict[int, str] = {}
         for name, dock in self.docks.items():
             for marker in dock.markers:
@@ -84,6 +138,21 @@ class Docks(Config):
                     raise ValueError(f"marker {marker} belongs to {owner[marker]!r} and to {name!r}")
                 owner[marker] = name
         return self
+
+
+class DocksFile(_Docks[DockPlace]):
+    """Everything in ``config/docks.yaml``. staging_m: how far before its dock pose a robot is staged."""
+
+    staging_m: Positive
+
+    def of_robot(self, robot: Robot) -> Docks:
+        """The docks as ``robot`` meets them."""
+        docks = {name: dock.of_robot(robot, self.staging_m) for name, dock in self.docks.items()}
+        return Docks(dictionary=self.dictionary, marker_size_m=self.marker_size_m, docks=docks)
+
+
+class Docks(_Docks[Dock]):
+    """The docks as one robot meets them."""
 
     def of_marker(self, marker_id: int) -> tuple[str, Dock] | None:
         """The dock that carries a marker."""
@@ -108,5 +177,5 @@ def board_corners(markers: Mapping[int, MarkerPlace], size_m: float) -> dict[int
 
 
 def load_docks() -> Docks:
-    """``config/docks.yaml``. Raises ConfigError."""
-    return load(Docks, "docks")
+    """``config/docks.yaml`` for the robot of ``config/robot.yaml``. Raises ConfigError."""
+    return load(DocksFile, "docks").of_robot(load_robot())

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from robot_stack.contract import frames
@@ -34,6 +36,21 @@ class Footprint(Config):
     width_m: Positive
 
 
+class Chassis(Config):
+    """The box that carries everything but wheels and steering modules, centred over base_link, m above the ground."""
+
+    length_m: Positive
+    width_m: Positive
+    bottom_m: Positive
+    top_m: Positive
+
+    @model_validator(mode="after")
+    def _top_above_bottom(self) -> Chassis:
+        if self.top_m <= self.bottom_m:
+            raise ValueError("top_m must be above bottom_m")
+        return self
+
+
 class Drive(Config):
     """One drive motor with its gear, at the wheel."""
 
@@ -55,8 +72,15 @@ class Steer(Config):
 
 
 class Latch(Config):
-    """Engine I/O of the wheelchair's latch: bits of one output byte and of the input byte of the same number."""
+    """The wheelchair's latch: where it holds a wheelchair's rail ends, base_link, and its engine I/O.
 
+    Rail ends are held at x_m, half_width_m to either side, height_m above the ground. Bits are those of one output byte
+    and of the input byte of the same number.
+    """
+
+    x_m: Positive
+    half_width_m: Positive
+    height_m: Positive
     byte: Annotated[int, Field(ge=0, lt=8000)]
     close_output_bit: Bit
     open_output_bit: Bit
@@ -101,6 +125,7 @@ class Robot(Config):
     centre_of_gravity_height_m: Positive
     footprint: Footprint
     footprint_with_chair: Footprint
+    chassis: Chassis
     empty: Motion
     with_passenger: Motion
     emergency_deceleration_mps2: Positive
@@ -120,14 +145,37 @@ class Robot(Config):
         lidar = self.range_sensors.get(frames.LIDAR)
         if lidar is None:
             raise ValueError(f"range_sensors.{frames.LIDAR} is missing")
-        if any(lidar.rpy_deg):
-            raise ValueError(f"range_sensors.{frames.LIDAR}.rpy_deg must be 0: the sweep's users take it for upright")
+        return self
+
+    @model_validator(mode="after")
+    def _footprint_holds_the_robot(self) -> Robot:
+        """A robot that reaches beyond the footprint that it plans with would touch what it believes to pass."""
+        front, rear, half = self.footprint.front_m, self.footprint.rear_m, 0.5 * self.footprint.width_m
+        along = max(0.5 * self.wheelbase_m + self.wheel_radius_m, 0.5 * self.chassis.length_m)
+        across = max(0.5 * self.track_m + self.wheel_radius_m, 0.5 * self.chassis.width_m)
+        if along > min(front, -rear) or across > half:
+            raise ValueError("footprint must hold the chassis and the wheels, however they are steered")
+        chair = self.footprint_with_chair
+        if chair.front_m < front or chair.rear_m > rear or 0.5 * chair.width_m < half:
+            raise ValueError("footprint_with_chair must hold footprint")
         return self
 
     @property
     def lidar_xyz_m(self) -> tuple[float, float, float]:
-        """The spinning LiDAR in base_link, m; it is not turned."""
+        """The spinning LiDAR in base_link, m; its frame has base_link's axes, see ``sensor_frame``."""
         return self.range_sensors[frames.LIDAR].xyz_m
+
+    def sensor_frame(self, name: str) -> NDArray[np.float64]:
+        """(3, 3) from the frame in which a range sensor's points are published to base_link.
+
+        The spinning LiDAR's has base_link's axes: whoever publishes its sweeps turns them by its mounting first
+        (``to_sensor_frame``), so that no user of a sweep needs to know how it is mounted.
+        """
+        return np.eye(3) if name == frames.LIDAR else self.range_sensors[name].rotation()
+
+    def to_sensor_frame(self, name: str) -> NDArray[np.float64]:
+        """(3, 3) from a range sensor's own axes to those of the frame in which its points are published."""
+        return self.range_sensors[name].rotation() if name == frames.LIDAR else np.eye(3)
 
     @model_validator(mode="after")
     def _inputs_differ(self) -> Robot:

@@ -46,10 +46,22 @@ class Solid(Config):
         return red / 255.0, green / 255.0, blue / 255.0
 
 
-class RobotShape(Config):
-    """Solids of each thing, in the frames that the file names."""
+class BodyColours(Config):
+    """Of what the robot has beside wheels and mast."""
 
-    robot: tuple[Solid, ...]
+    body: Colour
+    stripe: Colour
+    deck: Colour
+    post: Colour
+    lidar: Colour
+    hooks: Colour
+    boom: Colour
+
+
+class RobotShape(Config):
+    """Solids of each thing, in the frames that the file names; the robot's own follow from robot.yaml."""
+
+    robot: BodyColours
     mast_colour: Colour
     tyre_colour: Colour
     spoke_colour: Colour
@@ -87,7 +99,7 @@ def placed(part: str, solids: Sequence[Solid], pose: Matrix) -> list[Placed]:
 
 def robot_solids(robot: Robot, shape: RobotShape, joints: Mapping[str, float]) -> list[Placed]:
     """The robot in base_link. joints: rad by name (``fl_drive``, ``fl_steer``, ...); what is missing counts as 0."""
-    parts = placed("base", (*shape.robot, _mast(robot, shape)), np.eye(4))
+    parts = placed("base", (*_body(robot, shape.robot), _mast(robot, shape)), np.eye(4))
     wheel = _wheel(robot, shape)
     for module, place in zip(frames.MODULES, robot.module_positions_m(), strict=True):
         steer, drive = _angle(joints, f"{module}_steer"), _angle(joints, f"{module}_drive")
@@ -97,6 +109,41 @@ def robot_solids(robot: Robot, shape: RobotShape, joints: Mapping[str, float]) -
         axle = transform((*place, robot.wheel_radius_m)) @ turn
         parts += placed(f"{module}_wheel", wheel, axle)
     return parts
+
+
+def _body(robot: Robot, colours: BodyColours) -> list[Solid]:
+    """Chassis, LiDARs and latch in base_link, as they hide what is behind them."""
+    box, latch = robot.chassis, robot.latch
+    x, y, z = robot.lidar_xyz_m
+    middle_m, front_m, post_m = 0.5 * (box.bottom_m + box.top_m), 0.5 * box.length_m, z - 0.03 - box.top_m
+    solids = [
+        _box((box.length_m, box.width_m, box.top_m - box.bottom_m - 0.02), (0.0, 0.0, middle_m), colours.body),
+        _box((0.02, box.width_m - 0.06, 0.07), (front_m, 0.0, box.top_m - 0.08), colours.stripe),
+        _box((box.length_m - 0.16, box.width_m - 0.12, 0.03), (0.0, 0.0, box.top_m + 0.005), colours.deck),
+    ]
+    if post_m > 0.0:
+        solids.append(_cylinder(0.05, post_m, (x, y, box.top_m + 0.5 * post_m), colours.post))
+    solids.append(_cylinder(0.11, 0.08, (x, y, z), colours.lidar))
+    hook_m = latch.half_width_m - 0.0625
+    solids += [
+        _box((0.06, 0.06, 0.10), (latch.x_m - 0.03, across_m, latch.height_m), colours.hooks)
+        for across_m in (hook_m, -hook_m)
+    ]
+    if frames.OVERHEAD_LIDAR in robot.range_sensors:
+        x, y, z = robot.range_sensors[frames.OVERHEAD_LIDAR].xyz_m
+        begin_m, end_m, up_m = robot.mast.x_m - 0.01, x + 0.04, robot.mast.top_m + 0.015
+        solids.append(_box((end_m - begin_m, 0.04, 0.03), (0.5 * (begin_m + end_m), y, up_m), colours.boom))
+        solids.append(_box((0.065, 0.065, 0.06), (x, y, z + 0.015), colours.lidar))
+    return solids
+
+
+def _box(size_m: Triple, at_m: Triple, colour: str) -> Solid:
+    return Solid(kind="box", size_m=size_m, at_m=at_m, turn_deg=(0.0, 0.0, 0.0), colour=colour)
+
+
+def _cylinder(diameter_m: float, height_m: float, at_m: Triple, colour: str) -> Solid:
+    size_m = (diameter_m, diameter_m, height_m)
+    return Solid(kind="cylinder", size_m=size_m, at_m=at_m, turn_deg=(0.0, 0.0, 0.0), colour=colour)
 
 
 def _mast(robot: Robot, shape: RobotShape) -> Solid:

@@ -347,6 +347,7 @@ class DockingController:
             board=self.tracker.board(situation.now_s, self._params.servo.hold_after_s),
             moved=self.tracker.moved,
             approach_sign=1.0 if self._dock is None else _WAYS[self._dock.camera],
+            docked_m=0.0 if self._dock is None else math.hypot(self._dock.dock_pose.x_m, self._dock.dock_pose.y_m),
             commanded=self._commanded,
         )
 

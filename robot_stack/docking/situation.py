@@ -50,8 +50,8 @@ class View:
     base: base_link in the frame of the dock pose by the present estimate, None without one or without odometry.
     seen_ago_s: since the image of the last accepted sighting. sightings: the dock in base_link, as accepted since the
     phase began, oldest first. board: the dock in base_link as the newest image shows it, None without a recent one.
-    moved: the dock was found elsewhere. approach_sign: +1 docks forwards, -1 backwards. commanded: the last command,
-    base_link.
+    moved: the dock was found elsewhere. approach_sign: +1 docks forwards, -1 backwards. docked_m: from the dock's
+    origin to base_link when docked. commanded: the last command, base_link.
     """
 
     situation: Situation
@@ -63,6 +63,7 @@ class View:
     board: Pose2 | None
     moved: bool
     approach_sign: float
+    docked_m: float
     commanded: Twist2
 
 

@@ -15,8 +15,9 @@ Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 class PacketLidarParams(Config):
     """bind_address, port: where packets are listened for. device_ip: whose alone are taken.
 
-    rpy_deg: the LiDAR in the frame lidar, turned about its fixed axes. latency_s: from a packet's time to its arrival,
-    at best. silence_s: without a sweep: called silent.
+    rpy_deg: what the LiDAR sends in its own axes, turned about the fixed ones; its mounting is in
+    ``config/robot.yaml``.
+    latency_s: from a packet's time to its arrival, at best. silence_s: without a sweep: called silent.
     """
 
     bind_address: IPvAnyAddress

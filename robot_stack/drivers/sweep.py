@@ -1,10 +1,16 @@
-"""What a driver of a LiDAR makes of its packets."""
+"""What a driver of a LiDAR makes of its packets, and how it turns the points."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
 from robot_stack.core.point_cloud import Points
+
+F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,3 +19,14 @@ class Sweep:
 
     points: Points
     stamp_s: float
+
+
+def turning(rpy_deg: tuple[float, float, float], mounted: F64 | None) -> NDArray[np.float32] | None:
+    """(3, 3) from what the device sends to the frame in which its points are published; None if nothing turns.
+
+    rpy_deg: what the device sends in the sensor's own axes, about its fixed x, y, z. mounted: (3, 3) from the sensor's
+    own axes to those of that frame, ``Robot.to_sensor_frame``; None if they are the same.
+    """
+    own: F64 = Rotation.from_euler("xyz", rpy_deg, degrees=True).as_matrix()
+    turned = own if mounted is None else mounted @ own
+    return None if (turned == np.eye(3)).all() else turned.astype(np.float32)

@@ -50,7 +50,8 @@ class ChairEdges:
     def believed(self, xyz: Float, params: MixedParams, points_min: int) -> Float:
         """(k, 3) of obstacle points (n, 3): without those beside the chair that are too few to be a thing."""
         kept = ~self.beside(xyz)
-        _keep_dense(np.ascontiguousarray(xyz), np.float32(params.reach_m), np.float32(params.cell_m), points_min, kept)
+        reach_m = np.float32(self._box[1] + params.beyond_m)
+        _keep_dense(np.ascontiguousarray(xyz), reach_m, np.float32(params.cell_m), points_min, kept)
         return xyz[kept]
 
 

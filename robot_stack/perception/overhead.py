@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.contract import frames
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.point_cloud import Points
-from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.core.robot import Robot
 from robot_stack.perception.airborne import crowd_of
 from robot_stack.perception.deskew import Motion
@@ -27,11 +27,14 @@ _NOTHING: Float = np.empty((0, 3), np.float32)
 class Overhead:
     """The newest frame's obstacles, moved on by what the robot has driven since."""
 
-    def __init__(self, robot: Robot, params: PerceptionParams, sensor: RangeSensor, motion: Motion) -> None:
+    def __init__(self, robot: Robot, params: PerceptionParams, motion: Motion) -> None:
         self._params, self._motion = params, motion
+        sensor = robot.range_sensors[frames.OVERHEAD_LIDAR]
         # A point within range_m of base_link is no farther from the sensor than this.
         reach_m = params.overhead.range_m + math.hypot(*sensor.xyz_m)
-        self._view = SensorView(robot, params, sensor, (sensor.min_m, min(sensor.max_m, reach_m)), robot.mast)
+        self._view = SensorView(
+            robot, params, frames.OVERHEAD_LIDAR, (sensor.min_m, min(sensor.max_m, reach_m)), robot.mast
+        )
         self._views = SweepViews(self._view.grid, min(float(self._view.grid.edges_m[-1]), params.space.reach_m))
         spacing_rad = (sensor.ring_spacing_rad, math.radians(sensor.span_deg) / sensor.columns)
         self._chair_edges = ChairEdges(self._view.mount, self._view.turned, self._view.cut[True][-1], spacing_rad)

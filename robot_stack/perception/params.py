@@ -129,7 +129,7 @@ class WatchParams(Config):
     stamp_future_s: Positive
     stamp_old_s: Positive
     sectors: Annotated[int, Field(ge=4, le=360)]
-    low_beam_deg: Annotated[float, Field(gt=0.0, lt=90.0)]
+    low_beam_m: Positive
     obstructed_min: Count
     sector_points_min: Count
     sector_silent_s: Positive
@@ -158,10 +158,10 @@ class MixedParams(Config):
     """Which points beside the attached chair are a thing, and no range between its edge and what is behind.
 
     points_min, overhead_points_min: in a cell and the eight beside it, of a half sweep and of the overhead LiDAR's
-    frame. reach_m: from base_link along x and y; farther away nothing is mixed with the chair.
+    frame. beyond_m: of the chair's box; farther from base_link along x and y nothing is mixed with the chair.
     """
 
-    reach_m: Positive
+    beyond_m: Positive
     cell_m: Annotated[float, Field(ge=0.01)]
     points_min: Count
     overhead_points_min: Count
@@ -216,7 +216,7 @@ class SpaceParams(Config):
     passes: looks whose rays pass through an occupied cell until it is not any more, at least ``top_margin_m`` below
     its top; or, if that is no higher than ``low_m``, that show ground in its place. A return within ``thing_m`` of a
     higher one is part of the same thing. free_below_m: a ray so low makes an
-    unseen cell free; watched_below_m: rays so low keep it free. ``fade_s`` after the last of them it is unseen again,
+    unseen cell free; rays lower than the LiDAR keep it free. ``fade_s`` after the last of them it is unseen again,
     if somebody can have come there: from another such place, or from where something was seen within ``enter_m`` of it.
     memory_m: of driving, a turn counting by ``lever_m``, after which the place of what was not seen since is not
     trusted.
@@ -229,7 +229,6 @@ class SpaceParams(Config):
     low_m: NotNegative
     thing_m: NotNegative
     free_below_m: Positive
-    watched_below_m: Positive
     fade_s: Positive
     enter_m: NotNegative
     memory_m: Positive
@@ -242,12 +241,6 @@ class SpaceParams(Config):
     def reach_m(self) -> float:
         """How far from a sensor rays are looked at: the corners are farther than the sides."""
         return 0.75 * self.size_m
-
-    @model_validator(mode="after")
-    def _ordered(self) -> SpaceParams:
-        if self.free_below_m > self.watched_below_m:
-            raise ValueError("free_below_m must not be greater than watched_below_m")
-        return self
 
 
 class PerceptionParams(Config):

@@ -51,7 +51,7 @@ class Pipeline:
         self._robot, self._params = robot, params
         self.motion = Motion(params.deskew)
         range_m = (params.crop.range_min_m, params.crop.range_max_m)
-        self._view = SensorView(robot, params, robot.range_sensors[frames.LIDAR], range_m)
+        self._view = SensorView(robot, params, frames.LIDAR, range_m)
         self._mount = self._view.mount
         self._crowd = crowd_of(robot.range_sensors[frames.LIDAR], params.obstacles, params.obstacles.range_m)
         all_heights = (math.pi, 2.0 * math.pi / DIRECTIONS)
@@ -63,7 +63,7 @@ class Pipeline:
         self._movers, self._movers_above = Movers(params.space.movers), Movers(params.space.movers)
         self._overhead: Overhead | None = None
         if frames.OVERHEAD_LIDAR in robot.range_sensors:
-            self._overhead = Overhead(robot, params, robot.range_sensors[frames.OVERHEAD_LIDAR], self.motion)
+            self._overhead = Overhead(robot, params, self.motion)
         self.chair = False
 
     def forget(self) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.core.point_cloud import Points
-from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.core.robot import Mast, Robot
 from robot_stack.perception import ground
 from robot_stack.perception.crop import beside_mast, boxes, crop
@@ -33,25 +32,26 @@ class Segmented:
 
 
 class SensorView:
-    """range_m: least and greatest range that is used. mast: what the sensor sees of its own mast.
+    """name: of the range sensor. range_m: least and greatest range that is used. mast: what it sees of its own mast.
 
-    mount: (3,) base_link. turned: (3, 3) from the sensor's axes to base_link's, None if they are the same. cut: with
-    and without a chair, (k, 6) boxes of what is the robot's own, the chair last.
+    mount: (3,) base_link. turned: (3, 3) from the axes of its frame to base_link's, None if they are the same. cut:
+    with and without a chair, (k, 6) boxes of what is the robot's own, the chair last.
     """
 
     def __init__(
         self,
         robot: Robot,
         params: PerceptionParams,
-        sensor: RangeSensor,
+        name: str,
         range_m: tuple[float, float],
         mast: Mast | None = None,
     ) -> None:
-        self._params = params
+        self._params, sensor = params, robot.range_sensors[name]
         self.grid = make_grid(params.ground, range_m[1])
         self.mount = np.array(sensor.xyz_m, dtype=np.float32)
         self.xy_m = (float(self.mount[0]), float(self.mount[1]))
-        self.turned = sensor.rotation().astype(np.float32) if any(sensor.rpy_deg) else None
+        turned = robot.sensor_frame(name).astype(np.float32)
+        self.turned = None if (turned == np.eye(3)).all() else turned
         self._border = ground.wheel_border(robot, self.grid, self.xy_m)
         self._reach = ground.reach_of(sensor, params.ground, params.free_space)
         self.cut = {chair: boxes(robot, params.crop, chair) for chair in (False, True)}

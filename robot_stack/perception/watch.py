@@ -24,16 +24,16 @@ _BLOCK = 256  # points taken together: their coordinates stay in the fastest cac
 
 
 class Watch:
-    """Looks at every sweep before it is used."""
+    """Looks at every sweep before it is used. height_m: of the sensor above the ground."""
 
-    def __init__(self, params: WatchParams) -> None:
+    def __init__(self, params: WatchParams, height_m: float) -> None:
         self._params = params
         self._stamp_s = -math.inf
         self._prints: deque[int] = deque(maxlen=params.remembered)
         self._seen_s = np.full(params.sectors, math.nan)  # when each direction was seen last
         self._judged_s = -math.inf
         self._low_seen_s = np.full(DIRECTIONS, math.nan)  # when a low beam of each fine direction returned last
-        self._low_slope = np.float32(math.tan(math.radians(params.low_beam_deg)))
+        self._low_slope = np.float32(height_m / params.low_beam_m)
         self.blind_sectors = np.zeros(params.sectors, np.bool_)  # directions that are blind now
         self.obstructed = np.zeros(DIRECTIONS, np.bool_)  # where something stands that is too near to be seen, or dirt
 

@@ -6,13 +6,17 @@ kind. User unit is rad throughout.
 
 from __future__ import annotations
 
+import math
 import os
-from typing import Annotated, Literal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config, load
+from robot_stack.core.config import Config, ConfigError, config_dir, load, read_yaml, validate
 from robot_stack.core.pacing import SpinLimits
+from robot_stack.core.robot import Robot, load_robot
 from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
 
 ENGINE_VARIABLE = "ROBOT_STACK_WMX_ENGINE"
@@ -217,7 +221,42 @@ class ClientConfig(Config):
 
 def load_engine_config() -> EngineConfig:
     """``config/wmx_engine.yaml``, or the file of config/ that ENGINE_CONFIG_VARIABLE names. Raises ConfigError."""
-    return load(EngineConfig, os.environ.get(ENGINE_CONFIG_VARIABLE) or "wmx_engine")
+    return read_engine_config(config_dir() / f"{os.environ.get(ENGINE_CONFIG_VARIABLE) or 'wmx_engine'}.yaml")
+
+
+def read_engine_config(path: Path) -> EngineConfig:
+    """One file that describes an engine; what ``robot_motor`` stands for is taken from ``config/robot.yaml``.
+
+    Raises ConfigError.
+    """
+    data = read_yaml(path)
+    kinds = data.get("kinds")
+    if isinstance(kinds, dict):
+        data["kinds"] = {name: _of_robot(kind, str(path)) for name, kind in kinds.items()}
+    return validate(EngineConfig, data, str(path))
+
+
+def _of_robot(kind: Any, source: str) -> Any:
+    """A kind of axis with what follows from ``config/robot.yaml``, if it says which of the robot's motors it is."""
+    if not isinstance(kind, dict) or "robot_motor" not in kind:
+        return kind
+    own = {name: value for name, value in kind.items() if name != "robot_motor"}
+    motor, derived = kind["robot_motor"], _DERIVED.get(str(kind["robot_motor"]))
+    if derived is None:
+        raise ConfigError(f"{source}: robot_motor must be one of {', '.join(_DERIVED)}, is {motor!r}")
+    counts, deceleration_radps2 = derived(load_robot())
+    gear = {"gear_numerator": counts, "gear_denominator": math.tau}
+    return gear | dict.fromkeys(("quick_stop_dec_radps2", "estop_dec_radps2"), deceleration_radps2) | own
+
+
+# Counts per turn, and how hard an axis stops: a wheel as the robot in an emergency, a steering axis as it can.
+_DERIVED: Final[dict[str, Callable[[Robot], tuple[float, float]]]] = {
+    "drive": lambda robot: (
+        float(robot.drive.encoder_counts_per_rev),
+        robot.emergency_deceleration_mps2 / robot.wheel_radius_m,
+    ),
+    "steer": lambda robot: (float(robot.steer.encoder_counts_per_rev), robot.steer.max_acceleration_radps2),
+}
 
 
 def load_client_config() -> ClientConfig:

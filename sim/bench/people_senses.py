@@ -112,7 +112,7 @@ class Perception:
 
     def __init__(self, robot: Robot, chair: bool, random: np.random.Generator) -> None:
         params = load(PerceptionParams, "perception_pipeline")
-        self._pipeline, self._watch = Pipeline(robot, params), Watch(params.watch)
+        self._pipeline, self._watch = Pipeline(robot, params), Watch(params.watch, robot.lidar_xyz_m[2])
         self._pipeline.chair = chair
         self._excused = too_near(robot, load_docks().latched_wheelchair(), params.watch) if chair else None
         self._scale = 1.0 + random.uniform(-_DRIFT, _DRIFT, 3)

@@ -4,7 +4,8 @@
     lidar = Lidar(scene, params, robot, seed)
     sweep = lidar.sweep(base_track, stamp_s, {"person_anna": track})
 
-Frames: tracks hold base_link, wheelchair and people in map; points are in the frame ``lidar``.
+Frames: tracks hold base_link, wheelchair and people in map; points are in the frame of the
+sensor that ``config/robot.yaml`` names, as a driver publishes them.
 """
 
 from __future__ import annotations
@@ -80,6 +81,8 @@ class Lidar:
         beams = params.beams
         random = np.random.default_rng(seed)
         self.mounting = _mounting(robot.range_sensors[sensor], params, random)
+        turned = robot.to_sensor_frame(sensor).astype(np.float32)
+        self._turned: F32 | None = None if (turned == np.eye(3)).all() else turned
         self._random = random
         start = math.radians(beams.start_azimuth_deg)
         self._azimuths: F64 = start - 2.0 * np.pi * np.arange(beams.columns) / beams.columns
@@ -187,6 +190,10 @@ class Lidar:
             points.view(np.uint32).reshape(count, 6),
             labels,
         )
+        if self._turned is not None:  # as a driver does by the nominal mounting
+            own = np.stack([points[axis][:used] for axis in "xyz"])
+            for axis, values in zip("xyz", self._turned @ own, strict=True):
+                points[axis][:used] = values
         return Sweep(stamp_s, points[:used], labels[:used])
 
     def _through_weather(

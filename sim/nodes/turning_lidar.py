@@ -123,6 +123,6 @@ class TurningLidar(StackNode):
         place, turned = message.transform.translation, message.transform.rotation
         place.x, place.y, place.z = nominal.xyz_m
         pose = np.eye(4)
-        pose[:3, :3] = nominal.rotation()
+        pose[:3, :3] = self.robot.sensor_frame(self.sensor)
         turned.x, turned.y, turned.z, turned.w = quaternion_of(pose)
         return message

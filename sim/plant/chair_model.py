@@ -27,7 +27,7 @@ def add_wheelchair(body: Element, robot: Robot, params: SimParams) -> None:
     SubElement(frame, "freejoint", name="wheelchair")
     add_inertial(frame, wheelchair_inertial(robot, chair, 0.0))
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        end = (-chair.rail_length_m, sign * 0.5 * (chair.rail_inner_m + chair.rail_outer_m), params.latch.height_m)
+        end = (-chair.rail_length_m, sign * 0.5 * (chair.rail_inner_m + chair.rail_outer_m), robot.latch.height_m)
         SubElement(frame, "site", name=f"chair_latch_{side}", pos=vector(end))
     _shape(frame, chair)
     _castors(frame, chair)

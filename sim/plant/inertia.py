@@ -42,9 +42,7 @@ def steering_inertial(robot: Robot, params: SimParams) -> Inertial:
     """Fork, gear and motor as a cylinder about the steering axis; origin at the wheel centre."""
     m, r, h = robot.steer_mass_kg, 0.06, 0.15
     across = m * (3.0 * r * r + h * h) / 12.0
-    return Inertial(
-        m, (0.0, 0.0, params.steering.mass_height_m - robot.wheel_radius_m), (across, across, 0.5 * m * r * r)
-    )
+    return Inertial(m, (0.0, 0.0, params.steering.mass_above_axle_m), (across, across, 0.5 * m * r * r))
 
 
 def chassis_inertial(robot: Robot, params: SimParams) -> Inertial:
@@ -57,8 +55,9 @@ def chassis_inertial(robot: Robot, params: SimParams) -> Inertial:
     if mass <= 0.0:
         raise ValueError(f"mass_kg {robot.mass_kg} leaves nothing for the chassis beside wheels and steering")
     moment = robot.mass_kg * robot.centre_of_gravity_height_m
-    height = (moment - wheels * robot.wheel_radius_m - modules * params.steering.mass_height_m) / mass
-    box = params.chassis
+    module_m = robot.wheel_radius_m + params.steering.mass_above_axle_m
+    height = (moment - wheels * robot.wheel_radius_m - modules * module_m) / mass
+    box = robot.chassis
     if not box.bottom_m < height < box.top_m:
         raise ValueError(f"the chassis' centre of gravity would be at {height:.3f} m, outside its box")
     size = (box.length_m, box.width_m, box.top_m - box.bottom_m)

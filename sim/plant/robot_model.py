@@ -54,22 +54,23 @@ def add_robot(body: Element, robot: Robot, params: SimParams, friction: float, t
     base = SubElement(body, "body", name="base")
     SubElement(base, "freejoint", name="base")
     add_inertial(base, chassis_inertial(robot, params))
-    box = params.chassis
+    box = robot.chassis
     half = (0.5 * box.length_m, 0.5 * box.width_m, 0.5 * (box.top_m - box.bottom_m))
     centre = (0.0, 0.0, 0.5 * (box.top_m + box.bottom_m))
     add_geom(base, "chassis", "box", half, ROBOT_BITS, ROBOT_GROUP, pos=vector(centre), rgba="0.93 0.93 0.95 1")
-    _decoration(base, robot, params)
+    _decoration(base, robot)
     SubElement(base, "site", name="imu", pos=vector(robot.imu_xyz_m))
-    _latch(base, params)
+    _latch(base, robot, params)
     for index, name in enumerate(MODULES):
         _module(base, name, robot.module_positions_m()[index], tolerances.wheel_radii_m[index], robot, params, friction)
 
 
-def _latch(base: Element, params: SimParams) -> None:
+def _latch(base: Element, robot: Robot, params: SimParams) -> None:
     """The plates that carry the hooks, and where the hooks hold what they have caught."""
-    latch, front_m = params.latch, 0.5 * params.chassis.length_m
-    half = (0.5 * latch.plate_length_m, 0.5 * (latch.plate_outer_m - latch.plate_inner_m), 0.5 * latch.plate_height_m)
-    middle_m = 0.5 * (latch.plate_outer_m + latch.plate_inner_m)
+    latch, plate, front_m = robot.latch, params.latch, 0.5 * robot.chassis.length_m
+    inwards_m, outwards_m = plate.plate_inwards_m, plate.plate_outwards_m
+    half = (0.5 * plate.plate_length_m, 0.5 * (inwards_m + outwards_m), 0.5 * plate.plate_height_m)
+    middle_m = latch.half_width_m + 0.5 * (outwards_m - inwards_m)
     for side, sign in (("left", 1.0), ("right", -1.0)):
         SubElement(
             base, "site", name=f"latch_{side}", pos=vector((latch.x_m, sign * latch.half_width_m, latch.height_m))
@@ -87,9 +88,9 @@ def _latch(base: Element, params: SimParams) -> None:
         )
 
 
-def _decoration(base: Element, robot: Robot, params: SimParams) -> None:
+def _decoration(base: Element, robot: Robot) -> None:
     """What only a picture needs: an orange front, and the mast of the LiDAR."""
-    box, lidar = params.chassis, robot.lidar_xyz_m
+    box, lidar = robot.chassis, robot.lidar_xyz_m
     front = (0.5 * box.length_m, 0.0, box.top_m - 0.08)
     add_geom(
         base,

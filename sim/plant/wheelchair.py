@@ -128,7 +128,7 @@ class Chair:
     @property
     def docked_ahead_m(self) -> float:
         """From base_link ahead to the chair's frame, docked."""
-        return self._params.latch.x_m + self._params.wheelchair.rail_length_m
+        return self._robot.latch.x_m + self._params.wheelchair.rail_length_m
 
     def catch(self) -> None:
         """The hooks take the rail ends where they are and the parking brake opens; ``draw`` then pulls."""

@@ -46,16 +46,16 @@ class Servoing:
         return self.follower.step(view.base, view.dt_s)
 
     def _by_bearing(self, view: View) -> Twist2:
-        """Towards the board, turning the camera to it, not nearer than ``bearing_distance_m``."""
+        """Towards the board, turning the camera to it, not nearer to where it docks than ``bearing_distance_m``."""
         assert view.estimate is not None
         assert view.situation.odom is not None
         motion, board = self._params.motion, view.estimate.pose.relative_to(view.situation.odom)
-        distance_m = math.hypot(board.x, board.y)
+        distance_m, nearest_m = math.hypot(board.x, board.y), view.docked_m + self._params.servo.bearing_distance_m
         bearing = math.atan2(view.approach_sign * board.y, view.approach_sign * board.x)
         turn = max(-motion.turning_radps, min(motion.turning_radps, motion.yaw_gain_per_s * bearing))
         speed = min(
             motion.along_mps,
-            max(0.0, motion.position_gain_per_s * (distance_m - self._params.servo.bearing_distance_m)),
+            max(0.0, motion.position_gain_per_s * (distance_m - nearest_m)),
         )
         if distance_m == 0.0:
             return ZERO_TWIST

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from robot_stack.contract import frames
 from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.drivers.nodes.ouster_metadata import check, load_metadata
 from robot_stack.drivers.nodes.packet_lidar import PacketLidarNode
@@ -21,7 +22,7 @@ class OusterDriverNode(PacketLidarNode):
         metadata, source = load_metadata(self.params)
         check(metadata, source, sensor)
         warm_up()
-        return SweepBuilder(self.params, metadata, source)
+        return SweepBuilder(self.params, metadata, source, self.robot.to_sensor_frame(frames.LIDAR))
 
 
 def main() -> None:

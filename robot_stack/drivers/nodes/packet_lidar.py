@@ -51,7 +51,7 @@ class PacketLidarNode(StackNode):
         self._sweeps = self.advertise(topics.LIDAR_POINTS)
         self._published_s = -math.inf
         self._tf = self.advertise(topics.TF_STATIC)
-        place = mounting(frames.LIDAR, sensor.xyz_m, sensor.rotation(), self.stamp())
+        place = mounting(frames.LIDAR, sensor.xyz_m, self.robot.sensor_frame(frames.LIDAR), self.stamp())
         self._tf.publish(TFMessage(transforms=[place]))
         self._device = f"{self.vendor} at {params.device_ip}, port {params.port}"
         self.set_health(False, f"waiting for the {self._device}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from robot_stack.contract import frames
 from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.drivers.nodes.packet_lidar import PacketLidarNode
 from robot_stack.drivers.velodyne.params import VelodyneDriverParams
@@ -16,7 +17,7 @@ class VelodyneDriverNode(PacketLidarNode):
         super().__init__("velodyne_driver", VelodyneDriverParams)
 
     def builder(self, sensor: RangeSensor) -> SweepBuilder:
-        return SweepBuilder(self.params, sensor.period_s)
+        return SweepBuilder(self.params, sensor.period_s, self.robot.to_sensor_frame(frames.LIDAR))
 
 
 def main() -> None:

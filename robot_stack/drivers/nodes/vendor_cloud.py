@@ -32,12 +32,14 @@ class VendorCloudNode(StackNode):
     def __init__(self, name: str, parameters: type[PointCloudAdapterParams]) -> None:
         super().__init__(name, parameters)
         sensor = self.robot.range_sensors[self.sensor]
-        self._adapter = PointCloudAdapter(self.params, sensor.period_s, sensor.rings)
+        self._adapter = PointCloudAdapter(
+            self.params, sensor.period_s, sensor.rings, self.robot.to_sensor_frame(self.sensor)
+        )
         self._message = cloud_message(np.empty(0, SWEEP), self.sensor)
         self._sweeps = self.advertise(self.points)
         self._published_s = -math.inf
         self._tf = self.advertise(topics.TF_STATIC)
-        place = mounting(self.sensor, sensor.xyz_m, sensor.rotation(), self.stamp())
+        place = mounting(self.sensor, sensor.xyz_m, self.robot.sensor_frame(self.sensor), self.stamp())
         self._tf.publish(TFMessage(transforms=[place]))
         self._clouds = self.subscribe(self.vendor, self._on_cloud, self.params.topic)
         self.report.values["device"] = f"{self.params.topic} of another driver"

@@ -15,7 +15,7 @@ from robot_stack.drivers.ouster.metadata import Metadata
 from robot_stack.drivers.ouster.packets import OtherSensor, Packet, PacketRefused, read
 from robot_stack.drivers.ouster.params import OusterDriverParams
 from robot_stack.drivers.ouster.points import Limits, points_of
-from robot_stack.drivers.sweep import Sweep
+from robot_stack.drivers.sweep import F64, Sweep
 
 LOST, DOUBLED, OUT_OF_ORDER, CORRUPT = "packets lost", "packets doubled", "packets out of order", "packets corrupt"
 OTHERS, JUMPS, STARTS = "packets not as by the metadata", "clock jumps", "starts of the sensor"
@@ -29,15 +29,16 @@ _WHOLE = 0.9  # of a frame's packets: a sweep that spans less began or ended els
 class SweepBuilder:
     """A frame is a sweep, complete when all of its packets are there, else when the next frame begins.
 
-    Packets that come in another order are laid where they belong until then.
+    Packets that come in another order are laid where they belong until then. mounted: (3, 3) from the sensor's own axes
+    to those of the frame that its points are published in, None if they are the same.
     Raises ConfigError, which names ``source``, for metadata whose packets are not read here.
     """
 
-    def __init__(self, params: OusterDriverParams, metadata: Metadata, source: str) -> None:
+    def __init__(self, params: OusterDriverParams, metadata: Metadata, source: str, mounted: F64 | None = None) -> None:
         self._latency_s, self._metadata = params.latency_s, metadata
         self._layout = layout_of(metadata, source)
-        mounted = Rotation.from_euler("xyz", params.rpy_deg, degrees=True).as_matrix()
-        self._geometry = geometry_of(metadata, mounted @ to_sensor(metadata)[0])
+        own = Rotation.from_euler("xyz", params.rpy_deg, degrees=True).as_matrix() @ to_sensor(metadata)[0]
+        self._geometry = geometry_of(metadata, own if mounted is None else mounted @ own)
         step_m = 1e-3 * self._layout.pixel.step_mm
         self._limits = Limits(math.ceil(params.min_range_m / step_m), math.floor(params.max_range_m / step_m), step_m)
         self._frame = Frame(metadata, self._layout)

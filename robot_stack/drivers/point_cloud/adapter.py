@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from robot_stack.core.point_cloud import SWEEP, Points, xyz_of
 from robot_stack.drivers.counters import Counters
@@ -24,6 +23,7 @@ from robot_stack.drivers.point_cloud.stamps import (
     newest_s,
     stamp_at,
 )
+from robot_stack.drivers.sweep import F64, turning
 
 LOST, DOUBLED, REFUSED, OUT_OF_ORDER = "sweeps lost", "sweeps doubled", "sweeps refused", "sweeps out of order"
 _HIGHEST_INTENSITY = 255.0
@@ -41,15 +41,20 @@ class Sweep:
 
 
 class PointCloudAdapter:
-    """period_s, rings: the sensor's, of ``config/robot.yaml``. Holds what clouds have told about the driver so far."""
+    """period_s, rings: the sensor's, of ``config/robot.yaml``. Holds what clouds have told about the driver so far.
 
-    def __init__(self, params: PointCloudAdapterParams, period_s: float, rings: int) -> None:
+    mounted: (3, 3) from the sensor's own axes to those of the frame that its points are published in, None if they are
+    the same.
+    """
+
+    def __init__(
+        self, params: PointCloudAdapterParams, period_s: float, rings: int, mounted: F64 | None = None
+    ) -> None:
         self._params = params
         self._limits = Limits(period_s, params.stamp_tolerance_s, params.future_s, params.oldest_s)
         self._rings = rings
         self._configured = StampAt(params.stamp_at)
-        turned = Rotation.from_euler("xyz", params.rpy_deg, degrees=True).as_matrix().astype(np.float32)
-        self._turned: NDArray[np.float32] | None = turned if any(params.rpy_deg) else None
+        self._turned = turning(params.rpy_deg, mounted)
         self._newest_s: float | None = None
         self.ring_order: RingOrder | None = None
         self.counters = Counters(LOST, DOUBLED, OUT_OF_ORDER, REFUSED)

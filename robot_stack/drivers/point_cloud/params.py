@@ -14,7 +14,8 @@ Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 class PointCloudAdapterParams(Config):
     """topic, frame_id: as the vendor's driver publishes; points in another frame are refused.
 
-    rpy_deg: the vendor's frame in the sensor's frame of ``config/robot.yaml``, turned about its fixed axes x, y, z.
+    rpy_deg: the vendor's frame in the sensor's own axes, turned about the fixed x, y, z; how that is
+    mounted is in ``config/robot.yaml``.
     silence_s: without a cloud for so long the vendor's driver is called silent.
     """
 

@@ -6,13 +6,11 @@ from typing import Any
 
 import numpy as np
 import velodyne_decoder
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from robot_stack.core.point_cloud import SWEEP, Points, xyz_of
 from robot_stack.drivers.counters import Counters
 from robot_stack.drivers.device_clock import DeviceClock, Unwrapped
-from robot_stack.drivers.sweep import Sweep
+from robot_stack.drivers.sweep import F64, Sweep, turning
 from robot_stack.drivers.velodyne.packets import HOUR_US, Packet, PacketRefused, read
 from robot_stack.drivers.velodyne.params import VelodyneDriverParams
 
@@ -24,12 +22,12 @@ _WHOLE = 0.9  # of a period: a sweep that spans less began or ended elsewhere
 
 
 class SweepBuilder:
-    """period_s: of a turn. problem: why the newest packet was refused; empty if it was not."""
+    """period_s: of a turn. mounted: (3, 3) from the LiDAR's own axes to those of the frame that its points are
+    published in, None if they are the same. problem: why the newest packet was refused; empty if it was not."""
 
-    def __init__(self, params: VelodyneDriverParams, period_s: float) -> None:
+    def __init__(self, params: VelodyneDriverParams, period_s: float, mounted: F64 | None = None) -> None:
         self._params, self._period_s = params, period_s
-        turned = Rotation.from_euler("xyz", params.rpy_deg, degrees=True).as_matrix().astype(np.float32)
-        self._turned: NDArray[np.float32] | None = turned if any(params.rpy_deg) else None
+        self._turned = turning(params.rpy_deg, mounted)
         self._config = velodyne_decoder.Config(min_range=params.min_range_m, max_range=params.max_range_m)
         self._clock = DeviceClock(params.clock)
         self._time = Unwrapped(HOUR_US)

@@ -36,7 +36,8 @@ class PerceptionPipelineNode(StackNode):
         warm_up()
         self._period_s = 1.0 / topics.OBSTACLES.nominal_rate_hz
         self._pipeline = Pipeline(self.robot, self.params)
-        self._watch, self._overhead_watch = Watch(self.params.watch), Watch(self.params.watch)
+        height_m = self.robot.lidar_xyz_m[2]
+        self._watch, self._overhead_watch = (Watch(self.params.watch, height_m) for _ in range(2))
         self._excused = too_near(self.robot, load_docks().latched_wheelchair(), self.params.watch)
         self._cloud = cloud_message(points_from_xyz(np.empty((0, 3))), frames.BASE_LINK)
         self._ends = cloud_message(points_from_xyz(np.empty((0, 3))), frames.BASE_LINK)

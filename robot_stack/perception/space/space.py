@@ -55,7 +55,7 @@ class Space:
                 params.passes,
                 params.top_margin_m,
                 params.free_below_m,
-                params.watched_below_m,
+                max(params.free_below_m, robot.lidar_xyz_m[2]),
                 params.memory_m,
                 params.low_m,
             ]

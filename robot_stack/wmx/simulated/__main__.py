@@ -8,9 +8,9 @@ import signal
 import sys
 from pathlib import Path
 
-from robot_stack.core.config import ConfigError, read_yaml, validate
+from robot_stack.core.config import ConfigError
 from robot_stack.core.runtime import AlreadyRunning, runtime_dir
-from robot_stack.wmx.config import EngineConfig, load_engine_config
+from robot_stack.wmx.config import EngineConfig, load_engine_config, read_engine_config
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.parameter_file import ParameterValues, write_file
 from robot_stack.wmx.simulated.server import EngineServer
@@ -66,7 +66,7 @@ def main() -> int:
 
 
 def _read(path: Path) -> EngineConfig:
-    return validate(EngineConfig, read_yaml(path), str(path))
+    return read_engine_config(path)
 
 
 if __name__ == "__main__":

@@ -69,7 +69,7 @@ def seen(points: Points, robot: Robot, params: PerceptionParams, chair: bool = F
     """Obstacles of one frame, (n, 3) base_link."""
     motion = Motion(params.deskew)
     odometry(motion, **at)
-    overhead = Overhead(robot, params, robot.range_sensors[SENSOR], motion)
+    overhead = Overhead(robot, params, motion)
     overhead.take(points, 0.0, chair)
     return overhead.at(0.0)
 
@@ -147,7 +147,7 @@ def test_what_was_seen_moves_with_the_robot_and_is_forgotten_soon(robot: Robot, 
     twist = Twist2(1.0, 0.0, 0.5)
     motion = Motion(params.deskew)
     odometry(motion, twist)
-    overhead = Overhead(robot, params, robot.range_sensors[SENSOR], motion)
+    overhead = Overhead(robot, params, motion)
     overhead.take(frame(people=[Pose2(3.0, 0.5, 0.0)], twist=twist), 0.0, False)
     now, later = overhead.at(0.0), overhead.at(0.2)
     assert near(now, 3.0, 0.5) > 50

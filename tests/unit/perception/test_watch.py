@@ -10,7 +10,7 @@ import pytest
 from robot_stack.core.config import load
 from robot_stack.core.docks import load_docks
 from robot_stack.core.point_cloud import Points
-from robot_stack.core.robot import Robot
+from robot_stack.core.robot import Robot, load_robot
 from robot_stack.core.robot_shape import planar
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
@@ -21,6 +21,7 @@ from tests.unit.perception.scenes import sweep
 
 LATCHED = load_docks().latched_wheelchair()
 WATCH = load(PerceptionParams, "perception_pipeline").watch
+HEIGHT_M = load_robot().lidar_xyz_m[2]
 
 
 def halves(seed: int = 0) -> tuple[Points, Points]:
@@ -29,7 +30,7 @@ def halves(seed: int = 0) -> tuple[Points, Points]:
 
 
 def test_a_turning_sensor_sees() -> None:
-    watch = Watch(WATCH)
+    watch = Watch(WATCH, HEIGHT_M)
     for turn in range(5):
         for number, half in enumerate(halves(turn)):
             stamp_s = 0.05 * (2 * turn + number)
@@ -38,7 +39,7 @@ def test_a_turning_sensor_sees() -> None:
 
 
 def test_the_same_points_again_are_frozen_even_half_by_half() -> None:
-    watch, (left, right) = Watch(WATCH), halves()
+    watch, (left, right) = Watch(WATCH, HEIGHT_M), halves()
     assert not watch.frozen(left)
     assert not watch.frozen(right)
     assert watch.frozen(left.copy())
@@ -48,8 +49,8 @@ def test_the_same_points_again_are_frozen_even_half_by_half() -> None:
 
 def test_too_few_returns_are_a_cover() -> None:
     left, _ = halves()
-    assert Watch(WATCH).blind(left[::20], 0.0).startswith("covered")
-    assert Watch(WATCH).blind(left[:0], 0.0).startswith("covered: 0 returns")
+    assert Watch(WATCH, HEIGHT_M).blind(left[::20], 0.0).startswith("covered")
+    assert Watch(WATCH, HEIGHT_M).blind(left[:0], 0.0).startswith("covered: 0 returns")
 
 
 def dark_deg(watch: Watch) -> list[int]:
@@ -58,7 +59,7 @@ def dark_deg(watch: Watch) -> list[int]:
 
 
 def test_a_direction_without_returns_is_blind_soon() -> None:
-    watch, told_s = Watch(WATCH), math.nan
+    watch, told_s = Watch(WATCH, HEIGHT_M), math.nan
     for step in range(20):
         half = halves(step)[step % 2]
         angle = np.degrees(np.arctan2(half["y"], half["x"]))
@@ -72,7 +73,7 @@ def test_a_direction_without_returns_is_blind_soon() -> None:
 
 def test_many_blind_directions_are_a_covered_sensor() -> None:
     for width_deg, blind in ((90.0, False), (110.0, True)):
-        watch, problem = Watch(WATCH), ""
+        watch, problem = Watch(WATCH, HEIGHT_M), ""
         for step in range(8):
             half = halves(step)[step % 2]
             angle = np.degrees(np.arctan2(half["y"], half["x"]))
@@ -81,7 +82,7 @@ def test_many_blind_directions_are_a_covered_sensor() -> None:
 
 
 def test_near_returns_cover_a_direction() -> None:
-    watch, problem = Watch(WATCH), ""
+    watch, problem = Watch(WATCH, HEIGHT_M), ""
     for step in range(8):
         half = halves(step)[step % 2].copy()
         angle = np.degrees(np.arctan2(half["y"], half["x"]))
@@ -110,7 +111,7 @@ def test_a_blind_direction_is_an_obstacle_beside_the_robot(robot: Robot) -> None
 
 
 def test_one_lost_half_sweep_blinds_nobody() -> None:
-    watch = Watch(WATCH)
+    watch = Watch(WATCH, HEIGHT_M)
     for step in (0, 1, 2, 4, 5, 6):
         assert watch.blind(halves(step)[step % 2], 0.05 * step) == ""
 
@@ -124,7 +125,7 @@ def test_a_chair_excuses_only_what_is_too_near_to_be_seen(robot: Robot) -> None:
     excused = too_near(nearer, LATCHED, WATCH)
     # 0.5 m to the board: 0.6 m are reached 34 deg to either side of ahead.
     assert [int(i) for i in np.flatnonzero(excused)] == list(range(14, 22))
-    watch = Watch(WATCH)
+    watch = Watch(WATCH, HEIGHT_M)
     for step in range(10):
         half = halves(step)[step % 2]
         angle = np.degrees(np.arctan2(half["y"], half["x"]))
@@ -135,7 +136,7 @@ def test_a_chair_excuses_only_what_is_too_near_to_be_seen(robot: Robot) -> None:
 
 def test_with_a_chair_every_direction_still_shows_something() -> None:
     assert LATCHED is not None
-    watch = Watch(WATCH)
+    watch = Watch(WATCH, HEIGHT_M)
     for step in range(6):
         points, _ = sweep_at(load_world("flat"), np.eye(4), seed=step, chair=planar(LATCHED))
         left = points["y"] >= 0.0
@@ -155,7 +156,7 @@ def hidden_low(step: int, from_deg: float, width_deg: float) -> Points:
 @pytest.mark.parametrize(("width_deg", "least", "most"), [(3.0, 0, 0), (6.0, 4, 7), (30.0, 28, 31)])
 def test_what_is_too_near_to_be_seen_hides_the_ground_behind_it(width_deg: float, least: int, most: int) -> None:
     """The world is seen over a child's head, the ground before its feet is not."""
-    watch = Watch(WATCH)
+    watch = Watch(WATCH, HEIGHT_M)
     for step in range(10):
         assert watch.blind(hidden_low(step, 20.0, width_deg), 0.05 * step) == ""
     found = np.flatnonzero(watch.obstructed) - DIRECTIONS // 2
@@ -168,7 +169,7 @@ def test_what_is_too_near_to_be_seen_hides_the_ground_behind_it(width_deg: float
 
 
 def test_a_direction_behind_is_missed_across_the_circles_end() -> None:
-    watch = Watch(WATCH)
+    watch = Watch(WATCH, HEIGHT_M)
     for step in range(10):
         half = hidden_low(step, 176.0, 5.0)
         angle = np.degrees(np.arctan2(half["y"], half["x"]))
@@ -180,13 +181,13 @@ def test_a_direction_behind_is_missed_across_the_circles_end() -> None:
     ("stamp_s", "problem"), [(10.2, "in the future"), (9.0, "1.00 s old"), (math.nan, "future"), (9.99, "")]
 )
 def test_stamps_must_be_of_now(stamp_s: float, problem: str) -> None:
-    found = Watch(WATCH).stamp_problem(stamp_s, 10.0)
+    found = Watch(WATCH, HEIGHT_M).stamp_problem(stamp_s, 10.0)
     assert problem in found
     assert bool(found) == bool(problem)
 
 
 def test_stamps_must_go_on_and_may_begin_anew_with_the_clock() -> None:
-    watch = Watch(WATCH)
+    watch = Watch(WATCH, HEIGHT_M)
     assert watch.stamp_problem(10.0, 10.01) == ""
     assert "does not go on" in watch.stamp_problem(10.0, 10.02)
     assert watch.stamp_problem(3.0, 3.01) == ""

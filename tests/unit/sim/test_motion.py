@@ -30,7 +30,7 @@ def on_slope(slope_deg: float, passenger_kg: float | None) -> Bench:
     )
     joints = [("base", 0.0)]
     if passenger_kg is not None:
-        joints.append(("wheelchair", PARAMS.latch.x_m + PARAMS.wheelchair.rail_length_m))
+        joints.append(("wheelchair", ROBOT.latch.x_m + PARAMS.wheelchair.rail_length_m))
     for name, ahead_m in joints:
         start = bench.world.model.joint(name).qposadr[0]
         distance = up_m + ahead_m
@@ -258,7 +258,7 @@ def test_a_wall_stops_the_robot() -> None:
     bench.servo()
     bench.drive(Twist2(0.5, 0.0, 0.0))
     bench.run(4.0)
-    nose = bench.world.truth().position_m[0] + 0.5 * PARAMS.chassis.length_m
+    nose = bench.world.truth().position_m[0] + 0.5 * ROBOT.chassis.length_m
     assert nose == pytest.approx(wall.x_m - 0.5 * wall.length_m, abs=0.03)
 
 

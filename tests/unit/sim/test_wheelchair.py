@@ -136,7 +136,7 @@ def test_dock_error_is_seen_from_the_chair() -> None:
 
 
 def test_docks_and_latch_agree_on_the_dock_pose() -> None:
-    assert -DOCK_POSE.x == pytest.approx(PARAMS.latch.x_m + PARAMS.wheelchair.rail_length_m)
+    assert -DOCK_POSE.x == pytest.approx(ROBOT.latch.x_m + PARAMS.wheelchair.rail_length_m)
     assert (DOCK_POSE.y, DOCK_POSE.yaw) == (0.0, 0.0)
 
 

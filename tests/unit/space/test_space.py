@@ -197,7 +197,7 @@ def test_rays_above_a_place_neither_make_nor_keep_it_free() -> None:
 
 def test_a_ray_between_two_heights_keeps_free_and_makes_nothing_free() -> None:
     scanner = Scanner().look()
-    scanner.origin_m = (0.45, 0.0, 0.5 * (PARAMS.free_below_m + PARAMS.watched_below_m))
+    scanner.origin_m = (0.45, 0.0, 0.5 * (PARAMS.free_below_m + ROBOT.lidar_xyz_m[2]))
     scanner.look(times=20)
     assert scanner.at(1.5, 0.0) == FREE
     assert Scanner(scanner.origin_m).look(times=20).at(1.5, 0.0) == UNSEEN

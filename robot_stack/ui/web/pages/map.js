@@ -22,9 +22,9 @@ function draw(canvas, view, layers, state, picture, wish) {
   if (layers.obstacles) drawObstacles(context, canvas, view, layers.obstacles);
   drawPlan(context, canvas, view, state.plan?.points);
   drawPeople(context, canvas, view, state.people?.near ?? []);
-  const footprint = state.site?.footprint ?? { front: 0.5, rear: -0.5, width: 0.7 };
-  if (pose) drawRobot(context, canvas, view, pose, footprint, "#0b4a63");
-  if (wish) drawRobot(context, canvas, view, wish, footprint, "#8a3b00");
+  const footprint = state.site?.footprint; // nothing is drawn of a robot of unknown size
+  if (pose && footprint) drawRobot(context, canvas, view, pose, footprint, "#0b4a63");
+  if (wish && footprint) drawRobot(context, canvas, view, wish, footprint, "#8a3b00");
 }
 
 export function MapPage({ link, state, say }) {

@@ -60,9 +60,9 @@ function draw(canvas, view, picture, state, draft, docks, chosen, wish) {
   draft.waypoints.forEach((stop, index) => index !== chosen && drawStop(context, canvas, view, stop, String(index + 1), ROUTE));
   if (draft.waypoints[chosen]) drawStop(context, canvas, view, draft.waypoints[chosen], String(chosen + 1), CHOSEN);
   const pose = poseOf(state);
-  const footprint = state.site?.footprint ?? { front: 0.5, rear: -0.5, width: 0.7 };
-  if (pose) drawRobot(context, canvas, view, pose, footprint, "#33454f");
-  if (wish) drawRobot(context, canvas, view, wish, footprint, CHOSEN);
+  const footprint = state.site?.footprint; // nothing is drawn of a robot of unknown size
+  if (pose && footprint) drawRobot(context, canvas, view, pose, footprint, "#33454f");
+  if (wish && footprint) drawRobot(context, canvas, view, wish, footprint, CHOSEN);
 }
 
 // placing: what a touch sets, or null: then it chooses, and a drag moves the map. onPlace takes {x, y, yaw}.

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 from robot_stack.core.config import load
 from robot_stack.supervisor.profile import load_plan
-from robot_stack.wmx.config import EngineConfig
+from robot_stack.wmx.config import EngineConfig, load_engine_config
 from sim.arm.faults import FAULT_KINDS, JOINTS
 from sim.arm.params import ArmParams, disagreement
 from sim.arm.world import ArmWorld
@@ -40,7 +40,7 @@ def test_an_engine_with_another_polarity_or_gear_is_named(engine_config: EngineC
         update={"kinds": {**engine_config.kinds, "elbow": elbow.model_copy(update={"polarity": -1})}}
     )
     assert disagreement(arm_params(), turned).startswith("joint3: the encoder has 42467328 counts, direction 1")
-    assert disagreement(arm_params(), load(EngineConfig, "wmx_engine")) == "axes: the arm has 6, the engine 8"
+    assert disagreement(arm_params(), load_engine_config()) == "axes: the arm has 6, the engine 8"
 
 
 def test_reach_and_mass_are_those_of_its_class() -> None:

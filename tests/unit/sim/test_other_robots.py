@@ -1,0 +1,171 @@
+"""Robots of three sizes, their LiDAR mounted in three ways: config/robot.yaml differs and nothing else.
+
+In lockstep with the physics and without ROS, by the drive's, navigation's and docking's own kernels.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from robot_stack.core.config import ConfigError, config_dir, load
+from robot_stack.core.docks import load_docks
+from robot_stack.core.geometry import IDENTITY, Pose2
+from robot_stack.core.point_cloud import xyz_of
+from robot_stack.core.robot import Robot, load_robot
+from robot_stack.core.site_map import load_map
+from robot_stack.docking.states import State
+from robot_stack.localization.ndt.matcher import pose_of
+from robot_stack.localization.ndt.solver import MatchRequest, SweepSolver
+from robot_stack.localization.params import LocalizationParams
+from robot_stack.perception.params import PerceptionParams
+from robot_stack.perception.pipeline import Pipeline
+from robot_stack.wmx.config import load_engine_config
+from sim.bench.docking import Trial, stack_of
+from sim.bench.kernel_stack import KernelStack
+from sim.camera.motion import still
+from sim.lidar.params import load_lidar_params
+from sim.lidar.scene import build_scene
+from sim.lidar.sensor import Lidar, Sweep
+from sim.parameters import load_sim_params
+from sim.plant.world import Setup
+from sim.worldfile import Box, WorldFile, load_world
+from tests.support.robots import SIZES
+
+SHIPPED = load_robot()
+COLUMNS = 900
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@pytest.fixture(params=list(SIZES))
+def size(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The configuration in force is that of a robot of this size."""
+    name: str = request.param
+    shipped, own = config_dir(), SIZES[name].write(tmp_path)
+    monkeypatch.setenv("ROBOT_STACK_CONFIG", str(own))
+    yield name
+    files = [path.relative_to(shipped) for path in shipped.rglob("*") if path.is_file()]
+    changed = [str(file) for file in files if (shipped / file).read_bytes() != (own / file).read_bytes()]
+    assert changed == ["robot.yaml"]
+
+
+def sweep_of(robot: Robot, world: WorldFile, at: Pose2 = IDENTITY) -> Sweep:
+    """What its LiDAR publishes of a standing robot, of fewer columns."""
+    params = load_lidar_params().with_columns(COLUMNS)
+    scene = build_scene(world, params, load_sim_params().wheelchair)
+    return Lidar(scene, params, robot, seed=3).sweep(still(pose_of(at, 0.0, UP)), 0.0)
+
+
+def test_it_drives_to_a_goal(size: str) -> None:
+    stack = KernelStack(Setup(load_world("flat"), 1, IDENTITY))
+    assert stack.robot.wheelbase_m == pytest.approx(SIZES[size].factor * SHIPPED.wheelbase_m)
+    goal = Pose2(1.6, 0.7, 0.8)
+    stack.goal(goal)
+    assert stack.run(lambda: bool(stack.samples) and stack.samples[-1].output.reached, 20.0)
+    pose, _ = stack.truth()
+    assert pose.distance_to(goal) < 0.05
+    assert abs(pose.relative_to(goal).yaw) < math.radians(2.0)
+    assert stack.drive.odometry.pose.distance_to(pose) < 0.02, "odometry measures with the robot's own wheels"
+
+
+def test_it_docks(size: str) -> None:
+    trial = Trial(
+        seed=5,
+        start=Pose2(0.15, -0.12, math.radians(4.0)),
+        chair=Pose2(0.0, 0.0, math.radians(-2.0)),
+        slope_rad=0.0,
+        slope_direction_rad=0.0,
+        passenger_kg=70.0,
+        weather="clear",
+        taught=True,
+    )
+    stack = stack_of(trial)
+    stack.teach()
+    result = stack.run_docking(100.0)
+    assert result is not None
+    assert result.success, result.reason
+    along_m, across_m, yaw_rad = next(s.error for s in stack.docking if s.output.state is State.DOCKED)
+    assert math.hypot(along_m, across_m) < 0.002
+    assert abs(yaw_rad) < math.radians(0.3)
+    assert stack.sim.world.latch.closed, "the robot's own hooks hold the rails"
+
+
+def test_its_lidar_sees_level_ground_and_what_stands_on_it(size: str) -> None:
+    flat, robot = load_world("flat"), load_robot()
+    box = Box(name="box", x_m=2.6, y_m=0.9, length_m=0.4, width_m=0.4, height_m=0.5)
+    world = flat.model_copy(update={"boxes": (box,)})
+    pipeline = Pipeline(robot, load(PerceptionParams, "perception_pipeline"))
+    found = pipeline.scene(sweep_of(robot, world).points, 0.0).obstacles
+    beside = np.maximum(np.abs(found[:, 0] - 2.6), np.abs(found[:, 1] - 0.9))
+    assert (beside < 0.3).sum() > 10
+    assert (beside >= 0.3).sum() == 0, "nothing else is there"
+    pipeline.forget()
+    xyz, _ = pipeline.points(sweep_of(robot, flat).points, 0.0)
+    free_m = pipeline.segment(xyz).profile.free_m
+    assert free_m.min() > 8.0
+    assert np.median(free_m) > 15.0
+
+
+def test_its_lidar_finds_it_in_the_map(size: str) -> None:
+    """The map is the shipped one, made by the shipped robot."""
+    robot, at = load_robot(), Pose2(9.0, 1.2, 0.4)
+    params = load(LocalizationParams, "ndt_localization")
+    solver = SweepSolver(load_map(params.map).cells, params.ndt, robot.lidar_xyz_m)
+    guess = pose_of(at.compose(Pose2(0.15, -0.10, 0.04)), 0.0, UP)
+    sweep = sweep_of(robot, load_world("yard"), at)
+    request = MatchRequest(0.0, sweep.points, np.zeros((1, 4)), guess, UP, 0.3, None, IDENTITY, 0)
+    match = solver.solve(request).match
+    assert match is not None
+    assert match.score > params.ndt.gate.min_score
+    assert float(np.hypot(match.pose[0, 3] - at.x, match.pose[1, 3] - at.y)) < 0.03
+    assert abs(math.atan2(match.pose[1, 0], match.pose[0, 0]) - at.yaw) < math.radians(0.3)
+
+
+def test_what_other_files_would_repeat_follows_from_it(size: str) -> None:
+    robot, docks = load_robot(), load_docks().docks
+    chair, charger, shipped = docks["chair_1"], docks["charger"], SHIPPED
+    assert chair.dock_pose.x_m == pytest.approx(-0.45 - robot.latch.x_m)
+    assert charger.dock_pose.x_m == pytest.approx(-0.60 + robot.rear_camera_xyz_m[0])
+    assert chair.staging.x_m == pytest.approx(-4.50 + 0.45 + robot.latch.x_m + 1.5)
+    wheel = load_engine_config().kinds["drive"]
+    assert wheel.estop_dec_radps2 == pytest.approx(shipped.emergency_deceleration_mps2 / robot.wheel_radius_m)
+
+
+def test_a_turned_lidar_publishes_in_the_robots_axes(size: str) -> None:
+    """Beams go out as it is mounted, points come with base_link's axes: level ground is level."""
+    robot = load_robot()
+    xyz = xyz_of(sweep_of(robot, load_world("flat")).points)
+    assert abs(float(np.median(xyz[:, 2])) + robot.lidar_xyz_m[2]) < 0.02
+    turned = Rotation.from_euler("xyz", SIZES[size].lidar_deg, degrees=True).as_matrix()
+    assert robot.to_sensor_frame("lidar") == pytest.approx(turned)
+    assert robot.sensor_frame("lidar") == pytest.approx(np.eye(3))
+    assert robot.to_sensor_frame("overhead_lidar") == pytest.approx(np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        (
+            "footprint",
+            {"front_m": 0.3, "rear_m": -0.3, "width_m": 0.7},
+            "footprint must hold the chassis and the wheels",
+        ),
+        ("track_m", 0.66, "footprint must hold the chassis and the wheels"),
+        ("footprint_with_chair", {"front_m": 1.4, "rear_m": -0.4, "width_m": 0.8}, "footprint_with_chair must hold"),
+        ("chassis", {"length_m": 0.9, "width_m": 0.5, "bottom_m": 0.5, "top_m": 0.4}, "top_m must be above bottom_m"),
+    ],
+)
+def test_dimensions_that_contradict_each_other_are_refused(
+    field: str, value: object, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = yaml.safe_load((config_dir() / "robot.yaml").read_text(encoding="utf-8"))
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump({**data, field: value}), encoding="utf-8")
+    monkeypatch.setenv("ROBOT_STACK_CONFIG", str(tmp_path))
+    with pytest.raises(ConfigError, match=message):
+        load_robot()
