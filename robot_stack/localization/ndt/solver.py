@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,12 +41,16 @@ class MatchRequest:
 
 @dataclass(frozen=True, slots=True)
 class MatchResult:
-    """match: None where there is none, and problem says why. points: how many were matched."""
+    """match: None where there is none, and problem says why. points: how many were matched.
+
+    unseen: of a sweep with too little structure, see :meth:`Skyline.unseen_share`.
+    """
 
     request: MatchRequest
     match: Match | None
     points: int
     problem: str
+    unseen: float = 0.0
 
 
 class SweepSolver:
@@ -72,12 +77,34 @@ class SweepSolver:
         if request.region is not None:
             return self._look(request, points, request.region)
         match = self.matcher.match(points, request.guess, request.up, request.off_m)
-        return MatchResult(request, match, len(points), "")
+        return MatchResult(request, match, len(points), "", self._unseen(request, match, points))
+
+    def _unseen(self, request: MatchRequest, match: Match, points: Floats) -> float:
+        """At the guess, not at the match: without structure nothing keeps a match from sliding away."""
+        gate = self._params.gate
+        if match.structure >= gate.min_structure_points:
+            return 0.0
+        standing = self.matcher.standing(points, request.guess[2, :3])
+        return self.matcher.skyline.unseen_share(
+            request.guess, standing, gate.expected_range_m, gate.expected_directions
+        )
+
+    def _fits_nowhere_better(self, request: MatchRequest, points: Floats, near: Match) -> bool:
+        """The known heading decides between places that fit alike, but for none against a better one."""
+        everywhere = Region(0.0, 0.0, math.inf)
+        best = search(self.matcher, points, request.up, everywhere, self._params.search).best
+        return best is None or near.score >= self._params.search.near_ratio * best.score
 
     def _look(self, request: MatchRequest, points: Floats, region: Region) -> MatchResult:
         found = search(self.matcher, points, request.up, region, self._params.search)
-        if found.clear(self._params.search):
-            return MatchResult(request, found.best, len(points), "")
+        if found.best is not None and found.best.structure < self._params.gate.min_structure_points:
+            return MatchResult(request, None, len(points), "nothing stands around to find the pose by")
+        if found.best is not None and found.clear(self._params.search):
+            if region.turn_rad >= math.pi or self._fits_nowhere_better(request, points, found.best):
+                return MatchResult(request, found.best, len(points), "")
+            return MatchResult(
+                request, None, len(points), "another place of the map fits better than any near the last"
+            )
         score = 0.0 if found.best is None else found.best.score
         second = 0.0 if found.second is None else found.second.score
         problem = f"no clear pose in the map: best score {score:.2f}, second {second:.2f}"
