@@ -17,6 +17,7 @@ from robot_stack.localization.filter import Array
 from robot_stack.localization.history import Correction
 from robot_stack.localization.localizer import Estimate, Localizer
 from robot_stack.localization.ndt.gate import Confidence, LocalizationState, problem_of
+from robot_stack.localization.ndt.hypotheses import Hypotheses
 from robot_stack.localization.ndt.matcher import Match, NdtMatcher, pose_of
 from robot_stack.localization.ndt.search import Region
 from robot_stack.localization.ndt.solver import MatchRequest, MatchResult
@@ -49,6 +50,7 @@ class MapLocalizer(Localizer):
         self._epoch = 0
         self._searched_near = False
         self._heading_kept = False  # matches or a person gave it, and the gyro carried it on without a gap
+        self._hypotheses: Hypotheses | None = None
         self._asked_s = -math.inf
         self._problem = ""
         self.match: Match | None = None
@@ -111,8 +113,13 @@ class MapLocalizer(Localizer):
         off_m = gate.reach_sigmas * (state.position_sigma_m + gate.reach_radius_m * state.yaw_sigma_rad)
         guess = pose_of(predicted, z_m if math.isfinite(z_m) else 0.0, self._up)
         motion = self._motion(stamp_s, travelled)
-        region = self._region(predicted) if self._localization.state is Confidence.SEARCHING else None
-        return MatchRequest(stamp_s, sweep, motion, guess, self._up, off_m, region, travelled, self._epoch)
+        region: Region | None = None
+        guesses: tuple[Array, ...] = ()
+        if self._localization.state is Confidence.SEARCHING:
+            region = self._region(predicted)
+        elif self._localization.state is Confidence.AMBIGUOUS:
+            off_m, guesses = self._ndt.hypotheses.max_jump_m, self._places(travelled)
+        return MatchRequest(stamp_s, sweep, motion, guess, self._up, off_m, region, travelled, self._epoch, guesses)
 
     def answer(self, answer: MatchResult, steady_s: float) -> None:
         """Takes the answer to an earlier question. steady_s: the steady clock now."""
@@ -120,11 +127,16 @@ class MapLocalizer(Localizer):
         if request.epoch != self._epoch:
             return
         searched = self._localization.state is Confidence.SEARCHING
-        if searched != (request.region is not None):
+        compared = self._localization.state is Confidence.AMBIGUOUS
+        if searched != (request.region is not None) or compared != bool(request.guesses):
             return  # asked before the pose was lost
         if answer.match is None:
             self._problem = answer.problem
             self._searched_near = searched
+            if searched:
+                self._take_places(request, answer.rivals)
+            elif answer.rivals:
+                self._compare(request, answer.rivals, steady_s)
             return
         self.match = answer.match
         if searched:
@@ -142,10 +154,35 @@ class MapLocalizer(Localizer):
     def estimate(self, steady_s: float) -> Estimate:
         estimate = super().estimate(steady_s)
         value = min(estimate.quality * self._localization.factor(steady_s), self._localization.cap())
-        searching = self._localization.state is Confidence.SEARCHING
-        covariance = _UNKNOWN if searching else estimate.covariance
+        covariance = estimate.covariance if self._localization.known else _UNKNOWN
         faults = (*estimate.faults, *self._map_faults())
         return replace(estimate, quality=value, covariance=covariance, faults=faults)
+
+    def _take_places(self, request: MatchRequest, rivals: tuple[Match, ...]) -> None:
+        """A search of the whole map that found several places: motion will tell."""
+        whole_map = request.region is not None and math.isinf(request.region.radius_m)
+        if whole_map and 1 < len(rivals) <= self._ndt.hypotheses.most:
+            self._hypotheses = Hypotheses(rivals, request.travelled, self._ndt.hypotheses)
+            self._localization.restart(Confidence.AMBIGUOUS)
+
+    def _places(self, travelled: Pose2) -> tuple[Array, ...]:
+        """(4, 4) each: where the robot is by each hypothesis."""
+        assert self._hypotheses is not None
+        heights = ((pose, self._matcher.ground_m(pose.x, pose.y)) for pose in self._hypotheses.guesses(travelled))
+        return tuple(pose_of(pose, z_m if math.isfinite(z_m) else 0.0, self._up) for pose, z_m in heights)
+
+    def _compare(self, request: MatchRequest, rivals: tuple[Match, ...], steady_s: float) -> None:
+        """What a sweep says of each hypothesis; the last one left is the pose, which has to prove itself."""
+        if self._hypotheses is None or len(self._hypotheses) != len(rivals):
+            return  # asked of others
+        self._hypotheses.judge(rivals, request.travelled)
+        alone = self._hypotheses.alone()
+        if self._hypotheses.best_score() < self._ndt.search.min_score or self._hypotheses.idle():
+            self._localization.restart(Confidence.SEARCHING)
+            self._searched_near = True  # nothing is known of where that would be
+        elif alone is not None:
+            self.match = alone
+            self._relocalize(request, alone, steady_s)
 
     def _relocalize(self, request: MatchRequest, match: Match, steady_s: float) -> None:
         """A search found the pose: the filter starts anew from it."""

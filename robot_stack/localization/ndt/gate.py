@@ -15,10 +15,11 @@ from robot_stack.localization.ndt.params import GateParams, NdtParams
 class Confidence(Enum):
     """SEARCHING: the pose is not known. CONFIRMING: it has to prove itself. TRACKING: matches hold it.
 
-    DEAD_RECKONING: matches held it, and there is nothing around to match.
+    DEAD_RECKONING: matches held it, and there is nothing around to match. AMBIGUOUS: it is one of several.
     """
 
     SEARCHING = "searching the map"
+    AMBIGUOUS = "several places fit: motion decides"
     CONFIRMING = "confirming the pose"
     TRACKING = "tracking"
     DEAD_RECKONING = "dead reckoning: nothing around to match"
@@ -63,6 +64,11 @@ class LocalizationState:
         self._score = 0.0
 
     @property
+    def known(self) -> bool:
+        """There is one pose, be it confirmed or not."""
+        return self.state not in (Confidence.SEARCHING, Confidence.AMBIGUOUS)
+
+    @property
     def refused(self) -> int:
         """Matches refused since the last accepted one."""
         return self._refused
@@ -100,7 +106,7 @@ class LocalizationState:
 
     def unseen_motion(self) -> None:
         """The robot may have moved without wheels and gyro knowing how far: there is nothing to find that out by."""
-        if self.state is Confidence.DEAD_RECKONING:
+        if self.state in (Confidence.DEAD_RECKONING, Confidence.AMBIGUOUS):
             self.restart(Confidence.SEARCHING)
 
     def refuse(self) -> None:
@@ -112,7 +118,7 @@ class LocalizationState:
 
     def factor(self, steady_s: float) -> float:
         """By how much the matches lower the quality, in [0, 1]: score and age of the last one, way without any."""
-        if self.state is Confidence.SEARCHING:
+        if not self.known:
             return 0.0
         q = self._quality
         age = (q.stale_s - (steady_s - self._heard_s)) / (q.stale_s - q.fresh_s)

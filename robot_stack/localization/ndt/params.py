@@ -125,6 +125,25 @@ class SearchParams(Config):
     yaw_sigma_rad: Positive
 
 
+class HypothesisParams(Config):
+    """Several places that fit: which motion decides between.
+
+    most: with more of them, so many things look alike that the right place may be missing. decide_way_m: nothing is
+    decided before the robot has gone so far. dropped_ratio: of the best one's score, below which a place is dropped.
+    idle_sweeps: without that way, after so many sweeps the map is searched anew.
+    max_jump_m, max_jump_rad: a match farther from where wheels and gyro put the place is of another one. merge_m:
+    places nearer than that are one.
+    """
+
+    most: Annotated[int, Field(ge=2)]
+    decide_way_m: Positive
+    dropped_ratio: Share
+    idle_sweeps: Count
+    max_jump_m: Positive
+    max_jump_rad: Positive
+    merge_m: Positive
+
+
 class DeadReckoningParams(Config):
     """Going on by wheels and gyro where nothing stands around.
 
@@ -166,5 +185,6 @@ class NdtParams(Config):
     match: MatchParams
     gate: GateParams
     search: SearchParams
+    hypotheses: HypothesisParams
     dead_reckoning: DeadReckoningParams
     quality: MatchQualityParams

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,16 +36,27 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The best pose and, apart from it, the second best; None where nothing came out."""
+    """Poses that are apart from each other, best first."""
 
-    best: Match | None
-    second: Match | None
+    matches: tuple[Match, ...]
+
+    @property
+    def best(self) -> Match | None:
+        return self.matches[0] if self.matches else None
+
+    @property
+    def second(self) -> Match | None:
+        return self.matches[1] if len(self.matches) > 1 else None
+
+    def rivals(self, params: SearchParams) -> tuple[Match, ...]:
+        """The best and all that explain nearly as much, if the best is good; else none."""
+        if self.best is None or self.best.score < params.min_score:
+            return ()
+        return tuple(match for match in self.matches if match.score >= params.ambiguous_ratio * self.best.score)
 
     def clear(self, params: SearchParams) -> bool:
         """Is the best good, and no other nearly as good?"""
-        if self.best is None or self.best.score < params.min_score:
-            return False
-        return self.second is None or self.second.score < params.ambiguous_ratio * self.best.score
+        return len(self.rivals(params)) == 1
 
 
 def search(matcher: NdtMatcher, points: Floats, up: Floats, region: Region, params: SearchParams) -> Found:
@@ -52,7 +64,7 @@ def search(matcher: NdtMatcher, points: Floats, up: Floats, region: Region, para
     standing = matcher.standing(points, up)
     places = _places(matcher, region, params.step_m)
     if len(standing) < 3 or not len(places):
-        return Found(None, None)
+        return Found(())
     level = pose_of(Pose2(0.0, 0.0, 0.0), 0.0, up)[:3, :3]
     chosen = np.linspace(0, len(standing) - 1, min(len(standing), params.points)).astype(np.intp)
     yaws = _yaws(region, params.yaw_steps)
@@ -66,9 +78,16 @@ def search(matcher: NdtMatcher, points: Floats, up: Floats, region: Region, para
     inside = replace(region, turn_rad=region.turn_rad + math.pi / params.yaw_steps)
     usable = [match for match in matches if match.converged and inside.has(match.planar.yaw)]
     usable.sort(key=lambda match: -match.score)
-    if not usable:
-        return Found(None, None)
-    return Found(usable[0], next((match for match in usable[1:] if _apart(match, usable[0], params)), None))
+    return Found(tuple(distinct(usable, params)))
+
+
+def distinct(matches: Sequence[Match], params: SearchParams) -> list[Match]:
+    """Of the matches, best first, those that are apart from every better one."""
+    found: list[Match] = []
+    for match in matches:
+        if all(_apart(match, other, params) for other in found):
+            found.append(match)
+    return found
 
 
 def _places(matcher: NdtMatcher, region: Region, step_m: float) -> Floats:

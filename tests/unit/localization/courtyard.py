@@ -80,6 +80,20 @@ def corridor_with_posts(density: float, seed: int) -> Floats:
     return np.concatenate(parts)
 
 
+def twins(density: float, seed: int) -> Floats:
+    """Two equal courtyards, 80 m apart; east of the first one stands a hall."""
+    random = np.random.default_rng(seed + 70_000)
+    other = surfaces(density, seed + 80_000) + np.array([80.0, 0.0, 0.0])
+    parts = [surfaces(density, seed), other, _plane(random, density, (12.0, 72.0), (-6.0, 8.0), (0.02, 0.02))]
+    parts.append(_plane(random, 4.0 * density, (22.0, 22.0), (-8.0, 10.0), (0.0, 4.0)))
+    return np.concatenate(parts)
+
+
+@cache
+def twins_solver() -> SweepSolver:
+    return SweepSolver(cells_of(twins(40.0, seed=1), 0.5, 5), params().ndt, LIDAR)
+
+
 @cache
 def corridor_solver() -> SweepSolver:
     return SweepSolver(cells_of(corridor_with_posts(40.0, seed=1), 0.5, 5), params().ndt, LIDAR)

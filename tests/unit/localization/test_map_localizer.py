@@ -31,6 +31,8 @@ from tests.unit.localization.courtyard import (
     solver,
     surfaces,
     sweep_from,
+    twins,
+    twins_solver,
     yaw_between,
 )
 from tests.unit.localization.stories import IMU_S, params, reading
@@ -414,3 +416,45 @@ def test_headings_near_the_known_one_are_looked_at_only_while_the_gyro_carries_i
     assert story.asked.region is not None
     near = params().ndt.search.near_turn_rad
     assert story.asked.region.turn_rad == (math.pi if gap else near)
+
+
+def lost_in_a_courtyard(truth: Pose2) -> Ride:
+    """Of two equal ones, told a start in neither, until the search has found both."""
+    site = twins_solver()
+    story = Ride(MapLocalizer(params(start_x_m=45.0), 1.5, 1.0, site.matcher), truth, place=twins, solver=site)
+    for _ in range(30):
+        story.drive(0.1)
+        assert story.quality < LOST
+        if story.localizer.confidence is Confidence.AMBIGUOUS:
+            break
+    assert story.localizer.confidence is Confidence.AMBIGUOUS
+    return story
+
+
+def test_between_two_places_that_look_alike_motion_decides() -> None:
+    story = lost_in_a_courtyard(Pose2(-7.0, -4.0, 0.0))
+    story.drive(1.0)
+    assert story.localizer.confidence is Confidence.AMBIGUOUS  # standing tells nothing new
+    for _ in range(100):
+        story.drive(0.1, Twist2(1.2, 0.0, 0.0))
+        assert story.quality == 0.0 or story.error_m() < 0.1
+        if story.localizer.confidence is Confidence.TRACKING:
+            break
+    assert story.localizer.confidence is Confidence.TRACKING
+    assert story.error_m() < 0.05
+
+
+def test_places_that_motion_does_not_tell_apart_stay_unknown() -> None:
+    """What the first courtyard has beyond its walls is not seen from the second: that alone is no proof."""
+    story = lost_in_a_courtyard(Pose2(73.0, -4.0, 0.0))
+    for _ in range(8):
+        story.drive(0.5, Twist2(0.6, 0.0, 0.0))
+        assert story.quality == 0.0
+        assert story.estimate().covariance[0, 0] > 1e4
+
+
+def test_wheels_that_start_anew_forget_the_places() -> None:
+    story = lost_in_a_courtyard(Pose2(-7.0, -4.0, 0.0))
+    story.wheels = Pose2(5.0, 5.0, 0.0)
+    story.drive(0.02)
+    assert story.localizer.confidence is Confidence.SEARCHING
