@@ -270,6 +270,17 @@ LOCALIZATION_QUALITY = Topic(
     rate_hz=10.0,
     stale_s=0.5,
 )
+LOCALIZATION_POSE = Topic(
+    "/localization/pose",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    qos.SENSOR,
+    ("ndt_localization",),
+    ("rviz", EXTERNAL),
+    "base_link in map as in /current_pose, with the covariance of x, y, yaw (the others are 0): it grows while the "
+    "robot goes by wheels and gyro alone, and is 1e6 m2 while the pose is looked for",
+    rate_hz=10.0,
+    stale_s=0.5,
+)
 INITIAL_POSE = Topic(
     "/initialpose",
     "geometry_msgs/msg/PoseWithCovarianceStamped",

@@ -21,6 +21,8 @@ from robot_stack.localization.params import LocalizationParams
 from robot_stack.localization.quality import quality
 from robot_stack.localization.standstill import Standstill
 
+# x, y and yaw among the six of a message's covariance.
+PLANAR = (0, 1, 5)
 # Events that are worth telling; the others are everyday.
 _NOTABLE = (OdometryEvent.RESTARTED, OdometryEvent.CLOCK_RESTARTED)
 
@@ -30,6 +32,7 @@ class Estimate:
     """The answer at one moment.
 
     pose: base_link in map, None while it must not be published. stamp_s: time of the newest data in it.
+    covariance: (3, 3) of x, y, yaw in map, m2, m rad, rad2.
     map_to_odom: pose of the odom frame in map, at the same time. faults: what is wrong with the inputs, for people.
     """
 
@@ -37,6 +40,7 @@ class Estimate:
     stamp_s: float
     map_to_odom: Pose2 | None
     quality: float
+    covariance: Array
     position_sigma_m: float
     yaw_sigma_rad: float
     gyro_bias_radps: float
@@ -132,6 +136,7 @@ class Localizer:
             stamp_s=self._filter.stamp_s,
             map_to_odom=state.pose.compose(self._odometry_pose.inverse()) if known and self._odometry_pose else None,
             quality=value if known else 0.0,
+            covariance=state.pose_covariance,
             position_sigma_m=state.position_sigma_m,
             yaw_sigma_rad=state.yaw_sigma_rad,
             gyro_bias_radps=state.bias_radps,
@@ -178,4 +183,4 @@ def usable_covariance(covariance: Array) -> bool:
 
 def planar_covariance(covariance: Sequence[float]) -> Array:
     """(3, 3) of x, y, yaw out of the (6, 6), row by row, of x, y, z, roll, pitch, yaw."""
-    return np.asarray(covariance, dtype=np.float64).reshape(6, 6)[np.ix_((0, 1, 5), (0, 1, 5))]
+    return np.asarray(covariance, dtype=np.float64).reshape(6, 6)[np.ix_(PLANAR, PLANAR)]

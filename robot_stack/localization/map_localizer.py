@@ -17,6 +17,7 @@ from robot_stack.localization.filter import Array
 from robot_stack.localization.history import Correction
 from robot_stack.localization.localizer import Estimate, Localizer
 from robot_stack.localization.ndt.gate import Confidence, LocalizationState, problem_of
+from robot_stack.localization.ndt.hypotheses import Hypotheses
 from robot_stack.localization.ndt.matcher import Match, NdtMatcher, pose_of
 from robot_stack.localization.ndt.search import Region
 from robot_stack.localization.ndt.solver import MatchRequest, MatchResult
@@ -27,6 +28,8 @@ _KNOT_S = 0.01
 # How far a refused match lets the filter doubt itself, m and rad: if the next ones insist, they are believed.
 _DOUBT = (0.03**2, 0.03**2, 0.01**2)
 _FINGERPRINT_POINTS = 64
+# Of a pose that is not known, m2 and rad2: what the filter goes on with says nothing about where the robot is.
+_UNKNOWN = np.diag([1e6, 1e6, math.pi**2])
 
 
 class MapLocalizer(Localizer):
@@ -46,6 +49,8 @@ class MapLocalizer(Localizer):
         self._repeats = 0
         self._epoch = 0
         self._searched_near = False
+        self._heading_kept = False  # matches or a person gave it, and the gyro carried it on without a gap
+        self._hypotheses: Hypotheses | None = None
         self._asked_s = -math.inf
         self._problem = ""
         self.match: Match | None = None
@@ -64,10 +69,16 @@ class MapLocalizer(Localizer):
             self._up = up
 
     def on_odometry(self, reading: OdometryReading, received_s: float) -> OdometryEvent:
+        before = self.travelled.newest
         event = super().on_odometry(reading, received_s)
         if event in (OdometryEvent.RESTARTED, OdometryEvent.CLOCK_RESTARTED):
             self._sweep, self._asked_s = None, -math.inf
             self._epoch += 1
+            self._localization.unseen_motion()
+            self._heading_kept = False
+        elif event is OdometryEvent.MOTION and before is not None and self.travelled.newest is not None:
+            self._localization.went(self.travelled.newest.pose.distance_to(before.pose))
+            self._heading_kept = self._heading_kept and self._gyro_used
         return event
 
     def on_sweep(self, sweep: Points, stamp_s: float) -> None:
@@ -102,8 +113,13 @@ class MapLocalizer(Localizer):
         off_m = gate.reach_sigmas * (state.position_sigma_m + gate.reach_radius_m * state.yaw_sigma_rad)
         guess = pose_of(predicted, z_m if math.isfinite(z_m) else 0.0, self._up)
         motion = self._motion(stamp_s, travelled)
-        region = self._region(predicted) if self._localization.state is Confidence.SEARCHING else None
-        return MatchRequest(stamp_s, sweep, motion, guess, self._up, off_m, region, travelled, self._epoch)
+        region: Region | None = None
+        guesses: tuple[Array, ...] = ()
+        if self._localization.state is Confidence.SEARCHING:
+            region = self._region(predicted)
+        elif self._localization.state is Confidence.AMBIGUOUS:
+            off_m, guesses = self._ndt.hypotheses.max_jump_m, self._places(travelled)
+        return MatchRequest(stamp_s, sweep, motion, guess, self._up, off_m, region, travelled, self._epoch, guesses)
 
     def answer(self, answer: MatchResult, steady_s: float) -> None:
         """Takes the answer to an earlier question. steady_s: the steady clock now."""
@@ -111,29 +127,62 @@ class MapLocalizer(Localizer):
         if request.epoch != self._epoch:
             return
         searched = self._localization.state is Confidence.SEARCHING
-        if searched != (request.region is not None):
+        compared = self._localization.state is Confidence.AMBIGUOUS
+        if searched != (request.region is not None) or compared != bool(request.guesses):
             return  # asked before the pose was lost
         if answer.match is None:
             self._problem = answer.problem
             self._searched_near = searched
+            if searched:
+                self._take_places(request, answer.rivals)
+            elif answer.rivals:
+                self._compare(request, answer.rivals, steady_s)
             return
         self.match = answer.match
         if searched:
             self._relocalize(request, answer.match, steady_s)
         else:
-            self._apply_match(request, answer.match, steady_s)
+            self._judge(answer, answer.match, steady_s)
 
     def reset(self, pose: Pose2, covariance: Array, stamp_s: float) -> None:
         super().reset(pose, covariance, stamp_s)
         self._epoch += 1
         self._z_m = math.nan
-        self._searched_near = False
+        self._searched_near, self._heading_kept = False, True
         self._localization.restart(Confidence.CONFIRMING)
 
     def estimate(self, steady_s: float) -> Estimate:
         estimate = super().estimate(steady_s)
         value = min(estimate.quality * self._localization.factor(steady_s), self._localization.cap())
-        return replace(estimate, quality=value, faults=(*estimate.faults, *self._map_faults()))
+        covariance = estimate.covariance if self._localization.known else _UNKNOWN
+        faults = (*estimate.faults, *self._map_faults())
+        return replace(estimate, quality=value, covariance=covariance, faults=faults)
+
+    def _take_places(self, request: MatchRequest, rivals: tuple[Match, ...]) -> None:
+        """A search of the whole map that found several places: motion will tell."""
+        whole_map = request.region is not None and math.isinf(request.region.radius_m)
+        if whole_map and 1 < len(rivals) <= self._ndt.hypotheses.most:
+            self._hypotheses = Hypotheses(rivals, request.travelled, self._ndt.hypotheses)
+            self._localization.restart(Confidence.AMBIGUOUS)
+
+    def _places(self, travelled: Pose2) -> tuple[Array, ...]:
+        """(4, 4) each: where the robot is by each hypothesis."""
+        assert self._hypotheses is not None
+        heights = ((pose, self._matcher.ground_m(pose.x, pose.y)) for pose in self._hypotheses.guesses(travelled))
+        return tuple(pose_of(pose, z_m if math.isfinite(z_m) else 0.0, self._up) for pose, z_m in heights)
+
+    def _compare(self, request: MatchRequest, rivals: tuple[Match, ...], steady_s: float) -> None:
+        """What a sweep says of each hypothesis; the last one left is the pose, which has to prove itself."""
+        if self._hypotheses is None or len(self._hypotheses) != len(rivals):
+            return  # asked of others
+        self._hypotheses.judge(rivals, request.travelled)
+        alone = self._hypotheses.alone()
+        if self._hypotheses.best_score() < self._ndt.search.min_score or self._hypotheses.idle():
+            self._localization.restart(Confidence.SEARCHING)
+            self._searched_near = True  # nothing is known of where that would be
+        elif alone is not None:
+            self.match = alone
+            self._relocalize(request, alone, steady_s)
 
     def _relocalize(self, request: MatchRequest, match: Match, steady_s: float) -> None:
         """A search found the pose: the filter starts anew from it."""
@@ -145,8 +194,21 @@ class MapLocalizer(Localizer):
         if not math.isnan(self._filter.stamp_s):
             self._filter.start(self._filter.stamp_s)
         self._z_m = float(match.pose[2, 3])
-        self._searched_near, self._problem = False, ""
+        # Of a place found by search nothing is known but that it fits: if it proves wrong, so may its heading.
+        self._searched_near, self._heading_kept, self._problem = False, False, ""
         self._localization.found(match.score, steady_s)
+
+    def _judge(self, answer: MatchResult, match: Match, steady_s: float) -> None:
+        """A sweep with structure is matched; one without is no news, unless the map has structure here."""
+        gate = self._ndt.gate
+        if match.structure >= gate.min_structure_points:
+            self._apply_match(answer.request, match, steady_s)
+        elif answer.unseen > gate.max_unseen_share:
+            self._problem = f"{answer.unseen:.0%} of the directions lack what the map has there"
+            self._localization.refuse()
+        else:
+            self._problem = f"{match.structure} points above the ground, {gate.min_structure_points} are needed"
+            self._localization.nothing_around(steady_s)
 
     def _apply_match(self, request: MatchRequest, match: Match, steady_s: float) -> None:
         """Corrects by a match if every gate lets it pass."""
@@ -169,6 +231,7 @@ class MapLocalizer(Localizer):
         self._z_m = float(match.pose[2, 3])
         turn_rad = abs(math.remainder(match.planar.yaw - predicted.yaw, math.tau))
         self._localization.accept(match.score, match.planar.distance_to(predicted), turn_rad, steady_s)
+        self._heading_kept = self._heading_kept or self._localization.state is Confidence.TRACKING
 
     def _inflate_covariance(self) -> None:
         # A good match that the filter cannot believe: the wheels may have slid further than they know.
@@ -176,8 +239,12 @@ class MapLocalizer(Localizer):
         self._filter.start(self._filter.stamp_s)
 
     def _region(self, predicted: Pose2) -> Region:
-        radius_m = math.inf if self._searched_near else self._ndt.search.near_radius_m
-        return Region(predicted.x, predicted.y, radius_m)
+        search = self._ndt.search
+        if self._searched_near:
+            return Region(predicted.x, predicted.y, math.inf)
+        known = self._heading_kept and 3.0 * self._filter.state().yaw_sigma_rad < search.near_turn_rad
+        turn_rad = search.near_turn_rad if known else math.pi
+        return Region(predicted.x, predicted.y, search.near_radius_m, predicted.yaw, turn_rad)
 
     def _motion(self, stamp_s: float, at_stamp: Pose2) -> Array:
         """(k, 4) rows of time, x, y, yaw: base_link while the sweep was measured, in base_link at its stamp."""

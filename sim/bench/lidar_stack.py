@@ -40,13 +40,17 @@ _MATCHED_S = 0.010
 
 @dataclass(frozen=True, slots=True)
 class Fix:
-    """The published pose beside the truth at its stamp; pose is None while none is published."""
+    """The published pose beside the truth at its stamp; pose is None while none is published.
+
+    sigma_m: standard deviation of its position, as published.
+    """
 
     time_s: float
     pose: Pose2 | None
     truth: Pose2
     height_m: float
     quality: float
+    sigma_m: float
     score: float
     confidence: Confidence
 
@@ -146,7 +150,16 @@ class LidarStack(KernelStack):
             return
         score = self.localizer.match.score if self.localizer.match else 0.0
         self.fixes.append(
-            Fix(self.time_s, estimate.pose, truth, height, estimate.quality, score, self.localizer.confidence)
+            Fix(
+                self.time_s,
+                estimate.pose,
+                truth,
+                height,
+                estimate.quality,
+                estimate.position_sigma_m,
+                score,
+                self.localizer.confidence,
+            )
         )
 
     def _navigation_tick(self) -> None:

@@ -267,6 +267,15 @@ ADDITIONS = (
         ("safety_monitor",),
     ),
     Documented(
+        "/localization/pose",
+        "geometry_msgs/msg/PoseWithCovarianceStamped",
+        B,
+        VOLATILE,
+        1,
+        10.0,
+        ("ndt_localization",),
+    ),
+    Documented(
         "/initialpose",
         "geometry_msgs/msg/PoseWithCovarianceStamped",
         R,

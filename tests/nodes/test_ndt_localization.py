@@ -90,6 +90,20 @@ def test_pose_quality_and_transform_come_at_their_rate(node: NodeProcess, peer: 
     assert transform.transform.translation.x == pytest.approx(2.0, abs=1e-3)
 
 
+def test_pose_comes_with_a_covariance_that_grows_with_the_way(node: NodeProcess, peer: Peer) -> None:
+    wheels, gyro = Wheels(), Gyro()
+    poses = peer.listen(topics.LOCALIZATION_POSE)
+    peer.repeat(topics.ODOM, wheels.odometry, 50.0)
+    peer.repeat(topics.IMU, gyro.imu, 100.0)
+    poses.wait_period(0.1, count=11)
+    first = poses.last
+    assert first.header.frame_id == "map"
+    assert first.pose.pose.position.x == pytest.approx(2.0, abs=1e-3)
+    assert [index for index, value in enumerate(first.pose.covariance) if index % 7 == 0 and value > 0.0] == [0, 7, 35]
+    wheels.speed_mps = 1.0
+    poses.wait(lambda message: message.pose.covariance[0] > first.pose.covariance[0] + 1e-4, "a larger variance")
+
+
 def test_motion_of_the_wheels_moves_the_pose_along_the_start_heading(node: NodeProcess, peer: Peer) -> None:
     wheels, gyro = Wheels(), Gyro()
     poses = peer.listen(topics.CURRENT_POSE)

@@ -1,4 +1,4 @@
-"""Which matches are believed, and what becomes of the confidence in the pose: searching, confirming, tracking."""
+"""Which matches are believed, and what becomes of the confidence in the pose."""
 
 from __future__ import annotations
 
@@ -13,11 +13,16 @@ from robot_stack.localization.ndt.params import GateParams, NdtParams
 
 
 class Confidence(Enum):
-    """SEARCHING: the pose is not known. CONFIRMING: it has to prove itself. TRACKING: matches hold it."""
+    """SEARCHING: the pose is not known. CONFIRMING: it has to prove itself. TRACKING: matches hold it.
+
+    DEAD_RECKONING: matches held it, and there is nothing around to match. AMBIGUOUS: it is one of several.
+    """
 
     SEARCHING = "searching the map"
+    AMBIGUOUS = "several places fit: motion decides"
     CONFIRMING = "confirming the pose"
     TRACKING = "tracking"
+    DEAD_RECKONING = "dead reckoning: nothing around to match"
 
 
 def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigma_rad: float, gate: GateParams) -> str:
@@ -51,11 +56,17 @@ class LocalizationState:
     """Counts matches accepted and refused one after the other, and what follows from them."""
 
     def __init__(self, params: NdtParams) -> None:
-        self._gate, self._quality = params.gate, params.quality
+        self._gate, self._quality, self._dead_reckoning = params.gate, params.quality, params.dead_reckoning
         self.state = Confidence.CONFIRMING
         self._accepted = self._refused = 0
-        self._accepted_s = -math.inf
+        self._heard_s = -math.inf  # the last sweep that was matched or had nothing to match
+        self._way_m = 0.0
         self._score = 0.0
+
+    @property
+    def known(self) -> bool:
+        """There is one pose, be it confirmed or not."""
+        return self.state not in (Confidence.SEARCHING, Confidence.AMBIGUOUS)
 
     @property
     def refused(self) -> int:
@@ -64,21 +75,39 @@ class LocalizationState:
 
     def restart(self, state: Confidence) -> None:
         """The pose was given or found anew, or is to be looked for."""
-        self.state, self._accepted, self._refused = state, 0, 0
+        self.state, self._accepted, self._refused, self._way_m = state, 0, 0, 0.0
 
     def found(self, score: float, steady_s: float) -> None:
         """A search came up with a pose; it has to prove itself from now on."""
         self.restart(Confidence.CONFIRMING)
-        self._score, self._accepted_s = score, steady_s
+        self._score, self._heard_s = score, steady_s
 
     def accept(self, score: float, correction_m: float, correction_rad: float, steady_s: float) -> None:
         gate = self._gate
         self._score = score if self._accepted == 0 else self._score + 0.3 * (score - self._score)
-        self._accepted_s, self._refused = steady_s, 0
+        self._heard_s, self._refused = steady_s, 0
         calm = correction_m < gate.sure_position_m and correction_rad < gate.sure_yaw_rad
         self._accepted = self._accepted + 1 if calm or self.state is Confidence.TRACKING else 0
         if self._accepted >= gate.accepted_until_sure:
             self.state = Confidence.TRACKING
+        if self.state is Confidence.TRACKING:
+            self._way_m = 0.0
+
+    def nothing_around(self, steady_s: float) -> None:
+        """A sweep could neither confirm nor contradict the pose, and the map expects none that could."""
+        if self.state in (Confidence.TRACKING, Confidence.DEAD_RECKONING):
+            self.state, self._heard_s = Confidence.DEAD_RECKONING, steady_s
+
+    def went(self, way_m: float) -> None:
+        """The robot moved on by ``way_m``."""
+        self._way_m += way_m
+        if self.state is Confidence.DEAD_RECKONING and self._way_m > self._dead_reckoning.max_way_m:
+            self.restart(Confidence.SEARCHING)
+
+    def unseen_motion(self) -> None:
+        """The robot may have moved without wheels and gyro knowing how far: there is nothing to find that out by."""
+        if self.state in (Confidence.DEAD_RECKONING, Confidence.AMBIGUOUS):
+            self.restart(Confidence.SEARCHING)
 
     def refuse(self) -> None:
         """A sweep contradicted the pose."""
@@ -88,15 +117,22 @@ class LocalizationState:
             self.restart(Confidence.SEARCHING)
 
     def factor(self, steady_s: float) -> float:
-        """By how much the matches lower the quality, in [0, 1]: score and age of the last accepted one."""
-        if self.state is Confidence.SEARCHING:
+        """By how much the matches lower the quality, in [0, 1]: score and age of the last one, way without any."""
+        if not self.known:
             return 0.0
         q = self._quality
-        age = (q.stale_s - (steady_s - self._accepted_s)) / (q.stale_s - q.fresh_s)
+        age = (q.stale_s - (steady_s - self._heard_s)) / (q.stale_s - q.fresh_s)
         score = (self._score - q.zero_score) / (q.full_score - q.zero_score)
         # Each contradiction in a row counts at once; the last would make it zero.
         agreed = 1.0 - self._refused / self._gate.rejected_until_lost
-        return min(1.0, max(0.0, age)) * min(1.0, max(0.0, score)) * agreed
+        return min(1.0, max(0.0, age)) * min(1.0, max(0.0, score)) * agreed * self._by_way()
 
     def cap(self) -> float:
-        return 1.0 if self.state is Confidence.TRACKING else self._quality.unsure
+        held = self.state in (Confidence.TRACKING, Confidence.DEAD_RECKONING)
+        return 1.0 if held else self._quality.unsure
+
+    def _by_way(self) -> float:
+        d = self._dead_reckoning
+        if self.state is not Confidence.DEAD_RECKONING:
+            return 1.0
+        return 1.0 - (1.0 - d.least_factor) * min(1.0, self._way_m / d.max_way_m)

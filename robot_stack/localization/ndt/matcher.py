@@ -13,6 +13,7 @@ from robot_stack.core.site_map import Cells
 from robot_stack.localization.ndt import kernels, scoring
 from robot_stack.localization.ndt.field import Field, field_of, merged, structure_of
 from robot_stack.localization.ndt.params import MatchParams
+from robot_stack.localization.ndt.skyline import Skyline
 
 Floats = npt.NDArray[np.float64]
 
@@ -86,6 +87,7 @@ class NdtMatcher:
             field_of(merged(structure if it.structure else cells, it.cell_m), params.min_cell_points, it.blur_m)
             for it in params.levels
         ]
+        self.skyline = Skyline(structure, params.min_cell_points)
         self._mixture = [_mixture(field.size_m, params.outlier_share) for field in self.levels]
 
     @property

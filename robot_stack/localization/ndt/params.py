@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -79,10 +80,15 @@ class GateParams(Config):
     at reach_radius_m.
     rejected_until_lost: matches refused one after the other. accepted_until_sure: matches accepted one after the other
     before a pose found anew counts; sure_position_m, sure_yaw_rad: how little they may correct then.
+    A sweep of fewer than min_structure_points says nothing, unless the map has something within expected_range_m in
+    expected_directions of 36 directions, and more than max_unseen_share of them show nothing: then it contradicts.
     """
 
     min_score: Share
     min_structure_points: Count
+    expected_range_m: Positive
+    expected_directions: Count
+    max_unseen_share: Share
     max_reversals: Count
     max_jump_m: Positive
     max_jump_rad: Positive
@@ -98,9 +104,15 @@ class GateParams(Config):
 
 
 class SearchParams(Config):
-    """Looking for the pose when it is lost: first near the last one, then in the whole map."""
+    """Looking for the pose when it is lost: first near the last one, then in the whole map.
+
+    near_turn_rad: near the last pose, headings so far from the last one; every heading once the gyro was missed.
+    near_ratio: a pose found among those must explain so much of what the best of the whole map explains.
+    """
 
     near_radius_m: Positive
+    near_turn_rad: Annotated[float, Field(gt=0.0, le=math.pi)]
+    near_ratio: Share
     step_m: Positive
     yaw_steps: Annotated[int, Field(ge=8)]
     points: Annotated[int, Field(ge=50)]
@@ -111,6 +123,35 @@ class SearchParams(Config):
     apart_rad: Positive
     position_sigma_m: Positive
     yaw_sigma_rad: Positive
+
+
+class HypothesisParams(Config):
+    """Several places that fit: which motion decides between.
+
+    most: with more of them, so many things look alike that the right place may be missing. decide_way_m: nothing is
+    decided before the robot has gone so far. dropped_ratio: of the best one's score, below which a place is dropped.
+    idle_sweeps: without that way, after so many sweeps the map is searched anew.
+    max_jump_m, max_jump_rad: a match farther from where wheels and gyro put the place is of another one. merge_m:
+    places nearer than that are one.
+    """
+
+    most: Annotated[int, Field(ge=2)]
+    decide_way_m: Positive
+    dropped_ratio: Share
+    idle_sweeps: Count
+    max_jump_m: Positive
+    max_jump_rad: Positive
+    merge_m: Positive
+
+
+class DeadReckoningParams(Config):
+    """Going on by wheels and gyro where nothing stands around.
+
+    max_way_m: since the last match that counted; then the pose is lost. least_factor: on the quality, at that way.
+    """
+
+    max_way_m: Positive
+    least_factor: Share
 
 
 class MatchQualityParams(Config):
@@ -144,4 +185,6 @@ class NdtParams(Config):
     match: MatchParams
     gate: GateParams
     search: SearchParams
+    hypotheses: HypothesisParams
+    dead_reckoning: DeadReckoningParams
     quality: MatchQualityParams

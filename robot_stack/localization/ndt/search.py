@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,25 +19,44 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """Where to look: within radius_m of (x_m, y_m); an infinite radius is the whole map."""
+    """Where to look: within radius_m of (x_m, y_m), with headings within turn_rad of yaw_rad.
+
+    An infinite radius is the whole map, pi every heading.
+    """
 
     x_m: float
     y_m: float
     radius_m: float
+    yaw_rad: float = 0.0
+    turn_rad: float = math.pi
+
+    def has(self, yaw_rad: float) -> bool:
+        return abs(math.remainder(yaw_rad - self.yaw_rad, math.tau)) <= self.turn_rad
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The best pose and, apart from it, the second best; None where nothing came out."""
+    """Poses that are apart from each other, best first."""
 
-    best: Match | None
-    second: Match | None
+    matches: tuple[Match, ...]
+
+    @property
+    def best(self) -> Match | None:
+        return self.matches[0] if self.matches else None
+
+    @property
+    def second(self) -> Match | None:
+        return self.matches[1] if len(self.matches) > 1 else None
+
+    def rivals(self, params: SearchParams) -> tuple[Match, ...]:
+        """The best and all that explain nearly as much, if the best is good; else none."""
+        if self.best is None or self.best.score < params.min_score:
+            return ()
+        return tuple(match for match in self.matches if match.score >= params.ambiguous_ratio * self.best.score)
 
     def clear(self, params: SearchParams) -> bool:
         """Is the best good, and no other nearly as good?"""
-        if self.best is None or self.best.score < params.min_score:
-            return False
-        return self.second is None or self.second.score < params.ambiguous_ratio * self.best.score
+        return len(self.rivals(params)) == 1
 
 
 def search(matcher: NdtMatcher, points: Floats, up: Floats, region: Region, params: SearchParams) -> Found:
@@ -44,20 +64,30 @@ def search(matcher: NdtMatcher, points: Floats, up: Floats, region: Region, para
     standing = matcher.standing(points, up)
     places = _places(matcher, region, params.step_m)
     if len(standing) < 3 or not len(places):
-        return Found(None, None)
+        return Found(())
     level = pose_of(Pose2(0.0, 0.0, 0.0), 0.0, up)[:3, :3]
     chosen = np.linspace(0, len(standing) - 1, min(len(standing), params.points)).astype(np.intp)
-    yaws = np.arange(params.yaw_steps) * (2.0 * math.pi / params.yaw_steps)
+    yaws = _yaws(region, params.yaw_steps)
     scores = np.empty((len(places), len(yaws)))
     scoring.correlate(np.ascontiguousarray(standing[chosen] @ level.T), matcher.wide, places, yaws, scores)
     matches = []
-    for k, a in _peaks(scores, places, params):
+    for k, a in _peaks(scores, places, yaws, params):
         guess = pose_of(Pose2(places[k, 0], places[k, 1], float(yaws[a])), float(places[k, 2]), up)
         matches.append(matcher.match(points, guess, up, params.step_m))
-    usable = sorted((match for match in matches if match.converged), key=lambda match: -match.score)
-    if not usable:
-        return Found(None, None)
-    return Found(usable[0], next((match for match in usable[1:] if _apart(match, usable[0], params)), None))
+    # A match may turn by half a step beyond what was looked at.
+    inside = replace(region, turn_rad=region.turn_rad + math.pi / params.yaw_steps)
+    usable = [match for match in matches if match.converged and inside.has(match.planar.yaw)]
+    usable.sort(key=lambda match: -match.score)
+    return Found(tuple(distinct(usable, params)))
+
+
+def distinct(matches: Sequence[Match], params: SearchParams) -> list[Match]:
+    """Of the matches, best first, those that are apart from every better one."""
+    found: list[Match] = []
+    for match in matches:
+        if all(_apart(match, other, params) for other in found):
+            found.append(match)
+    return found
 
 
 def _places(matcher: NdtMatcher, region: Region, step_m: float) -> Floats:
@@ -72,14 +102,22 @@ def _places(matcher: NdtMatcher, region: Region, step_m: float) -> Floats:
     return places
 
 
-def _peaks(scores: Floats, places: Floats, params: SearchParams) -> list[tuple[int, int]]:
+def _yaws(region: Region, steps: int) -> Floats:
+    """(k,) headings of the region, from its middle on, rad."""
+    step = math.tau / steps
+    found = [region.yaw_rad + k * step for k in range(-(steps // 2), steps - steps // 2)]
+    return np.array([yaw for yaw in found if region.has(yaw)])
+
+
+def _peaks(scores: Floats, places: Floats, yaws: Floats, params: SearchParams) -> list[tuple[int, int]]:
     """The best candidates, none a neighbour of a better one."""
     taken: list[tuple[int, int]] = []
-    turn = scores.shape[1]
+    turn, apart_rad = scores.shape[1], 1.5 * math.tau / params.yaw_steps
     for flat in np.argsort(-scores, axis=None)[: 50 * params.candidates]:
         k, a = divmod(int(flat), turn)
         if all(
-            np.hypot(*(places[k, :2] - places[j, :2])) > 1.5 * params.step_m or 1 < abs(a - b) < turn - 1
+            np.hypot(*(places[k, :2] - places[j, :2])) > 1.5 * params.step_m
+            or abs(math.remainder(float(yaws[a] - yaws[b]), math.tau)) > apart_rad
             for j, b in taken
         ):
             taken.append((k, a))

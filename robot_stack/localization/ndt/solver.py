@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,7 @@ class MatchRequest:
 
     sweep: SWEEP, sensor frame. motion: (k, 4), see :func:`robot_stack.localization.ndt.cloud.subsample`. guess: (4, 4).
     up: (3,) vertical in base_link. off_m: how far off the guess may be. region: look there instead of at the guess.
+    guesses: (4, 4) each, several places instead of one.
     travelled: the dead-reckoned pose at the stamp. epoch: questions of another one are no longer of interest.
     """
 
@@ -36,16 +38,23 @@ class MatchRequest:
     region: Region | None
     travelled: Pose2
     epoch: int
+    guesses: tuple[Floats, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class MatchResult:
-    """match: None where there is none, and problem says why. points: how many were matched."""
+    """match: None where there is none, and problem says why. points: how many were matched.
+
+    unseen: of a sweep with too little structure, see :meth:`Skyline.unseen_share`.
+    rivals: of a search, two or more places that fit alike; of guesses, the match from each.
+    """
 
     request: MatchRequest
     match: Match | None
     points: int
     problem: str
+    unseen: float = 0.0
+    rivals: tuple[Match, ...] = ()
 
 
 class SweepSolver:
@@ -71,14 +80,42 @@ class SweepSolver:
             return MatchResult(request, None, len(points), f"sweep has {len(points)} places, {c.min_points} are needed")
         if request.region is not None:
             return self._look(request, points, request.region)
+        if request.guesses:
+            return self._compare(request, points)
         match = self.matcher.match(points, request.guess, request.up, request.off_m)
-        return MatchResult(request, match, len(points), "")
+        return MatchResult(request, match, len(points), "", self._unseen(request, match, points))
+
+    def _unseen(self, request: MatchRequest, match: Match, points: Floats) -> float:
+        """At the guess, not at the match: without structure nothing keeps a match from sliding away."""
+        gate = self._params.gate
+        if match.structure >= gate.min_structure_points:
+            return 0.0
+        standing = self.matcher.standing(points, request.guess[2, :3])
+        return self.matcher.skyline.unseen_share(
+            request.guess, standing, gate.expected_range_m, gate.expected_directions
+        )
+
+    def _fits_nowhere_better(self, request: MatchRequest, points: Floats, near: Match) -> bool:
+        """The known heading decides between places that fit alike, but for none against a better one."""
+        everywhere = Region(0.0, 0.0, math.inf)
+        best = search(self.matcher, points, request.up, everywhere, self._params.search).best
+        return best is None or near.score >= self._params.search.near_ratio * best.score
+
+    def _compare(self, request: MatchRequest, points: Floats) -> MatchResult:
+        rivals = tuple(self.matcher.match(points, guess, request.up, request.off_m) for guess in request.guesses)
+        if max(match.structure for match in rivals) < self._params.gate.min_structure_points:
+            return MatchResult(request, None, len(points), "nothing stands around to tell the places apart by")
+        return MatchResult(request, None, len(points), f"{len(rivals)} places fit", rivals=rivals)
 
     def _look(self, request: MatchRequest, points: Floats, region: Region) -> MatchResult:
         found = search(self.matcher, points, request.up, region, self._params.search)
-        if found.clear(self._params.search):
-            return MatchResult(request, found.best, len(points), "")
+        if found.best is not None and found.best.structure < self._params.gate.min_structure_points:
+            return MatchResult(request, None, len(points), "nothing stands around to find the pose by")
+        if found.best is not None and found.clear(self._params.search):
+            if region.turn_rad >= math.pi or self._fits_nowhere_better(request, points, found.best):
+                return MatchResult(request, found.best, len(points), "")
+            return MatchResult(request, None, len(points), "another place fits better than those near the last")
         score = 0.0 if found.best is None else found.best.score
         second = 0.0 if found.second is None else found.second.score
         problem = f"no clear pose in the map: best score {score:.2f}, second {second:.2f}"
-        return MatchResult(request, None, len(points), problem)
+        return MatchResult(request, None, len(points), problem, rivals=found.rivals(self._params.search))

@@ -1,11 +1,12 @@
 """ndt_localization: /odom, /sensors/imu and, where there is a map, /sensors/lidar/points to the pose in map.
 
-Out come /current_pose, /localization/quality and the transform map -> odom.
+Out come /current_pose, /localization/pose, /localization/quality and the transform map -> odom.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
@@ -16,8 +17,9 @@ from robot_stack.core.config import ConfigError
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.point_cloud import SWEEP
 from robot_stack.core.site_map import load_map
+from robot_stack.localization.filter import Array
 from robot_stack.localization.gyro import ImuSample
-from robot_stack.localization.localizer import Estimate, Localizer, planar_covariance, usable_covariance
+from robot_stack.localization.localizer import PLANAR, Estimate, Localizer, planar_covariance, usable_covariance
 from robot_stack.localization.map_localizer import MapLocalizer
 from robot_stack.localization.ndt.solver import SweepSolver
 from robot_stack.localization.nodes.matching_thread import MatchingThread
@@ -27,6 +29,7 @@ from robot_stack.localization.warm_up import warm_up
 from robot_stack.ros.conversions import (
     pose_from_msg,
     pose_stamped,
+    pose_to_msg,
     time_from_s,
     time_to_s,
     transform_stamped,
@@ -57,6 +60,7 @@ class NdtLocalizationNode(StackNode):
         else:
             self._localizer = Localizer(self.params, motion.max_speed_mps, motion.max_yaw_rate_radps)
         self._pose = self.advertise(topics.CURRENT_POSE)
+        self._with_covariance = self.advertise(topics.LOCALIZATION_POSE)
         self._quality = self.advertise(topics.LOCALIZATION_QUALITY)
         self._tf = self.advertise(topics.TF)
         self._imu = self.subscribe(topics.IMU, self._on_imu)
@@ -136,6 +140,7 @@ class NdtLocalizationNode(StackNode):
         if estimate.pose is not None and estimate.map_to_odom is not None:
             stamp = time_from_s(estimate.stamp_s)
             self._pose.publish(pose_stamped(estimate.pose, frames.MAP, stamp))
+            self._with_covariance.publish(_pose_with_covariance(estimate.pose, estimate.covariance, stamp))
             transform = transform_stamped(estimate.map_to_odom, frames.MAP, frames.ODOM, stamp)
             self._tf.publish(TFMessage(transforms=[transform]))
         self._report_state(estimate)
@@ -157,6 +162,17 @@ class NdtLocalizationNode(StackNode):
         if self._thread is not None:
             self._thread.end()
         super().destroy_node()
+
+
+def _pose_with_covariance(pose: Pose2, covariance: Array, stamp: Time) -> PoseWithCovarianceStamped:
+    """covariance: (3, 3) of x, y, yaw; height, roll and pitch are not estimated and stay 0."""
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id, message.header.stamp = frames.MAP, stamp
+    message.pose.pose = pose_to_msg(pose)
+    whole = np.zeros((6, 6))
+    whole[np.ix_(PLANAR, PLANAR)] = covariance
+    message.pose.covariance = whole.ravel()
+    return message
 
 
 def _planar_variances(covariance: list[float]) -> Variances:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -20,6 +21,8 @@ Floats = npt.NDArray[np.float64]
 UP = np.array([0.0, 0.0, 1.0])
 LIDAR = (0.20, 0.0, 0.70)
 NOISE_M = 0.01
+# Points of a site, (n, 3) in map, by their density per m2 and a seed.
+Place = Callable[[float, int], Floats]
 
 
 def surfaces(density: float, seed: int) -> Floats:
@@ -35,6 +38,13 @@ def surfaces(density: float, seed: int) -> Floats:
     parts.append(_plane(random, 4.0 * density, (-3.0, -2.6), (-2.0, -2.0), (0.0, 2.0)))
     parts.append(_plane(random, 4.0 * density, (-3.0, -3.0), (-2.0, -1.6), (0.0, 2.0)))
     return np.concatenate(parts)
+
+
+def apron(density: float, seed: int) -> Floats:
+    """The courtyard and 65 m of bare ground east of it; its last thing, seen from there, is the wall at x = 12."""
+    random = np.random.default_rng(seed + 50_000)
+    open_ground = _plane(random, density, (12.0, 77.0), (-6.0, 8.0), (0.02, 0.02))
+    return np.concatenate([surfaces(density, seed), open_ground])
 
 
 def corridor(density: float, seed: int) -> Floats:
@@ -59,6 +69,41 @@ def solver() -> SweepSolver:
     return SweepSolver(cells(), params().ndt, LIDAR)
 
 
+def corridor_with_posts(density: float, seed: int) -> Floats:
+    """The corridor with pilasters, and a post: turned by 180 deg about (10, 0) it looks nearly the same."""
+    random = np.random.default_rng(seed + 60_000)
+    parts = [corridor(density, seed)]
+    for x in 10.0 + np.array([-17.0, -11.5, -7.0, -3.0, 3.0, 7.0, 11.5, 17.0]):
+        for y, out in ((1.7, 2.0), (-2.0, -1.7)):
+            parts.append(_plane(random, 4.0 * density, (x, x), (y, out), (0.0, 2.5)))
+    parts.append(_plane(random, 4.0 * density, (14.6, 14.6), (1.2, 2.0), (0.0, 2.5)))
+    return np.concatenate(parts)
+
+
+def twins(density: float, seed: int) -> Floats:
+    """Two equal courtyards, 80 m apart; east of the first one stands a hall."""
+    random = np.random.default_rng(seed + 70_000)
+    other = surfaces(density, seed + 80_000) + np.array([80.0, 0.0, 0.0])
+    parts = [surfaces(density, seed), other, _plane(random, density, (12.0, 72.0), (-6.0, 8.0), (0.02, 0.02))]
+    parts.append(_plane(random, 4.0 * density, (22.0, 22.0), (-8.0, 10.0), (0.0, 4.0)))
+    return np.concatenate(parts)
+
+
+@cache
+def twins_solver() -> SweepSolver:
+    return SweepSolver(cells_of(twins(40.0, seed=1), 0.5, 5), params().ndt, LIDAR)
+
+
+@cache
+def corridor_solver() -> SweepSolver:
+    return SweepSolver(cells_of(corridor_with_posts(40.0, seed=1), 0.5, 5), params().ndt, LIDAR)
+
+
+@cache
+def apron_solver() -> SweepSolver:
+    return SweepSolver(cells_of(apron(40.0, seed=1), 0.5, 5), params().ndt, LIDAR)
+
+
 def matcher() -> NdtMatcher:
     return solver().matcher
 
@@ -69,9 +114,9 @@ def seen_from(pose: Floats, points: Floats, range_m: float = 25.0) -> Floats:
     return np.ascontiguousarray(local[np.linalg.norm(local, axis=1) < range_m])
 
 
-def sweep_from(pose: Pose2, seed: int = 2, density: float = 12.0) -> Points:
+def sweep_from(pose: Pose2, seed: int = 2, density: float = 12.0, place: Place = surfaces) -> Points:
     """A sweep, SWEEP in the sensor frame, of a robot that stands on the ground."""
-    local = seen_from(pose_of(pose, 0.0, UP), surfaces(density, seed)) - LIDAR
+    local = seen_from(pose_of(pose, 0.0, UP), place(density, seed)) - LIDAR
     sweep = np.zeros(len(local), SWEEP)
     sweep["x"], sweep["y"], sweep["z"] = local.T
     sweep["time"] = -0.1 * np.random.default_rng(seed).random(len(local))

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
+from robot_stack.core.config import load
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
 from robot_stack.core.point_cloud import SWEEP, Points
 from robot_stack.localization.gyro import ImuSample
@@ -16,11 +17,30 @@ from robot_stack.localization.map_localizer import MapLocalizer
 from robot_stack.localization.ndt.gate import Confidence, problem_of
 from robot_stack.localization.ndt.matcher import pose_of as pose4
 from robot_stack.localization.ndt.search import Region, search
-from robot_stack.localization.ndt.solver import MatchRequest
-from tests.unit.localization.courtyard import UP, matcher, seen_from, solver, surfaces, sweep_from, yaw_between
+from robot_stack.localization.ndt.solver import MatchRequest, SweepSolver
+from robot_stack.safety.params import SafetyParams
+from tests.unit.localization.courtyard import (
+    UP,
+    Place,
+    apron,
+    apron_solver,
+    corridor_solver,
+    corridor_with_posts,
+    matcher,
+    seen_from,
+    solver,
+    surfaces,
+    sweep_from,
+    twins,
+    twins_solver,
+    yaw_between,
+)
 from tests.unit.localization.stories import IMU_S, params, reading
 
 STAND, AHEAD = Twist2(0.0, 0.0, 0.0), Twist2(0.5, 0.0, 0.0)
+FAST, BACK = Twist2(1.4, 0.0, 0.0), Twist2(-1.4, 0.0, 0.0)
+# LOCALIZATION_LOST of the safety monitor begins below this quality.
+LOST = load(SafetyParams, "safety_monitor").lost_quality
 _ODOM_EVERY, _SWEEP_EVERY = 2, 10
 _SEEDS = iter(range(100, 100_000))
 
@@ -38,6 +58,9 @@ class Ride:
     t_s: float = 100.0
     steps: int = 0
     lidar_on: bool = True
+    imu_on: bool = True
+    place: Place = surfaces
+    solver: SweepSolver = field(default_factory=solver)
     seen: Points | None = None
     asked: MatchRequest | None = None
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(5))
@@ -52,7 +75,8 @@ class Ride:
         self.truth = self.truth.compose(exp_se2(twist, IMU_S))
         self.wheels = self.wheels.compose(exp_se2(twist, IMU_S))
         rate = twist.omega + 0.002 * self.random.standard_normal()
-        self.localizer.on_imu(ImuSample(self.t_s, rate, (rate,)))
+        if self.imu_on:
+            self.localizer.on_imu(ImuSample(self.t_s, rate, (rate,)))
         if self.steps % _ODOM_EVERY == 0:
             self.localizer.on_odometry(reading(self.t_s, self.wheels, twist), self.t_s)
             self._match()
@@ -62,13 +86,13 @@ class Ride:
     def _sweep(self) -> Points:
         if self.seen is not None:
             return self.seen
-        sweep = sweep_from(self.truth, next(_SEEDS), density=5.0)
+        sweep = sweep_from(self.truth, next(_SEEDS), density=5.0, place=self.place)
         sweep["time"] = 0.0  # seen at once: distortion is another test's business
         return sweep
 
     def _match(self) -> None:
         if self.asked is not None:
-            self.localizer.answer(solver().solve(self.asked), self.t_s)
+            self.localizer.answer(self.solver.solve(self.asked), self.t_s)
             self.asked = None
         self.asked = self.localizer.request()
 
@@ -88,6 +112,26 @@ class Ride:
 def ride(truth: Pose2 = IDENTITY, start: Pose2 = IDENTITY, **changes: object) -> Ride:
     given = params(start_x_m=start.x, start_y_m=start.y, start_yaw_rad=start.yaw, **changes)
     return Ride(MapLocalizer(given, 1.5, 1.0, matcher()), truth)
+
+
+def apron_ride(at_x_m: float, **changes: object) -> Ride:
+    """East of the courtyard; the LiDAR of these tests sees 25 m, so nothing from x = 37 on."""
+    start = Pose2(at_x_m, 1.0, 0.0)
+    given = params(start_x_m=start.x, start_y_m=start.y, start_yaw_rad=start.yaw, **changes)
+    site = apron_solver()
+    return Ride(MapLocalizer(given, 1.5, 1.0, site.matcher), start, place=apron, solver=site)
+
+
+def on_the_way_out() -> Ride:
+    story = apron_ride(31.0).drive(2.0)
+    assert story.localizer.confidence is Confidence.TRACKING
+    return story
+
+
+def out_in_the_open() -> Ride:
+    story = on_the_way_out().drive(6.0, FAST)
+    assert story.localizer.confidence is Confidence.DEAD_RECKONING
+    return story
 
 
 def test_a_start_one_metre_and_ten_degrees_wrong_is_found_within_a_few_sweeps() -> None:
@@ -249,3 +293,168 @@ def test_a_clock_set_back_drops_what_was_asked_before() -> None:
     story.localizer.on_odometry(reading(5.0, story.wheels, ZERO_TWIST), story.t_s)
     assert story.localizer.request() is None
     assert story.estimate().pose is not None
+
+
+def test_over_open_ground_the_pose_goes_on_and_is_found_again_behind_it() -> None:
+    story = on_the_way_out()
+    before = story.quality
+    qualities, variances = [], []
+    for _ in range(10):
+        story.drive(1.0, FAST)
+        qualities.append(story.quality)
+        variances.append(float(story.estimate().covariance[0, 0]))
+    assert story.localizer.confidence is Confidence.DEAD_RECKONING
+    assert min(qualities) > LOST
+    assert qualities[5:] == sorted(qualities[5:], reverse=True)
+    assert qualities[-1] < before
+    assert variances[5:] == sorted(variances[5:])
+    assert story.error_m() < 0.1
+    for _ in range(12):
+        story.drive(1.0, BACK)
+        assert story.quality > LOST
+    assert story.localizer.confidence is Confidence.TRACKING
+    assert story.quality > 0.8
+    assert story.error_m() < 0.03
+
+
+def test_after_thirty_metres_of_open_ground_the_pose_is_given_up() -> None:
+    story = on_the_way_out()
+    left_x_m = story.truth.x
+    while story.localizer.confidence is not Confidence.SEARCHING:
+        assert story.truth.x < 75.0
+        story.drive(0.1, FAST)
+        if story.localizer.confidence is Confidence.TRACKING:
+            left_x_m = story.truth.x
+        else:
+            assert story.quality > LOST or story.localizer.confidence is Confidence.SEARCHING
+    assert story.truth.x - left_x_m == pytest.approx(30.0, abs=0.5)
+    assert story.quality == 0.0
+    assert story.estimate().covariance[0, 0] > 1e4
+    story.drive(3.0)
+    assert story.quality == 0.0
+
+
+def test_standing_in_the_open_costs_nothing() -> None:
+    story = out_in_the_open()
+    before = story.quality
+    assert story.drive(5.0).quality == pytest.approx(before, abs=0.02)
+
+
+def test_walls_that_the_map_has_and_the_sweep_does_not_are_a_contradiction() -> None:
+    story = ride().drive(1.2)
+    for count in range(10):
+        sweep = sweep_from(story.truth, 900 + count, density=5.0)
+        story.seen = sweep[sweep["z"] < -0.6]  # the ground, as if the robot had been carried to an open field
+        story.drive(0.1)
+        assert story.localizer.confidence is not Confidence.DEAD_RECKONING
+    assert story.quality == 0.0
+
+
+def test_a_robot_carried_from_the_open_into_the_yard_is_never_sure_of_the_open() -> None:
+    story = out_in_the_open()
+    story.truth = Pose2(0.0, 0.0, 1.0)
+    story.drive(0.6)
+    assert story.quality == 0.0
+    for _ in range(40):
+        story.drive(0.1)
+        assert story.quality < 0.5 or story.error_m() < 0.1
+
+
+def test_in_the_open_a_silent_or_frozen_lidar_still_lowers_the_quality() -> None:
+    story = out_in_the_open()
+    story.lidar_on = False
+    story.drive(1.6)
+    assert story.quality < LOST
+
+
+def test_in_the_open_wheels_that_start_anew_lose_the_pose() -> None:
+    story = out_in_the_open()
+    story.wheels = Pose2(5.0, 5.0, 0.0)
+    story.drive(0.04)
+    assert story.quality == 0.0
+    assert story.localizer.confidence is Confidence.SEARCHING
+
+
+def test_a_start_in_the_open_is_not_confirmed() -> None:
+    story = apron_ride(50.0)
+    for _ in range(20):
+        story.drive(0.2, AHEAD)
+        assert story.quality < LOST
+    assert story.localizer.confidence is Confidence.CONFIRMING
+
+
+def test_near_a_known_pose_the_mirror_of_a_corridor_is_no_rival() -> None:
+    """One post tells the directions apart too little to be sure."""
+    search_params = params().ndt.search
+    site = corridor_solver()
+    truth = Pose2(10.0, 0.3, 0.1)
+    points = seen_from(pose4(truth, 0.02, UP), corridor_with_posts(6.0, seed=3), 30.0)
+    everywhere = search(site.matcher, points, UP, Region(10.5, 0.0, 4.0), search_params)
+    assert not everywhere.clear(search_params)
+    ahead = search(site.matcher, points, UP, Region(10.5, 0.0, 4.0, 0.0, search_params.near_turn_rad), search_params)
+    assert ahead.clear(search_params)
+    assert ahead.best is not None
+    assert ahead.best.planar.distance_to(truth) < 0.3  # along the corridor little holds it
+    assert yaw_between(ahead.best.planar, truth) < 0.02
+
+
+@pytest.mark.parametrize("gap", [False, True])
+def test_headings_near_the_known_one_are_looked_at_only_while_the_gyro_carries_it(gap: bool) -> None:
+    story = ride().drive(1.2)
+    assert story.localizer.confidence is Confidence.TRACKING
+    if gap:
+        story.imu_on = False
+        story.drive(0.3)
+        story.imu_on = True
+    story.seen = sweep_from(Pose2(8.5, -3.0, 2.5), 61, density=5.0)
+    for count in range(200):
+        story.seen["intensity"] = count
+        story.drive(0.01)
+        if story.asked is not None and story.asked.region is not None:
+            break
+    assert story.asked is not None
+    assert story.asked.region is not None
+    near = params().ndt.search.near_turn_rad
+    assert story.asked.region.turn_rad == (math.pi if gap else near)
+
+
+def lost_in_a_courtyard(truth: Pose2) -> Ride:
+    """Of two equal ones, told a start in neither, until the search has found both."""
+    site = twins_solver()
+    story = Ride(MapLocalizer(params(start_x_m=45.0), 1.5, 1.0, site.matcher), truth, place=twins, solver=site)
+    for _ in range(30):
+        story.drive(0.1)
+        assert story.quality < LOST
+        if story.localizer.confidence is Confidence.AMBIGUOUS:
+            break
+    assert story.localizer.confidence is Confidence.AMBIGUOUS
+    return story
+
+
+def test_between_two_places_that_look_alike_motion_decides() -> None:
+    story = lost_in_a_courtyard(Pose2(-7.0, -4.0, 0.0))
+    story.drive(1.0)
+    assert story.localizer.confidence is Confidence.AMBIGUOUS  # standing tells nothing new
+    for _ in range(100):
+        story.drive(0.1, Twist2(1.2, 0.0, 0.0))
+        assert story.quality == 0.0 or story.error_m() < 0.1
+        if story.localizer.confidence is Confidence.TRACKING:
+            break
+    assert story.localizer.confidence is Confidence.TRACKING
+    assert story.error_m() < 0.05
+
+
+def test_places_that_motion_does_not_tell_apart_stay_unknown() -> None:
+    """What the first courtyard has beyond its walls is not seen from the second: that alone is no proof."""
+    story = lost_in_a_courtyard(Pose2(73.0, -4.0, 0.0))
+    for _ in range(8):
+        story.drive(0.5, Twist2(0.6, 0.0, 0.0))
+        assert story.quality == 0.0
+        assert story.estimate().covariance[0, 0] > 1e4
+
+
+def test_wheels_that_start_anew_forget_the_places() -> None:
+    story = lost_in_a_courtyard(Pose2(-7.0, -4.0, 0.0))
+    story.wheels = Pose2(5.0, 5.0, 0.0)
+    story.drive(0.02)
+    assert story.localizer.confidence is Confidence.SEARCHING

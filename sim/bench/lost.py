@@ -1,0 +1,129 @@
+"""A ride over open ground, nothing within the LiDAR's reach: does the robot go on, and how far off is it at the end?"""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+from robot_stack.bench.framework import Aim, BenchError, Result
+from robot_stack.core.config import load
+from robot_stack.core.geometry import Pose2
+from robot_stack.localization.ndt.gate import Confidence
+from robot_stack.safety.params import SafetyParams
+from sim.bench.lidar_stack import Fix, LidarStack, RouteFollower
+from sim.bench.site_map import cells_at_true_poses
+from sim.plant.world import Setup
+from sim.worldfile import Box, Floor, Place, Route, WorldFile
+
+NAME = "lost"
+AIMS = {
+    "stops": Aim("<=", 0.0),
+    "error_at_end_m": Aim("<", 0.3),
+}
+_SIGHT_M = 50.0  # of the LiDAR, and of what is matched
+_SETTLE_S = 3.0
+_BEFORE_M, _AFTER_M = 6.0, 10.0
+
+
+def run(apron_m: float = 24.0, speed_mps: float = 1.2, seed: int = 1) -> Result:
+    """apron_m: of the way, on which nothing is within sight; what is in sight is matched from some 2 m nearer on."""
+    ride = _Ride(apron_m, speed_mps, seed)
+    ride.drive(_AFTER_M)
+    figures = {
+        "stops": float(ride.stops()),
+        "error_at_end_m": max((_error_m(fix) for fix in ride.blind()), default=math.nan),
+        "blind_way_m": _way_m(ride.blind()),
+        "quality_min": min(fix.quality for fix in ride.fixes),
+        "error_over_sigma_max": max((_error_m(fix) / fix.sigma_m for fix in ride.blind()), default=math.nan),
+        "error_after_m": _error_m(ride.fixes[-1]),
+    }
+    return Result(
+        figures,
+        {
+            "world": f"two yards {apron_m + 2.0 * _SIGHT_M:.0f} m apart, even asphalt between them; lockstep physics, "
+            f"LiDAR to {_SIGHT_M:.0f} m",
+            "map": "made from sweeps at true poses, within 30 m of each yard",
+            "stops": "how often the quality fell below the safety monitor's limit",
+            "error_at_end_m": "largest error of the published pose while it was dead reckoning",
+            "seed": seed,
+            "speed_mps": speed_mps,
+        },
+    )
+
+
+class _Ride:
+    """From where the first yard is still seen, over the apron, by the pose that the robot believes."""
+
+    def __init__(self, apron_m: float, speed_mps: float, seed: int) -> None:
+        self._begin_m, self._end_m = _SIGHT_M - _BEFORE_M, _SIGHT_M + apron_m
+        self._speed_mps = speed_mps
+        start = Pose2(self._begin_m, 0.0, 0.0)
+        world = _world(apron_m, start)
+        self._stack = LidarStack(Setup(world, seed, start), cells_at_true_poses(world, 1000 * seed), start)
+        if not self._stack.run(lambda: self._stack.map_localizer.confidence is Confidence.TRACKING, _SETTLE_S):
+            raise BenchError(f"the start is not confirmed: {self._stack.map_localizer.estimate(self._stack.time_s)}")
+        # The gyro's bias is learnt at standstill, as before any ride.
+        self._stack.run(lambda: False, _SETTLE_S)
+        self._from = len(self._stack.fixes)
+
+    @property
+    def fixes(self) -> list[Fix]:
+        return self._stack.fixes[self._from :]
+
+    def drive(self, beyond_m: float) -> None:
+        """beyond_m: how far past the end of the apron."""
+        points = [(self._begin_m, 0.0), (self._end_m + beyond_m, 0.0)]
+        follower = self._stack.follower = RouteFollower(points, self._speed_mps)
+        limit_s = 3.0 * (points[1][0] - points[0][0]) / self._speed_mps
+        if not self._stack.run(lambda: follower.ended or self._lost(), limit_s):
+            raise BenchError(f"the ride of {points} did not end; robot at {self._stack.truth()[0]}")
+        self._stack.follower = None
+        self._stack.run(lambda: False, 1.0)
+
+    def _lost(self) -> bool:
+        return self._stack.map_localizer.confidence is Confidence.SEARCHING
+
+    def blind(self) -> list[Fix]:
+        return [fix for fix in self.fixes if fix.confidence is Confidence.DEAD_RECKONING]
+
+    def stops(self) -> int:
+        limit = load(SafetyParams, "safety_monitor").lost_quality
+        below = [fix.quality < limit for fix in self.fixes]
+        return sum(not a and b for a, b in itertools.pairwise([False, *below]))
+
+
+def _world(apron_m: float, start: Pose2) -> WorldFile:
+    """A yard west of x = 0, and one as far east of the apron as can be seen; a route between them for the map."""
+    far_m = apron_m + 2.0 * _SIGHT_M
+    boxes = [
+        Box(name=f"{side}_{index}", x_m=x, y_m=y, yaw_deg=yaw, length_m=length, width_m=width, height_m=3.0)
+        for side, sign, from_m in (("west", -1.0, 0.0), ("east", 1.0, far_m))
+        for index, (x, y, yaw, length, width) in enumerate(
+            (from_m + sign * away, y, yaw, length, width)
+            for away, y, yaw, length, width in (
+                (1.0, 9.0, 90.0, 12.0, 0.3),
+                (3.0, -8.0, 70.0, 9.0, 0.3),
+                (4.0, 1.0, 0.0, 3.0, 2.0),
+                (9.0, -1.0, 90.0, 8.0, 0.3),
+            )
+        )
+    ]
+    return WorldFile(
+        note="Two yards and open ground between them.",
+        friction=0.8,
+        floor=Floor(min_x_m=-20.0, max_x_m=far_m + 20.0, min_y_m=-25.0, max_y_m=25.0),
+        start=Place(x_m=start.x, y_m=start.y, yaw_deg=0.0),
+        boxes=boxes,
+        routes={
+            "west": Route(half_width_m=1.0, points_m=[(5.0, 0.0), (30.0, 0.0)]),
+            "east": Route(half_width_m=1.0, points_m=[(far_m - 30.0, 0.0), (far_m - 5.0, 0.0)]),
+        },
+    )
+
+
+def _error_m(fix: Fix) -> float:
+    return math.inf if fix.pose is None else fix.pose.distance_to(fix.truth)
+
+
+def _way_m(fixes: list[Fix]) -> float:
+    return sum(a.truth.distance_to(b.truth) for a, b in itertools.pairwise(fixes))
