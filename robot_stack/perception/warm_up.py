@@ -23,8 +23,9 @@ def warm_up() -> None:
     angles = np.linspace(-np.pi, np.pi, _COLUMNS)
     points["x"], points["y"] = 2.0 * np.cos(angles), 2.0 * np.sin(angles)
     points["time"] = np.linspace(-0.05, 0.0, _COLUMNS)
-    Watch(params.watch).blind(points, 0.0)
-    pipeline = Pipeline(load_robot(), params)
+    robot = load_robot()
+    Watch(params.watch, robot.lidar_xyz_m[2]).blind(points, 0.0)
+    pipeline = Pipeline(robot, params)
     for stamp_s in (0.0, 0.05):
         pipeline.motion.on_odometry(stamp_s, IDENTITY, ZERO_TWIST)
         pipeline.overhead(points, stamp_s)
