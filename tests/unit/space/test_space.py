@@ -336,7 +336,7 @@ def test_a_chair_before_the_first_look() -> None:
 
 
 @pytest.mark.parametrize(
-    ("field", "value"), [("cell_m", 0.0), ("passes", 0), ("fade_s", math.nan), ("free_below_m", 0.8), ("size_m", None)]
+    ("field", "value"), [("cell_m", 0.0), ("passes", 0), ("fade_s", math.nan), ("free_below_m", 0.0), ("size_m", None)]
 )
 def test_bad_parameters_are_refused_by_name(field: str, value: object) -> None:
     with pytest.raises(ValidationError, match=field):

@@ -77,7 +77,7 @@ class Yard:
         self._overhead = _overhead_lidar(things, mixed) if overhead else None
         self.pipeline = Pipeline(ROBOT, PARAMS)
         self.pipeline.chair = chair
-        self.watch = Watch(PARAMS.watch)
+        self.watch = Watch(PARAMS.watch, ROBOT.lidar_xyz_m[2])
         self.problem = ""
         self.scene: Scene | None = None
 

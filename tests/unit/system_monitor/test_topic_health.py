@@ -107,11 +107,14 @@ def test_rows_of_what_runs_here() -> None:
 
 
 def test_every_topic_with_a_rate_has_a_subscriber_that_tells_of_it() -> None:
-    """Else the monitor would have to count it. Heartbeats are told by the nodes' records; the tree is its own."""
+    """Else the monitor would have to count it.
+
+    Heartbeats are told by the nodes' records, the tree is its own, who tells of the pose tells of its covariance.
+    """
     nodes = {node for process in PROCESSES for node in process.nodes}
     untold = [
         row.name
         for row in topics.of_system(System.ROBOT)
         if row.rate_hz is not None and not ({EVERY_NODE, *nodes} & set(row.subscribers))
     ]
-    assert untold == ["/system/heartbeat", "/diagnostics_agg"]
+    assert untold == ["/system/heartbeat", "/localization/pose", "/diagnostics_agg"]

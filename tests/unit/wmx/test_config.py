@@ -52,7 +52,7 @@ class TestRobotsEngine:
         modes = [AxisCommandMode.Velocity, AxisCommandMode.Position] * 4
         assert engine.arrays.flags[Flag.COMMAND_MODE].tolist() == modes
         stop = engine.parameters.emergency_stop
-        assert stop.eStopDec[0] == pytest.approx(24.2424)
+        assert stop.eStopDec[0] == pytest.approx(2.0 / 0.0825)
         assert stop.eStopSignalSource == Config_EStopSignalSource.Input
         assert stop.eStopSignalLevel == EStopLevel.Level1
 
