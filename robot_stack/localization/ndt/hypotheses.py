@@ -81,6 +81,11 @@ class Hypotheses:
         """Best first, without those that have come to where a better one is."""
         found: list[_Hypothesis] = []
         for item in self._all:
-            if all(item.pose.distance_to(other.pose) > self._params.merge_m for other in found):
+            if not any(self._same(item.pose, other.pose) for other in found):
                 found.append(item)
         return found
+
+    def _same(self, one: Pose2, other: Pose2) -> bool:
+        """The same place, faced the same way: in the middle of a hall its mirror image is elsewhere by heading alone."""
+        turn_rad = abs(math.remainder(one.yaw - other.yaw, math.tau))
+        return one.distance_to(other) <= self._params.merge_m and turn_rad <= self._params.max_jump_rad

@@ -84,3 +84,13 @@ def test_a_place_that_the_newest_sweep_does_not_hold_is_not_given_out() -> None:
     places = Hypotheses([match(HERE)], IDENTITY, params().ndt.hypotheses)
     places.judge([match(HERE, converged=False)], IDENTITY)
     assert places.alone() is None
+
+
+def test_the_same_place_faced_the_other_way_is_another_place() -> None:
+    mirror = Pose2(0.1, 0.0, np.pi)
+    places = Hypotheses([match(HERE), match(mirror, 0.85)], IDENTITY, params().ndt.hypotheses)
+    went(places, 0.0, (0.9, 0.85))
+    assert len(places) == 2
+    beside = Hypotheses([match(HERE), match(Pose2(0.1, 0.0, 0.0), 0.85)], IDENTITY, params().ndt.hypotheses)
+    went(beside, 0.0, (0.9, 0.85))
+    assert len(beside) == 1
