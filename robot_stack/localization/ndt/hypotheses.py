@@ -86,6 +86,6 @@ class Hypotheses:
         return found
 
     def _same(self, one: Pose2, other: Pose2) -> bool:
-        """The same place, faced the same way: in the middle of a hall its mirror image is elsewhere by heading alone."""
+        """The same place, faced the same way: in the middle of a hall its mirror image differs by heading alone."""
         turn_rad = abs(math.remainder(one.yaw - other.yaw, math.tau))
         return one.distance_to(other) <= self._params.merge_m and turn_rad <= self._params.max_jump_rad
