@@ -117,4 +117,4 @@ def test_every_topic_with_a_rate_has_a_subscriber_that_tells_of_it() -> None:
         for row in topics.of_system(System.ROBOT)
         if row.rate_hz is not None and not ({EVERY_NODE, *nodes} & set(row.subscribers))
     ]
-    assert untold == ["/system/heartbeat", "/localization/pose", "/diagnostics_agg"]
+    assert untold == ["/system/heartbeat", "/diagnostics_agg", "/localization/pose"]
