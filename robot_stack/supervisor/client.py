@@ -7,8 +7,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from robot_stack.supervisor.params import load_params
 
 LOCK_NAME = "supervisor_process"
 _POLL_S = 0.05
+_ANSWER_S = 1.0  # then it is asked again, so that an interruption is heard
 _STOP_MARGIN_S = 5.0  # beside the time that the stopping processes are given
 
 
@@ -93,18 +95,38 @@ def start(
         env=environment(),
         text=True,
     )
+    with _interruption() as interrupted:
+        status = _wait_ready(supervisor, deadline_s, progress, interrupted)
+    if status is not None:
+        return status
+    # Who gives up waiting does not want it any more.
+    supervisor.send_signal(signal.SIGINT)
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        supervisor.wait(load_params().terminate_s + _STOP_MARGIN_S)
+    raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def _interruption() -> Iterator[threading.Event]:
+    """Ctrl-C as an event: the exception is lost where Python ignores exceptions, as while it closes a socket."""
+    interrupted = threading.Event()
+    if threading.current_thread() is not threading.main_thread():  # which alone gets signals
+        yield interrupted
+        return
+    before = signal.signal(signal.SIGINT, lambda _number, _frame: interrupted.set())
     try:
-        return _wait_ready(supervisor, deadline_s, progress)
-    except KeyboardInterrupt:  # who gives up waiting does not want it any more
-        supervisor.send_signal(signal.SIGINT)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            supervisor.wait(load_params().terminate_s + _STOP_MARGIN_S)
-        raise
+        yield interrupted
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _wait_ready(
-    supervisor: subprocess.Popen[str], deadline_s: float, progress: Callable[[dict[str, Any]], None] | None
-) -> dict[str, Any]:
+    supervisor: subprocess.Popen[str],
+    deadline_s: float,
+    progress: Callable[[dict[str, Any]], None] | None,
+    interrupted: threading.Event,
+) -> dict[str, Any] | None:
+    """The status of a stack that is ready; None once ``interrupted`` is set."""
     assert supervisor.stderr is not None
     status: dict[str, Any] = {}
     end_s = time.monotonic() + deadline_s
@@ -112,8 +134,10 @@ def _wait_ready(
         if supervisor.poll() is not None:
             said = supervisor.stderr.read().strip().removeprefix("error: ")
             raise StartError(said or f"the supervisor ended: {_last_words(status)}")
+        if interrupted.is_set():
+            return None
         with contextlib.suppress(NotRunning, TimeoutError):
-            status = ask("status", timeout_s=max(0.1, end_s - time.monotonic()))
+            status = ask("status", timeout_s=_ANSWER_S)
             if progress is not None:
                 progress(status)
             if status["ready"]:

@@ -283,6 +283,7 @@ def test_up_names_what_is_missing_and_the_stack_goes_on(stack: Stack) -> None:
 
 
 def test_interrupted_up_stops_what_it_started(stack: Stack) -> None:
+    stack.write_profile(ready_deadline_s=600.0)
     stack.order("other", "waiting")
     command = [sys.executable, "-m", "robot_stack.cli", "up", "--profile", str(stack.profile)]
     waiting = subprocess.Popen(
@@ -295,7 +296,7 @@ def test_interrupted_up_stops_what_it_started(stack: Stack) -> None:
         wait_for(_answers, "the supervisor to answer")
         stack.note()
         waiting.send_signal(signal.SIGINT)
-        assert waiting.wait(20.0) != 0
+        assert waiting.wait(60.0) != 0
     finally:
         waiting.kill()
         waiting.wait()

@@ -51,7 +51,7 @@ def test_an_emergency_stop_while_servoing_ends_the_docking(docking: DockingStack
     result = goal.wait(5.0)
     assert (result.success, result.error_code) == (False, result.SAFETY_STOP)
     assert result.reason == "emergency stop"
-    docking.reach("FAILED", 2.0)
+    docking.reach_within(2.0, "FAILED")
     docking.release()
     before = docking.at()
     count = len(docking.commands.items)
@@ -63,18 +63,19 @@ def test_a_dead_camera_ends_the_docking_and_shows(docking: DockingStackUnderTest
     goal = docking.begin_docking()
     docking.reach("SERVOING")
     docking.inject_camera("silent", "front")
-    result = goal.wait(10.0)
+    docking.wait_within(10.0, lambda: goal.result is not None, "the result")
+    result = goal.wait()
     assert (result.success, result.error_code) == (False, result.CAMERA_TIMEOUT)
     docking.wait_stands(3.0)
-    docking.reach("FAILED", 2.0)
+    docking.reach_within(2.0, "FAILED")
 
 
 def test_a_marker_covered_and_a_chair_moved_end_in_a_docking(docking: DockingStackUnderTest) -> None:
     goal = docking.begin_docking()
     docking.reach("SERVOING")
     docking.inject_camera("cover", "0", duration_s=1.0)
-    docking.status.wait(lambda message: message.visible_markers_count == 3, "three markers", 10.0)
-    docking.status.wait(lambda message: message.visible_markers_count == 4, "four markers again", 20.0)
+    docking.wait_within(10.0, lambda: docking.status.last.visible_markers_count == 3, "three markers")
+    docking.wait_within(20.0, lambda: docking.status.last.visible_markers_count == 4, "four markers again")
     docking.reach("FINE_ALIGN")
     docking.inject("chair_moved", "0.0,0.2,0.0")
     docking.wait_stands(5.0)
@@ -108,5 +109,5 @@ def test_a_latch_that_does_not_confirm_is_given_up_with_a_reason(docking: Dockin
     assert (result.success, result.error_code, result.tries) == (False, result.LATCH_FAILED, 2)
     assert "did not close" in result.reason
     docking.wait_stands(3.0)
-    docking.reach("FAILED", 2.0)
+    docking.reach_within(2.0, "FAILED")
     assert docking.passenger.last.data is False

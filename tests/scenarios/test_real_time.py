@@ -46,7 +46,7 @@ def test_a_pause_of_the_machine_ends_in_a_stop_that_an_operator_can_release(
     stack.wait_stands(5.0)
     stack.let_go()
     stack.release()
-    stack.wait_safety("NORMAL")
+    stack.settle()
 
 
 def pause(stack: StackUnderTest, seconds: float) -> None:
@@ -65,9 +65,7 @@ def test_the_controller_is_killed_and_the_robot_stands_before_it_is_back(stack: 
     stack.wait_stands(6.0)
     stack.let_go()
     stack.wait_restarted("swerve_controller", pid)
-    if stack.safety.last.safety_state == "EMERGENCY_STOP":
-        stack.release()
-    stack.wait_safety("NORMAL", deadline_s=60.0)
+    stack.settle()
     stack.drive_at(0.3)
     stack.let_go()
 
@@ -79,6 +77,5 @@ def test_the_world_and_its_engine_are_killed(stack: StackUnderTest) -> None:
     stack.let_go()
     stack.wait_restarted("sim_world", pid)
     stack.truth.wait(lambda _: True, "ground truth")
-    stack.release()
-    stack.wait_safety("NORMAL", deadline_s=60.0)
+    stack.settle()
     stack.drive_at(0.3)

@@ -89,6 +89,10 @@ class DockingStackUnderTest(StackUnderTest):
     def reach(self, state: str, deadline_s: float = DOCKING_S) -> None:
         self.status.wait(lambda message: message.state == state, f"docking state {state}", deadline_s)
 
+    def reach_within(self, limit_s: float, state: str) -> None:
+        """In the world's time."""
+        self.wait_within(limit_s, lambda: self.status.last.state == state, f"docking state {state}")
+
     def replace_controller(self) -> None:
         """Kills the docking controller, and waits until DDS has noticed that it is gone and that another is there:
         what is sent to a dead one is lost.
