@@ -117,7 +117,7 @@ def test_the_status_comes_at_its_rate_and_the_process_leaves_in_order(bench: Ben
     bench.status.wait_period(0.1, count=31)
     assert len(bench.command.items) == 0
     bench.process.signal(signal.SIGINT)
-    assert bench.process.wait(10.0) == 0
+    assert bench.process.wait() == 0
 
 
 def test_a_chair_that_came_loose_while_the_controller_was_dead_is_an_emergency_with_the_passenger_aboard(

@@ -19,7 +19,6 @@ from tests.support.peer import Heard, Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
 
-pytestmark = pytest.mark.timeout(300)
 NAME = "joystick_driver"
 AHEAD, DEAD_MAN = 1, 4
 TREMBLE_S = 0.05

@@ -20,7 +20,6 @@ from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
 from tests.unit.drivers.test_modbus_battery import ALARMS, VENDOR
 
-pytestmark = pytest.mark.timeout(300)
 NAME, UNIT = "modbus_battery_driver", 225
 # A pseudo terminal knows no parity.
 SERIAL = ("-p", "modbus.transport:=rtu", "-p", "modbus.serial_port:=battery", "-p", "modbus.parity:=none")

@@ -21,7 +21,6 @@ from tests.support.processes import NodeProcess
 from tests.support.udp_lidar import UdpLidar
 from tests.support.waiting import wait_for
 
-pytestmark = pytest.mark.timeout(300)
 NAME = "ouster_driver"
 LIDAR_IP = UdpLidar.IP
 DEVICE = Os(beams=16)

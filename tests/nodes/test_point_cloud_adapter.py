@@ -22,7 +22,6 @@ from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
 from tests.unit.drivers.vendor_clouds import LIVOX, OUSTER, SPAN_S, cloud_of, scene
 
-pytestmark = pytest.mark.timeout(300)
 SEEN = scene(64, 64)
 ADAPTERS = {
     "point_cloud_adapter": (topics.VENDOR_POINTS, topics.LIDAR_POINTS, "lidar", OUSTER),

@@ -14,7 +14,6 @@ from robot_stack.wmx.config import ENGINE_VARIABLE
 from tests.support.environment import stack_environment
 from tests.support.graph import PEER, assert_graph_is_the_contracts
 
-pytestmark = pytest.mark.timeout(300)
 PROFILES = tuple(sorted(path.stem for path in (config_dir() / "profiles").glob("*.yaml")))
 SIM = "sim"
 WITHOUT_COMMUNICATION = ("general",)  # none of its nodes starts it

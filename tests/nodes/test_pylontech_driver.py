@@ -18,7 +18,6 @@ from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
 
-pytestmark = pytest.mark.timeout(300)
 PERIOD_S = 0.2  # five times as often as a real one, for the test's sake
 NAME = "pylontech_driver"
 SLCAN = ("-p", "can.interface:=slcan", "-p", "can.channel:=can")

@@ -380,7 +380,7 @@ def test_foreground_stops_on_sigterm(stack: Stack, tmp_path: Path) -> None:
         stack.note()
         assert ask("status")["pid"] == process.pid
         process.send_signal(signal.SIGTERM)
-        assert process.wait(15.0) == 0
+        assert process.wait(60.0) == 0
     finally:
         process.kill()
         process.wait()

@@ -21,7 +21,6 @@ from tests.support.peer import Heard, Peer
 from tests.support.processes import ROOT, NodeProcess, node_command
 from tests.support.waiting import wait_for
 
-pytestmark = pytest.mark.timeout(300)
 NAME = "v4l2_camera_driver"
 HEIGHT, WIDTH = 720, 1280
 

@@ -20,7 +20,6 @@ from tests.support.processes import NodeProcess
 from tests.support.udp_lidar import UdpLidar
 from tests.support.waiting import wait_for
 
-pytestmark = pytest.mark.timeout(300)
 NAME = "velodyne_driver"
 TURN = 75  # packets of a turn that begins anew at azimuth 0
 LIDAR_IP = UdpLidar.IP

@@ -20,7 +20,6 @@ from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
 
-pytestmark = pytest.mark.timeout(300)
 MOTION = Motion(rotation_radps=(0.0, 0.0, 0.25))
 PERIOD_S = 0.01
 

@@ -15,4 +15,4 @@ _SLOWER = 4.0
 def patience() -> Iterator[None]:
     waiting.patience = _SLOWER
     yield
-    waiting.patience = 1.0
+    waiting.patience = waiting.USUAL_PATIENCE

@@ -11,8 +11,9 @@ ValueT = TypeVar("ValueT")
 DEADLINE_S = 45.0
 # Shorter deadlines are part of a test's story. Longer ones only end a wait that is in vain: scenarios multiply them,
 # since a whole robot on a slow machine needs as long as it needs.
-LONG_S = 30.0
-patience = 1.0
+LONG_S = 10.0
+USUAL_PATIENCE = 2.0
+patience = USUAL_PATIENCE
 
 
 def wait_for(

@@ -10,7 +10,6 @@ import pytest
 from tests.support.ui_robot import StandInRobot
 from tests.ui.conftest import STAFF_PAGES, unlock
 
-pytestmark = pytest.mark.timeout(300)
 AXE = (Path(__file__).parent / "vendor" / "axe.min.js").read_text(encoding="utf-8")
 # WCAG 2.2 AA, contrast of AAA (7:1), and what axe calls best practice.
 RULES = """async () => {

@@ -13,8 +13,6 @@ from tests.support.ui_robot import StandInRobot
 from tests.support.waiting import wait_for
 from tests.ui.conftest import unlock, until
 
-pytestmark = pytest.mark.timeout(180)
-
 
 @pytest.fixture
 def own(tmp_path: Path) -> Path:

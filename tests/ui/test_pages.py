@@ -18,8 +18,6 @@ from tests.support.ui_robot import StandInRobot
 from tests.support.waiting import wait_for
 from tests.ui.conftest import STAFF_PAGES, h2, unlock, until
 
-pytestmark = pytest.mark.timeout(180)
-
 
 def told(robot: StandInRobot, what: str) -> None:
     wait_for(lambda: what in robot.told, f"{what}, was told {robot.told}")
