@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+
+from robot_stack.core.transitions import Transition, rows, table_of
 
 
 class State(Enum):
@@ -35,39 +36,28 @@ class Trigger(Enum):
     ATTACHED = "found with a closed latch"
 
 
-@dataclass(frozen=True, slots=True)
-class Transition:
-    source: State
-    trigger: Trigger
-    target: State
-
-
 _RESTING = (State.IDLE, State.DOCKED, State.FAILED)
 ACTIVE = (State.APPROACH, State.SEARCH, State.SERVOING, State.FINE_ALIGN, State.DOCKED)
 
 
-def _rows(sources: tuple[State, ...], trigger: Trigger, target: State) -> tuple[Transition, ...]:
-    return tuple(Transition(source, trigger, target) for source in sources)
-
-
-TRANSITIONS: tuple[Transition, ...] = (
-    *_rows((State.IDLE, State.FAILED), Trigger.DOCK, State.APPROACH),
-    *_rows((State.APPROACH,), Trigger.STAGED, State.SEARCH),
-    *_rows((State.APPROACH,), Trigger.STAGED_ONLY, State.IDLE),
-    *_rows((State.SEARCH,), Trigger.FOUND, State.SERVOING),
-    *_rows((State.SERVOING,), Trigger.NEAR, State.FINE_ALIGN),
-    *_rows((State.FINE_ALIGN,), Trigger.ALIGNED, State.DOCKED),
-    *_rows((State.SERVOING, State.FINE_ALIGN), Trigger.LOST, State.SEARCH),
-    *_rows(ACTIVE, Trigger.TRY_FAILED, State.APPROACH),
-    *_rows(_RESTING, Trigger.UNDOCK, State.DOCKED),
-    *_rows((State.DOCKED,), Trigger.UNLATCHED, State.SERVOING),
-    *_rows((State.SERVOING,), Trigger.CLEAR, State.IDLE),
-    *_rows(ACTIVE, Trigger.GAVE_UP, State.FAILED),
-    *_rows(ACTIVE, Trigger.CANCELLED, State.IDLE),
-    *_rows((State.IDLE,), Trigger.ATTACHED, State.DOCKED),
+TRANSITIONS: tuple[Transition[State, Trigger], ...] = (
+    *rows((State.IDLE, State.FAILED), Trigger.DOCK, State.APPROACH),
+    *rows((State.APPROACH,), Trigger.STAGED, State.SEARCH),
+    *rows((State.APPROACH,), Trigger.STAGED_ONLY, State.IDLE),
+    *rows((State.SEARCH,), Trigger.FOUND, State.SERVOING),
+    *rows((State.SERVOING,), Trigger.NEAR, State.FINE_ALIGN),
+    *rows((State.FINE_ALIGN,), Trigger.ALIGNED, State.DOCKED),
+    *rows((State.SERVOING, State.FINE_ALIGN), Trigger.LOST, State.SEARCH),
+    *rows(ACTIVE, Trigger.TRY_FAILED, State.APPROACH),
+    *rows(_RESTING, Trigger.UNDOCK, State.DOCKED),
+    *rows((State.DOCKED,), Trigger.UNLATCHED, State.SERVOING),
+    *rows((State.SERVOING,), Trigger.CLEAR, State.IDLE),
+    *rows(ACTIVE, Trigger.GAVE_UP, State.FAILED),
+    *rows(ACTIVE, Trigger.CANCELLED, State.IDLE),
+    *rows((State.IDLE,), Trigger.ATTACHED, State.DOCKED),
 )
 
-_TABLE = {(row.source, row.trigger): row.target for row in TRANSITIONS}
+_TABLE = table_of(TRANSITIONS)
 
 
 def target_of(state: State, trigger: Trigger) -> State:

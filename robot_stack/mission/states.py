@@ -5,8 +5,9 @@ The table is the single truth: the kernel asks it, the tests walk it, and ``docs
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+
+from robot_stack.core.transitions import Transition, rows, table_of
 
 
 class State(Enum):
@@ -50,44 +51,33 @@ class Trigger(Enum):
     RESTORED = "restart with a mission in the journal"
 
 
-@dataclass(frozen=True, slots=True)
-class Transition:
-    source: State
-    trigger: Trigger
-    target: State
-
-
-def _rows(sources: tuple[State, ...], trigger: Trigger, target: State) -> tuple[Transition, ...]:
-    return tuple(Transition(source, trigger, target) for source in sources)
-
-
 _ENDED = (State.IDLE, State.COMPLETED, State.ABORTED, State.FAILED)
 _STANDING = (State.PAUSED, State.STOPPED)
 _DOCKING = (State.DOCKING, State.UNDOCKING)
 _MOVING = (State.RUNNING, State.WAITING, *_DOCKING)
 
-TRANSITIONS: tuple[Transition, ...] = (
-    *_rows(_ENDED, Trigger.START, State.RUNNING),
-    *_rows(_MOVING, Trigger.PAUSE, State.PAUSED),
-    *_rows(_STANDING, Trigger.RESUME, State.RUNNING),
-    *_rows(_STANDING, Trigger.RESUME_DOCKING, State.DOCKING),
-    *_rows(_STANDING, Trigger.RESUME_UNDOCKING, State.UNDOCKING),
-    *_rows(_STANDING, Trigger.RESUME_DONE, State.COMPLETED),
-    *_rows((*_MOVING, *_STANDING), Trigger.ABORT, State.ABORTED),
-    *_rows((*_MOVING, State.PAUSED), Trigger.EMERGENCY_STOP, State.STOPPED),
-    *_rows((State.RUNNING,), Trigger.WAIT_HERE, State.WAITING),
-    *_rows((State.RUNNING,), Trigger.DOCK_HERE, State.DOCKING),
-    *_rows((State.RUNNING,), Trigger.UNDOCK_HERE, State.UNDOCKING),
-    *_rows(_MOVING, Trigger.NEXT, State.RUNNING),
-    *_rows(_MOVING, Trigger.DONE, State.COMPLETED),
-    *_rows((State.RUNNING,), Trigger.TRY_FAILED, State.RUNNING),
-    *_rows((State.RUNNING,), Trigger.GAVE_UP, State.FAILED),
-    *_rows(_DOCKING, Trigger.DOCKING_FAILED, State.FAILED),
-    *_rows(_MOVING, Trigger.JOURNAL_LOST, State.PAUSED),
-    *_rows((State.IDLE,), Trigger.RESTORED, State.PAUSED),
+TRANSITIONS: tuple[Transition[State, Trigger], ...] = (
+    *rows(_ENDED, Trigger.START, State.RUNNING),
+    *rows(_MOVING, Trigger.PAUSE, State.PAUSED),
+    *rows(_STANDING, Trigger.RESUME, State.RUNNING),
+    *rows(_STANDING, Trigger.RESUME_DOCKING, State.DOCKING),
+    *rows(_STANDING, Trigger.RESUME_UNDOCKING, State.UNDOCKING),
+    *rows(_STANDING, Trigger.RESUME_DONE, State.COMPLETED),
+    *rows((*_MOVING, *_STANDING), Trigger.ABORT, State.ABORTED),
+    *rows((*_MOVING, State.PAUSED), Trigger.EMERGENCY_STOP, State.STOPPED),
+    *rows((State.RUNNING,), Trigger.WAIT_HERE, State.WAITING),
+    *rows((State.RUNNING,), Trigger.DOCK_HERE, State.DOCKING),
+    *rows((State.RUNNING,), Trigger.UNDOCK_HERE, State.UNDOCKING),
+    *rows(_MOVING, Trigger.NEXT, State.RUNNING),
+    *rows(_MOVING, Trigger.DONE, State.COMPLETED),
+    *rows((State.RUNNING,), Trigger.TRY_FAILED, State.RUNNING),
+    *rows((State.RUNNING,), Trigger.GAVE_UP, State.FAILED),
+    *rows(_DOCKING, Trigger.DOCKING_FAILED, State.FAILED),
+    *rows(_MOVING, Trigger.JOURNAL_LOST, State.PAUSED),
+    *rows((State.IDLE,), Trigger.RESTORED, State.PAUSED),
 )
 
-_TABLE: dict[tuple[State, Trigger], State] = {(row.source, row.trigger): row.target for row in TRANSITIONS}
+_TABLE = table_of(TRANSITIONS)
 
 
 def target_of(state: State, trigger: Trigger) -> State | None:

@@ -1,22 +1,6 @@
 """The navigation kernel: goals in, velocity commands and plans out, tick by tick.
 
-States and what ends them:
-
-    IDLE      no goal                              a goal                            -> HELD, DRIVING or FOLLOWING
-    HELD      goal, but something forbids to move  permitted and standing            -> DRIVING or FOLLOWING, from rest
-    DRIVING   the exact motion straight to the     its end                           -> ARRIVING
-              goal, where nothing is near it       something comes near it           -> FOLLOWING
-                                                   forbidden                         -> HELD
-                                                   cancelled, or a refused goal      -> BRAKING
-    FOLLOWING a route among obstacles, or waiting  the rest of the way is clear      -> DRIVING
-              until it is planned                  no way for too long               -> IDLE, given up
-                                                   no way by the map                 -> BRAKING, refused
-                                                   forbidden                         -> HELD
-                                                   cancelled, or a refused goal      -> BRAKING
-    ARRIVING  the last centimetres by feedback     within tolerance and standing     -> IDLE, goal reached
-                                                   too far off after settle_s        -> DRIVING, planned afresh
-    BRAKING   no goal, still moving                end of the braking plan           -> IDLE
-                                                   forbidden                         -> IDLE
+States and what leads from one to the next: navigation.states.
 
 Before a robot that has stood for long moves, people are warned: HELD, or FOLLOWING with a zero command.
 Forbidden means a zero command at once: the drive ramps it by its own limits.
@@ -27,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import Enum
 
 import numpy as np
 
@@ -46,6 +29,7 @@ from robot_stack.navigation.path import Path, path_of
 from robot_stack.navigation.plan import plan_motion, plan_stop
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteSolver
+from robot_stack.navigation.states import NavigationState, Trigger, target_of
 from robot_stack.navigation.surroundings import Surroundings
 from robot_stack.navigation.tracker import (
     TrackingError,
@@ -64,17 +48,6 @@ _SAME_WAY_M = 5e-3
 _SAME_START_M = 1.0
 _NO_ERROR = TrackingError(0.0, 0.0, 0.0)
 _EMERGENCY = "an emergency stop is in force: ask again after its release"
-
-
-class NavigationState(Enum):
-    """What the controller is doing."""
-
-    IDLE = "idle"
-    HELD = "held"
-    DRIVING = "driving"
-    FOLLOWING = "following"
-    ARRIVING = "arriving"
-    BRAKING = "braking"
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,8 +184,8 @@ class NavigationController:
     def stop(self) -> None:
         """Ends the motion at once, and the goal with it: the end of an emergency stop starts no motion (ISO 13850)."""
         if self._state is not NavigationState.IDLE:
-            self._goal = None
-            self._hold("emergency stop: the goal is dropped")
+            self._follower.forget()
+            self._finish(Trigger.EMERGENCY_STOP, "emergency stop: the goal is dropped")
 
     def tick(self, situation: Situation) -> Output:
         """One step of the control loop. Never returns a twist that is not finite."""
@@ -299,9 +272,10 @@ class NavigationController:
 
     def _end_of_plan(self, located: Located) -> Output:
         if self._state is NavigationState.BRAKING:
-            self._finish(self._text)  # why it has stopped
+            self._finish(Trigger.END_OF_PLAN, self._text)  # why it has stopped
             return self._idle()
-        self._state, self._settling_s = NavigationState.ARRIVING, 0.0
+        self._enter(Trigger.END_OF_PLAN)
+        self._settling_s = 0.0
         return self._arrive(located, 0.0)
 
     def _arrive(self, located: Located, dt_s: float) -> Output:
@@ -315,7 +289,7 @@ class NavigationController:
         turned = abs(error.yaw) <= (g.yaw_tolerance_rad if late else g.settled_yaw_rad)
         if near and turned:
             if self._standing(located.twist):
-                self._finish("goal reached")
+                self._finish(Trigger.REACHED, "goal reached")
                 return Output(ZERO_TWIST, self._state, self._text, error=error, reached=True)
             return Output(ZERO_TWIST, self._state, "stopping at the goal", self._goal, error)
         if late:
@@ -349,7 +323,8 @@ class NavigationController:
         """Plans a route around what is in the way and follows it, from the last command on."""
         assert self._goal is not None
         moves = self._state in (NavigationState.DRIVING, NavigationState.FOLLOWING, NavigationState.BRAKING)
-        self._trajectory, self._state = None, NavigationState.FOLLOWING
+        self._trajectory = None
+        self._enter(Trigger.OBSTRUCTED)
         self._narrow_mps, self._since_try_s = math.inf, 0.0
         self._text = self._follower.begin(self._goal, located, self._footprint(), self._twist if moves else ZERO_TWIST)
         self.path = self._follower.route or _straight(self._goal, located)
@@ -364,13 +339,14 @@ class NavigationController:
             trajectory = self._motion(moving(located.pose, self._twist), limits)
             if trajectory is not None and self._is_direct(trajectory, 0.0, entering=True):
                 self._follower.forget()
-                self._run(trajectory, NavigationState.DRIVING, "driving to the goal")
+                self._enter(Trigger.CLEAR)
+                self._run(trajectory, "driving to the goal")
                 return self._drive(located, 0.0)
         step = self._follower.step(located, limits, self._footprint(), self._now_s, dt_s)
         if step.unreachable:
             return self._refuse(step.text, located)
         if step.gave_up:
-            self._finish(step.text)
+            self._finish(Trigger.GAVE_UP, step.text)
             return self._idle()
         self._text = step.text
         if self._follower.route is not None:
@@ -451,7 +427,8 @@ class NavigationController:
             return False
         # Another speed leaves a straight way as it is: no need to publish it again.
         keep_path = same_way and self.path is not None and _runs_along(trajectory, self.path)
-        self._run(trajectory, NavigationState.DRIVING, "driving to the goal", keep_path=keep_path)
+        self._enter(Trigger.CLEAR)
+        self._run(trajectory, "driving to the goal", keep_path=keep_path)
         return True
 
     def _motion(self, start: MotionState, limits: PlanningLimits) -> Trajectory | None:
@@ -463,8 +440,8 @@ class NavigationController:
             self._hold(f"no plan: {error}")
             return None
 
-    def _run(self, trajectory: Trajectory, state: NavigationState, text: str, *, keep_path: bool = False) -> None:
-        self._trajectory, self._state, self._text = trajectory, state, text
+    def _run(self, trajectory: Trajectory, text: str, *, keep_path: bool = False) -> None:
+        self._trajectory, self._text = trajectory, text
         self._elapsed_s = self._since_plan_s = 0.0
         # A robot at rest first turns its wheels, which takes up to half a second: the plan begins when it moves.
         start = trajectory.at(0.0)
@@ -482,7 +459,7 @@ class NavigationController:
         if limits is None:
             return  # the next tick holds
         if self._state is NavigationState.BRAKING:
-            self._run(plan_stop(now, limits.cruise), NavigationState.BRAKING, self._text)
+            self._run(plan_stop(now, limits.cruise), self._text)
         else:
             self._begin(now, same_way=True)
 
@@ -495,22 +472,26 @@ class NavigationController:
         self._goal = None
         self._follower.forget()
         if now is not None and limits is not None:
-            self._run(plan_stop(now, limits.cruise), NavigationState.BRAKING, text)
+            self._enter(Trigger.WITHDRAWN_MOVING)
+            self._run(plan_stop(now, limits.cruise), text)
         elif self._state is not NavigationState.BRAKING:
-            self._finish(text)
+            self._finish(Trigger.WITHDRAWN, text)
 
     def _hold(self, text: str) -> None:
-        self._trajectory = None
         self._follower.forget()
-        self._text = text
         if self._goal is None:
-            self._finish(text)
-        else:
-            self._state = NavigationState.HELD
+            self._finish(Trigger.BRAKING_FORBIDDEN, text)
+            return
+        self._trajectory, self._text = None, text
+        self._enter(Trigger.FORBIDDEN)
 
-    def _finish(self, text: str) -> None:
+    def _finish(self, trigger: Trigger, text: str) -> None:
         self._goal = self._trajectory = self.path = None
-        self._state, self._text = NavigationState.IDLE, text
+        self._enter(trigger)
+        self._text = text
+
+    def _enter(self, trigger: Trigger) -> None:
+        self._state = target_of(self._state, trigger)
 
     # --- conditions --------------------------------------------------------------------------------------------------
 

@@ -13,8 +13,8 @@ from robot_stack.bench.framework import Aim, BenchError
 from robot_stack.core.config import load
 from robot_stack.core.geometry import IDENTITY, Pose2, wrap_angle
 from robot_stack.core.limits import SpeedLimit
-from robot_stack.navigation.controller import NavigationState
 from robot_stack.navigation.params import NavigationParams
+from robot_stack.navigation.states import NavigationState
 from sim.bench.kernel_stack import KernelStack, Sample
 from sim.plant.world import Setup
 from sim.worldfile import load_world

@@ -21,7 +21,7 @@ from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.site_map import load_map
-from robot_stack.navigation.controller import NavigationController, NavigationState, Output, Situation
+from robot_stack.navigation.controller import NavigationController, Output, Situation
 from robot_stack.navigation.goal import GoalRequest
 from robot_stack.navigation.nodes.people_markers import people_markers
 from robot_stack.navigation.nodes.planning_thread import PlanningThread
@@ -29,6 +29,7 @@ from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.pose_source import PoseSource
 from robot_stack.navigation.routes import RouteSolver
+from robot_stack.navigation.states import NavigationState
 from robot_stack.navigation.warm_up import warm_up
 from robot_stack.ros.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg, twist_to_msg
 from robot_stack.ros.departures import DepartureWarnings

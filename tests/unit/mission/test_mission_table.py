@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 import pytest
 
+from robot_stack.core.transitions import Transition
 from robot_stack.mission import events as ev
 from robot_stack.mission.record import Record
-from robot_stack.mission.states import TRANSITIONS, State, Transition, Trigger
+from robot_stack.mission.states import TRANSITIONS, State, Trigger
 
 from .conftest import DockStory, make_mission
 
@@ -109,7 +110,7 @@ SERVED: dict[State, Step] = {
 }
 
 
-def name_of(row: Transition) -> str:
+def name_of(row: Transition[State, Trigger]) -> str:
     return f"{row.source.value}-{row.trigger.name}"
 
 

@@ -15,13 +15,14 @@ from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
-from robot_stack.navigation.controller import NavigationController, NavigationState, Output, Situation
+from robot_stack.navigation.controller import NavigationController, Output, Situation
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.people import PeopleTracker
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.ramp import Ramp
 from robot_stack.navigation.rollout_kernels import along_poses, free_time
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteSolver
+from robot_stack.navigation.states import NavigationState
 from tests.unit.navigation.plant import ROBOT, Drive, params, request
 
 _N, _RES = 200, 0.05

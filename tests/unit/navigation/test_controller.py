@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, wrap_angle
 from robot_stack.core.limits import SpeedLimit
-from robot_stack.navigation.controller import NavigationState, Situation
+from robot_stack.navigation.controller import Situation
 from robot_stack.navigation.pose_source import Located
+from robot_stack.navigation.states import NavigationState
 from tests.unit.navigation.plant import ROBOT, request, ride
 
 GOAL = Pose2(5.0, 2.0, 1.0)

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from robot_stack.core.geometry import IDENTITY, Pose2, wrap_angle
-from robot_stack.navigation.controller import NavigationState
+from robot_stack.navigation.states import NavigationState
 from sim.bench.kernel_stack import KernelStack
 from sim.plant.world import Setup
 from sim.worldfile import load_world

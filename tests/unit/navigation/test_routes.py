@@ -15,11 +15,11 @@ from scipy import ndimage
 
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
-from robot_stack.navigation.controller import NavigationState
 from robot_stack.navigation.grid_kernels import astar
 from robot_stack.navigation.nodes.planning_thread import PlanningThread
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteRequest, RouteResult, RouteSolver
+from robot_stack.navigation.states import NavigationState
 from robot_stack.navigation.stop import Stop
 from tests.support.waiting import wait_for
 from tests.unit.navigation.plant import ROBOT, params

@@ -10,7 +10,7 @@ from robot_stack.core.config import load
 from robot_stack.core.departure import SETTING_OUT, Departure, DepartureParams
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.limits import NO_LIMIT, SpeedLimit
-from robot_stack.navigation.controller import NavigationState
+from robot_stack.navigation.states import NavigationState
 from tests.unit.navigation.plant import Ride, ride
 from tests.unit.navigation.test_among_obstacles import Story, corridor
 

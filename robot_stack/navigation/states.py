@@ -1,0 +1,62 @@
+"""The states of the navigation controller and every way from one to the next.
+
+The table is the single truth: the controller asks it, and the tests show that every row is taken.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from robot_stack.core.transitions import Transition, rows, table_of
+
+
+class NavigationState(Enum):
+    """What the controller is doing."""
+
+    IDLE = "idle"  # no goal
+    HELD = "held"  # a goal, but something forbids to move
+    DRIVING = "driving"  # the exact motion straight to the goal, where nothing is near it
+    FOLLOWING = "following"  # a route among obstacles, or waiting until it is planned
+    ARRIVING = "arriving"  # the last centimetres by feedback
+    BRAKING = "braking"  # no goal, still moving
+
+
+class Trigger(Enum):
+    CLEAR = "the straight way to the goal is clear"
+    OBSTRUCTED = "something is near the straight way to the goal"
+    FORBIDDEN = "moving is forbidden or not possible"
+    END_OF_PLAN = "end of the motion"
+    REACHED = "within tolerance and standing"
+    GAVE_UP = "no way for too long"
+    WITHDRAWN = "goal cancelled or refused, nothing to brake"
+    WITHDRAWN_MOVING = "goal cancelled or refused while moving"
+    BRAKING_FORBIDDEN = "moving is forbidden without a goal"
+    EMERGENCY_STOP = "emergency stop"
+
+
+_S = NavigationState
+_ANY = tuple(NavigationState)
+_BUSY = tuple(state for state in NavigationState if state is not _S.IDLE)
+_ON_THE_WAY = (_S.DRIVING, _S.FOLLOWING)
+
+TRANSITIONS: tuple[Transition[NavigationState, Trigger], ...] = (
+    # A goal may come in any state.
+    *rows(_ANY, Trigger.CLEAR, _S.DRIVING),
+    *rows(_ANY, Trigger.OBSTRUCTED, _S.FOLLOWING),
+    *rows(_ANY, Trigger.FORBIDDEN, _S.HELD),
+    *rows((_S.DRIVING,), Trigger.END_OF_PLAN, _S.ARRIVING),
+    *rows((_S.BRAKING,), Trigger.END_OF_PLAN, _S.IDLE),
+    *rows((_S.ARRIVING,), Trigger.REACHED, _S.IDLE),
+    *rows((_S.FOLLOWING,), Trigger.GAVE_UP, _S.IDLE),
+    *rows((_S.IDLE, _S.HELD, _S.ARRIVING, *_ON_THE_WAY), Trigger.WITHDRAWN, _S.IDLE),
+    *rows(_ON_THE_WAY, Trigger.WITHDRAWN_MOVING, _S.BRAKING),
+    *rows((_S.BRAKING,), Trigger.BRAKING_FORBIDDEN, _S.IDLE),
+    *rows(_BUSY, Trigger.EMERGENCY_STOP, _S.IDLE),
+)
+
+_TABLE = table_of(TRANSITIONS)
+
+
+def target_of(state: NavigationState, trigger: Trigger) -> NavigationState:
+    """The state that ``trigger`` leads to. Raises KeyError for a trigger that means nothing in ``state``."""
+    return _TABLE[state, trigger]
