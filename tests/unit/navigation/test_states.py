@@ -153,9 +153,7 @@ def test_every_state_is_entered_and_left_and_each_way_is_unambiguous() -> None:
 
 
 @pytest.mark.parametrize("row", TRANSITIONS, ids=lambda row: f"{row.source.name}-{row.trigger.name}")
-def test_the_controller_takes_the_row(
-    row: Row, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_controller_takes_the_row(row: Row, monkeypatch: pytest.MonkeyPatch) -> None:
     site = Site()
     BROUGHT_TO[row.source](site)
     taken: list[Row] = []
