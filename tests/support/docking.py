@@ -4,23 +4,30 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from typing import Any
 
 import rclpy
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.context import Context
-from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
 from custom_msgs.action import Dock, Undock
 from custom_msgs.msg import DockingStatus
 from robot_stack.contract import actions, topics
+from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.interfaces import interface_class, qos_profile
+from tests.support.waiting import wait_for
 
-_CLOSE_S = 30.0  # what is still at work when its servers go ends in an error of rclpy
+_CLOSE_S = 30.0
+
+
+class _Moment:
+    """Awaited, it lets the executor do something else."""
+
+    def __await__(self) -> Generator[None]:
+        yield
 
 
 class _Wire:
@@ -74,7 +81,6 @@ class FakeDocking:
         self._status = self._publisher(topics.DOCKING_STATUS)
         self._passenger = self._publisher(topics.PASSENGER_ATTACHED)
         self._status_timer = self.node.create_timer(0.1, self._tell)
-        group = ReentrantCallbackGroup()
         self._servers = [
             ActionServer(
                 self.node,
@@ -83,13 +89,12 @@ class FakeDocking:
                 execute_callback=execute,
                 goal_callback=lambda _: GoalResponse.REJECT if self.rejects else GoalResponse.ACCEPT,
                 cancel_callback=self._on_cancel,
-                callback_group=group,
             )
             for row, execute in ((actions.DOCK, self._dock), (actions.UNDOCK, self._undock))
         ]
         for server in self._servers:
             server._handle = _Wire(server._handle, self)
-        self._executor = MultiThreadedExecutor(4, context=self.context)
+        self._executor = LeanExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._closing = False
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
@@ -111,23 +116,23 @@ class FakeDocking:
         self.cancelled += 1
         return CancelResponse.ACCEPT
 
-    def _dock(self, goal: Any) -> Dock.Result:
+    async def _dock(self, goal: Any) -> Dock.Result:
         self.goals.append(("dock", goal.request.dock_id))
-        return self._execute(goal, Dock, Dock.Result.CANCELED, attached=True)
+        return await self._execute(goal, Dock, Dock.Result.CANCELED, attached=True)
 
-    def _undock(self, goal: Any) -> Undock.Result:
+    async def _undock(self, goal: Any) -> Undock.Result:
         self.goals.append(("undock", goal.request.dock_id))
-        return self._execute(goal, Undock, Undock.Result.CANCELED, attached=False)
+        return await self._execute(goal, Undock, Undock.Result.CANCELED, attached=False)
 
-    def _execute(self, goal: Any, action: Any, canceled: int, *, attached: bool) -> Any:
+    async def _execute(self, goal: Any, action: Any, canceled: int, *, attached: bool) -> Any:
         try:
             for state in self.steps:
                 self._state = state if action is Dock else "DOCKED"
                 goal.publish_feedback(action.Feedback(state=state))
-                if self._wait(goal, self.step_s):
-                    return self._cancel(goal, action, canceled)
-            if self.hangs and self._wait(goal, 3600.0):
-                return self._cancel(goal, action, canceled)
+                if await self._wait(goal, self.step_s):
+                    return await self._cancel(goal, action, canceled)
+            if self.hangs and await self._wait(goal, 3600.0):
+                return await self._cancel(goal, action, canceled)
         finally:
             self._state = "IDLE"
         if self.error is not None:
@@ -138,19 +143,19 @@ class FakeDocking:
         goal.succeed()
         return action.Result(success=True)
 
-    def _wait(self, goal: Any, seconds: float) -> bool:
+    async def _wait(self, goal: Any, seconds: float) -> bool:
         """True as soon as the goal is cancelled (or this server closes)."""
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
             if goal.is_cancel_requested or self._closing:
                 return True
-            time.sleep(0.01)
+            await _Moment()
         return False
 
-    def _cancel(self, goal: Any, action: Any, canceled: int) -> Any:
+    async def _cancel(self, goal: Any, action: Any, canceled: int) -> Any:
         end_s = time.monotonic() + self.cancel_s
         while time.monotonic() < end_s and not self._closing:
-            time.sleep(0.01)
+            await _Moment()
         if goal.is_cancel_requested:
             goal.canceled()
         else:
@@ -159,11 +164,14 @@ class FakeDocking:
 
     def close(self) -> None:
         self._closing = True
-        self._executor.shutdown(_CLOSE_S)
+        # Goals end while the executor still spins: what ends after its servers have gone raises.
+        wait_for(lambda: not self._executor._tasks, "the goals' end", _CLOSE_S)
+        self._executor.stop()
         self._thread.join(_CLOSE_S)
         for server in self._servers:
             server.destroy()
         self.node.destroy_node()
+        self._executor.shutdown()
         rclpy.try_shutdown(context=self.context)
 
 
