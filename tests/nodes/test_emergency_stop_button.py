@@ -12,6 +12,7 @@ from std_msgs.msg import Bool
 
 from robot_stack.contract import topics
 from tests.support.engine import BUTTON_PRESSED, BUTTON_RELEASED, TestEngine
+from tests.support.held_up import HeldUp
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
 
@@ -75,12 +76,13 @@ def test_press_and_release(start: Start, peer: Peer, engine: TestEngine) -> None
     button = Button(start, peer).wait_health("")
     peer.wait_matched(topics.EMERGENCY_STOP)
     assert button.values() == []  # found released: nothing to say
-    pressed_s = time.monotonic()
-    engine.set(input0=BUTTON_PRESSED)
-    button.wait_values([True])
-    latency_s = button.said.items[0][0] - pressed_s
+    with HeldUp() as machine:
+        pressed_s = time.monotonic()
+        engine.set(input0=BUTTON_PRESSED)
+        button.wait_values([True])
+        latency_s = button.said.items[0][0] - pressed_s
     print(f"contact to /emergency_stop: {1e3 * latency_s:.1f} ms")
-    assert latency_s < 0.25  # 10 ms debounce and a reading; the rest is what a busy test machine may take
+    assert latency_s - machine.seconds < 0.25  # 10 ms debounce and a reading; the rest is what a busy machine may take
     engine.set(input0=BUTTON_RELEASED)
     button.wait_values([True, False])
 
