@@ -95,25 +95,30 @@ def start(
         env=environment(),
         text=True,
     )
-    with _interruption() as interrupted:
-        status = _wait_ready(supervisor, deadline_s, progress, interrupted)
-    if status is not None:
-        return status
-    # Who gives up waiting does not want it any more.
-    supervisor.send_signal(signal.SIGINT)
-    with contextlib.suppress(subprocess.TimeoutExpired):
-        supervisor.wait(load_params().terminate_s + _STOP_MARGIN_S)
-    raise KeyboardInterrupt
+    try:
+        with _interruption() as interrupted:
+            status = _wait_ready(supervisor, deadline_s, progress, interrupted)
+        if status is not None and not interrupted.is_set():
+            return status
+        signal.raise_signal(signal.SIGINT)  # to the caller's own handler
+        raise KeyboardInterrupt
+    except KeyboardInterrupt:  # who gives up waiting does not want it any more
+        supervisor.send_signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            supervisor.wait(load_params().terminate_s + _STOP_MARGIN_S)
+        raise
 
 
 @contextlib.contextmanager
 def _interruption() -> Iterator[threading.Event]:
     """Ctrl-C as an event: the exception is lost where Python ignores exceptions, as while it closes a socket."""
     interrupted = threading.Event()
-    if threading.current_thread() is not threading.main_thread():  # which alone gets signals
+    before = signal.getsignal(signal.SIGINT)
+    # The main thread alone gets signals; a shell that starts it in the background has Ctrl-C ignored.
+    if threading.current_thread() is not threading.main_thread() or before in (signal.SIG_IGN, None):
         yield interrupted
         return
-    before = signal.signal(signal.SIGINT, lambda _number, _frame: interrupted.set())
+    signal.signal(signal.SIGINT, lambda _number, _frame: interrupted.set())
     try:
         yield interrupted
     finally:
