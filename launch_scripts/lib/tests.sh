@@ -17,10 +17,8 @@ all_tests() {
   run_tests nodes tests/nodes tests/ui --numprocesses 3 --dist loadfile || failed+=(nodes)
   # Each is a whole robot and its world, which need both cores.
   run_tests scenarios tests/scenarios || failed+=(scenarios)
-  # What computes, the longest first, one file for each of the two. The safety kernel's own tests run under coverage in
-  # tests/mutation.
-  run_tests kernels tests/setup/test_colcon.py tests/mutation/test_safety_kernel.py \
-    tests/mutation tests/setup tests/contract tests/unit --ignore=tests/unit/safety \
+  # What computes, the longest first. The safety kernel's own tests run under coverage in tests/mutation.
+  run_tests kernels tests/mutation tests/setup tests/contract tests/unit --ignore=tests/unit/safety \
     --numprocesses 2 --dist loadfile --no-loadscope-reorder || failed+=(kernels)
   ((${#failed[@]} == 0)) || { echo "== tests: FAILED in ${failed[*]}" && return 1; }
 }
