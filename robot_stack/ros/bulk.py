@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import threading
 from collections import deque
 from collections.abc import Callable
 from typing import Any, Protocol
@@ -13,7 +12,6 @@ from rclpy.qos import QoSProfile
 from robot_stack.ros import transport
 from robot_stack.ros.guest import Guest
 
-_JOIN_S = 5.0
 _HIDDEN = re.compile(r"_(.+)_bulk")
 
 
@@ -43,9 +41,8 @@ class BulkInputs:
         transport.keep_memory()
         with transport.shared_memory():
             self._guest = Guest(f"_{owner.get_name()}_bulk")
-        self._node, self._executor = self._guest.node, self._guest.executor
-        self._thread = threading.Thread(target=self._executor.spin, name="bulk", daemon=True)
-        self._thread.start()
+        self._node = self._guest.node
+        self._guest.spin_beside("bulk")
 
     def subscribe(
         self,
@@ -77,6 +74,4 @@ class BulkInputs:
         self._node.destroy_subscription(subscription)
 
     def close(self) -> None:
-        self._executor.stop()
-        self._thread.join(_JOIN_S)
         self._guest.close()

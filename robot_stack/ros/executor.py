@@ -57,14 +57,14 @@ class LeanExecutor(Executor):
     def spin(self, should_stop: Callable[[], bool] = lambda: False) -> None:
         """Runs callbacks until ``should_stop`` says so or ``stop`` is called. Raises ExternalShutdownException.
 
-        ``should_stop`` is asked after each wake-up: whoever changes its answer calls ``wake``.
+        ``should_stop`` is asked after each wake-up: whoever changes its answer calls ``wake``. A ``stop`` before
+        counts: its caller cannot know whether the thread that spins has begun.
         """
-        self._stop = False
         while not self._stop and not should_stop():
             self.spin_once(None)
 
     def stop(self) -> None:
-        """Ends ``spin`` soon; may be called from any thread."""
+        """Ends ``spin`` soon and for good; may be called from any thread."""
         self._stop = True
         self.wake()
 

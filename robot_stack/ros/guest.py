@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import threading
+
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from robot_stack.ros.executor import LeanExecutor
+
+_JOIN_S = 5.0
 
 
 class Guest:
@@ -28,8 +32,22 @@ class Guest:
         )
         self.executor = LeanExecutor(context=self._context)
         self.executor.add_node(self.node)
+        self._thread: threading.Thread | None = None
+
+    def spin_beside(self, name: str) -> None:
+        """Runs the callbacks in a thread of this name until ``close``."""
+        self._thread = threading.Thread(target=self.executor.spin, name=name, daemon=True)
+        self._thread.start()
 
     def close(self) -> None:
+        """A thread that has not ended in time keeps what it uses, which then goes with the process: to destroy a
+        subscription that is being taken from would crash it.
+        """
+        self.executor.stop()
+        if self._thread is not None:
+            self._thread.join(_JOIN_S)
+            if self._thread.is_alive():
+                return
         self.node.destroy_node()
         self.executor.shutdown()
         rclpy.try_shutdown(context=self._context)

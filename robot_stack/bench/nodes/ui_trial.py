@@ -12,7 +12,6 @@ import json
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -52,8 +51,7 @@ class Trial:
             self._guest.node.create_subscription(
                 interface_class(row.type), row.name, self._on_message, qos_profile(row.qos)
             )
-        self._thread = threading.Thread(target=self._guest.executor.spin, daemon=True)
-        self._thread.start()
+        self._guest.spin_beside("ui_trial")
         settings = {"server.port": 0, "server.token": _TOKEN, "access.pin_hash": hash_pin(_PIN), "pages.map": ""}
         arguments = [word for name, value in settings.items() for word in ("-p", f"{name}:={_yaml(value)}")]
         command = [sys.executable, "-m", "robot_stack.ros.main", "touch_ui", "--ros-args", *arguments]
@@ -63,8 +61,6 @@ class Trial:
     def close(self) -> None:
         self._process.terminate()
         self._process.wait()
-        self._guest.executor.stop()
-        self._thread.join(5.0)
         self._guest.close()
 
     def target(self) -> Target:

@@ -1,0 +1,55 @@
+"""A second participant of a process ends in order, and crashes nothing where it cannot."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+from std_msgs.msg import Bool
+
+from robot_stack.contract import topics
+from robot_stack.ros import guest
+from robot_stack.ros.guest import Guest
+from robot_stack.ros.interfaces import interface_class, qos_profile
+from tests.support.peer import Peer
+from tests.support.waiting import wait_for
+
+ROW = topics.EMERGENCY_STOP
+
+
+def test_what_a_thread_still_uses_is_not_destroyed(
+    ros_domain: int, peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(guest, "_JOIN_S", 0.2)
+    taken, go_on = threading.Event(), threading.Event()
+
+    def hold(_: Bool) -> None:
+        taken.set()
+        go_on.wait(60.0)
+
+    held = Guest("held_up")
+    subscription = held.node.create_subscription(interface_class(ROW.type), ROW.name, hold, qos_profile(ROW.qos))
+    held.spin_beside("held_up")
+    peer.wait_matched(ROW)
+    peer.publish(ROW, Bool(data=True))
+    wait_for(taken.is_set, "the callback")
+    try:
+        held.close()
+        with subscription.handle:  # raises InvalidHandle once it is destroyed
+            pass
+    finally:
+        go_on.set()
+    wait_for(lambda: "held_up" not in [thread.name for thread in threading.enumerate()], "the thread's end")
+    held.close()
+    assert not held.executor.context.ok()
+
+
+def test_a_thread_that_has_only_just_begun_ends_too(ros_domain: int) -> None:
+    for _ in range(20):
+        brief = Guest("brief")
+        start_s = time.monotonic()
+        brief.spin_beside("brief")
+        brief.close()
+        assert not brief.executor.context.ok()
+        assert time.monotonic() - start_s < guest._JOIN_S
