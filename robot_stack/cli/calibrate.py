@@ -58,6 +58,18 @@ def lidar(
 
 
 @calibrate.command()
+def extrinsics(
+    recording: Annotated[Path, typer.Argument(help="Ride before a dock's markers, made by robot-stack record.")],
+    frame: Annotated[str, typer.Option(help="Camera: front_camera or rear_camera.")] = "front_camera",
+    picture: Annotated[Path | None, typer.Option(help="Draw what is left into this PNG.")] = None,
+) -> None:
+    """Find how a camera is mounted beside the LiDAR, by a ride to and fro before markers that stand still."""
+    from robot_stack.cli.calibrate_extrinsics import calibrate_extrinsics
+
+    calibrate_extrinsics(recording, frame, picture)
+
+
+@calibrate.command()
 def wheels(
     recording: Annotated[Path, typer.Argument(help="Ride ahead and sideways, made by robot-stack record.")],
     picture: Annotated[Path | None, typer.Option(help="Draw the differences into this PNG.")] = None,

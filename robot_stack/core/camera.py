@@ -14,6 +14,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 from pydantic import Field
+from scipy.spatial.transform import Rotation
 
 from robot_stack.contract.frames import FRONT_CAMERA, REAR_CAMERA
 from robot_stack.core.config import Config, config_dir, read_yaml, validate
@@ -100,10 +101,18 @@ def _matrix(values: NDArray[np.float64]) -> dict[str, object]:
 
 def mounting(robot: Robot, frame: str) -> NDArray[np.float64]:
     """(4, 4) nominal pose of a camera's optical frame in base_link. Raises KeyError for a frame that is no camera."""
-    axes, place = {
-        FRONT_CAMERA: (_FORWARDS, robot.front_camera_xyz_m),
-        REAR_CAMERA: (_BACKWARDS, robot.rear_camera_xyz_m),
+    axes, place, rpy_deg = {
+        FRONT_CAMERA: (_FORWARDS, robot.front_camera_xyz_m, robot.front_camera_rpy_deg),
+        REAR_CAMERA: (_BACKWARDS, robot.rear_camera_xyz_m, robot.rear_camera_rpy_deg),
     }[frame]
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = axes, place
+    pose[:3, :3] = Rotation.from_euler("xyz", rpy_deg, degrees=True).as_matrix() @ axes
+    pose[:3, 3] = place
     return pose
+
+
+def turned_by_deg(rotation: NDArray[np.float64], frame: str) -> tuple[float, float, float]:
+    """The ``rpy_deg`` of a camera whose optical frame has this orientation (3, 3) in base_link. Raises KeyError."""
+    axes = {FRONT_CAMERA: _FORWARDS, REAR_CAMERA: _BACKWARDS}[frame]
+    roll, pitch, yaw = Rotation.from_matrix(rotation @ axes.T).as_euler("xyz", degrees=True).tolist()
+    return roll, pitch, yaw

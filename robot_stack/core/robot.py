@@ -15,6 +15,7 @@ from robot_stack.core.range_sensor import RangeSensor
 Positive = Annotated[float, Field(gt=0.0)]
 Bit = Annotated[int, Field(ge=0, lt=8)]
 Xyz = Annotated[tuple[float, float, float], Field(description="m, base_link")]
+Rpy = Annotated[tuple[float, float, float], Field(description="deg, about the fixed axes x, y, z of base_link")]
 
 
 class Motion(Config):
@@ -133,7 +134,9 @@ class Robot(Config):
     steer: Steer
     imu_xyz_m: Xyz
     front_camera_xyz_m: Xyz
+    front_camera_rpy_deg: Rpy
     rear_camera_xyz_m: Xyz
+    rear_camera_rpy_deg: Rpy
     range_sensors: dict[str, RangeSensor]
     mast: Mast
     estop_input_byte: Annotated[int, Field(ge=0, lt=8000)]

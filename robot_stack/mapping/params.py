@@ -125,6 +125,20 @@ class Mount(Config):
     deviation_deg: Positive
 
 
+class CameraMount(Config):
+    """How a camera's mount is found, ``robot-stack calibrate extrinsics``."""
+
+    fewest_views: Annotated[int, Field(ge=10)]
+    least_turn_deg: Positive
+    stand_s: Positive
+    stand_m: Positive
+    stand_deg: Positive
+    apart_m: Positive
+    apart_deg: Positive
+    deviation_deg: Positive
+    deviation_m: Positive
+
+
 class MappingParams(Config):
     sweeps: Sweeps
     lidar_odometry: LidarOdometry
@@ -135,3 +149,4 @@ class MappingParams(Config):
     cells: CellSize
     grid: GridSettings
     mount: Mount
+    camera_mount: CameraMount

@@ -1,14 +1,12 @@
 """The ride that a map is built from, recorded as the recorder does: ``python -m sim.mapping.ride FOLDER``.
 
-Physics, drives, sensors and the kernels of drive and odometry in lockstep; people walk about. The driver looks
-where he goes (he is told the true pose); what is recorded is only what the sensors say.
+People walk about.
 """
 
 from __future__ import annotations
 
 import math
 import sys
-from collections import deque
 from pathlib import Path
 from typing import Annotated
 
@@ -16,20 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 from rich.progress import Progress
-from scipy.spatial.transform import Rotation
 
 from robot_stack.core.config import Config, load
 from robot_stack.core.geometry import Pose2, Twist2, wrap_angle
-from robot_stack.drive.arbitration import Source
-from robot_stack.drive.odometry import Encoders, Odometry
-from sim.bench.kernel_stack import KernelStack
-from sim.camera.motion import Track
-from sim.lidar.params import load_lidar_params
-from sim.lidar.scene import build_scene
-from sim.lidar.sensor import Lidar
+from sim.mapping.recorded_drive import RecordedDrive
 from sim.mapping.ride_writer import RideWriter
-from sim.parameters import load_sim_params
-from sim.plant.imu import ImuSample
 from sim.plant.people import RADIUS_M
 from sim.plant.world import Setup
 from sim.worldfile import WorldFile, load_world
@@ -37,8 +26,6 @@ from sim.worldfile import WorldFile, load_world
 F64 = NDArray[np.float64]
 Positive = Annotated[float, Field(gt=0.0)]
 
-_KNOT_HZ = 100.0
-_KNOTS = 40
 _ROOM_M = 0.05
 _PATIENCE_S, _ASIDE_MPS = 3.0, 0.3
 _LIMIT_MPS = 0.35  # mean speed below which a ride is given up
@@ -68,25 +55,15 @@ class RideParams(Config):
         return np.stack([np.interp(dense, along, points[:, axis]) for axis in (0, 1)], axis=1)
 
 
-class Ride(KernelStack):
-    """The stack's drive with a driver instead of navigation, and a tape that takes down what sensors say."""
+class Ride(RecordedDrive):
+    """A driver instead of navigation, who follows the ways."""
 
     def __init__(self, params: RideParams, world: WorldFile, bag: RideWriter) -> None:
-        self._bag = bag
         self._way, self._reached = params.way(world), 0
         self._ride, self._start_s, self._waiting_since_s = params, 0.0, 0.0
-        self.true_poses: list[tuple[float, F64]] = []
-        self._knots: deque[tuple[float, F64]] = deque(maxlen=_KNOTS)
-        start = world.start.pose()
-        self._people_knots: deque[tuple[float, dict[str, F64]]] = deque(maxlen=_KNOTS)
-        super().__init__(Setup(world, seed=params.seed, start=start, people=True))
+        setup = Setup(world, seed=params.seed, start=world.start.pose(), people=True)
+        super().__init__(setup, bag, params.sweep_rate_hz, [person.name for person in world.people])
         self._start_s = self.time_s
-        lidar_params, sim = load_lidar_params(), load_sim_params()
-        names = [walker.name for walker in self.sim.world.people]
-        scene = build_scene(world, lidar_params, sim.wheelchair, people=names)
-        self._lidar = Lidar(scene, lidar_params, self.robot, params.seed)
-        self.every(_KNOT_HZ, self._knot)
-        self.every(params.sweep_rate_hz, self._sweep)
 
     @property
     def length_m(self) -> float:
@@ -102,12 +79,8 @@ class Ride(KernelStack):
 
     # --- driver ------------------------------------------------------------------------------------------------------
 
-    def _navigation_tick(self) -> None:
-        twist = self._requested() if self.time_s - self._start_s > self._ride.stand_s else Twist2(0.0, 0.0, 0.0)
-        self._send(lambda: self.drive.on_command(Source.NAVIGATION, twist, self.time_s))
-
-    def _requested(self) -> Twist2:
-        if self.done:
+    def requested(self) -> Twist2:
+        if self.done or self.time_s - self._start_s <= self._ride.stand_s:
             return Twist2(0.0, 0.0, 0.0)
         pose, _ = self.truth()
         here = np.array([pose.x, pose.y])
@@ -139,41 +112,6 @@ class Ride(KernelStack):
         turn = way.yaw - pose.yaw
         return Twist2(-side * math.sin(turn), side * math.cos(turn), 0.0)
 
-    # --- sensors -----------------------------------------------------------------------------------------------------
-
-    def _imu(self, sample: ImuSample) -> None:
-        super()._imu(sample)
-        self._bag.imu(sample)
-
-    def _odometry(self, encoders: Encoders) -> None:
-        self._bag.joint_states(encoders)
-        super()._odometry(encoders)
-
-    def on_odometry(self, stamp_s: float, odometry: Odometry) -> None:
-        self._bag.odometry(stamp_s, odometry)
-
-    def _knot(self) -> None:
-        truth = self.sim.world.truth()
-        pose = np.eye(4)
-        pose[:3, :3] = Rotation.from_quat(truth.quaternion_xyzw).as_matrix()
-        pose[:3, 3] = truth.position_m
-        self._knots.append((self.time_s, pose))
-        people = {walker.name: _matrix(walker.pose()) for walker in self.sim.world.people}
-        self._people_knots.append((self.time_s, people))
-
-    def _sweep(self) -> None:
-        if len(self._knots) < _KNOTS:
-            return
-        stamp_s, pose = self._knots[-1]
-        base = Track(np.array([time for time, _ in self._knots]), np.array([knot for _, knot in self._knots]))
-        people = {
-            name: Track(base.times_s, np.array([places[name] for _, places in self._people_knots]))
-            for name in self._people_knots[-1][1]
-        }
-        sweep = self._lidar.sweep(base, stamp_s, people)
-        self.true_poses.append((stamp_s, pose))
-        self._bag.sweep(stamp_s, sweep.points)
-
 
 def record(folder: Path, params: RideParams, truth_file: Path | None = None) -> None:
     """Drives and records. truth_file: .npz of the true poses, for judging a map, never for making one.
@@ -194,13 +132,6 @@ def record(folder: Path, params: RideParams, truth_file: Path | None = None) -> 
     if truth_file is not None:
         stamps, poses = zip(*ride.true_poses, strict=True)
         np.savez_compressed(truth_file, stamp_s=np.array(stamps), pose=np.array(poses))
-
-
-def _matrix(pose: Pose2) -> F64:
-    matrix = np.eye(4)
-    matrix[:3, :3] = Rotation.from_euler("z", pose.yaw).as_matrix()
-    matrix[0, 3], matrix[1, 3] = pose.x, pose.y
-    return matrix
 
 
 def main(arguments: list[str]) -> int:

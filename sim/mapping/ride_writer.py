@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
 from robot_stack.contract import frames, topics
@@ -17,7 +18,8 @@ from robot_stack.drive.odometry import Encoders, Odometry
 from robot_stack.recording.writer import BagWriter, Format, topic_info
 from sim.plant.imu import ImuSample
 
-_ROWS = (topics.LIDAR_POINTS, topics.ODOM, topics.IMU, topics.JOINT_STATES)
+_IMAGES = {frames.FRONT_CAMERA: topics.FRONT_IMAGE, frames.REAR_CAMERA: topics.REAR_IMAGE}
+_ROWS = (topics.LIDAR_POINTS, topics.ODOM, topics.IMU, topics.JOINT_STATES, *_IMAGES.values())
 # Any day: simulated time counts from here.
 _EPOCH_NS = 1_750_000_000_000_000_000
 _FORM = Format(split_bytes=1_000_000_000, chunk_bytes=1_000_000, compress=True)
@@ -101,6 +103,14 @@ class RideWriter:
             is_dense=True,
         )
         self._write(topics.LIDAR_POINTS, stamp_s, message)
+
+    def image(self, stamp_s: float, frame: str, picture: NDArray[np.uint8]) -> None:
+        """(height, width) grey levels of the camera ``frame``."""
+        height, width = picture.shape
+        header = self._header(stamp_s, frame)
+        data = np.ascontiguousarray(picture).ravel()
+        message = self._types["sensor_msgs/msg/Image"](header, height, width, "mono8", 0, width, data)
+        self._write(_IMAGES[frame], stamp_s, message)
 
     def _header(self, stamp_s: float, frame: str) -> Any:
         at_ns = _EPOCH_NS + round(1e9 * stamp_s)

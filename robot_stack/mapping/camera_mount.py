@@ -1,0 +1,112 @@
+"""How a camera is mounted, by a ride before markers that stand still: its way beside that of the LiDAR.
+
+The camera sees base_link move about the markers, the LiDAR sees it move about everything else; only the right mount
+lets both agree (hand-eye calibration, Tsai and Lenz, 1989; here as one least-squares problem over all views).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from robot_stack.mapping.params import CameraMount as Settings
+from robot_stack.mapping.poses import Floats, inverse, rotation_of, vector_of, yaw_of
+from robot_stack.mapping.ride import RideError
+
+# How far LiDAR and camera are thought to differ at first, m and rad in the camera's frame; then by what is left.
+_FIRST_GUESS = np.array([2e-3, 2e-3, 2e-3, 1e-3, 1e-3, 1e-3])
+_ROUNDS = 2
+_OUTLIER = 3.0  # deviations beyond which a view counts less
+_ANGLES, _PLACE = slice(0, 3), slice(3, 5)
+_NORMAL = 1.4826  # standard deviation over the median of the magnitudes
+_UNKNOWN = 11  # the camera but for its height, and where the board stands
+
+
+@dataclass(frozen=True, slots=True)
+class CameraMountFound:
+    """pose: (4, 4) optical frame in base_link. angle_deviation_rad: (3,) about base_link's axes; place_deviation_m:
+    (2,) x, y. residuals: (n, 6) from the board as it is seen to where the LiDAR expects it, in the camera: m, rad.
+    """
+
+    pose: Floats
+    angle_deviation_rad: Floats
+    place_deviation_m: Floats
+    residuals: Floats
+
+
+def camera_mount_of(base: Floats, seen: Floats, nominal: Floats, settings: Settings) -> CameraMountFound:
+    """base: (n, 4, 4) base_link in a frame that stands still, by the LiDAR. seen: (n, 4, 4) board in the camera at the
+    same moments. nominal: (4, 4) camera in base_link as it is believed.
+
+    A robot that stays on its plane tells nothing of the camera's height, which remains as it is believed.
+    Raises RideError saying what the views cannot tell.
+    """
+    if len(base) < settings.fewest_views:
+        raise RideError(f"only {len(base)} views of the board, at least {settings.fewest_views} are needed")
+    turn_deg = math.degrees(float(np.ptp(np.unwrap(yaw_of(base)))))
+    if turn_deg < settings.least_turn_deg:
+        raise RideError(
+            f"the robot turned by {turn_deg:.0f} deg only while it saw the board, wanted {settings.least_turn_deg:g}: "
+            "turn to and fro before it"
+        )
+    board = base[0] @ nominal @ seen[0]
+
+    def left(unknown: Floats) -> Floats:
+        """(n, 6)"""
+        camera, place = _mounted(nominal, unknown), _nudged(board, unknown[5:])
+        expected = inverse(base @ camera) @ place
+        shift = expected[:, :3, 3] - seen[:, :3, 3]
+        turn = vector_of(np.swapaxes(seen[:, :3, :3], 1, 2) @ expected[:, :3, :3])
+        rows: Floats = np.concatenate([shift, turn], axis=1)
+        return rows
+
+    found, residuals, jacobian = _fitted(left, np.zeros(_UNKNOWN), _FIRST_GUESS)
+    for _ in range(_ROUNDS):
+        # By the median, so that a few views that are wrong make nobody unsure of all the others.
+        freedom = residuals.size / (residuals.size - _UNKNOWN)
+        spread = _NORMAL * np.median(np.abs(residuals), axis=0) * math.sqrt(freedom)
+        found, residuals, jacobian = _fitted(left, found, spread)
+    deviation = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)))
+    result = CameraMountFound(_mounted(nominal, found), deviation[_ANGLES], deviation[_PLACE], residuals)
+    _check(result, settings)
+    return result
+
+
+def _fitted(left: Callable[[Floats], Floats], start: Floats, spread: Floats) -> tuple[Floats, Floats, Floats]:
+    """(unknowns, residuals (n, 6), Jacobian of those in units of ``spread`` (6,))."""
+    fit = least_squares(lambda x: (left(x) / spread).ravel(), start, loss="soft_l1", f_scale=_OUTLIER)
+    return fit.x, left(fit.x), fit.jac
+
+
+def _mounted(nominal: Floats, unknown: Floats) -> Floats:
+    """Turned about base_link's axes where it stands, then moved in x and y."""
+    pose = nominal.copy()
+    pose[:3, :3] = rotation_of(unknown[_ANGLES]) @ nominal[:3, :3]
+    pose[:2, 3] += unknown[_PLACE]
+    return pose
+
+
+def _nudged(pose: Floats, unknown: Floats) -> Floats:
+    result = pose.copy()
+    result[:3, :3] = rotation_of(unknown[:3]) @ pose[:3, :3]
+    result[:3, 3] += unknown[3:]
+    return result
+
+
+def _check(found: CameraMountFound, settings: Settings) -> None:
+    angle_deg = math.degrees(float(found.angle_deviation_rad.max()))
+    if not angle_deg <= settings.deviation_deg:
+        raise RideError(
+            f"the angles are known to {angle_deg:.2f} deg only, wanted {settings.deviation_deg:g}: drive farther to "
+            "and fro and sideways before the board, for longer"
+        )
+    place_m = float(found.place_deviation_m.max())
+    if not place_m <= settings.deviation_m:
+        raise RideError(
+            f"the place is known to {1e3 * place_m:.1f} mm only, wanted {1e3 * settings.deviation_m:g}: turn farther "
+            "to both sides before the board, for longer"
+        )

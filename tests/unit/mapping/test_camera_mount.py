@@ -1,0 +1,93 @@
+"""A camera's mount by the robot's way before a board: on made-up views with the noise of LiDAR and camera."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from robot_stack.contract.frames import FRONT_CAMERA
+from robot_stack.core.camera import mounting
+from robot_stack.core.config import load
+from robot_stack.core.robot import load_robot
+from robot_stack.mapping.camera_mount import CameraMountFound, camera_mount_of
+from robot_stack.mapping.params import MappingParams
+from robot_stack.mapping.poses import Floats, inverse, planar, pose_of, rotation_of, vector_of
+from robot_stack.mapping.ride import RideError
+
+SETTINGS = load(MappingParams, "mapping").camera_mount
+NOMINAL = mounting(load_robot(), FRONT_CAMERA)
+OFF_DEG, OFF_M = (1.5, -1.0, 2.0), (0.02, -0.015)
+
+
+def camera() -> Floats:
+    pose = NOMINAL.copy()
+    pose[:3, :3] = rotation_of(np.radians(OFF_DEG)) @ NOMINAL[:3, :3]
+    pose[:2, 3] += OFF_M
+    return pose
+
+
+def way(views: int, ahead_m: float, aside_m: float, turn_deg: float) -> Floats:
+    """To and fro, to both sides, turning to both sides: (views, 4, 4)."""
+    t = np.linspace(0.0, 2.0 * math.pi, views)
+    return np.array(
+        [
+            planar(ahead_m * math.sin(2.0 * s), aside_m * math.sin(3.0 * s), math.radians(turn_deg) * math.sin(5.0 * s))
+            for s in t
+        ]
+    )
+
+
+def views(base: Floats, seed: int, place_m: float = 0.003, angle_deg: float = 0.03) -> tuple[Floats, Floats]:
+    """base as a LiDAR of this noise has it, and the board 1.8 m ahead, facing the robot, in the camera."""
+    random = np.random.default_rng(seed)
+    board = pose_of(np.array([1.8, 0.1, 0.5]), rotation_of(np.array([0.0, 0.0, 0.1])))
+    seen = inverse(base @ camera()) @ board
+    noise = pose_of(
+        place_m * random.standard_normal((len(base), 3)),
+        rotation_of(math.radians(angle_deg) * random.standard_normal((len(base), 3))),
+    )
+    return base @ noise, seen
+
+
+def errors(found: CameraMountFound) -> tuple[Floats, Floats]:
+    """(angles, rad about base_link's axes; place in x and y, m)"""
+    turn = vector_of(found.pose[:3, :3] @ camera()[:3, :3].T)
+    return turn, found.pose[:2, 3] - camera()[:2, 3]
+
+
+def test_it_finds_the_mount_as_well_as_it_says() -> None:
+    scaled = []
+    for seed in range(40):
+        found = camera_mount_of(*views(way(60, 0.8, 0.5, 14.0), seed), NOMINAL, SETTINGS)
+        turn, shift = errors(found)
+        assert np.abs(turn).max() < math.radians(0.15)
+        assert np.abs(shift).max() < 0.010
+        assert found.pose[2, 3] == NOMINAL[2, 3]
+        scaled += [*(turn / found.angle_deviation_rad), *(shift / found.place_deviation_m)]
+    # Deviations that are told shall be those of the errors: the root of the mean square of 200 is within a fifth of 1.
+    assert math.sqrt(np.mean(np.square(scaled))) == pytest.approx(1.0, abs=0.2)
+
+
+def test_views_that_are_wrong_move_it_little() -> None:
+    base, seen = views(way(60, 0.8, 0.5, 14.0), 1)
+    base[::12, 0, 3] += 0.2  # one sweep in twelve was matched wrongly
+    turn, shift = errors(camera_mount_of(base, seen, NOMINAL, SETTINGS))
+    assert np.abs(turn).max() < math.radians(0.3)
+    assert np.abs(shift).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("base", "noise_m", "why"),
+    [
+        (way(10, 0.35, 0.3, 14.0), 0.003, "only 10 views of the board, at least 25"),
+        (way(60, 0.35, 0.3, 3.0), 0.003, r"turned by 6 deg only .* wanted 15"),
+        (way(60, 0.02, 0.0, 14.0), 0.02, r"the angles are known to \d+\.\d+ deg only, wanted 0\.1"),
+        (way(60, 0.8, 0.5, 7.6), 0.008, r"the place is known to \d+\.\d mm only, wanted 5"),
+    ],
+    ids=["few", "no turn", "no way", "noise"],
+)
+def test_what_cannot_be_told_is_refused(base: Floats, noise_m: float, why: str) -> None:
+    with pytest.raises(RideError, match=why):
+        camera_mount_of(*views(base, 0, place_m=noise_m), NOMINAL, SETTINGS)
