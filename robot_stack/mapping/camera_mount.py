@@ -7,7 +7,6 @@ lets both agree (hand-eye calibration, Tsai and Lenz, 1989; here as one least-sq
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,12 +16,12 @@ from robot_stack.mapping.params import CameraMount as Settings
 from robot_stack.mapping.poses import Floats, inverse, rotation_of, vector_of, yaw_of
 from robot_stack.mapping.ride import RideError
 
-# How far LiDAR and camera are thought to differ at first, m and rad in the camera's frame; then by what is left.
-_FIRST_GUESS = np.array([2e-3, 2e-3, 2e-3, 1e-3, 1e-3, 1e-3])
-_ROUNDS = 2
+# How far LiDAR and camera differ: 2 mm, and in the camera's frame half a mrad but for the board's yaw, which few
+# markers tell worse. Estimated from the residuals instead, one of the six would take all the weight.
+_SPREAD = np.array([2e-3, 2e-3, 2e-3, 5e-4, 2e-3, 5e-4])
 _OUTLIER = 3.0  # deviations beyond which a view counts less
+_GROUPS = 10  # of views one after the other, whose errors may be alike
 _ANGLES, _PLACE = slice(0, 3), slice(3, 5)
-_NORMAL = 1.4826  # standard deviation over the median of the magnitudes
 _UNKNOWN = 11  # the camera but for its height, and where the board stands
 
 
@@ -55,31 +54,44 @@ def camera_mount_of(base: Floats, seen: Floats, nominal: Floats, settings: Setti
         )
     board = base[0] @ nominal @ seen[0]
 
-    def left(unknown: Floats) -> Floats:
-        """(n, 6)"""
-        camera, place = _mounted(nominal, unknown), _nudged(board, unknown[5:])
-        expected = inverse(base @ camera) @ place
-        shift = expected[:, :3, 3] - seen[:, :3, 3]
-        turn = vector_of(np.swapaxes(seen[:, :3, :3], 1, 2) @ expected[:, :3, :3])
-        rows: Floats = np.concatenate([shift, turn], axis=1)
-        return rows
-
-    found, residuals, jacobian = _fitted(left, np.zeros(_UNKNOWN), _FIRST_GUESS)
-    for _ in range(_ROUNDS):
-        # By the median, so that a few views that are wrong make nobody unsure of all the others.
-        freedom = residuals.size / (residuals.size - _UNKNOWN)
-        spread = _NORMAL * np.median(np.abs(residuals), axis=0) * math.sqrt(freedom)
-        found, residuals, jacobian = _fitted(left, found, spread)
-    deviation = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)))
-    result = CameraMountFound(_mounted(nominal, found), deviation[_ANGLES], deviation[_PLACE], residuals)
+    unknown = _fitted(base, seen, nominal, board)
+    residuals = _residuals(unknown, base, seen, nominal, board)
+    deviation = _deviation(base, seen, nominal, board)
+    result = CameraMountFound(_mounted(nominal, unknown), deviation[_ANGLES], deviation[_PLACE], residuals)
     _check(result, settings)
     return result
 
 
-def _fitted(left: Callable[[Floats], Floats], start: Floats, spread: Floats) -> tuple[Floats, Floats, Floats]:
-    """(unknowns, residuals (n, 6), Jacobian of those in units of ``spread`` (6,))."""
-    fit = least_squares(lambda x: (left(x) / spread).ravel(), start, loss="soft_l1", f_scale=_OUTLIER)
-    return fit.x, left(fit.x), fit.jac
+def _residuals(unknown: Floats, base: Floats, seen: Floats, nominal: Floats, board: Floats) -> Floats:
+    """(n, 6)"""
+    camera, place = _mounted(nominal, unknown), _nudged(board, unknown[5:])
+    expected = inverse(base @ camera) @ place
+    shift = expected[:, :3, 3] - seen[:, :3, 3]
+    turn = vector_of(np.swapaxes(seen[:, :3, :3], 1, 2) @ expected[:, :3, :3])
+    rows: Floats = np.concatenate([shift, turn], axis=1)
+    return rows
+
+
+def _fitted(base: Floats, seen: Floats, nominal: Floats, board: Floats) -> Floats:
+    """(11,) unknowns."""
+
+    def weighed(unknown: Floats) -> Floats:
+        rows: Floats = _residuals(unknown, base, seen, nominal, board) / _SPREAD
+        return rows.ravel()
+
+    found: Floats = least_squares(weighed, np.zeros(_UNKNOWN), loss="soft_l1", f_scale=_OUTLIER).x
+    return found
+
+
+def _deviation(base: Floats, seen: Floats, nominal: Floats, board: Floats) -> Floats:
+    """(11,) of the unknowns, by leaving out one group of views after the other (jackknife): views that follow each
+    other are off alike, which a deviation by the residuals' size would not know.
+    """
+    groups = np.array_split(np.arange(len(base)), _GROUPS)
+    kept = [np.setdiff1d(np.arange(len(base)), group) for group in groups]
+    found = np.array([_fitted(base[rest], seen[rest], nominal, board) for rest in kept])
+    deviation: Floats = np.sqrt((_GROUPS - 1) / _GROUPS * ((found - found.mean(axis=0)) ** 2).sum(axis=0))
+    return deviation
 
 
 def _mounted(nominal: Floats, unknown: Floats) -> Floats:
