@@ -15,8 +15,6 @@ FEWER_LINES_THAN = 150
 STILL_LONGER = {
     "docking/nodes/aruco_detector.py",
     "docking/nodes/docking_controller.py",
-    "drive/nodes/swerve_controller.py",
-    "drive/nodes/swerve_hardware_interface.py",
     "localization/nodes/ndt_localization.py",
     "mission/nodes/mission_manager.py",
     "navigation/nodes/navigation_controller.py",

@@ -37,7 +37,6 @@ from robot_stack.wmx.differential.states import Stage
 from robot_stack.wmx.session import EngineSession
 from tf2_msgs.msg import TFMessage
 
-_LOG_PERIOD_S = 1.0
 # So long a sender that was there before may need to be discovered (config/fastdds.xml).
 _DISCOVERY_S = 2.5
 _END_POLL_S = 0.02
@@ -91,15 +90,15 @@ class DiffDriveControllerNode(StackNode):
         try:
             self._command.receive(fields, self.steady_s(), age_s)
         except BadTwist as error:
-            self._log_throttled(f"{topic} refused, the wheels stop: {error}")
+            self.log_throttled(f"{topic} refused, the wheels stop: {error}")
         except OldTwist as error:
-            self._log_throttled(f"{topic} left out: {error}")
+            self.log_throttled(f"{topic} left out: {error}")
 
     def on_emergency_stop(self) -> None:
         self._command.demand_rest(self.steady_s())
         problem = self._session.quick_stop()
         if problem:
-            self._log_throttled(problem)
+            self.log_throttled(problem)
 
     # --- tick --------------------------------------------------------------------------------------------------------
 
@@ -119,7 +118,7 @@ class DiffDriveControllerNode(StackNode):
         shaped = self._shaper.shape(requested, self._of_wheels(snapshot.velocity_cmd), snapshot.engine_time_s)
         problem = self._session.follow(self._turned(shaped.speeds), now_s, shaped.ramp_s).problem
         if problem:
-            self._log_throttled(problem)
+            self.log_throttled(problem)
 
     def _turned(self, wheels: WheelPair) -> WheelPair:
         """Between wheels that drive forward and axes that turn, either way."""
@@ -147,7 +146,7 @@ class DiffDriveControllerNode(StackNode):
         reading = WheelReading(snapshot.engine_time_s, self._of_wheels(snapshot.actual_pos), snapshot.epoch)
         odometry = self._odometry.update(reading)
         if odometry.fault:
-            self._log_throttled(odometry.fault)
+            self.log_throttled(odometry.fault)
         message.pose.pose = pose_to_msg(odometry.pose)
         message.pose.covariance = pose_covariance(odometry.covariance)
         if self._tf is not None:
@@ -157,9 +156,6 @@ class DiffDriveControllerNode(StackNode):
     def _age_s(self, snapshot: StatusSnapshot) -> float:
         """How long ago the engine took the reading."""
         return self.age_s(snapshot.age_s(time.monotonic_ns()))
-
-    def _log_throttled(self, text: str) -> None:
-        self.get_logger().error(text, throttle_duration_sec=_LOG_PERIOD_S)
 
     def _report(self, stage: Stage, text: str, requested: Command) -> None:
         self.report.values = {"engine": stage.value}
@@ -188,7 +184,3 @@ class DiffDriveControllerNode(StackNode):
 
 def main() -> None:
     run(DiffDriveControllerNode)
-
-
-if __name__ == "__main__":
-    main()
