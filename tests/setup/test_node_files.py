@@ -24,7 +24,6 @@ STILL_LONGER = {
     "system_monitor/nodes/system_monitor.py",
     "ui/nodes/touch_ui.py",
     "wmx/nodes/diff_drive_controller.py",
-    "wmx/nodes/manipulator_state.py",
 }
 
 
