@@ -21,7 +21,6 @@ STILL_LONGER = {
     "perception/nodes/perception_pipeline.py",
     "recording/nodes/recorder.py",
     "safety/nodes/safety_monitor.py",
-    "system_monitor/nodes/system_monitor.py",
     "ui/nodes/touch_ui.py",
     "wmx/nodes/diff_drive_controller.py",
 }
