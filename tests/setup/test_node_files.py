@@ -19,7 +19,6 @@ STILL_LONGER = {
     "mission/nodes/mission_manager.py",
     "navigation/nodes/navigation_controller.py",
     "perception/nodes/perception_pipeline.py",
-    "recording/nodes/recorder.py",
     "safety/nodes/safety_monitor.py",
     "ui/nodes/touch_ui.py",
     "wmx/nodes/diff_drive_controller.py",
