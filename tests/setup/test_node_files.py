@@ -20,7 +20,6 @@ STILL_LONGER = {
     "perception/nodes/perception_pipeline.py",
     "safety/nodes/safety_monitor.py",
     "ui/nodes/touch_ui.py",
-    "wmx/nodes/diff_drive_controller.py",
 }
 
 
