@@ -16,7 +16,6 @@ STILL_LONGER = {
     "docking/nodes/docking_controller.py",
     "mission/nodes/mission_manager.py",
     "navigation/nodes/navigation_controller.py",
-    "perception/nodes/perception_pipeline.py",
     "safety/nodes/safety_monitor.py",
     "ui/nodes/touch_ui.py",
 }
