@@ -15,7 +15,6 @@ FEWER_LINES_THAN = 150
 STILL_LONGER = {
     "docking/nodes/docking_controller.py",
     "mission/nodes/mission_manager.py",
-    "navigation/nodes/navigation_controller.py",
     "safety/nodes/safety_monitor.py",
     "ui/nodes/touch_ui.py",
 }
