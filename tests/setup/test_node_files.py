@@ -11,10 +11,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "robot_stack"
 FEWER_LINES_THAN = 150
-# Nodes that are longer. The list only shrinks: who shortens a node takes it off, and nobody puts one on.
-STILL_LONGER = {
-    "safety/nodes/safety_monitor.py",
-}
+# Nodes that are longer, each with the reason in a comment. The list only shrinks: who shortens a node takes it off.
+STILL_LONGER: set[str] = set()
 
 
 def node_classes(source: str) -> list[str]:
