@@ -70,7 +70,7 @@ class StopLatencyMeter:
         self._moment = moment
         transport.apply()
         self._guest = Guest("stop_bench")
-        self._node, self._executor = self._guest.node, self._guest.executor
+        self._node = self._guest.node
         self._teleop = self._advertise(topics.TELEOP_CMD_VEL)
         self._stop_publisher = self._advertise(topics.EMERGENCY_STOP)
         self._reports = self._advertise(topics.EMERGENCY_STOP_SOURCES)
@@ -92,21 +92,16 @@ class StopLatencyMeter:
         self._reset = self._node.create_client(interface_class(services.SAFETY_RESET.type), services.SAFETY_RESET.name)
         self._inject = self._node.create_client(interface_class(services.INJECT_FAULT.type), services.INJECT_FAULT.name)
         self._end = threading.Event()
-        self._threads = [
-            threading.Thread(target=self._executor.spin, daemon=True),
-            threading.Thread(target=self._watch_engine, daemon=True),
-        ]
+        self._watch = threading.Thread(target=self._watch_engine, daemon=True)
 
     def __enter__(self) -> StopLatencyMeter:
-        for thread in self._threads:
-            thread.start()
+        self._guest.spin_beside("stop_bench")
+        self._watch.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._end.set()
-        self._executor.stop()
-        for thread in self._threads:
-            thread.join(2.0)
+        self._watch.join(2.0)
         self._guest.close()
 
     # --- what a benchmark asks for -----------------------------------------------------------------------------------
