@@ -22,7 +22,8 @@ def view(
     the viewer is config/foxglove_layout.json. What nobody looks at costs nothing.
     """
     from robot_stack.core.config import config_dir, load
-    from robot_stack.view.nodes.view import View, ViewError
+    from robot_stack.view.nodes.server import ViewError
+    from robot_stack.view.nodes.view import View
     from robot_stack.view.params import ViewParams
 
     params = load(ViewParams, "view", {} if port is None else {"port": port})

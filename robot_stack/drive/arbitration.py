@@ -52,12 +52,17 @@ class Arbiter:
         self._commands = dict.fromkeys(Source, _SILENT)
         self._must_rest: set[Source] = set()
 
-    def command(self, source: Source, twist: Twist2, now_s: float) -> str | None:
+    def command(self, source: Source, twist: Twist2, now_s: float, sent_ago_s: float = 0.0) -> str | None:
         """Takes a command (m/s, rad/s, base_link) received at ``now_s``, steady seconds.
+
+        sent_ago_s: by its stamp; without a stamp the time of reception has to do. A command that is too old already is
+        refused, and the one before stands.
 
         A command that is not finite is refused: the source then asks for standstill, so that a broken joystick stops
         the robot instead of handing it to the next source. Returns the reason of the refusal, None if it was taken.
         """
+        if sent_ago_s > source.timeout_s:
+            return f"{source.name.lower()} command refused: {sent_ago_s:.2f} s old, at most {source.timeout_s} s"
         for name, value in (("linear.x", twist.vx), ("linear.y", twist.vy), ("angular.z", twist.omega)):
             if not math.isfinite(value):
                 self._commands[source] = (now_s, ZERO_TWIST, ZERO_TWIST)

@@ -72,6 +72,17 @@ class SwerveController:
             requested, limits, elapsed_s, self.measured_rad, standing=self.standing(), braking=braking
         )
 
+    def figures(self, output: DriveOutput) -> dict[str, str]:
+        """For diagnostics, after the step that brought ``output``."""
+        twist, calibration = output.twist, self.calibration
+        return {
+            "drive": output.state.value,
+            "set point": f"{twist.vx:.3f} {twist.vy:.3f} m/s {twist.omega:.3f} rad/s",
+            "wheels contradict": str(self.odometry.slipping),
+            "wheel radii": ", ".join(f"{100 * error:+.3f} %" for error in calibration.radius_errors),
+            "steering zeros": ", ".join(f"{zero:+.5f} rad" for zero in calibration.zero_errors_rad),
+        }
+
     def reset_odometry(self) -> bool:
         """odom begins where the robot stands. False if it moves: nothing is reset then."""
         if not self.standing() or self.set_point != ZERO_TWIST:

@@ -41,9 +41,9 @@ _LOG = "INSERT INTO history (saved_at, state, mission, waypoint, passenger, reas
 _PRUNE = f"DELETE FROM history WHERE number <= (SELECT max(number) FROM history) - {_HISTORY_ROWS}"
 
 
-def default_journal_path() -> Path:
-    """``mission.db`` in the state folder of this domain."""
-    return state_dir() / "mission.db"
+def journal_path(named: str = "") -> Path:
+    """named: empty for ``mission.db`` in the state folder of this domain."""
+    return Path(named).expanduser() if named else state_dir() / "mission.db"
 
 
 class SqliteJournal:

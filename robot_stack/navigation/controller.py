@@ -80,6 +80,14 @@ class Output:
     reached: bool = False
     refused: str = ""
 
+    def figures(self) -> dict[str, str]:
+        """For diagnostics."""
+        error = self.error
+        return {
+            "state": self.state.value,
+            "tracking error": f"{1e3 * error.distance_m():.0f} mm, {error.yaw:.3f} rad",
+        }
+
 
 @dataclass(frozen=True, slots=True)
 class _Unreachable:

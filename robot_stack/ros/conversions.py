@@ -32,6 +32,12 @@ def twist_from_msg(message: Twist) -> Twist2:
     return Twist2(message.linear.x, message.linear.y, message.angular.z)
 
 
+def twist_fields(message: Twist) -> dict[str, float]:
+    """All six numbers by the names of their fields: ``linear.x`` and so on."""
+    parts = {"linear": message.linear, "angular": message.angular}
+    return {f"{name}.{axis}": getattr(part, axis) for name, part in parts.items() for axis in "xyz"}
+
+
 def twist_stamped(twist: Twist2, frame_id: str, stamp: Time) -> TwistStamped:
     message = TwistStamped(twist=twist_to_msg(twist))
     message.header.frame_id, message.header.stamp = frame_id, stamp

@@ -20,9 +20,10 @@ class Guest:
     Whoever makes one has applied ``robot_stack.ros.transport`` and leaves by ``close``.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, domain: int | None = None) -> None:
+        """domain: None for this process' own."""
         self._context = Context()
-        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=[], context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self.node = Node(
             name,
             context=self._context,

@@ -22,6 +22,7 @@ from std_msgs.msg import Bool
 
 from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import topics
+from robot_stack.contract.graph import RECORDER
 from robot_stack.contract.model import EVERY_NODE, Action, ContractViolation, SafetyState, Service, System, Topic
 from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.health import InputHealth, InputState
@@ -37,10 +38,12 @@ from robot_stack.ros.clocks import NodeClock, SharedWorldClock, SystemClock, Top
 from robot_stack.ros.conversions import NANOSECONDS
 from robot_stack.ros.emergency_stop import StopSource
 from robot_stack.ros.inputs import Input
-from robot_stack.ros.interfaces import interface_class, qos_profile
+from robot_stack.ros.interfaces import interface_class, listener_profile, qos_profile
 from robot_stack.ros.parameters import load_parameters, refuse_overrides
 from robot_stack.ros.report import Loop, Report
 from robot_stack.ros.timers import NodeTimer, Schedule
+
+_LOG_PERIOD_S = 1.0
 
 
 class StackNode(Node):
@@ -122,6 +125,20 @@ class StackNode(Node):
             self.taken_at_tick.append(subscription)
             self._wake_executor()
         return entry
+
+    def listen(self, row: Topic, callback: Callable[..., None], *, raw: bool = True, wakes: bool = False) -> Any:
+        """Subscribes to every message of a row whatever nodes it names: the recorder alone may.
+
+        callback: with a message, and the middleware's info if it takes two arguments. raw: messages as the bytes that
+        came over the wire. wakes: the node is woken for them; else it takes them at its next tick.
+        Returns what ``destroy_subscription`` takes. Raises ContractViolation.
+        """
+        self._check(row.name, "listen to", (RECORDER,))
+        message_class, profile = interface_class(row.type), listener_profile(row)
+        subscription = self.create_subscription(message_class, row.name, callback, profile, raw=raw)
+        if not wakes:
+            self.taken_at_tick.append(subscription)
+        return subscription
 
     def unsubscribe(self, entry: Input) -> None:
         """Ends what ``subscribe`` began: for what is needed at times only. Its silence is no fault any more."""
@@ -301,6 +318,10 @@ class StackNode(Node):
         if (ok, text) != (self.report.ok, self.report.text):
             self.get_logger().info(text) if ok else self.get_logger().warning(text)
         self.report.ok, self.report.text = ok, text
+
+    def log_throttled(self, text: str) -> None:
+        """An error that may come back with every message or tick: one line a second, whatever the texts."""
+        self.get_logger().error(text, throttle_duration_sec=_LOG_PERIOD_S)
 
     def input_states(self) -> dict[str, InputState]:
         return self._health.check(self.steady_s())

@@ -10,6 +10,7 @@ from robot_stack.contract.model import Criticality, SafetyAction
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.safety.button import Contact
 from robot_stack.safety.collision_prediction import CollisionPrediction
+from robot_stack.wmx.axes import StatusSnapshot
 
 
 class Level(IntEnum):
@@ -61,6 +62,12 @@ class DriveReading:
     cycle: int
     axes: tuple[Axis, ...]
     button: Contact = Contact.UNREADABLE
+
+
+def drive_reading(status: StatusSnapshot, button: Contact) -> DriveReading:
+    flags = zip(status.servo_on, status.amp_alarm, status.following_error_alarm, strict=True)
+    axes = tuple(Axis(bool(on), bool(alarm), bool(error)) for on, alarm, error in flags)
+    return DriveReading(status.communicating, status.cycle_counter, axes, button)
 
 
 @dataclass(frozen=True, slots=True)

@@ -89,6 +89,7 @@ class LatchStore:
         """slow_s: a disk that has not taken a record for so long is told by ``problem``."""
         self._folder, self._shadow, self._slow_s = folder, shadow, slow_s
         self._generation = 0
+        self._saved: Memory | None = None
         self._wake = threading.Condition()
         self._pending: Record | None = None
         self._pending_since_s = 0.0
@@ -119,6 +120,7 @@ class LatchStore:
 
     def save(self, memory: Memory) -> None:
         """Keeps ``memory`` from now on. Never raises and never waits for a disk: ``problem`` tells what went wrong."""
+        self._saved = memory
         self._generation += 1
         record = Record(self._generation, memory)
         try:
@@ -131,6 +133,11 @@ class LatchStore:
                 self._pending_since_s = time.monotonic()
             self._pending = record
             self._wake.notify_all()
+
+    def save_if_new(self, memory: Memory) -> None:
+        """The same, but for what was saved last already."""
+        if memory != self._saved:
+            self.save(memory)
 
     def problem(self) -> str:
         """Why the memory is not on disk although it should be, empty if it is."""

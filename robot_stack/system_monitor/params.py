@@ -9,6 +9,7 @@ from pydantic import Field, field_validator
 from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.config import Config
 
+_ITSELF = "system_monitor"
 Positive = Annotated[float, Field(gt=0.0)]
 
 
@@ -37,6 +38,12 @@ class SystemMonitorParams(Config):
     base_path: Annotated[str, Field(pattern=r"^/[^/]+$")]
     stale_after_s: Positive
     groups: dict[str, tuple[str, ...]]
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """The nodes that run here, the system monitor among them."""
+        itself = () if _ITSELF in self.expected_processes else (_ITSELF,)
+        return tuple(node for name in (*self.expected_processes, *itself) for node in BY_NAME[name].nodes)
 
     @field_validator("expected_processes")
     @classmethod

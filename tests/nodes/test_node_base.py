@@ -111,6 +111,12 @@ def test_an_endpoint_outside_the_contract_stops_the_start(start: Start) -> None:
     assert "navigation_controller may not publish /swerve/wheel_commands" in process.output()
 
 
+def test_only_the_recorder_may_listen_to_every_row(start: Start) -> None:
+    process = example(start, "--listen", "ODOM")
+    assert process.wait() == 2
+    assert "navigation_controller may not listen to /odom: the contract names recorder" in process.output()
+
+
 def test_publishers_accept_qos_overrides(start: Start, peer: Peer) -> None:
     example(start, "--ros-args", "-p", "qos_overrides./cmd_vel.publisher.reliability:=best_effort")
 

@@ -6,17 +6,13 @@ import struct
 import time
 
 import numpy as np
-import rclpy
 from numpy.typing import NDArray
-from rclpy.context import Context
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.signals import SignalHandlerOptions
 
 from robot_stack.bench.framework import BenchError
 from robot_stack.contract import topics
 from robot_stack.ros import transport
-from robot_stack.ros.executor import LeanExecutor
+from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class
 
 _STAMP = struct.Struct("<iI")
@@ -29,15 +25,11 @@ class JointListener:
 
     def __init__(self, domain: int) -> None:
         transport.apply()
-        self._context = Context()
-        rclpy.init(args=[], context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node("joint_listener", context=self._context, use_global_arguments=False, enable_rosout=False)
-        self._executor = LeanExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        self._guest = Guest("joint_listener", domain)
         self._arrived_ns: list[int] = []
         self._stamped_ns: list[int] = []
         row = topics.WMX_JOINT_STATES
-        self._node.create_subscription(
+        self._guest.node.create_subscription(
             interface_class(row.type), row.name, self._on_message, QoSProfile(depth=_DEPTH), raw=True
         )
 
@@ -45,9 +37,7 @@ class JointListener:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._node.destroy_node()
-        self._executor.shutdown()
-        rclpy.try_shutdown(context=self._context)
+        self._guest.close()
 
     def _on_message(self, data: bytes) -> None:
         self._arrived_ns.append(time.monotonic_ns())
@@ -61,14 +51,14 @@ class JointListener:
         while len(self._arrived_ns) < count:
             if time.monotonic() > end_s:
                 raise BenchError(f"{len(self._arrived_ns)} of {count} joint states in {longest_s:g} s")
-            self._executor.spin_once(0.1)
+            self._guest.executor.spin_once(0.1)
 
     def run(self, duration_s: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Times of arrival (monotonic) and stamps (system clock) of what came in so long, ns."""
         self._clear()
         end_s = time.monotonic() + duration_s
         while time.monotonic() < end_s:
-            self._executor.spin_once(0.1)
+            self._guest.executor.spin_once(0.1)
         return np.array(self._arrived_ns, np.int64), np.array(self._stamped_ns, np.int64)
 
     def _clear(self) -> None:

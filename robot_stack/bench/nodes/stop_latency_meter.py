@@ -11,12 +11,8 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any
 
-import rclpy
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
-from rclpy.context import Context
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Bool
 
 from custom_msgs.msg import SafetyStatus, SwerveModuleCommandArray
@@ -26,7 +22,7 @@ from robot_stack.contract.model import Topic
 from robot_stack.ros import transport
 from robot_stack.ros.conversions import time_to_s
 from robot_stack.ros.emergency_stop import StopSource
-from robot_stack.ros.executor import LeanExecutor
+from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
 from robot_stack.wmx import EngineError, connect
 
@@ -73,9 +69,8 @@ class StopLatencyMeter:
     def __init__(self, moment: Random) -> None:
         self._moment = moment
         transport.apply()
-        self._context = Context()
-        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node("stop_bench", context=self._context, use_global_arguments=False, enable_rosout=False)
+        self._guest = Guest("stop_bench")
+        self._node = self._guest.node
         self._teleop = self._advertise(topics.TELEOP_CMD_VEL)
         self._stop_publisher = self._advertise(topics.EMERGENCY_STOP)
         self._reports = self._advertise(topics.EMERGENCY_STOP_SOURCES)
@@ -96,27 +91,18 @@ class StopLatencyMeter:
         self._node.create_timer(1.0 / topics.TELEOP_CMD_VEL.nominal_rate_hz, self._send_command)
         self._reset = self._node.create_client(interface_class(services.SAFETY_RESET.type), services.SAFETY_RESET.name)
         self._inject = self._node.create_client(interface_class(services.INJECT_FAULT.type), services.INJECT_FAULT.name)
-        self._executor = LeanExecutor(context=self._context)
-        self._executor.add_node(self._node)
         self._end = threading.Event()
-        self._threads = [
-            threading.Thread(target=self._executor.spin, daemon=True),
-            threading.Thread(target=self._watch_engine, daemon=True),
-        ]
+        self._watch = threading.Thread(target=self._watch_engine, daemon=True)
 
     def __enter__(self) -> StopLatencyMeter:
-        for thread in self._threads:
-            thread.start()
+        self._guest.spin_beside("stop_bench")
+        self._watch.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._end.set()
-        self._executor.stop()
-        for thread in self._threads:
-            thread.join(2.0)
-        self._node.destroy_node()
-        self._executor.shutdown()
-        rclpy.try_shutdown(context=self._context)
+        self._watch.join(2.0)
+        self._guest.close()
 
     # --- what a benchmark asks for -----------------------------------------------------------------------------------
 

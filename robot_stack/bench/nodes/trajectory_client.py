@@ -7,20 +7,16 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import rclpy
 from builtin_interfaces.msg import Duration
 from numpy.typing import NDArray
 from rclpy.action import ActionClient
-from rclpy.context import Context
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from control_msgs.action import FollowJointTrajectory
 from robot_stack.bench.framework import BenchError
 from robot_stack.contract import actions
 from robot_stack.ros import transport
-from robot_stack.ros.executor import LeanExecutor
+from robot_stack.ros.guest import Guest
 
 FloatArray = NDArray[np.float64]
 _JOINTS = [f"joint{number}" for number in range(1, 7)]
@@ -35,12 +31,8 @@ class TrajectoryClient:
 
     def __init__(self, domain: int) -> None:
         transport.apply()
-        self._context = Context()
-        rclpy.init(args=[], context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node("trajectory_client", context=self._context, use_global_arguments=False, enable_rosout=False)
-        self._executor = LeanExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._client = ActionClient(self._node, FollowJointTrajectory, actions.FOLLOW_JOINT_TRAJECTORY.name)
+        self._guest = Guest("trajectory_client", domain)
+        self._client = ActionClient(self._guest.node, FollowJointTrajectory, actions.FOLLOW_JOINT_TRAJECTORY.name)
         self.feedback_errors: list[float] = []
 
     def __enter__(self) -> TrajectoryClient:
@@ -51,9 +43,7 @@ class TrajectoryClient:
 
     def __exit__(self, *_: object) -> None:
         self._client.destroy()
-        self._node.destroy_node()
-        self._executor.shutdown()
-        rclpy.try_shutdown(context=self._context)
+        self._guest.close()
 
     def follow(self, times_s: FloatArray, rows: FloatArray) -> tuple[int, int, str]:
         """(monotonic time of sending in ns, error code, error text)."""
@@ -101,7 +91,7 @@ class TrajectoryClient:
         while not done():
             if time.monotonic() > end_s:
                 raise BenchError(f"waited {_LONGEST_S:g} s in vain for {what}")
-            self._executor.spin_once(0.002)
+            self._guest.executor.spin_once(0.002)
 
 
 def _duration(seconds: float) -> Duration:

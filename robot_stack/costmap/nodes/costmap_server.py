@@ -73,7 +73,3 @@ class CostmapServerNode(StackNode):
 
 def main() -> None:
     run(CostmapServerNode)
-
-
-if __name__ == "__main__":
-    main()

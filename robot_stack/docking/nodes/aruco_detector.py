@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import math
 import time
 from functools import partial
-from typing import NamedTuple
 
 import cv2
-from builtin_interfaces.msg import Time
 from sensor_msgs.msg import CameraInfo
 
-from custom_msgs.msg import ArucoDetection, ArucoDetectionArray, DockingStatus
+from custom_msgs.msg import ArucoDetection, ArucoDetectionArray
 from robot_stack.contract import frames, topics
 from robot_stack.core.camera import Intrinsics
 from robot_stack.core.config import ConfigError
 from robot_stack.core.docks import load_docks
-from robot_stack.docking.nodes.aruco_messages import detections, grey_image, intrinsics_of
+from robot_stack.docking.nodes.aruco_messages import Seen, detection_array, detections, grey_image, intrinsics_of
+from robot_stack.docking.vision.demand import DetectionDemand
 from robot_stack.docking.vision.detector import MarkerDetector
 from robot_stack.docking.vision.pairing import Attention, Exposure, ExposureSets
 from robot_stack.docking.vision.params import ArucoDetectorParams
@@ -30,17 +28,8 @@ _CAMERAS = {
     frames.FRONT_CAMERA: (topics.FRONT_IMAGE, topics.FRONT_CAMERA_INFO),
     frames.REAR_CAMERA: (topics.REAR_IMAGE, topics.REAR_CAMERA_INFO),
 }
-_DETECTING = (DockingStatus.APPROACH, DockingStatus.SEARCH, DockingStatus.SERVOING, DockingStatus.FINE_ALIGN)
 # How often it is looked whether an image has waited long enough: the delay with one camera dead grows by this at most.
 _LOOK_HZ = 20.0
-
-
-class _Seen(NamedTuple):
-    """What one image showed."""
-
-    stamp: Time
-    detections: list[ArucoDetection]
-    taken_ms: float
 
 
 class ArucoDetectorNode(StackNode):
@@ -55,12 +44,12 @@ class ArucoDetectorNode(StackNode):
             raise ConfigError(f"config/docks.yaml: {error}") from error
         warm_up()
         self._period_s = 1.0 / topics.ARUCO_DETECTIONS.nominal_rate_hz
-        self._sets: ExposureSets[_Seen] = ExposureSets(tuple(_CAMERAS), self._period_s, self.params.pair_wait_s)
+        self._sets: ExposureSets[Seen] = ExposureSets(tuple(_CAMERAS), self._period_s, self.params.pair_wait_s)
         self._attention = Attention(tuple(_CAMERAS), self.params.idle_camera_every)
         self._intrinsics: dict[str, Intrinsics] = {}
         self._complaints: dict[str, str] = {}
+        self._demand = DetectionDemand(self.params.linger_s)
         self._on = False
-        self._wanted_s = -math.inf
         self._published_s = self.steady_s()
         self._images: dict[str, Input] = {}
         self._output = self.advertise(topics.ARUCO_DETECTIONS)
@@ -82,31 +71,22 @@ class ArucoDetectorNode(StackNode):
     def _on_image(self, camera: str, message: ImageView) -> None:
         received_s, stamp_s = self._images[camera].received_s, time_to_s(message.header.stamp)
         new = self._sets.is_new(camera, stamp_s)
-        self._log_throttled(f"{camera} stamp", "" if new else f"{camera} image: stamp is not newer than the last")
+        self._note(f"{camera} stamp", "" if new else f"{camera} image: stamp is not newer than the last")
         if new:
             self._switch()
             began_s = time.perf_counter()
             found = self._detect(camera, message) if self._on else []
             taken_ms = 1e3 * (time.perf_counter() - began_s)
-            self._sets.add(Exposure(camera, stamp_s, received_s, _Seen(message.header.stamp, found, taken_ms)))
+            self._sets.add(Exposure(camera, stamp_s, received_s, Seen(message.header.stamp, found, taken_ms)))
         self._look()
 
     def _switch(self) -> None:
-        on = self.params.always_on or self._wanted()
+        state = self._status.latest.state if self._status.fresh() else ""
+        on = self.params.always_on or self._demand.wanted(state, self.steady_s())
         if on and not self._on:
             self._detector.reset()
             self._attention.reset()
         self._on = on
-
-    def _wanted(self) -> bool:
-        """Docking is on its way, or has just ended at the dock."""
-        if not self._status.fresh():
-            return False
-        state, now_s = self._status.latest.state, self.steady_s()
-        if state in _DETECTING:
-            self._wanted_s = now_s
-            return True
-        return state == DockingStatus.DOCKED and now_s - self._wanted_s <= self.params.linger_s
 
     def _detect(self, camera: str, message: ImageView) -> list[ArucoDetection]:
         intrinsics = self._intrinsics.get(camera)
@@ -117,9 +97,9 @@ class ArucoDetectorNode(StackNode):
                 grey_image(message), intrinsics, camera, time_to_s(message.header.stamp)
             )
         except ValueError as error:
-            self._log_throttled(f"{camera} image", f"{camera} {error}")
+            self._note(f"{camera} image", f"{camera} {error}")
             return []
-        self._log_throttled(f"{camera} image", "")
+        self._note(f"{camera} image", "")
         if observations:
             self._attention.saw(camera)
         return detections(observations, camera, message.header.stamp)
@@ -132,14 +112,12 @@ class ArucoDetectorNode(StackNode):
         if not exposures and now_s - self._published_s < self._period_s * (2.0 if alive else 1.0):
             return
         self._published_s = now_s if exposures else max(self._published_s + self._period_s, now_s - self._period_s)
-        output = ArucoDetectionArray()
-        output.detections = sorted((item for seen in exposures for item in seen.item.detections), key=_marker_id)
-        if exposures:
-            output.header.stamp = max(exposures, key=lambda item: item.stamp_s).item.stamp
+        output = detection_array(exposures)
         self._output.publish(output)
         self._report_state(alive, output, sum(seen.item.taken_ms for seen in exposures))
 
-    def _log_throttled(self, about: str, text: str) -> None:
+    def _note(self, about: str, text: str) -> None:
+        """What is wrong about something, for the health; empty: nothing any more."""
         if text:
             self._complaints[about] = text
         else:
@@ -156,13 +134,5 @@ class ArucoDetectorNode(StackNode):
         self.report.values["markers"] = ", ".join(str(item.marker_id) for item in output.detections) or "none"
 
 
-def _marker_id(entry: ArucoDetection) -> int:
-    return int(entry.marker_id)
-
-
 def main() -> None:
     run(ArucoDetectorNode, bulk=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, Image
 
-from custom_msgs.msg import ArucoDetection
+from custom_msgs.msg import ArucoDetection, ArucoDetectionArray
 from robot_stack.core.camera import Intrinsics
 from robot_stack.docking.vision.detector import MarkerObservation
+from robot_stack.docking.vision.pairing import Exposure
 from robot_stack.ros.wire import ImageView
+
+
+class Seen(NamedTuple):
+    """What one image showed."""
+
+    stamp: Time
+    detections: list[ArucoDetection]
+    taken_ms: float
 
 
 def grey_image(message: Image | ImageView) -> NDArray[np.uint8]:
@@ -44,6 +54,19 @@ def intrinsics_of(message: CameraInfo) -> Intrinsics:
 def detections(observations: Iterable[MarkerObservation], camera_frame: str, stamp: Time) -> list[ArucoDetection]:
     """One message for each marker, stamped with the exposure."""
     return [_detection(item, camera_frame, stamp) for item in observations]
+
+
+def detection_array(exposures: Sequence[Exposure[Seen]]) -> ArucoDetectionArray:
+    """All markers by their ids, with the newest exposure's stamp; empty and of stamp zero without exposures."""
+    message = ArucoDetectionArray()
+    message.detections = sorted((item for seen in exposures for item in seen.item.detections), key=_marker_id)
+    if exposures:
+        message.header.stamp = max(exposures, key=lambda item: item.stamp_s).item.stamp
+    return message
+
+
+def _marker_id(entry: ArucoDetection) -> int:
+    return int(entry.marker_id)
 
 
 def _detection(observation: MarkerObservation, camera_frame: str, stamp: Time) -> ArucoDetection:

@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-import math
-
-from nav_msgs.msg import Odometry
-
-from custom_msgs.msg import ArucoDetectionArray, SafetyStatus, VelocityLimit
+from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import frames, topics
 from robot_stack.core.camera import mounting
 from robot_stack.core.config import load
 from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.docks import load_docks
-from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2, exp_se2
+from robot_stack.core.geometry import ZERO_TWIST
 from robot_stack.docking.controller import DockingController
 from robot_stack.docking.latch import LatchCommand
 from robot_stack.docking.nodes.attached_file import AttachedFile
 from robot_stack.docking.nodes.corrections import CorrectionsFile
 from robot_stack.docking.nodes.docking_actions import DockingActions
+from robot_stack.docking.nodes.inputs import DockingInputs
 from robot_stack.docking.nodes.latch_io import LatchIo
-from robot_stack.docking.nodes.messages import markers, safety, wheel_force
 from robot_stack.docking.nodes.outputs import DockingOutputs
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.results import DockCode, Result, UndockCode
 from robot_stack.docking.situation import Output, Situation
-from robot_stack.ros.conversions import pose_from_msg, time_to_s, twist_from_msg
 from robot_stack.ros.departures import DepartureWarnings
 from robot_stack.ros.node import StackNode, run
 
@@ -51,26 +46,11 @@ class DockingControllerNode(StackNode):
         self._attached = AttachedFile()
         self._recalled = False
         self._ticks = 0
-        self._odom = self.subscribe(topics.ODOM, self._on_odometry)
-        self._pose = self.subscribe(topics.CURRENT_POSE)
-        self._detections = self.subscribe(topics.ARUCO_DETECTIONS, self._on_detections)
-        self._joints = self.subscribe(topics.JOINT_STATES)
-        self._plan = self.subscribe(topics.PLAN)
-        self._limit = self.subscribe(topics.VELOCITY_LIMIT)
+        self._inputs = DockingInputs(self, self.params, self._controller)
         self._actions = DockingActions(self, self._begin_dock, self._begin_undock)
         self.every(_TICK_HZ, self._tick)
 
-    # --- inputs ------------------------------------------------------------------------------------------------------
-
-    def _on_odometry(self, message: Odometry) -> None:
-        pose, stamp_s = pose_from_msg(message.pose.pose), time_to_s(message.header.stamp)
-        if pose.is_finite() and twist_from_msg(message.twist.twist).is_finite():
-            self._controller.on_odometry(stamp_s, pose)
-        else:
-            self.get_logger().error("/odom refused: it is not finite", throttle_duration_sec=1.0)
-
-    def _on_detections(self, message: ArucoDetectionArray) -> None:
-        self._controller.on_markers(markers(message))
+    # --- asked for ---------------------------------------------------------------------------------------------------
 
     def _on_safety_status(self, message: SafetyStatus) -> None:
         was_stopped = self.emergency_stop
@@ -91,12 +71,12 @@ class DockingControllerNode(StackNode):
         known = self._controller.dock_id
         if dock_id and known and dock_id != known:
             return Result(UndockCode.NOT_ATTACHED, f"docked at {known!r}, not at {dock_id!r}")
-        return self._controller.undock(self._situation())
+        return self._controller.undock(self._inputs.situation(self._latch.inputs))
 
     # --- tick --------------------------------------------------------------------------------------------------------
 
     def _tick(self) -> None:
-        situation = self._situation()
+        situation = self._inputs.situation(self._latch.inputs)
         self._recall(situation)
         output = self._controller.tick(situation)
         self._departures.publish(self._departure.remaining_s)
@@ -122,40 +102,6 @@ class DockingControllerNode(StackNode):
         problem = "" if attached is None else self._attached.save(attached)
         if problem:
             self.get_logger().error(problem, throttle_duration_sec=1.0)
-
-    def _situation(self) -> Situation:
-        now_s = self.now_s()
-        odom, twist = self._odometry(now_s)
-        limit, plan = self._limit.latest, self._plan.latest
-        pose = pose_from_msg(self._pose.latest.pose) if self._pose.fresh() else None
-        images_s = 0.0 if self._detections.latest is None else time_to_s(self._detections.latest.header.stamp)
-        return Situation(
-            now_s=now_s,
-            located=pose if pose is not None and pose.is_finite() else None,
-            odom=odom,
-            twist=twist,
-            safety=safety(
-                self.safety_status_input.latest,
-                self.safety_status_input.fresh(),
-                self.emergency_stop,
-                _speed_limit_mps(limit, self._limit.fresh()),
-            ),
-            images_fresh=self._detections.fresh() and now_s - images_s <= self.params.detections_timeout_s,
-            latch=self._latch.inputs,
-            force_n=wheel_force(self._joints.latest if self._joints.fresh() else None, self.robot.wheel_radius_m),
-            plan_end=pose_from_msg(plan.poses[-1].pose) if plan is not None and plan.poses else None,
-        )
-
-    def _odometry(self, now_s: float) -> tuple[Pose2 | None, Twist2 | None]:
-        """(base_link in odom now, its twist), (None, None) while /odom is stale."""
-        message = self._odom.latest
-        if message is None or not self._odom.fresh():
-            return None, None
-        pose, twist = pose_from_msg(message.pose.pose), twist_from_msg(message.twist.twist)
-        if not (pose.is_finite() and twist.is_finite()):
-            return None, None
-        ahead_s = min(max(now_s - time_to_s(message.header.stamp), 0.0), self.params.motion.max_extrapolation_s)
-        return pose.compose(exp_se2(twist, ahead_s)), twist
 
     def _end_jobs(self, output: Output) -> None:
         result = output.result
@@ -195,16 +141,5 @@ class DockingControllerNode(StackNode):
         }
 
 
-def _speed_limit_mps(message: VelocityLimit | None, fresh: bool) -> float:
-    """Silence of whoever limits the speed is a stop."""
-    if message is None:
-        return math.inf
-    return float(message.max_linear_velocity) if fresh else 0.0
-
-
 def main() -> None:
     run(DockingControllerNode)
-
-
-if __name__ == "__main__":
-    main()

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry as OdometryMessage
+from sensor_msgs.msg import JointState
 
 from custom_msgs.msg import SwerveModuleCommand, SwerveModuleCommandArray, VelocityLimit
 from robot_stack.contract import frames
@@ -11,6 +14,7 @@ from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.odometry import Odometry, planar_covariance
 from robot_stack.drive.permission import SafetyLimit
 from robot_stack.ros.conversions import pose_to_msg, transform_stamped, twist_to_msg
+from robot_stack.wmx.axes import StatusSnapshot
 from tf2_msgs.msg import TFMessage
 
 
@@ -23,6 +27,18 @@ def wheel_commands(modules: ModuleSetPoints, stamp: Time) -> SwerveModuleCommand
         ]
     )
     message.header.stamp, message.header.frame_id = stamp, frames.BASE_LINK
+    return message
+
+
+def joint_states(snapshot: StatusSnapshot, nm_per_percent: Sequence[float], stamp: Time) -> JointState:
+    """nm_per_percent: by joint, what a percent of the axis' rated torque is."""
+    message = JointState(name=list(frames.JOINTS))
+    message.header.stamp, message.header.frame_id = stamp, frames.BASE_LINK
+    n = len(frames.JOINTS)
+    message.position = snapshot.actual_pos[:n].tolist()
+    message.velocity = snapshot.actual_velocity[:n].tolist()
+    percent = snapshot.actual_torque[:n].tolist()
+    message.effort = [share * torque for share, torque in zip(percent, nm_per_percent, strict=True)]
     return message
 
 

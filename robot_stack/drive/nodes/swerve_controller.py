@@ -14,15 +14,11 @@ from robot_stack.drive.arbitration import Arbiter, Source
 from robot_stack.drive.controller import SwerveController
 from robot_stack.drive.joint_states import BadJointStates, encoders
 from robot_stack.drive.nodes.conversions import odom_to_base_link, odometry_message, speed_limit, wheel_commands
-from robot_stack.drive.parameters import (
-    SwerveControllerParams,
-)
+from robot_stack.drive.parameters import SwerveControllerParams
 from robot_stack.drive.permission import Action, Permission, Situation, permit
 from robot_stack.drive.swerve_drive import DriveOutput
 from robot_stack.ros.conversions import time_to_s, twist_from_msg, twist_stamped
 from robot_stack.ros.node import StackNode, run
-
-_LOG_PERIOD_S = 1.0
 
 
 class SwerveControllerNode(StackNode):
@@ -55,29 +51,23 @@ class SwerveControllerNode(StackNode):
 
     def _on_stamped(self, source: Source, message: TwistStamped) -> None:
         stamp_s = time_to_s(message.header.stamp)
-        age_s = self.now_s() - stamp_s
-        if stamp_s and age_s > source.timeout_s:  # without a stamp the time of reception has to do
-            self._log_throttled(
-                f"{source.name.lower()} command refused: {age_s:.2f} s old, at most {source.timeout_s} s"
-            )
-            return
-        self._on_command(source, message.twist)
+        self._on_command(source, message.twist, self.now_s() - stamp_s if stamp_s else 0.0)
 
-    def _on_command(self, source: Source, message: Twist) -> None:
-        refusal = self._arbiter.command(source, twist_from_msg(message), self.steady_s())
+    def _on_command(self, source: Source, message: Twist, sent_ago_s: float = 0.0) -> None:
+        refusal = self._arbiter.command(source, twist_from_msg(message), self.steady_s(), sent_ago_s)
         if refusal:
-            self._log_throttled(refusal)
+            self.log_throttled(refusal)
 
     def _on_joint_states(self, message: JointState) -> None:
         try:
             measured = encoders(time_to_s(message.header.stamp), message.name, message.position)
         except BadJointStates as error:  # counts as silence
-            self._log_throttled(f"{topics.JOINT_STATES.name} refused: {error}")
+            self.log_throttled(f"{topics.JOINT_STATES.name} refused: {error}")
             return
         self._encoders_at_s = self.steady_s()
         odometry = self._controller.observe(measured)
         for fault in odometry.faults:
-            self._log_throttled(fault)
+            self.log_throttled(fault)
         self._odom.publish(odometry_message(odometry, message.header.stamp))
         self._tf.publish(odom_to_base_link(odometry, message.header.stamp))
 
@@ -135,28 +125,14 @@ class SwerveControllerNode(StackNode):
         if self._controller.measured_rad is not None:
             self._commands.publish(wheel_commands(output.modules, stamp))
 
-    def _log_throttled(self, text: str) -> None:
-        self.get_logger().error(text, throttle_duration_sec=_LOG_PERIOD_S)
-
     def _report_state(self, permission: Permission, output: DriveOutput) -> None:
         stuck = ", ".join(f"{frames.MODULES[module]}_steer" for module in output.stuck)
         if stuck:
             self.set_health(False, f"cannot start: {stuck} does not reach its angle")
         else:
             self.set_health(permission.ready, permission.reason)
-        calibration = self._controller.calibration
-        self.report.values = {
-            "drive": output.state.value,
-            "set point": f"{output.twist.vx:.3f} {output.twist.vy:.3f} m/s {output.twist.omega:.3f} rad/s",
-            "wheels contradict": str(self._controller.odometry.slipping),
-            "wheel radii": ", ".join(f"{100 * error:+.3f} %" for error in calibration.radius_errors),
-            "steering zeros": ", ".join(f"{zero:+.5f} rad" for zero in calibration.zero_errors_rad),
-        }
+        self.report.values = self._controller.figures(output)
 
 
 def main() -> None:
     run(SwerveControllerNode)
-
-
-if __name__ == "__main__":
-    main()

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 import time
 
-from sensor_msgs.msg import JointState
-
 from custom_msgs.msg import SwerveModuleCommandArray
-from robot_stack.contract import frames, topics
+from robot_stack.contract import topics
 from robot_stack.contract.frames import DRIVE_AXES, JOINTS
 from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_settings, session_settings
+from robot_stack.drive.nodes.conversions import joint_states
 from robot_stack.drive.session import DriveSession, Stage
 from robot_stack.drive.wheel_axes import BadWheelCommands, checked_set_points
 from robot_stack.ros.conversions import time_from_s, time_to_s
@@ -21,7 +20,6 @@ from robot_stack.wmx.config import load_client_config
 from robot_stack.wmx.start_up import SessionState
 
 _COMMAND_STALE_S = topics.WHEEL_COMMANDS.stale_limit_s
-_LOG_PERIOD_S = 1.0
 _END_POLL_S = 0.02
 
 
@@ -61,19 +59,19 @@ class SwerveHardwareInterfaceNode(StackNode):
                 self._max_wheel_speed_mps,
             )
         except BadWheelCommands as error:  # the last good command ages; without another one the wheels are stopped
-            self._log_throttled(f"{topics.WHEEL_COMMANDS.name} refused: {error}")
+            self.log_throttled(f"{topics.WHEEL_COMMANDS.name} refused: {error}")
             return
         self._commanded_at_s = self.steady_s()
         if self.emergency_stop or not self._session.ready:
             return
         problem = self._session.follow(set_points).problem
         if problem:
-            self._log_throttled(problem)
+            self.log_throttled(problem)
 
     def on_emergency_stop(self) -> None:
         problem = self._session.emergency_stop()
         if problem:
-            self._log_throttled(problem)
+            self.log_throttled(problem)
 
     # --- tick --------------------------------------------------------------------------------------------------------
 
@@ -84,7 +82,8 @@ class SwerveHardwareInterfaceNode(StackNode):
             may_switch_on=self.safety_status_input.fresh() and not self.emergency_stop,
         )
         if state.snapshot is not None:
-            self._publish_joint_states(state.snapshot)
+            stamp = time_from_s(self.now_s() - self._age_s(state.snapshot))
+            self._joint_states.publish(joint_states(state.snapshot, self._nm_per_percent, stamp))
             self._watch(state.snapshot)
         self._report_state(state)
 
@@ -94,28 +93,14 @@ class SwerveHardwareInterfaceNode(StackNode):
             return
         problem = self._session.stop_wheels(snapshot).problem
         if problem:
-            self._log_throttled(problem)
+            self.log_throttled(problem)
 
     def _commanded(self) -> bool:
         return 0.0 <= self.steady_s() - self._commanded_at_s <= _COMMAND_STALE_S
 
-    def _publish_joint_states(self, snapshot: StatusSnapshot) -> None:
-        message = JointState(name=list(JOINTS))
-        message.header.frame_id = frames.BASE_LINK
-        message.header.stamp = time_from_s(self.now_s() - self._age_s(snapshot))
-        n = len(JOINTS)
-        message.position = snapshot.actual_pos[:n].tolist()
-        message.velocity = snapshot.actual_velocity[:n].tolist()
-        percent = snapshot.actual_torque[:n].tolist()
-        message.effort = [share * torque for share, torque in zip(percent, self._nm_per_percent, strict=True)]
-        self._joint_states.publish(message)
-
     def _age_s(self, snapshot: StatusSnapshot) -> float:
         """How long ago the engine took the reading."""
         return self.age_s(snapshot.age_s(time.monotonic_ns()))
-
-    def _log_throttled(self, text: str) -> None:
-        self.get_logger().error(text, throttle_duration_sec=_LOG_PERIOD_S)
 
     def _report_state(self, state: SessionState[Stage]) -> None:
         if state.stage is not Stage.READY:
@@ -146,7 +131,3 @@ class SwerveHardwareInterfaceNode(StackNode):
 
 def main() -> None:
     run(SwerveHardwareInterfaceNode)
-
-
-if __name__ == "__main__":
-    main()

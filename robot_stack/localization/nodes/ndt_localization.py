@@ -5,8 +5,6 @@ Out come /current_pose, /localization/pose, /localization/quality and the transf
 
 from __future__ import annotations
 
-import numpy as np
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
@@ -14,29 +12,23 @@ from std_msgs.msg import Float32
 
 from robot_stack.contract import frames, topics
 from robot_stack.core.config import ConfigError
-from robot_stack.core.geometry import Pose2
-from robot_stack.core.point_cloud import SWEEP
 from robot_stack.core.site_map import load_map
-from robot_stack.localization.filter import Array
-from robot_stack.localization.gyro import ImuSample
-from robot_stack.localization.localizer import PLANAR, Estimate, Localizer, planar_covariance, usable_covariance
+from robot_stack.localization.localizer import Estimate, Localizer, planar_covariance, usable_covariance
 from robot_stack.localization.map_localizer import MapLocalizer
 from robot_stack.localization.ndt.solver import SweepSolver
 from robot_stack.localization.nodes.matching_thread import MatchingThread
-from robot_stack.localization.odometry import OdometryReading, Variances
+from robot_stack.localization.nodes.messages import (
+    given_pose,
+    imu_sample,
+    odometry_reading,
+    pose_with_covariance,
+    sweep_of,
+    up_of,
+)
 from robot_stack.localization.params import LocalizationParams
 from robot_stack.localization.warm_up import warm_up
-from robot_stack.ros.conversions import (
-    pose_from_msg,
-    pose_stamped,
-    pose_to_msg,
-    time_from_s,
-    time_to_s,
-    transform_stamped,
-    twist_from_msg,
-)
+from robot_stack.ros.conversions import pose_stamped, time_from_s, time_to_s, transform_stamped
 from robot_stack.ros.node import StackNode, run
-from robot_stack.ros.point_cloud import points_of
 from robot_stack.ros.wire import CloudView
 from tf2_msgs.msg import TFMessage
 
@@ -81,33 +73,21 @@ class NdtLocalizationNode(StackNode):
         return solver
 
     def _on_imu(self, message: Imu) -> None:
-        rate, acceleration = message.angular_velocity, message.linear_acceleration
-        signature = (rate.x, rate.y, rate.z, acceleration.x, acceleration.y, acceleration.z)
-        self._localizer.on_imu(ImuSample(time_to_s(message.header.stamp), rate.z, signature))
-        if self._map is not None and message.orientation_covariance[0] >= 0.0:  # negative: the unit has none
-            q = message.orientation
-            up = (2.0 * (q.x * q.z - q.w * q.y), 2.0 * (q.y * q.z + q.w * q.x), 1.0 - 2.0 * (q.x * q.x + q.y * q.y))
-            self._map.on_up(np.array(up))
+        self._localizer.on_imu(imu_sample(message))
+        if self._map is not None and (up := up_of(message)) is not None:
+            self._map.on_up(up)
 
     def _on_odometry(self, message: Odometry) -> None:
-        reading = OdometryReading(
-            time_to_s(message.header.stamp),
-            pose_from_msg(message.pose.pose),
-            twist_from_msg(message.twist.twist),
-            _planar_variances(message.pose.covariance),
-            _planar_variances(message.twist.covariance),
-        )
-        self._localizer.on_odometry(reading, self._odom.received_s)
+        self._localizer.on_odometry(odometry_reading(message), self._odom.received_s)
 
     def _on_sweep(self, message: CloudView) -> None:
         assert self._map is not None
         try:
-            sweep = points_of(message, SWEEP)
+            sweep = sweep_of(message)
         except ValueError as error:
             self.get_logger().error(f"/sensors/lidar/points refused: {error}", throttle_duration_sec=1.0)
             return
-        same_layout = sweep.dtype.fields == SWEEP.fields and sweep.dtype.itemsize == SWEEP.itemsize
-        self._map.on_sweep(sweep if same_layout else sweep.astype(SWEEP), time_to_s(message.header.stamp))
+        self._map.on_sweep(sweep, time_to_s(message.header.stamp))
         self._match()
 
     def _match(self) -> None:
@@ -123,7 +103,7 @@ class NdtLocalizationNode(StackNode):
                 self._thread.ask(request)
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
-        pose, problem = _given_pose(message)
+        pose, problem = given_pose(message)
         if problem:
             self.get_logger().error(f"/initialpose refused: {problem}")
             return
@@ -140,7 +120,7 @@ class NdtLocalizationNode(StackNode):
         if estimate.pose is not None and estimate.map_to_odom is not None:
             stamp = time_from_s(estimate.stamp_s)
             self._pose.publish(pose_stamped(estimate.pose, frames.MAP, stamp))
-            self._with_covariance.publish(_pose_with_covariance(estimate.pose, estimate.covariance, stamp))
+            self._with_covariance.publish(pose_with_covariance(estimate.pose, estimate.covariance, stamp))
             transform = transform_stamped(estimate.map_to_odom, frames.MAP, frames.ODOM, stamp)
             self._tf.publish(TFMessage(transforms=[transform]))
         self._report_state(estimate)
@@ -164,39 +144,5 @@ class NdtLocalizationNode(StackNode):
         super().destroy_node()
 
 
-def _pose_with_covariance(pose: Pose2, covariance: Array, stamp: Time) -> PoseWithCovarianceStamped:
-    """covariance: (3, 3) of x, y, yaw; height, roll and pitch are not estimated and stay 0."""
-    message = PoseWithCovarianceStamped()
-    message.header.frame_id, message.header.stamp = frames.MAP, stamp
-    message.pose.pose = pose_to_msg(pose)
-    whole = np.zeros((6, 6))
-    whole[np.ix_(PLANAR, PLANAR)] = covariance
-    message.pose.covariance = whole.ravel()
-    return message
-
-
-def _planar_variances(covariance: list[float]) -> Variances:
-    """(x, y, yaw) of the diagonal of a row-major (6, 6) covariance."""
-    return float(covariance[0]), float(covariance[7]), float(covariance[35])
-
-
-def _given_pose(message: PoseWithCovarianceStamped) -> tuple[Pose2, str]:
-    """The pose and why it cannot be used, an empty text if it can."""
-    pose = pose_from_msg(message.pose.pose)
-    q = message.pose.pose.orientation
-    norm2 = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
-    if message.header.frame_id != frames.MAP:
-        return pose, f"frame_id is {message.header.frame_id!r}, must be {frames.MAP!r}"
-    if not pose.is_finite():
-        return pose, f"pose is not finite: x {pose.x}, y {pose.y}, yaw {pose.yaw}"
-    if not abs(norm2 - 1.0) < 0.01:
-        return pose, f"orientation is no unit quaternion, its squared norm is {norm2:.3f}"
-    return pose, ""
-
-
 def main() -> None:
     run(NdtLocalizationNode, bulk=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -3,32 +3,29 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path as PlanPath
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
-from custom_msgs.msg import EHMIState, MissionStatus, UICommand
-from robot_stack.contract import frames, topics
+from custom_msgs.msg import UICommand
+from robot_stack.contract import topics
 from robot_stack.contract.display import Display
 from robot_stack.core.config import load
 from robot_stack.core.departure import DepartureParams
 from robot_stack.core.docks import load_docks
-from robot_stack.core.geometry import Pose2
-from robot_stack.core.mission import Kind
 from robot_stack.core.mission_library import MissionError, mission_library
 from robot_stack.mission import events as ev
 from robot_stack.mission import route
-from robot_stack.mission.journal import SqliteJournal, default_journal_path
+from robot_stack.mission.journal import SqliteJournal, journal_path
 from robot_stack.mission.kernel import MissionKernel
 from robot_stack.mission.nodes.docking_client import DockingClient
+from robot_stack.mission.nodes.outputs import MissionOutputs
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.perform import Performer, load_record
 from robot_stack.mission.states import UNDER_WAY
-from robot_stack.ros.conversions import pose_from_msg, pose_stamped, twist_from_msg
+from robot_stack.ros.conversions import pose_from_msg, twist_from_msg
 from robot_stack.ros.departures import DepartureWarnings
 from robot_stack.ros.node import StackNode, run
 
@@ -38,10 +35,10 @@ _CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
 class MissionManagerNode(StackNode):
     def __init__(self) -> None:
         super().__init__("mission_manager", MissionParams)
-        self._status = self.advertise(topics.MISSION_STATUS)
-        self._goal = self.advertise(topics.GOAL_POSE)
-        self._stop = self.emergency_stop_source(until_latched=True)
-        self._ehmi = self.advertise(topics.EHMI_STATE_COMMAND)
+        self._docking = DockingClient(self, self._handle)
+        # Its own warnings need nobody else's: it takes the goal away before it gives one.
+        self._departures = DepartureWarnings(self, given=lambda: None)
+        self._outputs = MissionOutputs(self, self.params, self._docking, self._departures)
         self._pose = self.subscribe(topics.CURRENT_POSE)
         self._odom = self.subscribe(topics.ODOM)
         self._battery = self.subscribe(topics.BATTERY_STATE)
@@ -51,19 +48,15 @@ class MissionManagerNode(StackNode):
         self._plan_xy = np.empty((0, 2))
         self._navigation_status = self.subscribe(topics.NAVIGATION_STATUS)
         self._docking_status = self.subscribe(topics.DOCKING_STATUS)
-        self._docking = DockingClient(self, self._handle)
-        self._navigators = self._displays = 0
-        self._display: int | None = None
+        self._navigators = 0
         self._library = mission_library(self.params.missions_folder, self.params.own_missions_folder)
-        self._journal = SqliteJournal(_path(self.params.journal_file, default_journal_path()))
+        self._journal = SqliteJournal(journal_path(self.params.journal_file))
         record, problem = load_record(self._journal)
         if problem:
             self.get_logger().error(problem)
         docks = {name: dock.kind for name, dock in load_docks().docks.items()}
-        # Its own warnings need nobody else's: it takes the goal away before it gives one.
-        self._departures = DepartureWarnings(self, given=lambda: None)
         self._kernel = MissionKernel(self.params, load(DepartureParams, "departure"), record, problem, docks)
-        self._performer = Performer(self._kernel, self._journal, self)
+        self._performer = Performer(self._kernel, self._journal, self._outputs)
         self._performer.start_up(self._inputs(), self.steady_s())
         self.subscribe(topics.UI_COMMAND, self._on_command)
         self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
@@ -101,17 +94,16 @@ class MissionManagerNode(StackNode):
 
     def _watch_subscribers(self) -> None:
         """Goals are not latched: who begins to listen has to be told."""
-        before, self._navigators = self._navigators, self._goal.get_subscription_count()
+        before, self._navigators = self._navigators, self._outputs.navigators
         if before and self._navigators != before:
             self._plan.latest = None  # the plan of one that is gone
         if self._navigators > before:
             self._handle(ev.NavigationAppeared())
-        displays, self._displays = self._displays, self._ehmi.get_subscription_count()
-        if self._displays > displays and self._display is not None:
-            self._show(self._display)
+        self._outputs.show_newcomers()
 
     def _handle(self, event: ev.Event) -> None:
         self._performer.handle(event, self._inputs(), self.steady_s())
+        self.report.values |= {"state": self._kernel.record.state.value, "reason": self._outputs.reason}
 
     def _docking_state(self) -> str:
         return self._docking_status.latest.state if self._docking_status.fresh() else ""
@@ -143,69 +135,13 @@ class MissionManagerNode(StackNode):
             return float(self._battery.latest.percentage)
         return float(self._robot_status.latest.battery_percent) / 100.0 if self._robot_status.fresh() else math.nan
 
-    # --- outputs -----------------------------------------------------------------------------------------------------
-
-    def send_goal(self, pose: Pose2) -> None:
-        self._goal.publish(pose_stamped(pose, frames.MAP, self.stamp()))
-
-    def cancel_goal(self) -> None:
-        message = PoseStamped()  # an empty frame cancels
-        message.header.stamp = self.stamp()
-        self._goal.publish(message)
-
-    def start_docking(self, call: int, kind: Kind, dock_id: str) -> None:
-        self._docking.start(call, kind, dock_id)
-
-    def cancel_docking(self, everything: bool) -> None:
-        if everything:
-            self._docking.cancel_everything()
-        else:
-            self._docking.cancel()
-
-    def publish_emergency_stop(self, active: bool) -> None:
-        self._stop.publish(active)
-
-    def warn_of_departure(self, remaining_s: float) -> None:
-        self._departures.publish(remaining_s)
-
-    def publish_status(self, status: ev.Status) -> None:
-        message = MissionStatus(
-            state=status.state,
-            mission_id=status.mission.id if status.mission else "",
-            mission_name=status.mission.name_in(self.params.language) if status.mission else "",
-            current_waypoint=status.current_waypoint,
-            waypoints_completed=status.waypoints_completed,
-            total_waypoints=status.total_waypoints,
-            progress=status.progress,
-            eta_s=status.eta_s,
-            passenger_attached=status.passenger_attached,
-            reason=status.reason,
-            last_command=status.last_command,
-            last_command_accepted=status.last_command_accepted,
-        )
-        message.header.stamp, message.header.frame_id = self.stamp(), frames.MAP
-        self._status.publish(message)
-        self.report.values |= {"state": self._kernel.record.state.value, "reason": status.reason}
-        if status.display != self._display:
-            self._show(status.display)
-
-    def _show(self, display: int) -> None:
-        self._display = display
-        message = EHMIState(state_num=display, language=self.params.language, volume=self.params.ehmi_volume)
-        message.header.stamp = self.stamp()
-        self._ehmi.publish(message)
-
     def safe_output(self) -> None:
         """Nobody is left to watch the ride: the robot stands. The journal brings the mission back, paused."""
         if self._kernel.record.state in UNDER_WAY:
-            self.cancel_goal()
+            self._outputs.cancel_goal()
             self._docking.cancel()
-        self._show(Display.OFF)
+        self._outputs.show(Display.OFF)
         self._journal.close()
-
-
-def _path(named: str, default: Path) -> Path:
-    return Path(named).expanduser() if named else default
 
 
 def main() -> None:

@@ -6,32 +6,27 @@ the drive's arbitration puts any other source before it.
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
-from nav_msgs.msg import Path as PathMessage
-from std_msgs.msg import Bool, String
+from std_msgs.msg import Bool
 
 from custom_msgs.msg import VelocityLimit
 from robot_stack.contract import frames, topics
 from robot_stack.core.config import load
 from robot_stack.core.departure import Departure, DepartureParams
-from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from robot_stack.core.geometry import ZERO_TWIST
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.site_map import load_map
 from robot_stack.navigation.controller import NavigationController, Output, Situation
-from robot_stack.navigation.goal import GoalRequest
-from robot_stack.navigation.nodes.people_markers import people_markers
+from robot_stack.navigation.nodes.messages import costmap_cells, goal_request
+from robot_stack.navigation.nodes.outputs import NavigationOutputs
 from robot_stack.navigation.nodes.planning_thread import PlanningThread
 from robot_stack.navigation.params import NavigationParams
-from robot_stack.navigation.path import Path
 from robot_stack.navigation.pose_source import PoseSource
 from robot_stack.navigation.routes import RouteSolver
 from robot_stack.navigation.states import NavigationState
 from robot_stack.navigation.warm_up import warm_up
-from robot_stack.ros.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg, twist_to_msg
+from robot_stack.ros.conversions import pose_from_msg, time_to_s, twist_from_msg
 from robot_stack.ros.departures import DepartureWarnings
 from robot_stack.ros.node import StackNode, run
 
@@ -49,17 +44,10 @@ class NavigationControllerNode(StackNode):
         self._controller = NavigationController(
             self.params, self.robot, frames.MAP, self._departure, grid, self._planning_thread
         )
-        self._asked_s = math.inf
         if grid is not None or self.params.use_costmap:
             warm_up()
         self._problems = {topics.ODOM.name: "", topics.CURRENT_POSE.name: "", topics.LOCAL_COSTMAP.name: ""}
-        self._status_text = ""
-        self._shown_path: Path | None = None
-        self._plan_shown = False
-        self._cmd_vel = self.advertise(topics.CMD_VEL)
-        self._plan = self.advertise(topics.PLAN)
-        self._status = self.advertise(topics.NAVIGATION_STATUS)
-        self._people = self.advertise(topics.NAVIGATION_PEOPLE)
+        self._outputs = NavigationOutputs(self, self.params.people.sightings)
         self.subscribe(topics.ODOM, self._on_odometry)
         self.subscribe(topics.CURRENT_POSE, self._on_pose)
         self.subscribe(topics.GOAL_POSE, self._on_goal)
@@ -67,7 +55,7 @@ class NavigationControllerNode(StackNode):
         self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
         if self.params.use_costmap:
             self.subscribe(topics.LOCAL_COSTMAP, self._on_costmap)
-        self._publish_plan()
+        self._outputs.plan(self._controller.path)
         self.every(topics.CMD_VEL.nominal_rate_hz, self._tick)
 
     def _planning_thread(self, solver: RouteSolver) -> PlanningThread:
@@ -76,11 +64,7 @@ class NavigationControllerNode(StackNode):
 
     def work_since_s(self) -> float:
         """A simulated world waits for a route: the next tick takes it, however long it takes to plan."""
-        if not self._planning.busy():
-            self._asked_s = math.inf
-        elif self._asked_s == math.inf:
-            self._asked_s = self.steady_s()
-        return self._asked_s
+        return self._planning.busy_since_s(self.steady_s())
 
     def destroy_node(self) -> None:
         self._planning.end()
@@ -88,10 +72,10 @@ class NavigationControllerNode(StackNode):
 
     def on_emergency_stop(self) -> None:
         self._controller.stop()
-        self._cmd_vel.publish(twist_to_msg(ZERO_TWIST))
+        self._outputs.command(ZERO_TWIST)
 
     def safe_output(self) -> None:
-        self._cmd_vel.publish(twist_to_msg(ZERO_TWIST))
+        self._outputs.command(ZERO_TWIST)
 
     def _on_odometry(self, message: Odometry) -> None:
         pose, twist = pose_from_msg(message.pose.pose), twist_from_msg(message.twist.twist)
@@ -107,34 +91,25 @@ class NavigationControllerNode(StackNode):
         self._problems[topics.CURRENT_POSE.name] = problem
 
     def _on_goal(self, message: PoseStamped) -> None:
-        p, q = message.pose.position, message.pose.orientation
-        stamp_s = time_to_s(message.header.stamp)
-        request = GoalRequest(message.header.frame_id, stamp_s, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
         located, _ = self._poses.located(self.now_s(), self.steady_s())
+        request = goal_request(message)
         problem = self._controller.request(request, self.now_s(), located, emergency_stop=self.emergency_stop)
         if problem:
             self.get_logger().error(f"/goal_pose refused: {problem}")
-        self._publish_plan()
+        self._outputs.plan(self._controller.path)
 
     def _on_costmap(self, message: OccupancyGrid) -> None:
-        info = message.info
-        cells = np.frombuffer(message.data, np.int8)
-        if message.header.frame_id != frames.ODOM:
-            problem = f"/local_costmap/costmap frame_id is {message.header.frame_id!r}, must be {frames.ODOM!r}"
-        elif cells.size != info.height * info.width:
-            problem = f"/local_costmap/costmap data has {cells.size} cells, must be {info.height} x {info.width}"
+        stamp, info, around = message.header.stamp, message.info, self._controller.around
+        try:
+            cells = costmap_cells(message)
+        except ValueError as error:
+            problem = str(error)
         else:
-            problem = self._controller.around.on_costmap(
-                time_to_s(message.header.stamp),
-                info.resolution,
-                pose_from_msg(info.origin),
-                cells.reshape(info.height, info.width),
-                self.steady_s(),
-            )
+            origin = pose_from_msg(info.origin)
+            problem = around.on_costmap(time_to_s(stamp), info.resolution, origin, cells, self.steady_s())
         self._problems[topics.LOCAL_COSTMAP.name] = problem
-        if not problem and self._people.get_subscription_count():
-            stamp, people = message.header.stamp, self._controller.around.people
-            self._people.publish(people_markers(people, stamp, time_to_s(stamp), self.params.people.sightings))
+        if not problem:
+            self._outputs.people(around.people, stamp)
 
     def _on_velocity_limit(self, message: VelocityLimit) -> None:
         limit = SpeedLimit(message.max_linear_velocity, message.max_angular_velocity)
@@ -152,43 +127,20 @@ class NavigationControllerNode(StackNode):
         situation = Situation(self.now_s(), located, problem, self.emergency_stop, blind)
         output = self._controller.tick(situation)
         self._departures.publish(self._departure.remaining_s)
-        self._cmd_vel.publish(twist_to_msg(output.twist))
-        self._publish_plan()
+        self._outputs.command(output.twist)
+        self._outputs.plan(self._controller.path)
         self._report_state(output, problem)
-
-    def _publish_plan(self) -> None:
-        path = self._controller.path
-        if path is self._shown_path and self._plan_shown:
-            return
-        stamp = self.stamp()
-        poses = [] if path is None else [Pose2(*map(float, row)) for row in path.poses]
-        message = PathMessage(poses=[pose_stamped(pose, frames.MAP, stamp) for pose in poses])
-        message.header.frame_id, message.header.stamp = frames.MAP, stamp
-        self._plan.publish(message)
-        self._shown_path, self._plan_shown = path, True
-
-    def _publish_status(self, text: str) -> None:
-        if text != self._status_text:
-            self._status.publish(String(data=text))
-            self._status_text = text
 
     def _report_state(self, output: Output, missing: str) -> None:
         if output.refused:
             self.get_logger().error(f"/goal_pose refused: {output.refused}")
         if output.reached:
             self.get_logger().info(f"goal reached, {1e3 * output.error.distance_m():.0f} mm off")
-        self._publish_status(output.text)
+        self._outputs.status(output.text)
         held = output.state is NavigationState.HELD
         self.set_health(not missing, missing or (f"held: {output.text}" if held else output.text))
-        self.report.values = {
-            "state": output.state.value,
-            "tracking error": f"{1e3 * output.error.distance_m():.0f} mm, {output.error.yaw:.3f} rad",
-        }
+        self.report.values = output.figures()
 
 
 def main() -> None:
     run(NavigationControllerNode)
-
-
-if __name__ == "__main__":
-    main()

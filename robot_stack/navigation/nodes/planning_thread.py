@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 
@@ -20,6 +21,7 @@ class PlanningThread:
         self._stop: Stop | None = None
         self._wake = threading.Condition()
         self._ended = False
+        self._busy_since_s = math.inf
         self._thread = threading.Thread(target=self._run, name="planning", daemon=True)
         self._thread.start()
 
@@ -42,6 +44,11 @@ class PlanningThread:
         """True from a question until it is answered or no longer wanted."""
         with self._wake:
             return self._next is not None or (self._stop is not None and not self._stop.wanted)
+
+    def busy_since_s(self, now_s: float) -> float:
+        """When it was first seen busy by who asks this again and again; infinite while it is not."""
+        self._busy_since_s = min(self._busy_since_s, now_s) if self.busy() else math.inf
+        return self._busy_since_s
 
     def end(self) -> None:
         """Returns when the thread has ended, at the latest after two seconds."""

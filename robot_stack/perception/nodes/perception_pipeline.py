@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import math
-from array import array
 
-import numpy as np
-from nav_msgs.msg import OccupancyGrid, Odometry
+from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Bool
 
 from robot_stack.contract import frames, topics
 from robot_stack.core.docks import load_docks
-from robot_stack.core.point_cloud import SWEEP, Points, moving_points, points_from_xyz
+from robot_stack.core.point_cloud import SWEEP, Points
 from robot_stack.perception.attitude import attitude_of
+from robot_stack.perception.nodes.outputs import PerceptionOutputs
 from robot_stack.perception.params import PerceptionParams
-from robot_stack.perception.pipeline import Pipeline, Scene
+from robot_stack.perception.pipeline import Pipeline
 from robot_stack.perception.warm_up import warm_up
 from robot_stack.perception.watch import Watch, too_near
 from robot_stack.ros.conversions import pose_from_msg, time_to_s, twist_from_msg
 from robot_stack.ros.inputs import Input
 from robot_stack.ros.node import StackNode, run
-from robot_stack.ros.point_cloud import cloud_message, fill, points_of
+from robot_stack.ros.point_cloud import points_of
 from robot_stack.ros.wire import CloudView
-
-# A grid follows the sweep that is due, not a timer: the one whose stamp is nearest to a period after the last grid's.
-_SPACE_DUE_S = 1.0 / topics.SPACE.nominal_rate_hz - 0.5 / topics.OBSTACLES.nominal_rate_hz
 
 
 class PerceptionPipelineNode(StackNode):
@@ -34,20 +30,11 @@ class PerceptionPipelineNode(StackNode):
     def __init__(self) -> None:
         super().__init__("perception_pipeline", PerceptionParams)
         warm_up()
-        self._period_s = 1.0 / topics.OBSTACLES.nominal_rate_hz
         self._pipeline = Pipeline(self.robot, self.params)
         height_m = self.robot.lidar_xyz_m[2]
         self._watch, self._overhead_watch = (Watch(self.params.watch, height_m) for _ in range(2))
         self._excused = too_near(self.robot, load_docks().latched_wheelchair(), self.params.watch)
-        self._cloud = cloud_message(points_from_xyz(np.empty((0, 3))), frames.BASE_LINK)
-        self._ends = cloud_message(points_from_xyz(np.empty((0, 3))), frames.BASE_LINK)
-        self._bodies = cloud_message(moving_points(np.empty((0, 5))), frames.BASE_LINK)
-        self._moving = self.advertise(topics.MOVING)
-        self._obstacles, self._unseen = self.advertise(topics.OBSTACLES), self.advertise(topics.UNSEEN_SPACE)
-        self._space = self.advertise(topics.SPACE)
-        self._space_s = -math.inf  # stamp of the last one
-        self._repeat = self.create_timer(self._period_s, self._send_again)
-        self._repeat.cancel()
+        self._outputs = PerceptionOutputs(self, self._pipeline.space.grid)
         self.subscribe(topics.ODOM, self._on_odometry)
         self.subscribe(topics.IMU, self._on_imu)
         self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
@@ -84,38 +71,39 @@ class PerceptionPipelineNode(StackNode):
     def _on_overhead(self, message: CloudView) -> None:
         """What it shows goes out with the next half sweep. That it shows nothing is the safety monitor's to judge."""
         stamp_s = time_to_s(message.header.stamp)
-        points, problem = self._overhead_points(message, stamp_s)
+        points, problem = self._look(message, frames.OVERHEAD_LIDAR, self._overhead_watch)
         if points is not None:
             self._pipeline.overhead(points, stamp_s)
         self.report.values["overhead LiDAR"] = problem or "seen"
 
-    def _overhead_points(self, message: CloudView, stamp_s: float) -> tuple[Points | None, str]:
-        """The points of a frame, or None and why they cannot be used."""
-        if message.header.frame_id != frames.OVERHEAD_LIDAR:
-            return None, f"frame_id is {message.header.frame_id!r}, must be {frames.OVERHEAD_LIDAR!r}"
+    def _look(self, message: CloudView, sensor: str, watch: Watch) -> tuple[Points | None, str]:
+        """The points of a sensor's sweep or frame, or None and why they cannot be used."""
+        stamp_s = time_to_s(message.header.stamp)
+        if message.header.frame_id != sensor:
+            return None, f"frame_id is {message.header.frame_id!r}, must be {sensor!r}"
         try:
             points = points_of(message, SWEEP)
         except ValueError as error:
             return None, str(error)
-        problem = self._overhead_watch.stamp_problem(stamp_s, self.now_s())
-        if not problem and self._overhead_watch.frozen(points):
+        problem = watch.stamp_problem(stamp_s, self.now_s())
+        if not problem and watch.frozen(points):
             problem = "frozen: the same points came before"
+        if not problem and sensor == frames.LIDAR:
+            problem = watch.blind(points, stamp_s, self._excused if self._pipeline.chair else None)
         problem = problem or self._pipeline.motion.problem(stamp_s)
         return (None, problem) if problem else (points, "")
 
     # --- work --------------------------------------------------------------------------------------------------------
 
     def _take(self, message: CloudView, *, full: bool) -> None:
-        self._repeat.cancel()
+        self._outputs.hold_back()
         stamp_s = time_to_s(message.header.stamp)
-        points, problem = self._look(message, stamp_s)
+        points, problem = self._look(message, frames.LIDAR, self._watch)
         if points is None:
             self.set_health(False, f"{'full' if full else 'half'} sweep: {problem}")
             return
         scene = self._pipeline.scene(points, stamp_s, self._watch.obstructed)
-        self._publish(message, scene)
-        if full:
-            self._repeat.reset()
+        self._outputs.publish(scene, message.header.stamp, twice=full)
         level = self._pipeline.motion.attitude_at(stamp_s) is not None
         self.set_health(True, "obstacles are seen" if level else "obstacles are seen, without the attitude")
         self.report.values |= {
@@ -124,53 +112,6 @@ class PerceptionPipelineNode(StackNode):
             "obstructed directions": str(int(self._watch.obstructed.sum())),
             "sweeps": "full" if full else "half",
         }
-
-    def _look(self, message: CloudView, stamp_s: float) -> tuple[Points | None, str]:
-        """The points of a sweep, or None and why they cannot be used."""
-        if message.header.frame_id != frames.LIDAR:
-            return None, f"frame_id is {message.header.frame_id!r}, must be {frames.LIDAR!r}"
-        try:
-            points = points_of(message, SWEEP)
-        except ValueError as error:
-            return None, str(error)
-        problem = self._watch.stamp_problem(stamp_s, self.now_s())
-        if not problem and self._watch.frozen(points):
-            problem = "frozen: the same points came before"
-        excused = self._excused if self._pipeline.chair else None
-        problem = problem or self._watch.blind(points, stamp_s, excused) or self._pipeline.motion.problem(stamp_s)
-        return (None, problem) if problem else (points, "")
-
-    def _publish(self, message: CloudView, scene: Scene) -> None:
-        fill(self._cloud, points_from_xyz(scene.obstacles))
-        fill(self._ends, points_from_xyz(scene.unseen))
-        fill(self._bodies, moving_points(scene.moving))
-        for cloud in (self._cloud, self._ends, self._bodies):
-            cloud.header.stamp = message.header.stamp
-        self._send()
-        if not 0.0 <= scene.stamp_s - self._space_s < _SPACE_DUE_S:
-            self._space_s = scene.stamp_s
-            self._publish_space(message)
-
-    def _publish_space(self, message: CloudView) -> None:
-        space, grid = self._pipeline.space.grid(), OccupancyGrid()
-        grid.header.stamp = grid.info.map_load_time = message.header.stamp
-        grid.header.frame_id = frames.ODOM
-        grid.info.resolution = space.cell_m
-        grid.info.height, grid.info.width = space.state.shape
-        grid.info.origin.position.x, grid.info.origin.position.y = space.corner_m
-        grid.info.origin.orientation.w = 1.0
-        grid.data = array("b", space.state.tobytes())
-        self._space.publish(grid)
-
-    def _send(self) -> None:
-        self._obstacles.publish(self._cloud)
-        self._unseen.publish(self._ends)
-        self._moving.publish(self._bodies)
-
-    def _send_again(self) -> None:
-        """A full sweep between two of them."""
-        self._repeat.cancel()
-        self._send()
 
     def _tick(self) -> None:
         """What no message tells: silence, a driver without half sweeps."""
@@ -202,7 +143,3 @@ class PerceptionPipelineNode(StackNode):
 
 def main() -> None:
     run(PerceptionPipelineNode, bulk=True)
-
-
-if __name__ == "__main__":
-    main()

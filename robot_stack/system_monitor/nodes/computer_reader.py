@@ -10,7 +10,9 @@ from pathlib import Path
 import psutil
 
 from robot_stack.core.node_record import NodeRecords
+from robot_stack.core.runtime import recordings_dir, runtime_dir
 from robot_stack.system_monitor.computer import CpuTimes, ProcessFigures, celsius_of, pressure_avg10
+from robot_stack.system_monitor.params import SystemMonitorParams
 
 _MIB = 2**20
 _KERNEL = "/proc"
@@ -24,6 +26,11 @@ class ComputerReader:
         self._proc, self._thermal = proc_folder, thermal_folder
         self._wanted_disk, self._disk = disk_folder, disk_folder
         self.find_disk()
+
+    @classmethod
+    def configured(cls, params: SystemMonitorParams) -> ComputerReader:
+        disk = _folder(params.disk_folder) if params.disk_folder else recordings_dir()
+        return cls(_folder(params.proc_folder), _folder(params.thermal_folder), disk)
 
     def cpu(self) -> CpuTimes | None:
         with suppress(OSError, ValueError, IndexError), _told_in(self._proc):
@@ -66,6 +73,11 @@ class ComputerReader:
             with suppress(OSError):
                 found[name] = pressure_avg10((self._proc / "pressure" / name).read_text(encoding="ascii"))
         return found
+
+
+def _folder(name: str) -> Path:
+    """An absolute path is taken as it is."""
+    return runtime_dir() / Path(name).expanduser()
 
 
 @contextmanager

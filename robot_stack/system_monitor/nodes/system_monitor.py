@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
-from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import Temperature
@@ -13,8 +12,6 @@ from sensor_msgs.msg import Temperature
 from custom_msgs.msg import RobotStatus
 from robot_stack.contract import frames, topics
 from robot_stack.contract.model import System
-from robot_stack.contract.processes import BY_NAME
-from robot_stack.core.runtime import recordings_dir, runtime_dir
 from robot_stack.ros.inputs import Input
 from robot_stack.ros.node import StackNode, run
 from robot_stack.system_monitor.computer import CpuUsage, hottest
@@ -39,10 +36,9 @@ class SystemMonitorNode(StackNode):
     def __init__(self) -> None:
         super().__init__("system_monitor", SystemMonitorParams)
         params: SystemMonitorParams = self.params
-        self._nodes = _nodes(params)
-        self._computer = ComputerReader(_folder(params.proc_folder), _folder(params.thermal_folder), _disk(params))
+        self._computer = ComputerReader.configured(params)
         self._cpu = CpuUsage(params.cpu_window_s)
-        self._tree = DiagnosticsTree(params.base_path, params.groups, self._nodes, params.stale_after_s)
+        self._tree = DiagnosticsTree(params.base_path, params.groups, params.nodes, params.stale_after_s)
         self._traffic = TopicHealth(params.stale_after_s)
         self._graph = GraphReader(self, topics.of_system(System.ROBOT, System.SIMULATION))
         self._message = RobotStatus()
@@ -51,7 +47,7 @@ class SystemMonitorNode(StackNode):
         self._status = self.advertise(topics.ROBOT_STATUS)
         self._temperature = self.advertise(topics.COMPUTER_TEMPERATURE)
         self._agg = self.advertise(topics.DIAGNOSTICS_AGG)
-        self._entries = Entries(params, self._nodes, self._computer, self._graph, self._traffic)
+        self._entries = Entries(params, params.nodes, self._computer, self._graph, self._traffic)
         self.report.more = lambda: self._entries.entries(time.monotonic())
         self.every(topics.ROBOT_STATUS.nominal_rate_hz, self._publish_status)
         self.every(topics.COMPUTER_TEMPERATURE.nominal_rate_hz, self._read_computer)
@@ -133,24 +129,6 @@ class SystemMonitorNode(StackNode):
         message = DiagnosticArray(status=[tree_status(entry) for entry in self._tree.entries(time.monotonic())])
         message.header.stamp = self.stamp()
         self._agg.publish(message)
-
-
-def _nodes(params: SystemMonitorParams) -> tuple[str, ...]:
-    """The nodes that run here, its own among them."""
-    names = (
-        *params.expected_processes,
-        *(["system_monitor"] if "system_monitor" not in params.expected_processes else []),
-    )
-    return tuple(node for name in names for node in BY_NAME[name].nodes)
-
-
-def _disk(params: SystemMonitorParams) -> Path:
-    return _folder(params.disk_folder) if params.disk_folder else recordings_dir()
-
-
-def _folder(name: str) -> Path:
-    """An absolute path is taken as it is."""
-    return runtime_dir() / Path(name).expanduser()
 
 
 def _usable(entry: Input) -> bool:

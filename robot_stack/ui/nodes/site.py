@@ -12,12 +12,42 @@ from robot_stack.contract.frames import FRONT_CAMERA, REAR_CAMERA
 from robot_stack.core.camera import camera_file, load_intrinsics
 from robot_stack.core.display_patterns import load_patterns
 from robot_stack.core.display_picture import svg
+from robot_stack.core.robot import Footprint
+from robot_stack.core.runtime import recordings_dir
 from robot_stack.core.site_map import FREE, OCCUPIED, load_map
+from robot_stack.ui.params import TouchUiParams
 
 _RECORDINGS_MAX = 50
 # Free ground is nearly white, walls are dark; unknown is between, and bluish as water on a map.
 _SHADES_BGR = {FREE: (250, 249, 247), OCCUPIED: (74, 58, 44)}
 _UNKNOWN_BGR = (226, 218, 209)
+
+
+class Site:
+    """What does not change while the node runs, but for the folder of the recordings. Raises ConfigError.
+
+    pictures: see ``pictures``.
+    """
+
+    def __init__(self, params: TouchUiParams, footprint: Footprint) -> None:
+        pages, pad = params.pages, params.pad
+        about, map_png = background(pages.map)
+        self.pictures = pictures(map_png)
+        self._recordings = recordings_dir(pages.recordings_folder)
+        self._section = {
+            "map": about,
+            "language": pages.language,
+            "staff_contact": pages.staff_contact,
+            "footprint": {"front": footprint.front_m, "rear": footprint.rear_m, "width": footprint.width_m},
+            "cameras": cameras(),
+            "pad": {"linear_mps": pad.linear_mps, "lateral_mps": pad.lateral_mps, "angular_radps": pad.angular_radps},
+        }
+
+    def section(self) -> dict[str, Any]:
+        return self._section
+
+    def recordings(self) -> dict[str, Any]:
+        return recordings(self._recordings)
 
 
 def background(name: str) -> tuple[dict[str, Any] | None, bytes]:

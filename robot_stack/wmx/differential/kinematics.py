@@ -6,7 +6,11 @@ turning rate (rad/s, counter-clockwise positive) of the point between the wheels
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +32,24 @@ class WheelPair:
     def largest(self) -> float:
         """Of the two magnitudes."""
         return max(abs(self.left), abs(self.right))
+
+
+@dataclass(frozen=True, slots=True)
+class WheelAxes:
+    """Which axes of the engine the wheels are. polarity: -1 of one that turns backwards where its wheel drives on."""
+
+    left: int
+    right: int
+    left_polarity: int
+    right_polarity: int
+
+    def wheels(self, of_axes: Sequence[float] | NDArray[np.float64]) -> WheelPair:
+        """(n_axes,) a quantity by axis, as the wheels have it."""
+        return self.turned(WheelPair(float(of_axes[self.left]), float(of_axes[self.right])))
+
+    def turned(self, pair: WheelPair) -> WheelPair:
+        """Between wheels that drive forward and axes that turn, either way."""
+        return WheelPair(pair.left * self.left_polarity, pair.right * self.right_polarity)
 
 
 REST = WheelPair(0.0, 0.0)

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from robot_stack.core.config import Config
 from robot_stack.core.limits import MotionLimits
 from robot_stack.wmx.api import MAX_AXES
-from robot_stack.wmx.differential.kinematics import BaseGeometry
+from robot_stack.wmx.differential.kinematics import BaseGeometry, WheelAxes
 from robot_stack.wmx.differential.odometry import Matrix3, OdometrySettings
 from robot_stack.wmx.differential.states import SessionSettings
 from robot_stack.wmx.session import Patience
@@ -116,6 +116,10 @@ def named(value: str) -> bool:
 
 def base_geometry(params: DiffDriveParams) -> BaseGeometry:
     return BaseGeometry(radius_m=params.wheel_radius, track_m=params.wheel_to_wheel)
+
+
+def wheel_axes(params: DiffDriveParams) -> WheelAxes:
+    return WheelAxes(params.left_axis, params.right_axis, params.left_polarity, params.right_polarity)
 
 
 def motion_limits(limits: LimitParams) -> MotionLimits | None:

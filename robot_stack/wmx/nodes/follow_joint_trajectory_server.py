@@ -133,7 +133,3 @@ class FollowJointTrajectoryServerNode(StackNode):
 
 def main() -> None:
     run(FollowJointTrajectoryServerNode)
-
-
-if __name__ == "__main__":
-    main()

@@ -14,10 +14,10 @@ from robot_stack.wmx.axes import AxisFeedback
 from robot_stack.wmx.config import load_client_config
 from robot_stack.wmx.manipulator.bring_up import BringUp, BringUpSettings
 from robot_stack.wmx.manipulator.joints import faults, read
-from robot_stack.wmx.manipulator.messages import ArrayBytes, JointStateBytes
 from robot_stack.wmx.manipulator.parameters import ManipulatorStateParams
 from robot_stack.wmx.manipulator.startup import Level, Step
 from robot_stack.wmx.nodes.feedback_thread import FeedbackThread
+from robot_stack.wmx.nodes.joint_outputs import JointOutputs
 
 _REPORT_HZ = 10.0
 _COMPLAIN_S = 5.0
@@ -32,14 +32,14 @@ class ManipulatorStateNode(StackNode):
         params: ManipulatorStateParams = self.params
         client = load_client_config()
         self._joints = params.joints
-        self._message = JointStateBytes(params.joint_name)
-        self._array = ArrayBytes(len(params.joint_name))
         encoder, isaac, gazebo = params.topics
-        self._encoder = self._sender(topics.WMX_JOINT_STATES, encoder)
-        self._isaac = self._sender(topics.ISAAC_JOINT_COMMAND, isaac)
-        self._gazebo = self._sender(topics.GAZEBO_COMMANDS, gazebo)
-        self._isaac_stamp = params.isaacsim_stamp
-        self._look_around()
+        self._outputs = JointOutputs(
+            params.joint_name,
+            self._sender(topics.WMX_JOINT_STATES, encoder),
+            self._sender(topics.ISAAC_JOINT_COMMAND, isaac),
+            self._sender(topics.GAZEBO_COMMANDS, gazebo),
+            isaac_stamp=params.isaacsim_stamp,
+        )
         self._skipped = 0
         settings = BringUpSettings(
             n_joints=params.joint_number,
@@ -73,31 +73,17 @@ class ManipulatorStateNode(StackNode):
     # --- in the feedback thread --------------------------------------------------------------------------------------
 
     def _publish(self, feedback: AxisFeedback) -> bool:
-        """Isaac Sim first and, as documented, before the stamp is set."""
         values = read(feedback, self._joints)
         if values is None:
             self._bring_up.status_problem = "a joint's position or velocity is not finite"
             return False
-        message = self._message
-        message.put(*values)
-        stamp_ns = self.now_ns()
-        if self._isaac is not None and self._isaac_heard:
-            self._isaac.send(message.stamped(stamp_ns if self._isaac_stamp else 0))
-        if self._encoder is not None:
-            self._encoder.send(message.stamped(stamp_ns))
-        if self._gazebo is not None and self._gazebo_heard:
-            self._gazebo.send(self._array.filled(values[0]))
+        self._outputs.send(*values, self.now_ns())
         return True
 
     # --- in the executor ---------------------------------------------------------------------------------------------
 
-    def _look_around(self) -> None:
-        """What is too dear to ask 500 times a second. Mirrors that nobody hears are not sent."""
-        self._isaac_heard = self._isaac is not None and self._isaac.heard
-        self._gazebo_heard = self._gazebo is not None and self._gazebo.heard
-
     def _report(self) -> None:
-        self._look_around()
+        self._outputs.look_around()
         feedback = self._feedback
         if feedback.failure:
             raise RuntimeError(f"the feedback thread has ended:\n{feedback.failure}")
@@ -142,14 +128,9 @@ class ManipulatorStateNode(StackNode):
         """Joints stopped, servos off that were switched on here, the device given back."""
         ended = self._feedback.end()
         self._log_lines()
-        for sender in (self._encoder, self._isaac, self._gazebo):
-            if ended and sender is not None:
-                sender.close()
+        if ended:
+            self._outputs.close()
 
 
 def main() -> None:
     run(ManipulatorStateNode)
-
-
-if __name__ == "__main__":
-    main()

@@ -133,7 +133,3 @@ class WmxRos2GeneralNode(StackNode):
 
 def main() -> None:
     run(WmxRos2GeneralNode)
-
-
-if __name__ == "__main__":
-    main()

@@ -11,6 +11,7 @@ from robot_stack.ros.node import StackNode, run
 parser = argparse.ArgumentParser()
 parser.add_argument("--crash-after", type=int, default=0)
 parser.add_argument("--advertise", default="CMD_VEL")
+parser.add_argument("--listen", default="")
 options, rest = parser.parse_known_args()
 sys.argv[1:] = rest
 
@@ -19,6 +20,8 @@ class ExampleNode(StackNode):
     def __init__(self) -> None:
         super().__init__("navigation_controller")
         self._cmd_vel = self.advertise(topics.ROWS[options.advertise])
+        if options.listen:
+            self.listen(topics.ROWS[options.listen], lambda _: None)
         self._ticks = 0
         self.every(20.0, self._tick)
 

@@ -49,6 +49,17 @@ def test_refused_command_is_a_stop_and_names_its_field(bad: float, field: str):
     assert (source, requested.twist, requested.rate) == (Source.TELEOP, ZERO_TWIST, ZERO_TWIST)
 
 
+def test_command_that_was_sent_long_ago_is_refused_and_the_one_before_stands():
+    arbiter = Arbiter()
+    arbiter.command(Source.TELEOP, A, 0.0)
+    timeout_s = Source.TELEOP.timeout_s
+    reason = arbiter.command(Source.TELEOP, B, 0.1, timeout_s + 0.1)
+    assert reason == f"teleop command refused: {timeout_s + 0.1:.2f} s old, at most {timeout_s} s"
+    assert arbiter.requested(0.1)[1].twist == A
+    assert arbiter.command(Source.TELEOP, B, 0.1, timeout_s) is None
+    assert arbiter.requested(0.1)[1].twist == B
+
+
 def test_time_that_runs_back_makes_commands_old():
     arbiter = Arbiter()
     arbiter.command(Source.NAVIGATION, A, 100.0)

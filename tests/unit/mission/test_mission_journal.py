@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_stack.core.geometry import Pose2
-from robot_stack.mission.journal import SqliteJournal, default_journal_path, read_history
+from robot_stack.mission.journal import SqliteJournal, journal_path, read_history
 from robot_stack.mission.perform import JournalDamaged, JournalError, load_record
 from robot_stack.mission.record import Record
 from robot_stack.mission.states import AT_DOCK, State
@@ -112,10 +112,11 @@ def test_the_history_does_not_grow_for_ever(path, monkeypatch):
 def test_the_default_path_is_by_domain(monkeypatch, tmp_path):
     monkeypatch.setenv("ROS_DOMAIN_ID", "17")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    assert default_journal_path() == tmp_path / "robot_stack" / "domain-17" / "mission.db"
+    assert journal_path() == tmp_path / "robot_stack" / "domain-17" / "mission.db"
     monkeypatch.delenv("XDG_STATE_HOME")
     monkeypatch.setenv("HOME", "/home/somebody")
-    assert str(default_journal_path()) == "/home/somebody/.local/state/robot_stack/domain-17/mission.db"
+    assert str(journal_path("~/here.db")) == "/home/somebody/here.db"
+    assert str(journal_path()) == "/home/somebody/.local/state/robot_stack/domain-17/mission.db"
 
 
 # --- damage ----------------------------------------------------------------------------------------------------------

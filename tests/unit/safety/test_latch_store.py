@@ -82,6 +82,23 @@ def test_the_first_start_ever_knows_of_nothing_and_leaves_both_copies(disk: Disk
     assert not disk.folder.with_name("safety.new").exists()
 
 
+def test_only_what_is_new_is_saved_again(disk: Disk) -> None:
+    store = disk.store()
+    store.save(LATCHED)
+    disk.shadow.unlink()
+    store.save_if_new(LATCHED)
+    assert not disk.shadow.exists()
+    store.save_if_new(Memory())
+    assert disk.load() == Memory()
+
+
+def test_the_first_memory_is_new_whatever_is_stored(disk: Disk) -> None:
+    disk.saved(LATCHED)
+    disk.shadow.unlink()
+    disk.store().save_if_new(LATCHED)
+    assert disk.shadow.exists()
+
+
 def test_an_unknown_past_is_an_emergency_with_a_passenger() -> None:
     assert Memory(("ESTOP_PRESSED",), True) == UNKNOWN_PAST
 

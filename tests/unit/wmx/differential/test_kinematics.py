@@ -8,12 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_stack.wmx.differential.kinematics import BaseGeometry, WheelPair, body_twist, wheel_speeds
+from robot_stack.wmx.differential.kinematics import BaseGeometry, WheelAxes, WheelPair, body_twist, wheel_speeds
 
 BASE = BaseGeometry(radius_m=0.1, track_m=0.5)
 FAST = 1e9
 any_float = st.floats(allow_nan=False, allow_infinity=False)
 sane = st.floats(-3.0, 3.0)
+
+
+def test_axes_in_any_order_that_turn_either_way() -> None:
+    axes = WheelAxes(left=2, right=0, left_polarity=1, right_polarity=-1)
+    assert axes.wheels([10.0, 20.0, 30.0]) == WheelPair(30.0, -10.0)
+    assert axes.turned(axes.turned(WheelPair(3.0, 4.0))) == WheelPair(3.0, 4.0)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from std_msgs.msg import Float64MultiArray
 
 from robot_stack.wmx.axes import AxisFeedback, Real, axis_feedback, empty_snapshot
 from robot_stack.wmx.manipulator.joints import JointSettings
-from robot_stack.wmx.manipulator.messages import ArrayBytes, JointStateBytes
+from robot_stack.wmx.nodes.joint_outputs import JointOutputs
 from robot_stack.wmx.nodes.manipulator_state import ManipulatorStateNode
 
 NAMES = ("joint1", "left", "right")
@@ -28,26 +28,22 @@ class Sent:
     def __init__(self) -> None:
         self.items: list[tuple[str, bytes]] = []
 
-    def sender(self, name: str) -> Any:
-        return SimpleNamespace(send=lambda data: self.items.append((name, data)))
+    def sender(self, name: str, *, heard: bool = True) -> Any:
+        return SimpleNamespace(send=lambda data: self.items.append((name, data)), heard=heard)
 
 
-def node(sent: Sent, **changes: Any) -> Any:
+def node(sent: Sent, *, without: tuple[str, ...] = (), unheard: tuple[str, ...] = (), isaac_stamp: bool = False) -> Any:
     """As much of the node as a tick needs."""
-    parts = {
-        "_joints": JointSettings(NAMES, 1, 0, 0, finger_open=0.0, finger_closed=0.045),
-        "_message": JointStateBytes(NAMES),
-        "_array": ArrayBytes(3),
-        "_encoder": sent.sender("encoder"),
-        "_isaac": sent.sender("isaac"),
-        "_gazebo": sent.sender("gazebo"),
-        "_isaac_heard": True,
-        "_gazebo_heard": True,
-        "_isaac_stamp": False,
-        "_bring_up": SimpleNamespace(status_problem=""),
-        "now_ns": lambda: STAMP_NS,
-    }
-    return SimpleNamespace(**{**parts, **changes})
+    senders = (
+        None if name in without else sent.sender(name, heard=name not in unheard)
+        for name in ("encoder", "isaac", "gazebo")
+    )
+    return SimpleNamespace(
+        _joints=JointSettings(NAMES, 1, 0, 0, finger_open=0.0, finger_closed=0.045),
+        _outputs=JointOutputs(NAMES, *senders, isaac_stamp=isaac_stamp),
+        _bring_up=SimpleNamespace(status_problem=""),
+        now_ns=lambda: STAMP_NS,
+    )
 
 
 def feedback(position: float = 0.5) -> AxisFeedback:
@@ -72,16 +68,16 @@ def test_isaac_without_stamp_then_the_stamped_one_then_gazebo():
 
 def test_a_stamp_for_isaac_if_so_configured():
     sent = Sent()
-    assert ManipulatorStateNode._publish(node(sent, _isaac_stamp=True), feedback())
+    assert ManipulatorStateNode._publish(node(sent, isaac_stamp=True), feedback())
     assert deserialize_message(sent.items[0][1], JointState).header.stamp.sec == 5
 
 
 @pytest.mark.parametrize(
     ("changes", "names"),
     [
-        ({"_isaac": None, "_gazebo": None}, ["encoder"]),
-        ({"_encoder": None, "_isaac": None}, ["gazebo"]),
-        ({"_isaac_heard": False, "_gazebo_heard": False}, ["encoder"]),
+        ({"without": ("isaac", "gazebo")}, ["encoder"]),
+        ({"without": ("encoder", "isaac")}, ["gazebo"]),
+        ({"unheard": ("isaac", "gazebo")}, ["encoder"]),
     ],
 )
 def test_what_is_not_set_or_not_heard_is_not_sent(changes: dict[str, Any], names: list[str]):

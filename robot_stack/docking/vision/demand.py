@@ -1,0 +1,27 @@
+"""When markers are looked for: the cameras' images are searched for docking alone."""
+
+from __future__ import annotations
+
+import math
+
+from robot_stack.docking.states import State
+
+_SEARCHING = (State.APPROACH.value, State.SEARCH.value, State.SERVOING.value, State.FINE_ALIGN.value)
+
+
+class DetectionDemand:
+    """linger_s: so long markers are still wanted after docking has reached DOCKED."""
+
+    def __init__(self, linger_s: float) -> None:
+        self._linger_s = linger_s
+        self._wanted_s = -math.inf
+
+    def wanted(self, state: str, now_s: float) -> bool:
+        """Docking is on its way, or has just ended at the dock.
+
+        state: of /docking/status, empty while stale. now_s: steady seconds.
+        """
+        if state in _SEARCHING:
+            self._wanted_s = now_s
+            return True
+        return state == State.DOCKED.value and now_s - self._wanted_s <= self._linger_s

@@ -1,0 +1,95 @@
+"""What the mission manager does to the world: goals, dockings, the emergency stop, its status, the external display."""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import PoseStamped
+
+from custom_msgs.msg import EHMIState, MissionStatus
+from robot_stack.contract import frames, topics
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.mission import Kind
+from robot_stack.mission.events import Status
+from robot_stack.mission.nodes.docking_client import DockingClient
+from robot_stack.mission.params import MissionParams
+from robot_stack.ros.conversions import pose_stamped
+from robot_stack.ros.departures import DepartureWarnings
+from robot_stack.ros.node import StackNode
+
+
+class MissionOutputs:
+    """Publishers of the node ``mission_manager``, and its goals to docking: the kernel's ``perform.Outputs``."""
+
+    def __init__(
+        self, node: StackNode, params: MissionParams, docking: DockingClient, departures: DepartureWarnings
+    ) -> None:
+        self._node, self._params = node, params
+        self._docking, self._departures = docking, departures
+        self._status = node.advertise(topics.MISSION_STATUS)
+        self._goal = node.advertise(topics.GOAL_POSE)
+        self._stop = node.emergency_stop_source(until_latched=True)
+        self._ehmi = node.advertise(topics.EHMI_STATE_COMMAND)
+        self._displays = 0
+        self._display: int | None = None
+        self.reason = ""
+
+    @property
+    def navigators(self) -> int:
+        """Who listens to goals."""
+        return int(self._goal.get_subscription_count())
+
+    def send_goal(self, pose: Pose2) -> None:
+        self._goal.publish(pose_stamped(pose, frames.MAP, self._node.stamp()))
+
+    def cancel_goal(self) -> None:
+        message = PoseStamped()  # an empty frame cancels
+        message.header.stamp = self._node.stamp()
+        self._goal.publish(message)
+
+    def start_docking(self, call: int, kind: Kind, dock_id: str) -> None:
+        self._docking.start(call, kind, dock_id)
+
+    def cancel_docking(self, everything: bool) -> None:
+        if everything:
+            self._docking.cancel_everything()
+        else:
+            self._docking.cancel()
+
+    def publish_emergency_stop(self, active: bool) -> None:
+        self._stop.publish(active)
+
+    def warn_of_departure(self, remaining_s: float) -> None:
+        self._departures.publish(remaining_s)
+
+    def publish_status(self, status: Status) -> None:
+        message = MissionStatus(
+            state=status.state,
+            mission_id=status.mission.id if status.mission else "",
+            mission_name=status.mission.name_in(self._params.language) if status.mission else "",
+            current_waypoint=status.current_waypoint,
+            waypoints_completed=status.waypoints_completed,
+            total_waypoints=status.total_waypoints,
+            progress=status.progress,
+            eta_s=status.eta_s,
+            passenger_attached=status.passenger_attached,
+            reason=status.reason,
+            last_command=status.last_command,
+            last_command_accepted=status.last_command_accepted,
+        )
+        message.header.stamp, message.header.frame_id = self._node.stamp(), frames.MAP
+        self._status.publish(message)
+        self.reason = status.reason
+        if status.display != self._display:
+            self.show(status.display)
+
+    def show(self, display: int) -> None:
+        """On the external display."""
+        self._display = display
+        message = EHMIState(state_num=display, language=self._params.language, volume=self._params.ehmi_volume)
+        message.header.stamp = self._node.stamp()
+        self._ehmi.publish(message)
+
+    def show_newcomers(self) -> None:
+        """A display that begins to listen is told what it shall show: that is not latched."""
+        before, self._displays = self._displays, self._ehmi.get_subscription_count()
+        if self._displays > before and self._display is not None:
+            self.show(self._display)

@@ -1,0 +1,42 @@
+"""Between the messages of navigation and the values of its kernels."""
+
+from __future__ import annotations
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import OccupancyGrid
+from nav_msgs.msg import Path as PathMessage
+from numpy.typing import NDArray
+
+from robot_stack.contract import frames, topics
+from robot_stack.core.geometry import Pose2
+from robot_stack.navigation.goal import GoalRequest
+from robot_stack.navigation.path import Path
+from robot_stack.ros.conversions import pose_stamped, time_to_s
+
+
+def goal_request(message: PoseStamped) -> GoalRequest:
+    p, q = message.pose.position, message.pose.orientation
+    return GoalRequest(message.header.frame_id, time_to_s(message.header.stamp), (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+
+
+def costmap_cells(message: OccupancyGrid) -> NDArray[np.int8]:
+    """(rows, columns). Raises ValueError, with the topic's name, for another frame and for data of another size."""
+    height, width = message.info.height, message.info.width
+    cells = np.frombuffer(message.data, np.int8)
+    if message.header.frame_id != frames.ODOM:
+        raise ValueError(
+            f"{topics.LOCAL_COSTMAP.name} frame_id is {message.header.frame_id!r}, must be {frames.ODOM!r}"
+        )
+    if cells.size != height * width:
+        raise ValueError(f"{topics.LOCAL_COSTMAP.name} data has {cells.size} cells, must be {height} x {width}")
+    return cells.reshape(height, width)
+
+
+def path_message(path: Path | None, stamp: Time) -> PathMessage:
+    """In map; without poses where there is no path."""
+    poses = [] if path is None else [Pose2(*map(float, row)) for row in path.poses]
+    message = PathMessage(poses=[pose_stamped(pose, frames.MAP, stamp) for pose in poses])
+    message.header.frame_id, message.header.stamp = frames.MAP, stamp
+    return message

@@ -1,0 +1,51 @@
+"""What the navigation controller publishes: motion, the plan, what it is doing, and the people it follows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from builtin_interfaces.msg import Time
+from std_msgs.msg import String
+
+from robot_stack.contract import topics
+from robot_stack.core.geometry import Twist2
+from robot_stack.navigation.nodes.messages import path_message
+from robot_stack.navigation.nodes.people_markers import people_markers
+from robot_stack.navigation.path import Path
+from robot_stack.navigation.people import Person
+from robot_stack.ros.conversions import time_to_s, twist_to_msg
+from robot_stack.ros.node import StackNode
+
+
+class NavigationOutputs:
+    """Publishers of the node ``navigation_controller``. sightings: who was in fewer costmaps is left out."""
+
+    def __init__(self, node: StackNode, sightings: int) -> None:
+        self._node, self._sightings = node, sightings
+        self._cmd_vel = node.advertise(topics.CMD_VEL)
+        self._plan = node.advertise(topics.PLAN)
+        self._status = node.advertise(topics.NAVIGATION_STATUS)
+        self._people = node.advertise(topics.NAVIGATION_PEOPLE)
+        self._shown_path: Path | None = None
+        self._plan_shown = False
+        self._status_text = ""
+
+    def command(self, twist: Twist2) -> None:
+        self._cmd_vel.publish(twist_to_msg(twist))
+
+    def plan(self, path: Path | None) -> None:
+        """Once for every path, and once that there is none."""
+        if path is self._shown_path and self._plan_shown:
+            return
+        self._plan.publish(path_message(path, self._node.stamp()))
+        self._shown_path, self._plan_shown = path, True
+
+    def status(self, text: str) -> None:
+        if text != self._status_text:
+            self._status.publish(String(data=text))
+            self._status_text = text
+
+    def people(self, people: Iterable[Person], stamp: Time) -> None:
+        """With every costmap, if somebody looks."""
+        if self._people.get_subscription_count():
+            self._people.publish(people_markers(people, stamp, time_to_s(stamp), self._sightings))

@@ -1,0 +1,58 @@
+"""The recorder's subscriptions to camera images, which come and go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import Topic
+from robot_stack.recording.images import DockingWatch, Thinning
+from robot_stack.recording.params import RecorderParams
+from robot_stack.ros.node import StackNode
+
+Write = Callable[[str, bytes, Any], None]
+
+
+class ImageRecording:
+    """Subscribes to images only while they are recorded: receiving what nobody writes would cost as much.
+
+    write: takes topic, bytes and the middleware's info of a message.
+    """
+
+    def __init__(self, node: StackNode, rows: list[Topic], params: RecorderParams, write: Write) -> None:
+        self._node = node
+        self._write = write
+        self._rows = rows
+        self._mode = params.images
+        self._thinning = Thinning(params.image_rate_hz)
+        self._docking = DockingWatch(params.image_tail_s)
+        self._subscriptions: list[Any] = []
+        self._closed = False
+        if self._mode == "docking":
+            node.listen(topics.DOCKING_STATUS, self._on_status, raw=False, wakes=True)
+            node.every(2.0, self._update)  # a controller that fell silent
+        self._update()
+
+    def _on_status(self, message: Any) -> None:
+        self._docking.on_status(message.state, self._node.steady_s())
+        self._update()
+
+    def _update(self) -> None:
+        docking = self._mode == "docking" and self._docking.active(self._node.steady_s())
+        wanted = (docking or self._mode == "always") and not self._closed
+        if wanted and not self._subscriptions:
+            self._subscriptions = [self._node.listen(row, partial(self._on_image, row.name)) for row in self._rows]
+        elif not wanted and self._subscriptions:
+            for subscription in self._subscriptions:
+                self._node.destroy_subscription(subscription)
+            self._subscriptions = []
+
+    def _on_image(self, topic: str, data: bytes, info: Any) -> None:
+        if self._thinning.wants(topic, self._node.now_s()):
+            self._write(topic, data, info)
+
+    def close(self) -> None:
+        self._closed = True
+        self._update()

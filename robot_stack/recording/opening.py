@@ -1,0 +1,45 @@
+"""A new recording: room for it on the disk, and what an earlier recorder left behind completed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from robot_stack.contract.model import Topic
+from robot_stack.core.config import ConfigError
+from robot_stack.recording.background import BackgroundWriter, disk_use
+from robot_stack.recording.params import RecorderParams
+from robot_stack.recording.recovery import recover_all
+from robot_stack.recording.writer import BagWriter, Format, topic_info
+
+
+def prepare_folder(output: Path, max_disk_use: float) -> list[str]:
+    """Makes the folder and completes what an earlier recorder left behind. Raises ConfigError if there is no room."""
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        use = disk_use(output)
+        if use >= max_disk_use:
+            limit = f"limit max_disk_use {max_disk_use:.0%}"
+            raise ConfigError(f"recorder: the disk of {output} is {use:.0%} full, {limit}")
+        return recover_all(output)
+    except OSError as error:
+        raise ConfigError(f"recorder: output_folder {output} cannot be used: {error.strerror or error}") from error
+
+
+def open_recording(folder: Path, rows: list[Topic], params: RecorderParams) -> BackgroundWriter:
+    """Raises ConfigError if the folder cannot be made."""
+    form = Format(
+        split_bytes=round(params.split_size_mb * 1e6),
+        chunk_bytes=round(params.chunk_size_kb * 1e3),
+        compress=params.compression == "zstd",
+    )
+    try:
+        bag = BagWriter(folder, [topic_info(row) for row in rows], form)
+    except OSError as error:
+        raise ConfigError(f"recorder: {folder} cannot be made: {error.strerror or error}") from error
+    return BackgroundWriter(
+        bag,
+        folder,
+        flush_period_s=params.flush_period_s,
+        max_disk_use=params.max_disk_use,
+        queue_bytes=round(params.queue_mb * 1e6),
+    )

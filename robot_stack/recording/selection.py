@@ -1,0 +1,28 @@
+"""Which topics are recorded."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import Topic
+from robot_stack.core.config import ConfigError
+from robot_stack.recording.params import RecorderParams
+
+
+def selected(params: RecorderParams) -> list[Topic]:
+    """The rows to record. Raises ConfigError for a pattern that fits no topic, and if none is left."""
+    rows = topics.of_system(*params.systems)
+    # What another machine has may be left out here as well.
+    for field, known in (("include", rows), ("exclude", topics.TOPICS)):
+        for pattern in getattr(params, field):
+            if not any(fnmatchcase(row.name, pattern) for row in known):
+                raise ConfigError(f"recorder: {field}: {pattern!r} fits no topic of the contract")
+    chosen = [row for row in rows if _fits(row, params.include) and not _fits(row, params.exclude)]
+    if not chosen:
+        raise ConfigError("recorder: include and exclude leave no topic to record")
+    return chosen
+
+
+def _fits(row: Topic, patterns: tuple[str, ...]) -> bool:
+    return any(fnmatchcase(row.name, pattern) for pattern in patterns)

@@ -1,0 +1,32 @@
+"""What the safety monitor sees of the motion engine: its status in shared memory, read in a thread of its own."""
+
+from __future__ import annotations
+
+from robot_stack.core.robot import Robot
+from robot_stack.safety.button import read_contact
+from robot_stack.safety.inputs import DriveReading, drive_reading
+from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.view import EngineView
+
+
+class EngineInput:
+    """reading: the newest, None while the engine tells nothing. One assignment in the thread, which a step picks up."""
+
+    def __init__(self, rate_hz: float, robot: Robot) -> None:
+        self._robot = robot
+        self.reading: DriveReading | None = None
+        self._view = EngineView("safety_monitor", rate_hz, self._on_status)
+
+    def start(self) -> None:
+        self._view.start()
+
+    def catch_up(self) -> None:
+        """See ``EngineView``."""
+        self._view.catch_up()
+
+    def close(self) -> None:
+        self._view.close()
+
+    def _on_status(self, status: StatusSnapshot | None) -> None:
+        contact = read_contact(status, self._robot.estop_input_byte, self._robot.estop_input_bit)
+        self.reading = None if status is None else drive_reading(status, contact)

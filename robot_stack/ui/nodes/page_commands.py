@@ -1,0 +1,77 @@
+"""What pages ask for, carried out: rides, poses and goals, edited missions, what only the safety monitor may grant."""
+
+from __future__ import annotations
+
+from robot_stack.contract import services
+from robot_stack.core.geometry import Pose2
+from robot_stack.ros.node import StackNode
+from robot_stack.ui import protocol as p
+from robot_stack.ui.desk import named
+from robot_stack.ui.nodes.audit_file import AuditFile
+from robot_stack.ui.nodes.mission_files import MissionFiles
+from robot_stack.ui.nodes.operator_requests import Answer, OperatorRequest
+from robot_stack.ui.nodes.outputs import Outputs
+from robot_stack.ui.nodes.pages import Pages
+from robot_stack.ui.params import ResetParams
+
+_RIDE_COMMANDS = {"pause": "PAUSE", "resume": "RESUME", "abort": "ABORT"}
+
+
+class PageCommands:
+    """In the node's own loop. Each is answered once; who may ask for what, the desk has ruled before."""
+
+    def __init__(
+        self,
+        node: StackNode,
+        reset: ResetParams,
+        outputs: Outputs,
+        pages: Pages,
+        history: AuditFile,
+        missions: MissionFiles,
+    ) -> None:
+        self._outputs, self._pages, self._history, self._missions = outputs, pages, history, missions
+        self._reset = OperatorRequest(node, reset, services.SAFETY_RESET, reset.tries)
+        self._clear = OperatorRequest(node, reset, services.CLEAR_EMERGENCY_STOP, 1)
+
+    def carry_out(self, client: int, message: p.ClientMessage) -> None:
+        match message:
+            case p.Reset():
+                self._outputs.ask_release()
+                self._reset.ask(self._answer_of_monitor(client, message))
+                return
+            case p.ClearStop():
+                self._clear.ask(self._answer_of_monitor(client, message), source=message.source)
+                return
+            case p.CheckMission() | p.SaveMission() | p.DeleteMission():
+                self._edit(client, message)
+                return
+            case p.Start():
+                self._outputs.command("START_MISSION", message.mission)
+            case p.Ride():
+                self._outputs.command(_RIDE_COMMANDS[message.t])
+            case p.Pose():
+                self._outputs.set_pose(Pose2(message.x, message.y, message.yaw))
+            case p.Goal():
+                self._outputs.go(Pose2(message.x, message.y, message.yaw))
+            case p.CancelGoal():
+                self._outputs.cancel_goal()
+            case p.CallStaff():
+                self._pages.staff_called = message.on
+        self._pages.answer(client, message.id, True)
+        self._pages.show()
+
+    def _answer_of_monitor(self, client: int, message: p.ClientMessage) -> Answer:
+        who = self._pages.who(client)
+
+        def answer(granted: bool, why: str, detail: str) -> None:
+            self._history.add(who, f"{named(message)}: answered", "ok" if granted else f"{why}: {detail}")
+            self._pages.answer(client, message.id, granted, why, detail)
+
+        return answer
+
+    def _edit(self, client: int, message: p.CheckMission | p.SaveMission | p.DeleteMission) -> None:
+        done = self._missions.edit(message)
+        if not isinstance(message, p.CheckMission):
+            self._history.add(self._pages.who(client), named(message), done.why or "ok")
+            self._pages.show_files()
+        self._pages.answer(client, message.id, not done.why, done.why, done.detail, **done.told())

@@ -1,0 +1,23 @@
+"""The time that the live view logs messages at."""
+
+from __future__ import annotations
+
+import time
+
+from robot_stack.core.world_clock import WorldClock
+
+_CLOCK_LOOKUP_S = 1.0
+
+
+class LogClock:
+    """The time that viewers sort messages by."""
+
+    def __init__(self) -> None:
+        self._world: WorldClock | None = None
+        self._lookup_s = 0.0
+
+    def now_ns(self) -> int:
+        if time.monotonic() >= self._lookup_s:  # a stack that starts anew has a new clock
+            self._lookup_s = time.monotonic() + _CLOCK_LOOKUP_S
+            self._world = WorldClock.find()
+        return time.time_ns() if self._world is None else self._world.now_ns()

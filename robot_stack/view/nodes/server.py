@@ -1,0 +1,63 @@
+"""Foxglove's websocket server: what it offers, and what its viewers look at."""
+
+from __future__ import annotations
+
+import queue
+from typing import Any, NamedTuple
+
+import foxglove
+from foxglove.websocket import ChannelView, Client, ServerListener
+
+from robot_stack.contract.model import Topic
+from robot_stack.core.message_definitions import message_definition
+from robot_stack.view.params import ViewParams
+
+
+class ViewError(Exception):
+    """The server cannot start. The message says why."""
+
+
+class Event(NamedTuple):
+    """A viewer begins or ends to look at a channel."""
+
+    client: int
+    channel: str
+    looks: bool
+
+
+class Listener(ServerListener):
+    """Called in threads of the server."""
+
+    def __init__(self, events: queue.SimpleQueue[Event]) -> None:
+        self._events = events
+
+    def on_subscribe(self, client: Client, channel: ChannelView) -> None:
+        self._events.put(Event(client.id, channel.topic, looks=True))
+
+    def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:
+        """Also when the client has gone."""
+        self._events.put(Event(client.id, channel.topic, looks=False))
+
+
+def channel_of(row: Topic, context: foxglove.Context) -> foxglove.Channel:
+    """A topic with its messages as they are on the wire."""
+    text = message_definition(row.type).encode()
+    schema = foxglove.Schema(name=row.type, encoding="ros2msg", data=text)
+    return foxglove.Channel(row.name, schema=schema, message_encoding="cdr", context=context)
+
+
+def start_server(params: ViewParams, listener: ServerListener, context: foxglove.Context) -> Any:
+    """Raises ViewError if the port cannot be had."""
+    try:
+        return foxglove.start_server(
+            name="robot_stack",
+            host=params.host,
+            port=params.port,
+            server_listener=listener,
+            context=context,
+            message_backlog_size=params.backlog_messages,
+        )
+    except RuntimeError as error:
+        raise ViewError(
+            f"port {params.port} of {params.host} cannot be had: {error}; `robot-stack view --port` takes another"
+        ) from error
