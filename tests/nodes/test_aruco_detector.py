@@ -122,9 +122,11 @@ def test_markers_of_both_cameras_in_one_array_at_10_hz(cameras: Cameras, peer: P
     heard.wait(lambda message: ids(message) == [0, 1, 2, 3, 4, 5, 6, 7], "all eight markers")
     first = len(heard.items)
     heard.wait_period(0.1)
-    stamps = [time_to_s(message.header.stamp) for message in heard.messages[first:]]
-    assert len(set(stamps)) == len(stamps)  # no exposure twice
-    message = heard.last
+    # A machine that is held up may bring an image too late for its array, which is empty then and has no stamp.
+    arrays = [message for message in heard.messages[first:] if time_to_s(message.header.stamp)]
+    stamps = [time_to_s(message.header.stamp) for message in arrays]
+    assert len(set(stamps)) == len(stamps) >= 12  # no exposure twice
+    message = arrays[-1]
     for entry in message.detections:
         camera = "front" if entry.marker_id < 4 else "rear"
         dock = DOCKS.docks["chair_1" if camera == "front" else "charger"]
