@@ -181,11 +181,11 @@ class MoverParams(Config):
     Returns within ``link_m`` of each other are one body, if they are at least ``points_min`` and no more than
     ``widest_m`` apart; one that returns less than the share ``whole`` of what it did is being hidden. A body is
     sought within ``gate_m`` of where it is expected, and expected for ``coast_s`` after it was seen last, but only
-    ``missed_s`` where rays pass; who moves is taken to have gone on so long, up to ``beside_m`` before the robot,
-    where nobody looks. place_sigma_m, acceleration_mps2: of its place, and of what it does. It moves if it has been
-    followed for ``follow_s`` and over ``distance_m``, is faster than ``slowest_mps`` and than ``sure`` times what its
-    speed may be wrong by, and no more than the share ``vacated_share`` of its points of ``vacated_s`` ago has one
-    within ``same_m`` now.
+    ``missed_s`` where rays pass below its top; who moves is taken to have gone on so long, up to ``beside_m`` before
+    the robot, where nobody looks. place_sigma_m, acceleration_mps2: of its place, and of what it does. It moves if it
+    has been followed for ``follow_s`` and over ``distance_m``, is faster than ``slowest_mps`` and than ``sure`` times
+    what its speed may be wrong by, and no more than the share ``vacated_share`` of its points of ``vacated_s`` ago has
+    one within ``same_m`` now; later on, no more than that share of those that its way should have left.
     """
 
     new_s: Positive

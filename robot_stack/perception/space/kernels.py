@@ -24,6 +24,7 @@ Corner = NDArray[np.int64]
 UNSEEN, FREE, OCCUPIED = np.int8(-1), np.int8(0), np.int8(100)
 # Of ``limits``, what ``look`` judges by.
 PASSES, MARGIN_M, FREE_BELOW_M, WATCHED_BELOW_M, MEMORY_M, LOW_M = range(6)
+_ALIKE_M = np.float32(0.02)  # rays of two looks of a sensor that are the same but for noise
 _SPECK = 3  # an unseen cell with fewer unseen ones around it is a hole in the rays, no place to hide in
 
 
@@ -154,21 +155,26 @@ def stand(
     hit_s: Floats,
     hit_at_m: Floats,
     since_s: Floats,
-    watched_s: Floats,
+    ray_s: Floats,
+    ray_m: Float,
     last: Float,
     corner: Corner,
     cell_m: float,
     points: Floats,
+    below_m: float,
     unwatched_s: float,
     now_s: float,
     travel_m: float,
 ) -> None:
-    """Makes the cells of points (n, 3), x and y in odom, occupied where nobody has looked since ``unwatched_s``."""
+    """Makes the cells of points (n, 3), x and y in odom, occupied where no ray lower than ``below_m`` has passed since
+    ``unwatched_s``."""
     rows, columns = state.shape
     for i in range(len(points)):
         across, along = points[i, 0] / cell_m - corner[0], points[i, 1] / cell_m - corner[1]
         column, row = math.floor(across), math.floor(along)
-        if not (0 <= row < rows and 0 <= column < columns) or watched_s[row, column] >= unwatched_s:
+        if not (0 <= row < rows and 0 <= column < columns):
+            continue
+        if ray_s[row, column] >= unwatched_s and ray_m[row, column] <= below_m:
             continue
         if state[row, column] != OCCUPIED:
             last[row, column, 2], thing_m[row, column] = points[i, 2], points[i, 2]
@@ -203,6 +209,8 @@ def look(
     hit_s: Floats,
     hit_at_m: Floats,
     watched_s: Floats,
+    ray_s: Floats,
+    ray_m: Float,
     corner: Corner,
     cell_m: float,
     pose: Floats,
@@ -211,10 +219,13 @@ def look(
     bare: Any,
     own: Floats,
     limits: Floats,
+    lasts_s: float,
     now_s: float,
     travel_m: float,
 ) -> None:
     """What the rays of one view make of the cells: ``mark`` comes before it, ``fade`` after it.
+
+    ray_m, ray_s: (rows, columns) height of the lowest ray that passed lately, for ``lasts_s``, and when, of any sensor.
 
     own: rear, front, half width of what stands there, m: the robot's own place is free. passed, bare: as in ``View``.
     No ray passes below the top of what is hardly higher than the ground. It is gone where ground is seen in its place.
@@ -229,6 +240,7 @@ def look(
         for column in range(columns):
             if own[0] <= xs[column] <= own[1] and abs(ys[column]) <= own[2]:
                 state[row, column], watched_s[row, column] = FREE, now_s
+                ray_s[row, column] = -np.inf
                 continue
             was = state[row, column]
             if was == OCCUPIED and travel_m - hit_at_m[row, column] > limits[MEMORY_M]:
@@ -250,6 +262,8 @@ def look(
                 continue
             if least <= limits[WATCHED_BELOW_M]:
                 watched_s[row, column] = now_s
+            if least <= ray_m[row, column] + _ALIKE_M or now_s - ray_s[row, column] > lasts_s:
+                ray_m[row, column], ray_s[row, column] = least, now_s
             if was == OCCUPIED:
                 if hit_s[row, column] == now_s:
                     continue

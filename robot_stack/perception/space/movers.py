@@ -31,7 +31,8 @@ class Track:
     """One body in odom: where its visible points' middle is, m, and its velocity, m/s, at ``at_s``.
 
     count: of the returns it has shown lately. p11, p12, p22: covariance of place and velocity, alike along both axes.
-    shape: (n, 3) points about the middle. before: its points in odom in the last moments, and when.
+    shape: (n, 3) points about the middle. before: its points in odom in the last moments, and when. hid: since it was
+    seen last it has been expected where nobody looks.
     """
 
     at_s: float
@@ -49,6 +50,7 @@ class Track:
     before: deque[tuple[float, Floats]] = field(default_factory=deque)
     count: float = 0.0
     moves: bool = False
+    hid: bool = False
 
     def predict(self, now_s: float, acceleration_mps2: float) -> None:
         dt = now_s - self.at_s
@@ -68,6 +70,35 @@ class Track:
         self.p12 *= 1.0 - gain[0]
         self.p11 *= 1.0 - gain[0]
 
+    @property
+    def speed_mps(self) -> float:
+        return math.hypot(self.vx, self.vy)
+
+    @property
+    def course(self) -> Floats:
+        """(2,) unit vector, of a body that moves."""
+        return np.array([self.vx, self.vy]) / self.speed_mps
+
+    def places(self, dt_s: float) -> list[tuple[float, float, float]]:
+        """Its middle and its front, each with its height, so much later: half hidden it may show too little."""
+        x, y, top_m = self.x + dt_s * self.vx, self.y + dt_s * self.vy, float(self.shape[:, 2].max())
+        front = self.shape[np.argmax(self.shape[:, :2] @ np.array([self.vx, self.vy]))]
+        return [(x, y, top_m), (x + float(front[0]), y + float(front[1]), top_m)]
+
+    def ends_m(self, body: Floats) -> tuple[float, float]:
+        """How far its rear and its front are ahead of where they are expected, along its course, by what is seen."""
+        seen = (body[:, :2] - (self.x, self.y)) @ self.course
+        own = self.shape[:, :2] @ self.course
+        return float(seen.min() - own.min()), float(seen.max() - own.max())
+
+    def by_one_end(self, body: Floats) -> tuple[float, float]:
+        """Where its middle is by that end, front or rear, that is nearer to where it is expected.
+
+        Of the other one less is seen, or more: a front gets hidden, a rear is taken for what stands, somebody else is
+        beside it."""
+        ahead_m = min(self.ends_m(body), key=abs)
+        return self.x + ahead_m * float(self.course[0]), self.y + ahead_m * float(self.course[1])
+
     def stand_in(self, x: float, y: float, body: Floats, sigma_m: float) -> None:
         """Its place is that of other points of it from now on; what it does is not changed by that."""
         self.x, self.y, self.p11, self.p12 = x, y, sigma_m * sigma_m, 0.0
@@ -86,35 +117,42 @@ class Movers:
         self._tracks.clear()
 
     def look(
-        self, points: Floats, stamp_s: float, would_see: Callable[[float, float], bool]
+        self, points: Floats, stamp_s: float, would_see: Callable[[float, float, float], bool]
     ) -> list[tuple[Floats, float, float]]:
-        """points: (n, 5) as of ``Space.come``. would_see: whether rays pass at a place in odom, x and y.
+        """points: (n, 5) as of ``Space.come``. would_see: whether rays pass at a place in odom, x, y, below a height.
 
         Returns who has disappeared where nobody looks: (n, 3) points where they were, vx, vy."""
         p = self._params
         there, lost = list[Track](), list[Track]()
         for track in self._tracks:
             missed_s, dt = stamp_s - track.seen_s, stamp_s - track.at_s
-            if missed_s > p.missed_s and would_see(track.x + dt * track.vx, track.y + dt * track.vy):
-                continue  # they have stopped, or gone elsewhere
-            (there if 0.0 <= missed_s <= p.coast_s else lost).append(track)
+            gone = False
+            if missed_s > p.missed_s:
+                gone = all(would_see(*place) for place in track.places(dt))
+                if gone and not track.hid:
+                    continue  # they have stopped, or gone elsewhere
+                track.hid = True
+            (there if 0.0 <= missed_s <= p.coast_s and not gone else lost).append(track)
         self._tracks = there
         for track in self._tracks:
             track.predict(stamp_s, p.acceleration_mps2)
-        free = list(self._tracks)
-        for body in self._bodies(points):
-            x, y = (float(value) for value in body[:, :2].mean(axis=0))
-            nearest = min(free, key=lambda track: math.hypot(track.x - x, track.y - y), default=None)
-            if nearest is not None and math.hypot(nearest.x - x, nearest.y - y) <= p.gate_m:
-                free.remove(nearest)
-                nearest.seen_s = stamp_s
+        for body, nearest in self._matched(self._bodies(points)):
+            x, y = _middle(body)
+            if nearest is not None:
+                nearest.seen_s, nearest.hid = stamp_s, False
                 before, count = nearest.count, float(body[:, 4].sum())
                 nearest.count = max(0.9 * before, count)
+                if nearest.moves and self._goes_out_of_sight(nearest, body, would_see):
+                    self._follow_one_end(nearest, body)
+                    continue
                 if count < p.whole * before:  # most of it is hidden by now: its rest's middle says little
                     nearest.correct(x, y, p.place_sigma_m + 0.5 * _width_m(nearest.shape))
                     continue
                 if p.whole * count > before:  # somebody has come beside it: their common middle is elsewhere
                     nearest.stand_in(x, y, body, p.place_sigma_m)
+                    continue
+                if nearest.moves and abs(np.subtract(*nearest.ends_m(body))) > p.link_m:
+                    self._follow_one_end(nearest, body)
                     continue
                 less, more = sorted((before, count))
                 nearest.correct(x, y, p.place_sigma_m + 0.5 * (1.0 - less / more) * _width_m(body))
@@ -127,6 +165,20 @@ class Movers:
                 track.count = float(body[:, 4].sum())
                 self._tracks.append(track)
         return [(self._points(track, track.seen_s)[:, :3], track.vx, track.vy) for track in lost if track.moves]
+
+    def _matched(self, bodies: list[Floats]) -> list[tuple[Floats, Track | None]]:
+        """Each body, with the track that it goes on: of all pairs within the gate the nearest first."""
+        pairs = list[tuple[float, int, int]]()
+        for i, body in enumerate(bodies):
+            x, y = _middle(body)
+            gaps = ((math.hypot(track.x - x, track.y - y), i, j) for j, track in enumerate(self._tracks))
+            pairs += [pair for pair in gaps if pair[0] <= self._params.gate_m]
+        found, taken = dict[int, Track](), set[int]()
+        for _, i, j in sorted(pairs):
+            if i not in found and j not in taken:
+                found[i] = self._tracks[j]
+                taken.add(j)
+        return [(body, found.get(i)) for i, body in enumerate(bodies)]
 
     def at(self, stamp_s: float, pose: Pose2) -> NDArray[np.float32]:
         """(n, 5) x, y, z, vx, vy in base_link at ``pose``, m, m/s: points of who moves, where they are by then."""
@@ -151,7 +203,7 @@ class Movers:
         return rows
 
     def _moves(self, track: Track) -> bool:
-        p, speed_mps = self._params, math.hypot(track.vx, track.vy)
+        p, speed_mps = self._params, track.speed_mps
         followed = track.at_s - track.since_s >= p.follow_s
         gone = math.hypot(track.x - track.begin[0], track.y - track.begin[1]) >= p.distance_m
         sure = speed_mps >= max(p.slowest_mps, p.sure * math.sqrt(track.p22))
@@ -163,8 +215,27 @@ class Movers:
         before.append((track.at_s, places))
         while before[0][0] < track.at_s - p.vacated_s:
             before.popleft()
-        gaps = np.hypot(*(before[0][1][:, None] - places).transpose(2, 0, 1)).min(axis=1)
-        return float(np.mean(gaps <= p.same_m)) <= p.vacated_share
+        since_s, was = before[0]
+        gaps = np.hypot(*(was[:, None] - places).transpose(2, 0, 1)).min(axis=1)
+        still = float(np.mean(gaps <= p.same_m))
+        if still <= p.vacated_share or not track.moves:
+            return still <= p.vacated_share
+        # Of a long body, or a moment later, more is still where it was: half of what its way would leave must be left.
+        way_m = (track.at_s - since_s) * track.speed_mps - p.same_m
+        if way_m < 2.0 * p.same_m:
+            return True  # nobody can say yet
+        left = min(way_m / max(float(np.ptp(was @ track.course)), p.same_m), 1.0)
+        return still <= 1.0 - left * (1.0 - p.vacated_share)
+
+    def _follow_one_end(self, track: Track, body: Floats) -> None:
+        track.correct(*track.by_one_end(body), 0.5 * self._params.link_m)
+        track.moves = track.speed_mps >= self._params.slowest_mps
+
+    def _goes_out_of_sight(self, track: Track, body: Floats, would_see: Callable[[float, float, float], bool]) -> bool:
+        """Nobody would see its front, were it any farther: what is seen of it ends there, whatever it does."""
+        front = int(np.argmax(body[:, :2] @ track.course))
+        x, y = body[front, :2] + self._params.link_m * track.course
+        return not would_see(float(x), float(y), float(body[:, 2].max()))
 
     def _bodies(self, points: Floats) -> list[Floats]:
         p = self._params
@@ -173,6 +244,11 @@ class Movers:
         count = _clusters(points, p.link_m, labels)
         bodies = [points[labels == number] for number in range(count)]
         return [body for body in bodies if body[:, 4].sum() >= p.points_min and _width_m(body) <= p.widest_m]
+
+
+def _middle(body: Floats) -> tuple[float, float]:
+    x, y = (float(value) for value in body[:, :2].mean(axis=0))
+    return x, y
 
 
 def _width_m(body: Floats) -> float:

@@ -47,8 +47,9 @@ class Space:
         self._passes = np.zeros((count, count), np.uint8)
         self._thing_m = np.zeros((count, count), np.float32)
         self._last = np.zeros((count, count, 3), np.float32)
-        self._hit_s, self._hit_at_m, self._watched_s, self._since_s = (
-            np.full((count, count), -math.inf) for _ in range(4)
+        self._ray_m = np.zeros((count, count), np.float32)
+        self._hit_s, self._hit_at_m, self._watched_s, self._ray_s, self._since_s = (
+            np.full((count, count), -math.inf) for _ in range(5)
         )
         self._limits = np.array(
             [
@@ -122,6 +123,8 @@ class Space:
         kernels.look(
             *cells,
             self._watched_s,
+            self._ray_s,
+            self._ray_m,
             self._corner,
             cell_m,
             at,
@@ -130,6 +133,7 @@ class Space:
             view.bare,
             own,
             self._limits,
+            0.5 * p.fade_s,
             now_s,
             self._travel_m,
         )
@@ -151,38 +155,50 @@ class Space:
         apart, after_s = round(p.movers.apart_m / p.cell_m), self._newest_s - p.movers.new_s
         return out[: kernels.come(*cells, _array(pose), hits, apart, after_s, out)]
 
-    def would_see(self, x_m: float, y_m: float) -> bool:
-        """Rays pass low at that place in odom, so that who is there would be seen."""
+    def would_see(self, x_m: float, y_m: float, top_m: float) -> bool:
+        """Rays pass so low at that place in odom that who is there, of such a height, would be seen."""
         cell_m, count = self._params.cell_m, len(self._state)
         column, row = math.floor(x_m / cell_m) - self._corner[0], math.floor(y_m / cell_m) - self._corner[1]
         inside = 0 <= row < count and 0 <= column < count
-        return bool(inside and self._watched_s[row, column] >= self._newest_s - 0.5 * self._params.fade_s)
+        if not inside or self._ray_s[row, column] < self._newest_s - 0.5 * self._params.fade_s:
+            return False
+        return bool(self._ray_m[row, column] <= self._shows_m(top_m))
 
     def go_on(self, body: Floats, vx_mps: float, vy_mps: float, pose: Pose2) -> None:
         """Who was seen last as ``body``, (n, 3) x, y in odom, z, and moved, is remembered where they may have gone to.
 
-        That is on their course, up to the robot, and only where nobody looks."""
+        That is on their course, up to the robot, or to where one would see them again."""
         p, footprint = self._params, self._robot.footprint_with_chair if self._chair else self._robot.footprint
         rear, front, half = _rectangle(footprint, p.movers.beside_m)
         x, y, c, s = _array(pose)
-        at = body
+        at, top_m, hidden = body, float(body[:, 2].max()), False
+        middle = body[:, :2].mean(axis=0)
         for after_s in np.arange(_STEP_S, p.movers.coast_s + _STEP_S, _STEP_S):
             on = body + np.array([after_s * vx_mps, after_s * vy_mps, 0.0])
             dx, dy = on[:, 0] - x, on[:, 1] - y
             u, v = c * dx + s * dy, c * dy - s * dx
             if ((u >= rear) & (u <= front) & (np.abs(v) <= half)).any():
                 break
-            at = on
+            if not self.would_see(middle[0] + after_s * vx_mps, middle[1] + after_s * vy_mps, top_m):
+                at, hidden = on, True
+            elif hidden:
+                break
         kernels.stand(
-            *(self._state, self._passes, self._thing_m, self._hit_s, self._hit_at_m, self._since_s, self._watched_s),
+            *(self._state, self._passes, self._thing_m, self._hit_s, self._hit_at_m, self._since_s),
+            *(self._ray_s, self._ray_m),
             self._last,
             self._corner,
             p.cell_m,
             np.ascontiguousarray(at, np.float64),
+            self._shows_m(top_m),
             self._newest_s - 0.5 * p.fade_s,
             self._newest_s,
             self._travel_m,
         )
+
+    def _shows_m(self, top_m: float) -> float:
+        """How low a ray must pass to show somebody so high: lower than their top, and than the LiDAR."""
+        return min(top_m - self._params.top_margin_m, float(self._limits[kernels.WATCHED_BELOW_M]))
 
     def frontier(self, pose: Pose2) -> Float:
         """(n, 3) base_link at ``pose``: where the seen and remembered space ends, z 0."""
@@ -221,6 +237,8 @@ class Space:
             self._hit_s = _rolled(self._hit_s, rows, columns, -math.inf)
             self._hit_at_m = _rolled(self._hit_at_m, rows, columns, -math.inf)
             self._watched_s = _rolled(self._watched_s, rows, columns, -math.inf)
+            self._ray_s = _rolled(self._ray_s, rows, columns, -math.inf)
+            self._ray_m = _rolled(self._ray_m, rows, columns, 0.0)
 
 
 def _array(pose: Pose2) -> Floats:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
 from robot_stack.perception.space.kernels import FREE, OCCUPIED
 from robot_stack.perception.space.movers import Movers
-from tests.unit.space.test_space import PARAMS, SEEN, Scanner
-from tests.unit.space.yard import ADULT, CHILD, Yard, state_at
+from tests.unit.space.test_space import HIGH, LOW, PARAMS, SEEN, Scanner
+from tests.unit.space.yard import ADULT, CHILD, Post, Yard, near, state_at
 
 P = PARAMS.movers
 LOOK_S = 0.1
@@ -28,7 +28,7 @@ def body(x: float, y: float, noise: np.random.Generator | None = None, points: i
     return rows
 
 
-def blind(x_m: float, y_m: float) -> bool:
+def blind(x_m: float, y_m: float, top_m: float) -> bool:
     """No ray passes there."""
     return False
 
@@ -91,10 +91,20 @@ def test_who_is_not_where_one_would_see_them_has_stopped() -> None:
     movers = Movers(P)
     now_s = follow(movers, 1.5, 1.0)
     gone = np.empty((0, 5))
-    assert movers.look(gone, now_s + P.missed_s - 0.01, lambda x, y: True) == []
+    assert movers.look(gone, now_s + P.missed_s - 0.01, lambda x, y, top: True) == []
     assert len(movers.at(now_s + P.missed_s - 0.01, IDENTITY)) > 0
-    assert movers.look(gone, now_s + P.missed_s + 0.01, lambda x, y: x > 2.0) == []
+    assert movers.look(gone, now_s + P.missed_s + 0.01, lambda x, y, top: x > 2.0) == []
     assert len(movers.at(now_s + P.missed_s + 0.01, IDENTITY)) == 0
+
+
+def test_who_would_come_out_again_and_does_not_is_where_nobody_looks() -> None:
+    movers = Movers(P)
+    now_s, gone = follow(movers, 1.5, 1.0), np.empty((0, 5))
+    for after_s in (0.3, 0.6):
+        assert movers.look(gone, now_s + after_s, lambda x, y, top: x < 1.6) == []
+        assert len(movers.at(now_s + after_s, IDENTITY)) > 0
+    assert len(movers.look(gone, now_s + 0.9, lambda x, y, top: x < 1.6)) == 1
+    assert len(movers.at(now_s + 0.9, IDENTITY)) == 0
 
 
 def test_who_gets_hidden_keeps_their_velocity() -> None:
@@ -104,6 +114,53 @@ def test_who_gets_hidden_keeps_their_velocity() -> None:
     for number in range(1, 5):
         movers.look(body(2.5 - 0.1 * number, 0.5)[8:], now_s + number * LOOK_S, blind)
     assert movers.at(now_s + 0.4, IDENTITY)[:, 3].mean() == pytest.approx(-1.0, abs=0.1)
+
+
+def cart(rear: float, front: float) -> NDArray[np.float64]:
+    """The top of a low one, from its front, the lower x, to its rear, in so far as it is seen."""
+    x, y = (grid.ravel() for grid in np.meshgrid(np.arange(front, rear + 0.01, 0.06), np.arange(-0.2, 0.21, 0.08)))
+    return np.stack([x, y, np.full_like(x, 0.25), *np.ones((2, len(x)))], axis=1)
+
+
+def test_a_cart_whose_front_gets_hidden_goes_on_as_fast_as_its_rear() -> None:
+    """0.8 m long, 1 m/s: what is seen of it ends at the edge of a strip where rays pass above it alone."""
+    movers, edge_m = Movers(P), 2.8
+
+    def above(x_m: float, y_m: float, top_m: float) -> bool:
+        return top_m > 0.3 or x_m > edge_m
+
+    for number in range(24):
+        front = 4.0 - 0.1 * number
+        shown = cart(front + 0.8, max(front, edge_m)) if front + 0.8 > edge_m else np.empty((0, 5))
+        movers.look(shown, 10.0 + number * LOOK_S, above)
+        if number > 7:
+            found = movers.at(10.0 + number * LOOK_S, IDENTITY)
+            assert found[:, 3].mean() == pytest.approx(-1.0, abs=0.15), number
+            assert found[:, 0].min() == pytest.approx(front, abs=0.15), number
+
+
+def test_a_cart_whose_rear_is_taken_for_what_stands_goes_on_by_its_front() -> None:
+    """What has been in a place for a second stands: of a long cart more or less is left, and apart from it a piece."""
+    movers = Movers(P)
+    for number in range(24):
+        front = 5.0 - 0.08 * number
+        shown = [cart(front + (0.36 if number % 5 < 3 else 0.6), front)]
+        if number % 5 < 2 and number > 8:
+            shown.insert(0, cart(front + 0.7, front + 0.6))
+        movers.look(np.concatenate(shown), 10.0 + number * LOOK_S, lambda x, y, top: True)
+        if number > 12:
+            found = movers.at(10.0 + number * LOOK_S, IDENTITY)
+            assert len(found) > 0, number
+            assert found[:, 3].mean() == pytest.approx(-0.8, abs=0.25), number
+
+
+def test_a_long_body_moves_on_while_it_leaves_what_its_way_explains() -> None:
+    """1 m long, 0.6 m/s: of where it was 0.6 s ago two thirds are still its own."""
+    movers = Movers(P)
+    for number in range(20):  # its front comes first
+        rear = 5.0 if number < 8 else 4.4 - 0.06 * (number - 8)
+        movers.look(cart(rear, 4.4 - 0.06 * number - 0.1), 10.0 + number * LOOK_S, lambda x, y, top: True)
+    assert len(movers.at(11.9, IDENTITY)) > 0
 
 
 def test_what_is_found_where_nobody_had_looked_is_no_new_body_and_may_be_an_old_one() -> None:
@@ -174,17 +231,36 @@ def test_who_went_on_where_nobody_looks_is_remembered_there_and_nowhere_else() -
     someone = np.array([[SEEN[0], SEEN[1], 1.2]])
     scanner = Scanner().look(NEAR)
     behind = (2.62, 0.02)  # in its shadow
-    scanner.space.go_on(np.array([[2.22, 0.02, 1.2]]), 0.4, 0.0, IDENTITY)
+    scanner.space.go_on(np.array([[2.22, 0.02, 1.2]]), 0.4 / P.coast_s, 0.0, IDENTITY)
     assert scanner.at(*behind) == OCCUPIED
     scanner.look(times=PARAMS.passes)
     assert scanner.at(*behind) == FREE
-    scanner.space.go_on(someone, -0.8, 0.0, IDENTITY)
+    scanner.space.go_on(someone, -0.4 / P.coast_s, 0.0, IDENTITY)
     assert scanner.at(SEEN[0] - 0.4, SEEN[1]) == FREE  # one would see them there
     blind = Scanner()
     blind.look(vouch=False)
     blind.space.go_on(np.array([[1.2, 0.0, 1.2]]), -3.0, 0.0, IDENTITY)
     found = blind.remembered()
     assert len(found) == 0 or found[:, 0].min() > 0.5  # never in the robot
+
+
+def test_one_sees_what_is_higher_than_the_lowest_ray_and_nothing_in_the_robots_own_place() -> None:
+    scanner = Scanner(HIGH).look(vouch=True)
+    assert not scanner.space.would_see(*SEEN, 1.7)  # beneath rays of 1.2 m there is room for a child
+    scanner.origin_m = (0.45, 0.0, 0.40)
+    scanner.look()
+    assert scanner.space.would_see(*SEEN, 1.7)
+    assert scanner.space.would_see(*SEEN, 0.5)
+    assert not scanner.space.would_see(*SEEN, 0.25)
+    assert not scanner.space.would_see(0.3, 0.0, 1.7)
+    assert not scanner.space.would_see(-2.0, 0.0, 1.7)
+    scanner.origin_m = LOW
+    scanner.look()
+    scanner.origin_m = (0.45, 0.0, 0.40)
+    scanner.look()
+    assert scanner.space.would_see(*SEEN, 0.25)  # what a lower ray has just shown
+    scanner.look(times=round(PARAMS.fade_s / LOOK_S))
+    assert not scanner.space.would_see(*SEEN, 0.25)
 
 
 def test_a_child_that_walks_up_is_known_to_come_and_walls_stay_where_they_are() -> None:
@@ -212,3 +288,14 @@ def test_who_walks_into_the_wedge_before_the_knees_is_remembered_before_them() -
     yard.walk("who", (1.75, 0.0))
     yard.run(1.0)
     assert any(state_at(yard, x, 0.02) == OCCUPIED for x in np.arange(1.45, 1.75, 0.05))
+
+
+@pytest.mark.parametrize("speed_mps", [0.5, 1.0])
+def test_a_low_cart_that_goes_before_the_knees_is_remembered_right_before_them(speed_mps: float) -> None:
+    """The strip in which neither LiDAR sees a thing 0.25 m high is 1.5 m long."""
+    yard = Yard(chair=True, who=Post(0.30, 0.25))
+    yard.run(1.0)
+    yard.at["who"] = (4.5, 0.0)
+    yard.walk("who", (1.75, 0.0), speed_mps).run(2.5)
+    assert yard.scene is not None
+    assert near(yard.scene.obstacles, 1.4, 0.0, 0.35) > 0
