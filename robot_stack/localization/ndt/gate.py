@@ -31,6 +31,10 @@ def lack_of_evidence(match: Match, evidence: EvidenceParams) -> str:
         return f"less than {evidence.least_score}"
     if not match.contrast >= evidence.min_contrast:
         return f"{match.contrast:.1f} times that of poses beside it, {evidence.min_contrast} are needed"
+    if not match.agreement >= evidence.min_agreement:
+        return f"of what lies where the map knows anything it explains {match.agreement:.0%}"
+    if not match.pierced <= evidence.max_pierced:
+        return f"{match.pierced:.0%} of the rays pass through what the map has"
     if not match.residual <= evidence.max_residual:
         return f"points lie {match.residual:.1f} variances off their surfaces"
     value_m2 = float(np.linalg.eigvalsh(match.planar_covariance[:2, :2])[1])
@@ -58,9 +62,9 @@ def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigm
         return f"swings between two answers: {match.reversals} reversals"
     if match.structure < gate.min_structure_points:
         return f"{match.structure} points above the ground, {gate.min_structure_points} are needed"
-    lack = "" if match.score >= gate.min_score else lack_of_evidence(match, gate.evidence)
-    if lack:
-        return f"score {match.score:.2f} is below {gate.min_score}: {lack}"
+    doubt = _doubt(match, gate)
+    if doubt:
+        return doubt
     if match.tilt_rad > gate.max_tilt_rad:
         return f"tilt of {match.tilt_rad:.2f} rad"
     # A match that leaves one direction open still says something about the other; its covariance tells which.
@@ -76,6 +80,18 @@ def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigm
     if turn_rad > gate.max_jump_rad + 3.0 * yaw_sigma_rad:
         return f"jump of {turn_rad:.2f} rad"
     return ""
+
+
+def _doubt(match: Match, gate: GateParams) -> str:
+    """What the score leaves open and nothing else answers. A share of rays that nobody asked for answers nothing."""
+    if match.score >= gate.sure_score:
+        return ""
+    if match.score < gate.min_score:
+        lack = lack_of_evidence(match, gate.evidence)
+        return f"score {match.score:.2f} is below {gate.min_score}: {lack}" if lack else ""
+    if match.pierced <= gate.max_pierced:
+        return ""
+    return f"score {match.score:.2f}, and {match.pierced:.0%} of the rays pass through what the map has"
 
 
 class LocalizationState:

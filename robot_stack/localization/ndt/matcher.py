@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,8 @@ class Match:
     one. structure: how many such points. converged: the last, finest level did. reversals: steps of it that went back
     against the one before: the search swings between two answers. residual: mean squared distance of explained points
     across their surfaces, in variances; about 1 at the right place, 3 where chance put them near a surface, NaN without
-    one. contrast: see :meth:`NdtMatcher.contrast`, NaN where nobody asked.
+    one. agreement: as score, of the points alone in columns where the map has anything at all. contrast, pierced: see
+    :meth:`NdtMatcher.weighed`, NaN where nobody asked.
     """
 
     pose: Floats
@@ -42,7 +43,9 @@ class Match:
     iterations: int
     reversals: int
     residual: float = math.nan
+    agreement: float = math.nan
     contrast: float = math.nan
+    pierced: float = math.nan
 
     @property
     def planar(self) -> Pose2:
@@ -138,24 +141,36 @@ class NdtMatcher:
             iterations += steps
         return self._judged(points, rotation, position, bool(converged), iterations, int(reversals))
 
-    def contrast(self, points: Floats, match: Match) -> float:
-        """How many times the structure that ``match`` explains is what the best of the poses beside it explains.
+    def weighed(self, points: Floats, match: Match, lidar: Floats) -> Match:
+        """``match`` with what else speaks for it, for the gate to judge where the score says little.
 
-        points: those that were matched. The poses lie around it in eight directions and are turned to both sides. Where
-        a map has many things or many holes, a share of the structure alone says little; that the pose beside it
-        explains next to nothing of it says much. 0 with too few points.
+        points: those that were matched. lidar: (3,) sensor in base_link. contrast: how many times the structure that
+        the match explains is what the best of the poses beside it explains, in eight directions and turned to both
+        sides. pierced: share of the rays that pass through something that the map has. Neither with too few points.
         """
         p = self._params.beside
         standing = self.standing(points, match.pose[2, :3])
         if len(standing) < p.min_points:
-            return 0.0
+            return match
         chosen = np.linspace(0, len(standing) - 1, min(len(standing), p.points)).astype(np.intp)
+        few = np.ascontiguousarray(standing[chosen])
         poses = np.array([match.pose, *self._beside(match)])
         found = np.empty(len(poses))
         rotations, positions = np.ascontiguousarray(poses[:, :3, :3]), np.ascontiguousarray(poses[:, :3, 3])
         explained2 = self._params.explained_sigmas**2
-        scoring.shares(np.ascontiguousarray(standing[chosen]), rotations, positions, self.fine, explained2, found)
-        return float(found[0] / max(found[1:].max(), 1.0 / len(chosen)))
+        scoring.shares(few, rotations, positions, self.fine, explained2, found)
+        pierced = scoring.pierced(
+            few,
+            rotations[0],
+            positions[0],
+            np.asarray(lidar, np.float64),
+            self.fine,
+            self._params.structure_height_m,
+            p.pierced_margin_m,
+            p.pierced_sigmas**2,
+        )
+        contrast = float(found[0] / max(found[1:].max(), 1.0 / len(chosen)))
+        return replace(match, contrast=contrast, pierced=float(pierced))
 
     def _beside(self, match: Match) -> list[Floats]:
         """(4, 4) each: poses that a sweep would tell from ``match``, over the ground as high as it is."""
@@ -179,7 +194,7 @@ class NdtMatcher:
         self, points: Floats, rotation: Floats, position: Floats, converged: bool, iterations: int, reversals: int
     ) -> Match:
         p, information = self._params, np.empty((6, 6))
-        structure, explained, residual = scoring.judge(
+        structure, explained, known, residual = scoring.judge(
             points, rotation, position, self.fine, p.structure_height_m, p.explained_sigmas**2, information
         )
         pose = np.eye(4)
@@ -195,6 +210,7 @@ class NdtMatcher:
             iterations=iterations,
             reversals=reversals,
             residual=float(residual),
+            agreement=explained / max(known, 1),
         )
 
     def _covariance(self, information: Floats) -> Floats:

@@ -42,13 +42,16 @@ class LevelParams(Config):
 class BesideParams(Config):
     """Poses beside a match that must explain much less than it: so far away, and turned so far to both sides.
 
-    points: of those that stand above the ground, so many are looked at; with fewer than min_points none.
+    points: of those that stand above the ground, so many are looked at; with fewer than min_points none. A ray passes
+    through what stands in the map if it comes within pierced_sigmas of it, pierced_margin_m and more from both its ends.
     """
 
     points: Count
     min_points: Count
     away_m: Annotated[list[Positive], Field(min_length=1)]
     turned_rad: list[Positive]
+    pierced_sigmas: Positive
+    pierced_margin_m: Positive
 
 
 class MatchParams(Config):
@@ -89,12 +92,16 @@ class MatchParams(Config):
 class EvidenceParams(Config):
     """What a match must show that explains less than min_score of the structure, because map or world have gaps.
 
-    least_score: the share that it must explain all the same. min_contrast: how many times that of the poses beside it,
+    least_score: the share that it must explain all the same; min_agreement: of what lies where the map knows anything.
+    max_pierced: of the rays, those that pass through what the map has: a world that lost things looks so, and so does a
+    wrong place. min_contrast: how many times that of the poses beside it,
     and, in a search, of every other place. max_residual: of the explained points, in variances. held_sigma_m,
     held_sigma_rad: the most in x, y and yaw: all three must be held.
     """
 
     least_score: Share
+    min_agreement: Share
+    max_pierced: Share
     min_contrast: Annotated[float, Field(gt=1.0)]
     max_residual: Positive
     held_sigma_m: Positive
@@ -104,7 +111,8 @@ class EvidenceParams(Config):
 class GateParams(Config):
     """Which matches correct the pose, and when the pose is given up.
 
-    min_score: a match that explains so much of the structure needs no evidence beside it.
+    A match that explains sure_score of the structure needs nothing beside it; one that explains min_score must not have
+    more than max_pierced of its rays pass through what the map has; one that explains less needs evidence.
 
     reach_sigmas: how many standard deviations of the prediction the first level of a match must reach; the yaw's count
     at reach_radius_m.
@@ -115,6 +123,8 @@ class GateParams(Config):
     """
 
     min_score: Share
+    sure_score: Share
+    max_pierced: Share
     evidence: EvidenceParams
     min_structure_points: Count
     expected_range_m: Positive
@@ -132,6 +142,12 @@ class GateParams(Config):
     sure_position_m: Positive
     sure_yaw_rad: Positive
     frozen_sweeps: Count
+
+    @model_validator(mode="after")
+    def _ordered(self) -> GateParams:
+        if not self.evidence.least_score <= self.min_score <= self.sure_score:
+            raise ValueError("least_score, min_score and sure_score must rise")
+        return self
 
 
 class SearchParams(Config):

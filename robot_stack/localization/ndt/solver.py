@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -66,7 +66,7 @@ class SweepSolver:
 
     def __init__(self, cells: Cells, params: NdtParams, lidar_xyz_m: tuple[float, float, float]) -> None:
         self._params = params
-        self._lidar = np.array(lidar_xyz_m)
+        self._lidar = np.array(lidar_xyz_m, np.float64)
         self.matcher = NdtMatcher(cells, params.match)
 
     def solve(self, request: MatchRequest) -> MatchResult:
@@ -85,8 +85,8 @@ class SweepSolver:
             return self._compare(request, points)
         match = self.matcher.match(points, request.guess, request.up, request.off_m)
         gate = self._params.gate
-        if gate.evidence.least_score <= match.score < gate.min_score:  # only then does anybody look at it
-            match = self._compared(match, points)
+        if gate.evidence.least_score <= match.score < gate.sure_score:  # only then does anybody look at it
+            match = self.matcher.weighed(points, match, self._lidar)
         return MatchResult(request, match, len(points), "", self._unseen(request, match, points))
 
     def _unseen(self, request: MatchRequest, match: Match, points: Floats) -> float:
@@ -99,9 +99,6 @@ class SweepSolver:
             request.guess, standing, gate.expected_range_m, gate.expected_directions
         )
 
-    def _compared(self, match: Match, points: Floats) -> Match:
-        return replace(match, contrast=self.matcher.contrast(points, match))
-
     def _standing_out(self, region: Region, points: Floats, found: Found) -> Match | None:
         """Of a search of the whole map: the best place, if it explains little but every other one next to nothing."""
         evidence, best, second = self._params.gate.evidence, found.best, found.second
@@ -109,8 +106,8 @@ class SweepSolver:
             return None
         if second is not None and best.score < evidence.min_contrast * second.score:
             return None
-        compared = self._compared(best, points)
-        return None if lack_of_evidence(compared, evidence) else compared
+        weighed = self.matcher.weighed(points, best, self._lidar)
+        return None if lack_of_evidence(weighed, evidence) else weighed
 
     def _fits_nowhere_better(self, request: MatchRequest, points: Floats, near: Match) -> bool:
         """The known heading decides between places that fit alike, but for none against a better one."""
