@@ -33,7 +33,7 @@ def lack_of_evidence(match: Match, evidence: EvidenceParams) -> str:
         return f"{match.contrast:.1f} times that of poses beside it, {evidence.min_contrast} are needed"
     if not match.agreement >= evidence.min_agreement:
         return f"of what lies where the map knows anything it explains {match.agreement:.0%}"
-    if not match.pierced <= evidence.max_pierced:
+    if not match.pierced <= evidence.max_pierced * match.agreement:
         return f"{match.pierced:.0%} of the rays pass through what the map has"
     if not match.residual <= evidence.max_residual:
         return f"points lie {match.residual:.1f} variances off their surfaces"

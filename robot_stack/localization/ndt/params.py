@@ -43,7 +43,7 @@ class BesideParams(Config):
     """Poses beside a match that must explain much less than it: so far away, and turned so far to both sides.
 
     points: of those that stand above the ground, so many are looked at; with fewer than min_points none. A ray passes
-    through what stands in the map if it comes within pierced_sigmas of it, pierced_margin_m and more from both its ends.
+    through what stands in the map if it comes within pierced_sigmas of it, pierced_margin_m and more from its ends.
     """
 
     points: Count
@@ -93,8 +93,8 @@ class EvidenceParams(Config):
     """What a match must show that explains less than min_score of the structure, because map or world have gaps.
 
     least_score: the share that it must explain all the same; min_agreement: of what lies where the map knows anything.
-    max_pierced: of the rays, those that pass through what the map has: a world that lost things looks so, and so does a
-    wrong place. min_contrast: how many times that of the poses beside it,
+    max_pierced: the share of rays that pass through what the map has, over the agreement: what contradicts over what
+    agrees. min_contrast: how many times that of the poses beside it,
     and, in a search, of every other place. max_residual: of the explained points, in variances. held_sigma_m,
     held_sigma_rad: the most in x, y and yaw: all three must be held.
     """

@@ -115,7 +115,8 @@ def pierced(points, rotation, position, lidar, field, above_ground_m, margin_m, 
     """Share of the rays to points (n, 3) in base_link that pass through what stands in the map.
 
     A ray passes through where, more than margin_m from both its ends, it comes within a squared Mahalanobis distance of
-    within2 of the cell it is in: what the sensor stands beside may share its cell. lidar: (3,) sensor in base_link. Rays too short to say are left out; NaN without any.
+    within2 of the cell it is in: what the sensor stands beside may share its cell. lidar: (3,) sensor in base_link.
+    Rays too short to say are left out; NaN without any.
     """
     nx, ny, nz = field.rows.shape
     scale, step = 1.0 / field.size_m, 0.25 * field.size_m
