@@ -196,7 +196,7 @@ class MapLocalizer(Localizer):
         self._z_m = float(match.pose[2, 3])
         # Of a place found by search nothing is known but that it fits: if it proves wrong, so may its heading.
         self._searched_near, self._heading_kept, self._problem = False, False, ""
-        self._localization.found(match.score, steady_s)
+        self._localization.found(match, steady_s)
 
     def _judge(self, answer: MatchResult, match: Match, steady_s: float) -> None:
         """A sweep with structure is matched; one without is no news, unless the map has structure here."""
@@ -230,7 +230,7 @@ class MapLocalizer(Localizer):
             return
         self._z_m = float(match.pose[2, 3])
         turn_rad = abs(math.remainder(match.planar.yaw - predicted.yaw, math.tau))
-        self._localization.accept(match.score, match.planar.distance_to(predicted), turn_rad, steady_s)
+        self._localization.accept(match, match.planar.distance_to(predicted), turn_rad, steady_s)
         self._heading_kept = self._heading_kept or self._localization.state is Confidence.TRACKING
 
     def _inflate_covariance(self) -> None:

@@ -23,4 +23,6 @@ def warm_up() -> None:
     prior, limits = np.array([0.0, 0.0, 1.0, 1.0, 0.0, 1.0]), np.array([2.0, 0.1, 0.1, 1e-3, 1e-3])
     kernels.newton(points, rotation, position, field, -1.0, 1.0, prior, limits)
     scoring.judge(points, rotation, position, field, 0.4, 9.0, information)
+    scoring.shares(points, rotation[None], position[None], field, 9.0, np.empty(1))
+    scoring.pierced(points, rotation, position, position, field, 0.4, 1.5, 4.0)
     scoring.correlate(points, field, np.zeros((1, 3)), np.zeros(1), np.empty((1, 1)))

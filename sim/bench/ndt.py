@@ -1,4 +1,4 @@
-"""NDT against small_gicp's VGICP on the same moving sweeps, and how far off a guess may be."""
+"""NDT against small_gicp's VGICP on the same moving sweeps, how far off a guess may be, and a foreign place."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ from robot_stack.localization.ndt.matcher import Match, NdtMatcher, planar, pose
 from robot_stack.localization.ndt.params import NdtParams
 from robot_stack.localization.params import LocalizationParams
 from robot_stack.localization.warm_up import warm_up
+from sim.bench import ndt_foreign
+from sim.bench.ground_real import FOLDER
 from sim.bench.site_map import level_poses, site_cells
 from sim.lidar.params import load_lidar_params
 from sim.lidar.views import sweep_at
@@ -36,6 +38,13 @@ AIMS = {
     "err_mm_p95": Aim("<", 30.0),
     "basin_m": Aim(">=", 1.5),
     "basin_deg": Aim(">=", 15.0),
+    "yard_wrong_accepted_pct": Aim("<=", 0.0),
+    "yard_wrong_found_pct": Aim("<=", 0.0),
+    "kitti_refused_0_pct": Aim("<", 5.0),
+    "kitti_refused_20_pct": Aim("<", 5.0),
+    "kitti_refused_35_pct": Aim("<", 20.0),
+    "kitti_wrong_accepted_pct": Aim("<=", 0.0),
+    "kitti_wrong_found_pct": Aim("<=", 0.0),
 }
 _UP = np.array([0.0, 0.0, 1.0])
 # What a prediction over 0.1 s is off when the filter tracks: standard deviations.
@@ -72,13 +81,28 @@ def run(
     seed: int = 1,
     world: str = "yard",
     pictures: str = "results/ndt",
+    yard: bool = True,
+    kitti: str = str(FOLDER),
 ) -> Result:
-    """sweeps: along all routes, between the map's own places. starts: for each sweep and radius of the basin."""
+    """sweeps: along all routes, between the map's own places. starts: for each sweep and radius of the basin.
+
+    yard: with what matching there costs and how far it reaches. kitti: folder of real sweeps; left out without them.
+    """
     site = load_world(world)
     cells, origin = site_cells(site, world, seed=2000)
     params = load(LocalizationParams, "ndt_localization").ndt
     bench = _Bench(cells, params, seed)
     shots = _shots(site, sweeps, people, seed)
+    figures, conditions = _in_the_world(bench, shots, origin, starts, people, seed, pictures) if yard else ({}, {})
+    lidar = load_robot().lidar_xyz_m
+    places = [ndt_foreign.Place(cells, shot.sweep, shot.truth, shot.motion, lidar) for shot in shots]
+    foreign, why = ndt_foreign.figures(params, places, 1000 + seed, Path(kitti))
+    return Result(figures | foreign, conditions | why)
+
+
+def _in_the_world(
+    bench: _Bench, shots: list[Shot], origin: str, starts: int, people: int, seed: int, pictures: str
+) -> tuple[dict[str, float], dict[str, object]]:
     tracking = bench.around(shots, lambda: bench.offset(_TRACKING_M, _TRACKING_RAD))
     ours = [bench.ndt(shot, guess) for shot, guess in tracking]
     peer = _Vgicp(bench)
@@ -106,7 +130,7 @@ def run(
         "vgicp_basin_m": _basin(peer_metres),
     }
     _picture(metres, degrees, ours, same, Path(pictures))
-    return Result(figures, _conditions(origin, len(shots), starts, people, seed, peer.settings))
+    return figures, _conditions(origin, len(shots), starts, people, seed, peer.settings)
 
 
 class _Bench:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robot_stack.core.geometry import Pose2
 from robot_stack.localization.ndt.matcher import Match
-from robot_stack.localization.ndt.params import GateParams, NdtParams
+from robot_stack.localization.ndt.params import EvidenceParams, GateParams, MatchQualityParams, NdtParams
 
 
 class Confidence(Enum):
@@ -25,6 +25,35 @@ class Confidence(Enum):
     DEAD_RECKONING = "dead reckoning: nothing around to match"
 
 
+def lack_of_evidence(match: Match, evidence: EvidenceParams) -> str:
+    """Why a match that explains little is not believed; empty if it stands out. A contrast nobody asked for is none."""
+    if not match.score >= evidence.least_score:
+        return f"less than {evidence.least_score}"
+    if not match.contrast >= evidence.min_contrast:
+        return f"{match.contrast:.1f} times that of poses beside it, {evidence.min_contrast} are needed"
+    if not match.agreement >= evidence.min_agreement:
+        return f"of what lies where the map knows anything it explains {match.agreement:.0%}"
+    if not match.pierced <= evidence.max_pierced * match.agreement:
+        return f"{match.pierced:.0%} of the rays pass through what the map has"
+    if not match.residual <= evidence.max_residual:
+        return f"points lie {match.residual:.1f} variances off their surfaces"
+    value_m2 = float(np.linalg.eigvalsh(match.planar_covariance[:2, :2])[1])
+    if not (math.sqrt(value_m2) <= evidence.held_sigma_m):
+        return f"and one direction is open by {math.sqrt(value_m2):.2f} m"
+    if not math.sqrt(match.planar_covariance[2, 2]) <= evidence.held_sigma_rad:
+        return f"and the heading is open by {math.sqrt(match.planar_covariance[2, 2]):.2f} rad"
+    return ""
+
+
+def fit_of(match: Match, gate: GateParams, quality: MatchQualityParams) -> float:
+    """How well a match holds the pose, for the quality: 0 or less is not at all, 1 or more is fully."""
+    by_score = (match.score - quality.zero_score) / (quality.full_score - quality.zero_score)
+    if lack_of_evidence(match, gate.evidence):
+        return by_score
+    by_contrast = (match.contrast - quality.zero_contrast) / (quality.full_contrast - quality.zero_contrast)
+    return max(by_score, min(1.0, by_contrast))
+
+
 def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigma_rad: float, gate: GateParams) -> str:
     """Why a match must not correct the pose; empty if it may. predicted: at the match's stamp, with its sigmas."""
     if not match.converged:
@@ -33,8 +62,9 @@ def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigm
         return f"swings between two answers: {match.reversals} reversals"
     if match.structure < gate.min_structure_points:
         return f"{match.structure} points above the ground, {gate.min_structure_points} are needed"
-    if match.score < gate.min_score:
-        return f"score {match.score:.2f} is below {gate.min_score}"
+    doubt = _doubt(match, gate)
+    if doubt:
+        return doubt
     if match.tilt_rad > gate.max_tilt_rad:
         return f"tilt of {match.tilt_rad:.2f} rad"
     # A match that leaves one direction open still says something about the other; its covariance tells which.
@@ -52,6 +82,18 @@ def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigm
     return ""
 
 
+def _doubt(match: Match, gate: GateParams) -> str:
+    """What the score leaves open and nothing else answers. A share of rays that nobody asked for answers nothing."""
+    if match.score >= gate.sure_score:
+        return ""
+    if match.score < gate.min_score:
+        lack = lack_of_evidence(match, gate.evidence)
+        return f"score {match.score:.2f} is below {gate.min_score}: {lack}" if lack else ""
+    if match.pierced <= gate.max_pierced:
+        return ""
+    return f"score {match.score:.2f}, and {match.pierced:.0%} of the rays pass through what the map has"
+
+
 class LocalizationState:
     """Counts matches accepted and refused one after the other, and what follows from them."""
 
@@ -61,7 +103,7 @@ class LocalizationState:
         self._accepted = self._refused = 0
         self._heard_s = -math.inf  # the last sweep that was matched or had nothing to match
         self._way_m = 0.0
-        self._score = 0.0
+        self._fit = 0.0
 
     @property
     def known(self) -> bool:
@@ -77,14 +119,14 @@ class LocalizationState:
         """The pose was given or found anew, or is to be looked for."""
         self.state, self._accepted, self._refused, self._way_m = state, 0, 0, 0.0
 
-    def found(self, score: float, steady_s: float) -> None:
+    def found(self, match: Match, steady_s: float) -> None:
         """A search came up with a pose; it has to prove itself from now on."""
         self.restart(Confidence.CONFIRMING)
-        self._score, self._heard_s = score, steady_s
+        self._fit, self._heard_s = fit_of(match, self._gate, self._quality), steady_s
 
-    def accept(self, score: float, correction_m: float, correction_rad: float, steady_s: float) -> None:
-        gate = self._gate
-        self._score = score if self._accepted == 0 else self._score + 0.3 * (score - self._score)
+    def accept(self, match: Match, correction_m: float, correction_rad: float, steady_s: float) -> None:
+        gate, fit = self._gate, fit_of(match, self._gate, self._quality)
+        self._fit = fit if self._accepted == 0 else self._fit + 0.3 * (fit - self._fit)
         self._heard_s, self._refused = steady_s, 0
         calm = correction_m < gate.sure_position_m and correction_rad < gate.sure_yaw_rad
         self._accepted = self._accepted + 1 if calm or self.state is Confidence.TRACKING else 0
@@ -117,15 +159,14 @@ class LocalizationState:
             self.restart(Confidence.SEARCHING)
 
     def factor(self, steady_s: float) -> float:
-        """By how much the matches lower the quality, in [0, 1]: score and age of the last one, way without any."""
+        """By how much the matches lower the quality, in [0, 1]: fit and age of the last one, way without any."""
         if not self.known:
             return 0.0
         q = self._quality
         age = (q.stale_s - (steady_s - self._heard_s)) / (q.stale_s - q.fresh_s)
-        score = (self._score - q.zero_score) / (q.full_score - q.zero_score)
         # Each contradiction in a row counts at once; the last would make it zero.
         agreed = 1.0 - self._refused / self._gate.rejected_until_lost
-        return min(1.0, max(0.0, age)) * min(1.0, max(0.0, score)) * agreed * self._by_way()
+        return min(1.0, max(0.0, age)) * min(1.0, max(0.0, self._fit)) * agreed * self._by_way()
 
     def cap(self) -> float:
         held = self.state in (Confidence.TRACKING, Confidence.DEAD_RECKONING)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ Floats = npt.NDArray[np.float64]
 
 # How well a cell knows its surface's normal, rad: so much of what holds across a surface seems to hold along it too.
 _NORMAL_RAD = 0.05
+_DIRECTIONS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +29,10 @@ class Match:
     pose: (4, 4) base_link in map. covariance: (6, 6) of [translation m, rotation rad] in the axes of map; 1 m and more
     where nothing holds the pose. score: share of the points above the ground that the map explains, 0 with fewer than
     one. structure: how many such points. converged: the last, finest level did. reversals: steps of it that went back
-    against the one before: the search swings between two answers.
+    against the one before: the search swings between two answers. residual: mean squared distance of explained points
+    across their surfaces, in variances; about 1 at the right place, 3 where chance put them near a surface, NaN without
+    one. agreement: as score, of the points alone in columns where the map has anything at all. contrast, pierced: see
+    :meth:`NdtMatcher.weighed`, NaN where nobody asked.
     """
 
     pose: Floats
@@ -38,6 +42,10 @@ class Match:
     converged: bool
     iterations: int
     reversals: int
+    residual: float = math.nan
+    agreement: float = math.nan
+    contrast: float = math.nan
+    pierced: float = math.nan
 
     @property
     def planar(self) -> Pose2:
@@ -133,11 +141,60 @@ class NdtMatcher:
             iterations += steps
         return self._judged(points, rotation, position, bool(converged), iterations, int(reversals))
 
+    def weighed(self, points: Floats, match: Match, lidar: Floats) -> Match:
+        """``match`` with what else speaks for it, for the gate to judge where the score says little.
+
+        points: those that were matched. lidar: (3,) sensor in base_link. contrast: how many times the structure that
+        the match explains is what the best of the poses beside it explains, in eight directions and turned to both
+        sides. pierced: share of the rays that pass through something that the map has. Neither with too few points.
+        """
+        p = self._params.beside
+        standing = self.standing(points, match.pose[2, :3])
+        if len(standing) < p.min_points:
+            return match
+        chosen = np.linspace(0, len(standing) - 1, min(len(standing), p.points)).astype(np.intp)
+        few = np.ascontiguousarray(standing[chosen])
+        poses = np.array([match.pose, *self._beside(match)])
+        found = np.empty(len(poses))
+        rotations, positions = np.ascontiguousarray(poses[:, :3, :3]), np.ascontiguousarray(poses[:, :3, 3])
+        explained2 = self._params.explained_sigmas**2
+        scoring.shares(few, rotations, positions, self.fine, explained2, found)
+        pierced = scoring.pierced(
+            few,
+            rotations[0],
+            positions[0],
+            np.asarray(lidar, np.float64),
+            self.fine,
+            self._params.structure_height_m,
+            p.pierced_margin_m,
+            p.pierced_sigmas**2,
+        )
+        contrast = float(found[0] / max(found[1:].max(), 1.0 / len(chosen)))
+        return replace(match, contrast=contrast, pierced=float(pierced))
+
+    def _beside(self, match: Match) -> list[Floats]:
+        """(4, 4) each: poses that a sweep would tell from ``match``, over the ground as high as it is."""
+        p, here, found = self._params.beside, match.planar, []
+        ground_m = self.ground_m(here.x, here.y)
+        for away_m in p.away_m:
+            for k in range(_DIRECTIONS):  # one of them is ahead: streets and corridors repeat themselves along the way
+                angle = here.yaw + k * math.tau / _DIRECTIONS
+                pose = match.pose.copy()
+                pose[:2, 3] += away_m * math.cos(angle), away_m * math.sin(angle)
+                rise_m = self.ground_m(pose[0, 3], pose[1, 3]) - ground_m
+                pose[2, 3] += rise_m if abs(rise_m) < 0.5 * away_m else 0.0  # steeper is a wall's lowest cell, or NaN
+                found.append(pose)
+        for turn_rad in (sign * rad for rad in p.turned_rad for sign in (-1.0, 1.0)):
+            pose = match.pose.copy()
+            pose[:3, :3] = kernels.turned(np.ascontiguousarray(pose[:3, :3]), np.array([0.0, 0.0, turn_rad]))
+            found.append(pose)
+        return found
+
     def _judged(
         self, points: Floats, rotation: Floats, position: Floats, converged: bool, iterations: int, reversals: int
     ) -> Match:
         p, information = self._params, np.empty((6, 6))
-        structure, explained = scoring.judge(
+        structure, explained, known, residual = scoring.judge(
             points, rotation, position, self.fine, p.structure_height_m, p.explained_sigmas**2, information
         )
         pose = np.eye(4)
@@ -152,6 +209,8 @@ class NdtMatcher:
             converged=converged and bool(np.isfinite(pose).all()),
             iterations=iterations,
             reversals=reversals,
+            residual=float(residual),
+            agreement=explained / max(known, 1),
         )
 
     def _covariance(self, information: Floats) -> Floats:

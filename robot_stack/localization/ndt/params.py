@@ -39,6 +39,21 @@ class LevelParams(Config):
     structure: bool
 
 
+class BesideParams(Config):
+    """Poses beside a match that must explain much less than it: so far away, and turned so far to both sides.
+
+    points: of those that stand above the ground, so many are looked at; with fewer than min_points none. A ray passes
+    through what stands in the map if it comes within pierced_sigmas of it, pierced_margin_m and more from its ends.
+    """
+
+    points: Count
+    min_points: Count
+    away_m: Annotated[list[Positive], Field(min_length=1)]
+    turned_rad: list[Positive]
+    pierced_sigmas: Positive
+    pierced_margin_m: Positive
+
+
 class MatchParams(Config):
     """The objective and Newton's method.
 
@@ -62,6 +77,7 @@ class MatchParams(Config):
     covariance_scale: Positive
     position_sigma_m: Positive
     yaw_sigma_rad: Positive
+    beside: BesideParams
 
     @model_validator(mode="after")
     def _coarse_to_fine(self) -> MatchParams:
@@ -73,8 +89,30 @@ class MatchParams(Config):
         return self
 
 
+class EvidenceParams(Config):
+    """What a match must show that explains less than min_score of the structure, because map or world have gaps.
+
+    least_score: the share that it must explain all the same; min_agreement: of what lies where the map knows anything.
+    max_pierced: the share of rays that pass through what the map has, over the agreement: what contradicts over what
+    agrees. min_contrast: how many times that of the poses beside it,
+    and, in a search, of every other place. max_residual: of the explained points, in variances. held_sigma_m,
+    held_sigma_rad: the most in x, y and yaw: all three must be held.
+    """
+
+    least_score: Share
+    min_agreement: Share
+    max_pierced: Share
+    min_contrast: Annotated[float, Field(gt=1.0)]
+    max_residual: Positive
+    held_sigma_m: Positive
+    held_sigma_rad: Positive
+
+
 class GateParams(Config):
     """Which matches correct the pose, and when the pose is given up.
+
+    A match that explains sure_score of the structure needs nothing beside it; one that explains min_score must not have
+    more than max_pierced of its rays pass through what the map has; one that explains less needs evidence.
 
     reach_sigmas: how many standard deviations of the prediction the first level of a match must reach; the yaw's count
     at reach_radius_m.
@@ -85,6 +123,9 @@ class GateParams(Config):
     """
 
     min_score: Share
+    sure_score: Share
+    max_pierced: Share
+    evidence: EvidenceParams
     min_structure_points: Count
     expected_range_m: Positive
     expected_directions: Count
@@ -101,6 +142,12 @@ class GateParams(Config):
     sure_position_m: Positive
     sure_yaw_rad: Positive
     frozen_sweeps: Count
+
+    @model_validator(mode="after")
+    def _ordered(self) -> GateParams:
+        if not self.evidence.least_score <= self.min_score <= self.sure_score:
+            raise ValueError("least_score, min_score and sure_score must rise")
+        return self
 
 
 class SearchParams(Config):
@@ -157,12 +204,15 @@ class DeadReckoningParams(Config):
 class MatchQualityParams(Config):
     """What matches do to ``/localization/quality``.
 
-    The score (explained share of the structure) counts 0 at zero_score, 1 at full_score; the age of the last accepted
-    match 1 up to fresh_s, 0 from stale_s on. unsure: the most while a pose found anew is not confirmed.
+    The score (explained share of the structure) counts 0 at zero_score, 1 at full_score; of a match that stands out by
+    its evidence the contrast does, 0 at zero_contrast, 1 at full_contrast, if that is more. The age of the last
+    accepted match counts 1 up to fresh_s, 0 from stale_s on. unsure: the most while a pose found anew is not confirmed.
     """
 
     zero_score: Share
     full_score: Share
+    zero_contrast: Positive
+    full_contrast: Positive
     fresh_s: Positive
     stale_s: Positive
     unsure: Share
@@ -171,6 +221,8 @@ class MatchQualityParams(Config):
     def _ordered(self) -> MatchQualityParams:
         if self.zero_score >= self.full_score:
             raise ValueError("zero_score must be smaller than full_score")
+        if self.zero_contrast >= self.full_contrast:
+            raise ValueError("zero_contrast must be smaller than full_contrast")
         if self.fresh_s >= self.stale_s:
             raise ValueError("fresh_s must be smaller than stale_s")
         return self

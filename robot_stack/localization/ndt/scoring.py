@@ -14,12 +14,14 @@ from robot_stack.localization.ndt.kernels import DX, DY, DZ, add_turned, fill_sy
 def judge(points, rotation, position, field, above_ground_m, explained2, information):
     """How well the pose explains the points that stand above the ground; adds up the information on the pose (6, 6).
 
-    Returns (structure points, explained ones). A point stands where it is above_ground_m over the lowest cell of its
-    column, or over base_link where the column is empty. It is explained within a squared Mahalanobis distance of
-    explained2 of a cell around it. information counts every explained point, ground included, along its cell's thin
-    directions only.
+    Returns (structure points, explained ones, known ones, residual). A point stands where it is above_ground_m over the
+    lowest cell of its column, or over base_link where the column is empty. It is explained within a squared Mahalanobis
+    distance of explained2 of a cell around it, and known where it is explained or its column is not empty. residual:
+    mean squared distance of explained structure points along their cells' thin directions, in variances, NaN without
+    one. information counts every explained point, ground included, along its cell's thin directions only.
     """
-    structure, explained = 0, 0
+    structure, explained, known = 0, 0, 0
+    off2, thin = 0.0, 0
     nx, ny, nz = field.rows.shape
     scale = 1.0 / field.size_m
     h = np.zeros((6, 6))
@@ -33,7 +35,8 @@ def judge(points, rotation, position, field, above_ground_m, explained2, informa
         iy = int(np.floor(wy * scale)) - field.corner[1]
         iz = int(np.floor(wz * scale)) - field.corner[2]
         ground = position[2]
-        if ix >= 0 and iy >= 0 and ix < nx and iy < ny and not np.isnan(field.ground[ix, iy]):
+        mapped = ix >= 0 and iy >= 0 and ix < nx and iy < ny and not np.isnan(field.ground[ix, iy])
+        if mapped:
             ground = field.ground[ix, iy]
         best2, best = explained2, -1
         for k in range(7):
@@ -51,14 +54,105 @@ def judge(points, rotation, position, field, above_ground_m, explained2, informa
             )  # fmt: skip
             if m2 < best2:
                 best2, best = m2, cell
-        if wz > ground + above_ground_m:
+        stands = wz > ground + above_ground_m
+        if stands:
             structure += 1
             explained += best >= 0
+            known += best >= 0 or mapped
         if best >= 0:
             n = field.normal[best]
+            if stands and n[0] + n[3] + n[5] > 0.0:
+                qx, qy, qz = wx - field.mean[best, 0], wy - field.mean[best, 1], wz - field.mean[best, 2]
+                off2 += (
+                    n[0] * qx * qx + n[3] * qy * qy + n[5] * qz * qz
+                    + 2.0 * (n[1] * qx * qy + n[2] * qx * qz + n[4] * qy * qz)
+                )  # fmt: skip
+                thin += 1
             add_turned(h, n[0], n[1], n[2], n[3], n[4], n[5], px, py, pz)
     fill_symmetric(h, information)
-    return structure, explained
+    return structure, explained, known, off2 / thin if thin > 0 else np.nan
+
+
+@numba.njit(cache=True, nogil=True)
+def shares(points, rotations, positions, field, explained2, found):
+    """Writes found (k,): the share of points (n, 3) in base_link that each pose explains, as in :func:`judge`.
+
+    rotations: (k, 3, 3), positions: (k, 3) m, base_link in map.
+    """
+    nx, ny, nz = field.rows.shape
+    scale = 1.0 / field.size_m
+    for a in range(positions.shape[0]):
+        r, explained = rotations[a], 0
+        for i in range(points.shape[0]):
+            x, y, z = points[i, 0], points[i, 1], points[i, 2]
+            wx = r[0, 0] * x + r[0, 1] * y + r[0, 2] * z + positions[a, 0]
+            wy = r[1, 0] * x + r[1, 1] * y + r[1, 2] * z + positions[a, 1]
+            wz = r[2, 0] * x + r[2, 1] * y + r[2, 2] * z + positions[a, 2]
+            ix = int(np.floor(wx * scale)) - field.corner[0]
+            iy = int(np.floor(wy * scale)) - field.corner[1]
+            iz = int(np.floor(wz * scale)) - field.corner[2]
+            for k in range(7):
+                jx, jy, jz = ix + DX[k], iy + DY[k], iz + DZ[k]
+                if jx < 0 or jy < 0 or jz < 0 or jx >= nx or jy >= ny or jz >= nz:
+                    continue
+                cell = field.rows[jx, jy, jz]
+                if cell < 0:
+                    continue
+                qx, qy, qz = wx - field.mean[cell, 0], wy - field.mean[cell, 1], wz - field.mean[cell, 2]
+                c = field.inverse[cell]
+                m2 = (
+                    c[0] * qx * qx + c[3] * qy * qy + c[5] * qz * qz
+                    + 2.0 * (c[1] * qx * qy + c[2] * qx * qz + c[4] * qy * qz)
+                )  # fmt: skip
+                if m2 < explained2:
+                    explained += 1
+                    break
+        found[a] = explained / max(points.shape[0], 1)
+
+
+@numba.njit(cache=True, nogil=True)
+def pierced(points, rotation, position, lidar, field, above_ground_m, margin_m, within2):
+    """Share of the rays to points (n, 3) in base_link that pass through what stands in the map.
+
+    A ray passes through where, more than margin_m from both its ends, it comes within a squared Mahalanobis distance of
+    within2 of the cell it is in: what the sensor stands beside may share its cell. lidar: (3,) sensor in base_link.
+    Rays too short to say are left out; NaN without any.
+    """
+    nx, ny, nz = field.rows.shape
+    scale, step = 1.0 / field.size_m, 0.25 * field.size_m
+    o = rotation @ lidar + position
+    rays, through = 0, 0
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        dx = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z + position[0] - o[0]
+        dy = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z + position[1] - o[1]
+        dz = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z + position[2] - o[2]
+        length = np.sqrt(dx * dx + dy * dy + dz * dz)
+        first, last = int(np.ceil(margin_m / step)), int((length - margin_m) / step)
+        if last < first:
+            continue
+        rays += 1
+        for k in range(first, last + 1):
+            share = k * step / length
+            wx, wy, wz = o[0] + share * dx, o[1] + share * dy, o[2] + share * dz
+            ix = int(np.floor(wx * scale)) - field.corner[0]
+            iy = int(np.floor(wy * scale)) - field.corner[1]
+            iz = int(np.floor(wz * scale)) - field.corner[2]
+            if ix < 0 or iy < 0 or iz < 0 or ix >= nx or iy >= ny or iz >= nz:
+                continue
+            cell = field.rows[ix, iy, iz]
+            if cell < 0 or field.mean[cell, 2] < field.ground[ix, iy] + above_ground_m:
+                continue
+            qx, qy, qz = wx - field.mean[cell, 0], wy - field.mean[cell, 1], wz - field.mean[cell, 2]
+            c = field.inverse[cell]
+            m2 = (
+                c[0] * qx * qx + c[3] * qy * qy + c[5] * qz * qz
+                + 2.0 * (c[1] * qx * qy + c[2] * qx * qz + c[4] * qy * qz)
+            )  # fmt: skip
+            if m2 < within2:
+                through += 1
+                break
+    return through / rays if rays > 0 else np.nan
 
 
 @numba.njit(cache=True, nogil=True)

@@ -12,9 +12,10 @@ from robot_stack.core.geometry import Pose2
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.site_map import Cells
 from robot_stack.localization.ndt import cloud
+from robot_stack.localization.ndt.gate import lack_of_evidence
 from robot_stack.localization.ndt.matcher import Match, NdtMatcher
 from robot_stack.localization.ndt.params import NdtParams
-from robot_stack.localization.ndt.search import Region, search
+from robot_stack.localization.ndt.search import Found, Region, search
 
 Floats = npt.NDArray[np.float64]
 
@@ -65,7 +66,7 @@ class SweepSolver:
 
     def __init__(self, cells: Cells, params: NdtParams, lidar_xyz_m: tuple[float, float, float]) -> None:
         self._params = params
-        self._lidar = np.array(lidar_xyz_m)
+        self._lidar = np.array(lidar_xyz_m, np.float64)
         self.matcher = NdtMatcher(cells, params.match)
 
     def solve(self, request: MatchRequest) -> MatchResult:
@@ -83,6 +84,9 @@ class SweepSolver:
         if request.guesses:
             return self._compare(request, points)
         match = self.matcher.match(points, request.guess, request.up, request.off_m)
+        gate = self._params.gate
+        if gate.evidence.least_score <= match.score < gate.sure_score:  # only then does anybody look at it
+            match = self.matcher.weighed(points, match, self._lidar)
         return MatchResult(request, match, len(points), "", self._unseen(request, match, points))
 
     def _unseen(self, request: MatchRequest, match: Match, points: Floats) -> float:
@@ -94,6 +98,16 @@ class SweepSolver:
         return self.matcher.skyline.unseen_share(
             request.guess, standing, gate.expected_range_m, gate.expected_directions
         )
+
+    def _standing_out(self, region: Region, points: Floats, found: Found) -> Match | None:
+        """Of a search of the whole map: the best place, if it explains little but every other one next to nothing."""
+        evidence, best, second = self._params.gate.evidence, found.best, found.second
+        if best is None or math.isfinite(region.radius_m) or best.score < evidence.least_score:
+            return None
+        if second is not None and best.score < evidence.min_contrast * second.score:
+            return None
+        weighed = self.matcher.weighed(points, best, self._lidar)
+        return None if lack_of_evidence(weighed, evidence) else weighed
 
     def _fits_nowhere_better(self, request: MatchRequest, points: Floats, near: Match) -> bool:
         """The known heading decides between places that fit alike, but for none against a better one."""
@@ -115,6 +129,9 @@ class SweepSolver:
             if region.turn_rad >= math.pi or self._fits_nowhere_better(request, points, found.best):
                 return MatchResult(request, found.best, len(points), "")
             return MatchResult(request, None, len(points), "another place fits better than those near the last")
+        alone = self._standing_out(region, points, found)
+        if alone is not None:
+            return MatchResult(request, alone, len(points), "")
         score = 0.0 if found.best is None else found.best.score
         second = 0.0 if found.second is None else found.second.score
         problem = f"no clear pose in the map: best score {score:.2f}, second {second:.2f}"
