@@ -17,8 +17,10 @@ from pathlib import Path
 from robot_stack.core.runtime import runtime_dir
 from robot_stack.core.shared_page import SharedPage
 
-_PID, _BEATS, _BEAT_NS, _READY, _DUE_NS = range(5)
-_WORDS = 5
+_PID, _BEATS, _BEAT_NS, _READY = range(4)
+_WORDS = 4
+_DUE_NS = 0
+_SINGLES = 1
 _TEXT_BYTES = 208
 _NEVER = 2**62
 
@@ -49,7 +51,7 @@ class NodeRecord:
 
     def __init__(self, name: str) -> None:
         _folder().mkdir(exist_ok=True)
-        self._page = SharedPage(_folder() / name, _WORDS, _TEXT_BYTES, create=True)
+        self._page = SharedPage(_folder() / name, _WORDS, _SINGLES, _TEXT_BYTES, create=True)
 
     def constructing(self, text: str) -> None:
         """Before the node's loop runs: what it is busy with."""
@@ -57,10 +59,10 @@ class NodeRecord:
         self.due(math.inf)
 
     def beat(self, ready: bool, text: str) -> None:
-        self._write(max(self._page.word(_BEATS), 0) + 1, ready, text)
+        self._write(max(self._page.read()[_BEATS], 0) + 1, ready, text)
 
     def due(self, due_s: float) -> None:
-        self._page.set_word(_DUE_NS, _NEVER if due_s == math.inf else int(1e9 * due_s))
+        self._page.set_single(_DUE_NS, _NEVER if due_s == math.inf else int(1e9 * due_s))
 
     def close(self) -> None:
         self._page.close()
@@ -82,21 +84,21 @@ class NodeRecords:
         page = self._pages.get(name) or self._open(name)
         if page is None:
             return None
-        pid, beats, beat_ns, ready, due_ns = page.read()
+        pid, beats, beat_ns, ready = page.read()
         if not pid:
             return None
-        text = "" if ready else page.text
+        text, due_ns = "" if ready else page.text, page.single(_DUE_NS)
         return NodeState(pid, beats, 1e-9 * beat_ns, bool(ready), text, math.inf if due_ns == _NEVER else 1e-9 * due_ns)
 
     def due_s(self, name: str) -> float:
         """``NodeState.due_s`` alone, which costs a tenth of ``read``; infinite for a node without a record."""
         page = self._pages.get(name) or self._open(name)
-        due_ns = _NEVER if page is None else page.word(_DUE_NS)
+        due_ns = _NEVER if page is None else page.single(_DUE_NS)
         return math.inf if due_ns == _NEVER else 1e-9 * due_ns
 
     def _open(self, name: str) -> SharedPage | None:
         try:
-            self._pages[name] = SharedPage(_folder() / name, _WORDS, _TEXT_BYTES, create=False)
+            self._pages[name] = SharedPage(_folder() / name, _WORDS, _SINGLES, _TEXT_BYTES, create=False)
         except FileNotFoundError:
             return None
         return self._pages[name]

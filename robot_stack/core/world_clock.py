@@ -12,8 +12,10 @@ from pathlib import Path
 from robot_stack.core.runtime import runtime_dir
 from robot_stack.core.shared_page import SharedPage
 
-_TIME_NS, _STEP_NS, _SPEED_PPM, _WRITTEN_NS, _PACE_PPM = range(5)
-_WORDS = 5
+_TIME_NS, _STEP_NS, _SPEED_PPM, _WRITTEN_NS = range(4)
+_WORDS = 4
+_PACE_PPM = 0
+_SINGLES = 1
 _PPM = 1e6
 _SLOW = 0.95  # of the speed it should have: a world below that says so
 _RESTART_NS = 1_000_000_000  # a world that has begun anew is farther back than this
@@ -41,13 +43,13 @@ class WorldClock:
     @classmethod
     def make(cls) -> WorldClock:
         """The clock of this ROS domain, for the world or for who starts it before all others."""
-        return cls(SharedPage(clock_path(), _WORDS, create=True))
+        return cls(SharedPage(clock_path(), _WORDS, _SINGLES, create=True))
 
     @classmethod
     def find(cls) -> WorldClock | None:
         """None where no world of this domain has one."""
         try:
-            return cls(SharedPage(clock_path(), _WORDS, create=False))
+            return cls(SharedPage(clock_path(), _WORDS, _SINGLES, create=False))
         except FileNotFoundError:
             return None
 
@@ -83,19 +85,19 @@ class WorldClock:
         return 1e-9 * self._read()[1]
 
     def _read(self) -> tuple[int, int]:
-        time_ns, step_ns, speed_ppm, written_ns, _ = self._page.read()
+        time_ns, step_ns, speed_ppm, written_ns = self._page.read()
         since_ns = int((time.monotonic_ns() - written_ns) * speed_ppm / _PPM)
         return time_ns, max(0, min(since_ns, step_ns))
 
     def write_pace(self, pace: float) -> None:
-        self._page.set_word(_PACE_PPM, round(_PPM * pace))
+        self._page.set_single(_PACE_PPM, round(_PPM * pace))
 
     @property
     def pace(self) -> float:
         """Simulated over real time, as it was in the last second; 0 while nobody has told it."""
-        return self._page.word(_PACE_PPM) / _PPM
+        return self._page.single(_PACE_PPM) / _PPM
 
     @property
     def speed(self) -> float:
         """1.0 while no world has told another."""
-        return self._page.word(_SPEED_PPM) / _PPM or 1.0
+        return self._page.read()[_SPEED_PPM] / _PPM or 1.0

@@ -27,6 +27,7 @@ class Goal:
 
     def __init__(self, peer: Peer, client: ActionClient, goal: Any) -> None:
         self.states: list[str] = []
+        self._peer = peer
         self.result: Any = None
         self._sent = peer.in_loop(lambda: client.send_goal_async(goal, feedback_callback=self._on_feedback))
         wait_for(self._sent.done, "an answer to the goal")
@@ -40,6 +41,10 @@ class Goal:
 
     def _on_result(self, future: Any) -> None:
         self.result = future.result().result
+
+    def cancel(self) -> None:
+        self._peer.in_loop(self.handle.cancel_goal_async)
+        self.wait()
 
     def wait(self, deadline_s: float = DOCKING_S) -> Any:
         wait_for(lambda: self.result is not None, f"the result; states so far {self.states}", deadline_s)
@@ -68,14 +73,19 @@ class DockingStackUnderTest(StackUnderTest):
         self.bodies = self.peer.listen(topics.SIM_BODIES)
         self._dock = ActionClient(self.peer.node, Dock, actions.DOCK.name)
         self._undock = ActionClient(self.peer.node, Undock, actions.UNDOCK.name)
+        self._goal: Goal | None = None
         wait_for(lambda: self._dock.server_is_ready() and self._undock.server_is_ready(), "the docking actions")
         self.status.wait(lambda _: True, "a docking status")
 
     def begin_docking(self) -> Goal:
-        return Goal(self.peer, self._dock, Dock.Goal(dock_id=DOCK))
+        return self._begin(self._dock, Dock.Goal(dock_id=DOCK))
 
     def begin_undocking(self) -> Goal:
-        return Goal(self.peer, self._undock, Undock.Goal())
+        return self._begin(self._undock, Undock.Goal())
+
+    def _begin(self, client: ActionClient, goal: Any) -> Goal:
+        self._goal = Goal(self.peer, client, goal)
+        return self._goal
 
     def be_docked(self) -> None:
         """As a story before it leaves it, or by a docking of its own."""
@@ -117,7 +127,10 @@ class DockingStackUnderTest(StackUnderTest):
         assert answer.success, answer.message
 
     def make_ready(self) -> None:
+        """A docking that a failed story has left behind is no part of the next one."""
         self.inject_camera("clear")
+        if self._goal is not None and self._goal.result is None:
+            self._goal.cancel()
         super().make_ready()
 
     def error(self) -> tuple[float, float]:

@@ -70,8 +70,10 @@ def url(screen: NodeProcess) -> str:
 
 
 @pytest.fixture
-def page(browser: Any, robot: StandInRobot, url: str) -> Iterator[Any]:
+def page(browser: Any, robot: StandInRobot, url: str, screen: NodeProcess) -> Iterator[Any]:
     """The rider's page, connected, 1280x800. An error on the page fails the test."""
+    from playwright.sync_api import TimeoutError as PageTimeout
+
     context = browser.new_context(viewport={"width": 1280, "height": 800}, has_touch=True)
     context.set_default_timeout(DEADLINE_MS)
     page = context.new_page()
@@ -79,7 +81,11 @@ def page(browser: Any, robot: StandInRobot, url: str) -> Iterator[Any]:
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
     page.goto(url)
-    page.wait_for_selector("[data-mission]")
+    try:
+        page.wait_for_selector("[data-mission]")
+    except PageTimeout as error:
+        shown = page.evaluate("[document.body.innerText, window.touchUi?.link.lost, window.touchUi?.link.state]")
+        raise AssertionError(f"no destinations: {shown}, {errors}; the node: {screen.output()}") from error
     yield page
     context.close()
     assert [text for text in errors if "ERR_CONNECTION" not in text and "ERR_INTERNET" not in text] == []

@@ -24,18 +24,18 @@ def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 class TestPage:
     def test_words_and_text_reach_another_reader(self, tmp_path: Path) -> None:
-        writer = SharedPage(tmp_path / "page", 2, 16, create=True)
-        reader = SharedPage(tmp_path / "page", 2, 16, create=False)
+        writer = SharedPage(tmp_path / "page", 2, 1, 16, create=True)
+        reader = SharedPage(tmp_path / "page", 2, 1, 16, create=False)
         with writer.writing() as words:
             words[0], words[1] = -5, 2**62
             writer.text = "räder"
         assert reader.read() == (-5, 2**62)
         assert reader.text == "räder"
-        writer.set_word(1, 7)
-        assert reader.word(1) == 7
+        writer.set_single(0, 7)
+        assert reader.single(0) == 7
 
     def test_a_text_too_long_is_cut(self, tmp_path: Path) -> None:
-        page = SharedPage(tmp_path / "page", 1, 4, create=True)
+        page = SharedPage(tmp_path / "page", 1, text_bytes=4, create=True)
         page.text = "abcäöü"
         assert page.text.startswith("abc")
 
@@ -46,29 +46,33 @@ class TestPage:
         with pytest.raises(FileNotFoundError, match="being made"):
             SharedPage(tmp_path / "page", 1, create=False)
 
-    def test_a_writer_that_died_over_it_blocks_nobody(self, tmp_path: Path) -> None:
+    def test_a_writer_that_died_over_it_leaves_what_was_before(self, tmp_path: Path) -> None:
         page = SharedPage(tmp_path / "page", 2, create=True)
         writing = page.writing()
         words = writing.__enter__()
         words[0] = 9
-        assert SharedPage(tmp_path / "page", 2, create=False).read() == (9, 0)
-        del words
+        assert SharedPage(tmp_path / "page", 2, create=False).read() == (0, 0)
         with SharedPage(tmp_path / "page", 2, create=True).writing() as words:
-            words[0] = 3
-        assert page.read() == (3, 0)
+            assert tuple(words) == (0, 0)
+            words[1] = 3
+        assert page.read() == (0, 3)
 
     def test_a_writer_that_is_held_up_shows_what_was_before(self, tmp_path: Path) -> None:
         """The processor was taken from it in the middle: what is half written is nothing to go by."""
         writer = SharedPage(tmp_path / "page", 2, create=True)
-        reader = SharedPage(tmp_path / "page", 2, create=False)
-        with writer.writing() as words:
-            words[0], words[1] = 1, 1
-        assert reader.read() == (1, 1)
-        with writer.writing() as words:
-            words[0] = 2
-            assert reader.read() == (1, 1)
-            words[1] = 2
-        assert reader.read() == (2, 2)
+        for number in (1, 2, 3):
+            before = writer.read()
+            with writer.writing() as words:
+                words[0] = number
+                assert SharedPage(tmp_path / "page", 2, create=False).read() == before
+                words[1] = number
+            assert SharedPage(tmp_path / "page", 2, create=False).read() == (number, number)
+
+    def test_a_writing_that_fails_changes_nothing(self, tmp_path: Path) -> None:
+        page = SharedPage(tmp_path / "page", 2, create=True)
+        with pytest.raises(ValueError, match="invalid value"), page.writing() as words:
+            words[0], words[1] = 1, 2**64
+        assert page.read() == (0, 0)
 
     def test_a_reader_never_mixes_two_writings(self, tmp_path: Path) -> None:
         writer = SharedPage(tmp_path / "page", 4, create=True)
