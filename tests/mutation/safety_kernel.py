@@ -1,6 +1,6 @@
 """Mutation testing of the safety kernel with mutmut: would the tests notice if a line of it were wrong?
 
-    python -m tests.mutation.safety_kernel                   every mutant, about 25 minutes of one core
+    python -m tests.mutation.safety_kernel                   every mutant: hours of one core
     python -m tests.mutation.safety_kernel --sample 40       a sample, always the same for the same --seed
     python -m tests.mutation.safety_kernel --module conditions --only overheat    those of a module, by its own tests
 
