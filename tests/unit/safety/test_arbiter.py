@@ -69,6 +69,18 @@ def test_verdicts(rows: list[ActiveRow], passenger: SpeedLimit | None, expected:
     assert arbitrate(rows, OWN, passenger) == expected
 
 
+@pytest.mark.parametrize(
+    ("rows", "passenger", "reason"),
+    [([], None, "WAY_UNSEEN"), ([], PASSENGER, "WAY_UNSEEN"), ([TURN], None, "TURN,WAY_UNSEEN")],
+)
+def test_a_way_into_the_unseen_limits_and_is_no_fault(
+    rows: list[ActiveRow], passenger: SpeedLimit | None, reason: str
+) -> None:
+    now = arbitrate(rows, OWN, passenger, SpeedLimit(0.4, 0.6))
+    assert (now.limit.linear_mps, now.reason) == (0.4, reason)
+    assert now.faults == tuple(row.code for row in rows)
+
+
 def test_a_limit_without_a_number_is_a_stop() -> None:
     assert arbitrate([replace(SLOW, limit=None)], OWN, None).limit == SpeedLimit(0.0, 0.0)
 

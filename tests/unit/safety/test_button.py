@@ -89,6 +89,7 @@ def test_a_machine_that_stutters_while_it_starts_is_no_press() -> None:
 
 def test_exactly_the_settling_time_is_enough() -> None:
     button = EmergencyButton(0.25, 1.0)
+    assert button.settled is False
     for now_s in (8.0, 8.5, 9.0):
         button.update(RELEASED, now_s)
     button.update(UNREADABLE, 9.25)

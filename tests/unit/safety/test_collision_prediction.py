@@ -40,6 +40,12 @@ def test_a_standing_robot_that_is_asked_nothing_meets_nothing() -> None:
     assert look(points=np.empty((0, 3))).nearest_m == math.inf
 
 
+def test_a_motion_of_rest_meets_not_even_what_is_in_touch() -> None:
+    touching = np.array([[0.5, 0.0, 1.0]])
+    assert look(measured=Twist2(P.rest_mps, 0.0, 0.0), points=touching).moving == FREE
+    assert look(measured=Twist2(P.rest_mps + 1e-6, 0.0, 0.0), points=touching).moving != FREE
+
+
 def test_measured_and_commanded_motion_count_each() -> None:
     assert look(measured=AHEAD).moving == POLE_AHEAD
     assert look(driven=AHEAD).moving == POLE_AHEAD

@@ -113,6 +113,78 @@ def test_who_was_never_near_is_not_waited_for() -> None:
     assert not watch.judge(NONE, 0.2, BODY, [AHEAD], AHEAD, 10.1).stop
 
 
+def test_exactly_the_time_to_go_on_is_still_waited() -> None:
+    watch = MeetingWatch(P.model_copy(update={"hold_s": 4.0}), BRAKE_MPS2)
+    assert watch.judge(who(0.0, 0.8, 0.0, -1.0), 0.45, BODY, [SLOW], SLOW, 10.0).stop
+    assert watch.judge(NONE, 0.45, BODY, [SLOW], SLOW, 14.0).stop
+    assert not watch.judge(NONE, 0.45, BODY, [], Twist2(1e-9, 0.0, 0.0), 14.0).stop  # asks for nothing
+
+
+@pytest.mark.parametrize(("nearer_m", "comes"), [(0.01, True), (-0.01, False)])
+def test_who_will_be_there_soon_has_walked_up(nearer_m: float, comes: bool) -> None:
+    """Within ahead_s, by a course that drifts."""
+    watch = MeetingWatch(P, BRAKE_MPS2)
+    away_m = P.margin_m + (0.8 + P.drift_mps) * P.ahead_s - nearer_m
+    watch.judge(who(0.0, 0.35 + away_m, 0.0, -0.8), 9.0, BODY, [], ZERO_TWIST, 10.0)
+    assert watch.judge(NONE, 0.5, BODY, [SLOW], SLOW, 10.1).stop is comes
+
+
+def driven_m(speed_mps: float, brakes_s: float, seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(k,) m by the sum of many small steps."""
+    step_s = 1e-4
+    at_s = np.arange(0.0, seconds[-1] + step_s, step_s)
+    speeds = np.clip(speed_mps - BRAKE_MPS2 * np.maximum(at_s - brakes_s, 0.0), 0.0, None)
+    return np.asarray(np.interp(seconds, at_s, np.concatenate([[0.0], np.cumsum(speeds[:-1]) * step_s])))
+
+
+@pytest.mark.parametrize("share", [1.0, 0.6, 0.2])
+@pytest.mark.parametrize("brakes_s", [0.0, P.reaction_s, P.reaction_s + P.ahead_s])
+@pytest.mark.parametrize("full_mps", [1.5, 1.0, 0.4])
+def test_a_robot_that_brakes_gets_as_far_as_its_brakes_let_it(full_mps: float, brakes_s: float, share: float) -> None:
+    """Towards somebody who stands, or walks ahead of it, a centimetre nearer or farther than it gets."""
+    watch, twist, speed_mps = MeetingWatch(P, BRAKE_MPS2), Twist2(full_mps, 0.0, 0.0), share * full_mps
+    times = np.arange(0.0, brakes_s + speed_mps / BRAKE_MPS2 + P.step_s, P.step_s)
+    for walks_mps in (0.0, 0.1, 0.3):
+        needs_m = driven_m(speed_mps, brakes_s, times) - walks_mps * times + P.margin_m + P.drift_mps * times
+        for spare_m, touched in ((-0.01, True), (0.01, False)):
+            away = who(BODY.front + float(needs_m.max()) + spare_m, 0.0, walks_mps, 0.0)
+            assert watch._touches(away, BODY, twist, share, brakes_s) is touched
+
+
+def test_a_margin_counts_as_touched() -> None:
+    watch = MeetingWatch(P.model_copy(update={"margin_m": 0.125, "drift_mps": 0.0}), BRAKE_MPS2)
+    assert watch._arrives(who(0.0, 0.625, 0.0, 0.0), Outline(0.5, -0.5, 0.5))
+    assert watch._touches(who(0.0, 0.625, 0.0, 0.0), Outline(0.5, -0.5, 0.5), SLOW, 1.0, 0.0)
+    assert not watch._touches(who(0.0, 0.626, 0.0, 0.0), Outline(0.5, -0.5, 0.5), SLOW, 1.0, 0.0)
+
+
+def test_a_twist_of_rounding_touches_nobody() -> None:
+    assert judge(who(0.5, 0.0, 0.0, 0.0), Twist2(1e-9, 0.0, 0.0)) == Meeting()
+
+
+def test_the_limit_is_the_greatest_speed_from_which_a_stop_need_not_be_now() -> None:
+    found = set()
+    for away_m in np.arange(3.0, 0.4, -0.05):
+        moving = who(away_m, 0.0, -0.3, 0.0)
+        limit = judge(moving, AHEAD)
+        if limit.stop or limit.speed_mps == FREE:
+            continue
+        steps = round(limit.speed_mps / AHEAD.vx * P.shares)
+        found.add(steps)
+        watch = MeetingWatch(P, BRAKE_MPS2)
+        for faster in range(steps + 1, P.shares + 1):
+            assert watch._touches(moving, BODY, AHEAD, faster / P.shares, P.reaction_s + P.ahead_s)
+            assert watch._touches(moving, BODY, AHEAD, faster / P.shares, None)
+    assert found >= {2, 3, 4}
+
+
+def test_what_it_does_is_judged_at_the_speed_it_does_it() -> None:
+    """At twice its speed it would touch who stands ahead, and who goes ahead of it."""
+    assert not judge(who(1.4, 0.0, 0.0, 0.0), BACK, does=AHEAD).stop
+    behind_and_ahead = np.concatenate([who(-0.9, 0.0, 1.0, 0.0), who(1.0, 0.0, 1.5, 0.0)])
+    assert not judge(behind_and_ahead, ZERO_TWIST, does=AHEAD).stop
+
+
 @given(st.floats(-1.5, 1.5), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(0.0, 3.0))
 def test_the_way_of_a_twist(vx: float, vy: float, omega: float, seconds: float) -> None:
     twist = Twist2(vx, vy, omega)

@@ -12,7 +12,7 @@ from robot_stack.contract.model import SafetyAction
 from robot_stack.core.geometry import Twist2, wrap_angle
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.safety.inputs import CLEAR, Finding, Level
-from robot_stack.safety.slope import SlopeWatch
+from robot_stack.safety.slope import Points, SlopeWatch
 from tests.unit.safety.story import PARAMS, ROBOT
 
 P = PARAMS.descent
@@ -25,8 +25,8 @@ bearings = st.floats(-math.pi, math.pi)
 class Watch:
     """A slope watch asked once a second. Downhill is ahead unless said otherwise."""
 
-    def __init__(self) -> None:
-        self._watch, self.now_s = SlopeWatch(PARAMS, ROBOT.module_positions_m()), 10.0
+    def __init__(self, modules_m: Points | None = None) -> None:
+        self._watch, self.now_s = SlopeWatch(PARAMS, modules_m or ROBOT.module_positions_m()), 10.0
 
     def __call__(self, deg: float, *motions: Twist2, downhill_rad: float = 0.0, after_s: float = 1.0) -> Finding:
         self.now_s += after_s
@@ -50,7 +50,9 @@ def test_limits_with_their_hysteresis() -> None:
     assert limited(watch(4.5 + EPSILON_DEG, uphill)) == SLOW
     assert watch(4.5, uphill) == CLEAR
     assert watch(5.0, uphill) == CLEAR
-    assert limited(watch(11.5 - EPSILON_DEG, uphill)) == SLOW
+    steep_deg = PARAMS.slope_stop_deg + PARAMS.slope_tolerance_deg + PARAMS.slope_hysteresis_deg
+    assert steep_deg == 11.5
+    assert limited(watch(steep_deg, uphill)) == SLOW
     assert limited(watch(11.5 + EPSILON_DEG, uphill)) is None
     assert limited(watch(11.0 + EPSILON_DEG, uphill)) is None
     assert limited(watch(11.0 - EPSILON_DEG, uphill)) == SLOW
@@ -101,9 +103,19 @@ def test_a_turn_is_a_descent_only_while_no_wheel_rolls_uphill(turn: float, downh
         assert limited(Watch()(STEEP_DEG, motion, downhill_rad=downhill_rad)) == expected
 
 
+@pytest.mark.parametrize(("turn", "expected"), [(0.5, DESCENT), (0.5 + 1e-9, None), (-9.0, DESCENT)])
+def test_a_wheel_that_stands_still_in_a_turn_rolls_not_uphill(turn: float, expected: SpeedLimit | None) -> None:
+    """A wheel to the left of the course is held back by a turn to the left, and carried on by one to the right."""
+    assert limited(Watch(((0.0, 0.5),))(STEEP_DEG, Twist2(0.25, 0.0, turn))) == expected
+    sideways = Watch(((-0.5, 0.0),))(STEEP_DEG, Twist2(0.0, 0.25, turn), downhill_rad=0.5 * math.pi)
+    assert limited(sideways) == expected
+
+
 def test_what_is_asked_and_what_is_done_must_both_lead_downhill() -> None:
     down, up = course(0.0), course(math.pi)
-    assert limited(Watch()(STEEP_DEG, down, down)) == DESCENT
+    found = Watch()(STEEP_DEG, down, down)
+    assert (limited(found), found.detail) == (DESCENT, "inclination 12.0 deg, downhill")
+    assert Watch()(STEEP_DEG, up).detail == "inclination 12.0 deg, the motion is not downhill"
     for motions in ((down, up), (up, down), (up, up), (up,)):
         assert limited(Watch()(STEEP_DEG, *motions)) is None
 
@@ -115,6 +127,8 @@ def test_a_robot_that_is_asked_nothing_may_be_asked_unless_it_was_just_refused()
     refused = watch(STEEP_DEG, after_s=P.ask_again_s - 1e-3)
     assert (limited(refused), refused.detail) == (None, "inclination 12.0 deg, refused a motion that was not downhill")
     assert watch(STEEP_DEG, after_s=2e-3).detail == "inclination 12.0 deg, only downhill"
+    watch(STEEP_DEG, course(math.pi))
+    assert limited(watch(STEEP_DEG, after_s=P.ask_again_s)) == DESCENT
     assert limited(watch(STEEP_DEG, course(0.0))) == DESCENT
     watch(STEEP_DEG, course(math.pi))
     assert limited(watch(STEEP_DEG, course(0.0), after_s=0.02)) == DESCENT  # without a wait
