@@ -47,14 +47,17 @@ def teach(
         typer.Option(help="PNG of the growing map, drawn anew every 2 s; by default growing.png in the recording."),
     ] = None,
 ) -> None:
-    """Teach a map: drive the running robot by hand and see its map grow; Ctrl-C ends the ride and builds the map.
+    """Teach a map: drive by hand and see it grow; Ctrl-C builds it.
 
-    It only listens and records: drive with joystick, stick or touch pad. Stand still for 3 s first, pass within 12 m of
-    everything, cross your own way, end where you began. A second Ctrl-C, while the map is built, leaves the recording
-    and says how to build the map later.
+    This only listens to the running stack and records: drive the robot with
+    joystick, stick or touch pad. Stand still for 3 s first, pass within 12 m of
+    everything, cross your own way, end where you began.
 
-    Lost localization stops the robot, also by hand. At a site without a map start the stack without one:
-    robot-stack up --set 'ndt_localization.map=""' --set 'navigation_controller.map=""'
+    Ctrl-C ends the ride and builds the map. A second one leaves the recording
+    and says how to build the map of it later.
+
+    Lost localization stops the robot, also by hand: docs/mapping.md says how to
+    start the stack at a site that has no map yet.
     """
     from robot_stack.cli.map_teach import teach_map
 

@@ -39,6 +39,9 @@ _WARN_AGAIN_S = 10.0
 _NICE = 10  # the stack goes on beside the build
 _INTERRUPTED = 130
 _PICTURE = "growing.png"
+# Sweeps that wait to be shown.
+_MOST_LATE = 10
+_LATE = "this computer is slow: what is shown lags behind; what is recorded does not"
 
 
 def teach_map(
@@ -49,6 +52,8 @@ def teach_map(
     if folder.exists():
         raise CommandError(f"{folder} is there already: choose another name, or remove it", WRONG_USE)
     _need_writable(folder)
+    if picture is not None and not picture.absolute().parent.is_dir():
+        raise CommandError(f"{picture} cannot be written: there is no folder {picture.absolute().parent}", WRONG_USE)
     params, recorder = load(MappingParams, "mapping"), load(RecorderParams, "recorder")
     target = _recording_folder(name, recording, recorder)
     _make_room(target, recorder, own=recording is None)
@@ -69,7 +74,7 @@ def teach_map(
             writer.close()
         if writer.problem:
             raise CommandError(f"recording has stopped: {writer.problem}; what is recorded: {finish}")
-        print(f"the ride ends: {growing.driven_m:.1f} m, {len(growing.by_lidar)} sweeps; recorded in {target}")
+        print(f"the ride ends: {growing.driven_m:.1f} m, {ride.sweeps} sweeps; recorded in {target}")
         if ending.for_good:
             raise CommandError(f"ended; the map of this ride: {finish}", _INTERRUPTED)
     try:
@@ -114,8 +119,8 @@ def _make_room(target: Path, recorder: RecorderParams, *, own: bool) -> None:
 def _build_command(recording: Path, name: str, output: Path | None, origin: Origin | None) -> str:
     """What makes the same map of what was recorded."""
     words = ["robot-stack", "map", "build", str(recording), "--name", name]
-    words += ["--output", str(output)] if output is not None else []
-    words += ["--origin", *(f"{value:g}" for value in origin)] if origin is not None else []
+    words += ["--output", str(output.absolute())] if output is not None else []
+    words += ["--origin", *map(str, origin)] if origin is not None else []
     return shlex.join(words)
 
 
@@ -168,31 +173,35 @@ def _watch(
     held: list[str] = []
     unseen: list[str] = []
     while not ending.asked and not writer.problem:
-        _add(ride, growing)
-        if ride.problem is not None:
+        _add(ride, growing, _LOOK_S)
+        if isinstance(ride.problem, ValueError):
             raise CommandError(f"{ride.problem}; what is recorded: {finish}")
+        if ride.problem is not None:
+            raise ride.problem
         now_s = time.monotonic()
         if now_s >= safety_s:
             held, safety_s = _held_by_safety(), now_s + _SAFETY_S
         if now_s >= line_s:
             line_s = now_s + settings.line_s
             inputs = ride.inputs(writer.counts().lost)
-            terminal.warn([*warnings_of(inputs, ride.motion, growing, settings), *held, *unseen], now_s)
+            late = [_LATE] if ride.kept.qsize() > _MOST_LATE else []
+            terminal.warn([*warnings_of(inputs, ride.motion, growing, settings), *held, *unseen, *late], now_s)
             terminal.line(status_line(growing))
         if now_s >= picture_s:
             unseen = _draw(growing, params, picture)
             picture_s = time.monotonic() + settings.picture_s
         time.sleep(_LOOK_S)
     ride.end()
-    _add(ride, growing)
+    while not ride.kept.empty() and not ending.for_good:
+        _add(ride, growing, _LOOK_S)
     _draw(growing, params, picture)
     terminal.line(status_line(growing))
     terminal.end()
 
 
-def _add(ride: TaughtRide, growing: GrowingMap) -> None:
-    """What has been kept since, at most for as long as a line may wait."""
-    end_s = time.monotonic() + _LOOK_S
+def _add(ride: TaughtRide, growing: GrowingMap, longest_s: float) -> None:
+    """What has been kept since, as far as the time allows."""
+    end_s = time.monotonic() + longest_s
     with contextlib.suppress(Empty):
         while time.monotonic() < end_s:
             growing.add(*ride.kept.get_nowait())

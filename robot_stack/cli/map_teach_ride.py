@@ -66,6 +66,11 @@ class TaughtRide:
         self._ending.set()
         self._thread.join()
 
+    @property
+    def sweeps(self) -> int:
+        """That are kept, and recorded."""
+        return self._collector.kept
+
     def inputs(self, lost: int) -> Inputs:
         now_s, at_s = time.monotonic(), self._heard_s
         return Inputs(

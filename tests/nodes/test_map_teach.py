@@ -127,7 +127,8 @@ def test_what_is_taught_is_what_is_built_from_its_recording(teaching, messages, 
 
     taught = load_map(str(teaching.maps / "room"))
     # Nothing is recorded but the sweeps that count, and none of them is missing.
-    assert taught.about["ride"]["sweeps"] == teaching.sweeps()
+    told = re.search(r"^the ride ends: [\d.]+ m, (\d+) sweeps", said, re.MULTILINE)
+    assert taught.about["ride"]["sweeps"] == int(told[1]) == teaching.sweeps()
     origin = map(str, (site.START.x, site.START.y, site.START.yaw))
     again = run("build", str(teaching.recording), "--name", "room", "--output", str(tmp_path), "--origin", *origin)
     assert again.returncode == 0, again.stderr
