@@ -19,6 +19,7 @@ from robot_stack.cli.errors import CommandError
 from robot_stack.cli.map_recording import read_ride
 from robot_stack.cli.map_teach_picture import taught_picture, write_picture
 from robot_stack.cli.nodes.taught_topics import ROWS, Taken
+from robot_stack.contract import topics
 from robot_stack.core.config import config_dir
 from robot_stack.core.robot import load_robot
 from robot_stack.mapping.collector import Collector
@@ -32,17 +33,23 @@ _AT_ONCE = 40
 
 
 @pytest.fixture(scope="module")
-def messages(tmp_path_factory):
+def everything(tmp_path_factory):
+    """A recording of the ride with all its sweeps."""
     folder = tmp_path_factory.mktemp("rides") / "ride"
     write_ride(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def messages(everything):
     rows = {row.name: row for row in ROWS}
-    with open(folder / "ride_0.mcap", "rb") as file:
+    with open(everything / "ride_0.mcap", "rb") as file:
         found = make_reader(file).iter_messages(topics=list(rows), log_time_order=False)
         return [Taken(rows[c.topic], m.data, m.log_time, m.publish_time) for _, c, m in found]
 
 
-@pytest.fixture
-def heard(messages, monkeypatch):
+@pytest.fixture(params=["goes on"])
+def heard(messages, monkeypatch, request):
     """The ride comes some messages at a time, whenever somebody takes. An event: all of it has been taken."""
     all_taken = threading.Event()
 
@@ -62,6 +69,8 @@ def heard(messages, monkeypatch):
             self._begin += _AT_ONCE
             if self._begin - _AT_ONCE >= len(messages):
                 all_taken.set()
+                if request.param == "ends":
+                    os.kill(os.getpid(), signal.SIGTERM)
             return messages[self._begin - _AT_ONCE : self._begin]
 
     monkeypatch.setattr(map_teach, "TaughtTopics", Heard)
@@ -84,6 +93,35 @@ def folder(tmp_path, monkeypatch) -> Iterator:
         signal.signal(number, handler)
 
 
+def ride_of(recording):
+    ride, warnings = read_ride(recording, site.params().sweeps, load_robot(), lambda *_: None)
+    assert warnings == []
+    return ride
+
+
+@pytest.mark.parametrize("heard", ["ends"], indirect=True)
+def test_what_is_recorded_makes_the_same_ride_as_everything_that_came(heard, folder, everything):
+    with pytest.raises(CommandError, match="ended; the map of this ride"):
+        map_teach.teach_map("room", folder / "maps", None, folder / "ride", None)
+    taught, whole = ride_of(folder / "ride"), ride_of(everything)
+    # What came first only told that there is a stack: the ride begins with the second sweep, while the robot stands.
+    assert [sweep.stamp_s for sweep in taught.sweeps[1:]] == [sweep.stamp_s for sweep in whole.sweeps[1:]]
+    for one, other in zip(taught.sweeps[1:], whole.sweeps[1:], strict=True):
+        np.testing.assert_array_equal(one.points, other.points)
+    for name in ("odometry", "attitude", "turn_rate"):
+        kept = getattr(taught, name)
+        np.testing.assert_array_equal(kept.values, getattr(whole, name).values[-len(kept.values) :])
+        assert len(kept.values) > 0.9 * len(getattr(whole, name).values)
+    counted = sum(1 for line in messages_of(folder / "ride") if line == topics.LIDAR_POINTS.name)
+    assert counted == len(taught.sweeps) < len(site.recorded().sweeps), "those that do not count are left out"
+
+
+def messages_of(recording) -> list[str]:
+    """Topics of a recording's messages."""
+    with open(recording / "ride_0.mcap", "rb") as file:
+        return [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
+
+
 def test_a_disk_that_gets_full_ends_the_ride_and_keeps_what_is_recorded(heard, folder, monkeypatch):
     monkeypatch.setattr(background, "disk_use", lambda _: 1.0 if heard.is_set() else 0.5)
     with pytest.raises(CommandError, match=r"recording has stopped: the disk of .* is 100% full") as refused:
@@ -92,9 +130,7 @@ def test_a_disk_that_gets_full_ends_the_ride_and_keeps_what_is_recorded(heard, f
         refused.value
     )
     assert not (folder / "maps").exists()
-    ride, warnings = read_ride(folder / "ride", site.params().sweeps, load_robot(), lambda *_: None)
-    assert warnings == []
-    assert len(ride.sweeps) >= site.params().sweeps.fewest
+    assert len(ride_of(folder / "ride").sweeps) >= site.params().sweeps.fewest
     assert (folder / "ride" / "growing.png").is_file()
 
 
