@@ -172,12 +172,8 @@ def _watch(
     line_s = picture_s = safety_s = time.monotonic()
     held: list[str] = []
     unseen: list[str] = []
-    while not ending.asked and not writer.problem:
+    while not ending.asked and not writer.problem and ride.problem is None:
         _add(ride, growing, _LOOK_S)
-        if isinstance(ride.problem, ValueError):
-            raise CommandError(f"{ride.problem}; what is recorded: {finish}")
-        if ride.problem is not None:
-            raise ride.problem
         now_s = time.monotonic()
         if now_s >= safety_s:
             held, safety_s = _held_by_safety(), now_s + _SAFETY_S
@@ -197,6 +193,10 @@ def _watch(
     _draw(growing, params, picture)
     terminal.line(status_line(growing))
     terminal.end()
+    if isinstance(ride.problem, ValueError):
+        raise CommandError(f"{ride.problem}; what is recorded: {finish}")
+    if ride.problem is not None:
+        raise ride.problem
 
 
 def _add(ride: TaughtRide, growing: GrowingMap, longest_s: float) -> None:

@@ -189,3 +189,19 @@ def test_a_picture_of_nothing_is_one():
     picture = taught_picture(GrowingMap(site.params(), None), 0.1, 400)
     assert picture.shape == (100, 100, 3)
     assert np.ptp(picture) == 0
+
+
+def test_a_terminal_shows_one_line_and_keeps_warnings(capsys, monkeypatch):
+    monkeypatch.setattr(map_teach.sys.stdout, "isatty", lambda: True, raising=False)
+    terminal = map_teach._Terminal()
+    for now_s in (0.0, 1.0, 2.0):
+        terminal.warn(["too fast"] if now_s < 2.0 else [], now_s)
+        terminal.line(f"{now_s:g} m")
+    terminal.warn(["too fast"], 3.0)
+    terminal.warn(["too fast"], 12.0)
+    terminal.warn(["too fast"], 13.5)
+    terminal.end()
+    shown = capsys.readouterr().out
+    clear = "\r\x1b[K"
+    warning = f"{clear}warning: too fast\n"
+    assert shown == f"{warning}{clear}0 m{clear}1 m{clear}2 m{warning}{warning}\n"
