@@ -1,4 +1,4 @@
-"""map build, show, check: a site's map from a recorded ride."""
+"""map build, teach, show, check: a site's map from a ride."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import typer
 
 from robot_stack.cli.errors import NOT_DONE
 
-maps = typer.Typer(help="Maps of sites: build one from a recorded ride, show it, check it.", no_args_is_help=True)
+maps = typer.Typer(
+    help="Maps of sites: build one from a ride, recorded or as it is driven, show it, check it.", no_args_is_help=True
+)
 
 
 @maps.command()
@@ -27,6 +29,39 @@ def build(
     from robot_stack.cli.map_build import build_from_recording
 
     build_from_recording(recording, name, output, origin, plot)
+
+
+@maps.command()
+def teach(
+    name: Annotated[str, typer.Option(help="Name of the map, which must be new; its folder is config/maps/NAME.")],
+    output: Annotated[Path | None, typer.Option(help="Folder to put the map's folder into.")] = None,
+    origin: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(help="x m, y m, yaw rad of the robot in the map where the ride begins; by default 0 0 0."),
+    ] = None,
+    recording: Annotated[
+        Path | None, typer.Option(help="New folder for the ride's recording; by default among the recorder's.")
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(help="PNG of the growing map, drawn anew every 2 s; by default growing.png in the recording."),
+    ] = None,
+) -> None:
+    """Teach a map: drive by hand and see it grow; Ctrl-C builds it.
+
+    This only listens to the running stack and records: drive the robot with
+    joystick, stick or touch pad. Stand still for 3 s first, pass within 12 m of
+    everything, cross your own way, end where you began.
+
+    Ctrl-C ends the ride and builds the map. A second one leaves the recording
+    and says how to build the map of it later.
+
+    Lost localization stops the robot, also by hand: docs/mapping.md says how to
+    start the stack at a site that has no map yet.
+    """
+    from robot_stack.cli.map_teach import teach_map
+
+    teach_map(name, output, origin, recording, picture)
 
 
 @maps.command()

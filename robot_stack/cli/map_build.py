@@ -24,6 +24,7 @@ from robot_stack.mapping.report import distance_m, drift
 from robot_stack.mapping.ride import Ride, RideError
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+_MOST_LOOPS = 5
 _SOURCE = "the recording of a ride"
 
 
@@ -31,13 +32,8 @@ def build_from_recording(
     recording: Path, name: str, output: Path | None, origin: tuple[float, float, float] | None, plot: bool
 ) -> None:
     """Raises CommandError, ConfigError."""
-    if not _NAME.fullmatch(name):
-        raise CommandError(f"name {name!r}: letters, digits and _ . - only", WRONG_USE)
-    if origin is not None and not np.isfinite(origin).all():
-        raise CommandError(f"origin must be three finite numbers, is {origin}", WRONG_USE)
+    folder, start = wanted(name, output, origin)
     params, robot = load(MappingParams, "mapping"), load_robot()
-    folder = (output if output is not None else config_dir() / "maps") / name
-    start = None if origin is None else Pose2(*origin)
     with ProgressBar() as bar:
         ride, warnings = read_ride(recording, params.sweeps, robot, lambda done, total: bar("reading", done, total))
         try:
@@ -56,6 +52,16 @@ def build_from_recording(
         draw_map(site, folder / "map.png", built.poses[:, :2, 3], ends)
     print("\n".join(lines_of(site)))
     print(f"written: {folder}")
+
+
+def wanted(name: str, output: Path | None, origin: tuple[float, float, float] | None) -> tuple[Path, Pose2 | None]:
+    """(folder of the map, where it begins). Raises CommandError for what cannot be."""
+    if not _NAME.fullmatch(name):
+        raise CommandError(f"name {name!r}: letters, digits and _ . - only", WRONG_USE)
+    if origin is not None and not np.isfinite(origin).all():
+        raise CommandError(f"origin must be three finite numbers, is {origin}", WRONG_USE)
+    folder = (output if output is not None else config_dir() / "maps") / name
+    return folder, None if origin is None else Pose2(*origin)
 
 
 def _about(recording: Path, ride: Ride, built: Built, start: Pose2 | None) -> dict[str, Any]:
@@ -103,8 +109,18 @@ def lines_of(site: SiteMap) -> list[str]:
         f"error at the end of the ride: wheel odometry {found.get('wheel_odometry_end_error_m', '?')} m, "
         f"LiDAR odometry {found.get('lidar_odometry_end_error_m', '?')} m",
     ]
+    loops = sorted(found.get("loops", []), key=lambda loop: -float(loop["wheel_odometry_m"]))
+    lines += [
+        f"  seen at {loop['from_s']:g} s and {loop['to_s']:g} s of the ride: wheel odometry misses it by "
+        f"{loop['wheel_odometry_m']:.3f} m, LiDAR odometry by {loop['lidar_odometry_m']:.3f} m, "
+        f"the map by {loop['map_m']:.3f} m"
+        for loop in loops[:_MOST_LOOPS]
+    ]
+    if len(loops) > _MOST_LOOPS:
+        lines.append(f"  and {len(loops) - _MOST_LOOPS} loops that are missed by less: map.yaml has them")
     if found.get("loops_closed") == 0:
         lines.append("no place was seen twice: the map has the drift of odometry, which nothing here can tell")
+        lines.append("ride again, cross your own way and end where you began (docs/mapping.md)")
     return lines
 
 

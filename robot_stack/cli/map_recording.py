@@ -39,7 +39,7 @@ def read_ride(
             continue
         counts[item.topic] += 1
         try:
-            _feed(collector, item)
+            feed(collector, item)
         except ValueError as error:
             raise CommandError(f"{path}: {item.topic}: {error}") from None
     silent = [topic for topic in (topics.LIDAR_POINTS.name, topics.ODOM.name) if not counts[topic]]
@@ -95,7 +95,8 @@ def _rosbag(path: Path, names: Collection[str], progress: Callable[[int, int], N
         yield f"{path} is damaged ({type(error).__name__}: {error})"
 
 
-def _feed(collector: Collector, item: Recorded) -> None:
+def feed(collector: Collector, item: Recorded) -> None:
+    """One message of ``TOPICS``. Raises ValueError for a cloud that cannot be read."""
     message = item.decode()
     stamp_s = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
     if item.topic == topics.ODOM.name:

@@ -46,7 +46,7 @@ def build_map(ride: Ride, params: MappingParams, robot: Robot, origin: Pose2 | N
     start = origin or Pose2(0.0, 0.0, 0.0)
     sweeps = [sweep.points.astype(np.float64) for sweep in ride.sweeps]
     stamps = np.array([sweep.stamp_s for sweep in ride.sweeps])
-    wheels = _from(driven(ride), start)
+    wheels = begun_at(driven(ride), start)
     progress("LiDAR odometry", 0, 1)
     lidar, matched = lidar_odometry(sweeps, wheels, params.lidar_odometry)
     knowledge = Knowledge(ride, wheels, lidar, matched, params)
@@ -61,7 +61,7 @@ def build_map(ride: Ride, params: MappingParams, robot: Robot, origin: Pose2 | N
     return Built(cells, grid, stamps, poses, wheels, lidar, tuple(loops), share)
 
 
-def _from(poses: Floats, start: Pose2) -> Floats:
+def begun_at(poses: Floats, start: Pose2) -> Floats:
     """The same way, begun at ``start``; its slopes stay as they are."""
     first = planar(poses[0, 0, 3], poses[0, 1, 3], float(yaw_of(poses[:1])[0]))
     return planar(start.x, start.y, start.yaw) @ inverse(first) @ poses
@@ -100,12 +100,12 @@ def _refined(
     for _ in range(rounds):
         targets = map_of(sweeps, poses, params.refinement)
         tick = _ticks(progress, "fitting sweeps to the map", len(sweeps))
-        fits = _begun_at(start, onto_map(thin, poses, targets, params.refinement, tick))
+        fits = _fits_begun_at(start, onto_map(thin, poses, targets, params.refinement, tick))
         poses = knowledge.solve(poses, start, loops, [fits])
     return poses
 
 
-def _begun_at(start: Floats, fits: Edges) -> Edges:
+def _fits_begun_at(start: Floats, fits: Edges) -> Edges:
     """The same fits, all moved so that the first sweep's is at ``start`` in place and heading.
 
     They hold each other firmly: one sweep alone, held at the start, could not pull the others to where it fits.

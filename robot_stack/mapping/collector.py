@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,7 +18,9 @@ from robot_stack.mapping.ride import Ride, RideError, Sweep, Track, deskewed, tr
 # Of odometry, for one sweep: readings at 50 Hz over its 0.1 s and what came in meanwhile.
 _RECENT = 250
 # A sweep waits this long for the odometry that was measured with it.
-_MOST_WAITING = 20
+MOST_WAITING = 20
+# Readings from so long before a sweep belong to it.
+_AROUND_S = 1.0
 
 
 class Collector:
@@ -57,7 +60,7 @@ class Collector:
         """(n,) of layout SWEEP."""
         self.heard += 1
         self._waiting.append((stamp_s, points))
-        if len(self._waiting) > _MOST_WAITING:
+        if len(self._waiting) > MOST_WAITING:
             self._waiting.popleft()
             self.without_odometry += 1
 
@@ -66,13 +69,31 @@ class Collector:
         self.without_odometry += len(self._waiting)
         self._waiting.clear()
         self._check()
-        imu = np.asarray(self._imu, np.float64).reshape(-1, 3)
-        stamps = self._imu_stamps
+        return self._ride(self._sweeps, 0, 0)
+
+    @property
+    def kept(self) -> int:
+        """How many sweeps are kept so far."""
+        return len(self._sweeps)
+
+    def newest(self, count: int) -> Ride:
+        """The ride of the newest ``count`` sweeps that are kept, with what was read around them. Nothing is checked.
+
+        Sensors' readings are in the order in which they came, give or take less than ``_AROUND_S``.
+        """
+        sweeps = self._sweeps[-count:]
+        since_s = sweeps[0].stamp_s - _AROUND_S if sweeps else math.inf
+        return self._ride(sweeps, _begin(self._stamps, since_s), _begin(self._imu_stamps, since_s))
+
+    def _ride(self, sweeps: Sequence[Sweep], odometry: int, imu: int) -> Ride:
+        """Readings from these places in their lists on."""
+        felt = np.asarray(self._imu[imu:], np.float64).reshape(-1, 3)
+        stamps = self._imu_stamps[imu:]
         return Ride(
-            tuple(self._sweeps),
-            track(self._stamps, self._odometry),
-            track(stamps, [tuple(row) for row in imu[:, :2]] if len(imu) else []) if len(imu) else _nothing(2),
-            track(stamps, [tuple(row) for row in imu[:, 2:]]) if len(imu) else _nothing(1),
+            tuple(sweeps),
+            track(self._stamps[odometry:], self._odometry[odometry:]),
+            track(stamps, [tuple(row) for row in felt[:, :2]]) if len(felt) else _nothing(2),
+            track(stamps, [tuple(row) for row in felt[:, 2:]]) if len(felt) else _nothing(1),
         )
 
     def _check(self) -> None:
@@ -113,6 +134,14 @@ class Collector:
             return
         self._sweeps.append(sweep)
         self._last = here
+
+
+def _begin(stamps_s: list[float], since_s: float) -> int:
+    """Where in stamps that grow the readings since ``since_s`` begin."""
+    begin = len(stamps_s)
+    while begin and stamps_s[begin - 1] >= since_s:
+        begin -= 1
+    return begin
 
 
 def _nothing(columns: int) -> Track:

@@ -139,6 +139,24 @@ class CameraMount(Config):
     deviation_m: Positive
 
 
+class Teach(Config):
+    """What ``robot-stack map teach`` waits for, shows and warns of."""
+
+    points_within_s: Positive
+    silent_s: Positive
+    speed_mps: Positive
+    turn_radps: Positive
+    standing_mps: Positive
+    standing_radps: Positive
+    begin_s: Positive
+    idle_s: Positive
+    apart_m: Positive
+    apart_share: Share
+    line_s: Positive
+    picture_s: Positive
+    picture_px: Annotated[int, Field(ge=100, le=8000)]
+
+
 class MappingParams(Config):
     sweeps: Sweeps
     lidar_odometry: LidarOdometry
@@ -150,3 +168,4 @@ class MappingParams(Config):
     grid: GridSettings
     mount: Mount
     camera_mount: CameraMount
+    teach: Teach

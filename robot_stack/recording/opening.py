@@ -14,15 +14,27 @@ from robot_stack.recording.writer import BagWriter, Format, topic_info
 
 def prepare_folder(output: Path, max_disk_use: float) -> list[str]:
     """Makes the folder and completes what an earlier recorder left behind. Raises ConfigError if there is no room."""
+    need_room(output, max_disk_use)
+    try:
+        return recover_all(output)
+    except OSError as error:
+        raise _unusable(output, error) from error
+
+
+def need_room(output: Path, max_disk_use: float) -> None:
+    """Makes the folder. Raises ConfigError if that cannot be, or the disk is as full as it may get."""
     try:
         output.mkdir(parents=True, exist_ok=True)
         use = disk_use(output)
-        if use >= max_disk_use:
-            limit = f"limit max_disk_use {max_disk_use:.0%}"
-            raise ConfigError(f"recorder: the disk of {output} is {use:.0%} full, {limit}")
-        return recover_all(output)
     except OSError as error:
-        raise ConfigError(f"recorder: output_folder {output} cannot be used: {error.strerror or error}") from error
+        raise _unusable(output, error) from error
+    if use >= max_disk_use:
+        limit = f"limit max_disk_use {max_disk_use:.0%}"
+        raise ConfigError(f"recorder: the disk of {output} is {use:.0%} full, {limit}")
+
+
+def _unusable(output: Path, error: OSError) -> ConfigError:
+    return ConfigError(f"recorder: output_folder {output} cannot be used: {error.strerror or error}")
 
 
 def open_recording(folder: Path, rows: list[Topic], params: RecorderParams) -> BackgroundWriter:

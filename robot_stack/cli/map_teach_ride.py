@@ -1,0 +1,136 @@
+"""The ride while it is taught: what comes is recorded and collected at once, in a thread that nothing else holds up."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from queue import SimpleQueue
+from typing import Any, NamedTuple
+
+from robot_stack.cli.map_recording import feed
+from robot_stack.cli.nodes.taught_topics import Taken, TaughtTopics, decoded
+from robot_stack.cli.recordings import Recorded
+from robot_stack.contract import topics
+from robot_stack.core.robot import Robot
+from robot_stack.core.world_clock import WorldClock
+from robot_stack.mapping.collector import MOST_WAITING, Collector
+from robot_stack.mapping.params import Sweeps, Teach
+from robot_stack.mapping.ride import Ride
+from robot_stack.mapping.teaching import Inputs, Motion
+from robot_stack.recording.background import BackgroundWriter
+
+_TAKE_S = 0.05
+
+
+class _Cloud(NamedTuple):
+    stamp_s: float
+    taken: Taken
+
+
+class TaughtRide:
+    """A context manager. ``kept``: for each time that sweeps were kept, the ride of those and the one before them, and
+    how many they are. ``problem``: why nothing more is heard.
+
+    Of the sweeps those are recorded that the collector keeps, each before the odometry that decided about it: whoever
+    reads the recording collects the same ride.
+    """
+
+    def __init__(
+        self, heard: TaughtTopics, writer: BackgroundWriter, sweeps: Sweeps, robot: Robot, settings: Teach
+    ) -> None:
+        self._heard, self._writer = heard, writer
+        self._collector = Collector(sweeps, robot)
+        self._world = WorldClock.find()
+        self._waiting: deque[_Cloud] = deque()
+        self._seen = 0
+        self._heard_s = dict.fromkeys((topics.IMU.name, topics.LIDAR_POINTS.name, topics.ODOM.name), -math.inf)
+        self.motion = Motion(settings)
+        self.kept: SimpleQueue[tuple[Ride, int]] = SimpleQueue()
+        self.problem: Exception | None = None
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="teaching", daemon=True)
+
+    def __enter__(self) -> TaughtRide:
+        begun_s = time.monotonic()
+        self._heard_s = dict.fromkeys(self._heard_s, begun_s)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def end(self) -> None:
+        """Takes what has come until now; after it nothing more."""
+        self._ending.set()
+        self._thread.join()
+
+    @property
+    def sweeps(self) -> int:
+        """That are kept, and recorded."""
+        return self._collector.kept
+
+    def inputs(self, lost: int) -> Inputs:
+        now_s, at_s = time.monotonic(), self._heard_s
+        return Inputs(
+            sweeps=self._collector.heard,
+            without_odometry=self._collector.without_odometry,
+            points_age_s=now_s - at_s[topics.LIDAR_POINTS.name],
+            odometry_age_s=now_s - at_s[topics.ODOM.name],
+            imu_age_s=now_s - at_s[topics.IMU.name],
+            lost=lost,
+        )
+
+    def _run(self) -> None:
+        try:
+            while not self._ending.wait(_TAKE_S):
+                self._take()
+            self._take()
+        except Exception as error:  # told by who waits for the end of the ride
+            self.problem = error
+
+    def _take(self) -> None:
+        for taken in self._heard.take():
+            self._heard_s[taken.row.name] = time.monotonic()
+            try:
+                self._on_message(taken)
+            except ValueError as error:
+                raise ValueError(f"{taken.row.name}: {error}") from None
+
+    def _on_message(self, taken: Taken) -> None:
+        message = decoded(taken.row, taken.data)
+        stamp_s = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        feed(self._collector, Recorded(taken.row.name, stamp_s, lambda: message))
+        if taken.row is topics.LIDAR_POINTS:
+            self._waiting.append(_Cloud(stamp_s, taken))
+            if len(self._waiting) > MOST_WAITING:
+                self._waiting.popleft()
+            return
+        if taken.row is topics.ODOM:
+            self._on_odometry(stamp_s, message)
+        self._write(taken)
+
+    def _on_odometry(self, stamp_s: float, message: Any) -> None:
+        twist = message.twist.twist
+        self.motion.update(stamp_s, twist.linear.x, twist.linear.y, twist.angular.z)
+        fresh = self._collector.kept - self._seen
+        wanted: set[float] = set()
+        if fresh:
+            ride = self._collector.newest(fresh + 1)
+            wanted = {sweep.stamp_s for sweep in ride.sweeps[-fresh:]}
+            self._seen += fresh
+            self.kept.put((ride, fresh))
+        # As the collector does: the newest odometry decides about every sweep until its time.
+        while self._waiting and self._waiting[0].stamp_s <= stamp_s:
+            cloud = self._waiting.popleft()
+            if cloud.stamp_s in wanted:
+                self._write(cloud.taken)
+
+    def _write(self, taken: Taken) -> None:
+        # As the recorder: beside a simulated clock the middleware's times would be of another time.
+        if self._world is not None:
+            log_ns = sent_ns = self._world.now_ns()
+        else:
+            log_ns, sent_ns = taken.received_ns, taken.sent_ns or taken.received_ns
+        self._writer.add(taken.row.name, log_ns, sent_ns, taken.data)
