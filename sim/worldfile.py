@@ -143,6 +143,7 @@ class WorldFile(Config):
 
     wheelchair: where it stands; stations: marker boards on posts, by name. Both are poses of a dock frame: origin on
     the ground under the board, x the way a robot approaches. surfaces: reflectivity (0-1) of single solids, by name.
+    glass: names of walls and boxes that are panes to LiDARs; physics and cameras take them for what they are else.
     """
 
     note: str
@@ -158,6 +159,7 @@ class WorldFile(Config):
     pits: list[Pit] = []
     people: list[Person] = []
     surfaces: dict[str, Annotated[float, Field(ge=0.0, le=1.0)]] = {}
+    glass: list[str] = []
     routes: dict[str, Route] = {}
     wheelchair: Place | None = None
     stations: dict[str, Place] = {}
@@ -175,6 +177,9 @@ class WorldFile(Config):
         unknown = sorted(set(self.surfaces) - set(names))
         if unknown:
             raise ValueError(f"surfaces: no solid {', '.join(unknown)}")
+        clear = sorted(set(self.glass) - {item.name for item in (*self.walls, *self.boxes)})
+        if clear:
+            raise ValueError(f"glass: no wall or box {', '.join(clear)}")
         return self
 
     def solids(self) -> list[Box]:

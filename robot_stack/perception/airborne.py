@@ -4,8 +4,10 @@ A drop returns once. How often a thing returns follows from its size, its distan
 beams: near the robot, where most of what is in the air is seen, a thing as small as a fist returns hundreds of times.
 So a point is believed if its column holds as many as the smallest thing of interest would return from there: radius
 outlier removal with a number that goes with the distance (Charron et al. 2018 let the radius do so), in a grid, not in
-a search tree. It asks neither for intensity, which no two devices tell alike and a black coat has none of, nor for the
-sweep before: what is believed is so at once. What is too little to be a thing, but not by far, keeps what was there.
+a search tree. They must hang together: what the sun strews over the column's height is no thing, so those count that
+are few rings above or below, as the returns of a low stump are. It asks neither for intensity, which no two devices
+tell alike and a black coat has none of, nor for the sweep before: what is believed is so at once. What is too little
+to be a thing, but not by far, keeps what was there.
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ from robot_stack.perception.voxel import whole_below
 
 Float = NDArray[np.float32]
 _FULL = 250  # a cell counts no further; more than anything asks for
+_PLENTY = 4  # so many times what is asked for are a thing at whatever heights: a leg of 5 cm has six times
+_ASKED, _CHAINED = 1, 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +35,15 @@ class Crowd:
     """How many returns make a thing, for one sensor.
 
     sensor_m: (3,) base_link. returns_m2: so many at 1 m. They are sought in a column of cell_m x cell_m and the eight
-    around it; least, most: whatever the distance. doubt: share of them that may be a thing of which little returns.
+    around it, no more than rise_rad above or below as seen from the sensor; least, most: whatever the distance. doubt:
+    share of them, at any height, that may be a thing of which little returns.
     range_m: from base_link in plan, farther points are left out.
     """
 
     sensor_m: Float
     returns_m2: float
     cell_m: float
+    rise_rad: float
     least: int
     most: int
     doubt: float
@@ -47,7 +53,12 @@ class Crowd:
         """Of the points (n, 3), base_link, within the range: those that are things, and those that may be."""
         side = 2 * math.ceil(self.range_m / self.cell_m) + 3
         things, doubtful = np.empty_like(xyz), np.empty_like(xyz)
-        sizes = np.float32(self.range_m), np.float32(self.cell_m), np.float32(self.returns_m2)
+        sizes = (
+            np.float32(self.range_m),
+            np.float32(self.cell_m),
+            np.float32(self.rise_rad),
+            np.float32(self.returns_m2),
+        )
         counts = self.least, self.most, np.float32(self.doubt)
         found, left = _split(xyz, self.sensor_m, *sizes, *counts, side, things, doubtful)
         return things[:found], doubtful[:left]
@@ -59,7 +70,8 @@ def crowd_of(sensor: RangeSensor, params: ObstacleParams, range_m: float) -> Cro
     mount = np.array(sensor.xyz_m, np.float32)
     few, many = params.neighbours_min, params.neighbours_max
     least = params.smallest_m2 / beam_sr
-    return Crowd(mount, least, params.neighbourhood_m, few, many, params.doubt_share, range_m)
+    rise_rad = params.neighbour_rings * sensor.ring_spacing_rad
+    return Crowd(mount, least, params.neighbourhood_m, rise_rad, few, many, params.doubt_share, range_m)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -68,6 +80,7 @@ def _split(
     sensor: Float,
     reach: Any,
     size: Any,
+    rise: Any,
     returns: Any,
     least: int,
     most: int,
@@ -76,7 +89,7 @@ def _split(
     things: Float,
     doubtful: Float,
 ) -> tuple[int, int]:
-    counts = np.zeros((side, side), np.uint8)
+    counts, unsure = np.zeros((side, side), np.uint8), np.empty(len(xyz), np.int32)
     middle, per_m, reach2 = side // 2, np.float32(1.0) / size, reach * reach
     for i in range(len(xyz)):
         x, y = xyz[i, 0], xyz[i, 1]
@@ -84,7 +97,7 @@ def _split(
             a, b = whole_below(x * per_m) + middle, whole_below(y * per_m) + middle
             if counts[a, b] < _FULL:
                 counts[a, b] += 1
-    found, left = 0, 0
+    found, left, asked = 0, 0, 0
     for i in range(len(xyz)):
         x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
         if not x * x + y * y <= reach2:
@@ -94,17 +107,86 @@ def _split(
         needed = np.float32(most)
         enough = bool(total >= most)
         if not enough:
-            dx, dy, dz = x - sensor[0], y - sensor[1], z - sensor[2]
-            needed = min(max(returns / (dx * dx + dy * dy + dz * dz), np.float32(least)), np.float32(most))
-            if total < needed:
+            needed = _needed(xyz[i], sensor, returns, least, most)
+            if total < np.float32(_PLENTY) * needed:
                 total = 0
                 for k in range(a - 1, a + 2):
                     total += int(counts[k, b - 1]) + int(counts[k, b]) + int(counts[k, b + 1])
             enough = bool(total >= needed)
-        if enough:
+        if enough and total < min(np.float32(_PLENTY) * needed, np.float32(most)):
+            unsure[asked] = i
+            asked += 1
+        elif enough:
             things[found, 0], things[found, 1], things[found, 2] = x, y, z
             found += 1
         elif np.float32(total) >= doubt * needed:
             doubtful[left, 0], doubtful[left, 1], doubtful[left, 2] = x, y, z
             left += 1
+    if asked == 0:
+        return found, left
+    together = _together(xyz, unsure[:asked], sensor, per_m, rise, size, returns, least, most, counts)
+    for k in range(asked):
+        i = unsure[k]
+        if together[k]:
+            things[found, 0], things[found, 1], things[found, 2] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+            found += 1
+        else:
+            doubtful[left, 0], doubtful[left, 1], doubtful[left, 2] = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+            left += 1
     return found, left
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _needed(point: Float, sensor: Float, returns: Any, least: int, most: int) -> Any:
+    dx, dy, dz = point[0] - sensor[0], point[1] - sensor[1], point[2] - sensor[2]
+    return min(max(returns / (dx * dx + dy * dy + dz * dz), np.float32(least)), np.float32(most))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _together(
+    xyz: Float,
+    unsure: NDArray[np.int32],
+    sensor: Float,
+    per_m: Any,
+    rise: Any,
+    lowest: Any,
+    returns: Any,
+    least: int,
+    most: int,
+    marks: NDArray[np.uint8],
+) -> NDArray[np.bool_]:
+    """Which of the points have as many as are asked for about their own height.
+
+    unsure: (k,) rows of xyz. lowest: of what counts as about it, m. marks: a grid whose contents are of no more use.
+    """
+    middle = len(marks) // 2
+    marks[:] = 0
+    for i in unsure:
+        a, b = whole_below(xyz[i, 0] * per_m) + middle, whole_below(xyz[i, 1] * per_m) + middle
+        marks[a - 1 : a + 2, b - 1 : b + 2] = _ASKED
+    newest, before = np.empty(marks.shape, np.int32), np.empty(len(xyz), np.int32)  # a chain of points in each cell
+    reach = np.float32(middle - 1)
+    for i in range(len(xyz)):
+        x, y = xyz[i, 0] * per_m, xyz[i, 1] * per_m
+        if not (abs(x) < reach and abs(y) < reach):
+            continue
+        a, b = whole_below(x) + middle, whole_below(y) + middle
+        if marks[a, b] > 0:
+            before[i] = newest[a, b] if marks[a, b] == _CHAINED else -1
+            newest[a, b], marks[a, b] = i, _CHAINED
+    together = np.zeros(len(unsure), np.bool_)
+    for k in range(len(unsure)):
+        point = xyz[unsure[k]]
+        dx, dy, dz = point[0] - sensor[0], point[1] - sensor[1], point[2] - sensor[2]
+        up = max(rise * np.sqrt(dx * dx + dy * dy + dz * dz), lowest)
+        needed = _needed(point, sensor, returns, least, most)
+        a, b = whole_below(point[0] * per_m) + middle, whole_below(point[1] * per_m) + middle
+        near = 0
+        for c in range(a - 1, a + 2):
+            for d in range(b - 1, b + 2):
+                i = newest[c, d] if marks[c, d] == _CHAINED else -1
+                while i >= 0 and near < needed:
+                    near += abs(xyz[i, 2] - point[2]) <= up
+                    i = before[i]
+        together[k] = near >= needed
+    return together

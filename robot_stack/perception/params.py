@@ -94,8 +94,9 @@ class ObstacleParams(Config):
     """Thinning of the obstacle points.
 
     A point is believed if cells of neighbourhood_m around it hold as many as a thing of smallest_m2 would return from
-    there, at least neighbours_min, no more than neighbours_max being asked for. With
-    doubt_share of them it is no thing, but keeps one that was there.
+    there, at least neighbours_min, no more than neighbours_max being asked for; of them those count that are up to
+    neighbour_rings above or below it, or as far as a cell is wide. With doubt_share of them, at any height, it is no
+    thing, but keeps one that was there.
     """
 
     range_m: Positive
@@ -103,6 +104,7 @@ class ObstacleParams(Config):
     far_m: Positive
     far_column_m: Positive
     neighbourhood_m: Positive
+    neighbour_rings: Positive
     neighbours_min: Count
     neighbours_max: Annotated[int, Field(ge=1, le=250)]
     smallest_m2: Positive

@@ -1,4 +1,4 @@
-"""The LiDAR in rain, snow and dust: what is published of the air, and what is lost of things for not publishing it."""
+"""The LiDAR in rain, snow, dust and low sun: what is published of it, and what is lost of things for not publishing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robot_stack.perception.pipeline import Pipeline
 from robot_stack.perception.voxel import raised
 from robot_stack.perception.warm_up import warm_up
 from sim.bench.ground_kerbs import front_share, with_kerb
-from sim.bench.weather_scenes import AMOUNTS, Bystander, Shower, of_world, shower, with_bystander
+from sim.bench.weather_scenes import AMOUNTS, ASIDE, KINDS, Bystander, Shower, of_world, shower, with_bystander
 from sim.lidar import labels
 from sim.lidar.sensor import Sweep
 
@@ -50,9 +50,9 @@ def run(seeds: int = 3, seed: int = 2001) -> Result:
     drawn = range(seed, seed + seeds)
     figures: dict[str, float] = {}
     for returns in _RETURNS:
-        worst = {kind: max(_phantoms(kind, returns, world, drawn) for world in ("flat", "yard")) for kind in AMOUNTS}
+        worst = {kind: max(_phantoms(kind, returns, world, drawn) for world in ("flat", "yard")) for kind in KINDS}
         figures |= {f"phantoms_{kind}_{returns}": value for kind, value in worst.items()}
-    figures["phantoms"] = max(figures[f"phantoms_{kind}_{_RETURNS[-1]}"] for kind in AMOUNTS)
+    figures["phantoms"] = max(figures[f"phantoms_{kind}_{_RETURNS[-1]}"] for kind in KINDS)
     figures |= _ranges(drawn) | _filtered(drawn)
     return Result(figures, {"rules": _rules()})
 
@@ -95,9 +95,9 @@ def _xyz(sweep: Sweep) -> Float:
 
 
 def _ranges(seeds: Sequence[int]) -> dict[str, float]:
-    """Of each, in clear air and in rain: the greatest distance up to which every cloud but the first two shows it."""
+    """Of each, in clear air, rain and sun: the greatest distance up to which all clouds but the first two show it."""
     figures = {}
-    for kind in ("clear", "rain"):
+    for kind in ("clear", "rain", "sun"):
         for who in WHO:
             figures[f"{who.name}_{kind}_m"] = _reached(kind, who, seeds)
         figures[f"kerb_{kind}_m"] = _kerb_reached(kind, seeds)
@@ -107,7 +107,7 @@ def _ranges(seeds: Sequence[int]) -> dict[str, float]:
 def _reached(kind: str, who: Bystander, seeds: Sequence[int]) -> float:
     reached = 0.0
     for x_m in _DISTANCES_M:
-        y_m = 0.15 * x_m  # beside where halves meet
+        y_m = ASIDE * x_m
         for seed in seeds:
             found = _published(with_bystander(shower(kind, _RETURNS[-1], seed), who, x_m, y_m), 6)[2:]
             near = [np.hypot(xyz[:, 0] - x_m, xyz[:, 1] - y_m) < who.radius_m + 0.15 for _, xyz in found]
@@ -135,7 +135,7 @@ def _filtered(seeds: Sequence[int]) -> dict[str, float]:
     crowd = crowd_of(robot.range_sensors[frames.LIDAR], params.obstacles, params.obstacles.range_m)
     ms, theirs_ms, left, kept = [], [], np.zeros((2, 2)), np.zeros((2, 2))
     missed: dict[str, list[float]] = {}
-    for kind in ("clear", *AMOUNTS):
+    for kind in ("clear", *KINDS):
         for seed in seeds:
             pipeline = _pipeline()
             for sweep, obstacles in _published(shower(kind, _RETURNS[-1], seed, "yard"), 4)[2:]:
@@ -191,7 +191,8 @@ def _missed_pct(sweep: Sweep, obstacles: Float) -> float:
 def _rules() -> dict[str, object]:
     return {
         "weather": "as many airborne returns in a full sweep as the figure's name says, or 1000; sizes "
-        + ", ".join(f"of {kind} of {amount:g}" for kind, amount in AMOUNTS.items()),
+        + ", ".join(f"of {kind} of {amount:g}" for kind, amount in AMOUNTS.items())
+        + "; the sun stands 5 deg high, right behind who stands there",
         "phantoms": "mean of the points published after a half sweep, more than 0.3 m in plan from anything; of "
         "an empty plain and the yard, the worse one; the robot stands",
         "seen to": f"the distance up to which each of {', '.join(who.name for who in WHO)} is in every cloud, up to "

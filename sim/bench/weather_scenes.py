@@ -1,7 +1,8 @@
-"""A robot that stands in rain, snow or dust, with so many airborne returns in a sweep, and who stands before it."""
+"""A robot that stands in rain, snow, dust or a low sun, with so many false returns in a sweep, and who is before it."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cache
 
@@ -16,11 +17,16 @@ from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import Scene, build_scene
 from sim.lidar.sensor import CLEAR, Conditions, Lidar, Sweep
 from sim.lidar.shapes import BOX, CYLINDER, Shape, pack
+from sim.lidar.sun import Sun
 from sim.lidar.weather import Kind, Weather
 from sim.parameters import load_sim_params
 from sim.worldfile import WorldFile, load_world
 
 AMOUNTS: dict[Kind, float] = {"rain": 25.0, "snow": 1.0, "dust": 100.0}
+SUN = "sun"
+KINDS = (*AMOUNTS, SUN)
+ASIDE = 0.15  # y of a bystander by its x: beside where half sweeps meet
+_LOW_SUN = Sun(math.degrees(math.atan(ASIDE)))  # right behind the bystander
 _WHO = "bystander"
 _ROUNDS, _SWEEPS, _TUNING_SEED = 4, 4, 900
 
@@ -37,7 +43,7 @@ class Bystander:
 
 @dataclass
 class Shower:
-    """Half sweeps through one weather. fewer_of_bystander: share of its returns that is left."""
+    """Half sweeps through one weather, or into the sun. fewer_of_bystander: share of its returns that is left."""
 
     lidar: Lidar
     base: Track
@@ -100,13 +106,20 @@ def conditions_of(kind: Kind | str, returns: float, world: str) -> Conditions:
     """The weather's own sizes and ranges, so dense that a sweep holds ``returns``; by a seed of its own."""
     if kind == "clear":
         return CLEAR
-    assert kind in AMOUNTS
     lidar = Lidar(scene_of(world), load_lidar_params(), load_robot(), _TUNING_SEED)
     factor = 1.0
     for _ in range(_ROUNDS):
-        conditions = Conditions(weather=Weather(kind, AMOUNTS[kind], factor))
+        conditions = _conditions(kind, factor)
         sweeps = [lidar.sweep(start_of(world), 0.0, conditions=conditions) for _ in range(_SWEEPS)]
         factor *= returns / max(float(np.mean([(sweep.labels == labels.AIRBORNE).sum() for sweep in sweeps])), 1.0)
+    return _conditions(kind, factor)
+
+
+def _conditions(kind: Kind | str, factor: float) -> Conditions:
+    """Worlds' robots look along x, as the sun's azimuth takes for granted."""
+    if kind == SUN:
+        return Conditions(sun=replace(_LOW_SUN, returns_factor=factor))
+    assert kind in AMOUNTS
     return Conditions(weather=Weather(kind, AMOUNTS[kind], factor))
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from sim.lidar.sensor import CLEAR, Conditions
+from sim.lidar.sun import Sun
 from sim.lidar.weather import DUST, RAIN, SNOW, Kind, Weather
 from sim.plant.sensor_faults import SensorFaults, sensor_fault
 
-SILENT, FROZEN, NOISY, RATE, COVERED = "silent", "frozen", "noisy", "rate", "covered"
+SILENT, FROZEN, NOISY, RATE, COVERED, SUN = "silent", "frozen", "noisy", "rate", "covered", "sun"
 
 WEATHERS: tuple[Kind, ...] = ("rain", "snow", "dust")
 
@@ -19,6 +20,7 @@ KINDS = (
     sensor_fault(RAIN, "it rains", ("mm/h", 0.1, 150.0, 25.0)),
     sensor_fault(SNOW, "it snows", ("mm/h of water", 0.1, 10.0, 1.0)),
     sensor_fault(DUST, "dust is in the air", ("visibility in m", 10.0, 2000.0, 100.0)),
+    sensor_fault(SUN, "a low sun shines in", ("azimuth in map in deg, 360 along x", 0.1, 360.0, 360.0)),
 )
 BY_NAME = {kind.name: kind for kind in KINDS}
 
@@ -35,4 +37,6 @@ class LidarFaults(SensorFaults):
             return CLEAR
         weather = [Weather(kind, amount) for kind in WEATHERS if (amount := self.value(kind, now_s)) is not None]
         covered = self.value(COVERED, now_s) or 0.0
-        return Conditions(self.value(NOISY, now_s) or 1.0, covered, weather[0] if weather else None)
+        azimuth_deg = self.value(SUN, now_s)
+        sun = None if azimuth_deg is None else Sun(azimuth_deg)
+        return Conditions(self.value(NOISY, now_s) or 1.0, covered, weather[0] if weather else None, sun)

@@ -119,6 +119,22 @@ class Air(Config):
     wet_ground_factor: Annotated[float, Field(gt=0.0, le=1.0)]
 
 
+class Glass(Config):
+    """Panes, see ``glass``. dirt: share of the light that what is on a pane throws back."""
+
+    refractive_index: Annotated[float, Field(ge=1.0, le=3.0)]
+    dirt: Annotated[float, Field(gt=0.0, le=1.0)]
+    glint_deg: Annotated[float, Field(ge=0.0, le=90.0)]
+
+
+class Glare(Config):
+    """What the sun does to beams that look near it, see ``sun``: at its middle, nothing from ``reach_deg`` on."""
+
+    reach_deg: Annotated[float, Field(gt=0.0, le=90.0)]
+    false_per_m: NotNegative
+    lost_share: Share
+
+
 class LidarParams(Config):
     """``config/sim_lidar.yaml``."""
 
@@ -128,6 +144,8 @@ class LidarParams(Config):
     wet: Wet
     cover: Cover
     air: Air
+    glare: Glare
+    glass: Glass
     reflectivity: Reflectivity
 
     def with_columns(self, columns: int) -> LidarParams:
@@ -145,6 +163,8 @@ class SensorModel(Config):
     wet: Wet
     cover: Cover
     air: Air
+    glare: Glare
+    glass: Glass
     reflectivity: Reflectivity
 
 

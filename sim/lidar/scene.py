@@ -26,7 +26,7 @@ WHEELCHAIR = "wheelchair"
 class Scene:
     """movers: names of the bodies that carry shapes, as in /sim/bodies. rects: see ``kernels.cast``.
 
-    label, reflectivity: by number of what a beam met.
+    label, reflectivity: by number of what a beam met. glass: numbers of the shapes that are panes.
     """
 
     shapes: ShapeArrays
@@ -34,6 +34,7 @@ class Scene:
     rects: F64
     label: NDArray[np.uint8]
     reflectivity: NDArray[np.float32]
+    glass: tuple[int, ...] = ()
 
 
 def build_scene(
@@ -50,7 +51,9 @@ def build_scene(
     own: what the sensor sees of the robot itself, in base_link.
     """
     shine = params.reflectivity
-    fixed = [_shape(solid, params, world.surfaces) for solid in solids(world) if solid.kind != "patch"]
+    standing = [solid for solid in solids(world) if solid.kind != "patch"]
+    surfaces = {**dict.fromkeys(world.glass, params.glass.dirt), **world.surfaces}
+    fixed = [_shape(solid, params, surfaces) for solid in standing]
     names = tuple(people)
     carried = [chair_shapes(chair, shine.chair, passenger=passenger), *(person_shapes(shine.person) for _ in names)]
     carried += [list(own)] if own else []
@@ -64,6 +67,7 @@ def build_scene(
         rects=_rects(world, params),
         label=np.concatenate([np.array(ground, np.uint8), shapes.label]),
         reflectivity=np.concatenate([np.array(light, np.float32), shapes.reflectivity]),
+        glass=tuple(index for index, solid in enumerate(standing) if solid.name in world.glass),
     )
 
 

@@ -26,13 +26,15 @@ from robot_stack.core.robot import Robot
 from sim.camera.history import BASE
 from sim.camera.motion import Track
 from sim.lidar import returns as model
-from sim.lidar.kernels import AIRBORNE_HIT, BLOCK, GROUND_HIT, WET_HIT, cast_ground, cast_solids
+from sim.lidar.glass import look_through
+from sim.lidar.kernels import AIRBORNE_HIT, BLOCK, FIRST_SOLID, GROUND_HIT, WET_HIT, cast_ground, cast_solids
 from sim.lidar.mirror import mirror
 from sim.lidar.params import LidarParams
 from sim.lidar.poses import poses_at
 from sim.lidar.scene import Scene
 from sim.lidar.shapes import F32, F64
 from sim.lidar.still_view import StillView
+from sim.lidar.sun import Sun, dazzle, towards
 from sim.lidar.weather import Particles, Weather, draw, meet, particles
 
 
@@ -41,17 +43,20 @@ class Conditions:
     """What the sensor measures through.
 
     noise_factor: noise so many times the usual. covered_share: of the circle, from ahead. weather: None if it is dry.
+    sun: None if it does not shine in.
     """
 
     noise_factor: float = 1.0
     covered_share: float = 0.0
     weather: Weather | None = None
+    sun: Sun | None = None
 
 
 CLEAR = Conditions()
 _BELOW_EVERYTHING_M = -1.0e3
 _BANK = 1 << 19
-_OF_RINGS, _OF_WEATHER = 1, 2
+_SURE_SIGNAL = 10.0  # of ``returns``: as good as always noticed
+_OF_RINGS, _OF_WEATHER, _OF_SUN, _OF_GLASS = 1, 2, 3, 4
 _UNMOVED = np.eye(4)
 
 
@@ -95,6 +100,10 @@ class Lidar:
         self._uniforms = random.random(len(self._normals), dtype=np.float32)
         self._model = _model(params)
         self._weather_random = np.random.default_rng((seed, _OF_WEATHER))
+        self._sun_random = np.random.default_rng((seed, _OF_SUN))
+        self._glass_random = np.random.default_rng((seed, _OF_GLASS))
+        self._is_glass = np.zeros(FIRST_SOLID + len(scene.shapes.kind), np.bool_)  # by number of what was met
+        self._is_glass[FIRST_SOLID + np.array(scene.glass, np.int64)] = True
         self._air: dict[Weather, tuple[Particles, F32]] = {}
         self._has_wet_ground = bool((scene.rects[:, 6] == 0.0).any())
         shape = (beams.columns, beams.rings)
@@ -165,6 +174,8 @@ class Lidar:
         times = np.arange(first - last + 1, 1, dtype=np.float64) * self.column_s
         ranges, hits, cosines = self.ranges(base, stamp_s + times, first, last, movers or {})
         reflectivity, extinction_per_m = self._through_weather(conditions.weather, ranges, hits, cosines)
+        if conditions.sun is not None:
+            self._into(conditions.sun, base, stamp_s + times, (first, last), (ranges, hits, cosines))
         count = ranges.size
         numbers = self._model.copy()
         numbers[model.EXTINCTION_PER_M] = extinction_per_m
@@ -209,6 +220,16 @@ class Lidar:
         tables = air.ranges_m, air.below, air.least, air.mean, air.extinction_per_m
         meet(chosen, uniforms, *tables, shine, ranges, hits, cosines)
         return shine, air.extinction_per_m
+
+    def _into(
+        self, sun: Sun, base: Track, times_s: F64, part: tuple[int, int], results: tuple[F32, NDArray[np.int16], F32]
+    ) -> None:
+        """Puts the sun into the beams of columns part[0] to part[1] - 1."""
+        glare, ranging = self.params.glare, self.params.ranging
+        _, rotations = poses_at(base, times_s, self.mounting)
+        share = towards(sun, glare, self._azimuths[part[0] : part[1]], self._elevations, rotations)
+        bright = _SURE_SIGNAL * 0.1 / ranging.range_at_ten_percent_m**2
+        dazzle(share, sun, glare, bright, ranging.max_m, self._sun_random, *results)
 
     def _in_air(self, weather: Weather) -> tuple[Particles, F32]:
         air = particles(weather, self.params)
@@ -263,7 +284,20 @@ class Lidar:
             skip = int(self._random.integers(0, len(self._uniforms) - ranges.size))
             mirrored: tuple[Any, ...] = (*beams, share, self._uniforms[skip:], *solids, *results)
             mirror(*mirrored)
+        if self.scene.glass:
+            self._through_glass(beams, solids, results)
         return results
+
+    def _through_glass(
+        self, beams: tuple[Any, ...], solids: tuple[Any, ...], results: tuple[F32, NDArray[np.int16], F32]
+    ) -> None:
+        hits, glass = results[1], self.params.glass
+        chosen = np.flatnonzero((hits >= FIRST_SOLID) & self._is_glass[np.maximum(hits, 0)])
+        uniforms = self._glass_random.random((len(chosen), 3))
+        numbers = glass.refractive_index, math.cos(math.radians(glass.glint_deg)), self.scene.reflectivity
+        panes = self._is_glass[FIRST_SOLID:]
+        given: tuple[Any, ...] = (chosen, uniforms, *beams, panes, *numbers, *solids, *results)
+        look_through(*given)
 
 
 def _bank_size(beams: int) -> int:

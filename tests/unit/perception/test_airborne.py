@@ -1,4 +1,4 @@
-"""Rain, snow and dust are no obstacles; thin, small and half-hidden things and whoever enters are, and at once."""
+"""Rain, snow, dust and sun are no obstacles; thin, small and half-hidden things and whoever enters are, and at once."""
 
 from __future__ import annotations
 
@@ -53,6 +53,21 @@ def test_the_number_asked_for_has_a_floor_and_a_ceiling(crowd: Crowd, params: Pe
     assert len(crowd.split(np.repeat(close, many - 1, axis=0))[0]) == 0
 
 
+def test_what_is_strewn_over_the_height_is_no_thing(crowd: Crowd, robot: Robot, params: PerceptionParams) -> None:
+    """From 6 m: as many as a thing returns, in one column; in as many rings in a row the middle ones are one."""
+    count, ring_m = params.obstacles.neighbours_min, 6.0 * robot.range_sensors[frames.LIDAR].ring_spacing_rad
+    column = np.full((count, 3), [6.2, 0.0, 0.3], np.float32)
+    low, strewn = column.copy(), column.copy()
+    low[:, 2] += np.arange(count, dtype=np.float32) * ring_m
+    strewn[:, 2] += np.arange(count, dtype=np.float32) * 5.0 * ring_m
+    things, doubtful = crowd.split(low)
+    assert len(things) >= 2
+    assert len(things) + len(doubtful) == count
+    things, doubtful = crowd.split(strewn)
+    assert len(things) == 0
+    assert len(doubtful) == count
+
+
 def test_what_is_out_of_range_or_not_a_number_is_nothing(crowd: Crowd) -> None:
     points = np.array([[100.0, 0.0, 1.0], [np.nan, 0.0, 1.0]], np.float32)
     assert [len(part) for part in crowd.split(points)] == [0, 0]
@@ -69,7 +84,7 @@ def run(pipeline: Pipeline, weather: Shower, halves: int, begin_s: float = 0.0) 
     return found
 
 
-@pytest.mark.parametrize("kind", ["rain", "snow", "dust"])
+@pytest.mark.parametrize("kind", ["rain", "snow", "dust", "sun"])
 @pytest.mark.parametrize("returns", [100, 300, 1000])
 def test_what_is_in_the_air_is_no_obstacle(kind: str, returns: int, pipeline: Pipeline) -> None:
     """On an empty plain: whatever is published is a phantom."""
@@ -88,7 +103,7 @@ BYSTANDERS = [
 
 @pytest.mark.parametrize("who", BYSTANDERS, ids=lambda who: who.name)
 @pytest.mark.parametrize("place", [(0.8, 0.0), (2.0, 0.0), (4.0, 0.0), (6.0, 0.0), (8.0, 1.0)])
-@pytest.mark.parametrize("kind", ["clear", "snow"])
+@pytest.mark.parametrize("kind", ["clear", "snow", "sun"])
 def test_who_enters_is_seen_in_the_first_turn_and_never_lost(
     who: Bystander, place: tuple[float, float], kind: str, pipeline: Pipeline
 ) -> None:
