@@ -18,9 +18,10 @@ _COLUMNS = 8
 
 
 def warm_up() -> None:
-    """One coarse sweep of wet ground, in the rain."""
-    params = load_lidar_params().with_columns(_COLUMNS)
-    scene = build_scene(load_world(_WET_WORLD), params, load_sim_params().wheelchair)
-    place = still(np.eye(4))
-    sensor, conditions = Lidar(scene, params, load_robot(), seed=0), Conditions(weather=Weather("rain", 25.0))
-    sensor.sweep(place, 0.0, {WHEELCHAIR: place}, conditions)
+    """A coarse sweep of wet ground, in the rain, and one between walls of glass."""
+    params, world = load_lidar_params().with_columns(_COLUMNS), load_world(_WET_WORLD)
+    of_glass = world.model_copy(update={"glass": [wall.name for wall in world.walls]})
+    place, conditions = still(np.eye(4)), Conditions(weather=Weather("rain", 25.0))
+    for each in (world, of_glass):
+        scene = build_scene(each, params, load_sim_params().wheelchair)
+        Lidar(scene, params, load_robot(), seed=0).sweep(place, 0.0, {WHEELCHAIR: place}, conditions)
