@@ -32,7 +32,7 @@ class OdometrySettings:
 
     max_wheel_speed_mps, max_steering_rate_radps: an encoder that claims more than twice as much has jumped.
     max_steering_acceleration_radps2: see ``interval.curvature``.
-    shortest_interval_s: plausibility is judged over this time at least, because stamps jitter.
+    shortest_interval_s: plausibility and speeds are judged over this time at least, because stamps jitter.
     longest_gap_s: after a longer silence the distance is not believed, because the encoders may have been reset.
     substep_s, substep_turn_rad: longer intervals and larger turns of a module are cut into even parts.
     slip_speed_mps, slip_share: wheels contradict each other if they differ by more than this speed plus this share of
@@ -76,7 +76,8 @@ class Encoders:
 
 @dataclass(frozen=True, slots=True)
 class Odometry:
-    """pose: base_link in odom. twist: base_link, mean over the last interval. Covariances 3 x 3, row-major: of (x, y,
+    """pose: base_link in odom. twist: base_link, mean over the last interval, or over the last few where readings come
+    within ``shortest_interval_s``. Covariances 3 x 3, row-major: of (x, y,
     yaw) in odom, of (vx, vy, omega) in base_link. used: modules that were believed. slipping: wheels contradict each
     other. faults: what was wrong with the last reading, one sentence each.
     """
@@ -99,12 +100,14 @@ class SwerveOdometry:
         self._last: Encoders | None = None
         self._previous: Interval | None = None
         self._odometry = Odometry()
+        self._unread = (ZERO_TWIST, 0.0)  # motion and time since the twist was last told
         self.calibration = WheelCalibration(positions, settings.calibration)
 
     def reset(self) -> None:
         """Starts again at the identity; the next reading only sets the encoders' zero. The calibration stays."""
         self._last = self._previous = None
         self._odometry = Odometry()
+        self._unread = (ZERO_TWIST, 0.0)
 
     def update(self, reading: Encoders) -> Odometry:
         """The odometry after ``reading``. What cannot be believed moves nothing and is named in ``faults``."""
@@ -124,6 +127,7 @@ class SwerveOdometry:
 
     def _after_gap(self, gap_s: float) -> Odometry:
         self._previous = None
+        self._unread = (ZERO_TWIST, 0.0)
         lost_m = self._settings.max_wheel_speed_mps * gap_s
         fault = (
             f"no encoder reading for {gap_s:.2f} s, at most {self._settings.longest_gap_s} s: motion in it is unknown"
@@ -146,7 +150,22 @@ class SwerveOdometry:
         pose, motion, fit = self._moved(interval, believed)
         if faults:
             self._previous = None
-        return self._result(pose, motion, interval.elapsed_s, fit, tuple(faults))
+        twist = self._twist(motion, reading.stamp_s - last.stamp_s)
+        return self._result(pose, motion, twist, fit.rms_m / interval.elapsed_s, fit, tuple(faults))
+
+    def _twist(self, motion: Twist2, elapsed_s: float) -> Twist2:
+        """The mean since the twist was last told, once that is ``shortest_interval_s`` ago; until then the last one."""
+        shortest_s = self._settings.shortest_interval_s
+        before, before_s = self._unread
+        if elapsed_s <= 0.0:  # a clock that was set back, or stands
+            before, before_s, elapsed_s = ZERO_TWIST, 0.0, shortest_s
+        unread = Twist2(before.vx + motion.vx, before.vy + motion.vy, before.omega + motion.omega)
+        unread_s = before_s + elapsed_s
+        if unread_s < shortest_s:
+            self._unread = unread, unread_s
+            return self._odometry.twist
+        self._unread = ZERO_TWIST, 0.0
+        return unread.scaled(1.0 / unread_s)
 
     def _interval(self, last: Encoders, reading: Encoders) -> Interval:
         # The way is known even where the time is not (a clock that was set back): only speeds and plausibility need it.
@@ -207,15 +226,15 @@ class SwerveOdometry:
         return max(1, math.ceil(parts - 0.5))  # an interval that is only a little late stays whole
 
     def _result(
-        self, pose: Pose2, motion: Twist2, elapsed_s: float, fit: WheelFit, faults: tuple[str, ...]
+        self, pose: Pose2, motion: Twist2, twist: Twist2, rms_mps: float, fit: WheelFit, faults: tuple[str, ...]
     ) -> Odometry:
         before = self._odometry
         factor = 1.0 if fit.consistent else self._settings.slip_factor
         return Odometry(
             pose,
-            motion.scaled(1.0 / elapsed_s),
+            twist,
             _propagated(before.pose_covariance, before.pose, pose, self._growth(motion, factor)),
-            self._twist_covariance(fit.rms_m / elapsed_s),
+            self._twist_covariance(rms_mps),
             fit.used,
             not fit.consistent or len(fit.used) < len(MODULES),
             faults,

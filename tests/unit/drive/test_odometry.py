@@ -205,6 +205,33 @@ def test_stamps_that_jitter_hardly_matter(ride: PerfectRide):
     assert got.pose.distance_to(ride.pose(last)) < 0.001
 
 
+def test_a_reading_right_after_another_does_not_halve_the_speed():
+    """A machine that was held up sends the late reading and the next one at almost the same time."""
+    odometry = new_odometry()
+    for stamp_s in (0.0, DT_S, DT_S + 0.0024, 3 * DT_S, 3 * DT_S + 0.001, 3 * DT_S + 0.003, 3 * DT_S + 0.006, 4 * DT_S):
+        got = odometry.update(Encoders(stamp_s, (0.5 * stamp_s / RADIUS,) * 4, ZEROS))
+        assert stamp_s == 0.0 or got.twist.vx == pytest.approx(0.5)
+    assert got.pose.x == pytest.approx(0.5 * 4 * DT_S)
+
+
+def test_a_robot_that_stops_within_a_short_interval_is_told_to_stand_by_the_next():
+    odometry = new_odometry()
+    for stamp_s in (0.0, DT_S, DT_S + 0.002):
+        odometry.update(Encoders(stamp_s, (0.5 * min(stamp_s, DT_S) / RADIUS,) * 4, ZEROS))
+    got = odometry.update(Encoders(2 * DT_S, (0.5 * DT_S / RADIUS,) * 4, (1e-9,) * 4))
+    assert abs(got.twist.vx) < 1e-6
+
+
+def test_a_clock_that_was_set_back_leaves_a_speed():
+    odometry = new_odometry()
+    for stamp_s in (10.0, 10.0 + DT_S):
+        odometry.update(Encoders(stamp_s, (0.5 * (stamp_s - 10.0) / RADIUS,) * 4, ZEROS))
+    got = odometry.update(Encoders(3.0, (0.5 * DT_S / RADIUS,) * 4, (1e-9,) * 4))
+    assert abs(got.twist.vx) < 1e-6  # the wheels stand
+    got = odometry.update(Encoders(3.0 + DT_S, (0.5 * 2 * DT_S / RADIUS,) * 4, (1e-9,) * 4))
+    assert got.twist.vx == pytest.approx(0.5)
+
+
 def test_encoders_with_counts(ride: PerfectRide):
     """16384 counts of the drive and 65536 of the steering: rounding stays noise."""
     drive_step, steer_step = (
