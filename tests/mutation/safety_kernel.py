@@ -2,7 +2,7 @@
 
     python -m tests.mutation.safety_kernel                   every mutant: hours of one core
     python -m tests.mutation.safety_kernel --sample 40       a sample, always the same for the same --seed
-    python -m tests.mutation.safety_kernel --module conditions --only overheat    those of a module, by its own tests
+    python -m tests.mutation.safety_kernel --module conditions    those of a module, by its own tests, if it has any
 
 Works on a copy in a temporary folder. Survivors that cannot be told from the original by any input are listed, each
 with the reason, in ``equivalent.yaml``; any other survivor fails the run. mutmut does not mutate properties, validators
@@ -91,7 +91,9 @@ class Result:
 
 
 class Workshop:
-    """A copy of the kernel and its tests in which mutmut works. module: mutates that one alone, with its own tests."""
+    """A copy of the kernel and its tests in which mutmut works. module: mutates that one alone, with its own tests; one
+    that has none of its own, with all.
+    """
 
     def __init__(self, folder: Path, module: str | None = None) -> None:
         self._folder = folder
@@ -105,7 +107,8 @@ class Workshop:
         kernel = sorted((ROOT / "robot_stack" / "safety").glob("*.py"))
         others = [f"robot_stack/safety/{file.name}" for file in kernel if module and file.stem != module]
         kept = "\n    ".join(["robot_stack/safety/nodes/*", *others])
-        tests = f"tests/unit/safety/test_{module}.py" if module else "tests/unit/safety"
+        own = f"tests/unit/safety/test_{module}.py"
+        tests = own if (ROOT / own).is_file() else "tests/unit/safety"
         (folder / "setup.cfg").write_text(SETUP.format(tests=tests, kept=kept))
         (folder / "pytest.ini").write_text(PYTEST)
 
@@ -173,7 +176,7 @@ def check_mutants(
 def main() -> int:
     parser = argparse.ArgumentParser(description="Mutation testing of the safety kernel.")
     parser.add_argument("--sample", type=int, help="check so many mutants instead of all")
-    parser.add_argument("--module", help="of this module alone, by its own tests alone: minutes, not hours")
+    parser.add_argument("--module", help="of this module alone, by its own tests if it has any")
     parser.add_argument("--only", default="", help="check those in whose name this regular expression is found")
     parser.add_argument("--seed", type=int, default=0, help="of the sample")
     arguments = parser.parse_args()
