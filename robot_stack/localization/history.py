@@ -9,6 +9,9 @@ from enum import Enum
 
 from robot_stack.core.geometry import Pose2
 from robot_stack.localization.filter import Array, FilterState, PoseFilter, Step
+from robot_stack.localization.odometry import Variances
+
+NO_DOUBT: Variances = (0.0, 0.0, 0.0)
 
 
 class Correction(Enum):
@@ -61,14 +64,20 @@ class DelayedFilter:
             self._entries.popleft()
         return slipped
 
-    def correct(self, pose: Pose2, covariance: Array, stamp_s: float, gate_sigmas: float) -> Correction:
-        """Corrects by a pose in map, (3, 3) covariance, that was true at ``stamp_s``."""
+    def correct(
+        self, pose: Pose2, covariance: Array, stamp_s: float, gate_sigmas: float, doubt: Variances = NO_DOUBT
+    ) -> Correction:
+        """Corrects by a pose in map, (3, 3) covariance, that was true at ``stamp_s``.
+
+        doubt: (x, y, yaw), m2, m2, rad2, by which the prediction up to there is less certain than it says.
+        """
         if not self._entries or stamp_s < self._entries[0].stamp_s:
             return Correction.TOO_OLD
         if stamp_s > self.stamp_s:
             return Correction.TOO_NEW
         present = self._filter.state()
         later = self._rewind(stamp_s)
+        self._filter.grow(doubt)
         if not self._filter.correct(pose, covariance, gate_sigmas) or not self._filter.state().is_finite():
             self._restore(present, later)
             return Correction.OUTLIER

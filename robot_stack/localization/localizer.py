@@ -15,8 +15,8 @@ from robot_stack.core.geometry import IDENTITY, Pose2
 from robot_stack.core.pose_history import PoseHistory
 from robot_stack.localization.filter import Array, PoseFilter, Step
 from robot_stack.localization.gyro import GyroIncrement, GyroIntegrator, ImuSample
-from robot_stack.localization.history import Correction, DelayedFilter
-from robot_stack.localization.odometry import Increment, OdometryEvent, OdometryIncrements, OdometryReading
+from robot_stack.localization.history import NO_DOUBT, Correction, DelayedFilter
+from robot_stack.localization.odometry import Increment, OdometryEvent, OdometryIncrements, OdometryReading, Variances
 from robot_stack.localization.params import LocalizationParams
 from robot_stack.localization.quality import quality
 from robot_stack.localization.standstill import Standstill
@@ -103,11 +103,14 @@ class Localizer:
             self._odometry_fault = f"/odom: {increment.event.value}"
         return increment.event
 
-    def correct(self, pose: Pose2, covariance: Array, stamp_s: float) -> Correction:
-        """Corrects by a measured pose of base_link in map, (3, 3) covariance, that was true at ``stamp_s``."""
+    def correct(self, pose: Pose2, covariance: Array, stamp_s: float, doubt: Variances = NO_DOUBT) -> Correction:
+        """Corrects by a measured pose of base_link in map, (3, 3) covariance, that was true at ``stamp_s``.
+
+        doubt: see :meth:`DelayedFilter.correct`.
+        """
         if not (pose.is_finite() and math.isfinite(stamp_s) and usable_covariance(covariance)):
             return Correction.NOT_FINITE
-        return self._filter.correct(pose, covariance, stamp_s, self._params.correction_gate_sigmas)
+        return self._filter.correct(pose, covariance, stamp_s, self._params.correction_gate_sigmas, doubt)
 
     def reset(self, pose: Pose2, covariance: Array, stamp_s: float) -> None:
         """Starts anew from a pose that somebody gives: no gate, and the motion since ``stamp_s`` is added where known.

@@ -14,14 +14,15 @@ import numpy as np
 from robot_stack.core.geometry import IDENTITY, Pose2
 from robot_stack.core.point_cloud import Points
 from robot_stack.localization.filter import Array
-from robot_stack.localization.history import Correction
+from robot_stack.localization.history import NO_DOUBT, Correction
 from robot_stack.localization.localizer import Estimate, Localizer
 from robot_stack.localization.ndt.gate import Confidence, LocalizationState, problem_of
 from robot_stack.localization.ndt.hypotheses import Hypotheses
 from robot_stack.localization.ndt.matcher import Match, NdtMatcher, pose_of
 from robot_stack.localization.ndt.search import Region
+from robot_stack.localization.ndt.slip import Slip, SlipWitness
 from robot_stack.localization.ndt.solver import MatchRequest, MatchResult
-from robot_stack.localization.odometry import OdometryEvent, OdometryReading
+from robot_stack.localization.odometry import OdometryEvent, OdometryReading, Variances
 from robot_stack.localization.params import LocalizationParams
 
 _KNOT_S = 0.01
@@ -52,6 +53,8 @@ class MapLocalizer(Localizer):
         self._heading_kept = False  # matches or a person gave it, and the gyro carried it on without a gap
         self._hypotheses: Hypotheses | None = None
         self._asked_s = -math.inf
+        self._witness = SlipWitness(params.ndt.slip)
+        self.slip: Slip | None = None  # up to the last match that was no outlier
         self._problem = ""
         self.match: Match | None = None
 
@@ -76,9 +79,12 @@ class MapLocalizer(Localizer):
             self._epoch += 1
             self._localization.unseen_motion()
             self._heading_kept = False
+            self._forget_slip()
         elif event is OdometryEvent.MOTION and before is not None and self.travelled.newest is not None:
             self._localization.went(self.travelled.newest.pose.distance_to(before.pose))
             self._heading_kept = self._heading_kept and self._gyro_used
+            if self.slip and reading.stamp_s - self.slip.stamp_s > self._ndt.slip.window_s:
+                self.slip = None  # no match since: nobody knows whether it goes on
         return event
 
     def on_sweep(self, sweep: Points, stamp_s: float) -> None:
@@ -149,14 +155,21 @@ class MapLocalizer(Localizer):
         self._epoch += 1
         self._z_m = math.nan
         self._searched_near, self._heading_kept = False, True
+        self._forget_slip()
         self._localization.restart(Confidence.CONFIRMING)
 
     def estimate(self, steady_s: float) -> Estimate:
         estimate = super().estimate(steady_s)
         value = min(estimate.quality * self._localization.factor(steady_s), self._localization.cap())
         covariance = estimate.covariance if self._localization.known else _UNKNOWN
-        faults = (*estimate.faults, *self._map_faults())
-        return replace(estimate, quality=value, covariance=covariance, faults=faults)
+        slipped_m = self.slip.off_m(estimate.stamp_s) if self.slip else 0.0
+        return replace(
+            estimate,
+            quality=value,
+            covariance=covariance + np.diag([slipped_m**2, slipped_m**2, 0.0]),
+            position_sigma_m=math.hypot(estimate.position_sigma_m, slipped_m),
+            faults=(*estimate.faults, *self._map_faults()),
+        )
 
     def _take_places(self, request: MatchRequest, rivals: tuple[Match, ...]) -> None:
         """A search of the whole map that found several places: motion will tell."""
@@ -196,6 +209,7 @@ class MapLocalizer(Localizer):
         self._z_m = float(match.pose[2, 3])
         # Of a place found by search nothing is known but that it fits: if it proves wrong, so may its heading.
         self._searched_near, self._heading_kept, self._problem = False, False, ""
+        self._forget_slip()
         self._localization.found(match, steady_s)
 
     def _judge(self, answer: MatchResult, match: Match, steady_s: float) -> None:
@@ -217,7 +231,9 @@ class MapLocalizer(Localizer):
         predicted = state.pose.compose(moved)
         problem = problem_of(match, predicted, state.position_sigma_m, state.yaw_sigma_rad, self._ndt.gate)
         if not problem:
-            result = self.correct(match.planar, match.planar_covariance, request.stamp_s)
+            self.slip = self._witness.see(request.stamp_s, match, request.travelled)
+            doubt = self._slipped(match, predicted) if self.slip else NO_DOUBT
+            result = self.correct(match.planar, match.planar_covariance, request.stamp_s, doubt)
             if result in (Correction.TOO_OLD, Correction.TOO_NEW):
                 self._problem = f"match came too late: {result.value}"
                 return
@@ -232,6 +248,15 @@ class MapLocalizer(Localizer):
         turn_rad = abs(math.remainder(match.planar.yaw - predicted.yaw, math.tau))
         self._localization.accept(match, match.planar.distance_to(predicted), turn_rad, steady_s)
         self._heading_kept = self._heading_kept or self._localization.state is Confidence.TRACKING
+
+    def _slipped(self, match: Match, predicted: Pose2) -> Variances:
+        """While the wheels slip, what a match is off is their doing: the filter follows it at once."""
+        off_m2 = match.planar.distance_to(predicted) ** 2
+        return off_m2, off_m2, 0.0  # the heading is the gyro's
+
+    def _forget_slip(self) -> None:
+        self._witness.clear()
+        self.slip = None
 
     def _inflate_covariance(self) -> None:
         # A good match that the filter cannot believe: the wheels may have slid further than they know.
@@ -258,7 +283,7 @@ class MapLocalizer(Localizer):
         return np.array(rows)
 
     def _map_faults(self) -> tuple[str, ...]:
-        faults = [self._problem]
+        faults = [self._problem, "wheels slip: the map sees another way" if self.slip else ""]
         if self._localization.state is not Confidence.TRACKING:
             faults.append(self._localization.state.value)
         if self._repeats >= self._ndt.gate.frozen_sweeps:

@@ -201,6 +201,19 @@ class DeadReckoningParams(Config):
     least_factor: Share
 
 
+class SlipParams(Config):
+    """When the way between two matches says that the wheels slipped.
+
+    window_s: the two are so far apart at most; a slip is told so long. least_m: ways that are less apart say nothing;
+    share: of the way besides, what wheels and gyro are off without slipping; sigmas: of both matches' positions.
+    """
+
+    window_s: Positive
+    least_m: Positive
+    share: Share
+    sigmas: Positive
+
+
 class MatchQualityParams(Config):
     """What matches do to ``/localization/quality``.
 
@@ -239,4 +252,5 @@ class NdtParams(Config):
     search: SearchParams
     hypotheses: HypothesisParams
     dead_reckoning: DeadReckoningParams
+    slip: SlipParams
     quality: MatchQualityParams

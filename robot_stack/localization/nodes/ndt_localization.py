@@ -137,6 +137,7 @@ class NdtLocalizationNode(StackNode):
             match = self._map.match
             self.report.values["map"] = self._map.confidence.value
             self.report.values["match"] = "none" if match is None else f"{match.score:.2f}, {match.iterations} steps"
+            self.report.values["slip"] = str(self._map.slip or "none")
 
     def destroy_node(self) -> None:
         if self._thread is not None:

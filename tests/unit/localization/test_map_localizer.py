@@ -49,7 +49,8 @@ _SEEDS = iter(range(100, 100_000))
 class Ride:
     """A robot in the courtyard: true wheels and gyro, sweeps of where it truly stands, each matched 20 ms later.
 
-    seen: what the sensor shows instead of the truth; None: the truth.
+    seen: what the sensor shows instead of the truth; None: the truth. share: of the wheels' speed that the robot makes,
+    slide_mps: how fast it slides to the left meanwhile.
     """
 
     localizer: MapLocalizer
@@ -62,6 +63,8 @@ class Ride:
     place: Place = surfaces
     solver: SweepSolver = field(default_factory=solver)
     seen: Points | None = None
+    share: float = 1.0
+    slide_mps: float = 0.0
     asked: MatchRequest | None = None
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(5))
 
@@ -72,7 +75,8 @@ class Ride:
 
     def _step(self, twist: Twist2) -> None:
         self.t_s, self.steps = self.t_s + IMU_S, self.steps + 1
-        self.truth = self.truth.compose(exp_se2(twist, IMU_S))
+        made = Twist2(twist.vx * self.share, twist.vy * self.share + self.slide_mps, twist.omega)
+        self.truth = self.truth.compose(exp_se2(made, IMU_S))
         self.wheels = self.wheels.compose(exp_se2(twist, IMU_S))
         rate = twist.omega + 0.002 * self.random.standard_normal()
         if self.imu_on:
@@ -153,6 +157,71 @@ def test_the_pose_follows_a_drive_and_outlives_wheels_that_slide() -> None:
     story.drive(1.0)
     assert story.error_m() < 0.05
     assert story.localizer.confidence is Confidence.TRACKING
+
+
+SLIPS = "wheels slip: the map sees another way"
+
+
+@pytest.mark.parametrize(
+    ("told", "share", "slide_mps"),
+    [
+        pytest.param(0.5, 0.5, 0.0, id="half"),
+        pytest.param(1.0, 0.0, 0.0, id="on the spot"),
+        pytest.param(1.4, 0.0, 0.0, id="on the spot, fast"),
+        pytest.param(0.5, 1.0, 0.3, id="sideways"),
+        pytest.param(0.0, 1.0, 0.15, id="at rest"),
+    ],
+)
+def test_while_wheels_slip_the_pose_follows_the_map(told: float, share: float, slide_mps: float) -> None:
+    """Without a witness wheels that turn on the spot at 1.0 m/s took the pose 0.65 m along, and it was lost."""
+    story = ride(Pose2(-4.0, 0.0, 0.0), Pose2(-4.0, 0.0, 0.0)).drive(2.0)
+    assert SLIPS not in story.estimate().faults
+    story.share, story.slide_mps = share, slide_mps
+    for k in range(20):
+        story.drive(0.1, Twist2(told, 0.0, 0.0))
+        assert story.error_m() < 0.18
+        assert story.localizer.slip is None or story.error_m() < 3.0 * story.estimate().position_sigma_m
+        assert story.localizer.confidence is Confidence.TRACKING
+        assert k < 10 or SLIPS in story.estimate().faults
+    story.share, story.slide_mps = 1.0, 0.0
+    story.drive(0.3, Twist2(told, 0.0, 0.0)).drive(1.2)
+    assert SLIPS not in story.estimate().faults
+    assert story.error_m() < 0.03
+
+
+def test_a_ride_on_good_ground_is_no_slip() -> None:
+    story = ride().drive(1.0)
+    for twist in (AHEAD, Twist2(0.0, 0.3, 0.0), Twist2(0.3, 0.0, 0.5), BACK, Twist2(0.0, 0.0, -0.8)):
+        for _ in range(15):
+            story.drive(0.1, twist)
+            assert story.localizer.slip is None
+
+
+def slipping() -> Ride:
+    story = ride(Pose2(-4.0, 0.0, 0.0), Pose2(-4.0, 0.0, 0.0)).drive(2.0)
+    story.share = 0.0
+    story.drive(0.5, AHEAD)
+    assert story.localizer.slip is not None
+    return story
+
+
+def test_a_slip_that_no_match_confirms_any_more_is_forgotten() -> None:
+    story = slipping()
+    story.lidar_on = False
+    story.drive(0.5)
+    assert story.localizer.slip is not None
+    story.drive(0.8)
+    assert story.localizer.slip is None
+
+
+def test_a_pose_that_is_given_or_wheels_that_start_anew_end_a_slip() -> None:
+    story = slipping()
+    story.localizer.reset(story.truth, np.diag([0.01, 0.01, 0.01]), story.t_s)
+    assert story.localizer.slip is None
+    story = slipping()
+    story.wheels = Pose2(50.0, 0.0, 0.0)
+    story.drive(0.02)
+    assert story.localizer.slip is None
 
 
 def test_roll_and_pitch_of_the_imu_are_taken_and_nonsense_is_not() -> None:

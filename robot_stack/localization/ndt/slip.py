@@ -1,0 +1,80 @@
+"""Wheels that slip, told by the surroundings: the way between two matches beside the way of wheels and gyro."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.localization.ndt.matcher import Match
+from robot_stack.localization.ndt.params import SlipParams
+
+
+@dataclass(frozen=True, slots=True)
+class Slip:
+    """Ways in m over ``over_s``, up to ``stamp_s``: as the matches see it, and as wheels and gyro tell it.
+
+    rate_mps: how fast they part, on the whole or from the last match to this one, whichever is faster.
+    """
+
+    stamp_s: float
+    over_s: float
+    seen_m: float
+    told_m: float
+    rate_mps: float
+
+    def off_m(self, stamp_s: float) -> float:
+        """How far off dead reckoning from this match to ``stamp_s`` is, if the wheels go on slipping as they did."""
+        return self.rate_mps * max(0.0, stamp_s - self.stamp_s)
+
+    def __str__(self) -> str:
+        return f"{self.told_m:.2f} m by the wheels, {self.seen_m:.2f} m by the map in {self.over_s:.1f} s"
+
+
+@dataclass(frozen=True, slots=True)
+class _Sight:
+    stamp_s: float
+    matched: Pose2
+    travelled: Pose2
+    variance_m2: float
+
+
+class SlipWitness:
+    """Takes matches in the order of their stamps. Poses are compared over ``window_s``, not from one match to the next:
+    the noise of two matches stays the same, a slip grows.
+    """
+
+    def __init__(self, params: SlipParams) -> None:
+        self._params = params
+        self._sights: deque[_Sight] = deque()
+
+    def clear(self) -> None:
+        """The pose was found anew, or the way between is not known."""
+        self._sights.clear()
+
+    def see(self, stamp_s: float, match: Match, travelled: Pose2) -> Slip | None:
+        """The slip up to this match, None without one. travelled: base_link at ``stamp_s`` by wheels and gyro alone."""
+        p = self._params
+        worst_m2 = float(np.linalg.eigvalsh(match.planar_covariance[:2, :2])[1])
+        newest = _Sight(stamp_s, match.planar, travelled, worst_m2)
+        while self._sights and stamp_s - self._sights[0].stamp_s > p.window_s:
+            self._sights.popleft()
+        oldest, last = (self._sights[0], self._sights[-1]) if self._sights else (newest, newest)
+        self._sights.append(newest)
+        told = travelled.relative_to(oldest.travelled)
+        told_m = math.hypot(told.x, told.y)
+        apart_m = _apart_m(oldest, newest)
+        doubt_m = p.sigmas * math.sqrt(newest.variance_m2 + oldest.variance_m2) + p.share * told_m
+        if apart_m <= max(p.least_m, doubt_m):
+            return None
+        over_s = stamp_s - oldest.stamp_s
+        rate_mps = max(apart_m / over_s, _apart_m(last, newest) / (stamp_s - last.stamp_s))
+        return Slip(stamp_s, over_s, oldest.matched.distance_to(newest.matched), told_m, rate_mps)
+
+
+def _apart_m(old: _Sight, new: _Sight) -> float:
+    """Between where a match and where wheels and gyro put the robot, as seen from an earlier match."""
+    return new.matched.relative_to(old.matched).distance_to(new.travelled.relative_to(old.travelled))

@@ -1,0 +1,99 @@
+"""The way between two matches beside the wheels': what is a slip, and what is noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robot_stack.core.geometry import IDENTITY, Pose2
+from robot_stack.localization.ndt.matcher import Match, pose_of
+from robot_stack.localization.ndt.slip import Slip, SlipWitness
+from tests.unit.localization.courtyard import UP
+from tests.unit.localization.stories import params
+
+SLIP = params().ndt.slip
+PERIOD_S = 0.1
+
+
+def match_at(x_m: float, y_m: float = 0.0, sigma_m: float = 0.015, yaw_rad: float = 0.0) -> Match:
+    pose = pose_of(Pose2(x_m, y_m, yaw_rad), 0.0, UP)
+    return Match(pose, np.eye(6) * sigma_m**2, score=0.9, structure=500, converged=True, iterations=5, reversals=0)
+
+
+def run(seconds: float, seen_mps: float, told_mps: float, sigma_m: float = 0.015) -> Slip | None:
+    """What is told at the end; the wheels' frame lies elsewhere and is turned."""
+    witness, zero = SlipWitness(SLIP), Pose2(40.0, -7.0, 2.0)
+    told = None
+    for k in range(round(seconds / PERIOD_S) + 1):
+        t_s = k * PERIOD_S
+        told = witness.see(
+            100.0 + t_s, match_at(seen_mps * t_s, sigma_m=sigma_m), zero.compose(Pose2(told_mps * t_s, 0, 0))
+        )
+    return told
+
+
+def test_wheels_that_turn_on_the_spot_are_told_within_two_sweeps() -> None:
+    slip = run(0.2, seen_mps=0.0, told_mps=1.0)
+    assert slip is not None
+    assert (slip.stamp_s, slip.over_s) == pytest.approx((100.2, 0.2))
+    assert (slip.seen_m, slip.told_m, slip.rate_mps) == pytest.approx((0.0, 0.2, 1.0))
+    assert str(slip) == "0.20 m by the wheels, 0.00 m by the map in 0.2 s"
+
+
+def test_a_robot_that_slides_with_its_wheels_at_rest_is_told() -> None:
+    slip = run(1.0, seen_mps=0.15, told_mps=0.0)
+    assert slip is not None
+    assert slip.seen_m == pytest.approx(0.15)
+
+
+def test_ways_that_agree_are_no_slip_whatever_the_frames() -> None:
+    for speed_mps in (0.0, 0.3, 1.5):
+        assert run(3.0, speed_mps, speed_mps) is None
+    assert run(3.0, seen_mps=1.5, told_mps=1.5 * 1.01) is None  # radii that are off
+
+
+def test_the_noise_of_matches_is_no_slip() -> None:
+    witness, random = SlipWitness(SLIP), np.random.default_rng(3)
+    told = []
+    for k in range(2000):
+        x_m, y_m = random.normal(0.0, 0.015, 2)
+        told.append(witness.see(k * PERIOD_S, match_at(0.12 * k + x_m, y_m), Pose2(0.12 * k, 0.0, 0.0)))
+    assert sum(slip is not None for slip in told) <= 2  # of 2,000 at more than five standard deviations
+
+
+def test_along_an_open_direction_a_match_tells_nothing() -> None:
+    assert run(1.0, seen_mps=0.0, told_mps=0.5, sigma_m=0.2) is None
+
+
+def test_only_what_lies_within_the_window_counts() -> None:
+    """A slip that is over is no longer told, and ways before a gap say nothing of those behind it."""
+    witness = SlipWitness(SLIP)
+    assert witness.see(0.0, match_at(0.0), IDENTITY) is None
+    assert witness.see(0.5, match_at(0.0), Pose2(0.5, 0.0, 0.0)) is not None
+    assert witness.see(0.5 + 1.1 * SLIP.window_s, match_at(0.0), Pose2(9.0, 0.0, 0.0)) is None
+
+
+def test_a_pose_found_anew_is_compared_with_nothing_before() -> None:
+    witness = SlipWitness(SLIP)
+    witness.see(0.0, match_at(0.0), IDENTITY)
+    witness.clear()
+    assert witness.see(0.1, match_at(5.0), IDENTITY) is None
+
+
+def test_dead_reckoning_is_the_farther_off_the_longer_ago_the_match() -> None:
+    slip = Slip(stamp_s=10.0, over_s=0.5, seen_m=0.0, told_m=0.5, rate_mps=1.0)
+    assert slip.off_m(10.2) == pytest.approx(0.2)
+    assert slip.off_m(9.0) == 0.0
+    assert replace(slip, rate_mps=0.2).off_m(10.2) == pytest.approx(0.04)
+
+
+def test_a_slip_that_has_just_begun_goes_on_at_its_own_rate() -> None:
+    """Not at the mean over a window of which most was before it."""
+    witness = SlipWitness(SLIP)
+    for k in range(10):
+        assert witness.see(k * PERIOD_S, match_at(0.0), IDENTITY) is None
+    slip = witness.see(10 * PERIOD_S, match_at(0.0), Pose2(0.1, 0.0, 0.0))
+    assert slip is not None
+    assert slip.rate_mps == pytest.approx(1.0)
