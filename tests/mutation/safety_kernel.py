@@ -4,9 +4,10 @@
     python -m tests.mutation.safety_kernel --sample 40       a sample, always the same for the same --seed
     python -m tests.mutation.safety_kernel --module conditions    those of a module, by its own tests, if it has any
 
-Works on a copy in a temporary folder. Survivors that cannot be told from the original by any input are listed, each
-with the reason, in ``equivalent.yaml``; any other survivor fails the run. mutmut does not mutate properties, validators
-and module-level code; those rest on the branch coverage of 100 % alone.
+Works on a copy in a temporary folder. A mutant that no test reaches survives as one does that all tests pass. What
+survives a module's own tests is judged by all. Survivors that cannot be told from the original by any input are listed,
+each with the reason, in ``equivalent.yaml``; any other survivor fails the run. mutmut does not mutate properties,
+validators and module-level code; those rest on the branch coverage of 100 % alone.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ COPIED = (
     "tests/unit/__init__.py",
     "tests/unit/safety",
 )
+ALL_TESTS = "tests/unit/safety"
 SETUP = """
 [mutmut]
 source_paths=
@@ -59,7 +61,8 @@ pythonpath = .
 """
 # Any one: mutmut generates all mutants and looks up which tests reach them before it runs the first.
 FIRST = "robot_stack.safety.timing.x_age_s__mutmut_1"
-SURVIVED = 0
+# Exit codes of mutmut: every test passed; there was none to run.
+SURVIVED = (0, 5, 33)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,11 +94,9 @@ class Result:
 
 
 class Workshop:
-    """A copy of the kernel and its tests in which mutmut works. module: mutates that one alone, with its own tests; one
-    that has none of its own, with all.
-    """
+    """A copy of the kernel and its tests in which mutmut works. module: mutates that one alone. tests: that judge."""
 
-    def __init__(self, folder: Path, module: str | None = None) -> None:
+    def __init__(self, folder: Path, module: str | None = None, tests: str = ALL_TESTS) -> None:
         self._folder = folder
         for name in COPIED:
             source, target = ROOT / name, folder / name
@@ -107,8 +108,6 @@ class Workshop:
         kernel = sorted((ROOT / "robot_stack" / "safety").glob("*.py"))
         others = [f"robot_stack/safety/{file.name}" for file in kernel if module and file.stem != module]
         kept = "\n    ".join(["robot_stack/safety/nodes/*", *others])
-        own = f"tests/unit/safety/test_{module}.py"
-        tests = own if (ROOT / own).is_file() else "tests/unit/safety"
         (folder / "setup.cfg").write_text(SETUP.format(tests=tests, kept=kept))
         (folder / "pytest.ini").write_text(PYTEST)
 
@@ -148,12 +147,27 @@ def listed() -> dict[Change, str]:
 def check_mutants(
     folder: Path, sample: int | None = None, seed: int = 0, module: str | None = None, only: str = ""
 ) -> Result:
-    """All mutants, or a sample of them; with ``module`` of that module alone, by its own tests alone.
+    """All mutants, or a sample of them; with ``module`` of that module alone.
 
     A sample of a module is one of ``timing``, where FIRST is. only: a regular expression, found in the mutant's name.
     """
-    workshop = Workshop(folder, module)
-    whole = module is not None and sample is None
+    own = f"{ALL_TESTS}/test_{module}.py"
+    has_own = (ROOT / own).is_file()
+    workshop = Workshop(folder / "first", module, own if has_own else ALL_TESTS)
+    every, chosen = _run(workshop, sample, seed, only, whole=module is not None and sample is None)
+    survivors = _survivors(workshop, chosen)
+    if survivors and has_own:
+        workshop = Workshop(folder / "second", module)
+        workshop.run(survivors)
+        survivors = _survivors(workshop, survivors)
+    changes, known = [workshop.change(name) for name in survivors], listed()
+    equivalent = tuple(change for change in changes if change in known)
+    unexplained = tuple(change for change in changes if change not in known)
+    return Result(len(every), len(chosen), len(chosen) - len(survivors), equivalent, unexplained)
+
+
+def _run(workshop: Workshop, sample: int | None, seed: int, only: str, *, whole: bool) -> tuple[list[str], list[str]]:
+    """(names of all mutants, of those that were to be run and have run). whole: all at once."""
     workshop.run([] if whole else [FIRST])
     every = sorted(workshop.exit_codes())
     chosen = [name for name in every if re.search(only, name)]
@@ -162,15 +176,15 @@ def check_mutants(
         chosen = [FIRST, *random.Random(seed).sample(others, min(sample - 1, len(others)))]
     if chosen and chosen != [FIRST] and not whole:
         workshop.run(chosen if chosen != every else [])
+    return every, chosen
+
+
+def _survivors(workshop: Workshop, names: list[str]) -> list[str]:
     codes = workshop.exit_codes()
-    missed = [name for name in chosen if codes[name] is None]
+    missed = [name for name in names if codes[name] is None]
     if missed:
         raise RuntimeError(f"mutmut did not run {', '.join(missed)}")
-    survivors = [workshop.change(name) for name in chosen if codes[name] == SURVIVED]
-    known = listed()
-    equivalent = tuple(change for change in survivors if change in known)
-    unexplained = tuple(change for change in survivors if change not in known)
-    return Result(len(every), len(chosen), len(chosen) - len(survivors), equivalent, unexplained)
+    return [name for name in names if codes[name] in SURVIVED]
 
 
 def main() -> int:

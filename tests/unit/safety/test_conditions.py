@@ -15,6 +15,7 @@ from robot_stack.safety.collision import FREE, Approach
 from robot_stack.safety.collision_prediction import CollisionPrediction
 from robot_stack.safety.conditions import CONDITIONS, stale_s
 from robot_stack.safety.inputs import CLEAR, ComputerState, Finding, Level, ProcessAge, Snapshot
+from robot_stack.safety.meeting import Meeting
 from tests.unit.safety.story import PARAMS
 
 NONE, WARN, LIMIT, STOP, EMERGENCY = SafetyAction
@@ -307,6 +308,10 @@ def prediction(moving: Approach = FREE, wanted: Approach = FREE) -> CollisionPre
     return replace(FREE_WAY, moving=moving, wanted=wanted)
 
 
+def meeting(somebody: Meeting, moving: Approach = FREE) -> CollisionPrediction:
+    return replace(FREE_WAY, moving=moving, meeting=somebody)
+
+
 def test_lidar_and_obstacles_that_fall_silent() -> None:
     assert find("LIDAR_TIMEOUT", lidar_age_s=0.5, lidar_problem="frozen") == CLEAR
     assert find("LIDAR_TIMEOUT", lidar_age_s=0.51) == present(STOP, "/sensors/lidar/points: silent for 0.51 s")
@@ -344,6 +349,8 @@ def test_without_obstacles_nobody_can_judge(code: str, active_action: SafetyActi
         (STOP, prediction(Approach(1.29, 5.0)), present(STOP, "collision in 1.3 s")),
         (STOP, prediction(Approach(5.0, 0.19)), present(STOP, "obstacle 0.19 m ahead")),
         (STOP, prediction(wanted=Approach(5.0, 0.19)), present(STOP, "obstacle 0.19 m ahead")),
+        (NONE, meeting(Meeting(stop=True, speed_mps=0.0)), present(STOP, "somebody walks into the way")),
+        (NONE, meeting(Meeting(stop=False, speed_mps=0.0)), CLEAR),
     ],
 )
 def test_collision_imminent(active_action: SafetyAction, seen: CollisionPrediction, expected: Finding) -> None:
@@ -371,6 +378,9 @@ def near(clearance_m: float, linear_mps: float, angular_radps: float) -> Finding
         (LIMIT, prediction(Approach(3.3, 1.05)), CLEAR),
         (LIMIT, prediction(Approach(3.29, 4.0)), near(4.0, 1.6, 3.2)),
         (LIMIT, prediction(Approach(9.0, 1.04)), near(1.04, 0.41, 0.82)),
+        (NONE, meeting(Meeting(speed_mps=0.4)), present(LIMIT, "somebody comes", SpeedLimit(0.4, pytest.approx(0.8)))),
+        (NONE, meeting(Meeting(speed_mps=0.2), Approach(9.0, 0.75)), near(0.75, 0.2, 0.4)),
+        (NONE, meeting(Meeting(speed_mps=0.4), Approach(9.0, 0.75)), near(0.75, 0.3, 0.6)),
     ],
 )
 def test_obstacle_near(active_action: SafetyAction, seen: CollisionPrediction, expected: Finding) -> None:

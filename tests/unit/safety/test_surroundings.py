@@ -50,6 +50,11 @@ def cloud(*points: tuple[float, float, float]) -> NDArray[np.float64]:
     return np.array(points, np.float64).reshape(-1, 3)
 
 
+def moving(*rows: tuple[float, float, float, float, float]) -> NDArray[np.float64]:
+    """(n, 5) x, y, z, vx, vy."""
+    return np.array(rows, np.float64).reshape(-1, 5)
+
+
 # --- reckoning -------------------------------------------------------------------------------------------------------
 
 
@@ -112,6 +117,14 @@ def test_half_sweeps_make_one_picture_until_they_are_too_old() -> None:
     assert scene.go(0.05).see().known() == []
 
 
+def test_a_cloud_of_just_the_window_s_age_belongs_to_the_picture() -> None:
+    scene = Scene()
+    scene.now_s = 0.0
+    scene.see((3.0, 0.0, 1.0))
+    scene.now_s = OBSTACLES.window_s
+    assert scene.see((-3.0, 0.0, 1.0)).known() == [[-3.0, 0.0, 1.0], [3.0, 0.0, 1.0]]
+
+
 def test_an_empty_cloud_is_fresh_and_shows_nothing() -> None:
     scene = Scene().see()
     assert (scene.around.age_s(scene.now_s), scene.around.problem) == (0.0, "")
@@ -153,8 +166,33 @@ def test_of_a_column_the_nearest_point_is_kept_at_the_height_of_the_highest() ->
     assert Scene().see(*behind).known() == [[-2.01, -0.01, 0.7]]
 
 
+def test_the_nearest_of_a_column_beside_the_robot() -> None:
+    assert Scene().see((0.01, 1.04, 0.2), (0.03, 1.01, 0.2)).known() == [[0.03, 1.01, 0.2]]
+    assert Scene().see((0.01, -1.01, 0.2), (0.03, -1.04, 0.2)).known() == [[0.01, -1.01, 0.2]]
+    assert Scene().see((1.01, 1.03, 0.2), (1.03, 1.01, 0.2)).known() == [[1.01, 1.03, 0.2]]  # the first of equals
+
+
+@pytest.mark.parametrize("y_m", [0.61, 1.11, -0.74, -0.14])
+def test_columns_are_told_from_each_other(y_m: float) -> None:
+    """Two points in each of 4 by 4 columns: one of each column is kept."""
+    middles = [(2.0 + 0.05 * column, y_m + 0.05 * row) for column in range(4) for row in range(4)]
+    pairs = [point for x, y in middles for point in ((x + 0.02, y, 0.1), (x + 0.01, y, 0.3))]
+    assert Scene().see(*pairs).known() == sorted([round(x + 0.01, 3), round(y, 3), 0.3] for x, y in middles)
+
+
+def test_points_of_less_precision_keep_the_precision_of_the_way() -> None:
+    """Clouds are told in float32: far from where dead reckoning began a millimetre would be lost in it."""
+    scene = Scene()
+    scene.dead_reckoning.pose = Pose2(1e5, 0.0, 0.0)
+    scene.around.received(cloud((2.001, 0.5, 1.0)).astype(np.float32), 0.0, BODY, scene.now_s)
+    scene.around.unseen_received(cloud((2.001, 0.5, 1.0)).astype(np.float32), 0.0, scene.now_s)
+    assert scene.known() == [[2.001, 0.5, 1.0]]
+    assert scene.around.unseen(0.3, scene.now_s) == pytest.approx(np.array([[2.001, 0.5, 1.0]]), abs=1e-4)
+
+
 def test_far_points_are_left_out() -> None:
     radius = OBSTACLES.radius_m
+    assert len(Scene().see((radius, 0.0, 1.0)).known()) == 1
     assert len(Scene().see((0.6 * radius, 0.79 * radius, 1.0)).known()) == 1
     assert Scene().see((0.6 * radius, 0.81 * radius, 1.0)).known() == []
 
@@ -199,6 +237,44 @@ def test_an_end_of_known_space_that_makes_no_sense_is_not_received(latency_s: fl
     assert scene.around.problem == "never received"  # of the obstacles
 
 
+# --- who moves -------------------------------------------------------------------------------------------------------
+
+
+def test_who_moves_goes_on_while_the_robot_does() -> None:
+    scene = Scene(Twist2(1.0, 0.0, 0.0)).go(0.5)
+    assert scene.around.moving(0.3, scene.now_s) is None
+    rows = moving((2.0, 1.0, 0.5, -0.5, -2.0), (2.0, 1.0, 0.5, math.nan, 0.0), (math.inf, 1.0, 0.5, 0.0, 0.0))
+    scene.around.moving_received(rows, 0.1, scene.now_s)
+    found = scene.around.moving(0.3, scene.now_s)
+    assert found is not None
+    assert found == pytest.approx(np.array([[1.85, 0.8, 0.5, -0.5, -2.0]]))
+    scene.go(0.2)
+    assert scene.around.moving(0.3, scene.now_s) == pytest.approx(np.array([[1.55, 0.4, 0.5, -0.5, -2.0]]))
+    assert scene.around.moving(0.3, scene.now_s + 0.11) is None
+    assert scene.around.moving(0.3, scene.now_s - 1.0) is None
+
+
+def test_who_moves_is_turned_with_the_robot() -> None:
+    scene = Scene()
+    scene.dead_reckoning.pose = Pose2(0.0, 0.0, math.pi / 2)
+    scene.around.moving_received(moving((2.0, 0.0, 0.5, 0.0, 1.0)), 0.0, scene.now_s)
+    scene.dead_reckoning.pose = IDENTITY
+    assert scene.around.moving(0.3, scene.now_s) == pytest.approx(np.array([[0.0, 2.0, 0.5, -1.0, 0.0]]), abs=1e-9)
+
+
+@pytest.mark.parametrize("latency_s", [OBSTACLES.max_latency_s + 0.01, -0.01, math.nan])
+def test_a_motion_that_makes_no_sense_is_not_received(latency_s: float) -> None:
+    scene = Scene()
+    scene.around.moving_received(moving((2.0, 0.0, 0.5, 0.0, 1.0)), latency_s, scene.now_s)
+    scene.around.moving_received(moving((2.0, 0.0, 0.5, 0.0, math.nan)), 0.0, scene.now_s)
+    assert scene.around.moving(0.3, scene.now_s) is None
+    scene.around.moving_received(moving(), 0.0, scene.now_s)
+    found = scene.around.moving(0.3, scene.now_s)
+    assert found is not None
+    assert found.shape == (0, 5)
+    assert scene.around.problem == "never received"  # of the obstacles
+
+
 # --- docks -----------------------------------------------------------------------------------------------------------
 
 IN_DOCK = {
@@ -215,6 +291,21 @@ IN_DOCK = {
     "leg at a rail": ((-0.3, 0.31, 0.5), False),
     "beside the rails": ((-0.3, -0.46, 0.2), False),
 }
+ON_THE_EDGE = [
+    (0.8, 0.0, 0.5),
+    (0.3, 0.45, 0.5),
+    (0.3, -0.45, 0.5),
+    (0.6, 0.0, 1.6),
+    (-0.02, 0.4, 0.5),
+    (0.0, 0.4, 0.3),
+]
+    (0.8, 0.0, 0.5),
+    (0.3, 0.45, 0.5),
+    (0.3, -0.45, 0.5),
+    (0.6, 0.0, 1.6),
+    (-0.02, 0.4, 0.5),
+    (0.0, 0.4, 0.3),
+]
 
 
 @pytest.mark.parametrize("name", IN_DOCK)
@@ -227,6 +318,27 @@ def test_what_belongs_to_a_dock(name: str) -> None:
     scene.see((at.x, at.y, z))
     assert (scene.known(docking=True) == []) is own
     assert len(scene.known(docking=False)) == 1
+
+
+@pytest.mark.parametrize("point", ON_THE_EDGE)
+def test_a_dock_s_edge_is_the_dock_s(point: tuple[float, float, float]) -> None:
+    scene = Scene()
+    scene.around.dock(IDENTITY, 0.0, scene.now_s)
+    assert scene.see(point).known(docking=True) == []
+    assert len(scene.known(docking=False)) == 1
+
+
+def test_limits_of_age_belong_to_what_is_known() -> None:
+    scene = Scene()
+    scene.now_s = 0.0
+    scene.around.dock(IDENTITY, OBSTACLES.max_latency_s, scene.now_s)
+    scene.around.unseen_received(cloud((2.0, 0.0, 0.0)), OBSTACLES.max_latency_s, scene.now_s)
+    scene.around.moving_received(moving((2.0, 0.0, 0.0, 1.0, 0.0)), OBSTACLES.max_latency_s, scene.now_s)
+    scene.see((0.6, 0.0, 0.5))
+    scene.now_s = 0.3
+    assert scene.known(docking=True) == []
+    assert scene.around.unseen(0.3, scene.now_s) is not None
+    assert scene.around.moving(0.3, scene.now_s) is not None
 
 
 def test_the_dock_moves_with_the_world_and_grows_old() -> None:

@@ -192,6 +192,12 @@ def test_the_longest_silence_is_told_once() -> None:
     assert wheels.take_silence_s(2.0) == 0.25
 
 
+def test_there_is_no_silence_before_the_first_states() -> None:
+    wheels, _ = _wheels()
+    wheels.received(JOINTS, *_states([0.0] * 4, [0.0] * 4), 1.0)
+    assert wheels.take_silence_s(1.25) == 0.25
+
+
 @pytest.mark.parametrize(
     ("steer_rad", "drive_radps", "velocity"),
     [
