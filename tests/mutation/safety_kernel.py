@@ -151,6 +151,7 @@ def check_mutants(
 
     A sample of a module is one of ``timing``, where FIRST is. only: a regular expression, found in the mutant's name.
     """
+    known = listed()
     own = f"{ALL_TESTS}/test_{module}.py"
     has_own = (ROOT / own).is_file()
     workshop = Workshop(folder / "first", module, own if has_own else ALL_TESTS)
@@ -160,7 +161,7 @@ def check_mutants(
         workshop = Workshop(folder / "second", module)
         workshop.run(survivors)
         survivors = _survivors(workshop, survivors)
-    changes, known = [workshop.change(name) for name in survivors], listed()
+    changes = [workshop.change(name) for name in survivors]
     equivalent = tuple(change for change in changes if change in known)
     unexplained = tuple(change for change in changes if change not in known)
     return Result(len(every), len(chosen), len(chosen) - len(survivors), equivalent, unexplained)
