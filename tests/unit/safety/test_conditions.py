@@ -12,8 +12,8 @@ from robot_stack.contract import faults, topics
 from robot_stack.contract.model import ContractViolation, Criticality, SafetyAction
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.safety.collision import FREE, Approach
-from robot_stack.safety.collision_prediction import CollisionPrediction
-from robot_stack.safety.conditions import CONDITIONS, stale_s
+from robot_stack.safety.collision_prediction import CollisionPrediction, seen_limit_mps
+from robot_stack.safety.conditions import CONDITIONS, stale_s, unseen_limit
 from robot_stack.safety.inputs import CLEAR, ComputerState, Finding, Level, ProcessAge, Snapshot
 from robot_stack.safety.meeting import Meeting
 from tests.unit.safety.story import PARAMS
@@ -390,3 +390,23 @@ def test_obstacle_near(active_action: SafetyAction, seen: CollisionPrediction, e
     if found.limit is not None and expected.limit is not None:
         assert found.limit.linear_mps == pytest.approx(expected.limit.linear_mps)
         assert found.limit.angular_radps == expected.limit.angular_radps
+
+
+def test_no_faster_than_what_is_seen_of_the_way_lets_it_stop() -> None:
+    def limit(seen: CollisionPrediction | None) -> SpeedLimit | None:
+        return unseen_limit(replace(WELL, prediction=seen), PARAMS)
+
+    assert limit(None) is None
+    assert limit(FREE_WAY) is None
+    ends = replace(FREE_WAY, unseen=Approach(1.0, 1.5), reach_m=0.4)
+    found = limit(ends)
+    assert found is not None
+    assert found.linear_mps == seen_limit_mps(1.5, PARAMS.collision, 2.0)
+    assert 0.0 < found.linear_mps < 2.0
+    assert found.angular_radps == pytest.approx(found.linear_mps / 0.4)
+
+
+def test_who_has_no_obstacles_has_no_limit_by_what_is_seen() -> None:
+    rows = tuple(code for code in PARAMS.rows if code != "OBSTACLES_TIMEOUT")
+    ends = replace(FREE_WAY, unseen=Approach(1.0, 1.5))
+    assert unseen_limit(replace(WELL, prediction=ends), PARAMS.model_copy(update={"rows": rows})) is None

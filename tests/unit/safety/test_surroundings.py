@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
 from robot_stack.safety.collision import Outline
-from robot_stack.safety.dead_reckoning import DeadReckoning, Modules
+from robot_stack.safety.dead_reckoning import DeadReckoning
 from robot_stack.safety.obstacle_params import CollisionParams, ExclusionParams, LidarParams, VolumeParams
 from robot_stack.safety.surroundings import Surroundings
 from tests.unit.safety.story import PARAMS
@@ -53,36 +53,6 @@ def cloud(*points: tuple[float, float, float]) -> NDArray[np.float64]:
 def moving(*rows: tuple[float, float, float, float, float]) -> NDArray[np.float64]:
     """(n, 5) x, y, z, vx, vy."""
     return np.array(rows, np.float64).reshape(-1, 5)
-
-
-# --- reckoning -------------------------------------------------------------------------------------------------------
-
-
-def test_modules_agree_on_a_twist() -> None:
-    modules = Modules(((0.3, 0.25), (0.3, -0.25), (-0.3, 0.25), (-0.3, -0.25)), 0.08)
-    for twist in (Twist2(1.0, 0.0, 0.0), Twist2(0.3, -0.4, 0.0), Twist2(0.0, 0.0, 0.7), Twist2(0.5, 0.2, -0.6)):
-        velocities = [(twist.vx - twist.omega * y, twist.vy + twist.omega * x) for x, y in modules.positions_m]
-        found = modules.twist([math.hypot(*v) for v in velocities], [math.atan2(v[1], v[0]) for v in velocities])
-        assert (found.vx, found.vy, found.omega) == pytest.approx((twist.vx, twist.vy, twist.omega))
-
-
-def test_reckoning_goes_with_the_twist_and_not_over_gaps() -> None:
-    dead_reckoning = DeadReckoning(0.3)
-    twist = Twist2(1.0, 0.0, 0.0)
-    dead_reckoning.update(twist, 5.0)
-    assert dead_reckoning.pose == IDENTITY
-    dead_reckoning.update(twist, 5.3)
-    assert dead_reckoning.pose.x == pytest.approx(0.3)
-    dead_reckoning.update(twist, 5.61)
-    dead_reckoning.update(twist, 5.0)  # time ran back
-    assert dead_reckoning.pose.x == pytest.approx(0.3)
-    dead_reckoning.update(Twist2(-2.0, 0.0, 0.0), 5.1)
-    assert dead_reckoning.pose.x == pytest.approx(0.1)
-    assert dead_reckoning.pose_at(5.2).x == pytest.approx(-0.1)
-    assert dead_reckoning.pose_at(5.0).x == pytest.approx(0.3)
-    assert dead_reckoning.pose_at(5.39).x == pytest.approx(0.1 - 0.58)
-    assert dead_reckoning.pose_at(5.41).x == pytest.approx(0.1)
-    assert DeadReckoning(0.3).pose_at(1.0) == IDENTITY
 
 
 # --- clouds ----------------------------------------------------------------------------------------------------------
