@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import stat
+import threading
 import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -207,6 +210,25 @@ def test_what_makes_no_sense_is_no_record(changes: dict[str, Any]) -> None:
         decode(_signed({**GOOD, **changes}))
 
 
+def test_it_is_said_what_is_wrong_with_a_record() -> None:
+    body, checksum, _ = _signed(GOOD).split(b"\n", 2)
+    with pytest.raises(ValueError, match=r"^the checksum is wrong$"):
+        decode(body + b" \n" + checksum + b"\n")
+    with pytest.raises(ValueError, match=r"\('wrong types'\)$"):
+        decode(_signed({**GOOD, "generation": "1"}))
+    with pytest.raises(ValueError, match=r"\('wrong values'\)$"):
+        decode(_signed({**GOOD, "passenger": 0}))
+
+
+def test_what_a_longer_record_has_left_behind_a_shorter_one_is_not_read() -> None:
+    """The power went after the write and before the file was cut."""
+    many = Memory(presses=tuple(Press(f"source {index}", index) for index in range(300)))
+    short = encode(Record(2, LATCHED))
+    left = encode(Record(1, many))[len(short) :]
+    assert b"\n" in left
+    assert decode(short + left) == Record(2, LATCHED)
+
+
 def test_a_record_that_lacks_something_is_none() -> None:
     for name in GOOD:
         with pytest.raises(ValueError, match="sense"):
@@ -263,7 +285,7 @@ def test_a_disk_that_takes_nothing_is_told_until_it_does(disk: Disk, monkeypatch
 
 
 def test_a_disk_that_hangs_is_told(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
-    hanging, disk_is_back = [], latch_store.threading.Event()
+    hanging, disk_is_back = [], threading.Event()
 
     def hang(*_: Any) -> None:
         hanging.append(True)
@@ -275,6 +297,103 @@ def test_a_disk_that_hangs_is_told(disk: Disk, monkeypatch: pytest.MonkeyPatch) 
     wait_for(lambda: hanging and "not written for" in store.problem(), "the problem")
     disk_is_back.set()
     wait_for(lambda: store.problem() == "", "its end")
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+
+@dataclass
+class HangingDisk:
+    """Takes nothing before ``back`` is set."""
+
+    back: threading.Event
+    reached: threading.Event
+
+    def write(self, *_: Any) -> None:
+        self.reached.set()
+        self.back.wait(60.0)
+
+
+@pytest.fixture
+def hanging(monkeypatch: pytest.MonkeyPatch) -> Iterator[HangingDisk]:
+    disk = HangingDisk(threading.Event(), threading.Event())
+    monkeypatch.setattr(latch_store.LatchStore, "_make_folder", disk.write)
+    yield disk
+    disk.back.set()
+
+
+def test_a_slow_disk_is_told_from_when_the_first_record_waits(
+    disk: Disk, hanging: HangingDisk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = Clock()
+    monkeypatch.setattr(latch_store, "time", clock)
+    store = disk.store(slow_s=30.0)
+    assert store.problem() == ""
+    store.save(LATCHED)
+    assert store.problem() == ""
+    clock.now_s = 1020.0
+    store.save(Memory())
+    clock.now_s = 1030.0
+    assert store.problem() == ""
+    clock.now_s = 1031.0
+    assert store.problem() == "not written for 31 s"
+    hanging.back.set()
+    wait_for(lambda: store.problem() == "", "its end")
+    clock.now_s = 5000.0
+    assert store.problem() == ""
+
+
+def test_a_disk_that_hangs_keeps_nobody_from_ending(
+    disk: Disk, hanging: HangingDisk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(latch_store, "_END_S", 0.05)
+    store = disk.store()
+    store.save(LATCHED)
+    assert hanging.reached.wait(60.0)
+    store.close()
+    assert store._thread.is_alive()
+
+
+def test_a_first_start_that_was_cut_off_is_begun_again(disk: Disk) -> None:
+    beside = disk.folder.with_name("safety.new")
+    beside.mkdir(parents=True)
+    (beside / COPIES[0]).write_bytes(b"half")
+    assert disk.load() == Memory()
+    disk.saved(LATCHED)
+    assert not beside.exists()
+
+
+def test_nobody_else_may_read_or_write_the_latch(disk: Disk) -> None:
+    before = os.umask(0)
+    try:
+        disk.saved(LATCHED)
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(disk.folder.stat().st_mode) == 0o700
+    assert [stat.S_IMODE((disk.folder / name).stat().st_mode) for name in COPIES] == [0o600] * 2
+
+
+def test_a_new_copy_s_name_is_on_the_disk_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    synced: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda descriptor: synced.append(os.fstat(descriptor).st_ino))
+    copy = tmp_path / "copy"
+    latch_store._write_through(copy, b"data")
+    assert synced == [copy.stat().st_ino, tmp_path.stat().st_ino]
+
+
+def test_a_file_system_that_syncs_no_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def files_only(descriptor: int) -> None:
+        if stat.S_ISDIR(os.fstat(descriptor).st_mode):
+            raise OSError(22, "Invalid argument")
+
+    monkeypatch.setattr(os, "fsync", files_only)
+    latch_store._write_through(tmp_path / "copy", b"data")
+    assert (tmp_path / "copy").read_bytes() == b"data"
 
 
 def test_a_runtime_folder_that_takes_nothing_is_told(disk: Disk) -> None:
