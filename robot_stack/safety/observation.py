@@ -56,8 +56,8 @@ class Observation:
         params: SafetyParams,
         robot: Robot,
         now_s: float,
-        passenger: bool = False,
-        presses: tuple[Press, ...] = (),
+        passenger: bool,
+        presses: tuple[Press, ...],
     ) -> None:
         self._started_s = now_s
         self.passenger = passenger

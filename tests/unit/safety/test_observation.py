@@ -1,0 +1,66 @@
+"""What goes through the observation as it is: memory, limits, why something is missing. The rest is told by stories."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot_stack.contract.frames import JOINTS
+from robot_stack.core.limits import SpeedLimit
+from robot_stack.core.robot import Robot
+from robot_stack.safety.inputs import Level
+from robot_stack.safety.observation import Observation
+from robot_stack.safety.stop_sources import Press
+from tests.unit.safety.story import PARAMS, ROBOT
+
+PRESSES = (Press("touch_ui", 17),)
+FAST = SpeedLimit(1.5, 1.5)
+
+
+def observation(*, passenger: bool = False, robot: Robot = ROBOT) -> Observation:
+    return Observation(PARAMS, robot, 0.0, passenger, PRESSES)
+
+
+def test_what_is_remembered_is_known_from_the_start() -> None:
+    assert observation().sources.presses == PRESSES
+    assert observation(passenger=True).passenger is True
+    assert observation(passenger=False).passenger is False
+
+
+def test_why_something_is_missing() -> None:
+    found = observation()
+    at_first = found.snapshot(False, 1.0)
+    assert at_first.latch_problem == ""
+    assert {at_first.lidar_problem, at_first.overhead_lidar_problem, at_first.obstacles_problem} == {"never received"}
+    found.latch_problem = "disk full"
+    found.lidar.refused("a")
+    found.overhead_lidar.refused("b")
+    found.surroundings.refused("c")
+    seen = found.snapshot(False, 1.0)
+    assert (seen.lidar_problem, seen.overhead_lidar_problem, seen.obstacles_problem) == ("a", "b", "c")
+    assert seen.latch_problem == "disk full"
+
+
+def too_fast_after_s(found: Observation, *, hard: bool) -> float:
+    """How long a robot may drive on at 1 m/s after it has been told to stand, s."""
+    speed = 1.0 / ROBOT.wheel_radius_m
+    velocity = [speed if name.endswith("_drive") else 0.0 for name in JOINTS]
+    for tick in range(1000):
+        now_s = 0.01 * tick
+        found.joint_states(JOINTS, [0.0] * len(JOINTS), velocity, now_s)
+        found.limited(FAST if tick < 10 else SpeedLimit(0.0, 0.0), hard, now_s)
+        if found.snapshot(False, now_s).obedience.level is Level.PRESENT:
+            return now_s
+    pytest.fail("nobody has noticed")
+
+
+def test_a_hard_stop_is_missed_sooner_than_one_in_comfort() -> None:
+    assert too_fast_after_s(observation(), hard=True) < too_fast_after_s(observation(), hard=False) - 0.1
+
+
+def test_a_passenger_s_gentle_stop_is_waited_for() -> None:
+    """The two motions as far apart as they may be: what the shipped robot has is nobody's promise."""
+    hasty = ROBOT.empty.model_copy(update={"max_acceleration_mps2": 3.0, "max_jerk_mps3": 30.0})
+    gentle = ROBOT.with_passenger.model_copy(update={"max_acceleration_mps2": 0.3, "max_jerk_mps3": 0.5})
+    robot = ROBOT.model_copy(update={"empty": hasty, "with_passenger": gentle})
+    alone = too_fast_after_s(observation(passenger=False, robot=robot), hard=False)
+    assert alone < too_fast_after_s(observation(passenger=True, robot=robot), hard=False) - 0.5
