@@ -8,10 +8,19 @@ from dataclasses import replace
 import pytest
 
 from robot_stack.contract.frames import JOINTS
+from robot_stack.core.geometry import ZERO_TWIST
 from robot_stack.safety.attitude import PlanarAcceleration, UpDirection, Vector3
 from robot_stack.safety.dead_reckoning import DeadReckoning, Modules
 from robot_stack.safety.inputs import ImuSample
-from robot_stack.safety.watches import EstopWatch, ImuWatch, Latest, PoseWatch, WheelWatch, joint_states_problem
+from robot_stack.safety.watches import (
+    CameraWatch,
+    EstopWatch,
+    ImuWatch,
+    Latest,
+    PoseWatch,
+    WheelWatch,
+    joint_states_problem,
+)
 
 STILL = ImuSample(0.0, 0.0, 9.81, 0.0, 0.0, 0.0)
 
@@ -128,6 +137,17 @@ def test_wheels_stand_still_below_the_threshold_only() -> None:
     assert wheels.still_for_s(2.0, 0.5) is None
     wheels.received(JOINTS, *slow, 2.5)
     assert wheels.still_for_s(2.75, 0.5) == 0.25
+
+
+def test_the_twist_of_a_robot_that_stands_or_of_which_nobody_knows_is_zero() -> None:
+    wheels, _ = _wheels(standstill_mps=0.25)
+    assert wheels.twist(1.0, 0.5) == ZERO_TWIST
+    wheels.received(JOINTS, *_states([2.5] * 4, [0.0] * 4), 1.0)
+    assert wheels.twist(1.5, 0.5).vx == 0.25  # the threshold is a motion, the limit of age is still known
+    assert wheels.twist(1.51, 0.5) == ZERO_TWIST
+    assert wheels.twist(0.9, 0.5) == ZERO_TWIST
+    wheels.received(JOINTS, *_states([2.4] * 4, [0.0] * 4), 2.0)
+    assert wheels.twist(2.0, 0.5) == ZERO_TWIST
 
 
 def test_a_wheel_that_moved_between_two_questions_starts_the_time_again() -> None:
@@ -300,3 +320,22 @@ def test_imu_takes_the_robots_own_acceleration_off() -> None:
     imu.received(ImuSample(0.0, 2.0, 9.81, 0.0, 0.0, 2.0), 1.0)
     assert imu.inclination_rad(1.0, 1.0) == pytest.approx(0.0, abs=1e-12)
     assert motion.at(2.0, 1.0) == Vector3(0.0, 2.0, 0.0)
+
+
+# --- cameras ---------------------------------------------------------------------------------------------------------
+
+
+def test_cameras_are_missed_only_while_a_docking_looks() -> None:
+    cameras = CameraWatch(["front", "rear"])
+    assert cameras.ages_s(1.0, 0.5) == {}
+    cameras.received("rear", 1.0)
+    cameras.docking(True, 2.0)
+    assert cameras.ages_s(2.25, 0.5) == {"front": 0.25, "rear": 0.25}  # since it looks
+    cameras.docking(True, 2.5)
+    cameras.received("front", 2.75)
+    assert cameras.ages_s(3.0, 0.5) == {"front": 0.25, "rear": 1.0}
+    assert cameras.ages_s(3.01, 0.5) == {}  # nobody says any more that it looks
+    cameras.docking(False, 4.0)
+    assert cameras.ages_s(4.0, 0.5) == {}
+    cameras.docking(True, 5.0)
+    assert cameras.ages_s(5.25, 0.5) == {"front": 0.25, "rear": 0.25}
