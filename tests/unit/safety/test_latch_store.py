@@ -357,6 +357,8 @@ def test_a_disk_that_hangs_keeps_nobody_from_ending(
     assert hanging.reached.wait(60.0)
     store.close()
     assert store._thread.is_alive()
+    assert store._thread.daemon, "an interpreter that ends would wait for it"
+    assert store._thread.name == "latch"
 
 
 def test_a_first_start_that_was_cut_off_is_begun_again(disk: Disk) -> None:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from robot_stack.contract.frames import JOINTS
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.robot import Robot
-from robot_stack.safety.inputs import Level
+from robot_stack.safety.button import Contact
+from robot_stack.safety.inputs import DriveReading, Level
 from robot_stack.safety.observation import Observation
 from robot_stack.safety.stop_sources import Press
-from tests.unit.safety.story import PARAMS, ROBOT
+from tests.unit.safety.story import PARAMS, ROBOT, Story
 
 PRESSES = (Press("touch_ui", 17),)
 FAST = SpeedLimit(1.5, 1.5)
@@ -64,3 +67,14 @@ def test_a_passenger_s_gentle_stop_is_waited_for() -> None:
     robot = ROBOT.model_copy(update={"empty": hasty, "with_passenger": gentle})
     alone = too_fast_after_s(observation(passenger=False, robot=robot), hard=False)
     assert alone < too_fast_after_s(observation(passenger=True, robot=robot), hard=False) - 0.5
+
+
+def test_drives_that_are_off_because_somebody_asks_for_the_stop_are_well() -> None:
+    """In the very step in which it is asked for, when nothing is latched yet."""
+    story = Story().healthy()
+    found, now_s = story.monitor.observation, story.now_s + 0.01
+    off = tuple(replace(axis, servo_on=False) for axis in story.axes)
+    found.engine(DriveReading(True, story.ticks + 1, off, Contact.RELEASED), now_s)
+    assert found.snapshot(False, now_s).drive.level is Level.UNKNOWN
+    found.emergency_stop(True, now_s)
+    assert found.snapshot(False, now_s).drive.level is Level.CLEAR
