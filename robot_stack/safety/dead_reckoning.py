@@ -21,11 +21,12 @@ class Modules:
 
         Because the modules lie symmetrically, the mean of their velocities is base_link's own, without any turn.
         """
-        vx = [speed * math.cos(angle) for speed, angle in zip(speeds_mps, angles_rad, strict=True)]
-        vy = [speed * math.sin(angle) for speed, angle in zip(speeds_mps, angles_rad, strict=True)]
-        moment = sum(x * v - y * u for (x, y), u, v in zip(self.positions_m, vx, vy, strict=True))
+        wheels = list(zip(speeds_mps, angles_rad, strict=True))
+        velocities = [(speed * math.cos(angle), speed * math.sin(angle)) for speed, angle in wheels]
+        moment = sum(x * v - y * u for (x, y), (u, v) in zip(self.positions_m, velocities, strict=True))
         inertia = sum(x * x + y * y for x, y in self.positions_m)
-        return Twist2(sum(vx) / len(vx), sum(vy) / len(vy), moment / inertia)
+        count = len(velocities)
+        return Twist2(sum(u for u, _ in velocities) / count, sum(v for _, v in velocities) / count, moment / inertia)
 
 
 class DeadReckoning:

@@ -156,15 +156,15 @@ def check_mutants(
     has_own = (ROOT / own).is_file()
     workshop = Workshop(folder / "first", module, own if has_own else ALL_TESTS)
     every, chosen = _run(workshop, sample, seed, only, whole=module is not None and sample is None)
-    survivors = _survivors(workshop, chosen)
-    if survivors and has_own:
+    survived = {name: workshop.change(name) for name in _survivors(workshop, chosen)}
+    equivalent = tuple(change for change in survived.values() if change in known)
+    unexplained = [name for name, change in survived.items() if change not in known]
+    if unexplained and has_own:
         workshop = Workshop(folder / "second", module)
-        workshop.run(survivors)
-        survivors = _survivors(workshop, survivors)
-    changes = [workshop.change(name) for name in survivors]
-    equivalent = tuple(change for change in changes if change in known)
-    unexplained = tuple(change for change in changes if change not in known)
-    return Result(len(every), len(chosen), len(chosen) - len(survivors), equivalent, unexplained)
+        workshop.run(unexplained)
+        unexplained = _survivors(workshop, unexplained)
+    killed = len(chosen) - len(equivalent) - len(unexplained)
+    return Result(len(every), len(chosen), killed, equivalent, tuple(survived[name] for name in unexplained))
 
 
 def _run(workshop: Workshop, sample: int | None, seed: int, only: str, *, whole: bool) -> tuple[list[str], list[str]]:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import pytest
 
+from robot_stack.contract import topics
 from robot_stack.contract.frames import JOINTS
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.robot import Robot
 from robot_stack.safety.button import Contact
+from robot_stack.safety.conditions import stale_s
 from robot_stack.safety.inputs import DriveReading, Level
 from robot_stack.safety.observation import Observation
 from robot_stack.safety.stop_sources import Press
-from tests.unit.safety.story import PARAMS, ROBOT, Story
+from tests.unit.safety.story import NOTHING, PARAMS, ROBOT, Story
 
 PRESSES = (Press("touch_ui", 17),)
 FAST = SpeedLimit(1.5, 1.5)
@@ -78,3 +81,19 @@ def test_drives_that_are_off_because_somebody_asks_for_the_stop_are_well() -> No
     assert found.snapshot(False, now_s).drive.level is Level.UNKNOWN
     found.emergency_stop(True, now_s)
     assert found.snapshot(False, now_s).drive.level is Level.CLEAR
+
+
+def test_all_who_ask_for_the_stop_are_named() -> None:
+    story = Story().healthy()
+    story.reporting.discard("emergency_stop_button")
+    story.run(2.0).estop(True)
+    asked = story.monitor.observation.snapshot(True, story.now_s).estop
+    assert re.fullmatch(r"[^;]*touch_ui[^;]*; emergency_stop_button has been silent for \d\.\d\d s", asked), asked
+
+
+def test_obstacles_of_just_the_limit_s_age_are_known() -> None:
+    found = observation()
+    found.obstacles(NOTHING, 0.0, 0.0)
+    limit_s = stale_s(topics.OBSTACLES)
+    assert found.snapshot(False, limit_s).prediction is not None
+    assert found.snapshot(False, limit_s + 0.001).prediction is None

@@ -156,8 +156,10 @@ def test_points_of_less_precision_keep_the_precision_of_the_way() -> None:
     scene.dead_reckoning.pose = Pose2(1e5, 0.0, 0.0)
     scene.around.received(cloud((2.001, 0.5, 1.0)).astype(np.float32), 0.0, BODY, scene.now_s)
     scene.around.unseen_received(cloud((2.001, 0.5, 1.0)).astype(np.float32), 0.0, scene.now_s)
+    scene.around.moving_received(moving((2.001, 0.5, 1.0, 0.0, 0.0)).astype(np.float32), 0.0, scene.now_s)
     assert scene.known() == [[2.001, 0.5, 1.0]]
     assert scene.around.unseen(0.3, scene.now_s) == pytest.approx(np.array([[2.001, 0.5, 1.0]]), abs=1e-4)
+    assert scene.around.moving(0.3, scene.now_s) == pytest.approx(np.array([[2.001, 0.5, 1.0, 0.0, 0.0]]), abs=1e-4)
 
 
 def test_far_points_are_left_out() -> None:
