@@ -361,6 +361,35 @@ def test_a_disk_that_hangs_keeps_nobody_from_ending(
     assert store._thread.name == "latch"
 
 
+def test_what_comes_during_a_write_is_written_at_once(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(latch_store, "_RETRY_S", 600.0)
+    store = disk.saved(Memory())
+    real = latch_store._write_through
+
+    def another(path: Path, data: bytes) -> None:
+        monkeypatch.setattr(latch_store, "_write_through", real)
+        real(path, data)
+        store.save(LATCHED)
+
+    monkeypatch.setattr(latch_store, "_write_through", another)
+    store.save(Memory((), True))
+    wait_for(lambda: disk.copies() == [LATCHED, LATCHED], "both copies")
+
+
+def test_a_disk_that_takes_nothing_is_left_alone_for_a_while(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(latch_store, "_write_through", _full)
+    store, waits = disk.store(), []
+    real = store._wake.wait
+
+    def wait(timeout_s: float | None = None) -> bool:
+        waits.append(timeout_s)
+        return real(timeout_s)
+
+    monkeypatch.setattr(store._wake, "wait", wait)
+    store.save(LATCHED)
+    wait_for(lambda: latch_store._RETRY_S in waits, "a pause")
+
+
 def test_a_first_start_that_was_cut_off_is_begun_again(disk: Disk) -> None:
     beside = disk.folder.with_name("safety.new")
     beside.mkdir(parents=True)
