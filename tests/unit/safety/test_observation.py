@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from robot_stack.contract import topics
 from robot_stack.contract.frames import JOINTS
+from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.robot import Robot
 from robot_stack.safety.button import Contact
 from robot_stack.safety.conditions import stale_s
 from robot_stack.safety.inputs import DriveReading, Level
+from robot_stack.safety.meeting import Meeting
 from robot_stack.safety.observation import Observation
 from robot_stack.safety.stop_sources import Press
-from tests.unit.safety.story import NOTHING, PARAMS, ROBOT, Story
+from tests.unit.safety.story import NOBODY, NOTHING, PARAMS, ROBOT, Story
 
 PRESSES = (Press("touch_ui", 17),)
 FAST = SpeedLimit(1.5, 1.5)
@@ -97,3 +101,45 @@ def test_obstacles_of_just_the_limit_s_age_are_known() -> None:
     limit_s = stale_s(topics.OBSTACLES)
     assert found.snapshot(False, limit_s).prediction is not None
     assert found.snapshot(False, limit_s + 0.001).prediction is None
+
+
+def test_a_docking_that_says_nothing_any_more_excuses_no_dock() -> None:
+    found = observation()
+    found.docking("SERVOING", 0.0)
+    limit_s = stale_s(topics.DOCKING_STATUS)
+    for now_s, nearest_m in ((limit_s, math.inf), (limit_s + 0.001, pytest.approx(0.1, abs=0.05))):
+        found.surroundings.dock(Pose2(ROBOT.footprint.front_m, 0.0, 0.0), 0.0, now_s)
+        found.obstacles(np.array([[ROBOT.footprint.front_m + 0.1, 0.0, 0.5]]), 0.0, now_s)
+        prediction = found.snapshot(False, now_s).prediction
+        assert prediction is not None
+        assert prediction.nearest_m == nearest_m
+
+
+class MeetingRecorder:
+    """Stands in for the meeting watch and keeps what it is asked."""
+
+    def __init__(self) -> None:
+        self.motions: list[Twist2] = []
+        self.request, self.now_s = ZERO_TWIST, math.nan
+
+    def judge(
+        self, moving: object, nearest_m: float, body: object, motions: list[Twist2], request: Twist2, now_s: float
+    ) -> Meeting:
+        self.motions, self.request, self.now_s = motions, request, now_s
+        return Meeting(stop=True)
+
+
+def test_who_moves_is_judged_by_what_the_drive_does_and_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, recorder = observation(), MeetingRecorder()
+    monkeypatch.setattr(found, "_meeting", recorder)
+    found.obstacles(NOTHING, 0.0, 1.0)
+    found.surroundings.moving_received(NOBODY, 0.0, 1.0)
+    request, driven = Twist2(0.5, 0.0, 0.0), Twist2(0.2, 0.0, 0.0)
+    found.commands.request("/cmd_vel", request, 1.0)
+    prediction = found.snapshot(False, 1.0).prediction
+    assert prediction is not None
+    assert prediction.meeting.stop
+    assert (recorder.motions, recorder.request, recorder.now_s) == ([ZERO_TWIST, request], request, 1.0)
+    found.commands.limited(driven, 1.0)
+    found.snapshot(False, 1.0)
+    assert recorder.motions == [ZERO_TWIST, driven]
