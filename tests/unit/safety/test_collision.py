@@ -173,6 +173,17 @@ def test_clearance_is_the_way_of_the_point_and_counts_from_the_body() -> None:
     assert (ahead.time_s, ahead.clearance_m) == pytest.approx((1.9, 2.0))
 
 
+def test_clearance_beside_a_robot_that_goes_sideways_and_turns() -> None:
+    """The two motions of the place add up before the robot's middle and are taken from each other behind it."""
+    twist = Twist2(0.0, 0.5, 0.5)
+    for x_m in (0.3, -0.3):
+        place = points((x_m, BODY.half + 0.2))
+        time_s = float(contact_times(place, BODY, twist)[0])
+        speed_mps = math.hypot(0.5 * (BODY.half + 0.2), 0.5 + 0.5 * x_m)
+        assert math.isfinite(time_s)
+        assert approach(place, BODY, twist).clearance_m == pytest.approx(time_s * speed_mps + BODY.margin)
+
+
 def test_in_a_curve_the_nearest_point_need_not_be_the_soonest() -> None:
     """At 1 rad/s around (0, 1) the outer point moves three times as fast as the inner one."""
     twist = Twist2(1.0, 0.0, 1.0)
