@@ -118,7 +118,12 @@ def install_with_uv(again: bool) -> None:
         run([*pip("install"), "--require-hashes", "-r", only_uv.name])
     options = [*(["--reinstall"] if again else []), *([] if sys.stderr.isatty() else ["--quiet"])]
     install = [str(PREFIX / "bin/uv"), "pip", "install", "--python", str(PYTHON), "--require-hashes", *options]
-    run([*install, "--requirement", str(LOCK)])
+    install += ["--requirement", str(LOCK)]
+    try:
+        run(install)
+    except Fault:
+        # Where a proxy opens what comes over the network, only the system knows its certificate; pip asks the system.
+        run([*install, "--system-certs"])
 
 
 def pip(verb: str) -> list[str]:
