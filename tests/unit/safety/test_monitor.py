@@ -1,0 +1,26 @@
+"""What the monitor passes on; what it decides is told by stories."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from robot_stack.core.limits import SpeedLimit
+from robot_stack.safety.monitor import Memory, SafetyMonitor
+from tests.unit.safety.story import PARAMS, ROBOT, Story
+
+
+def test_before_its_first_step_nobody_knows_the_nearest_obstacle() -> None:
+    assert math.isnan(SafetyMonitor(PARAMS, ROBOT, Memory(), 0.0).nearest_obstacle_m)
+
+
+def test_the_limit_that_is_watched_is_the_one_that_is_published(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hard stop too: a robot that answers it with a gentle one is noticed."""
+    story = Story().healthy()
+    watched: list[tuple[SpeedLimit, bool, float]] = []
+    monkeypatch.setattr(story.monitor.observation, "limited", lambda *limit: watched.append(limit))
+    story.tick()
+    assert watched == [(story.verdict.limit, False, story.now_s)]
+    story.estop(True)
+    assert watched[1:] == [(SpeedLimit(0.0, 0.0), True, story.now_s)]
