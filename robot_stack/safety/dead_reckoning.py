@@ -21,7 +21,7 @@ class Modules:
 
         Because the modules lie symmetrically, the mean of their velocities is base_link's own, without any turn.
         """
-        wheels = list(zip(speeds_mps, angles_rad, strict=True))
+        wheels = zip(speeds_mps, angles_rad, strict=True)
         velocities = [(speed * math.cos(angle), speed * math.sin(angle)) for speed, angle in wheels]
         moment = sum(x * v - y * u for (x, y), (u, v) in zip(self.positions_m, velocities, strict=True))
         inertia = sum(x * x + y * y for x, y in self.positions_m)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.bench.framework import BenchError
 from robot_stack.core.config import load
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.site_map import Cells
@@ -36,6 +37,7 @@ _TRACK_STEPS = 5
 _SWEEP_S = 0.1
 _CARRIED_S = 0.015  # from the last column to the node: 3.6 MB are packed, sent and read
 _MATCHED_S = 0.010
+_SETTLE_S = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +55,10 @@ class Fix:
     sigma_m: float
     score: float
     confidence: Confidence
+
+    @property
+    def error_m(self) -> float:
+        return math.inf if self.pose is None else self.pose.distance_to(self.truth)
 
 
 class LidarStack(KernelStack):
@@ -89,6 +95,11 @@ class LidarStack(KernelStack):
         self.lidar_on = True
         self.every(1000.0 / _TRACK_STEPS, self._note_truth)
         self.every(1.0 / _SWEEP_S, self._sweep)
+
+    def settle(self) -> None:
+        """Until the start is confirmed. Raises BenchError if it is not."""
+        if not self.run(lambda: self.map_localizer.confidence is Confidence.TRACKING, _SETTLE_S):
+            raise BenchError(f"the start is not confirmed: {self.map_localizer.estimate(self.time_s)}")
 
     def _note_truth(self) -> None:
         truth = self.sim.world.truth()

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from robot_stack.bench.framework import Aim, BenchError, Result
+from robot_stack.bench.framework import Aim, Result
 from robot_stack.core.config import config_dir, load, read_yaml
 from robot_stack.core.site_map import Cells
-from robot_stack.localization.ndt.gate import Confidence
 from robot_stack.safety.params import SafetyParams
 from sim.bench.lidar_stack import Fix, LidarStack, RouteFollower
 from sim.bench.site_map import site_cells
@@ -21,7 +20,6 @@ AIMS = {
     "stops": Aim("<=", 0.0),
     "false_alarms": Aim("<=", 0.0),
 }
-_SETTLE_S = 3.0
 _WITHOUT_M = 1e6  # ways never are so far apart
 
 
@@ -87,8 +85,7 @@ class _Ride:
         start = world.start.pose()
         changes = {} if least_m is None else _with_least(least_m)
         self._stack = LidarStack(Setup(world, seed, start), cells, start, changes=changes)
-        if not self._stack.run(lambda: self._stack.map_localizer.confidence is Confidence.TRACKING, _SETTLE_S):
-            raise BenchError("the start is not confirmed")
+        self._stack.settle()
         self._from = len(self._stack.fixes)
         self.told = 0
 
@@ -108,11 +105,11 @@ class _Ride:
 
     @property
     def error_max_m(self) -> float:
-        return max(_error_m(fix) for fix in self.fixes)
+        return max(fix.error_m for fix in self.fixes)
 
     @property
     def error_rms_m(self) -> float:
-        return math.sqrt(sum(_error_m(fix) ** 2 for fix in self.fixes) / len(self.fixes))
+        return math.sqrt(sum(fix.error_m**2 for fix in self.fixes) / len(self.fixes))
 
     @property
     def stops(self) -> int:
@@ -123,7 +120,3 @@ class _Ride:
 def _with_least(least_m: float) -> dict[str, Any]:
     ndt = read_yaml(config_dir() / "ndt_localization.yaml")["ndt"]
     return {"ndt": {**ndt, "slip": {**ndt["slip"], "least_m": least_m}}}
-
-
-def _error_m(fix: Fix) -> float:
-    return math.inf if fix.pose is None else fix.pose.distance_to(fix.truth)

@@ -27,6 +27,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 EQUIVALENT = Path(__file__).with_name("equivalent.yaml")
+ALL_TESTS = "tests/unit/safety"
 COPIED = (
     "config",
     "robot_stack/__init__.py",
@@ -37,9 +38,8 @@ COPIED = (
     "tests/support/__init__.py",
     "tests/support/waiting.py",
     "tests/unit/__init__.py",
-    "tests/unit/safety",
+    ALL_TESTS,
 )
-ALL_TESTS = "tests/unit/safety"
 SETUP = """
 [mutmut]
 source_paths=

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from enum import Enum
 
-import numpy as np
-
 from robot_stack.core.geometry import Pose2
 from robot_stack.localization.ndt.matcher import Match
 from robot_stack.localization.ndt.params import EvidenceParams, GateParams, MatchQualityParams, NdtParams
@@ -37,7 +35,7 @@ def lack_of_evidence(match: Match, evidence: EvidenceParams) -> str:
         return f"{match.pierced:.0%} of the rays pass through what the map has"
     if not match.residual <= evidence.max_residual:
         return f"points lie {match.residual:.1f} variances off their surfaces"
-    value_m2 = float(np.linalg.eigvalsh(match.planar_covariance[:2, :2])[1])
+    _, value_m2 = match.position_variances_m2
     if not (math.sqrt(value_m2) <= evidence.held_sigma_m):
         return f"and one direction is open by {math.sqrt(value_m2):.2f} m"
     if not math.sqrt(match.planar_covariance[2, 2]) <= evidence.held_sigma_rad:
@@ -68,7 +66,7 @@ def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigm
     if match.tilt_rad > gate.max_tilt_rad:
         return f"tilt of {match.tilt_rad:.2f} rad"
     # A match that leaves one direction open still says something about the other; its covariance tells which.
-    sigma_m = math.sqrt(float(np.linalg.eigvalsh(match.planar_covariance[:2, :2])[0]))
+    sigma_m = math.sqrt(match.position_variances_m2[0])
     if not sigma_m <= gate.max_sigma_m:
         return f"sigma {sigma_m:.2f} m: the surroundings do not hold the pose"
     jump_m, turn_rad = (

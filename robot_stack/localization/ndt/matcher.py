@@ -58,6 +58,12 @@ class Match:
         return self.covariance[np.ix_(rows, rows)]
 
     @property
+    def position_variances_m2(self) -> tuple[float, float]:
+        """In the direction that holds the robot best, and in the one that holds it worst."""
+        best, worst = np.linalg.eigvalsh(self.planar_covariance[:2, :2])
+        return float(best), float(worst)
+
+    @property
     def tilt_rad(self) -> float:
         return math.acos(max(-1.0, min(1.0, float(self.pose[2, 2]))))
 

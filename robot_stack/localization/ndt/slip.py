@@ -6,8 +6,6 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-import numpy as np
-
 from robot_stack.core.geometry import Pose2
 from robot_stack.localization.ndt.matcher import Match
 from robot_stack.localization.ndt.params import SlipParams
@@ -58,8 +56,7 @@ class SlipWitness:
     def see(self, stamp_s: float, match: Match, travelled: Pose2) -> Slip | None:
         """The slip up to this match, None without one. travelled: base_link at ``stamp_s`` by wheels and gyro alone."""
         p = self._params
-        worst_m2 = float(np.linalg.eigvalsh(match.planar_covariance[:2, :2])[1])
-        newest = _Sight(stamp_s, match.planar, travelled, worst_m2)
+        newest = _Sight(stamp_s, match.planar, travelled, match.position_variances_m2[1])
         while self._sights and stamp_s - self._sights[0].stamp_s > p.window_s:
             self._sights.popleft()
         oldest, last = (self._sights[0], self._sights[-1]) if self._sights else (newest, newest)

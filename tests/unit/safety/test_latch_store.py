@@ -284,21 +284,6 @@ def test_a_disk_that_takes_nothing_is_told_until_it_does(disk: Disk, monkeypatch
     wait_for(lambda: store.problem() == "" and disk.copies() == [LATCHED, LATCHED], "another try")
 
 
-def test_a_disk_that_hangs_is_told(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
-    hanging, disk_is_back = [], threading.Event()
-
-    def hang(*_: Any) -> None:
-        hanging.append(True)
-        disk_is_back.wait(30.0)
-
-    store = disk.store(slow_s=0.05)
-    monkeypatch.setattr(latch_store.LatchStore, "_make_folder", hang)
-    store.save(LATCHED)
-    wait_for(lambda: hanging and "not written for" in store.problem(), "the problem")
-    disk_is_back.set()
-    wait_for(lambda: store.problem() == "", "its end")
-
-
 class Clock:
     def __init__(self) -> None:
         self.now_s = 1000.0
@@ -325,6 +310,14 @@ def hanging(monkeypatch: pytest.MonkeyPatch) -> Iterator[HangingDisk]:
     monkeypatch.setattr(latch_store.LatchStore, "_make_folder", disk.write)
     yield disk
     disk.back.set()
+
+
+def test_a_disk_that_hangs_is_told(disk: Disk, hanging: HangingDisk) -> None:
+    store = disk.store(slow_s=0.05)
+    store.save(LATCHED)
+    wait_for(lambda: hanging.reached.is_set() and "not written for" in store.problem(), "the problem")
+    hanging.back.set()
+    wait_for(lambda: store.problem() == "", "its end")
 
 
 def test_a_slow_disk_is_told_from_when_the_first_record_waits(
