@@ -25,7 +25,8 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.waitable import Waitable
 
-from robot_stack.ros.timers import RclTimers, Schedule
+from robot_stack.middleware.timers import Schedule
+from robot_stack.ros.rcl_timers import RclTimers
 from robot_stack.ros.wakeups import Wakeups, can_follow
 
 # Nothing is due for so long only where there is no timer at all.

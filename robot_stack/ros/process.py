@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import sys
-import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,7 +11,6 @@ from types import FrameType
 from typing import Any, Protocol, TypeVar
 
 import rclpy
-from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.signals import SignalHandlerOptions
 
@@ -30,8 +28,8 @@ EXIT_REFUSED = 2  # a mistake in configuration or use: starting again will not h
 class EndingNode(Protocol):
     """A node whose outputs can be left safe."""
 
-    @property
-    def publishers(self) -> Any: ...
+    port: Any
+
     def safe_output(self) -> None: ...
     def destroy_node(self) -> Any: ...
 
@@ -71,7 +69,7 @@ def ros_process(*node_classes: Callable[[], NodeT], bulk: bool = False) -> Itera
     try:
         for node_class in node_classes:
             nodes.append(node_class())
-            executor.add_node(nodes[-1])
+            executor.add_node(nodes[-1].port)
         yield executor, nodes
     finally:
         for node in nodes:
@@ -103,16 +101,7 @@ def run_nodes(*node_classes: Callable[[], EndingNode], bulk: bool = False) -> in
 def _leave_safe(node: EndingNode) -> None:
     try:
         node.safe_output()
-        _wait_delivered(node)
+        # A last message that is still on its way dies with its publisher: give it time, but never long.
+        node.port.wait_delivered(_DELIVERY_S)
     except Exception:  # the other nodes still have to leave theirs
         traceback.print_exc()
-
-
-def _wait_delivered(node: EndingNode) -> None:
-    """A last message that is still on its way dies with its publisher: give it time, but never long."""
-    end_s = time.monotonic() + _DELIVERY_S
-    for publisher in node.publishers:
-        remaining_s = end_s - time.monotonic()
-        if remaining_s <= 0.0:
-            return
-        publisher.wait_for_all_acked(Duration(seconds=remaining_s))

@@ -12,8 +12,8 @@ from rclpy.type_support import check_for_type_support
 
 from robot_stack.contract import services, topics
 from robot_stack.contract.model import SafetyState
-from robot_stack.ros.interfaces import interface_class
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.interfaces import interface_class
+from robot_stack.middleware.node import StackNode
 from robot_stack.ros.process import ros_process
 from robot_stack.supervisor.safety_view import Safety
 

@@ -6,7 +6,7 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import BatteryState
 
 from robot_stack.contract import topics
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 from sim.plant.battery import BatteryReading
 
 _CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.contract import topics
-from robot_stack.ros.inputs import Input
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.inputs import Input
+from robot_stack.middleware.node import StackNode
 from sim.camera.history import BASE
 from sim.nodes.message_bytes import read_transforms
 

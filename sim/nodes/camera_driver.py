@@ -18,8 +18,8 @@ from robot_stack.contract.model import Topic
 from robot_stack.core.camera import camera_file, load_intrinsics, mounting
 from robot_stack.core.config import Config
 from robot_stack.core.docks import Docks, load_docks
-from robot_stack.ros.conversions import camera_info, time_from_s
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.conversions import camera_info, time_from_s
+from robot_stack.middleware.node import StackNode, run
 from sim.camera.faults import CameraFaults
 from sim.camera.history import BodyHistory, ExposurePlan
 from sim.camera.model import draw_camera

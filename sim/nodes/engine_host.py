@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from robot_stack.contract.model import ContractViolation, Service
 from robot_stack.core.config import ConfigError
 from robot_stack.core.runtime import AlreadyRunning, runtime_dir
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 from robot_stack.ros.process import EXIT_CRASHED, EXIT_REFUSED, StopSignal, ros_process
 from robot_stack.wmx.config import EngineConfig, load_engine_config
 from robot_stack.wmx.simulated.engine import Engine

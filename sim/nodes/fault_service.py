@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from robot_stack.contract.model import Service
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 from sim.plant.fault_table import FaultRefused
 from sim.run.requests import NotServed
 

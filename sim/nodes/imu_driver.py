@@ -11,7 +11,7 @@ from sensor_msgs.msg import Imu
 
 from robot_stack.contract import frames, topics
 from robot_stack.core.config import Config
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 from sim.nodes.message_bytes import Numbers
 from sim.plant.imu import ImuSample
 from tf2_msgs.msg import TFMessage

@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_stack.contract import frames, services, topics
 from robot_stack.core.point_cloud import Points
-from robot_stack.ros.node import run
+from robot_stack.middleware.node import run
 from sim.lidar.faults import FROZEN, RATE, SILENT
 from sim.lidar.sensor import Sweep
 from sim.nodes.turning_lidar import TurningLidar

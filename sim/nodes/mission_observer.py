@@ -17,7 +17,7 @@ from custom_msgs.msg import DockingStatus, MissionStatus, SafetyStatus, UIComman
 from robot_stack.cli.nodes.operator import Operator
 from robot_stack.contract import topics
 from robot_stack.core.world_clock import WorldClock
-from robot_stack.ros.conversions import pose_from_msg, pose_from_transform, time_to_s
+from robot_stack.middleware.conversions import pose_from_msg, pose_from_transform, time_to_s
 from sim.run.ride import Ride, Sample, Step
 from tf2_msgs.msg import TFMessage
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from robot_stack.contract import frames, services, topics
 from robot_stack.core.robot_shape import load_robot_shape
-from robot_stack.ros.node import run
+from robot_stack.middleware.node import run
 from sim.lidar.bodies import robot_shapes
 from sim.lidar.faults import FROZEN, RATE, SILENT
 from sim.lidar.shapes import Shape

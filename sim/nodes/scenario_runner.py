@@ -22,8 +22,8 @@ from robot_stack.contract import frames, services, topics
 from robot_stack.contract.model import ContractViolation, Service, Topic
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.ros import transport
-from robot_stack.ros.conversions import pose_from_msg, pose_stamped, time_to_s, twist_stamped
-from robot_stack.ros.emergency_stop import StopSource
+from robot_stack.middleware.conversions import pose_from_msg, pose_stamped, time_to_s, twist_stamped
+from robot_stack.middleware.emergency_stop import StopSource
 from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.interfaces import interface_class, qos_profile
 from sim.run.run_log import Four, Moment, RunLog

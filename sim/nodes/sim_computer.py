@@ -6,7 +6,7 @@ from pathlib import Path
 
 from robot_stack.contract import services, topics
 from robot_stack.core.runtime import recordings_dir, runtime_dir
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.node import StackNode, run
 from sim.computer.computer import SimComputer
 from sim.computer.faults import ComputerFaults
 from sim.computer.params import SimComputerParams

@@ -18,7 +18,7 @@ from robot_stack.contract import frames, services, topics
 from robot_stack.core.config import Config, ConfigError
 from robot_stack.core.geometry import IDENTITY, Pose2
 from robot_stack.core.world_clock import slow_text
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 from sim.nodes.fault_service import serve_faults
 from sim.nodes.message_bytes import Numbers, Transforms
 from sim.plant.warm_up import warm_up

@@ -17,9 +17,9 @@ from robot_stack.core.config import Config
 from robot_stack.core.point_cloud import SWEEP, Points
 from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.core.robot_shape import quaternion_of
-from robot_stack.ros.conversions import time_from_s
-from robot_stack.ros.node import StackNode
-from robot_stack.ros.point_cloud import cloud_message
+from robot_stack.middleware.conversions import time_from_s
+from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.point_cloud import cloud_message
 from sim.lidar.faults import LidarFaults
 from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import build_scene

@@ -18,7 +18,7 @@ from custom_msgs.msg import ArucoDetection, DockingStatus
 from robot_stack.contract import topics
 from robot_stack.core.docks import load_docks
 from robot_stack.docking.warm_up import warm_up
-from robot_stack.ros.conversions import time_from_s, time_to_s
+from robot_stack.middleware.conversions import time_from_s, time_to_s
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for

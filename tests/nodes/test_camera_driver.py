@@ -13,7 +13,7 @@ from geometry_msgs.msg import TransformStamped
 from custom_msgs.srv import InjectFault
 from robot_stack.contract import services, topics
 from robot_stack.core.camera import camera_file, load_intrinsics
-from robot_stack.ros.conversions import time_to_s
+from robot_stack.middleware.conversions import time_to_s
 from tests.support.peer import Heard, Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for

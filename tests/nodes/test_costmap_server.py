@@ -16,8 +16,8 @@ from std_msgs.msg import Bool
 
 from robot_stack.contract import topics
 from robot_stack.core.point_cloud import points_from_xyz
-from robot_stack.ros.conversions import time_from_s, time_to_s
-from robot_stack.ros.point_cloud import cloud_message
+from robot_stack.middleware.conversions import time_from_s, time_to_s
+from robot_stack.middleware.point_cloud import cloud_message
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for

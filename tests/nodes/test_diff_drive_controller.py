@@ -25,7 +25,7 @@ from robot_stack.contract import services, topics
 from robot_stack.core.config import config_dir, read_yaml
 from robot_stack.core.node_record import NodeRecords
 from robot_stack.core.runtime import runtime_dir
-from robot_stack.ros.conversions import time_to_s
+from robot_stack.middleware.conversions import time_to_s
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import ask
 from robot_stack.wmx import MotionEngine, connect

@@ -16,7 +16,7 @@ from robot_stack.docking.nodes.outputs import DockingOutputs
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.states import State
 from robot_stack.docking.target import Estimate
-from robot_stack.ros.conversions import pose_from_msg
+from robot_stack.middleware.conversions import pose_from_msg
 
 
 class FakeNode:

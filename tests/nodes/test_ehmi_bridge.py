@@ -13,7 +13,7 @@ from custom_msgs.msg import DockingStatus, EHMIState, EHMIStatus, MissionStatus,
 from custom_msgs.srv import InjectFault
 from robot_stack.contract import services, topics
 from robot_stack.contract.display import Display
-from robot_stack.ros.conversions import time_to_s
+from robot_stack.middleware.conversions import time_to_s
 from tests.support.waiting import wait_for
 
 

@@ -12,8 +12,8 @@ from geometry_msgs.msg import TransformStamped
 from custom_msgs.srv import InjectFault
 from robot_stack.contract import services, topics
 from robot_stack.core.point_cloud import SWEEP, xyz_of
-from robot_stack.ros.conversions import time_to_s
-from robot_stack.ros.point_cloud import points_of
+from robot_stack.middleware.conversions import time_to_s
+from robot_stack.middleware.point_cloud import points_of
 from tests.support.peer import Heard, Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for

@@ -15,7 +15,7 @@ import pytest
 from std_msgs.msg import Bool
 
 from robot_stack.contract import topics
-from robot_stack.ros.interfaces import interface_class
+from robot_stack.middleware.interfaces import interface_class
 from robot_stack.wmx.api import EngineState, ErrorCode, Motion_PosCommand, Profile
 from robot_stack.wmx.axes import Flag, StatusSnapshot
 from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE

@@ -9,7 +9,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image, Imu, JointState, PointCloud2
 
 from robot_stack.core.point_cloud import SWEEP
-from robot_stack.ros.point_cloud import cloud_message, points_of
+from robot_stack.middleware.point_cloud import cloud_message, points_of
 from sim.nodes.bodies import matrices_of
 from sim.nodes.message_bytes import CloudBytes, ImageBytes, Numbers, Transforms, read_transforms, restamped
 from tf2_msgs.msg import TFMessage

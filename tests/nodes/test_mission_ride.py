@@ -12,7 +12,7 @@ from nav_msgs.msg import Odometry
 from custom_msgs.msg import SafetyStatus, UICommand
 from robot_stack.contract import topics
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, exp_se2
-from robot_stack.ros.conversions import pose_stamped, pose_to_msg, twist_from_msg, twist_to_msg
+from robot_stack.middleware.conversions import pose_stamped, pose_to_msg, twist_from_msg, twist_to_msg
 from tests.support.blind import BLIND
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess, node_command

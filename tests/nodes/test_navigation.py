@@ -15,7 +15,7 @@ from std_msgs.msg import Bool
 from custom_msgs.msg import SafetyStatus, VelocityLimit
 from robot_stack.contract import topics
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, exp_se2
-from robot_stack.ros.conversions import (
+from robot_stack.middleware.conversions import (
     pose_from_msg,
     pose_stamped,
     pose_to_msg,

@@ -17,8 +17,8 @@ from sensor_msgs.msg import Imu, PointCloud2
 from robot_stack.contract import topics
 from robot_stack.core.geometry import IDENTITY
 from robot_stack.core.site_map import Grid, SiteMap, save_map
-from robot_stack.ros.conversions import pose_from_msg, quaternion_to_msg, time_from_s, time_to_s
-from robot_stack.ros.point_cloud import cloud_message
+from robot_stack.middleware.conversions import pose_from_msg, quaternion_to_msg, time_from_s, time_to_s
+from robot_stack.middleware.point_cloud import cloud_message
 from tests.support.blind import WITHOUT_MAP
 from tests.support.held_up import HeldUp
 from tests.support.peer import Peer

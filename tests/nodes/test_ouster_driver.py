@@ -12,8 +12,8 @@ import pytest
 
 from robot_stack.contract import topics
 from robot_stack.core.point_cloud import SWEEP, xyz_of
-from robot_stack.ros.conversions import time_to_s
-from robot_stack.ros.point_cloud import points_of
+from robot_stack.middleware.conversions import time_to_s
+from robot_stack.middleware.point_cloud import points_of
 from tests.nodes.test_point_cloud_adapter import says
 from tests.support.ouster_packets import COLUMNS_PER_PACKET, Os
 from tests.support.peer import Peer

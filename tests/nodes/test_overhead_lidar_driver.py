@@ -12,8 +12,8 @@ from custom_msgs.srv import InjectFault
 from robot_stack.contract import frames, services, topics
 from robot_stack.core.point_cloud import SWEEP, xyz_of
 from robot_stack.core.robot import load_robot
-from robot_stack.ros.conversions import time_to_s
-from robot_stack.ros.point_cloud import points_of
+from robot_stack.middleware.conversions import time_to_s
+from robot_stack.middleware.point_cloud import points_of
 from tests.nodes.test_lidar_driver import Clock
 from tests.support.peer import Heard, Peer
 from tests.support.processes import NodeProcess

@@ -17,8 +17,8 @@ from sensor_msgs.msg import Imu, PointCloud2
 from robot_stack.contract import topics
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.point_cloud import MOVING, XYZ, Points, xyz_of
-from robot_stack.ros.conversions import quaternion_to_msg, time_from_s, time_to_s
-from robot_stack.ros.point_cloud import cloud_message, points_of
+from robot_stack.middleware.conversions import quaternion_to_msg, time_from_s, time_to_s
+from robot_stack.middleware.point_cloud import cloud_message, points_of
 from tests.support.peer import Heard, Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for

@@ -15,8 +15,8 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.core.point_cloud import SWEEP
 from robot_stack.drivers.point_cloud.cloud import Cloud
-from robot_stack.ros.conversions import time_from_s, time_to_s
-from robot_stack.ros.point_cloud import points_of
+from robot_stack.middleware.conversions import time_from_s, time_to_s
+from robot_stack.middleware.point_cloud import points_of
 from tests.support.peer import Heard, Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for

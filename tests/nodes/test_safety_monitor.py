@@ -26,7 +26,7 @@ from robot_stack.contract.frames import JOINTS
 from robot_stack.core.point_cloud import SWEEP, Points, moving_points, points_from_xyz
 from robot_stack.core.runtime import state_dir
 from robot_stack.core.stop_presence import Presence, parse_presence
-from robot_stack.ros.point_cloud import cloud_message
+from robot_stack.middleware.point_cloud import cloud_message
 from robot_stack.safety.latch_store import COPIES, decode
 from robot_stack.safety.monitor import Memory
 from robot_stack.safety.nodes.safety_monitor import LATCH_FILE, LATCH_FOLDER

@@ -16,7 +16,7 @@ from robot_stack.contract.frames import DRIVE_AXES, JOINTS
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import load_robot
-from robot_stack.ros.conversions import time_to_s
+from robot_stack.middleware.conversions import time_to_s
 from robot_stack.wmx import MotionEngine, connect
 from robot_stack.wmx.api.values import Profile, Velocity_VelCommand
 from sim.worldfile import load_world

@@ -20,7 +20,7 @@ from robot_stack.contract.frames import JOINTS
 from robot_stack.contract.model import Topic
 from robot_stack.core.geometry import Twist2
 from robot_stack.core.robot import load_robot
-from robot_stack.ros.conversions import pose_from_msg, time_from_s, time_to_s, twist_to_msg
+from robot_stack.middleware.conversions import pose_from_msg, time_from_s, time_to_s, twist_to_msg
 from tests.support.held_up import HeldUp
 from tests.support.peer import Heard, Peer
 from tests.support.processes import NodeProcess

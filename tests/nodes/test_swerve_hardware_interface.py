@@ -22,7 +22,7 @@ from robot_stack.contract import topics
 from robot_stack.contract.frames import DRIVE_AXES, JOINTS, STEER_AXES
 from robot_stack.core.robot import load_robot
 from robot_stack.core.runtime import runtime_dir
-from robot_stack.ros.conversions import time_from_s, time_to_s
+from robot_stack.middleware.conversions import time_from_s, time_to_s
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.simulated.channel import StatusView
 from robot_stack.wmx.simulated.server import SOCKET_FILE

@@ -31,7 +31,7 @@ from custom_msgs.msg import MissionStatus, SafetyStatus, UICommand
 from robot_stack.contract import topics
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.runtime import touch_screen_url
-from robot_stack.ros.point_cloud import cloud_message
+from robot_stack.middleware.point_cloud import cloud_message
 from robot_stack.ui import frames
 from robot_stack.ui.pin import hash_pin
 from robot_stack.ui.protocol import Layer

@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from robot_stack.contract import topics
-from robot_stack.ros.conversions import time_to_s
+from robot_stack.middleware.conversions import time_to_s
 from tests.nodes.test_point_cloud_adapter import says
 from tests.support.peer import Heard, Peer
 from tests.support.processes import ROOT, NodeProcess, node_command

@@ -18,7 +18,7 @@ from std_srvs.srv import SetBool, Trigger
 from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import services, topics
 from robot_stack.contract.model import Service, Topic
-from robot_stack.ros.interfaces import interface_class
+from robot_stack.middleware.interfaces import interface_class
 from robot_stack.wmx.api import AxisSelection, OperationState
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE, HELD_UP_STALE_S, STALE_VARIABLE

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from robot_stack.contract import topics
-from robot_stack.ros.conversions import time_to_s
+from robot_stack.middleware.conversions import time_to_s
 from sim.devices.serial_line import SerialLine
 from sim.devices.xsens import Motion, Mti, frame
 from tests.nodes.test_point_cloud_adapter import says

@@ -162,7 +162,7 @@ def test_above_the_limit_the_robot_stops_and_may_only_go_downhill(steep: StackUn
 
 def test_navigation_comes_down_again_by_itself(steep: StackUnderTest) -> None:
     from robot_stack.contract import frames, topics
-    from robot_stack.ros.conversions import pose_stamped
+    from robot_stack.middleware.conversions import pose_stamped
 
     steep.make_ready()
     start_m = x_m(steep)

@@ -18,7 +18,7 @@ FORBIDDEN = {
     "the stack imports the simulation": ("core/intruder.py", "import sim", "never imports the simulation"),
     "a kernel imports rclpy": ("safety/intruder.py", "from rclpy.node import Node", "Only nodes and robot_stack.ros"),
     "a kernel imports messages": ("safety/intruder.py", "import std_msgs.msg", "Only nodes and robot_stack.ros"),
-    "a kernel imports the node base": ("safety/intruder.py", "import robot_stack.ros.node", "Only nodes, the command"),
+    "a kernel imports the node base": ("safety/intruder.py", "import robot_stack.middleware.node", "Only nodes, the command"),
     "a kernel reads the clock": ("safety/intruder.py", "import time", "Kernels read no clock"),
     "a driver imports the simulation": ("drivers/intruder.py", "import sim.lidar", "never imports the simulation"),
     "a driver's node imports the simulation": (

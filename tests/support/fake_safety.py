@@ -6,7 +6,7 @@ from typing import Any
 
 from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import services, topics
-from robot_stack.ros.interfaces import interface_class
+from robot_stack.middleware.interfaces import interface_class
 from tests.support.peer import Peer
 
 

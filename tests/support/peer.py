@@ -15,7 +15,7 @@ from rclpy.node import Node
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Durability, Service, Topic
-from robot_stack.ros.emergency_stop import StopSource
+from robot_stack.middleware.emergency_stop import StopSource
 from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.interfaces import interface_class, qos_profile
 from tests.support.waiting import DEADLINE_S, wait_for

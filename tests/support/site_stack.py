@@ -8,7 +8,7 @@ from pathlib import Path
 from custom_msgs.srv import InjectFault
 from robot_stack.contract import frames, services, topics
 from robot_stack.core.geometry import Pose2
-from robot_stack.ros.conversions import pose_from_msg, pose_stamped
+from robot_stack.middleware.conversions import pose_from_msg, pose_stamped
 from sim.settings import FEW_BEAMS, pose_settings, world_settings
 from tests.support.stack import StackUnderTest, true_pose
 from tests.support.waiting import wait_for

@@ -16,7 +16,7 @@ from custom_msgs.msg import UICommand
 from custom_msgs.srv import InjectFault
 from robot_stack.contract import services, topics
 from robot_stack.core.geometry import Pose2
-from robot_stack.ros.conversions import pose_from_msg, pose_from_transform, time_to_s
+from robot_stack.middleware.conversions import pose_from_msg, pose_from_transform, time_to_s
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import ask
 from sim.settings import FEW_BEAMS, world_settings

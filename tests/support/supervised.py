@@ -14,7 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.node import StackNode, run
 
 
 class Supervised(StackNode):

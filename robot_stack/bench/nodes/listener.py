@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from robot_stack.contract import topics
 from robot_stack.ros import transport
 from robot_stack.ros.interfaces import qos_profile
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 from robot_stack.ros.process import StopSignal, ros_process
 
 _SETTLE_S = 3.0

@@ -14,7 +14,7 @@ import numpy as np
 
 from robot_stack.contract import topics
 from robot_stack.core.point_cloud import XYZ, xyz_of
-from robot_stack.ros.point_cloud import points_of
+from robot_stack.middleware.point_cloud import points_of
 
 _HALF_M = 10.0
 

@@ -20,8 +20,8 @@ from robot_stack.bench.framework import BenchError
 from robot_stack.contract import frames, services, topics
 from robot_stack.contract.model import Topic
 from robot_stack.ros import transport
-from robot_stack.ros.conversions import time_to_s
-from robot_stack.ros.emergency_stop import StopSource
+from robot_stack.middleware.conversions import time_to_s
+from robot_stack.middleware.emergency_stop import StopSource
 from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
 from robot_stack.wmx import EngineError, connect

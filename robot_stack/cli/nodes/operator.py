@@ -12,7 +12,7 @@ from rclpy.publisher import Publisher
 from robot_stack.contract import topics
 from robot_stack.contract.model import ContractViolation, Service, Topic
 from robot_stack.ros import transport
-from robot_stack.ros.emergency_stop import StopSource
+from robot_stack.middleware.emergency_stop import StopSource
 from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
 

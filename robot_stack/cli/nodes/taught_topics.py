@@ -11,7 +11,7 @@ from robot_stack.contract.model import Topic
 from robot_stack.ros import transport
 from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, listener_profile
-from robot_stack.ros.wire import READERS
+from robot_stack.middleware.wire import READERS
 
 NAME = "robot_stack_map_teach"
 # A sweep comes after the readings of its time.

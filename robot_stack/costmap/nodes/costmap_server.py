@@ -13,8 +13,8 @@ from robot_stack.contract import frames, topics
 from robot_stack.costmap.costmap import LocalCostmap, Space, space_problem
 from robot_stack.costmap.params import CostmapParams
 from robot_stack.costmap.warm_up import warm_up
-from robot_stack.ros.conversions import time_to_s
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.conversions import time_to_s
+from robot_stack.middleware.node import StackNode, run
 
 
 class CostmapServerNode(StackNode):

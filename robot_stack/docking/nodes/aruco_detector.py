@@ -19,10 +19,10 @@ from robot_stack.docking.vision.detector import MarkerDetector
 from robot_stack.docking.vision.pairing import Attention, Exposure, ExposureSets
 from robot_stack.docking.vision.params import ArucoDetectorParams
 from robot_stack.docking.warm_up import warm_up
-from robot_stack.ros.conversions import time_to_s
-from robot_stack.ros.inputs import Input
-from robot_stack.ros.node import StackNode, run
-from robot_stack.ros.wire import ImageView
+from robot_stack.middleware.conversions import time_to_s
+from robot_stack.middleware.inputs import Input
+from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.wire import ImageView
 
 _CAMERAS = {
     frames.FRONT_CAMERA: (topics.FRONT_IMAGE, topics.FRONT_CAMERA_INFO),

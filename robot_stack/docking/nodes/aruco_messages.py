@@ -14,7 +14,7 @@ from custom_msgs.msg import ArucoDetection, ArucoDetectionArray
 from robot_stack.core.camera import Intrinsics
 from robot_stack.docking.vision.detector import MarkerObservation
 from robot_stack.docking.vision.pairing import Exposure
-from robot_stack.ros.wire import ImageView
+from robot_stack.middleware.wire import ImageView
 
 
 class Seen(NamedTuple):

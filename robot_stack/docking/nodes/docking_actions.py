@@ -12,7 +12,7 @@ from robot_stack.contract import actions
 from robot_stack.docking.nodes.messages import dock_feedback, dock_result, undock_feedback, undock_result
 from robot_stack.docking.results import DockCode, Result, UndockCode
 from robot_stack.docking.situation import Output
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 
 _CANCELLED = (DockCode.CANCELED, UndockCode.CANCELED)
 

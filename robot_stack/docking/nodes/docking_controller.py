@@ -20,8 +20,8 @@ from robot_stack.docking.nodes.outputs import DockingOutputs
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.results import DockCode, Result, UndockCode
 from robot_stack.docking.situation import Output, Situation
-from robot_stack.ros.departures import DepartureWarnings
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.departures import DepartureWarnings
+from robot_stack.middleware.node import StackNode, run
 
 _TICK_HZ = topics.DOCKING_CMD_VEL.nominal_rate_hz
 _TICKS_PER_STATUS = round(_TICK_HZ / topics.DOCKING_STATUS.nominal_rate_hz)

@@ -14,8 +14,8 @@ from robot_stack.docking.latch import LatchInputs
 from robot_stack.docking.nodes.messages import markers, safety, wheel_force
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.situation import Situation
-from robot_stack.ros.conversions import pose_from_msg, time_to_s, twist_from_msg
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.conversions import pose_from_msg, time_to_s, twist_from_msg
+from robot_stack.middleware.node import StackNode
 
 
 class DockingInputs:

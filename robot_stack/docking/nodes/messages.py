@@ -19,7 +19,7 @@ from robot_stack.docking.contact import push_n
 from robot_stack.docking.results import Result
 from robot_stack.docking.sighting import Marker
 from robot_stack.docking.situation import Output, Safety
-from robot_stack.ros.conversions import time_to_s
+from robot_stack.middleware.conversions import time_to_s
 
 # A speed limit below this is a stop, as navigation takes it.
 _STOP_BELOW_MPS = 0.02

@@ -13,8 +13,8 @@ from robot_stack.docking.params import DockingParams
 from robot_stack.docking.situation import Output
 from robot_stack.docking.states import State
 from robot_stack.docking.target import Estimate
-from robot_stack.ros.conversions import pose_stamped, twist_stamped
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.conversions import pose_stamped, twist_stamped
+from robot_stack.middleware.node import StackNode
 
 _DISPLAYS = {
     State.APPROACH: EHMIState.APPROACHING_CHAIR,

@@ -13,7 +13,7 @@ from robot_stack.contract import frames
 from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.odometry import Odometry, planar_covariance
 from robot_stack.drive.permission import SafetyLimit
-from robot_stack.ros.conversions import pose_to_msg, transform_stamped, twist_to_msg
+from robot_stack.middleware.conversions import pose_to_msg, transform_stamped, twist_to_msg
 from robot_stack.wmx.axes import StatusSnapshot
 from tf2_msgs.msg import TFMessage
 

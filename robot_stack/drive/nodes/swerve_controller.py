@@ -17,8 +17,8 @@ from robot_stack.drive.nodes.conversions import odom_to_base_link, odometry_mess
 from robot_stack.drive.parameters import SwerveControllerParams
 from robot_stack.drive.permission import Action, Permission, Situation, permit
 from robot_stack.drive.swerve_drive import DriveOutput
-from robot_stack.ros.conversions import time_to_s, twist_from_msg, twist_stamped
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.conversions import time_to_s, twist_from_msg, twist_stamped
+from robot_stack.middleware.node import StackNode, run
 
 
 class SwerveControllerNode(StackNode):

@@ -12,8 +12,8 @@ from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_set
 from robot_stack.drive.nodes.conversions import joint_states
 from robot_stack.drive.session import DriveSession, Stage
 from robot_stack.drive.wheel_axes import BadWheelCommands, checked_set_points
-from robot_stack.ros.conversions import time_from_s, time_to_s
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.conversions import time_from_s, time_to_s
+from robot_stack.middleware.node import StackNode, run
 from robot_stack.wmx import connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config

@@ -11,8 +11,8 @@ from robot_stack.drivers.joystick.events import Decoder, EventRefused
 from robot_stack.drivers.joystick.params import JoystickDriverParams
 from robot_stack.drivers.joystick.teleop import Teleop
 from robot_stack.drivers.nodes.event_reader import EventReader
-from robot_stack.ros.conversions import twist_stamped
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.conversions import twist_stamped
+from robot_stack.middleware.node import StackNode, run
 
 
 class JoystickDriverNode(StackNode):

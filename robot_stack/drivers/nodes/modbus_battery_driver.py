@@ -10,7 +10,7 @@ from robot_stack.drivers.modbus.battery import ModbusBattery
 from robot_stack.drivers.modbus.params import ModbusBatteryDriverParams
 from robot_stack.drivers.nodes.battery_message import battery_state
 from robot_stack.drivers.nodes.modbus_reader import ModbusReader
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.node import StackNode, run
 
 _WATCH_HZ = 2.0
 

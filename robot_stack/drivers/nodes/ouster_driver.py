@@ -9,7 +9,7 @@ from robot_stack.drivers.nodes.packet_lidar import PacketLidarNode
 from robot_stack.drivers.ouster.params import OusterDriverParams
 from robot_stack.drivers.ouster.sweeps import SweepBuilder
 from robot_stack.drivers.ouster.warm_up import warm_up
-from robot_stack.ros.node import run
+from robot_stack.middleware.node import run
 
 
 class OusterDriverNode(PacketLidarNode):

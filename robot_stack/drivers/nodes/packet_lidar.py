@@ -17,9 +17,9 @@ from robot_stack.drivers.nodes.mounting import mounting
 from robot_stack.drivers.nodes.packet_reader import PacketReader
 from robot_stack.drivers.packet_lidar_params import PacketLidarParams
 from robot_stack.drivers.sweep import Sweep
-from robot_stack.ros.conversions import time_from_s
-from robot_stack.ros.node import StackNode
-from robot_stack.ros.point_cloud import cloud_message, fill
+from robot_stack.middleware.conversions import time_from_s
+from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.point_cloud import cloud_message, fill
 from tf2_msgs.msg import TFMessage
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from robot_stack.contract import frames, topics
 from robot_stack.drivers.nodes.vendor_cloud import VendorCloudNode
 from robot_stack.drivers.point_cloud.params import PointCloudAdapterParams
-from robot_stack.ros.node import run
+from robot_stack.middleware.node import run
 
 
 class PointCloudAdapterNode(VendorCloudNode):

@@ -11,7 +11,7 @@ from robot_stack.drivers.nodes.can_reader import CanReader
 from robot_stack.drivers.pylontech.frames import KEEP_ALIVE, Measured
 from robot_stack.drivers.pylontech.pack import Pack
 from robot_stack.drivers.pylontech.params import PylontechDriverParams
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.node import StackNode, run
 
 _WATCH_HZ = 2.0
 

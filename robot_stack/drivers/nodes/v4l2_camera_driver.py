@@ -20,8 +20,8 @@ from robot_stack.drivers.nodes.camera_reader import CameraReader
 from robot_stack.drivers.nodes.mounting import mounting
 from robot_stack.drivers.v4l2.frames import FrameChooser, Picture
 from robot_stack.drivers.v4l2.params import V4l2CameraDriverParams
-from robot_stack.ros.conversions import camera_info, time_from_s
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.conversions import camera_info, time_from_s
+from robot_stack.middleware.node import StackNode, run
 from tf2_msgs.msg import TFMessage
 
 _ROWS: dict[str, tuple[str, Topic, Topic]] = {

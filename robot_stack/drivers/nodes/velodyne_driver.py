@@ -7,7 +7,7 @@ from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.drivers.nodes.packet_lidar import PacketLidarNode
 from robot_stack.drivers.velodyne.params import VelodyneDriverParams
 from robot_stack.drivers.velodyne.sweeps import SweepBuilder
-from robot_stack.ros.node import run
+from robot_stack.middleware.node import run
 
 
 class VelodyneDriverNode(PacketLidarNode):

@@ -15,10 +15,10 @@ from robot_stack.drivers.nodes.mounting import mounting
 from robot_stack.drivers.point_cloud.adapter import PointCloudAdapter, Sweep
 from robot_stack.drivers.point_cloud.cloud import Cloud, CloudRefused, Field
 from robot_stack.drivers.point_cloud.params import PointCloudAdapterParams
-from robot_stack.ros.conversions import time_from_s, time_to_s
-from robot_stack.ros.node import StackNode
-from robot_stack.ros.point_cloud import cloud_message, fill
-from robot_stack.ros.wire import CloudView
+from robot_stack.middleware.conversions import time_from_s, time_to_s
+from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.point_cloud import cloud_message, fill
+from robot_stack.middleware.wire import CloudView
 from tf2_msgs.msg import TFMessage
 
 

@@ -14,8 +14,8 @@ from robot_stack.drivers.nodes.mounting import mounting
 from robot_stack.drivers.nodes.serial_reader import SerialReader
 from robot_stack.drivers.xsens.params import XsensDriverParams
 from robot_stack.drivers.xsens.unit import START, Sample, Unit
-from robot_stack.ros.conversions import time_from_s
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.conversions import time_from_s
+from robot_stack.middleware.node import StackNode, run
 from tf2_msgs.msg import TFMessage
 
 

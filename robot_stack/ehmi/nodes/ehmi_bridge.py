@@ -13,7 +13,7 @@ from robot_stack.ehmi.choice import Safety, Situation, choose
 from robot_stack.ehmi.link import LinkStatus, Shown
 from robot_stack.ehmi.nodes.serial_port import SerialPort
 from robot_stack.ehmi.params import EhmiParams
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.node import StackNode, run
 
 _LAST_WORD_S = 0.5  # of the way out
 

@@ -15,9 +15,9 @@ from robot_stack.localization.filter import Array
 from robot_stack.localization.gyro import ImuSample
 from robot_stack.localization.localizer import PLANAR
 from robot_stack.localization.odometry import OdometryReading, Variances
-from robot_stack.ros.conversions import pose_from_msg, pose_to_msg, time_to_s, twist_from_msg
-from robot_stack.ros.point_cloud import points_of
-from robot_stack.ros.wire import CloudView
+from robot_stack.middleware.conversions import pose_from_msg, pose_to_msg, time_to_s, twist_from_msg
+from robot_stack.middleware.point_cloud import points_of
+from robot_stack.middleware.wire import CloudView
 
 
 def imu_sample(message: Imu) -> ImuSample:

@@ -27,9 +27,9 @@ from robot_stack.localization.nodes.messages import (
 )
 from robot_stack.localization.params import LocalizationParams
 from robot_stack.localization.warm_up import warm_up
-from robot_stack.ros.conversions import pose_stamped, time_from_s, time_to_s, transform_stamped
-from robot_stack.ros.node import StackNode, run
-from robot_stack.ros.wire import CloudView
+from robot_stack.middleware.conversions import pose_stamped, time_from_s, time_to_s, transform_stamped
+from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.wire import CloudView
 from tf2_msgs.msg import TFMessage
 
 

@@ -16,7 +16,7 @@ from robot_stack.contract import actions
 from robot_stack.core.mission import Kind
 from robot_stack.mission.events import DockingAccepted, DockingEnded, DockingEvent, DockingFeedback
 from robot_stack.ros.goals import new_goal
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 
 _SAFETY_STOPS = {Kind.DOCK: Dock.Result.SAFETY_STOP, Kind.UNDOCK: Undock.Result.SAFETY_STOP}
 _IDLE = "IDLE"  # of /docking/status

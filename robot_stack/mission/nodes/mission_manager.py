@@ -25,9 +25,9 @@ from robot_stack.mission.nodes.outputs import MissionOutputs
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.perform import Performer, load_record
 from robot_stack.mission.states import UNDER_WAY
-from robot_stack.ros.conversions import pose_from_msg, twist_from_msg
-from robot_stack.ros.departures import DepartureWarnings
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.conversions import pose_from_msg, twist_from_msg
+from robot_stack.middleware.departures import DepartureWarnings
+from robot_stack.middleware.node import StackNode, run
 
 _CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
 

@@ -11,9 +11,9 @@ from robot_stack.core.mission import Kind
 from robot_stack.mission.events import Status
 from robot_stack.mission.nodes.docking_client import DockingClient
 from robot_stack.mission.params import MissionParams
-from robot_stack.ros.conversions import pose_stamped
-from robot_stack.ros.departures import DepartureWarnings
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.conversions import pose_stamped
+from robot_stack.middleware.departures import DepartureWarnings
+from robot_stack.middleware.node import StackNode
 
 
 class MissionOutputs:

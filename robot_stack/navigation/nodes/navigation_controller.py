@@ -26,9 +26,9 @@ from robot_stack.navigation.pose_source import PoseSource
 from robot_stack.navigation.routes import RouteSolver
 from robot_stack.navigation.states import NavigationState
 from robot_stack.navigation.warm_up import warm_up
-from robot_stack.ros.conversions import pose_from_msg, time_to_s, twist_from_msg
-from robot_stack.ros.departures import DepartureWarnings
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.conversions import pose_from_msg, time_to_s, twist_from_msg
+from robot_stack.middleware.departures import DepartureWarnings
+from robot_stack.middleware.node import StackNode, run
 
 
 class NavigationControllerNode(StackNode):

@@ -17,11 +17,11 @@ from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
 from robot_stack.perception.warm_up import warm_up
 from robot_stack.perception.watch import Watch, too_near
-from robot_stack.ros.conversions import pose_from_msg, time_to_s, twist_from_msg
-from robot_stack.ros.inputs import Input
-from robot_stack.ros.node import StackNode, run
-from robot_stack.ros.point_cloud import points_of
-from robot_stack.ros.wire import CloudView
+from robot_stack.middleware.conversions import pose_from_msg, time_to_s, twist_from_msg
+from robot_stack.middleware.inputs import Input
+from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.point_cloud import points_of
+from robot_stack.middleware.wire import CloudView
 
 
 class PerceptionPipelineNode(StackNode):

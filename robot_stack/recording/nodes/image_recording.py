@@ -10,7 +10,7 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.recording.images import DockingWatch, Thinning
 from robot_stack.recording.params import RecorderParams
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 
 Write = Callable[[str, bytes, Any], None]
 

@@ -13,7 +13,7 @@ from robot_stack.recording.opening import open_recording, prepare_folder
 from robot_stack.recording.params import RecorderParams
 from robot_stack.recording.selection import selected
 from robot_stack.recording.sweeps import SweepChoice
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.node import StackNode, run
 
 _TAKE_HZ = 10.0
 

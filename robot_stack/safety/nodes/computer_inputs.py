@@ -9,7 +9,7 @@ from std_msgs.msg import Header
 
 from custom_msgs.msg import EHMIStatus, RobotStatus
 from robot_stack.contract import topics
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 from robot_stack.safety.observation import Observation
 
 

@@ -7,7 +7,7 @@ import time
 
 from std_msgs.msg import Bool
 
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.node import StackNode, run
 from robot_stack.safety.button import Contact, EmergencyButton, read_contact
 from robot_stack.safety.params import ButtonParams
 from robot_stack.safety.timing import age_s

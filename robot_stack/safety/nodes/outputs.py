@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from custom_msgs.msg import SafetyStatus, VelocityLimit
 from robot_stack.contract import frames, topics
 from robot_stack.core.limits import SpeedLimit
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 from robot_stack.safety.arbiter import Verdict
 
 

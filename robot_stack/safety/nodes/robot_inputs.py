@@ -11,7 +11,7 @@ from std_msgs.msg import Bool, Float32
 
 from custom_msgs.msg import DockingStatus, EmergencyStopSource
 from robot_stack.contract import topics
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 from robot_stack.safety.inputs import ImuSample
 from robot_stack.safety.observation import CAMERAS, Observation
 from robot_stack.safety.stop_sources import SourceReport

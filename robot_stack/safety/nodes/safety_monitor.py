@@ -11,7 +11,7 @@ from robot_stack.core.limits import STANDSTILL
 from robot_stack.core.node_record import Heartbeats
 from robot_stack.core.runtime import runtime_dir, state_dir
 from robot_stack.core.stop_presence import describe_presence
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.node import StackNode, run
 from robot_stack.safety.arbiter import Verdict
 from robot_stack.safety.latch_store import LatchStore
 from robot_stack.safety.monitor import Memory, SafetyMonitor

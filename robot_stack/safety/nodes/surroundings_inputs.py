@@ -11,10 +11,10 @@ from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 
 from robot_stack.contract import frames, topics
 from robot_stack.core.point_cloud import MOVING, XYZ, Points, rows_of, xyz_of
-from robot_stack.ros.conversions import pose_from_msg, time_to_s, twist_from_msg
-from robot_stack.ros.node import StackNode
-from robot_stack.ros.point_cloud import points_of
-from robot_stack.ros.wire import CloudView
+from robot_stack.middleware.conversions import pose_from_msg, time_to_s, twist_from_msg
+from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.point_cloud import points_of
+from robot_stack.middleware.wire import CloudView
 from robot_stack.safety.lidar_watch import LidarWatch
 from robot_stack.safety.observation import Observation
 from robot_stack.safety.params import SafetyParams

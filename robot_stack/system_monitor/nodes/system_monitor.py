@@ -12,8 +12,8 @@ from sensor_msgs.msg import Temperature
 from custom_msgs.msg import RobotStatus
 from robot_stack.contract import frames, topics
 from robot_stack.contract.model import System
-from robot_stack.ros.inputs import Input
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.inputs import Input
+from robot_stack.middleware.node import StackNode, run
 from robot_stack.system_monitor.computer import CpuUsage, hottest
 from robot_stack.system_monitor.diagnostics_tree import DiagnosticsTree
 from robot_stack.system_monitor.nodes.computer_reader import ComputerReader

@@ -12,9 +12,9 @@ from visualization_msgs.msg import Marker as MarkerMessage
 from robot_stack.contract import topics
 from robot_stack.contract.model import System, Topic
 from robot_stack.core.geometry import Pose2
-from robot_stack.ros.conversions import pose_from_msg
-from robot_stack.ros.inputs import Input
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.conversions import pose_from_msg
+from robot_stack.middleware.inputs import Input
+from robot_stack.middleware.node import StackNode
 from robot_stack.ui.diagnostics import Diagnostics
 from robot_stack.ui.protocol import Layer
 from robot_stack.ui.snapshot import Computer, Docking, ExternalDisplay, Limit, Marker, Person, Ride, Safety, Snapshot

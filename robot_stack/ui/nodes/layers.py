@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 
 from robot_stack.contract import topics
-from robot_stack.ros.conversions import pose_from_msg
-from robot_stack.ros.node import StackNode
-from robot_stack.ros.point_cloud import points_of
-from robot_stack.ros.wire import CloudView, ImageView
+from robot_stack.middleware.conversions import pose_from_msg
+from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.point_cloud import points_of
+from robot_stack.middleware.wire import CloudView, ImageView
 from robot_stack.ui import frames
 from robot_stack.ui.nodes.inputs import RobotInputs
 from robot_stack.ui.params import PagesParams

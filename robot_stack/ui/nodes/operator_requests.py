@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from robot_stack.contract.model import Service
-from robot_stack.ros.interfaces import interface_class
-from robot_stack.ros.node import StackNode
-from robot_stack.ros.timers import NodeTimer
+from robot_stack.middleware.interfaces import interface_class
+from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.timers import NodeTimer
 from robot_stack.ui.params import ResetParams
 
 # (granted, why not as a key of a text, the safety monitor's own words)

@@ -8,8 +8,8 @@ from std_msgs.msg import Header
 from custom_msgs.msg import UICommand
 from robot_stack.contract import frames, topics
 from robot_stack.core.geometry import Pose2, Twist2
-from robot_stack.ros.conversions import pose_stamped, pose_to_msg, twist_stamped
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.conversions import pose_stamped, pose_to_msg, twist_stamped
+from robot_stack.middleware.node import StackNode
 
 # Of a pose that a finger drags: half a metre and 15 degrees, as RViz says of its own tool.
 _POSITION_M2 = 0.25

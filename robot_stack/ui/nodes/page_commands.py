@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from robot_stack.contract import services
 from robot_stack.core.geometry import Pose2
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 from robot_stack.ui import protocol as p
 from robot_stack.ui.desk import named
 from robot_stack.ui.nodes.audit_file import AuditFile

@@ -16,7 +16,7 @@ from robot_stack.core.display_patterns import load_patterns
 from robot_stack.core.docks import load_docks
 from robot_stack.core.robot import load_robot
 from robot_stack.core.robot_shape import load_robot_shape
-from robot_stack.ros.interfaces import interface_class
+from robot_stack.middleware.interfaces import interface_class
 from robot_stack.view.channels import MODEL
 from robot_stack.view.display import DisplayPanel
 from robot_stack.view.params import ViewParams

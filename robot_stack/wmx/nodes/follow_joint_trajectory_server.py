@@ -7,7 +7,7 @@ import time
 from std_srvs.srv import SetBool
 
 from robot_stack.contract import services
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.node import StackNode, run
 from robot_stack.wmx import connect
 from robot_stack.wmx.api import CoreMotionErrorCode
 from robot_stack.wmx.config import load_client_config

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from robot_stack.ros.raw import RawSender
+from robot_stack.middleware.raw import RawSender
 from robot_stack.wmx.manipulator.messages import ArrayBytes, JointStateBytes
 
 
@@ -30,8 +30,8 @@ class JointOutputs:
 
     def look_around(self) -> None:
         """What is too dear to ask 500 times a second. Mirrors that nobody hears are not sent."""
-        self._isaac_heard = self._isaac is not None and self._isaac.heard
-        self._gazebo_heard = self._gazebo is not None and self._gazebo.heard
+        self._isaac_heard = self._isaac is not None and self._isaac.has_subscribers
+        self._gazebo_heard = self._gazebo is not None and self._gazebo.has_subscribers
 
     def send(self, positions: Sequence[float], velocities: Sequence[float], stamp_ns: int) -> None:
         """One value per name, rad and rad/s. Isaac Sim first and, as documented, before the stamp is set."""

@@ -7,8 +7,8 @@ from rclpy.exceptions import InvalidTopicNameException
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.core.config import ConfigError, config_dir
-from robot_stack.ros.node import StackNode, run
-from robot_stack.ros.raw import RawSender
+from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.raw import RawSender
 from robot_stack.wmx import connect
 from robot_stack.wmx.axes import AxisFeedback
 from robot_stack.wmx.config import load_client_config

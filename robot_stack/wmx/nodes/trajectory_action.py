@@ -9,7 +9,7 @@ from rclpy.action import ActionServer, CancelResponse
 from rclpy.task import Future
 
 from robot_stack.contract import actions
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.node import StackNode
 from robot_stack.wmx.nodes.trajectory_messages import result_to_msg
 from robot_stack.wmx.trajectory.results import Outcome, Result
 

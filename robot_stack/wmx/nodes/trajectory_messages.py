@@ -11,7 +11,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTolerance as JointToleranceMsg
-from robot_stack.ros.conversions import time_to_s
+from robot_stack.middleware.conversions import time_to_s
 from robot_stack.wmx.trajectory.execution import Sample
 from robot_stack.wmx.trajectory.goal import Goal, Point
 from robot_stack.wmx.trajectory.results import Result

@@ -10,7 +10,7 @@ from rclpy.task import Future
 from robot_stack.contract import services, topics
 from robot_stack.contract.model import Service, Topic
 from robot_stack.core.config import ConfigError
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.node import StackNode, run
 from robot_stack.wmx import MotionEngine, connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config

@@ -6,7 +6,7 @@ import sys
 from geometry_msgs.msg import Twist
 
 from robot_stack.contract import topics
-from robot_stack.ros.node import StackNode, run
+from robot_stack.middleware.node import StackNode, run
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--crash-after", type=int, default=0)

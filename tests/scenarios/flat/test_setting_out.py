@@ -12,7 +12,7 @@ from robot_stack.contract.display import Display
 from robot_stack.core.config import load
 from robot_stack.core.departure import DepartureParams
 from robot_stack.core.geometry import Pose2
-from robot_stack.ros.conversions import pose_from_msg, pose_stamped, time_to_s
+from robot_stack.middleware.conversions import pose_from_msg, pose_stamped, time_to_s
 from tests.support.waiting import wait_for
 
 if TYPE_CHECKING:

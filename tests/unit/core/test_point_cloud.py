@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robot_stack.core.point_cloud import SWEEP, XYZ, points_from_xyz, xyz_of
-from robot_stack.ros.point_cloud import cloud_message, fill, points_of
+from robot_stack.middleware.point_cloud import cloud_message, fill, points_of
 
 
 def some_points(count: int = 5) -> np.ndarray:

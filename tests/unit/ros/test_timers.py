@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_stack.ros.clocks import SystemClock
-from robot_stack.ros.timers import Schedule
+from robot_stack.middleware.clocks import SystemClock
+from robot_stack.middleware.timers import Schedule
 
 
 class FakeClock:

@@ -14,8 +14,6 @@ from typing import Any, Final
 import numpy as np
 from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
 
 _LITTLE_ENDIAN = b"\x00\x01"
@@ -129,20 +127,24 @@ def _image(data: bytes) -> ImageView:
     return ImageView(read.header(), read.u32(), read.u32(), read.text(), read.u8(), read.u32(), read.octets())
 
 
-def _reader(view: Callable[[bytes], Any], message_class: Any) -> Callable[[bytes], Any]:
+class UnknownEncoding(ValueError):
+    """The bytes are no little-endian CDR of the expected message."""
+
+
+def _reader(view: Callable[[bytes], Any]) -> Callable[[bytes], Any]:
     def read(data: bytes) -> Any:
         if data[:2] == _LITTLE_ENDIAN:
             try:
                 return view(data)
-            except (struct.error, IndexError, ValueError):
-                pass  # the middleware shall say what is wrong
-        return deserialize_message(data, message_class)
+            except (struct.error, IndexError, ValueError) as error:
+                raise UnknownEncoding(str(error)) from error
+        raise UnknownEncoding(f"the encoding is {data[:2].hex()}")
 
     return read
 
 
 READERS: Final[dict[str, Callable[[bytes], Any]]] = {
-    "sensor_msgs/msg/PointCloud2": _reader(_cloud, PointCloud2),
-    "sensor_msgs/msg/Image": _reader(_image, Image),
+    "sensor_msgs/msg/PointCloud2": _reader(_cloud),
+    "sensor_msgs/msg/Image": _reader(_image),
 }
-"""By type: what reads a message from its bytes, as a view that has the message's fields."""
+"""By type: what reads a message from its bytes, as a view that has the message's fields. Raises UnknownEncoding."""

@@ -7,53 +7,39 @@ unvalidated.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from pydantic import BaseModel
-from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.node import Node
 
 from robot_stack.core.config import ConfigError, config_dir, read_yaml, validate
-
-# Parameters that rclpy itself declares.
-_RCLPY_OWN = ("use_sim_time", "start_type_description_service")
+from robot_stack.middleware.port import Port
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
-def load_parameters(node: Node, model: type[ModelT]) -> ModelT:
-    """The parameters of ``node``: ``config/<node name>.yaml`` and its ROS overrides. Raises ConfigError."""
-    path = config_dir() / f"{node.get_name()}.yaml"
+def load_parameters(port: Port, model: type[ModelT]) -> ModelT:
+    """The parameters of a node: ``config/<node name>.yaml`` and its overrides. Raises ConfigError."""
+    path = config_dir() / f"{port.name}.yaml"
     values = _flatten(read_yaml(path))
-    overrides = {name: item.value for name, item in node._parameter_overrides.items() if not _is_rclpy_own(name)}
-    merged = _unflatten({**values, **_empty_lists(overrides, values)})
-    parameters = validate(model, merged, f"{node.get_name()} ({path} and overrides)")
-    _declare(node, _flatten(parameters.model_dump(mode="json")))
+    merged = _unflatten({**values, **_empty_lists(port.parameter_overrides(), values)})
+    parameters = validate(model, merged, f"{port.name} ({path} and overrides)")
+    port.show_parameters({name: _ros_value(value) for name, value in _flatten(parameters.model_dump(mode="json")).items()})
     return parameters
 
 
-def _empty_lists(overrides: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
+def _empty_lists(overrides: Mapping[str, Any], values: dict[str, Any]) -> dict[str, Any]:
     """ROS knows no type for a list without items and hands it over as no value."""
     return {
         name: [] if value is None and isinstance(values.get(name), list) else value for name, value in overrides.items()
     }
 
 
-def refuse_overrides(node: Node) -> None:
-    """For nodes without parameters: an override is a mistake worth telling. Raises ConfigError."""
-    names = sorted(name for name in node._parameter_overrides if not _is_rclpy_own(name))
+def refuse_overrides(port: Port) -> None:
+    """For nodes without parameters: an override is a mistake. Raises ConfigError."""
+    names = sorted(port.parameter_overrides())
     if names:
-        raise ConfigError(f"{node.get_name()}: {', '.join(names)}: this node has no parameters")
-
-
-def _is_rclpy_own(name: str) -> bool:
-    return name in _RCLPY_OWN or name.startswith("qos_overrides.")
-
-
-def _declare(node: Node, values: dict[str, Any]) -> None:
-    descriptor = ParameterDescriptor(read_only=True, dynamic_typing=True)
-    for name, value in values.items():
-        node.declare_parameter(name, _ros_value(value), descriptor, ignore_override=True)
+        raise ConfigError(f"{port.name}: {', '.join(names)}: this node has no parameters")
 
 
 def _ros_value(value: Any) -> Any:

@@ -9,8 +9,8 @@ from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
 from robot_stack.contract import topics
-from robot_stack.ros.conversions import time_to_s
-from robot_stack.ros.node import StackNode
+from robot_stack.middleware.conversions import time_to_s
+from robot_stack.middleware.node import StackNode
 
 _STALE_S = topics.DEPARTURE_WARNING.stale_limit_s
 # Nodes tick at the row's rate or at a multiple of it.

@@ -1,4 +1,4 @@
-"""Timers that the lean executor asks how long it may sleep."""
+"""The timers of a node."""
 
 from __future__ import annotations
 
@@ -7,12 +7,7 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from rclpy.exceptions import InvalidHandle
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-
-from robot_stack.ros.clocks import NodeClock
-
-RCLError = _rclpy.RCLError
+from robot_stack.middleware.clocks import NodeClock
 
 
 class NodeTimer:
@@ -91,38 +86,3 @@ class Schedule:
             if now_s >= timer.due_s:
                 timer.due_s = max(timer.due_s + timer.period_s, self.next_whole(timer.period_s))
                 yield timer.callback
-
-
-class RclTimers:
-    """Timers of nodes that are no nodes of this stack: rcl's own."""
-
-    def __init__(self, timers: list[Any]) -> None:
-        self._timers = timers
-
-    def wait_s(self) -> float:
-        return min((_wait_s(timer) for timer in self._timers), default=math.inf)
-
-    def due(self) -> Iterator[Callable[[], Any]]:
-        for timer in self._timers:
-            try:
-                if not timer.handle.is_timer_ready():
-                    continue
-                timer.handle.call_timer()
-            except (InvalidHandle, RCLError):  # destroyed, by an earlier callback or another thread
-                continue
-            yield timer.callback
-
-
-# A timer on a clock that stands still says "not yet" and "now" at once.
-_LEAST_WAIT_S = 0.001
-
-
-def _wait_s(timer: Any) -> float:
-    try:
-        if timer.handle.is_timer_canceled():
-            return math.inf
-        if timer.handle.is_timer_ready():
-            return 0.0
-        return max(_LEAST_WAIT_S, 1e-9 * float(timer.handle.time_until_next_call()))
-    except (InvalidHandle, RCLError):
-        return math.inf

@@ -8,35 +8,21 @@ from typing import Any
 
 from robot_stack.contract.model import Topic
 from robot_stack.core.health import InputHealth
-from robot_stack.ros.wire import READERS
 
 
 class Input:
     """The newest message of a topic, with the age taken on the steady clock when it was received.
 
-    received_at: a reception in system nanoseconds -> steady seconds. steady_s: now.
+    steady_s: now.
     """
 
-    __slots__ = (
-        "_callback",
-        "_health",
-        "_read",
-        "_received_at",
-        "_steady_s",
-        "end",
-        "ended",
-        "latest",
-        "received",
-        "received_s",
-        "topic",
-    )
+    __slots__ = ("_callback", "_health", "_steady_s", "end", "ended", "latest", "received", "received_s", "topic")
 
     def __init__(
         self,
         topic: Topic,
         callback: Callable[[Any], None] | None,
         health: InputHealth,
-        received_at: Callable[[int], float],
         steady_s: Callable[[], float],
     ) -> None:
         self.topic = topic
@@ -46,26 +32,17 @@ class Input:
         self.ended = False
         self.end: Callable[[], Any] = lambda: None  # of the subscription; called by StackNode.unsubscribe
         self._callback = callback
-        self._read = READERS.get(topic.type)
         self._health = health
-        self._received_at = received_at
         self._steady_s = steady_s
         health.add(topic.name, topic.stale_s)
 
-    @property
-    def raw(self) -> bool:
-        """``on_message`` takes the bytes of the wire."""
-        return self._read is not None
-
-    def on_message(self, message: Any, info: dict[str, int]) -> None:
+    def on_message(self, message: Any, received_s: float) -> None:
         if self.ended:  # what another thread had received before
             return
-        if self._read is not None:
-            message = self._read(message)
         self.latest = message
         self.received += 1
-        self.received_s = self._received_at(info["received_timestamp"])
-        self._health.received(self.topic.name, self.received_s)
+        self.received_s = received_s
+        self._health.received(self.topic.name, received_s)
         if self._callback is not None:
             self._callback(message)
 

@@ -8,7 +8,7 @@ import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
 from robot_stack.core.point_cloud import Points
-from robot_stack.ros.wire import CloudView
+from robot_stack.middleware.wire import CloudView
 
 _TYPES = {
     np.dtype("<f4"): PointField.FLOAT32,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -15,7 +13,7 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.contract.processes import HEARTBEAT_HZ
 from robot_stack.core.health import INPUT_PREFIX, InputState, describe_input
-from robot_stack.core.node_record import NodeRecord
+from robot_stack.middleware.port import Port, Publisher
 
 # A simulated world sees who is late by a node's timers. One that works on messages looks at the clock this often.
 _LOOK_S = 0.05
@@ -31,11 +29,11 @@ class Loop:
     worst_s: float = 0.0
     overruns: int = 0
 
-    def timed(self, callback: Callable[[], None]) -> Callable[[], None]:
+    def timed(self, callback: Callable[[], None], clock_s: Callable[[], float]) -> Callable[[], None]:
         def call() -> None:
-            start_s = time.perf_counter()
+            start_s = clock_s()
             callback()
-            taken_s = time.perf_counter() - start_s
+            taken_s = clock_s() - start_s
             self.calls += 1
             self.worst_s = max(self.worst_s, taken_s)
             self.overruns += taken_s > self.period_s
@@ -46,15 +44,10 @@ class Loop:
 class ReportingNode(Protocol):
     """What a report needs of its node."""
 
-    node_record: NodeRecord
+    port: Port
 
-    @property
-    def simulated_time(self) -> bool: ...
-    def get_name(self) -> str: ...
-    def advertise(self, row: Topic) -> Any: ...
-    def create_timer(self, period_s: float, callback: Callable[[], None], /) -> Any: ...
-    def every_real(self, rate_hz: float, callback: Callable[[], None]) -> Any: ...
-    def follow_clock(self) -> None: ...
+    def advertise(self, row: Topic) -> Publisher: ...
+    def every_real(self, rate_hz: float, callback: Callable[[], None]) -> None: ...
     def input_states(self) -> dict[str, InputState]: ...
     def stamp(self) -> Any: ...
 
@@ -74,15 +67,15 @@ class Report:
         # More entries of a node that reports on more than itself, made when they are due.
         self.more: Callable[[], Sequence[DiagnosticStatus]] = tuple
         node.every_real(HEARTBEAT_HZ, self.beat)
-        if node.simulated_time:  # a world faster than real time judges silence by its own time
-            node.create_timer(1.0 / HEARTBEAT_HZ, self.beat)
-            node.create_timer(_LOOK_S, lambda: None)
+        if node.port.simulated_time:  # a world faster than real time judges silence by its own time
+            node.port.add_timer(1.0 / HEARTBEAT_HZ, self.beat)
+            node.port.add_timer(_LOOK_S, lambda: None)
         node.every_real(topics.HEARTBEAT.nominal_rate_hz, self.publish_heartbeat)
         node.every_real(topics.DIAGNOSTICS.nominal_rate_hz, self.diagnose)
 
     def beat(self) -> None:
-        self._node.node_record.beat(self.ok, self.text)
-        self._node.follow_clock()
+        self._node.port.node_record.beat(self.ok, self.text)
+        self._node.port.follow_clock()
 
     def publish_heartbeat(self) -> None:
         """For who is outside this machine."""
@@ -90,8 +83,8 @@ class Report:
         self._heartbeat.publish(
             Heartbeat(
                 stamp=self._node.stamp(),
-                node=self._node.get_name(),
-                pid=os.getpid(),
+                node=self._node.port.name,
+                pid=self._node.port.process_id,
                 sequence=self._sequence % 2**32,
                 ready=self.ok,
                 waiting_for="" if self.ok else self.text,
@@ -102,7 +95,7 @@ class Report:
         inputs = self._node.input_states()
         stale = [item.name for item in inputs.values() if item.received and not item.fresh]
         status = DiagnosticStatus(
-            name=self._node.get_name(),
+            name=self._node.port.name,
             hardware_id="robot_stack",
             level=DiagnosticStatus.OK if self.ok and not stale else DiagnosticStatus.WARN,
             message=self.text if not stale else f"{self.text}; stale: {', '.join(stale)}",
@@ -113,7 +106,7 @@ class Report:
         self._diagnostics.publish(message)
 
     def _values(self, inputs: dict[str, InputState]) -> dict[str, str]:
-        values = dict(self.values)
+        values = {**self._node.port.report_values(), **self.values}
         for item in inputs.values():
             values[f"{INPUT_PREFIX}{item.name}"] = describe_input(item)
         for loop in self.loops:

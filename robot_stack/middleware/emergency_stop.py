@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import threading
 from collections.abc import Callable
 
 from builtin_interfaces.msg import Time
-from rclpy.publisher import Publisher
 from std_msgs.msg import Bool
 
 from custom_msgs.msg import EmergencyStopSource
+from robot_stack.middleware.port import Publisher
 
 
 class StopSource:
@@ -20,10 +19,18 @@ class StopSource:
     """
 
     def __init__(
-        self, name: str, stop: Publisher, sources: Publisher, stamp: Callable[[], Time], *, until_latched: bool = False
+        self,
+        name: str,
+        process_id: int,
+        stop: Publisher,
+        sources: Publisher,
+        stamp: Callable[[], Time],
+        *,
+        until_latched: bool = False,
     ) -> None:
         """until_latched: its press is an event, no state: once the safety monitor has latched it, it asks no more."""
-        self._name, self._stop, self._sources, self._stamp = name, stop, sources, stamp
+        self._name, self._process_id = name, process_id
+        self._stop, self._sources, self._stamp = stop, sources, stamp
         self._until_latched = until_latched
         self._turn = threading.Lock()
         self._presses = 0
@@ -59,7 +66,7 @@ class StopSource:
             EmergencyStopSource(
                 stamp=self._stamp(),
                 name=self._name,
-                pid=os.getpid(),
+                pid=self._process_id,
                 presses=self._presses,
                 pressed=self._pressed,
             )

@@ -1,0 +1,26 @@
+"""Publishing bytes that are serialised already, hundreds of times a second."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import Any
+
+
+class RawSender:
+    """Sends serialised messages through an rclpy publisher. Its handle stays open from the start on: to open and close
+    it for each message costs a fifth of what sending takes. ``close`` before the node is destroyed.
+    """
+
+    def __init__(self, publisher: Any) -> None:
+        self._publisher = publisher
+        self._open = ExitStack()
+        self._open.enter_context(publisher.handle)
+        self.send = publisher.handle.publish_raw
+
+    @property
+    def has_subscribers(self) -> bool:
+        """Too expensive to ask for each message."""
+        return bool(self._publisher.get_subscription_count() > 0)
+
+    def close(self) -> None:
+        self._open.close()
