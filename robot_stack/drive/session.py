@@ -7,6 +7,7 @@ release of an emergency stop. A servo is switched on only with permission.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -19,7 +20,7 @@ from robot_stack.drive.wheel_axes import AxisSettings, DriveMove, SteerMove, dri
 from robot_stack.wmx.api import AxisCommandMode, EStopLevel
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.axis_group import SERVO_ON, AxisGroup
-from robot_stack.wmx.opening import OpenEngine
+from robot_stack.wmx.opening import DeviceOpener, OpenEngine, PromptOpener
 from robot_stack.wmx.session import Applied, EngineSession, Patience
 from robot_stack.wmx.start_up import SessionState, StartUp
 
@@ -70,12 +71,17 @@ class DriveSession:
     """Belongs to one thread. Times are steady seconds."""
 
     def __init__(
-        self, open_engine: OpenEngine, settings: SessionSettings, axes: AxisSettings, *, own_thread: bool = False
+        self,
+        open_engine: OpenEngine,
+        settings: SessionSettings,
+        axes: AxisSettings,
+        *,
+        opener: Callable[[OpenEngine], DeviceOpener] = PromptOpener,
     ) -> None:
-        """open_engine, own_thread: see ``EngineSession``. axes: how set points become moves; among it how long the
+        """open_engine, opener: see ``EngineSession``. axes: how set points become moves; among it how long the
         engine lets a wheel turn that gets no other command.
         """
-        self._engine = EngineSession(open_engine, settings.connection, own_thread=own_thread)
+        self._engine = EngineSession(open_engine, settings.connection, opener=opener)
         self._group = AxisGroup(self._engine, dict(enumerate(JOINTS)), settings.request_pause_s)
         steps = (self._communication, self._stopping, self._alarms, self._servos)
         self._start = StartUp(

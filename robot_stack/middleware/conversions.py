@@ -14,7 +14,7 @@ NANOSECONDS = 1_000_000_000
 
 
 def time_to_s(stamp: Time) -> float:
-    return stamp.sec + stamp.nanosec / NANOSECONDS
+    return float(stamp.sec + stamp.nanosec / NANOSECONDS)
 
 
 def time_from_s(seconds: float) -> Time:

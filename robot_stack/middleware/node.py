@@ -22,6 +22,7 @@ from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.health import InputHealth, InputState
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.core.stop_latch import StopLatch
+from robot_stack.core.worker import Worker
 from robot_stack.middleware.conversions import NANOSECONDS
 from robot_stack.middleware.emergency_stop import StopSource
 from robot_stack.middleware.inputs import Input
@@ -34,7 +35,6 @@ from robot_stack.middleware.port import (
     Publisher,
     ServiceClient,
     Subscription,
-    Worker,
     open_port,
 )
 from robot_stack.middleware.report import Loop, Report
@@ -57,7 +57,11 @@ class StackNode:
 
     def __init__(self, name: str, parameters: type[BaseModel] | None = None) -> None:
         self.port: Port = open_port(name)
-        self.params: Any = load_parameters(self.port, parameters) if parameters else refuse_overrides(self.port)
+        self.params: Any = None
+        if parameters is None:
+            refuse_overrides(self.port)
+        else:
+            self.params = load_parameters(self.port, parameters)
         self._health = InputHealth()
         # The machines of the motion-engine layer have no safety monitor of their own.
         self._stop_latch = StopLatch(monitored=name not in BY_NAME or BY_NAME[name].system is not System.WMX)
@@ -131,7 +135,7 @@ class StackNode:
     def serve_later(
         self, row: Service, callback: Callable[[Any, Any, Callable[[Any], None]], None], name: str = ""
     ) -> None:
-        """The same for answers that take time: ``callback`` is called with request, empty response, and what sends it."""
+        """The same for answers that take time. callback: takes request, empty response, and what sends the response."""
         self._check(row.name, "serve", (row.server,))
         self.port.serve(row.type, name or row.name, callback)
 

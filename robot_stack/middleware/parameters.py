@@ -24,7 +24,9 @@ def load_parameters(port: Port, model: type[ModelT]) -> ModelT:
     values = _flatten(read_yaml(path))
     merged = _unflatten({**values, **_empty_lists(port.parameter_overrides(), values)})
     parameters = validate(model, merged, f"{port.name} ({path} and overrides)")
-    port.show_parameters({name: _ros_value(value) for name, value in _flatten(parameters.model_dump(mode="json")).items()})
+    port.show_parameters(
+        {name: _ros_value(value) for name, value in _flatten(parameters.model_dump(mode="json")).items()}
+    )
     return parameters
 
 

@@ -14,6 +14,7 @@ from typing import Any, ParamSpec, Protocol, TypeVar
 
 from robot_stack.contract.model import Action, Topic
 from robot_stack.core.node_record import NodeRecord
+from robot_stack.core.worker import Worker
 from robot_stack.middleware.timers import NodeTimer
 
 P = ParamSpec("P")
@@ -108,29 +109,12 @@ class ClientGoal(Protocol):
 class ActionClient(Protocol):
     def server_is_ready(self) -> bool: ...
 
-    def send_goal(
-        self, request: Any, accepted: Callable[[bool], None], feedback: Callable[[Any], None]
-    ) -> ClientGoal:
+    def send_goal(self, request: Any, accepted: Callable[[bool], None], feedback: Callable[[Any], None]) -> ClientGoal:
         """accepted: called with the server's answer. feedback: called with each feedback message."""
         ...
 
     def cancel_all(self, before: Any) -> None:
         """Asks the server to cancel every goal that was accepted up to the stamp ``before``."""
-        ...
-
-
-class Worker(Protocol):
-    """Runs jobs one after the other beside the node's tick: on ROS in a thread of its own.
-
-    On the scheduler a job runs at once and its result arrives after a simulated duration.
-    """
-
-    def submit(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
-        """Queues ``job``; ``done`` is called with its result in the node's loop. A job must not raise."""
-        ...
-
-    def close(self, timeout_s: float) -> None:
-        """Ends the worker after the job it runs, at the latest after ``timeout_s``. Queued jobs still run."""
         ...
 
 
@@ -266,8 +250,11 @@ class Port(Protocol):
         """What the port adds to the node's entry in /diagnostics."""
         ...
 
-    def run_until(self, condition: Callable[[], bool], timeout_s: float) -> None:
-        """For ``safe_output``: runs the node's loop until the condition holds, at the latest until the timeout."""
+    def wait_until(self, condition: Callable[[], bool], timeout_s: float, *, loop: bool = False) -> None:
+        """For ``safe_output`` only: asks for ``condition`` every 10 ms until it holds, at the latest until the timeout.
+
+        loop: the node's callbacks run meanwhile.
+        """
         ...
 
     def wait_delivered(self, timeout_s: float) -> None:

@@ -34,9 +34,7 @@ class RosActionServer:
 
     def __init__(self, node: Node, action: Any, name: str, on_goal: Callable[[ActionGoal], None]) -> None:
         self._on_goal = on_goal
-        self._server = ActionServer(
-            node, action, name, self._execute, cancel_callback=lambda _: CancelResponse.ACCEPT
-        )
+        self._server = ActionServer(node, action, name, self._execute, cancel_callback=lambda _: CancelResponse.ACCEPT)
 
     async def _execute(self, handle: Any) -> Any:
         goal = _Goal(handle)

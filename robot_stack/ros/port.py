@@ -41,7 +41,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 # Parameters that rclpy itself declares.
 _RCLPY_OWN = ("use_sim_time", "start_type_description_service")
-_LOOP_POLL_S = 0.01
+_WAIT_POLL_S = 0.01
 
 
 class RosPort(Node):
@@ -306,10 +306,13 @@ class RosPort(Node):
         for name, value in values.items():
             self.declare_parameter(name, value, descriptor, ignore_override=True)
 
-    def run_until(self, condition: Callable[[], bool], timeout_s: float) -> None:
+    def wait_until(self, condition: Callable[[], bool], timeout_s: float, *, loop: bool = False) -> None:
         end_s = time.monotonic() + timeout_s
         while not condition() and time.monotonic() < end_s:
-            self.executor.spin_once(_LOOP_POLL_S)
+            if loop:
+                self.executor.spin_once(_WAIT_POLL_S)
+            else:
+                time.sleep(_WAIT_POLL_S)
 
     def wait_delivered(self, timeout_s: float) -> None:
         end_s = time.monotonic() + timeout_s

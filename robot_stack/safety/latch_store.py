@@ -16,16 +16,17 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import shutil
-import threading
-import time
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from robot_stack.contract import faults
+from robot_stack.core.worker import Worker
 from robot_stack.safety.monitor import ESTOP_PRESSED, Memory
 from robot_stack.safety.stop_sources import Press
 
@@ -83,20 +84,21 @@ def _record(data: Any) -> Record:
 
 
 class LatchStore:
-    """Keeps the memory of the safety monitor in ``folder``, and in ``shadow``, a file in memory."""
+    """Keeps the memory of the safety monitor in ``folder``, and in ``shadow``, a file in memory.
 
-    def __init__(self, folder: Path, shadow: Path, slow_s: float) -> None:
-        """slow_s: a disk that has not taken a record for so long is told by ``problem``."""
+    Belongs to the node's loop; the files on disk are written by ``worker``. now_s: a monotonic clock.
+    """
+
+    def __init__(self, folder: Path, shadow: Path, slow_s: float, worker: Worker, now_s: Callable[[], float]) -> None:
+        """slow_s: a record that is not on disk after so long is reported by ``problem``."""
         self._folder, self._shadow, self._slow_s = folder, shadow, slow_s
+        self._worker, self._now_s = worker, now_s
         self._generation = 0
         self._saved: Memory | None = None
-        self._wake = threading.Condition()
         self._pending: Record | None = None
         self._pending_since_s = 0.0
+        self._retry_at_s = math.inf
         self._shadow_problem = self._disk_problem = ""
-        self._ended = False
-        self._thread = threading.Thread(target=self._write_all, name="latch", daemon=True)
-        self._thread.start()
 
     def load(self) -> Memory:
         """What was stored, as the module's description says. Never raises."""
@@ -128,11 +130,10 @@ class LatchStore:
             self._shadow_problem = ""
         except OSError as error:
             self._shadow_problem = str(error)
-        with self._wake:
-            if self._pending is None:
-                self._pending_since_s = time.monotonic()
-            self._pending = record
-            self._wake.notify_all()
+        if self._pending is None:
+            self._pending_since_s = self._now_s()
+        self._pending = record
+        self._submit()
 
     def save_if_new(self, memory: Memory) -> None:
         """The same, but for what was saved last already."""
@@ -140,39 +141,37 @@ class LatchStore:
             self.save(memory)
 
     def problem(self) -> str:
-        """Why the memory is not on disk although it should be, empty if it is."""
-        with self._wake:
-            if self._disk_problem or self._shadow_problem:
-                return self._disk_problem or self._shadow_problem
-            waiting_s = time.monotonic() - self._pending_since_s
-            slow = self._pending is not None and waiting_s > self._slow_s
-            return f"not written for {waiting_s:.0f} s" if slow else ""
+        """Why the memory is not on disk although it should be, empty if it is. Retries a failed write after a pause."""
+        now_s = self._now_s()
+        if now_s >= self._retry_at_s:
+            self._submit()
+        if self._disk_problem or self._shadow_problem:
+            return self._disk_problem or self._shadow_problem
+        waiting_s = now_s - self._pending_since_s
+        slow = self._pending is not None and waiting_s > self._slow_s
+        return f"not written for {waiting_s:.0f} s" if slow else ""
 
     def close(self) -> None:
         """Gives what is not written yet a last chance."""
-        with self._wake:
-            self._ended = True
-            self._wake.notify_all()
-        self._thread.join(_END_S)
+        if self._pending is not None:
+            self._submit()
+        self._worker.close(_END_S)
 
-    # --- the thread --------------------------------------------------------------------------------------------------
+    def _submit(self) -> None:
+        self._retry_at_s = math.inf
+        self._worker.submit(self._write_newest, self._on_written)
 
-    def _write_all(self) -> None:
-        while True:
-            with self._wake:
-                self._wake.wait_for(lambda: self._pending is not None or self._ended)
-                record = self._pending
-            if record is None:
-                return
-            problem = self._write(record)
-            with self._wake:
-                self._disk_problem = problem
-                if not problem and self._pending is record:
-                    self._pending = None
-                if problem and not self._ended:
-                    self._wake.wait(_RETRY_S)
-                if problem and self._ended:
-                    return
+    def _write_newest(self) -> tuple[Record | None, str]:
+        """On the worker: the newest record alone counts, however many were queued."""
+        record = self._pending
+        return record, "" if record is None else self._write(record)
+
+    def _on_written(self, written: tuple[Record | None, str]) -> None:
+        record, self._disk_problem = written
+        if self._disk_problem:
+            self._retry_at_s = self._now_s() + _RETRY_S
+        elif self._pending is record:
+            self._pending = None
 
     def _write(self, record: Record) -> str:
         """Returns why not, empty if both copies are on disk."""

@@ -9,9 +9,9 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any
 
 from robot_stack.supervisor.control import Reply
+from robot_stack.supervisor.node import ResetAnswer
 from robot_stack.supervisor.node_thread import NodeThread
 
 VERBS = ("estop", "release", "reset", "safety")
@@ -24,7 +24,7 @@ class Keys:
 
     def __init__(self, thread: NodeThread) -> None:
         self._thread = thread
-        self._waiting: list[tuple[Any, Reply, float]] = []
+        self._waiting: list[tuple[ResetAnswer, Reply, float]] = []
 
     def on_request(self, verb: str, reply: Reply, now_s: float) -> None:
         node = self._thread.node
@@ -38,19 +38,18 @@ class Keys:
             safety = node.safety()
             reply({"ok": True, "safety": asdict(safety) if safety else None})
         else:
-            future = node.ask_reset()
-            if future is None:
+            answer = node.ask_reset()
+            if answer is None:
                 reply({"ok": False, "error": "no safety monitor serves /safety/reset"})
             else:
-                self._waiting.append((future, reply, now_s + _ANSWER_S))
+                self._waiting.append((answer, reply, now_s + _ANSWER_S))
 
     def tick(self, now_s: float) -> None:
         waiting, self._waiting = self._waiting, []
-        for future, reply, until_s in waiting:
-            if future.done():
-                response = future.result()
+        for answer, reply, until_s in waiting:
+            if (response := answer.response) is not None:
                 reply({"ok": True, "granted": response.success, "reason": response.message})
             elif now_s > until_s:
                 reply({"ok": False, "error": "the safety monitor does not answer /safety/reset"})
             else:
-                self._waiting.append((future, reply, until_s))
+                self._waiting.append((answer, reply, until_s))

@@ -20,11 +20,21 @@ from robot_stack.supervisor.safety_view import Safety
 _LET_GO_RATE_HZ = 5.0
 
 
+class ResetAnswer:
+    """response: None until it has arrived."""
+
+    def __init__(self) -> None:
+        self.response: Any = None
+
+    def set(self, response: Any) -> None:
+        self.response = response
+
+
 class SupervisorNode(StackNode):
     def __init__(self) -> None:
         super().__init__("supervisor")
         self._stop = self.emergency_stop_source()
-        self._reset = self.create_client(interface_class(services.SAFETY_RESET.type), services.SAFETY_RESET.name)
+        self._reset = self.client(services.SAFETY_RESET)
         self._holding = self._in_force = False
         self.every(_LET_GO_RATE_HZ, self._let_go)
         self.set_health(True, "supervising")
@@ -37,11 +47,13 @@ class SupervisorNode(StackNode):
         self._stop.publish(active)
         return self._stop.listeners
 
-    def ask_reset(self) -> Any:
-        """A future of the safety monitor's response; None if it serves no reset."""
+    def ask_reset(self) -> ResetAnswer | None:
+        """The safety monitor's answer once it is there; None if it serves no reset."""
         if not self._reset.service_is_ready():
             return None
-        return self._reset.call_async(interface_class(services.SAFETY_RESET.type).Request())
+        answer = ResetAnswer()
+        self._reset.call(interface_class(services.SAFETY_RESET.type).Request(), answer.set)
+        return answer
 
     def safety(self) -> Safety | None:
         """What the safety monitor said last; None if it has said nothing yet."""

@@ -15,7 +15,13 @@ import sys
 from collections.abc import Iterable
 
 MODULES_VARIABLE = "ROBOT_STACK_PRELOAD"  # node modules, joined by commas; set by the supervisor for its forkserver
-_LIBRARIES = ("robot_stack.supervisor.child", "numpy", "rclpy", "robot_stack.middleware.node", "robot_stack.ros.process")
+_LIBRARIES = (
+    "robot_stack.supervisor.child",
+    "numpy",
+    "rclpy",
+    "robot_stack.middleware.node",
+    "robot_stack.ros.process",
+)
 
 
 def preload(modules: Iterable[str]) -> None:

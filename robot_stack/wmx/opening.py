@@ -1,14 +1,45 @@
-"""Devices opened in a thread of their own: the vendor's library may take seconds, which no executor may wait for."""
+"""How devices are opened: at once, or in a thread, because the vendor's library may take seconds."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import Protocol
 
 from robot_stack.wmx import MotionEngine
 
 OpenEngine = Callable[[], MotionEngine]
 """Opens a device, waiting shortly at most for an engine that is not there. Raises EngineError."""
+
+
+class DeviceOpener(Protocol):
+    """Opens one device at a time."""
+
+    @property
+    def under_way(self) -> bool: ...
+
+    def __call__(self) -> MotionEngine | None:
+        """The device once it is open, None before. Raises what opening it has raised."""
+        ...
+
+    def abandon(self) -> None:
+        """A device that comes too late is given back."""
+        ...
+
+
+class PromptOpener:
+    """Opens the device in the call."""
+
+    under_way = False
+
+    def __init__(self, open_engine: OpenEngine) -> None:
+        self._open_engine = open_engine
+
+    def __call__(self) -> MotionEngine | None:
+        return self._open_engine()
+
+    def abandon(self) -> None:
+        """Nothing is ever under way."""
 
 
 class ThreadedOpener:

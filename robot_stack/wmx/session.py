@@ -15,7 +15,7 @@ from robot_stack.wmx import EngineError, MotionEngine
 from robot_stack.wmx.api import ErrorCode, error_name
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.failures import ABSENT, LOST
-from robot_stack.wmx.opening import OpenEngine, ThreadedOpener
+from robot_stack.wmx.opening import DeviceOpener, OpenEngine, PromptOpener
 
 _WAITING: Final = "waiting for the motion engine"
 _ENDED: Final = "the motion engine has ended"
@@ -63,11 +63,15 @@ class EngineSession:
     """Belongs to one thread. Times are steady seconds."""
 
     def __init__(
-        self, open_engine: OpenEngine, patience: Patience, events: Events | None = None, *, own_thread: bool = False
+        self,
+        open_engine: OpenEngine,
+        patience: Patience,
+        events: Events | None = None,
+        *,
+        opener: Callable[[OpenEngine], DeviceOpener] = PromptOpener,
     ) -> None:
-        """own_thread: devices are opened in a thread, as an executor's tick must not wait for one."""
-        self._opener = ThreadedOpener(open_engine) if own_thread else None
-        self._open_engine: Callable[[], MotionEngine | None] = self._opener or open_engine
+        """opener: how a device is opened; an executor's tick must not wait for one (``ThreadedOpener``)."""
+        self._opener = opener(open_engine)
         self._patience = patience
         self._events = events or Events()
         self._failures = 0
@@ -87,8 +91,7 @@ class EngineSession:
         """Opens a device if there is none and it is time to try. True if there is one."""
         if self.engine is not None:
             return True
-        under_way = self._opener is not None and self._opener.under_way
-        if not self.due(_CONNECT, now_s, self._patience.retry_s) and not under_way:
+        if not self.due(_CONNECT, now_s, self._patience.retry_s) and not self._opener.under_way:
             return False
         before, error = self.connections, self.open()
         if error is not None:
@@ -101,7 +104,7 @@ class EngineSession:
     def open(self) -> EngineError | None:
         """Tries now to open a device; why there is none. None: there is one, or the thread is still at it."""
         try:
-            engine = self._open_engine()
+            engine = self._opener()
         except EngineError as error:
             return error
         if engine is not None:
@@ -136,8 +139,7 @@ class EngineSession:
 
     def close(self) -> int:
         """Gives the device back; the engine's code. What it set in motion goes on: stop it before."""
-        if self._opener is not None:
-            self._opener.abandon()
+        self._opener.abandon()
         if self.engine is None:
             return ErrorCode.DeviceIsNull
         engine, self.engine = self.engine, None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections import deque
 from collections.abc import Iterable
@@ -22,12 +21,12 @@ from robot_stack.core.site_map import Grid
 from robot_stack.navigation.controller import NavigationController, Situation
 from robot_stack.navigation.global_planner import GlobalPlanner, NoWay
 from robot_stack.navigation.goal import GoalRequest
-from robot_stack.navigation.nodes.planning_thread import PlanningThread
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.path import Path as Route
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.routes import RouteRequest, RouteResult, RouteSolver
+from robot_stack.navigation.stop import Stop
 from robot_stack.navigation.warm_up import warm_up
 from sim.bench.navigation_course import COSTMAP_RESOLUTION_M, Course, Sensor, course
 from sim.bench.navigation_result import Result
@@ -81,52 +80,41 @@ class Body:
 
 
 class LateRoutes:
-    """The node's planning thread on simulated time: an answer is there after ``_PLAN_S``, however long it took."""
+    """The node's planner on simulated time: an answer is there after ``_PLAN_S``, however long it took."""
 
     def __init__(self, solver: RouteSolver) -> None:
-        self._thread = PlanningThread(solver, self._on_done)
-        self._done = threading.Event()
-        self._done.set()
+        self._solver = solver
+        self._answer: RouteResult | None = None
         self.now_s = self._due_s = 0.0
 
     def ask(self, question: RouteRequest) -> None:
-        self._done.clear()
+        self._answer = self._solver.solve(question, Stop())
         self._due_s = self.now_s + _PLAN_S
-        self._thread.ask(question)
 
     def take(self) -> RouteResult | None:
-        return self._thread.take() if self.now_s >= self._due_s else None
+        if self.now_s < self._due_s:
+            return None
+        answer, self._answer = self._answer, None
+        return answer
 
     def drop(self) -> None:
-        self._thread.drop()
+        self._answer = None
 
     def follow(self, now_s: float) -> None:
-        """Simulated time waits for the thread, as that of a simulated world does."""
-        while self._thread.busy():
-            self._done.wait(0.01)
         self.now_s = now_s
-
-    def end(self) -> None:
-        self._thread.end()
-
-    def _on_done(self) -> None:
-        self._done.set()
 
 
 def drive(made: Course, params: NavigationParams, robot: Robot, seed: int, *, chair: bool = False) -> Result:
     """One course, from its start until the goal is reached, given up, or the time is over."""
-    threads: list[LateRoutes] = []
+    made_routes: list[LateRoutes] = []
 
     def routes(solver: RouteSolver) -> LateRoutes:
-        threads.append(LateRoutes(solver))
-        return threads[0]
+        made_routes.append(LateRoutes(solver))
+        return made_routes[0]
 
     announced = Departure(load(DepartureParams, "departure"), announced=True)
     controller = NavigationController(params, robot, "map", announced, made.grid(), routes)
-    try:
-        return _drive(made, controller, threads[0], robot, seed, chair)
-    finally:
-        threads[0].end()
+    return _drive(made, controller, made_routes[0], robot, seed, chair)
 
 
 def _drive(

@@ -14,12 +14,13 @@ from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2
 from robot_stack.core.robot import Robot
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
+from robot_stack.navigation.background_planner import BackgroundPlanner
 from robot_stack.navigation.controller import NavigationController, Situation
 from robot_stack.navigation.goal import GoalRequest
-from robot_stack.navigation.nodes.planning_thread import PlanningThread
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.routes import RouteSolver
+from robot_stack.ros.workers import ThreadWorker
 
 Cells = npt.NDArray[np.int8]
 _CELLS, _RESOLUTION_M, _TICK_S = 3000, 0.1, 0.05
@@ -62,12 +63,12 @@ def sites() -> dict[str, Cells]:
 
 
 def tell(cells: Cells, params: NavigationParams, robot: Robot) -> Told:
-    """One goal, from the controller with its thread, ticking in real time."""
-    threads: list[PlanningThread] = []
+    """One goal, from the controller with its worker, ticking in real time."""
+    planners: list[BackgroundPlanner] = []
 
-    def routes(solver: RouteSolver) -> PlanningThread:
-        threads.append(PlanningThread(solver, lambda: None))
-        return threads[0]
+    def routes(solver: RouteSolver) -> BackgroundPlanner:
+        planners.append(BackgroundPlanner(solver, ThreadWorker("planning", lambda deliver: deliver())))
+        return planners[0]
 
     announced = Departure(load(DepartureParams, "departure"), announced=True)
     grid = Grid(_RESOLUTION_M, 0.0, 0.0, cells)
@@ -75,7 +76,7 @@ def tell(cells: Cells, params: NavigationParams, robot: Robot) -> Told:
     try:
         return _ticks(controller)
     finally:
-        threads[0].end()
+        planners[0].close(2.0)
 
 
 def _ticks(controller: NavigationController) -> Told:

@@ -24,10 +24,7 @@ class Bodies:
 
     def __init__(self, node: StackNode, take: Callable[[float, dict[str, Array]], None]) -> None:
         self._node, self._take = node, take
-        self.input: Input = node.subscribe(topics.SIM_BODIES, self._on_bytes)
-        for subscription in node.subscriptions:
-            if subscription.topic_name == topics.SIM_BODIES.name:
-                subscription.raw = True
+        self.input: Input = node.subscribe(topics.SIM_BODIES, self._on_bytes, raw=True)
 
     def watch(self, silence_s: float) -> None:
         """Reports what has fallen silent."""

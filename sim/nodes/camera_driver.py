@@ -9,7 +9,6 @@ import numpy as np
 from geometry_msgs.msg import TransformStamped
 from numpy.typing import NDArray
 from pydantic import Field
-from rclpy.publisher import Publisher
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image
 
@@ -20,6 +19,7 @@ from robot_stack.core.config import Config
 from robot_stack.core.docks import Docks, load_docks
 from robot_stack.middleware.conversions import camera_info, time_from_s
 from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.port import Publisher
 from sim.camera.faults import CameraFaults
 from sim.camera.history import BodyHistory, ExposurePlan
 from sim.camera.model import draw_camera

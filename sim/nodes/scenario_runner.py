@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from typing import Any
 
@@ -21,9 +22,9 @@ from custom_msgs.srv import InjectFault
 from robot_stack.contract import frames, services, topics
 from robot_stack.contract.model import ContractViolation, Service, Topic
 from robot_stack.core.geometry import Pose2, Twist2
-from robot_stack.ros import transport
 from robot_stack.middleware.conversions import pose_from_msg, pose_stamped, time_to_s, twist_stamped
 from robot_stack.middleware.emergency_stop import StopSource
+from robot_stack.ros import transport
 from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.interfaces import interface_class, qos_profile
 from sim.run.run_log import Four, Moment, RunLog
@@ -56,7 +57,7 @@ class ScenarioNode:
         self._publishers = {row.name: self._advertise(row) for row in _SPOKEN}
         stop, reports = (self._publishers[row.name] for row in (topics.EMERGENCY_STOP, topics.EMERGENCY_STOP_SOURCES))
         operator = self._node(topics.OPERATOR_TOOL).get_clock()
-        self._stop = StopSource(topics.OPERATOR_TOOL, stop, reports, lambda: operator.now().to_msg())
+        self._stop = StopSource(topics.OPERATOR_TOOL, os.getpid(), stop, reports, lambda: operator.now().to_msg())
         for row, callback in self._heard():
             self._node(topics.TEST_TOOL).create_subscription(
                 interface_class(row.type), row.name, callback, qos_profile(row.qos)

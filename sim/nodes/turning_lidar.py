@@ -9,7 +9,6 @@ import numpy as np
 from geometry_msgs.msg import TransformStamped
 from numpy.typing import NDArray
 from pydantic import Field
-from rclpy.publisher import Publisher
 
 from robot_stack.contract import frames, topics
 from robot_stack.contract.model import Service
@@ -20,6 +19,7 @@ from robot_stack.core.robot_shape import quaternion_of
 from robot_stack.middleware.conversions import time_from_s
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.point_cloud import cloud_message
+from robot_stack.middleware.port import Publisher
 from sim.lidar.faults import LidarFaults
 from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import build_scene

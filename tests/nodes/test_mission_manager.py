@@ -19,9 +19,9 @@ from custom_msgs.msg import RobotStatus, SafetyStatus, UICommand
 from robot_stack.contract import topics
 from robot_stack.contract.display import Display
 from robot_stack.core.geometry import Pose2
+from robot_stack.middleware.conversions import pose_from_msg, pose_stamped
 from robot_stack.mission.journal import SqliteJournal
 from robot_stack.mission.states import State
-from robot_stack.middleware.conversions import pose_from_msg, pose_stamped
 from tests.support.peer import Heard, Peer
 from tests.support.processes import NodeProcess, node_command
 from tests.support.waiting import wait_for

@@ -19,8 +19,8 @@ from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import topics
 from robot_stack.core.node_record import NodeRecords
 from robot_stack.core.world_clock import WorldClock
-from robot_stack.ros.executor import LeanExecutor
 from robot_stack.middleware.node import StackNode
+from robot_stack.ros.executor import LeanExecutor
 from tests.support.held_up import HeldUp
 from tests.support.peer import Peer
 from tests.support.waiting import wait_for

@@ -16,9 +16,19 @@ FORBIDDEN = {
     "a subsystem imports another": ("safety/intruder.py", "import robot_stack.mission.kernel", "Subsystems meet"),
     "core imports the engine": ("core/intruder.py", "import robot_stack.wmx", "Subsystems meet"),
     "the stack imports the simulation": ("core/intruder.py", "import sim", "never imports the simulation"),
-    "a kernel imports rclpy": ("safety/intruder.py", "from rclpy.node import Node", "Only nodes and robot_stack.ros"),
-    "a kernel imports messages": ("safety/intruder.py", "import std_msgs.msg", "Only nodes and robot_stack.ros"),
-    "a kernel imports the node base": ("safety/intruder.py", "import robot_stack.middleware.node", "Only nodes, the command"),
+    "a kernel imports rclpy": ("safety/intruder.py", "from rclpy.node import Node", "Only the ROS implementation"),
+    "a kernel imports messages": ("safety/intruder.py", "import std_msgs.msg", "Only nodes and what they stand on"),
+    "a kernel imports the node base": (
+        "safety/intruder.py",
+        "import robot_stack.middleware.node",
+        "Only nodes and tools",
+    ),
+    "a node imports rclpy": ("safety/nodes/intruder.py", "import rclpy", "Only the ROS implementation"),
+    "a node imports the ROS implementation": (
+        "safety/nodes/intruder.py",
+        "import robot_stack.ros.executor",
+        "Only tools, the command line",
+    ),
     "a kernel reads the clock": ("safety/intruder.py", "import time", "Kernels read no clock"),
     "a driver imports the simulation": ("drivers/intruder.py", "import sim.lidar", "never imports the simulation"),
     "a driver's node imports the simulation": (

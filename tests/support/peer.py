@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import statistics
 import threading
 import time
@@ -132,7 +133,7 @@ class Peer:
         if name not in self._sources:
             stop, reports = self.publisher(topics.EMERGENCY_STOP), self.publisher(topics.EMERGENCY_STOP_SOURCES)
             clock = self.node.get_clock()
-            self._sources[name] = StopSource(name, stop, reports, lambda: clock.now().to_msg())
+            self._sources[name] = StopSource(name, os.getpid(), stop, reports, lambda: clock.now().to_msg())
             self.node.create_timer(0.2, lambda: name in self._sources and self._sources[name].repeat())
         return self._sources[name]
 

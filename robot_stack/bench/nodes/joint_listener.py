@@ -11,9 +11,9 @@ from rclpy.qos import QoSProfile
 
 from robot_stack.bench.framework import BenchError
 from robot_stack.contract import topics
+from robot_stack.middleware.interfaces import interface_class
 from robot_stack.ros import transport
 from robot_stack.ros.guest import Guest
-from robot_stack.middleware.interfaces import interface_class
 
 _STAMP = struct.Struct("<iI")
 _STAMP_AT = 4  # behind the encapsulation

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from robot_stack.contract.model import Topic
-from robot_stack.ros import transport
 from robot_stack.middleware.conversions import time_to_s
+from robot_stack.ros import transport
 from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
 

@@ -12,9 +12,8 @@ import time
 from sensor_msgs.msg import JointState
 
 from robot_stack.contract import topics
-from robot_stack.ros import transport
-from robot_stack.ros.interfaces import qos_profile
 from robot_stack.middleware.node import StackNode
+from robot_stack.ros import transport
 from robot_stack.ros.process import StopSignal, ros_process
 
 _SETTLE_S = 3.0
@@ -27,13 +26,11 @@ class Listener(StackNode):
         super().__init__("system_monitor")
         self.received = 0
         for number in range(inputs):
-            subscription = self.create_subscription(
-                JointState, f"/bench/input_{number}", self._on_message, qos_profile(topics.JOINT_STATES.qos)
-            )
-            self.taken_at_tick.append(subscription)
+            name, depth = f"/bench/input_{number}", topics.JOINT_STATES.qos.depth
+            self.port.subscribe(topics.JOINT_STATES, name, self._on_message, depth, wakes=False, raw=False)
         self.every(rate_hz, self._tick)
 
-    def _on_message(self, _: JointState) -> None:
+    def _on_message(self, _: JointState, received_s: float) -> None:
         self.received += 1
 
     def _tick(self) -> None:
@@ -43,8 +40,7 @@ class Listener(StackNode):
 class Sender(StackNode):
     def __init__(self, inputs: int, rate_hz: float) -> None:
         super().__init__("touch_ui")
-        qos = qos_profile(topics.JOINT_STATES.qos)
-        self._publishers = [self.create_publisher(JointState, f"/bench/input_{n}", qos) for n in range(inputs)]
+        self._publishers = [self.port.advertise(topics.JOINT_STATES, f"/bench/input_{n}") for n in range(inputs)]
         zeros = [0.0] * 8
         self._message = JointState(name=[f"joint_{n}" for n in range(8)], position=zeros, velocity=zeros, effort=zeros)
         self.every(rate_hz, self._send)

@@ -12,9 +12,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_stack.bench.graph import Endpoint, Seen, Traffic, message_rate_hz
 from robot_stack.contract import topics
 from robot_stack.contract.model import Durability, Reliability, Topic
+from robot_stack.middleware.conversions import time_to_s
 from robot_stack.ros import transport
 from robot_stack.ros.bulk import owner_of
-from robot_stack.middleware.conversions import time_to_s
 from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 import time
 from collections import deque
@@ -19,9 +20,9 @@ from custom_msgs.msg import SafetyStatus, SwerveModuleCommandArray
 from robot_stack.bench.framework import BenchError
 from robot_stack.contract import frames, services, topics
 from robot_stack.contract.model import Topic
-from robot_stack.ros import transport
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.middleware.emergency_stop import StopSource
+from robot_stack.ros import transport
 from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
 from robot_stack.wmx import EngineError, connect
@@ -75,7 +76,9 @@ class StopLatencyMeter:
         self._stop_publisher = self._advertise(topics.EMERGENCY_STOP)
         self._reports = self._advertise(topics.EMERGENCY_STOP_SOURCES)
         clock = self._node.get_clock()
-        self._stop = StopSource("stop_bench", self._stop_publisher, self._reports, lambda: clock.now().to_msg())
+        self._stop = StopSource(
+            "stop_bench", os.getpid(), self._stop_publisher, self._reports, lambda: clock.now().to_msg()
+        )
         self._passenger = self._advertise(topics.PASSENGER_ATTACHED)
         self._truths: deque[Truth] = deque(maxlen=500)
         self.delays = 0

@@ -12,8 +12,8 @@ from rclpy.action import ActionClient
 from robot_stack.cli.nodes.operator import Operator
 from robot_stack.contract import topics
 from robot_stack.contract.model import Action, ContractViolation
-from robot_stack.ros.actions import new_goal
 from robot_stack.middleware.interfaces import interface_class
+from robot_stack.ros.actions import new_goal
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from typing import Any
@@ -11,8 +12,8 @@ from rclpy.publisher import Publisher
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import ContractViolation, Service, Topic
-from robot_stack.ros import transport
 from robot_stack.middleware.emergency_stop import StopSource
+from robot_stack.ros import transport
 from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
 
@@ -41,7 +42,7 @@ class Operator:
         """(this operator as a source of the emergency stop, its publisher of the stop, that of its reports)."""
         stop, sources = self.advertise(topics.EMERGENCY_STOP), self.advertise(topics.EMERGENCY_STOP_SOURCES)
         stamp = self.node.get_clock()
-        return StopSource(topics.OPERATOR_TOOL, stop, sources, lambda: stamp.now().to_msg()), stop, sources
+        return StopSource(topics.OPERATOR_TOOL, os.getpid(), stop, sources, lambda: stamp.now().to_msg()), stop, sources
 
     def subscribe(self, row: Topic, callback: Callable[[Any], None]) -> None:
         self.node.create_subscription(interface_class(row.type), row.name, callback, qos_profile(row.qos))

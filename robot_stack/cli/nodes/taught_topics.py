@@ -8,10 +8,10 @@ from rclpy.serialization import deserialize_message
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
+from robot_stack.middleware.wire import READERS
 from robot_stack.ros import transport
 from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, listener_profile
-from robot_stack.middleware.wire import READERS
 
 NAME = "robot_stack_map_teach"
 # A sweep comes after the readings of its time.

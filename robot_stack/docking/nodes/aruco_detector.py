@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from functools import partial
 
 import cv2
@@ -74,9 +73,9 @@ class ArucoDetectorNode(StackNode):
         self._note(f"{camera} stamp", "" if new else f"{camera} image: stamp is not newer than the last")
         if new:
             self._switch()
-            began_s = time.perf_counter()
+            began_s = self.monotonic_s()
             found = self._detect(camera, message) if self._on else []
-            taken_ms = 1e3 * (time.perf_counter() - began_s)
+            taken_ms = 1e3 * (self.monotonic_s() - began_s)
             self._sets.add(Exposure(camera, stamp_s, received_s, Seen(message.header.stamp, found, taken_ms)))
         self._look()
 

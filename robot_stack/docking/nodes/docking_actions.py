@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse
-from rclpy.task import Future
-
 from robot_stack.contract import actions
 from robot_stack.docking.nodes.messages import dock_feedback, dock_result, undock_feedback, undock_result
 from robot_stack.docking.results import DockCode, Result, UndockCode
 from robot_stack.docking.situation import Output
 from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.port import ActionGoal
 
 _CANCELLED = (DockCode.CANCELED, UndockCode.CANCELED)
 
@@ -20,10 +18,19 @@ _CANCELLED = (DockCode.CANCELED, UndockCode.CANCELED)
 class _Job:
     """A goal that is being worked on."""
 
-    def __init__(self, handle: Any, feedback: Callable[[Output], Any]) -> None:
-        self.handle = handle
+    def __init__(self, goal: ActionGoal, feedback: Callable[[Output], Any], result: Callable[[Result], Any]) -> None:
+        self.goal = goal
         self.feedback = feedback
-        self.done = Future()
+        self._result = result
+
+    def end(self, result: Result) -> None:
+        message = self._result(result)
+        if result.success:
+            self.goal.succeed(message)
+        elif result.code in _CANCELLED and self.goal.is_cancel_requested:
+            self.goal.cancel(message)
+        else:
+            self.goal.abort(message)
 
 
 class DockingActions:
@@ -37,50 +44,33 @@ class DockingActions:
     ) -> None:
         self._begin_dock, self._begin_undock = begin_dock, begin_undock
         self._job: _Job | None = None
-        self._servers = [
-            ActionServer(
-                node,
-                node.check_action(row),
-                row.name,
-                execute,
-                cancel_callback=lambda _: CancelResponse.ACCEPT,
-            )
-            for row, execute in ((actions.DOCK, self._dock), (actions.UNDOCK, self._undock))
-        ]
+        node.serve_action(actions.DOCK, self._dock)
+        node.serve_action(actions.UNDOCK, self._undock)
 
     @property
     def cancel_requested(self) -> bool:
-        return self._job is not None and self._job.handle.is_cancel_requested
+        return self._job is not None and self._job.goal.is_cancel_requested
 
     def publish_feedback(self, output: Output) -> None:
         """Feedback of the present job."""
-        if self._job is not None and self._job.handle.is_active:
-            self._job.handle.publish_feedback(self._job.feedback(output))
+        if self._job is not None and self._job.goal.is_active:
+            self._job.goal.publish_feedback(self._job.feedback(output))
 
     def end(self, result: Result) -> None:
         """The present job is over."""
-        if self._job is not None:
-            self._job.done.set_result(result)
-            self._job = None
+        job, self._job = self._job, None
+        if job is not None:
+            job.end(result)
 
-    async def _dock(self, handle: Any) -> Any:
-        refusal = self._begin_dock(handle.request.dock_id, handle.request.approach_only)
-        return dock_result(await self._result(handle, dock_feedback, refusal))
+    def _dock(self, goal: ActionGoal) -> None:
+        refusal = self._begin_dock(goal.request.dock_id, goal.request.approach_only)
+        self._begin(_Job(goal, dock_feedback, dock_result), refusal)
 
-    async def _undock(self, handle: Any) -> Any:
-        refusal = self._begin_undock(handle.request.dock_id)
-        return undock_result(await self._result(handle, undock_feedback, refusal))
+    def _undock(self, goal: ActionGoal) -> None:
+        self._begin(_Job(goal, undock_feedback, undock_result), self._begin_undock(goal.request.dock_id))
 
-    async def _result(self, handle: Any, feedback: Callable[[Output], Any], refusal: Result | None) -> Result:
+    def _begin(self, job: _Job, refusal: Result | None) -> None:
         if refusal is None:
-            self._job = _Job(handle, feedback)
-            result: Result = await self._job.done
+            self._job = job
         else:
-            result = refusal
-        if result.success:
-            handle.succeed()
-        elif result.code in _CANCELLED and handle.is_cancel_requested:
-            handle.canceled()
-        else:
-            handle.abort()
-        return result
+            job.end(refusal)

@@ -41,7 +41,7 @@ class DockingControllerNode(StackNode):
         self._departure = Departure(load(DepartureParams, "departure"))
         self._departures = DepartureWarnings(self, given=self._departure.announced)
         self._controller = DockingController(self.params, cameras, self._departure, self._corrections)
-        self._latch = LatchIo(self.robot.latch, self.params.engine_poll_hz)
+        self._latch = LatchIo(self, self.params.engine_poll_hz)
         self._outputs = DockingOutputs(self, self.params)
         self._attached = AttachedFile()
         self._recalled = False

@@ -6,6 +6,7 @@ import threading
 
 from robot_stack.core.robot import Latch
 from robot_stack.docking.latch import LatchCommand, LatchInputs
+from robot_stack.middleware.node import StackNode
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.view import EngineView
 
@@ -15,13 +16,13 @@ _UNKNOWN = LatchInputs()
 class LatchIo:
     """``inputs`` are the newest; ``command`` is what the outputs shall be, repeated until the engine has it."""
 
-    def __init__(self, latch: Latch, poll_hz: float) -> None:
-        self._latch = latch
+    def __init__(self, node: StackNode, poll_hz: float) -> None:
+        self._latch: Latch = node.robot.latch
         self._turn = threading.Lock()
         self._inputs = _UNKNOWN
         self._command = LatchCommand.HOLD
         self._problem = ""
-        self._view = EngineView("docking_controller", poll_hz, self._on_status)
+        self._view = node.device(EngineView, node.get_name(), poll_hz, self._on_status)
         self._view.start()
 
     @property

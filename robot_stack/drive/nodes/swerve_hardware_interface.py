@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 
 from custom_msgs.msg import SwerveModuleCommandArray
 from robot_stack.contract import topics
@@ -17,10 +16,10 @@ from robot_stack.middleware.node import StackNode, run
 from robot_stack.wmx import connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config
+from robot_stack.wmx.opening import ThreadedOpener
 from robot_stack.wmx.start_up import SessionState
 
 _COMMAND_STALE_S = topics.WHEEL_COMMANDS.stale_limit_s
-_END_POLL_S = 0.02
 
 
 class SwerveHardwareInterfaceNode(StackNode):
@@ -37,7 +36,7 @@ class SwerveHardwareInterfaceNode(StackNode):
             lambda: connect("swerve_hardware_interface", client, timeout_s=0.0),
             session_settings(self.params.session),
             axes,
-            own_thread=True,
+            opener=lambda open_engine: self.device(ThreadedOpener, open_engine),
         )
         self._commanded_at_s = -math.inf
         self._joint_states = self.advertise(topics.JOINT_STATES)
@@ -100,7 +99,7 @@ class SwerveHardwareInterfaceNode(StackNode):
 
     def _age_s(self, snapshot: StatusSnapshot) -> float:
         """How long ago the engine took the reading."""
-        return self.age_s(snapshot.age_s(time.monotonic_ns()))
+        return self.age_s(snapshot.age_s(round(1e9 * self.monotonic_s())))
 
     def _report_state(self, state: SessionState[Stage]) -> None:
         if state.stage is not Stage.READY:
@@ -115,18 +114,20 @@ class SwerveHardwareInterfaceNode(StackNode):
 
     def safe_output(self) -> None:
         """Wheels to a stop, brakes closed, device given back."""
-        deadline_s = time.monotonic() + self.params.end_timeout_s
         self._commanded_at_s = -math.inf
-        while time.monotonic() < deadline_s:
-            state = self._session.poll(self.steady_s(), stop=self.emergency_stop, may_switch_on=False)
-            if state.snapshot is None:
-                break
-            if self._session.standing(state.snapshot) and not state.snapshot.velocity_cmd[list(DRIVE_AXES)].any():
-                self._session.servos_off()
-                break
-            self._watch(state.snapshot)
-            time.sleep(_END_POLL_S)
+        self.port.wait_until(self._switched_off, self.params.end_timeout_s)
         self._session.close()
+
+    def _switched_off(self) -> bool:
+        """Stops the wheels, then switches the servos off. True once nothing is left to do."""
+        snapshot = self._session.poll(self.steady_s(), stop=self.emergency_stop, may_switch_on=False).snapshot
+        if snapshot is None:
+            return True
+        if self._session.standing(snapshot) and not snapshot.velocity_cmd[list(DRIVE_AXES)].any():
+            self._session.servos_off()
+            return True
+        self._watch(snapshot)
+        return False
 
 
 def main() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 from custom_msgs.msg import EHMIState, EHMIStatus
 from robot_stack.contract import topics
 from robot_stack.contract.display import Display
@@ -33,7 +31,7 @@ class EhmiBridgeNode(StackNode):
         self._shown = self._wanted()
         # An absolute path is taken as it is.
         self._port_path = str(runtime_dir() / self.params.port)
-        self._port = SerialPort(self._port_path, self.params.baud_rate, self.params.link, self._shown)
+        self._port = self.device(SerialPort, self._port_path, self.params.baud_rate, self.params.link, self._shown)
         self.every(self.params.tick_rate_hz, self._tick)
         self.every(topics.EHMI_STATUS.nominal_rate_hz, self._publish)
 
@@ -113,9 +111,7 @@ class EhmiBridgeNode(StackNode):
         """The display goes dark with the robot, if it can still be told."""
         self._leaving = True
         self._show()
-        end_s = time.monotonic() + _LAST_WORD_S
-        while self._port.status().acknowledged_state != Display.OFF and time.monotonic() < end_s:
-            time.sleep(0.01)
+        self.port.wait_until(lambda: self._port.status().acknowledged_state == Display.OFF, _LAST_WORD_S)
 
     def destroy_node(self) -> None:
         self._port.close()

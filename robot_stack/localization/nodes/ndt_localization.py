@@ -5,6 +5,8 @@ Out come /current_pose, /localization/pose, /localization/quality and the transf
 
 from __future__ import annotations
 
+from functools import partial
+
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
@@ -15,8 +17,7 @@ from robot_stack.core.config import ConfigError
 from robot_stack.core.site_map import load_map
 from robot_stack.localization.localizer import Estimate, Localizer, planar_covariance, usable_covariance
 from robot_stack.localization.map_localizer import MapLocalizer
-from robot_stack.localization.ndt.solver import SweepSolver
-from robot_stack.localization.nodes.matching_thread import MatchingThread
+from robot_stack.localization.ndt.solver import MatchRequest, MatchResult, SweepSolver
 from robot_stack.localization.nodes.messages import (
     given_pose,
     imu_sample,
@@ -32,6 +33,8 @@ from robot_stack.middleware.node import StackNode, run
 from robot_stack.middleware.wire import CloudView
 from tf2_msgs.msg import TFMessage
 
+_END_S = 2.0  # a match under way is waited for so long
+
 
 class NdtLocalizationNode(StackNode):
     """Predicts with every odometry message and publishes at the contract's rate."""
@@ -39,16 +42,16 @@ class NdtLocalizationNode(StackNode):
     def __init__(self) -> None:
         super().__init__("ndt_localization", LocalizationParams)
         motion = self.robot.empty
-        self._thread: MatchingThread | None = None
+        self._matching = False
         self._map: MapLocalizer | None = None
         self._localizer: Localizer
         if self.params.map:
             warm_up()
-            solver = self._solver()
+            self._solver = self._load_solver()
             self._localizer = self._map = MapLocalizer(
-                self.params, motion.max_speed_mps, motion.max_yaw_rate_radps, solver.matcher
+                self.params, motion.max_speed_mps, motion.max_yaw_rate_radps, self._solver.matcher
             )
-            self._thread = MatchingThread(solver, lambda: self.call_soon(self._match))
+            self._worker = self.worker("matching")
         else:
             self._localizer = Localizer(self.params, motion.max_speed_mps, motion.max_yaw_rate_radps)
         self._pose = self.advertise(topics.CURRENT_POSE)
@@ -63,7 +66,7 @@ class NdtLocalizationNode(StackNode):
         self.set_health(False, "waiting for /odom")
         self.every(topics.CURRENT_POSE.nominal_rate_hz, self._tick)
 
-    def _solver(self) -> SweepSolver:
+    def _load_solver(self) -> SweepSolver:
         site = load_map(self.params.map)
         try:
             solver = SweepSolver(site.cells, self.params.ndt, self.robot.lidar_xyz_m)
@@ -91,16 +94,19 @@ class NdtLocalizationNode(StackNode):
         self._match()
 
     def _match(self) -> None:
-        """Takes what the thread has finished, and gives it the next sweep."""
-        if self._map is None or self._thread is None:
+        """Starts to match the newest sweep unless one is being matched."""
+        if self._map is None or self._matching:
             return
-        answer = self._thread.take()
-        if answer is not None:
-            self._map.answer(answer, self.steady_s())
-        if not self._thread.busy():
-            request = self._map.request()
-            if request is not None:
-                self._thread.ask(request)
+        request = self._map.request()
+        if request is not None:
+            self._matching = True
+            self._worker.submit(partial(_solve, self._solver, request), self._on_match)
+
+    def _on_match(self, result: MatchResult) -> None:
+        assert self._map is not None
+        self._matching = False
+        self._map.answer(result, self.steady_s())
+        self._match()
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         pose, problem = given_pose(message)
@@ -140,9 +146,16 @@ class NdtLocalizationNode(StackNode):
             self.report.values["slip"] = str(self._map.slip or "none")
 
     def destroy_node(self) -> None:
-        if self._thread is not None:
-            self._thread.end()
+        if self._map is not None:
+            self._worker.close(_END_S)
         super().destroy_node()
+
+
+def _solve(solver: SweepSolver, request: MatchRequest) -> MatchResult:
+    try:
+        return solver.solve(request)
+    except Exception as error:  # a sweep that cannot be matched must not end the node: the quality shows it
+        return MatchResult(request, None, 0, f"matching failed: {type(error).__name__}: {error}")
 
 
 def main() -> None:

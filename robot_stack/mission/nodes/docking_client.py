@@ -7,16 +7,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from action_msgs.msg import GoalStatus
-from action_msgs.srv import CancelGoal
-from rclpy.action import ActionClient
-
 from custom_msgs.action import Dock, Undock
 from robot_stack.contract import actions
 from robot_stack.core.mission import Kind
-from robot_stack.mission.events import DockingAccepted, DockingEnded, DockingEvent, DockingFeedback
-from robot_stack.ros.goals import new_goal
 from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.port import ActionClient, CancelAnswer, ClientGoal, GoalStatus
+from robot_stack.mission.events import DockingAccepted, DockingEnded, DockingEvent, DockingFeedback
 
 _SAFETY_STOPS = {Kind.DOCK: Dock.Result.SAFETY_STOP, Kind.UNDOCK: Undock.Result.SAFETY_STOP}
 _IDLE = "IDLE"  # of /docking/status
@@ -31,12 +27,12 @@ _FORGOTTEN = "docking_controller does not know the goal: was it restarted?"
 class _Goal:
     """A goal that was sent. It is known by the number that it was given here, whether or not its answer arrives."""
 
-    def __init__(self, call: int, kind: Kind, client: ActionClient) -> None:
+    def __init__(self, call: int, kind: Kind, sent_s: float) -> None:
         self.call = call
         self.kind = kind
-        self.handle = new_goal(client)
+        self.handle: ClientGoal
         self.accepted = self.cancelled = self.ended = False
-        self.sent_s = math.nan
+        self.sent_s = sent_s
         self.asked_s = -math.inf
 
     def on_its_way(self, now_s: float) -> bool:
@@ -53,10 +49,6 @@ class DockingClient:
             Kind.DOCK: node.action_client(actions.DOCK),
             Kind.UNDOCK: node.action_client(actions.UNDOCK),
         }
-        self._cancel_services = {
-            Kind.DOCK: node.create_client(CancelGoal, f"{actions.DOCK.name}/_action/cancel_goal"),
-            Kind.UNDOCK: node.create_client(CancelGoal, f"{actions.UNDOCK.name}/_action/cancel_goal"),
-        }
         self._goal: _Goal | None = None
         self._now_s = math.nan
         # Time until which goals that others gave are still to be cancelled, once somebody serves the action.
@@ -70,12 +62,11 @@ class DockingClient:
 
     def start(self, call: int, kind: Kind, dock_id: str) -> None:
         """Sends a goal. The one before must have ended."""
-        client = self._clients[kind]
-        goal = self._goal = _Goal(call, kind, client)
-        goal.sent_s = self._now_s
+        goal = self._goal = _Goal(call, kind, self._now_s)
         request = Dock.Goal(dock_id=dock_id) if kind is Kind.DOCK else Undock.Goal(dock_id=dock_id)
-        future = client.send_goal_async(request, partial(self._on_feedback, goal), goal.handle.goal_id)
-        future.add_done_callback(partial(self._on_answer, goal))
+        goal.handle = self._clients[kind].send_goal(
+            request, partial(self._on_answer, goal), partial(self._on_feedback, goal)
+        )
 
     def cancel(self) -> None:
         """Cancels the goal, and once more when it is accepted after that. May be repeated."""
@@ -83,7 +74,7 @@ class DockingClient:
         if goal is None or goal.ended:
             return
         goal.cancelled = True
-        goal.handle.cancel_goal_async().add_done_callback(partial(self._on_cancel_answer, goal))
+        goal.handle.cancel(partial(self._on_cancel_answer, goal))
 
     def cancel_everything(self) -> None:
         """Cancels all goals of both actions from before now, as soon as somebody serves them."""
@@ -98,10 +89,8 @@ class DockingClient:
         """
         self._now_s = now_s
         for kind, stamp in list(self._cancel_before.items()):
-            if self._cancel_services[kind].service_is_ready():
-                request = CancelGoal.Request()  # a zero goal id with a time: all goals up to then
-                request.goal_info.stamp = stamp
-                self._cancel_services[kind].call_async(request)
+            if self._clients[kind].server_is_ready():
+                self._clients[kind].cancel_all(stamp)
                 del self._cancel_before[kind]
         heard = bool(state)
         self._doubted |= (heard and not self._heard) or state == _IDLE
@@ -114,10 +103,10 @@ class DockingClient:
         if goal is None or not goal.accepted or goal.ended or now_s - goal.asked_s < _ASK_S:
             return
         goal.asked_s = now_s
-        goal.handle.get_result_async().add_done_callback(partial(self._on_result, goal))
+        goal.handle.ask_result(partial(self._on_result, goal))
 
-    def _on_answer(self, goal: _Goal, future: Any) -> None:
-        if future.result().accepted:
+    def _on_answer(self, goal: _Goal, accepted: bool) -> None:
+        if accepted:
             self._on_accepted(goal)
         else:
             self._end(goal, DockingEnded(goal.call, False, "the goal was rejected"))
@@ -126,31 +115,27 @@ class DockingClient:
         if goal.accepted:
             return
         goal.accepted = True
-        goal.handle.get_result_async().add_done_callback(partial(self._on_result, goal))
+        goal.handle.ask_result(partial(self._on_result, goal))
         if goal.cancelled:
             self.cancel()
         self._report(DockingAccepted(goal.call))
 
-    def _on_feedback(self, goal: _Goal, message: Any) -> None:
+    def _on_feedback(self, goal: _Goal, feedback: Any) -> None:
         self._doubted = False
         self._on_accepted(goal)  # also where the answer that said so was lost
-        feedback = message.feedback
         tries = feedback.tries if goal.kind is Kind.DOCK else 0
         self._report(DockingFeedback(goal.call, feedback.state, tries))
 
-    def _on_result(self, goal: _Goal, future: Any) -> None:
-        answer = future.result()
-        if answer.status == GoalStatus.STATUS_UNKNOWN:
+    def _on_result(self, goal: _Goal, status: GoalStatus, result: Any) -> None:
+        if status is GoalStatus.UNKNOWN:
             self._end(goal, DockingEnded(goal.call, False, _FORGOTTEN))
             return
-        result = answer.result
-        success = result.success and answer.status == GoalStatus.STATUS_SUCCEEDED
+        success = result.success and status is GoalStatus.SUCCEEDED
         reason = "" if success else reason_of(goal.kind, result.error_code, result.reason)
         self._end(goal, DockingEnded(goal.call, success, reason, result.error_code == _SAFETY_STOPS[goal.kind]))
 
-    def _on_cancel_answer(self, goal: _Goal, future: Any) -> None:
-        unknown = future.result().return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
-        if unknown and not goal.on_its_way(self._now_s):
+    def _on_cancel_answer(self, goal: _Goal, answer: CancelAnswer) -> None:
+        if answer is CancelAnswer.UNKNOWN_GOAL and not goal.on_its_way(self._now_s):
             self._end(goal, DockingEnded(goal.call, False, _FORGOTTEN))
 
     def _end(self, goal: _Goal, event: DockingEnded) -> None:

@@ -16,6 +16,9 @@ from robot_stack.core.config import load
 from robot_stack.core.departure import DepartureParams
 from robot_stack.core.docks import load_docks
 from robot_stack.core.mission_library import MissionError, mission_library
+from robot_stack.middleware.conversions import pose_from_msg, twist_from_msg
+from robot_stack.middleware.departures import DepartureWarnings
+from robot_stack.middleware.node import StackNode, run
 from robot_stack.mission import events as ev
 from robot_stack.mission import route
 from robot_stack.mission.journal import SqliteJournal, journal_path
@@ -25,9 +28,6 @@ from robot_stack.mission.nodes.outputs import MissionOutputs
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.perform import Performer, load_record
 from robot_stack.mission.states import UNDER_WAY
-from robot_stack.middleware.conversions import pose_from_msg, twist_from_msg
-from robot_stack.middleware.departures import DepartureWarnings
-from robot_stack.middleware.node import StackNode, run
 
 _CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
 

@@ -8,12 +8,12 @@ from custom_msgs.msg import EHMIState, MissionStatus
 from robot_stack.contract import frames, topics
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Kind
-from robot_stack.mission.events import Status
-from robot_stack.mission.nodes.docking_client import DockingClient
-from robot_stack.mission.params import MissionParams
 from robot_stack.middleware.conversions import pose_stamped
 from robot_stack.middleware.departures import DepartureWarnings
 from robot_stack.middleware.node import StackNode
+from robot_stack.mission.events import Status
+from robot_stack.mission.nodes.docking_client import DockingClient
+from robot_stack.mission.params import MissionParams
 
 
 class MissionOutputs:

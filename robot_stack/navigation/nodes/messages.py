@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from robot_stack.contract import frames, topics
 from robot_stack.core.geometry import Pose2
+from robot_stack.middleware.conversions import pose_stamped, time_to_s
 from robot_stack.navigation.goal import GoalRequest
 from robot_stack.navigation.path import Path
-from robot_stack.middleware.conversions import pose_stamped, time_to_s
 
 
 def goal_request(message: PoseStamped) -> GoalRequest:

@@ -17,18 +17,20 @@ from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import ZERO_TWIST
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.site_map import load_map
+from robot_stack.middleware.conversions import pose_from_msg, time_to_s, twist_from_msg
+from robot_stack.middleware.departures import DepartureWarnings
+from robot_stack.middleware.node import StackNode, run
+from robot_stack.navigation.background_planner import BackgroundPlanner
 from robot_stack.navigation.controller import NavigationController, Output, Situation
 from robot_stack.navigation.nodes.messages import costmap_cells, goal_request
 from robot_stack.navigation.nodes.outputs import NavigationOutputs
-from robot_stack.navigation.nodes.planning_thread import PlanningThread
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.pose_source import PoseSource
 from robot_stack.navigation.routes import RouteSolver
 from robot_stack.navigation.states import NavigationState
 from robot_stack.navigation.warm_up import warm_up
-from robot_stack.middleware.conversions import pose_from_msg, time_to_s, twist_from_msg
-from robot_stack.middleware.departures import DepartureWarnings
-from robot_stack.middleware.node import StackNode, run
+
+_END_S = 2.0  # a search under way is waited for so long
 
 
 class NavigationControllerNode(StackNode):
@@ -42,7 +44,7 @@ class NavigationControllerNode(StackNode):
         self._departures = DepartureWarnings(self, given=self._departure.announced)
         grid = load_map(self.params.map).grid if self.params.map else None
         self._controller = NavigationController(
-            self.params, self.robot, frames.MAP, self._departure, grid, self._planning_thread
+            self.params, self.robot, frames.MAP, self._departure, grid, self._background_planner
         )
         if grid is not None or self.params.use_costmap:
             warm_up()
@@ -58,16 +60,12 @@ class NavigationControllerNode(StackNode):
         self._outputs.plan(self._controller.path)
         self.every(topics.CMD_VEL.nominal_rate_hz, self._tick)
 
-    def _planning_thread(self, solver: RouteSolver) -> PlanningThread:
-        self._planning = PlanningThread(solver, lambda: self.call_soon(lambda: None))
-        return self._planning
-
-    def work_since_s(self) -> float:
-        """A simulated world waits for a route: the next tick takes it, however long it takes to plan."""
-        return self._planning.busy_since_s(self.steady_s())
+    def _background_planner(self, solver: RouteSolver) -> BackgroundPlanner:
+        self._planner = BackgroundPlanner(solver, self.worker("planning", world_waits=True))
+        return self._planner
 
     def destroy_node(self) -> None:
-        self._planning.end()
+        self._planner.close(_END_S)
         super().destroy_node()
 
     def on_emergency_stop(self) -> None:

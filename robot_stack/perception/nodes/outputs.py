@@ -12,10 +12,10 @@ from nav_msgs.msg import OccupancyGrid
 
 from robot_stack.contract import frames, topics
 from robot_stack.core.point_cloud import moving_points, points_from_xyz
-from robot_stack.perception.pipeline import Scene
-from robot_stack.perception.space.space import SpaceGrid
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.point_cloud import cloud_message, fill
+from robot_stack.perception.pipeline import Scene
+from robot_stack.perception.space.space import SpaceGrid
 
 # A grid follows the sweep that is due, not a timer: the one whose stamp is nearest to a period after the last grid's.
 _SPACE_DUE_S = 1.0 / topics.SPACE.nominal_rate_hz - 0.5 / topics.OBSTACLES.nominal_rate_hz

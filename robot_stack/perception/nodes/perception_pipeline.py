@@ -11,17 +11,17 @@ from std_msgs.msg import Bool
 from robot_stack.contract import frames, topics
 from robot_stack.core.docks import load_docks
 from robot_stack.core.point_cloud import SWEEP, Points
+from robot_stack.middleware.conversions import pose_from_msg, time_to_s, twist_from_msg
+from robot_stack.middleware.inputs import Input
+from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.point_cloud import points_of
+from robot_stack.middleware.wire import CloudView
 from robot_stack.perception.attitude import attitude_of
 from robot_stack.perception.nodes.outputs import PerceptionOutputs
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
 from robot_stack.perception.warm_up import warm_up
 from robot_stack.perception.watch import Watch, too_near
-from robot_stack.middleware.conversions import pose_from_msg, time_to_s, twist_from_msg
-from robot_stack.middleware.inputs import Input
-from robot_stack.middleware.node import StackNode, run
-from robot_stack.middleware.point_cloud import points_of
-from robot_stack.middleware.wire import CloudView
 
 
 class PerceptionPipelineNode(StackNode):
@@ -135,10 +135,9 @@ class PerceptionPipelineNode(StackNode):
         return waited_s > self.params.output.full_sweep_after_s
 
     def _leave_full_sweeps(self) -> None:
+        if self._fulls is not None:
+            self.unsubscribe(self._fulls)
         self._fulls = None
-        for subscription in list(self.subscriptions):
-            if subscription.topic_name == topics.LIDAR_POINTS.name:
-                self.destroy_subscription(subscription)
 
 
 def main() -> None:

@@ -8,17 +8,18 @@ from typing import Any
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
+from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.port import Subscription
 from robot_stack.recording.images import DockingWatch, Thinning
 from robot_stack.recording.params import RecorderParams
-from robot_stack.middleware.node import StackNode
 
-Write = Callable[[str, bytes, Any], None]
+Write = Callable[[str, bytes, int, int], None]
 
 
 class ImageRecording:
     """Subscribes to images only while they are recorded: receiving what nobody writes would cost as much.
 
-    write: takes topic, bytes and the middleware's info of a message.
+    write: takes topic, bytes and the times in ns at which a message was received and sent.
     """
 
     def __init__(self, node: StackNode, rows: list[Topic], params: RecorderParams, write: Write) -> None:
@@ -28,14 +29,14 @@ class ImageRecording:
         self._mode = params.images
         self._thinning = Thinning(params.image_rate_hz)
         self._docking = DockingWatch(params.image_tail_s)
-        self._subscriptions: list[Any] = []
+        self._subscriptions: list[Subscription] = []
         self._closed = False
         if self._mode == "docking":
             node.listen(topics.DOCKING_STATUS, self._on_status, raw=False, wakes=True)
             node.every(2.0, self._update)  # a controller that fell silent
         self._update()
 
-    def _on_status(self, message: Any) -> None:
+    def _on_status(self, message: Any, *_: int) -> None:
         self._docking.on_status(message.state, self._node.steady_s())
         self._update()
 
@@ -46,12 +47,12 @@ class ImageRecording:
             self._subscriptions = [self._node.listen(row, partial(self._on_image, row.name)) for row in self._rows]
         elif not wanted and self._subscriptions:
             for subscription in self._subscriptions:
-                self._node.destroy_subscription(subscription)
+                subscription.end()
             self._subscriptions = []
 
-    def _on_image(self, topic: str, data: bytes, info: Any) -> None:
+    def _on_image(self, topic: str, data: bytes, received_ns: int, sent_ns: int) -> None:
         if self._thinning.wants(topic, self._node.now_s()):
-            self._write(topic, data, info)
+            self._write(topic, data, received_ns, sent_ns)
 
     def close(self) -> None:
         self._closed = True

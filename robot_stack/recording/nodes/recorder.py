@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import time
 from functools import partial
-from typing import Any
 
 from robot_stack.core.runtime import recordings_dir
+from robot_stack.middleware.node import StackNode, run
 from robot_stack.recording.images import IMAGE_TYPE
 from robot_stack.recording.nodes.image_recording import ImageRecording
 from robot_stack.recording.opening import open_recording, prepare_folder
 from robot_stack.recording.params import RecorderParams
 from robot_stack.recording.selection import selected
 from robot_stack.recording.sweeps import SweepChoice
-from robot_stack.middleware.node import StackNode, run
 
 _TAKE_HZ = 10.0
 
@@ -25,7 +24,7 @@ class RecorderNode(StackNode):
         output = recordings_dir(self.params.output_folder)
         for line in prepare_folder(output, self.params.max_disk_use):
             self.get_logger().warning(line)
-        name = self.params.name or time.strftime("%Y%m%d-%H%M%S", time.gmtime())
+        name = self.params.name or time.strftime("%Y%m%d-%H%M%S", time.gmtime(self.port.system_s()))
         self.folder = output / name
         self._writer = open_recording(self.folder, rows, self.params)
         images = [row for row in rows if row.type == IMAGE_TYPE]
@@ -40,16 +39,12 @@ class RecorderNode(StackNode):
         self.every(1.0, self._watch)
         self._watch()
 
-    def _on_message(self, topic: str, data: bytes, info: Any) -> None:
-        # The middleware's times are the system's; beside a simulated clock they would be of another time.
-        simulated = self.simulated_time
-        log_ns = self.now_ns() if simulated else info["received_timestamp"]
-        sent_ns = 0 if simulated else info["source_timestamp"]
-        self._writer.add(topic, log_ns, sent_ns or log_ns, data)
+    def _on_message(self, topic: str, data: bytes, received_ns: int, sent_ns: int) -> None:
+        self._writer.add(topic, received_ns, sent_ns, data)
 
-    def _on_sweep(self, topic: str, data: bytes, info: Any) -> None:
+    def _on_sweep(self, topic: str, data: bytes, received_ns: int, sent_ns: int) -> None:
         if self._sweeps.wants(topic, self.now_s()):
-            self._on_message(topic, data, info)
+            self._on_message(topic, data, received_ns, sent_ns)
 
     def _watch(self) -> None:
         counts = self._writer.counts()
@@ -69,7 +64,7 @@ class RecorderNode(StackNode):
 
     def _end_subscriptions(self) -> None:
         for subscription in self._row_subscriptions:
-            self.destroy_subscription(subscription)
+            subscription.end()
         self._row_subscriptions = []
         if self._images is not None:
             self._images.close()

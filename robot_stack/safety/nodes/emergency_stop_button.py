@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 
 from std_msgs.msg import Bool
 
@@ -25,18 +24,18 @@ class EmergencyStopButtonNode(StackNode):
         self._turn = threading.Lock()
         self._read_at_s: float | None = None
         self._stop = self.emergency_stop_source()
-        self._view = EngineView("emergency_stop_button", self.params.poll_hz, self._on_status)
+        self._view = self.device(EngineView, self.get_name(), self.params.poll_hz, self._on_status)
         self.every(2.0 / self.params.silence_s, self._watch)
         self._view.start()
 
     def _on_status(self, status: StatusSnapshot | None) -> None:
-        now_s = time.monotonic()
+        now_s = self.monotonic_s()
         self._read_at_s = now_s
         self._take(read_contact(status, self._byte, self._bit), now_s)
 
     def _watch(self) -> None:
         """The thread itself may hang or die."""
-        now_s = time.monotonic()
+        now_s = self.monotonic_s()
         if age_s(now_s, self._read_at_s) > self.params.silence_s:
             self._take(Contact.UNREADABLE, now_s)
         pressed = self._button.pressed

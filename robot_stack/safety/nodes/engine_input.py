@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robot_stack.core.robot import Robot
+from robot_stack.middleware.node import StackNode
 from robot_stack.safety.button import read_contact
 from robot_stack.safety.inputs import DriveReading, drive_reading
 from robot_stack.wmx.axes import StatusSnapshot
@@ -12,10 +12,10 @@ from robot_stack.wmx.view import EngineView
 class EngineInput:
     """reading: the newest, None while the engine tells nothing. One assignment in the thread, which a step picks up."""
 
-    def __init__(self, rate_hz: float, robot: Robot) -> None:
-        self._robot = robot
+    def __init__(self, node: StackNode, rate_hz: float) -> None:
+        self._robot = node.robot
         self.reading: DriveReading | None = None
-        self._view = EngineView("safety_monitor", rate_hz, self._on_status)
+        self._view = node.device(EngineView, node.get_name(), rate_hz, self._on_status)
 
     def start(self) -> None:
         self._view.start()

@@ -30,7 +30,13 @@ class SafetyMonitorNode(StackNode):
 
     def __init__(self) -> None:
         super().__init__("safety_monitor", SafetyParams)
-        self._store = LatchStore(state_dir() / LATCH_FOLDER, runtime_dir() / LATCH_FILE, self.params.latch_write_s)
+        self._store = LatchStore(
+            state_dir() / LATCH_FOLDER,
+            runtime_dir() / LATCH_FILE,
+            self.params.latch_write_s,
+            self.worker("latch"),
+            self.monotonic_s,
+        )
         memory = self._store.load()
         self._store.save(memory)  # makes the copies of the first start, and mends damaged ones
         self._monitor = self._new_monitor(memory)
@@ -47,7 +53,7 @@ class SafetyMonitorNode(StackNode):
         self.every(topics.SAFETY_STATUS.nominal_rate_hz, self._publish_status)
         self.every(topics.VELOCITY_LIMIT.nominal_rate_hz, self._repeat_limit)
         self._report_rows = {"rows": ", ".join(self._monitor.rows)}
-        self._engine = EngineInput(2.0 * self.params.tick_hz, self.robot)
+        self._engine = EngineInput(self, 2.0 * self.params.tick_hz)
         self._engine.start()
 
     def _new_monitor(self, memory: Memory) -> SafetyMonitor:

@@ -27,11 +27,6 @@ class ComputerReader:
         self._wanted_disk, self._disk = disk_folder, disk_folder
         self.find_disk()
 
-    @classmethod
-    def configured(cls, params: SystemMonitorParams) -> ComputerReader:
-        disk = _folder(params.disk_folder) if params.disk_folder else recordings_dir()
-        return cls(_folder(params.proc_folder), _folder(params.thermal_folder), disk)
-
     def cpu(self) -> CpuTimes | None:
         with suppress(OSError, ValueError, IndexError), _told_in(self._proc):
             times = psutil.cpu_times()
@@ -73,6 +68,11 @@ class ComputerReader:
             with suppress(OSError):
                 found[name] = pressure_avg10((self._proc / "pressure" / name).read_text(encoding="ascii"))
         return found
+
+
+def configured_reader(params: SystemMonitorParams) -> ComputerReader:
+    disk = _folder(params.disk_folder) if params.disk_folder else recordings_dir()
+    return ComputerReader(_folder(params.proc_folder), _folder(params.thermal_folder), disk)
 
 
 def _folder(name: str) -> Path:

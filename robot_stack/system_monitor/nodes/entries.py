@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
@@ -24,7 +23,7 @@ _ROWS = topics.of_system(System.ROBOT, System.SIMULATION)
 
 
 class Entries:
-    """usage, zones: what the node has read last."""
+    """usage, zones: what the node has read last. system_s: the system clock."""
 
     def __init__(
         self,
@@ -33,10 +32,12 @@ class Entries:
         computer: ComputerReader,
         graph: GraphReader,
         traffic: TopicHealth,
+        processes: ProcessReader,
+        system_s: Callable[[], float],
     ) -> None:
         self._params, self._nodes = params, frozenset(nodes)
         self._computer, self._graph, self._traffic = computer, graph, traffic
-        self._process_reader = ProcessReader(tuple(nodes))
+        self._process_reader, self._system_s = processes, system_s
         self._processes: list[ProcessFigures] = []
         self._clock = ClockWatch(params.clock_step_s)
         self._rows = topics_of(_ROWS, nodes)
@@ -57,7 +58,7 @@ class Entries:
             self._process_entry(),
             self._topic_entry(now_s),
             self._graph_entry(),
-            self._clock_entry(),
+            self._clock_entry(now_s),
         ]
 
     def _computer_entry(self) -> DiagnosticStatus:
@@ -106,8 +107,8 @@ class Entries:
                 differences.append((row.name, "; ".join(problems)))
         return [*differences, *((name, "two nodes of this name") for name in self._graph.doubles)]
 
-    def _clock_entry(self) -> DiagnosticStatus:
-        state = self._clock.update(time.time(), time.monotonic())
+    def _clock_entry(self, now_s: float) -> DiagnosticStatus:
+        state = self._clock.update(self._system_s(), now_s)
         values = [("offset", f"{state.offset_s:+.3f} s since the start"), ("steps", str(state.steps))]
         if state.steps:
             values.append(("last step", f"{state.last_step_s:+.3f} s"))

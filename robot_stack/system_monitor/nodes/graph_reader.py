@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from rclpy.node import Node
-
 from robot_stack.contract import topics
 from robot_stack.contract.graph import Endpoints
 from robot_stack.contract.model import Topic
-from robot_stack.ros.bulk import owner_of
+from robot_stack.middleware.node import StackNode
 
 
 class GraphReader:
     """Names of endpoints cost a hundred times their number: they are looked up where the number has changed."""
 
-    def __init__(self, node: Node, rows: Sequence[Topic]) -> None:
-        self._node = node
+    def __init__(self, node: StackNode, rows: Sequence[Topic]) -> None:
+        self._port = node.port
         self._names = tuple(row.name for row in rows)
         self._counts: dict[str, tuple[int, int]] = {}
         self.endpoints: dict[str, Endpoints] = {}
@@ -30,10 +28,9 @@ class GraphReader:
         for name in changed:
             self._counts[name] = self._count(name)
             self.endpoints[name] = Endpoints(
-                frozenset(owner_of(info.node_name) for info in self._node.get_publishers_info_by_topic(name)),
-                frozenset(owner_of(info.node_name) for info in self._node.get_subscriptions_info_by_topic(name)),
+                frozenset(self._port.publisher_nodes(name)), frozenset(self._port.subscriber_nodes(name))
             )
-        counted = Counter(self._node.get_node_names())
+        counted = Counter(self._port.node_names())
         # Tools come and go, and two of one kind do no harm.
         doubles = tuple(sorted(name for name in counted if counted[name] > 1 and name not in topics.OUTSIDE))
         self.version += bool(changed) or doubles != self.doubles
@@ -44,4 +41,4 @@ class GraphReader:
         return self._counts.get(name, (0, 0))[0]
 
     def _count(self, name: str) -> tuple[int, int]:
-        return self._node.count_publishers(name), self._node.count_subscribers(name)
+        return self._port.count_publishers(name), self._port.count_subscribers(name)

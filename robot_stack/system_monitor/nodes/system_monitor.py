@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import replace
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -16,7 +15,7 @@ from robot_stack.middleware.inputs import Input
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.system_monitor.computer import CpuUsage, hottest
 from robot_stack.system_monitor.diagnostics_tree import DiagnosticsTree
-from robot_stack.system_monitor.nodes.computer_reader import ComputerReader
+from robot_stack.system_monitor.nodes.computer_reader import ProcessReader, configured_reader
 from robot_stack.system_monitor.nodes.entries import Entries
 from robot_stack.system_monitor.nodes.graph_reader import GraphReader
 from robot_stack.system_monitor.nodes.messages import (
@@ -36,7 +35,7 @@ class SystemMonitorNode(StackNode):
     def __init__(self) -> None:
         super().__init__("system_monitor", SystemMonitorParams)
         params: SystemMonitorParams = self.params
-        self._computer = ComputerReader.configured(params)
+        self._computer = self.device(configured_reader, params)
         self._cpu = CpuUsage(params.cpu_window_s)
         self._tree = DiagnosticsTree(params.base_path, params.groups, params.nodes, params.stale_after_s)
         self._traffic = TopicHealth(params.stale_after_s)
@@ -47,8 +46,11 @@ class SystemMonitorNode(StackNode):
         self._status = self.advertise(topics.ROBOT_STATUS)
         self._temperature = self.advertise(topics.COMPUTER_TEMPERATURE)
         self._agg = self.advertise(topics.DIAGNOSTICS_AGG)
-        self._entries = Entries(params, params.nodes, self._computer, self._graph, self._traffic)
-        self.report.more = lambda: self._entries.entries(time.monotonic())
+        processes = self.device(ProcessReader, tuple(params.nodes))
+        self._entries = Entries(
+            params, params.nodes, self._computer, self._graph, self._traffic, processes, self.port.system_s
+        )
+        self.report.more = lambda: self._entries.entries(self.monotonic_s())
         self.every(topics.ROBOT_STATUS.nominal_rate_hz, self._publish_status)
         self.every(topics.COMPUTER_TEMPERATURE.nominal_rate_hz, self._read_computer)
         self.every_real(topics.DIAGNOSTICS_AGG.nominal_rate_hz, self._publish_tree)
@@ -95,7 +97,7 @@ class SystemMonitorNode(StackNode):
     def _usage(self) -> Usage:
         """The processor's use by ten readings a second, memory and disk by five."""
         before = self._entries.usage
-        cpu_percent = self._cpu.update(self._computer.cpu(), time.monotonic())
+        cpu_percent = self._cpu.update(self._computer.cpu(), self.monotonic_s())
         self._entries.usage = replace(before, cpu_percent=cpu_percent)
         return self._entries.usage
 
@@ -114,7 +116,7 @@ class SystemMonitorNode(StackNode):
     # --- diagnostics -------------------------------------------------------------------------------------------------
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        now_s = time.monotonic()
+        now_s = self.monotonic_s()
         for status in message.status:
             self._tree.heard(status.name, level_of(status), status.message, status, now_s)
             self._traffic.heard(status.name, ((item.key, item.value) for item in status.values), now_s)
@@ -126,7 +128,7 @@ class SystemMonitorNode(StackNode):
     def _publish_tree(self) -> None:
         if not self._agg.get_subscription_count():
             return  # sixty entries that nobody takes
-        message = DiagnosticArray(status=[tree_status(entry) for entry in self._tree.entries(time.monotonic())])
+        message = DiagnosticArray(status=[tree_status(entry) for entry in self._tree.entries(self.monotonic_s())])
         message.header.stamp = self.stamp()
         self._agg.publish(message)
 

@@ -22,7 +22,7 @@ class OperatorRequest:
     def __init__(self, node: StackNode, params: ResetParams, row: Service, tries: int) -> None:
         self._node, self._params, self._tries_max = node, params, tries
         self._service = interface_class(row.type)
-        self._client = node.create_client(self._service, row.name)
+        self._client = node.client(row)
         self._answer: Answer | None = None
         self._fields: dict[str, Any] = {}
         self._tries = 0
@@ -44,11 +44,10 @@ class OperatorRequest:
     def _call(self) -> None:
         if self._answer is not None:
             self._tries -= 1
-            self._client.call_async(self._service.Request(**self._fields)).add_done_callback(self._on_done)
+            self._client.call(self._service.Request(**self._fields), self._on_response)
 
-    def _on_done(self, future: Any) -> None:
-        response = future.result()
-        if response is None or self._answer is None:
+    def _on_response(self, response: Any) -> None:
+        if self._answer is None:
             return
         if response.success:
             self._end(True, "", response.message)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 from geometry_msgs.msg import Twist, TwistStamped
 
 from robot_stack.contract import topics
@@ -30,6 +28,7 @@ from robot_stack.wmx.differential.session import WheelSession
 from robot_stack.wmx.differential.shaping import TwistShaper
 from robot_stack.wmx.differential.states import Stage
 from robot_stack.wmx.nodes.diff_drive_outputs import DiffDriveOutputs
+from robot_stack.wmx.opening import ThreadedOpener
 from robot_stack.wmx.session import EngineSession
 
 # So long a sender that was there before may need to be discovered (config/fastdds.xml).
@@ -49,7 +48,9 @@ class DiffDriveControllerNode(StackNode):
         self._shaper = TwistShaper(self._base, most_radps, limits, 1.0 / params.rate)
         self._odometry = WheelOdometry(self._base, odometry_settings(params))
         self._engine = EngineSession(
-            lambda: connect("diff_drive_controller", client, timeout_s=0.0), patience(params.session), own_thread=True
+            lambda: connect("diff_drive_controller", client, timeout_s=0.0),
+            patience(params.session),
+            opener=lambda open_engine: self.device(ThreadedOpener, open_engine),
         )
         self._session = WheelSession(self._engine, session_settings(params, config_dir()))
         self._outputs = DiffDriveOutputs(self, params)
@@ -108,7 +109,7 @@ class DiffDriveControllerNode(StackNode):
     def _report_motion(self, snapshot: StatusSnapshot) -> None:
         speeds = self._axes.wheels(snapshot.actual_velocity)
         self._outputs.wheels(speeds)
-        age_s = self.age_s(snapshot.age_s(time.monotonic_ns()))  # since the engine took the reading
+        age_s = self.age_s(snapshot.age_s(round(1e9 * self.monotonic_s())))  # since the engine took the reading
         stamp = time_from_s(self.now_s() - age_s)
         odometry = self._travelled(snapshot) if self.params.publish_pose else None
         self._outputs.odometry(body_twist(speeds, self._base), odometry, stamp)
@@ -131,18 +132,20 @@ class DiffDriveControllerNode(StackNode):
 
     def safe_output(self) -> None:
         """Wheels to a stop, servos off, device given back. The bus is left to those who still use it."""
-        deadline_s = time.monotonic() + self.params.end_timeout_s
-        while time.monotonic() < deadline_s:
-            state = self._session.poll(self.steady_s(), stop=self.emergency_stop)
-            if state.snapshot is None:
-                break
-            if self._session.standing(state.snapshot):
-                self._session.servos_off()
-                break
-            if self._session.ready:
-                self._session.follow(REST, self.steady_s())
-            time.sleep(_END_POLL_S)
+        self.port.wait_until(self._switched_off, self.params.end_timeout_s)
         self._engine.close()
+
+    def _switched_off(self) -> bool:
+        """Stops the wheels, then switches the servos off. True once nothing is left to do."""
+        snapshot = self._session.poll(self.steady_s(), stop=self.emergency_stop).snapshot
+        if snapshot is None:
+            return True
+        if self._session.standing(snapshot):
+            self._session.servos_off()
+            return True
+        if self._session.ready:
+            self._session.follow(REST, self.steady_s())
+        return False
 
 
 def main() -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry as OdometryMessage
-from rclpy.publisher import Publisher
 from std_msgs.msg import Float64MultiArray
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.middleware.conversions import pose_to_msg, transform_stamped
 from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.port import Publisher
 from robot_stack.wmx.differential.kinematics import WheelPair
 from robot_stack.wmx.differential.odometry import Odometry
 from robot_stack.wmx.differential.parameters import DiffDriveParams, named, pose_covariance, twist_covariance

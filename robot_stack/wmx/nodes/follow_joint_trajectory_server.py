@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 from std_srvs.srv import SetBool
 
 from robot_stack.contract import services
@@ -13,6 +11,7 @@ from robot_stack.wmx.api import CoreMotionErrorCode
 from robot_stack.wmx.config import load_client_config
 from robot_stack.wmx.nodes.trajectory_action import Job, TrajectoryAction
 from robot_stack.wmx.nodes.trajectory_messages import feedback_to_msg, goal_from_msg
+from robot_stack.wmx.opening import ThreadedOpener
 from robot_stack.wmx.session import EngineSession, Patience
 from robot_stack.wmx.trajectory.engine_arm import EngineArm
 from robot_stack.wmx.trajectory.goal import check_goal
@@ -23,8 +22,7 @@ from robot_stack.wmx.trajectory.results import Fault, GoalCode, GoalRefused, Out
 _NAME = "follow_joint_trajectory_server"
 _EMERGENCY = Fault(CoreMotionErrorCode.EmergencyStopSignalOn, "emergency stop")
 _SHUTDOWN = Fault(GoalCode.INVALID_GOAL, "the trajectory server ends")
-_END_POLL_S = 0.01
-_LAST_SPINS = 5  # an answer goes through three tasks of the executor, one after another
+_LAST_ANSWER_S = 0.05  # an answer goes through three tasks of the executor, one after another
 
 
 class FollowJointTrajectoryServerNode(StackNode):
@@ -35,7 +33,11 @@ class FollowJointTrajectoryServerNode(StackNode):
         client = load_client_config()
         self._limits = goal_limits(self.params)
         patience = Patience(**self.params.link.model_dump())
-        session = EngineSession(lambda: connect(_NAME, client, timeout_s=0.0), patience, own_thread=True)
+        session = EngineSession(
+            lambda: connect(_NAME, client, timeout_s=0.0),
+            patience,
+            opener=lambda open_engine: self.device(ThreadedOpener, open_engine),
+        )
         self._arm = EngineArm(session, self.params.joint_number, self.params.spline.max_points)
         self._goals: GoalQueue[Job] = GoalQueue(self._arm, execution_settings(self.params), self._end)
         self._feedback_s = 0.0
@@ -48,7 +50,7 @@ class FollowJointTrajectoryServerNode(StackNode):
 
     def _begin(self, job: Job) -> None:
         try:
-            goal = check_goal(goal_from_msg(job.handle.request), self._limits, self.now_s())
+            goal = check_goal(goal_from_msg(job.goal.request), self._limits, self.now_s())
         except GoalRefused as refusal:
             self._end(job, aborted(refusal.fault))
             return
@@ -120,13 +122,11 @@ class FollowJointTrajectoryServerNode(StackNode):
         """The arm to a stand, its goals answered, the device given back."""
         self._leaving = True
         watch = self.params.watch
-        deadline_s = time.monotonic() + watch.stop_timeout_s + watch.quick_stop_timeout_s
         try:
             self._goals.stop_all(_SHUTDOWN, self.steady_s())
-            while self._action.busy and time.monotonic() < deadline_s:
-                self.executor.spin_once(_END_POLL_S)
-            for _ in range(_LAST_SPINS):
-                self.executor.spin_once(_END_POLL_S)
+            timeout_s = watch.stop_timeout_s + watch.quick_stop_timeout_s
+            self.port.wait_until(lambda: not self._action.busy, timeout_s, loop=True)
+            self.port.wait_until(lambda: False, _LAST_ANSWER_S, loop=True)
         finally:
             self._arm.close()
 

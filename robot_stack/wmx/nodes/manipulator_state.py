@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from rclpy.exceptions import InvalidTopicNameException
-
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
-from robot_stack.core.config import ConfigError, config_dir
+from robot_stack.core.config import config_dir
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.middleware.raw import RawSender
 from robot_stack.wmx import connect
@@ -51,7 +49,8 @@ class ManipulatorStateNode(StackNode):
             rules=params.rules(),
         )
         self._bring_up = BringUp(lambda: connect("manipulator_state", client, _CONNECT_S), settings)
-        self._feedback = FeedbackThread(
+        self._feedback = self.device(
+            FeedbackThread,
             self._bring_up,
             self._publish,
             lambda: self.emergency_stop,
@@ -63,12 +62,7 @@ class ManipulatorStateNode(StackNode):
         self._feedback.start()
 
     def _sender(self, row: Topic, name: str) -> RawSender | None:
-        if not name:
-            return None
-        try:
-            return RawSender(self.advertise(row, name))
-        except InvalidTopicNameException as error:
-            raise ConfigError(f"{self.get_name()}: {' '.join(str(error).split())}") from error
+        return self.device(RawSender, self.advertise(row, name)) if name else None
 
     # --- in the feedback thread --------------------------------------------------------------------------------------
 

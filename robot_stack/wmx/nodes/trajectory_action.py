@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse
-from rclpy.task import Future
-
 from robot_stack.contract import actions
 from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.port import ActionGoal
 from robot_stack.wmx.nodes.trajectory_messages import result_to_msg
 from robot_stack.wmx.trajectory.results import Outcome, Result
 
@@ -17,16 +15,23 @@ from robot_stack.wmx.trajectory.results import Outcome, Result
 class Job:
     """A goal that is being worked on."""
 
-    def __init__(self, handle: Any) -> None:
-        self.handle = handle
-        self.done = Future()
+    def __init__(self, goal: ActionGoal, ended: Callable[[Job], None]) -> None:
+        self.goal = goal
         self.order: tuple[int, ...] = ()
+        self._ended = ended
 
     def publish_feedback(self, feedback: Any) -> None:
-        self.handle.publish_feedback(feedback)
+        self.goal.publish_feedback(feedback)
 
     def end(self, result: Result) -> None:
-        self.done.set_result(result)
+        self._ended(self)
+        message = result_to_msg(result)
+        if result.outcome is Outcome.SUCCEEDED:
+            self.goal.succeed(message)
+        elif result.outcome is Outcome.CANCELED:
+            self.goal.cancel(message)
+        else:
+            self.goal.abort(message)
 
 
 class TrajectoryAction:
@@ -35,8 +40,7 @@ class TrajectoryAction:
     def __init__(self, node: StackNode, name: str, begin: Callable[[Job], None], cancel: Callable[[Job], None]) -> None:
         self._begin, self._cancel = begin, cancel
         self._jobs: dict[bytes, Job] = {}
-        row = actions.FOLLOW_JOINT_TRAJECTORY
-        self._server = ActionServer(node, node.check_action(row), name, self._execute, cancel_callback=self._on_cancel)
+        node.serve_action(actions.FOLLOW_JOINT_TRAJECTORY, self._on_goal, name)
 
     @property
     def busy(self) -> bool:
@@ -46,24 +50,12 @@ class TrajectoryAction:
     def look_for_cancellations(self) -> None:
         """A cancellation that is accepted takes effect after its callback: only then may the goal end as canceled."""
         for job in list(self._jobs.values()):
-            if job.handle.is_cancel_requested and not job.done.done():
+            if job.goal.is_cancel_requested:
                 self._cancel(job)
 
-    @staticmethod
-    def _on_cancel(_: Any) -> CancelResponse:
-        return CancelResponse.ACCEPT
-
-    async def _execute(self, handle: Any) -> Any:
-        job = Job(handle)
-        key = bytes(handle.goal_id.uuid)
-        self._jobs[key] = job
+    def _on_goal(self, goal: ActionGoal) -> None:
+        job = self._jobs[goal.goal_id] = Job(goal, self._forget)
         self._begin(job)
-        result: Result = await job.done
-        del self._jobs[key]
-        if result.outcome is Outcome.SUCCEEDED:
-            handle.succeed()
-        elif result.outcome is Outcome.CANCELED:
-            handle.canceled()
-        else:
-            handle.abort()
-        return result_to_msg(result)
+
+    def _forget(self, job: Job) -> None:
+        del self._jobs[job.goal.goal_id]

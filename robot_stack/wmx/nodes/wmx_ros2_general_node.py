@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.task import Future
-
 from robot_stack.contract import services, topics
 from robot_stack.contract.model import Service, Topic
 from robot_stack.core.config import ConfigError
@@ -75,7 +73,7 @@ class WmxRos2GeneralNode(StackNode):
             (services.AXIS_STOP, lambda r: axes.stop(r.index.tolist())),
         )
         for row, job in jobs:
-            self.serve(row, self._answerer(job))
+            self.serve_later(row, self._answerer(job))
 
     # --- callbacks ---------------------------------------------------------------------------------------------------
 
@@ -92,13 +90,13 @@ class WmxRos2GeneralNode(StackNode):
 
         return on_message
 
-    def _answerer(self, job: Callable[[Any], Job]) -> Callable[[Any, Any], Any]:
-        async def on_request(request: Any, response: Any) -> Any:
-            future = Future()
-            self._session.worker.ask(lambda: job(request), future.set_result)
-            answer: Answer = await future
-            response.success, response.message = answer.success, answer.message
-            return response
+    def _answerer(self, job: Callable[[Any], Job]) -> Callable[[Any, Any, Callable[[Any], None]], None]:
+        def on_request(request: Any, response: Any, send: Callable[[Any], None]) -> None:
+            def on_answer(answer: Answer) -> None:
+                response.success, response.message = answer.success, answer.message
+                self.call_soon(lambda: send(response))
+
+            self._session.worker.ask(lambda: job(request), on_answer)
 
         return on_request
 

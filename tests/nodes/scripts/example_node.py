@@ -21,7 +21,7 @@ class ExampleNode(StackNode):
         super().__init__("navigation_controller")
         self._cmd_vel = self.advertise(topics.ROWS[options.advertise])
         if options.listen:
-            self.listen(topics.ROWS[options.listen], lambda _: None)
+            self.listen(topics.ROWS[options.listen], lambda *_: None)
         self._ticks = 0
         self.every(20.0, self._tick)
 

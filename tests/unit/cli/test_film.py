@@ -25,9 +25,9 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.point_cloud import XYZ
-from robot_stack.recording.writer import BagWriter, Format, topic_info
 from robot_stack.middleware.conversions import pose_to_msg, time_from_s
 from robot_stack.middleware.point_cloud import cloud_message
+from robot_stack.recording.writer import BagWriter, Format, topic_info
 from tf2_msgs.msg import TFMessage
 
 BEGUN_S = 1.7e9

@@ -15,12 +15,13 @@ from scipy import ndimage
 
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
+from robot_stack.navigation.background_planner import BackgroundPlanner
 from robot_stack.navigation.grid_kernels import astar
-from robot_stack.navigation.nodes.planning_thread import PlanningThread
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteRequest, RouteResult, RouteSolver
 from robot_stack.navigation.states import NavigationState
 from robot_stack.navigation.stop import Stop
+from robot_stack.ros.workers import ThreadWorker
 from tests.support.waiting import wait_for
 from tests.unit.navigation.plant import ROBOT, params
 from tests.unit.navigation.test_among_obstacles import Story, box, corridor, nothing, reached
@@ -151,13 +152,13 @@ def big() -> RouteSolver:
 
 
 @pytest.fixture
-def thread(big: RouteSolver) -> Iterator[PlanningThread]:
-    made = PlanningThread(big, lambda: None)
+def thread(big: RouteSolver) -> Iterator[BackgroundPlanner]:
+    made = BackgroundPlanner(big, ThreadWorker("planning", lambda deliver: deliver()))
     yield made
-    made.end()
+    made.close(2.0)
 
 
-def answer_of(thread: PlanningThread) -> RouteResult:
+def answer_of(thread: BackgroundPlanner) -> RouteResult:
     answers: list[RouteResult] = []
 
     def there() -> bool:
@@ -168,7 +169,7 @@ def answer_of(thread: PlanningThread) -> RouteResult:
     return answers[0]
 
 
-def test_the_newest_question_wins(thread: PlanningThread) -> None:
+def test_the_newest_question_wins(thread: BackgroundPlanner) -> None:
     thread.ask(BIG)
     thread.ask(SMALL)
     assert thread.busy()
@@ -179,7 +180,7 @@ def test_the_newest_question_wins(thread: PlanningThread) -> None:
     assert thread.take() is None
 
 
-def test_asking_answers_at_once_to_whoever_asks(thread: PlanningThread) -> None:
+def test_asking_answers_at_once_to_whoever_asks(thread: BackgroundPlanner) -> None:
     """The caller is not kept: not by the question, not while it is thought about."""
     began_s = time.thread_time()
     for _ in range(20):
@@ -189,7 +190,7 @@ def test_asking_answers_at_once_to_whoever_asks(thread: PlanningThread) -> None:
     assert time.thread_time() - began_s < 0.02
 
 
-def test_a_question_that_is_dropped_is_not_answered(thread: PlanningThread) -> None:
+def test_a_question_that_is_dropped_is_not_answered(thread: BackgroundPlanner) -> None:
     thread.ask(BIG)
     thread.drop()
     assert not thread.busy()
@@ -206,7 +207,7 @@ def test_a_search_that_is_stopped_ends_without_a_way(big: RouteSolver) -> None:
     assert time.thread_time() - began_s < 0.1
 
 
-def test_an_error_in_a_plan_is_an_answer_and_the_thread_lives(thread: PlanningThread) -> None:
+def test_an_error_in_a_plan_is_an_answer_and_the_thread_lives(thread: BackgroundPlanner) -> None:
     thread.ask(RouteRequest(BIG.start, BIG.goal, ROBOT.footprint, np.empty(3)))
     assert "planning failed: " in answer_of(thread).reason
     thread.ask(SMALL)
@@ -214,9 +215,9 @@ def test_an_error_in_a_plan_is_an_answer_and_the_thread_lives(thread: PlanningTh
 
 
 def test_the_thread_ends_in_the_middle_of_a_search(big: RouteSolver) -> None:
-    ended = PlanningThread(big, lambda: None)
+    ended = BackgroundPlanner(big, ThreadWorker("planning", lambda deliver: deliver()))
     ended.ask(BIG)
-    ended.end()
+    ended.close(2.0)
     assert not ended.busy()
 
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_stack.ros import transport  # noqa: F401 - the wheels' libraries are found by it
 from robot_stack.middleware.wire import READERS, CloudView, ImageView
+from robot_stack.ros import transport  # noqa: F401 - the wheels' libraries are found by it
 
 pytest.importorskip("rclpy")
 from builtin_interfaces.msg import Time

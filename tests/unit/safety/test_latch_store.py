@@ -7,6 +7,7 @@ import os
 import shutil
 import stat
 import threading
+import time
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from robot_stack.ros.workers import ThreadWorker
 from robot_stack.safety import latch_store
 from robot_stack.safety.latch_store import COPIES, UNKNOWN_PAST, LatchStore, Record, decode, encode
 from robot_stack.safety.monitor import Memory
@@ -33,7 +35,9 @@ class Disk:
         self._open: list[LatchStore] = []
 
     def store(self, slow_s: float = 60.0) -> LatchStore:
-        store = LatchStore(self.folder, self.shadow, slow_s)
+        store = LatchStore(
+            self.folder, self.shadow, slow_s, ThreadWorker("latch", lambda deliver: deliver()), time.monotonic
+        )
         self._open.append(store)
         return store
 

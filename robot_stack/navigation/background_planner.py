@@ -1,0 +1,53 @@
+"""Route planning beside the tick, so that a search of a second delays no command."""
+
+from __future__ import annotations
+
+from robot_stack.core.worker import Worker
+from robot_stack.navigation.routes import RouteRequest, RouteResult, RouteSolver
+from robot_stack.navigation.stop import Stop
+
+
+class BackgroundPlanner:
+    """``RoutePlanner`` on a worker. A newer request cancels the one before."""
+
+    def __init__(self, solver: RouteSolver, worker: Worker) -> None:
+        self._solver = solver
+        self._worker = worker
+        self._answer: RouteResult | None = None
+        self._stop: Stop | None = None
+
+    def ask(self, question: RouteRequest) -> None:
+        self.drop()
+        stop = self._stop = Stop()
+        self._worker.submit(lambda: self._solve(question, stop), lambda answer: self._keep(answer, stop))
+
+    def take(self) -> RouteResult | None:
+        answer, self._answer = self._answer, None
+        return answer
+
+    def drop(self) -> None:
+        self._answer = None
+        if self._stop is not None:
+            self._stop.set()
+            self._stop = None
+
+    def busy(self) -> bool:
+        """True from a request until it is answered or dropped."""
+        return self._stop is not None
+
+    def close(self, timeout_s: float) -> None:
+        """Cancels the request under way and ends the worker."""
+        self.drop()
+        self._worker.close(timeout_s)
+
+    def _solve(self, question: RouteRequest, stop: Stop) -> RouteResult:
+        if stop.wanted:
+            return RouteResult(None, "cancelled")
+        try:
+            return self._solver.solve(question, stop)
+        except Exception as error:  # the robot waits for a route as without a way, and the text says why
+            return RouteResult(None, f"planning failed: {type(error).__name__}: {error}")
+
+    def _keep(self, answer: RouteResult, stop: Stop) -> None:
+        if stop is self._stop:
+            self._answer, self._stop = answer, None
