@@ -16,7 +16,6 @@ from typing import cast
 
 from builtin_interfaces.msg import Time
 
-from robot_stack.contract import topics
 from robot_stack.contract.model import ContractViolation
 from robot_stack.core.config import ConfigError
 from robot_stack.core.runtime import AlreadyRunning, runtime_dir
@@ -29,10 +28,10 @@ from robot_stack.wmx.simulated.server import EngineServer
 from sim.nodes.battery_driver import BatteryDriver
 from sim.nodes.imu_driver import ImuDriver
 from sim.nodes.sim_world import SimWorld
+from sim.nodes.world_outputs import WorldOutputs, build_simulation
 from sim.nodes.world_time import WorldTime
-from sim.parameters import SimParams, load_sim_params
+from sim.parameters import load_sim_params
 from sim.plant.faults import Faults
-from sim.plant.imu import ImuSample
 from sim.plant.simulation import Simulation
 from sim.run.loop import Loop, Task
 from sim.run.pacing import Pacer
@@ -40,16 +39,16 @@ from sim.run.pacing import Pacer
 _NANOSECONDS = 1_000_000_000
 _CLOCK_RATE_HZ = 100.0
 _REPORT_RATE_HZ = 1.0
-_SENSOR_WATCH_RATE_HZ = 10.0
 
 
 class WorldProcess:
     """Engine, world, sensors and their nodes, wired together."""
 
     def __init__(self, world_node: SimWorld, imu_node: ImuDriver, battery_node: BatteryDriver) -> None:
-        self._node, self._imu_node, self._battery_node = world_node, imu_node, battery_node
-        self._params: SimParams = load_sim_params()
-        self._sim = _build(world_node, self._params)
+        self._node = world_node
+        params = load_sim_params()
+        self._sim = build_simulation(world_node, params)
+        self._outputs = WorldOutputs((world_node, imu_node, battery_node), self._sim, params, self._stamp)
         self.server = _serve_engine(self._sim)
         dt_s = self._sim.world.dt_s
         settings = world_node.params
@@ -57,7 +56,13 @@ class WorldProcess:
         self._pacer = Pacer(block * dt_s, settings.speed, settings.catch_up_s, time.monotonic())
         self._time = None if world_node.real_time else WorldTime(world_node, self._serve)
         self._loop = Loop(
-            self._sim, Faults(self._sim), self._pacer, self._tasks(dt_s), self._on_sample, block, self._before_block
+            self._sim,
+            Faults(self._sim),
+            self._pacer,
+            self._tasks(dt_s),
+            self._outputs.publish_sample,
+            block,
+            self._before_block,
         )
         world_node.inject = self._loop.inject
 
@@ -68,17 +73,10 @@ class WorldProcess:
         self._loop.run(should_stop)
 
     def _tasks(self, dt_s: float) -> tuple[Task, ...]:
-        def every(rate_hz: float, run: object) -> Task:
-            return Task(round(1.0 / (rate_hz * dt_s)), run)  # type: ignore[arg-type]
-
-        tasks = [
-            every(topics.SIM_GROUND_TRUTH.nominal_rate_hz, self._publish_truth),
-            every(topics.BATTERY_STATE.nominal_rate_hz, self._publish_battery),
-            every(_SENSOR_WATCH_RATE_HZ, lambda: self._imu_node.watch(self._sim.time_s)),
-            every(_REPORT_RATE_HZ, self._report),
-        ]
+        every = self._outputs.every
+        tasks = (*self._outputs.tasks(), every(_REPORT_RATE_HZ, self._report))
         if self._time is None:
-            return tuple(tasks)
+            return tasks
         clock = self._time
         block = self._node.params.block_steps
         tell = Task(block, lambda: clock.write(self._sim.time_s, block * dt_s))
@@ -101,32 +99,13 @@ class WorldProcess:
         nanoseconds = time.time_ns() - round((self._loop.block_end_s - time_s) * _NANOSECONDS)
         return Time(sec=nanoseconds // _NANOSECONDS, nanosec=nanoseconds % _NANOSECONDS)
 
-    def _on_sample(self, sample: ImuSample) -> None:
-        self._imu_node.publish(sample, self._stamp(sample.time_s))
-
-    def _publish_truth(self) -> None:
-        stamp = self._stamp(self._sim.time_s)
-        self._node.publish_truth(self._sim.world.truth(), stamp)
-        self._node.publish_bodies(self._sim.world.bodies(), stamp)
-
-    def _publish_battery(self) -> None:
-        reading = self._sim.battery.read()
-        self._battery_node.publish(reading, self._params.battery.capacity_ah, self._stamp(self._sim.time_s))
-
     def _report(self) -> None:
-        self._node.publish_touched(self._sim.world.touched)
+        self._outputs.publish_touched()
         report = self._pacer.report(time.monotonic())
         waited_s = 0.0 if self._time is None else self._time.waited_s
         if self._time is not None:
             self._time.write_pace(report.speed)
         self._node.show_pace(report, self._pacer.total_overruns, self._pacer.total_dropped_s, waited_s)
-
-
-def _build(node: SimWorld, params: SimParams) -> Simulation:
-    try:
-        return Simulation(node.robot, params, node.setup)
-    except ValueError as error:
-        raise ConfigError(f"sim_world: {error}") from error
 
 
 def _serve_engine(sim: Simulation) -> EngineServer:

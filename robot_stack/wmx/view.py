@@ -21,8 +21,8 @@ _CATCH_UP_S = 0.005
 _HELD_UP_S = 0.03
 _PATIENCE_S = 0.05
 # A device that cannot be opened or read is tried anew this often: no call is made that could tell whether it is lost.
-_RETRY_S = 0.2
-_PATIENCE = Patience(retry_s=_RETRY_S, attempts=5, attempt_pause_s=_RETRY_S, probe_period_s=math.inf)
+RETRY_S = 0.2
+PATIENCE = Patience(retry_s=RETRY_S, attempts=5, attempt_pause_s=RETRY_S, probe_period_s=math.inf)
 
 
 class EngineView:
@@ -34,7 +34,7 @@ class EngineView:
     def __init__(self, name: str, poll_hz: float, on_status: Callable[[StatusSnapshot | None], None]) -> None:
         self._period_s = 1.0 / poll_hz
         self._on_status = on_status
-        self._session = EngineSession(lambda: connect(name, timeout_s=0.0), _PATIENCE)
+        self._session = EngineSession(lambda: connect(name, timeout_s=0.0), PATIENCE)
         self._read_at_s = -math.inf
         self._ended = self._awaited = False
         self._polled = threading.Event()
@@ -89,6 +89,6 @@ class EngineView:
         now_s = time.monotonic()
         if snapshot is not None:
             self._read_at_s = now_s
-        elif now_s >= self._read_at_s + _RETRY_S:
+        elif now_s >= self._read_at_s + RETRY_S:
             self._session.close()
         return snapshot

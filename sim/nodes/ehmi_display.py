@@ -26,7 +26,7 @@ class EhmiDisplayNode(StackNode):
         self._patterns = load_patterns()
         self._shown: Display | None = None
         self._display = self.advertise(topics.SIM_EHMI_DISPLAY)
-        self._line = DisplayLine(self.params.firmware, runtime_dir() / self.params.link_name)
+        self._line = self.device(DisplayLine, self.params.firmware, runtime_dir() / self.params.link_name)
         self._faults = DisplayFaults(self._line)
         serve_faults(self, services.INJECT_EHMI_FAULT, self._faults.inject)
         self.every(self.params.tick_rate_hz, self._tick)

@@ -18,7 +18,8 @@ class SimComputerNode(StackNode):
 
     def __init__(self) -> None:
         super().__init__("sim_computer", SimComputerParams)
-        self._computer = SimComputer(self.params, runtime_dir() / self.params.folder, _existing(recordings_dir()))
+        folder = runtime_dir() / self.params.folder
+        self._computer = self.device(SimComputer, self.params, folder, _existing(recordings_dir()))
         self._faults = ComputerFaults(self._computer)
         self.subscribe(topics.UI_HEARTBEAT, lambda _: self._computer.screen.heard())
         serve_faults(self, services.INJECT_COMPUTER_FAULT, self._faults.inject)

@@ -23,7 +23,7 @@ from robot_stack.ui.pin import verify_pin
 
 # What shows a page that its link is alive.
 TICK_S = 1.0
-_PAD_PERIOD_S = 0.05
+PAD_PERIOD_S = 0.05
 # A page that says so much that is no message is broken or hostile.
 REFUSED_MAX = 20
 _FLOOD_MAX = 200
@@ -129,7 +129,7 @@ class Hub:
                 page.ready.add(message.layer)
                 self._look()
             case p.Login():
-                self._spawn(self._check_pin(page, message))
+                self._begin_check(page, message)
             case p.Logout():
                 self._tell_access(page)
                 self._show(page, self._allowed(page))
@@ -251,13 +251,19 @@ class Hub:
 
     # --- what takes time ---------------------------------------------------------------------------------------------
 
+    def _begin_check(self, page: Page, message: p.Login) -> None:
+        self._spawn(self._check_pin(page, message))
+
     async def _check_pin(self, page: Page, message: p.Login) -> None:
         """In a thread: the stop of another page does not wait for it."""
         right = False
         try:
             right = await asyncio.to_thread(verify_pin, self._params.access.pin_hash, message.pin)
         finally:
-            self._desk.access.tries.end(right, self._now_s())
+            self._end_check(page, message, right)
+
+    def _end_check(self, page: Page, message: p.Login, right: bool) -> None:
+        self._desk.access.tries.end(right, self._now_s())
         if page.number not in self._pages:
             return
         if right:
@@ -277,7 +283,7 @@ class Hub:
         try:
             while (twist := self._desk.pad.command(self._now_s())) is not None:
                 self._robot.drive(twist)
-                await asyncio.sleep(_PAD_PERIOD_S)
+                await asyncio.sleep(PAD_PERIOD_S)
         finally:
             self._driving = False
 

@@ -38,7 +38,7 @@ class TouchUiNode(StackNode):
         library = mission_library(pages.missions_folder, pages.own_missions_folder)
         missions = MissionFiles(library, load_docks().docks)
         self._outputs = Outputs(self)
-        self._hub = Hub(self.params, self, self.monotonic_s)
+        self._hub = self.device(Hub, self.params, self, self.monotonic_s)
         layers = Layers(self, pages, lambda: self._hub.awaited, self._send_frame)
         inputs = layers.inputs = RobotInputs(self, layers.callbacks)
         self._server = self.device(WebServer, self.params.server, self._hub, site.pictures)

@@ -1,0 +1,1 @@
+"""The whole stack on the deterministic scheduler: nodes, physics, sensors, people and staff in one process."""
