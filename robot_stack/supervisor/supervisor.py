@@ -22,9 +22,9 @@ from robot_stack.supervisor import orphans, segments
 from robot_stack.supervisor.control import ControlServer, Reply
 from robot_stack.supervisor.fleet import Fleet
 from robot_stack.supervisor.keys import VERBS, Keys
-from robot_stack.supervisor.lifecycle import RUNNING, Lifecycle, Limits, Order, StartQueue, State, judged
+from robot_stack.supervisor.lifecycle import RUNNING, Lifecycle, Order, StartQueue, State, judged
 from robot_stack.supervisor.node_thread import NodeThread
-from robot_stack.supervisor.params import SupervisorParams
+from robot_stack.supervisor.params import SupervisorParams, limits_of
 from robot_stack.supervisor.profile import Plan
 from robot_stack.supervisor.starvation import Starvation
 
@@ -52,7 +52,7 @@ class Supervisor:
         self._starvation = Starvation()
         self._heard: dict[str, tuple[int, int, str]] = {}  # by process: its id, heartbeats and text, as taken last
         self._rows = {process.name: process for process in plan.processes}
-        self._lives = {name: Lifecycle(_limits(row, params)) for name, row in self._rows.items()}
+        self._lives = {name: Lifecycle(limits_of(row, params)) for name, row in self._rows.items()}
         clock_sources = [p.name for p in plan.processes if set(p.nodes) & set(topics.CLOCK.publishers)]
         self._queue = StartQueue(params.start_at_once, frozenset(clock_sources if plan.use_sim_time else ()))
         self._selector = selectors.DefaultSelector()
@@ -273,20 +273,6 @@ class Supervisor:
                 for name, life in self._lives.items()
             ],
         }
-
-
-def _limits(row: Process, params: SupervisorParams) -> Limits:
-    backoff = params.backoff[row.criticality]
-    return Limits(
-        hang_after_s=params.hang_after_s,
-        construction_limit_s=params.construction_limit_s,
-        stable_after_s=params.stable_after_s,
-        hung_kill_s=params.hung_kill_s,
-        backoff_first_s=backoff.first_s,
-        backoff_factor=backoff.factor,
-        backoff_longest_s=backoff.longest_s,
-        max_restarts=row.max_restarts,
-    )
 
 
 def _log(text: str) -> None:

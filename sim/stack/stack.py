@@ -1,0 +1,194 @@
+"""The robot's whole stack on the deterministic scheduler: one seed is one run."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import Process as Row
+from robot_stack.ehmi.nodes.serial_port import SerialPort
+from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.port import Port
+from robot_stack.supervisor.profile import Plan, load_plan
+from robot_stack.system_monitor.nodes.computer_reader import ProcessReader, configured_reader
+from robot_stack.ui.nodes.hub import Hub
+from robot_stack.ui.nodes.server import WebServer
+from robot_stack.wmx.opening import ThreadedOpener
+from robot_stack.wmx.view import EngineView
+from sim.computer.computer import SimComputer
+from sim.ehmi.line import DisplayLine
+from sim.nodes.battery_driver import BatteryDriver
+from sim.nodes.imu_driver import ImuDriver
+from sim.nodes.sim_world import SimWorld
+from sim.scheduler.events import NANOSECONDS
+from sim.scheduler.observers import LifeChange, Observer
+from sim.scheduler.port import SimPort
+from sim.scheduler.scheduler import Scheduler
+from sim.settings import WORLDLY
+from sim.stack.computer import NoProcesses, ScheduledComputer, ScheduledReader
+from sim.stack.display import Cable, ScheduledDisplay, ScheduledSerialPort
+from sim.stack.engine import ScheduledView, opener
+from sim.stack.screen import ScheduledHub, ScheduledServer
+from sim.stack.supervision import Supervision
+from sim.stack.tool import ToolNode
+from sim.stack.world import ScheduledWorld
+
+_WORLD = "sim_world"
+_STATE_VARIABLES = ("XDG_STATE_HOME", "XDG_DATA_HOME")
+# Nodes are started in any order within this time.
+_START_WITHIN_S = 0.5
+
+
+class WorldNotThere(RuntimeError):
+    """A node asks for the world's engine before the world exists."""
+
+
+@dataclass(frozen=True, slots=True)
+class StackSetup:
+    """What makes one run. settings: ``node.parameter=value`` on top of the profile. only: processes, all if empty."""
+
+    seed: int
+    settings: tuple[str, ...] = ()
+    only: tuple[str, ...] = ()
+    profile: str = "sim"
+
+
+class SimulatedStack(Observer):
+    """A context manager. ``world`` is None until the process of the world has constructed its nodes.
+
+    Files of state go to a folder of the run's own, ``folder``, which goes at the end.
+    """
+
+    def __init__(self, setup: StackSetup, *, parallel: bool = True) -> None:
+        """Raises ConfigError for a wrong profile or setting."""
+        self.setup = setup
+        seeds = tuple(f"{node}.seed={setup.seed}" for node in WORLDLY)
+        self.plan: Plan = load_plan(
+            setup.profile, settings=(*seeds, *setup.settings), only=setup.only, system_time=True
+        )
+        self.scheduler = Scheduler(setup.seed, parallel=parallel)
+        self.world: ScheduledWorld | None = None
+        self.server: ScheduledServer | None = None
+        self.computer = ScheduledComputer(lambda: self.scheduler.now_s)
+        self._cable = Cable(self._after)
+        self._exit = contextlib.ExitStack()
+        self.folder = Path()
+
+    def __enter__(self) -> SimulatedStack:
+        self._exit.enter_context(self.scheduler)
+        self.folder = Path(tempfile.mkdtemp(prefix="robot_stack_state-"))
+        self._exit.callback(shutil.rmtree, self.folder, ignore_errors=True)
+        variables = {name: str(self.folder / name.lower()) for name in _STATE_VARIABLES} | dict(self.plan.environment)
+        self._exit.enter_context(_environment(variables))
+        self._register_devices()
+        self.scheduler.add_observer(self)
+        start = self.scheduler.streams.generator("start order")
+        for row in self.plan.processes:
+            # The world first: whatever else there is, the ground is.
+            at_s = 0.0 if row.name == _WORLD else _START_WITHIN_S * float(start.random())
+            self.scheduler.spawn(row.name, *_factories(row), at_s=at_s, parameters=self.plan.parameters)
+        self.supervision = Supervision(self.scheduler, self.plan.processes)
+        self.operator = self._tool(topics.OPERATOR_TOOL)
+        self.test_tool = self._tool(topics.TEST_TOOL)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._exit.close()
+
+    @property
+    def sim_world(self) -> ScheduledWorld:
+        """Raises WorldNotThere."""
+        if self.world is None:
+            raise WorldNotThere("the world has not been constructed yet")
+        return self.world
+
+    def on_life_change(self, time_ns: int, process: str, change: LifeChange) -> None:
+        if process == _WORLD and change is LifeChange.READY:
+            self._begin_world()
+
+    def _begin_world(self) -> None:
+        nodes = cast(tuple[SimWorld, ImuDriver, BatteryDriver], tuple(self.scheduler.processes[_WORLD].nodes))
+        scheduler = self.scheduler
+        world = self.world = ScheduledWorld(nodes, lambda: scheduler.now_ns, scheduler.clock_start_ns)
+        scheduler.every(world.block_ns, world.run_block, start_ns=scheduler.now_ns + world.block_ns)
+
+    def _tool(self, name: str) -> ToolNode:
+        """A tool that is there from the start."""
+        tools: list[ToolNode] = []
+
+        def make() -> ToolNode:
+            tools.append(ToolNode(name))
+            return tools[-1]
+
+        process = self.scheduler.spawn(name, make, at_s=0.0, computer="operator")  # type: ignore[arg-type]
+        self.scheduler.run(self.scheduler.now_s + 10.0, lambda: process.running)
+        return tools[0]
+
+    def _after(self, delay_s: float, callback: Callable[[], None]) -> None:
+        self.scheduler.at(self.scheduler.now_ns + round(delay_s * NANOSECONDS), callback)
+
+    # --- devices -----------------------------------------------------------------------------------------------------
+
+    def _register_devices(self) -> None:
+        devices: dict[Any, Callable[..., Any]] = self.scheduler.devices
+        devices[ThreadedOpener] = lambda port, _: opener(self.sim_world.engine, _runs)(port, _)
+        devices[EngineView] = self._engine_view
+        devices[SerialPort] = lambda port, _path, _baud, params, wanted: ScheduledSerialPort(
+            port, self._cable, params, wanted
+        )
+        devices[DisplayLine] = lambda port, params, link: ScheduledDisplay(port, self._cable, params, link)
+        devices[SimComputer] = lambda port, *arguments: self.computer.power_on(*arguments)
+        devices[configured_reader] = lambda port, _: ScheduledReader(self.computer)
+        devices[ProcessReader] = lambda port, _: NoProcesses()
+        devices[Hub] = _hub
+        devices[WebServer] = self._web_server
+
+    def _engine_view(self, port: Port, _: str, poll_hz: float, on_status: Callable[..., None]) -> ScheduledView:
+        return ScheduledView(port, lambda: self.sim_world.engine.open(port, lambda: _runs(port)), poll_hz, on_status)
+
+    def _web_server(self, port: Port, _: Any, hub: ScheduledHub, __: Any) -> ScheduledServer:
+        self.server = ScheduledServer(port, hub)
+        return self.server
+
+
+def _hub(port: Port, *arguments: Any) -> ScheduledHub:
+    hub = ScheduledHub(*arguments)
+    hub.port = port
+    return hub
+
+
+def _runs(port: Port) -> bool:
+    """The process of the node that holds this port runs."""
+    assert isinstance(port, SimPort)
+    return port.life.alive and not port.life.hung
+
+
+def _factories(row: Row) -> Sequence[Callable[[], StackNode]]:
+    if row.name == _WORLD:
+        return SimWorld, ImuDriver, BatteryDriver
+    assert row.module is not None
+    name = "".join(part.capitalize() for part in row.name.split("_"))
+    module = importlib.import_module(row.module)
+    return (getattr(module, name if name.endswith("Node") else f"{name}Node"),)
+
+
+@contextlib.contextmanager
+def _environment(variables: dict[str, str]) -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

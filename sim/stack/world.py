@@ -1,0 +1,73 @@
+"""The physical world on the scheduler: physics, motion engine and simulated sensors in blocks of virtual time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from builtin_interfaces.msg import Time
+
+from robot_stack.docking.nodes.attached_file import AttachedFile
+from robot_stack.middleware.conversions import NANOSECONDS
+from robot_stack.wmx.config import load_engine_config
+from robot_stack.wmx.simulated.engine import Engine
+from sim.nodes.battery_driver import BatteryDriver
+from sim.nodes.imu_driver import ImuDriver
+from sim.nodes.sim_world import SimWorld
+from sim.nodes.world_outputs import WorldOutputs, build_simulation
+from sim.parameters import load_sim_params
+from sim.plant.faults import Faults
+from sim.stack.engine import WorldEngine
+
+_TOUCHED_RATE_HZ = 10.0
+
+
+class ScheduledWorld:
+    """Built by the process ``sim_world`` when its nodes exist. now_ns: virtual time.
+
+    Raises ConfigError for a world that cannot be built.
+    """
+
+    def __init__(
+        self, nodes: tuple[SimWorld, ImuDriver, BatteryDriver], now_ns: Callable[[], int], clock_start_ns: int
+    ) -> None:
+        AttachedFile().forget()  # this is another wheelchair than the one of the world before
+        self.node = nodes[0]
+        params = load_sim_params()
+        self.sim = build_simulation(self.node, params)
+        self._start_ns = clock_start_ns + now_ns()
+        engine = Engine(load_engine_config(), self.sim.world.drives)
+        self.sim.engine_cycle = engine.cycle
+        self.engine = WorldEngine(engine, self.sim, lambda: now_ns() / NANOSECONDS)
+        self.faults = Faults(self.sim)
+        self.node.inject = self.faults.inject
+        self._outputs = WorldOutputs(nodes, self.sim, params, self._stamp)
+        self._tasks = (
+            *self._outputs.tasks(),
+            self._outputs.every(_TOUCHED_RATE_HZ, self._outputs.publish_touched),
+        )
+        self.block_steps: int = self.node.params.block_steps
+        self.block_ns = round(NANOSECONDS * self.block_steps * self.sim.world.dt_s)
+        self.node.set_health(True, f"world {self.node.params.world}, seed {self.node.params.seed}")
+
+    @property
+    def time_s(self) -> float:
+        """Since the world began."""
+        return self.sim.time_s
+
+    def run_block(self) -> None:
+        """Computes the block that ends now. Raises SimulationDiverged."""
+        sim, tasks = self.sim, self._tasks
+        for _ in range(self.block_steps):
+            sample = sim.step()
+            self.faults.update()
+            if sample is not None:
+                self._outputs.publish_sample(sample)
+            steps = sim.world.steps
+            for task in tasks:
+                if steps % task.period_steps == 0:
+                    task.run()
+        self.engine.end_block()
+
+    def _stamp(self, time_s: float) -> Time:
+        nanoseconds = self._start_ns + round(time_s * NANOSECONDS)
+        return Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
