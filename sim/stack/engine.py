@@ -15,7 +15,6 @@ from robot_stack.wmx import EngineError, MotionEngine
 from robot_stack.wmx.api import ErrorCode
 from robot_stack.wmx.axes import StatusSnapshot, empty_snapshot
 from robot_stack.wmx.config import load_client_config
-from robot_stack.wmx.opening import OpenEngine, PromptOpener
 from robot_stack.wmx.session import EngineSession
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.library import library_of
@@ -92,15 +91,6 @@ class _Device(LocalDevice):
         stamp_ns = round(_NANOSECONDS * (self._port.monotonic_s() - self._world.age_s()))
         stale = ErrorCode.StatusChannelError if self._world.stale else ErrorCode.PyNone
         return stale, replace(snapshot, stamp_ns=max(1, stamp_ns))
-
-
-def opener(world: WorldEngine, responsive: Callable[[Port], bool]) -> Callable[[Port, OpenEngine], PromptOpener]:
-    """The counterpart of ``ThreadedOpener``."""
-
-    def make(port: Port, _: OpenEngine) -> PromptOpener:
-        return PromptOpener(lambda: world.open(port, lambda: responsive(port)))
-
-    return make
 
 
 class ScheduledView:

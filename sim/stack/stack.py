@@ -21,7 +21,9 @@ from robot_stack.supervisor.profile import Plan, load_plan
 from robot_stack.system_monitor.nodes.computer_reader import ProcessReader, configured_reader
 from robot_stack.ui.nodes.hub import Hub
 from robot_stack.ui.nodes.server import WebServer
-from robot_stack.wmx.opening import ThreadedOpener
+from robot_stack.wmx import EngineError, MotionEngine
+from robot_stack.wmx.api import ErrorCode, error_name
+from robot_stack.wmx.opening import PromptOpener, ThreadedOpener
 from robot_stack.wmx.view import EngineView
 from sim.computer.computer import SimComputer
 from sim.ehmi.line import DisplayLine
@@ -35,7 +37,7 @@ from sim.scheduler.scheduler import Scheduler
 from sim.settings import WORLDLY
 from sim.stack.computer import NoProcesses, ScheduledComputer, ScheduledReader
 from sim.stack.display import Cable, ScheduledDisplay, ScheduledSerialPort
-from sim.stack.engine import ScheduledView, opener
+from sim.stack.engine import ScheduledView
 from sim.stack.screen import ScheduledHub, ScheduledServer
 from sim.stack.supervision import Supervision
 from sim.stack.tool import ToolNode
@@ -45,10 +47,6 @@ _WORLD = "sim_world"
 _STATE_VARIABLES = ("XDG_STATE_HOME", "XDG_DATA_HOME")
 # Nodes are started in any order within this time.
 _START_WITHIN_S = 0.5
-
-
-class WorldNotThere(RuntimeError):
-    """A node asks for the world's engine before the world exists."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,25 +88,17 @@ class SimulatedStack(Observer):
         self._exit.enter_context(_environment(variables))
         self._register_devices()
         self.scheduler.add_observer(self)
-        start = self.scheduler.streams.generator("start order")
+        self.operator, self.test_tool = self._tool(topics.OPERATOR_TOOL), self._tool(topics.TEST_TOOL)
+        start, begun_s = self.scheduler.streams.generator("start order"), self.scheduler.now_s
         for row in self.plan.processes:
             # The world first: whatever else there is, the ground is.
-            at_s = 0.0 if row.name == _WORLD else _START_WITHIN_S * float(start.random())
-            self.scheduler.spawn(row.name, *_factories(row), at_s=at_s, parameters=self.plan.parameters)
+            wait_s = 0.0 if row.name == _WORLD else _START_WITHIN_S * float(start.random())
+            self.scheduler.spawn(row.name, *_factories(row), at_s=begun_s + wait_s, parameters=self.plan.parameters)
         self.supervision = Supervision(self.scheduler, self.plan.processes)
-        self.operator = self._tool(topics.OPERATOR_TOOL)
-        self.test_tool = self._tool(topics.TEST_TOOL)
         return self
 
     def __exit__(self, *_: object) -> None:
         self._exit.close()
-
-    @property
-    def sim_world(self) -> ScheduledWorld:
-        """Raises WorldNotThere."""
-        if self.world is None:
-            raise WorldNotThere("the world has not been constructed yet")
-        return self.world
 
     def on_life_change(self, time_ns: int, process: str, change: LifeChange) -> None:
         if process == _WORLD and change is LifeChange.READY:
@@ -121,14 +111,14 @@ class SimulatedStack(Observer):
         scheduler.every(world.block_ns, world.run_block, start_ns=scheduler.now_ns + world.block_ns)
 
     def _tool(self, name: str) -> ToolNode:
-        """A tool that is there from the start."""
+        """A tool that is there before the stack."""
         tools: list[ToolNode] = []
 
         def make() -> ToolNode:
             tools.append(ToolNode(name))
             return tools[-1]
 
-        process = self.scheduler.spawn(name, make, at_s=0.0, computer="operator")  # type: ignore[arg-type]
+        process = self.scheduler.spawn(name, make, computer="operator")  # type: ignore[arg-type]
         self.scheduler.run(self.scheduler.now_s + 10.0, lambda: process.running)
         return tools[0]
 
@@ -139,7 +129,7 @@ class SimulatedStack(Observer):
 
     def _register_devices(self) -> None:
         devices: dict[Any, Callable[..., Any]] = self.scheduler.devices
-        devices[ThreadedOpener] = lambda port, _: opener(self.sim_world.engine, _runs)(port, _)
+        devices[ThreadedOpener] = lambda port, _: PromptOpener(lambda: self._open_engine(port))
         devices[EngineView] = self._engine_view
         devices[SerialPort] = lambda port, _path, _baud, params, wanted: ScheduledSerialPort(
             port, self._cable, params, wanted
@@ -152,7 +142,14 @@ class SimulatedStack(Observer):
         devices[WebServer] = self._web_server
 
     def _engine_view(self, port: Port, _: str, poll_hz: float, on_status: Callable[..., None]) -> ScheduledView:
-        return ScheduledView(port, lambda: self.sim_world.engine.open(port, lambda: _runs(port)), poll_hz, on_status)
+        return ScheduledView(port, lambda: self._open_engine(port), poll_hz, on_status)
+
+    def _open_engine(self, port: Port) -> MotionEngine:
+        """Raises EngineError, as long as there is no world too."""
+        if self.world is None:
+            code = ErrorCode.IMLibIsNotRunning
+            raise EngineError(f"{port.name}: no motion engine runs", code, error_name(code))
+        return self.world.engine.open(port, lambda: _runs(port))
 
     def _web_server(self, port: Port, _: Any, hub: ScheduledHub, __: Any) -> ScheduledServer:
         self.server = ScheduledServer(port, hub)
