@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,10 +47,15 @@ class NodeState:
 
 
 class NodeRecord:
-    """Written by the node's process alone."""
+    """Written by the node's process alone.
 
-    def __init__(self, name: str) -> None:
+    pid: None for this process's own. monotonic_ns: the computer's monotonic clock. The deterministic scheduler, which
+    has many nodes in one process, passes its own.
+    """
+
+    def __init__(self, name: str, pid: int | None = None, monotonic_ns: Callable[[], int] = time.monotonic_ns) -> None:
         _folder().mkdir(exist_ok=True)
+        self._pid, self._monotonic_ns = pid, monotonic_ns
         self._page = SharedPage(_folder() / name, _WORDS, _SINGLES, _TEXT_BYTES, create=True)
 
     def constructing(self, text: str) -> None:
@@ -69,7 +74,8 @@ class NodeRecord:
 
     def _write(self, beats: int, ready: bool, text: str) -> None:
         with self._page.writing() as words:
-            words[_PID], words[_BEATS], words[_BEAT_NS], words[_READY] = os.getpid(), beats, time.monotonic_ns(), ready
+            words[_PID] = os.getpid() if self._pid is None else self._pid
+            words[_BEATS], words[_BEAT_NS], words[_READY] = beats, self._monotonic_ns(), ready
             self._page.text = text
 
 
