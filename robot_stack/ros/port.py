@@ -15,7 +15,6 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 from rclpy.time_source import CLOCK_TOPIC, USE_SIM_TIME_NAME
 from rosgraph_msgs.msg import Clock
@@ -35,6 +34,7 @@ from robot_stack.ros import transport
 from robot_stack.ros.actions import RosActionClient, RosActionServer
 from robot_stack.ros.bulk import BulkInputs, owner_of
 from robot_stack.ros.interfaces import interface_class, listener_profile, qos_profile
+from robot_stack.ros.serialization import deserialize_message
 from robot_stack.ros.workers import ThreadWorker
 
 P = ParamSpec("P")

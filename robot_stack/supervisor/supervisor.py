@@ -14,7 +14,6 @@ from types import FrameType
 from typing import Any
 
 from robot_stack.contract import topics
-from robot_stack.contract.model import Process
 from robot_stack.core.node_record import NodeRecords
 from robot_stack.core.runtime import ros_domain_id
 from robot_stack.core.world_clock import WorldClock

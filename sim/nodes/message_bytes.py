@@ -14,11 +14,11 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from numpy.typing import NDArray
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Image, PointCloud2
 
 from robot_stack.contract import frames
 from robot_stack.core.point_cloud import Points
+from robot_stack.ros.serialization import serialize_message
 from tf2_msgs.msg import TFMessage
 
 _STAMP_AT = 4  # of a message that begins with a header, behind the four bytes that tell the encoding

@@ -6,12 +6,11 @@ import hashlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from rclpy.serialization import deserialize_message, serialize_message
-
 from robot_stack.contract.model import Action
 from robot_stack.middleware.conversions import NANOSECONDS
 from robot_stack.middleware.interfaces import interface_class
 from robot_stack.middleware.port import ActionGoal, CancelAnswer, GoalStatus
+from robot_stack.ros.serialization import deserialize_message, serialize_message
 from sim.scheduler.calls import Calls
 
 if TYPE_CHECKING:

@@ -6,9 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rclpy.serialization import deserialize_message, serialize_message
-
 from robot_stack.middleware.interfaces import interface_class
+from robot_stack.ros.serialization import deserialize_message, serialize_message
 from sim.scheduler.events import NEVER
 from sim.scheduler.network import Network
 

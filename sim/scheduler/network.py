@@ -10,11 +10,10 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rclpy.serialization import deserialize_message, serialize_message
-
 from robot_stack.contract.model import Durability, Topic
 from robot_stack.middleware.interfaces import interface_class
 from robot_stack.middleware.wire import READERS, UnknownEncoding
+from robot_stack.ros.serialization import deserialize_message, serialize_message
 from sim.scheduler.events import NEVER, EventQueue
 from sim.scheduler.observers import Observer
 from sim.scheduler.params import LatencyParams, Spread

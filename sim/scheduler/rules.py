@@ -6,10 +6,9 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rclpy.serialization import deserialize_message, serialize_message
-
 from robot_stack.contract.model import Topic
 from robot_stack.middleware.interfaces import interface_class
+from robot_stack.ros.serialization import deserialize_message, serialize_message
 from sim.scheduler.events import NANOSECONDS, NEVER
 from sim.scheduler.params import Spread
 from sim.scheduler.streams import Streams
