@@ -107,7 +107,8 @@ class Life:
         at_ns = max(at_ns, self._busy_until_ns, self._hung_until_ns)
         if at_ns < self._wake_ns and self.alive and not self._computing:
             self._wake_ns = at_ns
-            self.events.push(at_ns, self.process.order, self._wake, at_ns)
+            # Behind what arrives at the same time: a wake-up sees it.
+            self.events.push(at_ns, self.process.order + 1, self._wake, at_ns)
 
     def hang(self, duration_ns: int) -> None:
         now_ns = self.events.now_ns
