@@ -17,6 +17,7 @@ from robot_stack.middleware.interfaces import interface_class
 from robot_stack.middleware.wire import READERS, UnknownEncoding
 from sim.scheduler.events import NEVER, EventQueue
 from sim.scheduler.observers import Observer
+from sim.scheduler.padding import zero_padding
 from sim.scheduler.params import LatencyParams, Spread
 from sim.scheduler.rules import MessageRule, Transfer
 from sim.scheduler.streams import Delays, Streams
@@ -56,10 +57,11 @@ class Watchers:
 class SimPublisher:
     """See ``robot_stack.middleware.port.Publisher``. visible_ns, gone_ns: when all others know it, and no longer."""
 
-    __slots__ = ("_history", "_network", "gone_ns", "links", "port", "row", "topic_name", "visible_ns")
+    __slots__ = ("_history", "_network", "_zeroed", "gone_ns", "links", "port", "row", "topic_name", "visible_ns")
 
     def __init__(self, network: Network, port: SimPort, row: Topic, name: str, visible_ns: int) -> None:
         self._network = network
+        self._zeroed = zero_padding(row.type)
         self.port = port
         self.row = row
         self.topic_name = name
@@ -72,7 +74,7 @@ class SimPublisher:
     def publish(self, message: Any) -> None:
         """Serialises at once; the message leaves at the end of the present wake-up."""
         data = message if type(message) is bytes else _serialised(message)
-        self.port.life.send(self._depart, data)
+        self.port.life.send(self._depart, self._zeroed(data))
 
     def get_subscription_count(self) -> int:
         return len(self.links)

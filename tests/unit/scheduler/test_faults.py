@@ -64,7 +64,7 @@ def test_a_field_inside_a_message() -> None:
         with_field(data, "geometry_msgs/msg/PoseStamped", "pose.position.x", math.nan), PoseStamped
     )
     assert math.isnan(message.pose.position.x)
-    with pytest.raises(ValueError, match="no field 'pose.speed'"):
+    with pytest.raises(ValueError, match=r"no field 'pose\.speed'"):
         with_field(data, "geometry_msgs/msg/PoseStamped", "pose.speed", 1.0)
     with pytest.raises(ValueError, match="no field"):
         with_field(bytes(serialize_message(Int32())), "std_msgs/msg/Int32", "data.0", 1)
