@@ -15,18 +15,18 @@ from functools import cache
 
 from robot_stack.middleware.interfaces import interface_class
 
-_PREFIX = 4
+PREFIX = 4
 _U32 = struct.Struct("<I")
-_LENGTH_BYTES = 4
+LENGTH_BYTES = 4
 _SIZES = {
     **dict.fromkeys(("boolean", "octet", "byte", "char", "uint8", "int8"), 1),
     **dict.fromkeys(("uint16", "int16"), 2),
     **dict.fromkeys(("uint32", "int32", "float"), 4),
     **dict.fromkeys(("uint64", "int64", "double"), 8),
 }
-_ARRAY = re.compile(r"(.+)\[(\d+)\]")
-_SEQUENCE = re.compile(r"sequence<(.+?)(?:, \d+)?>")
-_STRING = re.compile(r"string(<\d+>)?")
+ARRAY = re.compile(r"(.+)\[(\d+)\]")
+SEQUENCE = re.compile(r"sequence<(.+?)(?:, \d+)?>")
+STRING = re.compile(r"string(<\d+>)?")
 _Gaps = list[tuple[int, int]]
 
 
@@ -53,7 +53,7 @@ class _Fixed:
         return True
 
     def walk(self, data: bytes, at: int, gaps: _Gaps) -> int:
-        pad = -(at - _PREFIX) % self.align
+        pad = -(at - PREFIX) % self.align
         if pad:
             gaps.append((at, at + pad))
             at += pad
@@ -76,7 +76,7 @@ class _Numbers:
 
     def walk(self, data: bytes, at: int, gaps: _Gaps) -> int:
         at, length = _length(data, at, gaps)
-        pad = -(at - _PREFIX) % self.size
+        pad = -(at - PREFIX) % self.size
         if pad and length:
             gaps.append((at, at + pad))
             at += pad
@@ -101,11 +101,11 @@ _Step = _Fixed | _Text | _Numbers | _Items
 
 
 def _length(data: bytes, at: int, gaps: _Gaps) -> tuple[int, int]:
-    pad = -(at - _PREFIX) % _LENGTH_BYTES
+    pad = -(at - PREFIX) % LENGTH_BYTES
     if pad:
         gaps.append((at, at + pad))
         at += pad
-    return at + _LENGTH_BYTES, _U32.unpack_from(data, at)[0]
+    return at + LENGTH_BYTES, _U32.unpack_from(data, at)[0]
 
 
 @cache
@@ -119,7 +119,7 @@ def zero_padding(type_name: str) -> Callable[[bytes], bytes]:
 
     def zeroed(data: bytes) -> bytes:
         gaps: _Gaps = []
-        at = _PREFIX
+        at = PREFIX
         try:
             for step in steps:
                 at = step.walk(data, at, gaps)
@@ -155,20 +155,20 @@ def _add_field(steps: list[_Step], field: str, count: int = 1) -> None:
         last = steps[-1] if steps else None
         if not (isinstance(last, _Fixed) and last.append(_SIZES[field], count)):
             steps.append(_Fixed(_SIZES[field], _SIZES[field] * count))
-    elif array := _ARRAY.fullmatch(field):
+    elif array := ARRAY.fullmatch(field):
         if array[1] in _SIZES:
             _add_field(steps, array[1], int(array[2]))
         else:
             for _ in range(int(array[2])):
                 _add_field(steps, array[1])
-    elif sequence := _SEQUENCE.fullmatch(field):
+    elif sequence := SEQUENCE.fullmatch(field):
         if sequence[1] in _SIZES:
             steps.append(_Numbers(_SIZES[sequence[1]]))
         else:
             inner: list[_Step] = []
             _add_field(inner, sequence[1])
             steps.append(_Items(inner))
-    elif _STRING.fullmatch(field):
+    elif STRING.fullmatch(field):
         steps.append(_Text())
     elif "/" in field:
         package, name = field.split("/")
