@@ -60,7 +60,7 @@ class _Serializer:
         self._make_room(_FIRST_CAPACITY)
 
     def bytes_of(self, message: Any) -> bytes:
-        create, convert, destroy, support = _functions(type(message))
+        create, convert, destroy, support = _functions(type(message))  # type: ignore[arg-type]
         made = create()
         try:
             if not convert(message, made):
@@ -94,8 +94,10 @@ class _Serializer:
 @cache
 def _functions(message_class: type) -> tuple[Any, Any, Any, int]:
     """(create, convert from Python, destroy, type support)."""
-    check_for_type_support(message_class)
     meta = type(message_class)
+    if not hasattr(meta, "_TYPE_SUPPORT"):
+        raise TypeError(f"{message_class.__name__} is no message type")
+    check_for_type_support(message_class)
     return (
         _CREATE(_address(meta, "_CREATE_ROS_MESSAGE")),
         _CONVERT(_address(meta, "_CONVERT_FROM_PY")),

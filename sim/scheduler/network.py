@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from robot_stack.contract.model import Durability, Topic
-from robot_stack.middleware.interfaces import interface_class
 from robot_stack.middleware.wire import READERS, UnknownEncoding
-from robot_stack.ros.serialization import deserialize_message, serialize_message
+from robot_stack.ros.serialization import serialize_message
+from sim.scheduler.decoding import decoder
 from sim.scheduler.events import NEVER, EventQueue
 from sim.scheduler.observers import Observer
 from sim.scheduler.params import LatencyParams, Spread
@@ -345,15 +345,15 @@ class Network:
 
 def reader(type_name: str) -> Callable[[bytes], Any]:
     """What makes a message of its bytes: of clouds and images a view."""
-    message_class, view = interface_class(type_name), READERS.get(type_name)
+    decode, view = decoder(type_name), READERS.get(type_name)
+    if view is None:
+        return decode
 
     def read(data: bytes) -> Any:
-        if view is not None:
-            try:
-                return view(data)
-            except UnknownEncoding:  # left to the middleware, which says what is wrong
-                pass
-        return deserialize_message(data, message_class)
+        try:
+            return view(data)
+        except UnknownEncoding:  # left to the middleware, which says what is wrong
+            return decode(data)
 
     return read
 

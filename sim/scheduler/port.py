@@ -315,8 +315,8 @@ class SimPort:
     def report_values(self) -> Mapping[str, str]:
         return self._pause_text
 
-    def run_until(self, condition: Callable[[], bool], timeout_s: float) -> None:
-        self.life.run_until(condition, round(timeout_s * NANOSECONDS))
+    def wait_until(self, condition: Callable[[], bool], timeout_s: float, *, loop: bool = False) -> None:
+        self.life.wait_until(condition, round(timeout_s * NANOSECONDS), loop=loop)
 
     def wait_delivered(self, timeout_s: float) -> None:
         """What has left a process arrives also after the end of the process."""

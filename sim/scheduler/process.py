@@ -107,7 +107,8 @@ class Life:
         at_ns = max(at_ns, self._busy_until_ns, self._hung_until_ns)
         if at_ns < self._wake_ns and self.alive and not self._computing:
             self._wake_ns = at_ns
-            self.events.push(at_ns, self.process.order, self._wake, at_ns)
+            # Behind what arrives at the same time: a wake-up sees it.
+            self.events.push(at_ns, self.process.order + 1, self._wake, at_ns)
 
     def hang(self, duration_ns: int) -> None:
         now_ns = self.events.now_ns
@@ -198,11 +199,14 @@ class Life:
         for send, item in outbox:
             send(item)
 
-    def run_until(self, condition: Callable[[], bool], timeout_ns: int) -> None:
-        """Within a callback: ends the wake-up, lets the world go on, and begins a wake-up anew."""
+    def wait_until(self, condition: Callable[[], bool], timeout_ns: int, *, loop: bool) -> None:
+        """Within a callback: lets the world go on. loop: the callbacks of this process run meanwhile, in wake-ups of
+        their own; otherwise what arrives waits.
+        """
         computing, end_ns = self._computing, self.events.now_ns + timeout_ns
         if computing:
             self.finish()
+        self._computing = computing and not loop
         self.events.run(end_ns, lambda: condition() or not self.alive)
         if computing:
             self.begin(sum(port.compute.draw() for port in self.ports))

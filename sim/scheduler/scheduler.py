@@ -172,7 +172,7 @@ class Scheduler:
             raise RuntimeError("a scheduler runs inside its with statement: its nodes need its runtime folder")
         if name in self.processes:
             raise ValueError(f"there is a process {name!r} already; a new life comes by its start() or restart()")
-        order = WORLD_ORDER + 1 + len(self.processes)
+        order = WORLD_ORDER + 1 + 2 * len(self.processes)  # two each: arrivals, then wake-ups
         process = Process(self, name, order, factories, parameters or {}, self.computer(computer))
         self.processes[name] = process
         process.start(None if at_s is None else round(at_s * NANOSECONDS))

@@ -118,7 +118,7 @@ class SimulatedStack(Observer):
             tools.append(ToolNode(name))
             return tools[-1]
 
-        process = self.scheduler.spawn(name, make, computer="operator")  # type: ignore[arg-type]
+        process = self.scheduler.spawn(name, make, computer="operator")
         self.scheduler.run(self.scheduler.now_s + 10.0, lambda: process.running)
         return tools[0]
 

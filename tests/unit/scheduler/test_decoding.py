@@ -1,0 +1,46 @@
+"""Decoded messages are those of the middleware, of every type of the contract."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+
+from robot_stack.middleware.interfaces import interface_class
+from sim.scheduler.decoding import _message, decoder
+from tests.unit.ros.test_serialization import TYPES, filled
+
+
+def alike(one: Any, other: Any) -> bool:
+    """Equal in value and in every type, inside as well."""
+    if type(one) is not type(other):
+        return False
+    if hasattr(one, "get_fields_and_field_types"):
+        return all(alike(getattr(one, name), getattr(other, name)) for name in one.__slots__)
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and one.flags.writeable and bool(np.array_equal(one, other, equal_nan=True))
+    if isinstance(one, list):
+        return len(one) == len(other) and all(alike(*pair) for pair in zip(one, other, strict=True))
+    return bool(one == other) or one != one
+
+
+@pytest.mark.parametrize("length", [0, 1, 2, 5])
+@pytest.mark.parametrize("type_name", TYPES)
+def test_a_message_is_that_of_the_middleware(type_name: str, length: int) -> None:
+    message = filled(interface_class(type_name)(), length)
+    data = bytes(serialize_message(message))
+    assert alike(decoder(type_name)(data), deserialize_message(data, type(message)))
+
+
+def test_all_types_of_the_contract_are_decoded_here() -> None:
+    """Read from the bytes of a message, none falls back to the middleware."""
+    for name in TYPES:
+        _message(name)
+
+
+def test_bytes_that_are_no_message_are_refused_as_by_the_middleware() -> None:
+    data = bytes(serialize_message(interface_class("nav_msgs/msg/Odometry")()))
+    with pytest.raises(Exception, match=r"\w"):
+        decoder("nav_msgs/msg/Odometry")(data[:40])
