@@ -56,6 +56,7 @@ class Life:
         self.process_id = process_id
         self.events = process.scheduler.events
         self.alive = True
+        self.killed = False
         self.ready = False
         self.ports: list[SimPort] = []
         self.nodes: list[EndingNode] = []
@@ -260,7 +261,7 @@ class Life:
 
     def kill(self) -> None:
         """Ends at once. What has left already still arrives."""
-        self.alive = False
+        self.alive, self.killed = False, True
         self._outbox.clear()
         scheduler = self.process.scheduler
         for port in self.ports:
@@ -402,6 +403,8 @@ class Process:
         if self.life is not None and self.life.alive:
             for text in self.life.leave_safe():
                 self.scheduler.on_failure(self.name, text)
+            if self.life.killed:  # while its safe output waited for something
+                return
         self._end(exit_code, change)
 
     def _end(self, exit_code: int, change: LifeChange) -> None:
