@@ -109,7 +109,7 @@ def test_a_safe_output_may_wait_for_an_answer() -> None:
 
         def safe_output(self) -> None:
             self.ask.publish(Int32(data=1))
-            self.port.run_until(lambda: bool(self.got), 0.5)
+            self.port.wait_until(lambda: bool(self.got), 0.5, loop=True)
             seen.append((stage.scheduler.now_s, self.got))
 
     def echo(port) -> None:
@@ -128,7 +128,7 @@ def test_a_safe_output_may_wait_for_an_answer() -> None:
 def test_a_process_may_be_killed_while_its_safe_output_waits() -> None:
     class Waiting(Bare):
         def safe_output(self) -> None:
-            self.port.run_until(lambda: False, 0.5)
+            self.port.wait_until(lambda: False, 0.5, loop=True)
 
     changes = Changes()
     with rig() as stage:
