@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -78,6 +79,8 @@ class CameraDriverNode(StackNode):
         markers = [marker for dock in self._docks.docks.values() for marker in dock.markers]
         self._faults = CameraFaults(_ROWS, markers, size)
         self._tf.publish(TFMessage(transforms=[self._mounting(frame) for frame, _, _ in _ROWS.values()]))
+        # Asked before each picture; a run that is not about vision leaves out what nobody looks at.
+        self.wants_pictures: Callable[[], bool] = lambda: True
         self._bodies = Bodies(self, self._on_bodies)
         serve_faults(self, services.INJECT_CAMERA_FAULT, self._inject)
         self.set_health(False, f"waiting for {topics.SIM_BODIES.name}")
@@ -91,7 +94,7 @@ class CameraDriverNode(StackNode):
                 self._take(camera, due_s)
 
     def _take(self, camera: _Camera, time_s: float) -> None:
-        if self._faults.is_active("silent", camera.name, time_s):
+        if self._faults.is_active("silent", camera.name, time_s) or not self.wants_pictures():
             return
         if not self._faults.is_active("frozen", camera.name, time_s) or not camera.exposed:
             motion = self._history.motion(time_s, self._boards)

@@ -9,6 +9,7 @@ from enum import Enum
 from pathlib import Path
 
 from robot_stack.contract.model import Topic
+from robot_stack.contract.topics import DIAGNOSTICS
 from robot_stack.recording.writer import BagWriter, Format, topic_info
 
 
@@ -40,11 +41,15 @@ class Observer:
 
 
 class Digest(Observer):
-    """SHA-256 over time, topic, publisher and bytes of all messages, in the order in which they leave."""
+    """SHA-256 over time, topic, publisher and bytes of all messages, in the order in which they leave.
+
+    folders: paths that differ from run to run; nodes name them in /diagnostics, where they are left out.
+    """
 
     _HEAD = struct.Struct("<qIII")
 
-    def __init__(self) -> None:
+    def __init__(self, folders: Sequence[bytes] = ()) -> None:
+        self._folders = folders
         self._sum = hashlib.sha256()
         self.messages = 0
         self._names: dict[tuple[str, str], bytes] = {}
@@ -55,6 +60,9 @@ class Digest(Observer):
         if names is None:
             names = self._names[topic, node] = topic.encode() + node.encode()
         self._sum.update(self._HEAD.pack(time_ns, len(topic), len(node), len(data)) + names)
+        if topic == DIAGNOSTICS.name:
+            for folder in self._folders:
+                data = data.replace(folder, b"")
         self._sum.update(data)
 
     def add(self, data: bytes) -> None:

@@ -115,6 +115,13 @@ class Scheduler:
                 os.environ[_RUNTIME_VARIABLE] = self._outer_runtime
 
     @property
+    def runtime_folder(self) -> Path:
+        """Raises RuntimeError outside of the context."""
+        if self._runtime is None:
+            raise RuntimeError("the scheduler has not been entered")
+        return self._runtime
+
+    @property
     def now_ns(self) -> int:
         """Virtual time, from 0."""
         return self.events.now_ns

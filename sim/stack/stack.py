@@ -14,9 +14,10 @@ from typing import Any, cast
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Process as Row
+from robot_stack.contract.model import Topic
 from robot_stack.ehmi.nodes.serial_port import SerialPort
 from robot_stack.middleware.node import StackNode
-from robot_stack.middleware.port import Port
+from robot_stack.middleware.port import Port, Publisher
 from robot_stack.supervisor.profile import Plan, load_plan
 from robot_stack.system_monitor.nodes.computer_reader import ProcessReader, configured_reader
 from robot_stack.ui.nodes.hub import Hub
@@ -99,6 +100,11 @@ class SimulatedStack(Observer):
 
     def __exit__(self, *_: object) -> None:
         self._exit.close()
+
+    def advertise(self, row: Topic) -> Publisher:
+        """The publisher of the tool that may publish the row. Raises ContractViolation if none may."""
+        tool = self.operator if self.operator.port.name in row.publishers else self.test_tool
+        return tool.advertise(row)
 
     def on_life_change(self, time_ns: int, process: str, change: LifeChange) -> None:
         if process == _WORLD and change is LifeChange.READY:
