@@ -36,6 +36,7 @@ from robot_stack.ros import transport
 from robot_stack.ros.bulk import BulkInputs
 from robot_stack.ros.clocks import NodeClock, SharedWorldClock, SystemClock, TopicClock
 from robot_stack.ros.conversions import NANOSECONDS
+from robot_stack.ros.deliveries import NodeDeliveries
 from robot_stack.ros.emergency_stop import StopSource
 from robot_stack.ros.inputs import Input
 from robot_stack.ros.interfaces import interface_class, listener_profile, qos_profile
@@ -66,10 +67,14 @@ class StackNode(Node):
         self._world_clock = WorldClock.find()
         super().__init__(name)
         self._time: NodeClock = self._choose_clock()
-        self._schedule = Schedule(self._time)
+        self._bulk: BulkInputs | None = None
+        self._deliveries = NodeDeliveries(name, isinstance(self._time, SharedWorldClock), self._bulk_idle)
+        self._schedule = Schedule(self._time, self._deliveries.owed if self._deliveries.counting else None)
         # What tells that a node lives goes on where simulated time stands still.
         self._own_schedule = Schedule(SystemClock()) if self._time.simulated else self._schedule
-        self.schedules = [self._schedule, *([self._own_schedule] if self._time.simulated else [])]
+        self.schedules: list[Any] = [self._schedule, *([self._own_schedule] if self._time.simulated else [])]
+        if self._deliveries.counting:
+            self.schedules.append(self._deliveries)
         self._taken_s = time.monotonic()
         if parameters is None:
             refuse_overrides(self)
@@ -82,7 +87,6 @@ class StackNode(Node):
         self._stop_latch = StopLatch(monitored=name not in BY_NAME or BY_NAME[name].system is not System.WMX)
         self._stop_source: StopSource | None = None
         self.report = Report(self)
-        self._bulk: BulkInputs | None = None
         self._subscribe_safety()
 
     # --- endpoints ---------------------------------------------------------------------------------------------------
@@ -95,12 +99,13 @@ class StackNode(Node):
         self._check(row.name, "publish", row.publishers)
         if row.bulk and not transport.carries_bulk():
             raise ContractViolation(f"{self.get_name()} may not publish {row.name}: its process runs without bulk=True")
-        return self.create_publisher(
+        publisher = self.create_publisher(
             interface_class(row.type),
             name or row.name,
             qos_profile(row.qos),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
         )
+        return self._deliveries.counted(row, publisher)
 
     def subscribe(self, row: Topic, callback: Callable[[Any], None] | None = None, name: str = "") -> Input:
         """Subscribes to a contract row, under ``name`` where the contract calls the name configurable.
@@ -111,15 +116,16 @@ class StackNode(Node):
         self._check(row.name, "subscribe to", row.subscribers)
         wakes = row.wakes_node(self.get_name())
         entry = Input(row, callback, self._health, self._received_s, self.steady_s)
+        on_message = self._deliveries.noted(row, entry.on_message, wakes)
         profile = qos_profile(row.qos)
         if callback is not None:  # without one only the newest is looked at
             profile.depth = row.queue or row.qos.depth
         message_class, topic = interface_class(row.type), name or row.name
         if row.bulk and not transport.carries_bulk():
-            guest = self._bulk_inputs.subscribe(message_class, topic, entry.on_message, profile, entry.raw, wakes=wakes)
+            guest = self._bulk_inputs.subscribe(message_class, topic, on_message, profile, entry.raw, wakes=wakes)
             entry.end = partial(self._bulk_inputs.unsubscribe, guest)
             return entry
-        subscription = self.create_subscription(message_class, topic, entry.on_message, profile, raw=entry.raw)
+        subscription = self.create_subscription(message_class, topic, on_message, profile, raw=entry.raw)
         entry.end = partial(self.destroy_subscription, subscription)
         if not wakes:
             self.taken_at_tick.append(subscription)
@@ -146,6 +152,7 @@ class StackNode(Node):
             entry.ended = True
             entry.end()
             self._health.remove(entry.topic.name)
+            self._deliveries.forget(entry.topic)
 
     def prepare_bulk(self) -> None:
         """Makes the participant for clouds and images now: one that comes up later holds others for a moment."""
@@ -240,6 +247,9 @@ class StackNode(Node):
         if self._bulk is None:
             self._bulk = BulkInputs(self)
         return self._bulk
+
+    def _bulk_idle(self) -> bool:
+        return self._bulk is None or self._bulk.idle()
 
     def _check(self, name: str, verb: str, allowed: tuple[str, ...]) -> None:
         if self.get_name() not in allowed and EVERY_NODE not in allowed:
@@ -378,6 +388,7 @@ class StackNode(Node):
     def destroy_node(self) -> None:
         if self._bulk is not None:
             self._bulk.close()
+        self._deliveries.close()
         super().destroy_node()
         self._lock.close()
 

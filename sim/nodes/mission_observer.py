@@ -82,6 +82,12 @@ class MissionObserver:
         clock = WorldClock.find()
         return 0.0 if clock is None else clock.pace
 
+    @property
+    def waiting_for(self) -> str:
+        """For which nodes the world stands still, and why; empty while it goes on."""
+        clock = WorldClock.find()
+        return "" if clock is None else clock.waiting_for
+
     def may_move(self) -> bool:
         """Nothing stops the robot; on a slope it may still have to be slow."""
         limit = self.limit
