@@ -1,4 +1,4 @@
-"""Every process of the stack is held up in turn, on a machine with other work: the world waits, and the ride goes on."""
+"""Every process of the stack is paused in turn on a busy machine: the world waits, and the ride goes on."""
 
 from __future__ import annotations
 
