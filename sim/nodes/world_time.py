@@ -49,6 +49,7 @@ class WorldTime:
 
     def write_pace(self, pace: float) -> None:
         self._clock.write_pace(pace)
+        self._node.report.values["messages_given_up"] = str(self._stack.given_up)
 
     def publish(self, time_s: float) -> None:
         """On /clock."""
@@ -103,6 +104,11 @@ class _Stack:
         due_s = {name: self._records.due_s(name) for name in self._names}
         found = self._mail.owed() | late(due_s, now_s, self._tolerance_s)
         return {name: reason for name, reason in found.items() if self._processes.takes_part(name)} if found else {}
+
+    @property
+    def given_up(self) -> int:
+        """Messages that their subscribers no longer wait for: lost, or never meant for them."""
+        return sum(page.lost[0] for page in self._deliveries.pages.values())
 
     def _search(self) -> None:
         self._names = [name for name in node_record.names() if self._processes.takes_part(name)]
