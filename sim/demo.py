@@ -1,13 +1,17 @@
 """A ride to look at: ``python -m sim.demo`` starts the stack in the simulation, sends a mission and tells how it goes.
 
-Ends with one line of result, the paths of its plots, and exit code 0 if the robot arrived.
+Ends with one line of result, the paths of its plots, and exit code 0 if the robot arrived. The state of its stack
+(latched stop, journal, corrections, missions) lies in the folder of the results: no earlier run stops a demo, and a
+demo leaves nothing that stops a later stack.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import math
+import shutil
 import signal
 import sys
 import time
@@ -19,8 +23,8 @@ from robot_stack.core.config import ConfigError
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Kind, Mission
-from robot_stack.core.mission_library import MissionError, mission_library
-from robot_stack.core.runtime import touch_screen_url
+from robot_stack.core.mission_library import MissionError, MissionLibrary, mission_library
+from robot_stack.core.runtime import environment_with_home, own_missions_dir, state_shadow_dir, touch_screen_url
 from robot_stack.supervisor import client, progress
 from robot_stack.supervisor.control import NotRunning
 from sim.run.demo_display import MOVING_MPS, Display, describe
@@ -43,7 +47,7 @@ _OVER = ("COMPLETED", "FAILED", "ABORTED", "IDLE")
 
 
 class DemoError(Exception):
-    """The ride did not come about. The message says why."""
+    """The ride did not come about. The message says why, and what to do."""
 
 
 def main() -> int:
@@ -51,14 +55,19 @@ def main() -> int:
     # SIGTERM ends the demo as Ctrl-C does, with the stack stopped, also where a shell has SIGINT ignored.
     signal.signal(signal.SIGTERM, _interrupt)
     signal.signal(signal.SIGINT, _interrupt)
+    folder: Path | None = None
     try:
-        mission = mission_library().find(options.mission)
         load_world(options.world)
-        client.refuse_second()
+        library = _library(options.mission)
+        mission = library.find(options.mission)
+        _refuse_second()
         folder = _folder(options.output)
+        _bring_missions(library, folder)
         return _ride(options, mission, folder)
     except (DemoError, MissionError, ConfigError, client.StartError, TimeoutError, OSError) as error:
         print(f"\ndemo: {error}", file=sys.stderr)
+        if folder is not None:
+            print(_evidence(folder), file=sys.stderr)
         return 1
     except (KeyboardInterrupt, RuntimeError):
         if not _interrupted:
@@ -77,10 +86,51 @@ def _interrupt(*_: object) -> None:
     raise KeyboardInterrupt
 
 
+def _library(mission_id: str) -> MissionLibrary:
+    """The missions that come with the software; those made on this computer only if the mission is one of them.
+
+    A mission that was saved here under a shipped mission's id stops `up`, but not a demo.
+    """
+    library = mission_library()
+    shipped = MissionLibrary(*library.folders[:1])
+    return shipped if mission_id in shipped.ids() else library
+
+
+def _bring_missions(library: MissionLibrary, folder: Path) -> None:
+    """Copies missions that were made on this computer to where the demo's stack looks for them."""
+    for own in library.folders[1:]:
+        if own.is_dir():
+            shutil.copytree(own, own_missions_dir(environment_with_home(folder)))
+
+
+def _refuse_second() -> None:
+    """Raises DemoError if a stack runs in this ROS domain: two robots would answer each other."""
+    try:
+        client.refuse_second()
+    except client.StartError as error:
+        raise DemoError(
+            f"not started: {error}. To end that stack: `launch_scripts/stack down`, then run this command again. "
+            "To leave it running: `ROS_DOMAIN_ID=N launch_scripts/demo` with another number N in 1..101"
+        ) from error
+
+
+def _evidence(folder: Path) -> str:
+    """Where to look after a failure, one line each."""
+    recording = folder / "recording"
+    recorded = any(recording.glob("*.mcap"))
+    lines = [f"  recording: {recording if recorded else 'none, the ride did not begin'}"]
+    if recorded:
+        lines.append(f"  look at it: `.venv/bin/robot-stack film {recording}`, or open its .mcap file in Foxglove")
+    if (folder / "logs").is_dir():
+        lines.append(f"  logs of the processes: {folder / 'logs' / 'latest'}")
+    lines.append("  run it again: nothing of this run is left in the way, its state stays in the folder above")
+    return "\n".join(lines)
+
+
 def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
     print(f"starting the stack in the world {options.world} ...", flush=True)
     recording: Recording | None = None
-    launch = client.Launch("sim", _settings(options, folder), speed=options.speed, log_dir=folder / "logs")
+    launch = client.Launch("sim", _settings(options), speed=options.speed, log_dir=folder / "logs", home=folder)
     try:
         with progress.shown() as show:
             status = client.start(launch, _READY_S, show)
@@ -90,10 +140,11 @@ def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
         ride, outcome = _drive(mission, recording)
     finally:
         _stop(recording)
+        shutil.rmtree(state_shadow_dir(launch.environment()), ignore_errors=True)
     return _report(options, mission, folder, ride, outcome)
 
 
-def _settings(options: argparse.Namespace, folder: Path) -> list[str]:
+def _settings(options: argparse.Namespace) -> list[str]:
     start = options.start or load_world(options.world).start.pose()
     off_m, off_rad = options.start_error_m, math.radians(options.start_error_deg)
     believed = Pose2(start.x + 0.8 * off_m, start.y - 0.6 * off_m, start.yaw + off_rad)
@@ -103,9 +154,6 @@ def _settings(options: argparse.Namespace, folder: Path) -> list[str]:
         *(f"{node}.seed={options.seed}" for node in WORLDLY),
         # Without a map nobody can find out that the robot stands elsewhere.
         *pose_settings("ndt_localization.start", believed if own_map(options.world) else start),
-        # Files of its own: this ride neither meets nor leaves an unfinished mission, nor what another robot learnt.
-        f"mission_manager.journal_file={folder / 'mission.db'}",
-        f"docking_controller.corrections_file={folder / 'docking_corrections.yaml'}",
     ]
 
 
@@ -133,16 +181,21 @@ def _drive(mission: Mission, recording: Recording) -> tuple[Ride, Any]:
 
 def _follow(observer: Any, display: Display) -> None:
     """Shows the ride until the mission is over. Raises DemoError if it does not get on."""
-    progress_s = observer.world_s
+    progress_s, waited_s = observer.world_s, -math.inf
     while observer.mission is None or observer.mission.state not in _OVER:
         observer.wait(lambda: False, _REDRAW_EVERY_S)
         display.show(observer)
-        if observer.now_s() - observer.heard_s > _SILENCE_S:
-            raise DemoError("the world has fallen silent")
+        if observer.waiting_for:
+            waited_s = time.monotonic()
+        if observer.now_s() - observer.heard_s > _SILENCE_S and time.monotonic() - waited_s > _SILENCE_S:
+            raise DemoError(f"no message from the simulated world for {_SILENCE_S:.0f} s: see sim_world.log below")
         if observer.ride.samples[-1].speed_mps > MOVING_MPS or observer.docking_now():
             progress_s = observer.world_s
         if observer.world_s - progress_s > _PATIENCE_S:
-            raise DemoError(f"no progress for {_PATIENCE_S:.0f} s: {describe(observer)}")
+            raise DemoError(
+                f"the robot has not moved for {_PATIENCE_S:.0f} s of the world's time: {describe(observer)}; "
+                "the recording below shows what stopped it"
+            )
 
 
 def _settle(observer: Any) -> None:
@@ -151,8 +204,11 @@ def _settle(observer: Any) -> None:
     while not observer.may_move():
         observer.wait(observer.may_move, 1.0)
         if observer.world_s - begun_s > _SETTLE_S or observer.safety.safety_state == "EMERGENCY_STOP":
-            faults = ", ".join(observer.safety.active_faults)
-            raise DemoError(f"the robot may not move: {faults}; `robot-stack up`, then `robot-stack reset` releases it")
+            faults = ", ".join(observer.safety.active_faults) or "no fault is shown"
+            raise DemoError(
+                f"the robot may not move before the mission starts: {observer.safety.safety_state} ({faults}); "
+                "docs/safety.md says what raises each fault, the logs below what happened in this run"
+            )
 
 
 def _report(options: argparse.Namespace, mission: Mission, folder: Path, ride: Ride, outcome: Any) -> int:
@@ -172,6 +228,8 @@ def _report(options: argparse.Namespace, mission: Mission, folder: Path, ride: R
     _plot(options.world, mission, folder, ride, result)
     arrived = outcome.state == "COMPLETED"
     print(result_line(arrived, outcome.reason, result.figures))
+    if not arrived:
+        print(_evidence(folder))
     print(estimate_line(result.figures, ride.touched))
     if carried is not None and math.isfinite(carried.docked_mm):
         print(carriage_line(carried))
@@ -256,10 +314,14 @@ def _stop(recording: Recording | None) -> None:
 def _folder(output: Path) -> Path:
     """A new folder for this ride, and ``latest`` that points to it."""
     folder = output / f"demo-{time.strftime('%Y%m%d-%H%M%S')}"
-    folder.mkdir(parents=True)
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise DemoError(f"the folder for the results cannot be made: {error}; choose another with --output") from error
     link = output / "demo-latest"
-    link.unlink(missing_ok=True)
-    link.symlink_to(folder.name)
+    with contextlib.suppress(OSError):  # a convenience; another user's demo may have made the link
+        link.unlink(missing_ok=True)
+        link.symlink_to(folder.name)
     return folder.resolve()
 
 

@@ -35,6 +35,7 @@ from sim.plant.faults import Faults
 from sim.plant.simulation import Simulation
 from sim.run.loop import Loop, Task
 from sim.run.pacing import Pacer
+from sim.run.processes import Processes
 
 _NANOSECONDS = 1_000_000_000
 _CLOCK_RATE_HZ = 100.0
@@ -54,7 +55,9 @@ class WorldProcess:
         settings = world_node.params
         block = settings.block_steps
         self._pacer = Pacer(block * dt_s, settings.speed, settings.catch_up_s, time.monotonic())
-        self._time = None if world_node.real_time else WorldTime(world_node, self._serve)
+        processes = self._sim.processes = Processes()
+        self._time = None if world_node.real_time else WorldTime(world_node, processes, self._serve)
+        self._should_stop: Callable[[], bool] = lambda: False
         self._loop = Loop(
             self._sim,
             Faults(self._sim),
@@ -70,6 +73,7 @@ class WorldProcess:
         """Until ``should_stop`` says so. Raises SimulationDiverged."""
         gc.collect()
         gc.freeze()  # what exists now stays: spares the loop the collector's long pauses
+        self._should_stop = should_stop
         self._loop.run(should_stop)
 
     def _tasks(self, dt_s: float) -> tuple[Task, ...]:
@@ -84,7 +88,7 @@ class WorldProcess:
 
     def _before_block(self) -> None:
         if self._time is not None:
-            self._time.follow(self._sim.time_s)
+            self._time.follow(self._sim.time_s, self._should_stop)
 
     def _serve(self) -> None:
         """What others may be waiting for while the world waits for them."""

@@ -62,7 +62,7 @@ def up(
         if foreground:
             client.refuse_second()
             command = launch.command("--foreground")
-            os.execve(command[0], command, client.environment())
+            os.execve(command[0], command, launch.environment())
         with progress.shown() as show:
             status = client.start(launch, deadline_s or plan.ready_deadline_s, show)
     except client.StartError as error:

@@ -7,7 +7,9 @@ One folder for each user and ROS domain, so that stacks in different domains nev
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import IO
 
@@ -34,20 +36,36 @@ def runtime_dir() -> Path:
     return folder
 
 
-def state_home() -> Path:
+def state_home(environment: Mapping[str, str] = os.environ) -> Path:
     """The folder for what outlives a reboot: a service's ``$STATE_DIRECTORY``, else the user's
     ``$XDG_STATE_HOME/robot_stack``, else in ``~/.local/state``.
     """
-    of_service = os.environ.get("STATE_DIRECTORY", "").split(":")[0]
+    of_service = environment.get("STATE_DIRECTORY", "").split(":")[0]
     if of_service:
         return Path(of_service)
-    home = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    home = environment.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
     return Path(home) / "robot_stack"
 
 
-def state_dir() -> Path:
+def state_dir(environment: Mapping[str, str] = os.environ) -> Path:
     """The part of :func:`state_home` that belongs to this ROS domain. It need not exist yet."""
-    return state_home() / f"domain-{ros_domain_id()}"
+    return state_home(environment) / f"domain-{ros_domain_id()}"
+
+
+def state_shadow_dir(environment: Mapping[str, str] = os.environ) -> Path:
+    """A folder in memory for copies of what is in :func:`state_dir`. It need not exist yet.
+
+    Each state folder has its own: a stack with another state folder must not read these copies.
+    """
+    name = hashlib.sha256(str(state_dir(environment).absolute()).encode()).hexdigest()[:16]
+    return runtime_dir() / "state" / name
+
+
+def environment_with_home(folder: Path, base: Mapping[str, str] = os.environ) -> dict[str, str]:
+    """``base`` with the state and the data of a process below ``folder`` instead of the user's."""
+    kept = {name: value for name, value in base.items() if name != "STATE_DIRECTORY"}
+    home = folder.absolute()
+    return {**kept, "XDG_STATE_HOME": str(home / "state"), "XDG_DATA_HOME": str(home / "data")}
 
 
 def recordings_dir(chosen: str = "") -> Path:
@@ -57,14 +75,14 @@ def recordings_dir(chosen: str = "") -> Path:
     return data_home() / "recordings"
 
 
-def own_missions_dir() -> Path:
+def own_missions_dir(environment: Mapping[str, str] = os.environ) -> Path:
     """Where missions go that are made on this robot; those of ``config/`` come with the software."""
-    return data_home() / "missions"
+    return data_home(environment) / "missions"
 
 
-def data_home() -> Path:
+def data_home(environment: Mapping[str, str] = os.environ) -> Path:
     """The user's folder for what people keep: ``$XDG_DATA_HOME/robot_stack``, else in ``~/.local/share``."""
-    home = os.environ.get("XDG_DATA_HOME") or str(Path.home() / ".local" / "share")
+    home = environment.get("XDG_DATA_HOME") or str(Path.home() / ".local" / "share")
     return Path(home) / "robot_stack"
 
 

@@ -56,6 +56,11 @@ class SharedPage:
             if version == self._words[0]:  # else the writer may be over this half again
                 return words
 
+    @property
+    def singles(self) -> memoryview:
+        """The single words themselves; usable as long as the page."""
+        return self._singles
+
     def single(self, index: int) -> int:
         return self._singles[index]
 

@@ -17,6 +17,7 @@ _WORDS = 4
 _PACE_PPM = 0
 _SINGLES = 1
 _PPM = 1e6
+_TEXT_BYTES = 208
 _SLOW = 0.95  # of the speed it should have: a world below that says so
 _RESTART_NS = 1_000_000_000  # a world that has begun anew is farther back than this
 
@@ -43,13 +44,13 @@ class WorldClock:
     @classmethod
     def make(cls) -> WorldClock:
         """The clock of this ROS domain, for the world or for who starts it before all others."""
-        return cls(SharedPage(clock_path(), _WORDS, _SINGLES, create=True))
+        return cls(SharedPage(clock_path(), _WORDS, _SINGLES, _TEXT_BYTES, create=True))
 
     @classmethod
     def find(cls) -> WorldClock | None:
         """None where no world of this domain has one."""
         try:
-            return cls(SharedPage(clock_path(), _WORDS, _SINGLES, create=False))
+            return cls(SharedPage(clock_path(), _WORDS, _SINGLES, _TEXT_BYTES, create=False))
         except FileNotFoundError:
             return None
 
@@ -96,6 +97,14 @@ class WorldClock:
     def pace(self) -> float:
         """Simulated over real time, as it was in the last second; 0 while nobody has told it."""
         return self._page.single(_PACE_PPM) / _PPM
+
+    def write_waiting_for(self, text: str) -> None:
+        self._page.text = text
+
+    @property
+    def waiting_for(self) -> str:
+        """For which nodes the world stands still, and why; empty while it does not, or not for long."""
+        return self._page.text
 
     @property
     def speed(self) -> float:

@@ -37,10 +37,14 @@ class NodeTimer:
 
 
 class Schedule:
-    """The timers of a node on one clock. Timers may be added and removed by any thread."""
+    """The timers of a node on one clock. Timers may be added and removed by any thread.
 
-    def __init__(self, clock: NodeClock) -> None:
+    held: asked when a timer is due; as long as it says so, none is called.
+    """
+
+    def __init__(self, clock: NodeClock, held: Callable[[], bool] | None = None) -> None:
         self._clock = clock
+        self._held = held
         self._start_s = clock.timer_s()
         self._timers: list[NodeTimer] = []
         self._turn = threading.Lock()
@@ -82,6 +86,8 @@ class Schedule:
             for timer in self._timers:
                 if not timer.is_canceled():
                     timer.due_s = now_s + timer.period_s
+        if self._held is not None and now_s >= self.next_due_s() and self._held():
+            return
         for timer in self._timers:
             if now_s >= timer.due_s:
                 timer.due_s = max(timer.due_s + timer.period_s, self.next_whole(timer.period_s))

@@ -73,5 +73,9 @@ class BulkInputs:
     def unsubscribe(self, subscription: Any) -> None:
         self._node.destroy_subscription(subscription)
 
+    def idle(self) -> bool:
+        """Nothing has arrived that the thread has not handed over."""
+        return self._guest.executor.idle()
+
     def close(self) -> None:
         self._guest.close()

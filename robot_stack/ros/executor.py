@@ -25,7 +25,6 @@ from rclpy.service import Service
 from rclpy.subscription import Subscription
 from rclpy.waitable import Waitable
 
-from robot_stack.middleware.timers import Schedule
 from robot_stack.ros.rcl_timers import RclTimers
 from robot_stack.ros.wakeups import Wakeups, can_follow
 
@@ -52,6 +51,7 @@ class LeanExecutor(Executor):
         self._held: dict[int, tuple[Any, ExitStack]] = {}
         self._slow_check_s = 0.0
         self._stop = self._closed = False
+        self._awake = False
 
     # --- spinning ----------------------------------------------------------------------------------------------------
 
@@ -82,7 +82,9 @@ class LeanExecutor(Executor):
             node.before_wait()
         timeout_s = self._timeout_s(timeout_sec)
         start_s = time.monotonic()
+        self._awake = False
         woken, ready = self._wakeups.wait(timeout_s)
+        self._awake = True
         late_s = time.monotonic() - start_s - timeout_s
         if late_s > _PAUSE_S:
             self._report_pause(late_s)
@@ -91,6 +93,10 @@ class LeanExecutor(Executor):
         if woken:
             self._follow_changes()
         self._dispatch(ready)
+
+    def idle(self) -> bool:
+        """It sleeps, and nothing has arrived that would wake it. For other threads."""
+        return not self._awake and not self._wakeups.pending()
 
     def add_node(self, node: Node) -> bool:
         added = bool(super().add_node(node))
@@ -285,7 +291,7 @@ class _Entities:
         actions = [item for item in self.waitables if can_follow(item)]
         self.followed = [*urgent, *services, *clients, *actions]
         self._timers = [item for node in nodes for item in node.timers]
-        self.schedules: list[Schedule | RclTimers] = [item for node in self.stack_nodes for item in node.schedules]
+        self.schedules: list[Any] = [item for node in self.stack_nodes for item in node.schedules]
         if self._timers:
             self.schedules.append(RclTimers(self._timers))
 

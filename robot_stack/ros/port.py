@@ -33,6 +33,7 @@ from robot_stack.middleware.wire import READERS, UnknownEncoding
 from robot_stack.ros import transport
 from robot_stack.ros.actions import RosActionClient, RosActionServer
 from robot_stack.ros.bulk import BulkInputs, owner_of
+from robot_stack.ros.deliveries import NodeDeliveries
 from robot_stack.ros.interfaces import interface_class, listener_profile, qos_profile
 from robot_stack.ros.serialization import deserialize_message
 from robot_stack.ros.workers import ThreadWorker
@@ -60,16 +61,19 @@ class RosPort(Node):
         self._world_clock = WorldClock.find()
         super().__init__(name)
         self._time: NodeClock = self._choose_clock()
-        self._schedule = Schedule(self._time)
+        self._bulk: BulkInputs | None = None
+        self._deliveries = NodeDeliveries(name, isinstance(self._time, SharedWorldClock), self._bulk_idle)
+        self._schedule = Schedule(self._time, self._deliveries.owed if self._deliveries.counting else None)
         # What shows that a node lives goes on where simulated time stands still.
         self._own_schedule = Schedule(SystemClock()) if self._time.simulated else self._schedule
-        self.schedules = [self._schedule, *([self._own_schedule] if self._time.simulated else [])]
+        self.schedules: list[Any] = [self._schedule, *([self._own_schedule] if self._time.simulated else [])]
+        if self._deliveries.counting:
+            self.schedules.append(self._deliveries)
         self._taken_s = time.monotonic()
         self._paused_s = 0.0
         self._pauses = 0
         self._pause_budget = PauseBudget(time.monotonic())
         self._pause_text: dict[str, str] = {}
-        self._bulk: BulkInputs | None = None
         self._awaited: list[ThreadWorker] = []
         self._awaited_since_s = math.inf
 
@@ -185,7 +189,7 @@ class RosPort(Node):
         if row.bulk and not transport.carries_bulk():
             raise ContractViolation(f"{self.name} may not publish {row.name}: its process runs without bulk=True")
         try:
-            return self.create_publisher(
+            publisher = self.create_publisher(
                 interface_class(row.type),
                 name,
                 qos_profile(row.qos),
@@ -193,6 +197,7 @@ class RosPort(Node):
             )
         except InvalidTopicNameException as error:
             raise ConfigError(f"{self.name}: {' '.join(str(error).split())}") from error
+        return self._deliveries.counted(row, publisher)
 
     def subscribe(
         self, row: Topic, name: str, callback: Callable[[Any, float], None], depth: int, *, wakes: bool, raw: bool
@@ -201,7 +206,7 @@ class RosPort(Node):
         profile.depth = depth
         read = None if raw else READERS.get(row.type)
 
-        def on_message(message: Any, info: Mapping[str, int]) -> None:
+        def take(message: Any, info: Mapping[str, int]) -> None:
             if read is not None:
                 try:
                     message = read(message)
@@ -209,11 +214,18 @@ class RosPort(Node):
                     message = deserialize_message(message, message_class)
             callback(message, self._received_s(info))
 
-        as_bytes = raw or read is not None
+        on_message, as_bytes = self._deliveries.noted(row, take, wakes), raw or read is not None
         if row.bulk and not transport.carries_bulk():
             guest = self._bulk_inputs.subscribe(message_class, name, on_message, profile, as_bytes, wakes=wakes)
-            return _Subscription(partial(self._bulk_inputs.unsubscribe, guest))
-        return self._subscribe(message_class, name, on_message, profile, raw=as_bytes, wakes=wakes)
+            end: Callable[[], Any] = partial(self._bulk_inputs.unsubscribe, guest)
+        else:
+            end = self._subscribe(message_class, name, on_message, profile, raw=as_bytes, wakes=wakes).end
+
+        def end_and_forget() -> None:
+            end()
+            self._deliveries.forget(row)
+
+        return _Subscription(end_and_forget)
 
     def listen(self, row: Topic, callback: Callable[[Any, int, int], None], *, raw: bool, wakes: bool) -> _Subscription:
         def on_message(message: Any, info: Mapping[str, int]) -> None:
@@ -248,6 +260,9 @@ class RosPort(Node):
             self.taken_at_tick.append(subscription)
             self._wake_executor()
         return _Subscription(partial(self.destroy_subscription, subscription))
+
+    def _bulk_idle(self) -> bool:
+        return self._bulk is None or self._bulk.idle()
 
     @property
     def _bulk_inputs(self) -> BulkInputs:
@@ -325,6 +340,7 @@ class RosPort(Node):
     def close(self) -> None:
         if self._bulk is not None:
             self._bulk.close()
+        self._deliveries.close()
         self.destroy_node()
         self._lock.close()
 

@@ -67,6 +67,10 @@ class Wakeups:
                 ready.append((self._entities[descriptor], count))
         return woken, ready
 
+    def pending(self) -> bool:
+        """``wait`` would return at once. For any thread."""
+        return bool(self._epoll.poll(0.0))
+
     def follow(self, entity: Any) -> None:
         """From now on ``wait`` names the entity when something has arrived for it, also if it already has.
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import psutil
 
-from robot_stack.core.runtime import lock_path, ros_domain_id
+from robot_stack.core.runtime import environment_with_home, lock_path, ros_domain_id
 from robot_stack.core.wheels_env import ros_environment
 from robot_stack.supervisor import orphans, segments
 from robot_stack.supervisor.control import NotRunning, ask
@@ -35,7 +35,11 @@ class StartError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Launch:
-    """What ``up`` was asked for; see supervisor.profile.load_plan."""
+    """What ``up`` was asked for; see supervisor.profile.load_plan.
+
+    home: the folder for the state and data of the stack (latched stop, journal, corrections, logs, missions,
+    recordings); None for the user's own.
+    """
 
     profile: str
     settings: Sequence[str] = ()
@@ -43,6 +47,12 @@ class Launch:
     speed: float | None = None
     log_dir: Path | None = None
     system_time: bool = False
+    home: Path | None = None
+
+    def environment(self) -> dict[str, str]:
+        """Of the supervisor: with the ROS wheels on its paths, so that no process starts twice."""
+        own = {**os.environ, **ros_environment()}
+        return own if self.home is None else environment_with_home(self.home, own)
 
     def command(self, *options: str) -> list[str]:
         settings = [part for item in self.settings for part in ("--set", item)]
@@ -52,11 +62,6 @@ class Launch:
         supervisor = [sys.executable, "-m", "robot_stack.supervisor", "--profile", self.profile]
         time_source = ["--system-time"] if self.system_time else []
         return [*supervisor, *settings, *only, *speed, *time_source, *folder, *options]
-
-
-def environment() -> dict[str, str]:
-    """The environment of a supervisor: with the ROS wheels on its paths, so that no process starts twice."""
-    return {**os.environ, **ros_environment()}
 
 
 def refuse_second() -> None:
@@ -92,7 +97,7 @@ def start(
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         start_new_session=True,  # no signal of this terminal reaches it
-        env=environment(),
+        env=launch.environment(),
         text=True,
     )
     try:

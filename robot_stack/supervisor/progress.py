@@ -24,9 +24,11 @@ def waiting_for(status: dict[str, Any]) -> str:
 
 
 def pace_text(status: dict[str, Any]) -> str:
-    """``simulation at 0.7x`` where the simulated world is slower than it should be; else empty."""
+    """``simulation at 0.7x`` where the simulated world is slower than it should be, and for whom it stands still."""
     pace = status.get("sim_pace")
-    return "" if pace is None else slow_text(pace, status["sim_speed"])
+    slow = "" if pace is None else slow_text(pace, status["sim_speed"])
+    waits_for = status.get("sim_waits_for")
+    return f"simulation waits for {waits_for}" if waits_for else slow
 
 
 @contextmanager

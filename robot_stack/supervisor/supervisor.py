@@ -249,6 +249,7 @@ class Supervisor:
             "use_sim_time": self._plan.use_sim_time,
             "sim_pace": clock.pace if clock is not None else None,
             "sim_speed": clock.speed if clock is not None else None,
+            "sim_waits_for": clock.waiting_for if clock is not None else "",
             "domain": ros_domain_id(),
             "pid": os.getpid(),
             "log_dir": str(self._run_dir),

@@ -85,6 +85,12 @@ class MissionObserver:
         clock = WorldClock.find()
         return 0.0 if clock is None else clock.pace
 
+    @property
+    def waiting_for(self) -> str:
+        """For which nodes the world stands still, and why; empty while it goes on."""
+        clock = WorldClock.find()
+        return "" if clock is None else clock.waiting_for
+
     # --- acting ------------------------------------------------------------------------------------------------------
 
     def wait(self, condition: Callable[[], Any], timeout_s: float | None) -> bool:

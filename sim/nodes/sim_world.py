@@ -48,7 +48,6 @@ class SimWorldParams(Config):
     people: bool
     block_steps: Annotated[int, Field(ge=1, le=10)]
     catch_up_s: Annotated[float, Field(gt=0.0)]
-    wait_for_stack_s: Annotated[float, Field(ge=0.0, le=10.0)]
     wait_tolerance_s: Annotated[float, Field(gt=0.0, le=0.5)]
     thread_switch_interval_s: Annotated[float, Field(gt=0.0)]
     clock_start_s: Annotated[float, Field(gt=0.0)]
@@ -138,6 +137,13 @@ class SimWorld(StackNode):
         if text != self._touched_text:
             self._touched_text = text
             self._touched.publish(String(data=text))
+
+    def show_waiting(self, text: str) -> None:
+        """For which nodes the world stands still; empty: it goes on."""
+        self.report.values["waits_for"] = text
+        if text:
+            self.report.values["waited_for_last"] = text
+            self.get_logger().warning(f"the world waits for {text}", throttle_duration_sec=5.0)
 
     def show_pace(self, report: PaceReport, total_overruns: int, total_dropped_s: float, waited_s: float) -> None:
         """The loop's statistics, into /diagnostics."""

@@ -3,22 +3,24 @@ late."""
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 from builtin_interfaces.msg import Time
 
 from robot_stack.core import node_record
+from robot_stack.core.deliveries import Deliveries
 from robot_stack.core.node_record import NodeRecords
 from robot_stack.core.world_clock import WorldClock
 from sim.nodes.sim_world import SimWorld
-from sim.run.lockstep import Lockstep
+from sim.run.lockstep import Mail, describe, late
+from sim.run.processes import Processes
 
 _NANOSECONDS = 1_000_000_000
-_LOOK_S = 0.001
+# While it waits the world looks again after so long: soon at first, because most messages need no longer than that.
+_FIRST_LOOK_S, _LAST_LOOK_S = 0.0001, 0.001
 _SEARCH_S = 1.0
+_SHOWN_AFTER_S = 0.5
 
 
 class WorldTime:
@@ -27,12 +29,12 @@ class WorldTime:
     serve: called while it waits, for who waits for the world itself: its motion engine, its services.
     """
 
-    def __init__(self, node: SimWorld, serve: Callable[[], None]) -> None:
+    def __init__(self, node: SimWorld, processes: Processes, serve: Callable[[], None]) -> None:
         self._node, self._serve = node, serve
         self._clock = WorldClock.make()
         self._start_s = node.params.clock_start_s
-        self._stack = _Stack()
-        self._lockstep = Lockstep(node.params.wait_tolerance_s)
+        self._stack = _Stack(processes, node.params.wait_tolerance_s)
+        self._told = False
         self.waited_s = 0.0
 
     def stamp(self, time_s: float) -> Time:
@@ -43,51 +45,72 @@ class WorldTime:
     def write(self, time_s: float, step_s: float) -> None:
         """What has been computed, and in which steps it goes on."""
         self._clock.write(self._start_s + time_s, step_s, self._node.params.speed)
+        self._told = True
 
     def write_pace(self, pace: float) -> None:
         self._clock.write_pace(pace)
-
-    def follow(self, time_s: float) -> None:
-        """Returns when everybody has followed up to the time that was told, or has been waited for long enough."""
-        if self._node.params.wait_for_stack_s:
-            self._wait(self._start_s + time_s)
+        self._node.report.values["messages_given_up"] = str(self._stack.given_up)
 
     def publish(self, time_s: float) -> None:
         """On /clock."""
         self._node.publish_clock(self.stamp(time_s))
 
-    def _wait(self, now_s: float) -> None:
-        due_s = self._stack.due_s()
-        behind = self._lockstep.behind(due_s, now_s)
-        if not behind:
+    def follow(self, time_s: float, should_stop: Callable[[], bool]) -> None:
+        """Returns when every node has followed up to the time that was told, however long that takes."""
+        if not self._told:
+            return
+        now_s = self._start_s + time_s
+        waiting = self._stack.waiting(now_s)
+        if not waiting:
             return
         start_s = real_s = time.monotonic()
-        while behind and real_s - start_s < self._node.params.wait_for_stack_s:
-            time.sleep(_LOOK_S)
+        look_s, shown = _FIRST_LOOK_S, ""
+        while waiting and not should_stop():
+            time.sleep(look_s)
+            look_s = min(2.0 * look_s, _LAST_LOOK_S)
             self._serve()
-            due_s, real_s = self._stack.due_s(), time.monotonic()
-            behind = [name for name in self._lockstep.behind(due_s, now_s) if self._stack.alive(name)]
-        self._lockstep.give_up(behind, due_s)
+            waiting, real_s = self._stack.waiting(now_s), time.monotonic()
+            if waiting and real_s - start_s > _SHOWN_AFTER_S:
+                shown = self._show(describe(waiting), shown)
+        if shown:
+            self._show("", shown)
         self.waited_s += real_s - start_s
+
+    def _show(self, text: str, before: str) -> str:
+        """For status lines; in /diagnostics it stays, for who looks later. Returns the text."""
+        if text != before:
+            self._clock.write_waiting_for(text)
+            self._node.show_waiting(text)
+        return text
 
 
 class _Stack:
     """The nodes of other processes that live on this clock."""
 
-    def __init__(self) -> None:
+    def __init__(self, processes: Processes, tolerance_s: float) -> None:
+        self._processes, self._tolerance_s = processes, tolerance_s
         self._records = NodeRecords()
+        self._deliveries = Deliveries()
         self._names: list[str] = []
+        self._mail = Mail({}, ())
         self._searched_s = 0.0
 
-    def due_s(self) -> dict[str, float]:
-        """By node, when it has something to do next."""
-        now_s = time.monotonic()
-        if now_s - self._searched_s > _SEARCH_S:
-            self._searched_s = now_s
-            self._names = [name for name in node_record.names() if self.alive(name)]
-        return {name: self._records.due_s(name) for name in self._names}
+    def waiting(self, now_s: float) -> dict[str, str]:
+        """By node, what the world waits for. It does not wait for a process that has ended or that a fault stopped."""
+        real_s = time.monotonic()
+        if real_s - self._searched_s > _SEARCH_S:
+            self._searched_s = real_s
+            self._search()
+        due_s = {name: self._records.due_s(name) for name in self._names}
+        found = self._mail.owed() | late(due_s, now_s, self._tolerance_s)
+        return {name: reason for name, reason in found.items() if self._processes.takes_part(name)} if found else {}
 
-    def alive(self, name: str) -> bool:
-        """In a process other than this, which has not ended."""
-        state = self._records.read(name)
-        return state is not None and state.pid != os.getpid() and Path(f"/proc/{state.pid}").exists()
+    @property
+    def given_up(self) -> int:
+        """Messages that their subscribers no longer wait for: lost, or never meant for them."""
+        return sum(page.lost[0] for page in self._deliveries.pages.values())
+
+    def _search(self) -> None:
+        self._names = [name for name in node_record.names() if self._processes.takes_part(name)]
+        self._deliveries.search()
+        self._mail = Mail(self._deliveries.pages, self._names)

@@ -148,6 +148,19 @@ def _moved(kind: str, who: str, move: Callable[[float, float, float], None], tar
     return f"the {who} is moved by {along:g} m ahead, {across:g} m to its left, {turn:g} degrees"
 
 
+def _process_killed(sim: Simulation, target: str, value: float | None) -> str:
+    sim.processes.kill(target)
+    return f"the process {target} is killed"
+
+
+def _process_hang(sim: Simulation, target: str, value: float | None) -> str:
+    if value is None:
+        sim.processes.go_on(target)
+    else:
+        sim.processes.stop(target)
+    return f"the process {target} hangs"
+
+
 _FRICTION = ("friction coefficient", 0.01, 2.0, 0.1)
 _ALARM, _FACTOR = ("alarm code", 1.0, 65535.0, DEFAULT_ALARM_CODE), ("factor", 0.0, 1000.0, 10.0)
 
@@ -180,6 +193,8 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     _row(_latch_opens, "the latch loses its closed input, lets go at once and stays open"),
     _row(_chair_moved, "shifts the standing wheelchair by dx,dy,dyaw (m, degrees) in its own frame", None, lasts=False),
     _row(_robot_moved, "carries the robot off by dx,dy,dyaw (m, degrees) in its own frame", None, lasts=False),
+    _row(_process_killed, "SIGKILL to the process of a node", None, lasts=False),
+    _row(_process_hang, "SIGSTOP to the process of a node; the world does not wait for it", None),
     _row(_charger, "no fault: a charger is plugged", ONLY, ("power, W", 0.0, 5e3, 500.0)),
     _row(_wheelchair, "no fault: the wheelchair hangs on the latch at once", ONLY, ("passenger, kg", 0.0, 1e3, 0.0)),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from robot_stack.contract import topics
 from robot_stack.core.robot import Robot
 from sim.parameters import SimParams
 from sim.plant.battery import BatteryModel
+from sim.plant.fault_table import FaultRefused
 from sim.plant.imu import ImuModel, ImuSample
 from sim.plant.world import Setup, World
 
@@ -34,6 +36,7 @@ class Simulation:
         self.engine_begin: Callable[[], None] = _no_engine
         self.engine_end: Callable[[], None] = _no_engine
         self.engine_stalled = False
+        self.processes: StackProcesses = _NoProcesses()
         self._readings = self.world.data.sensordata[:6]
         self._orientation = self.world.data.qpos[3:7]
 
@@ -62,6 +65,26 @@ class Simulation:
             speeds = world.joint_speeds_radps()
             self.battery.draw(world.drives.motor_torques_nm, speeds, _BATTERY_PERIOD_STEPS * world.dt_s)
         return self.imu.sample(world.time_s)
+
+
+class StackProcesses(Protocol):
+    """The processes of the stack, for faults. Raises FaultRefused for a name that has none."""
+
+    def kill(self, name: str) -> None: ...
+    def stop(self, name: str) -> None: ...
+    def go_on(self, name: str) -> None: ...
+
+
+class _NoProcesses:
+    """Of a simulation that is not a process beside others."""
+
+    def kill(self, name: str) -> None:
+        raise FaultRefused("this simulation runs beside no processes")
+
+    stop = kill
+
+    def go_on(self, name: str) -> None:
+        """Nothing was stopped."""
 
 
 def _no_engine() -> None:

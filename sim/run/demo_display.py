@@ -57,7 +57,8 @@ class _Lines:
 
     def show(self, observer: Any) -> None:
         mission, safety = observer.mission, observer.safety
-        now = (mission.state, mission.current_waypoint, doing(observer), safety.safety_state == "EMERGENCY_STOP")
+        stopped, waiting = safety.safety_state == "EMERGENCY_STOP", bool(observer.waiting_for)
+        now = (mission.state, mission.current_waypoint, doing(observer), stopped, waiting)
         if now == self._told and time.monotonic() - self._told_s < _TELL_EVERY_S:
             return
         self._told, self._told_s = now, time.monotonic()
@@ -80,7 +81,7 @@ def describe_step(observer: Any) -> str:
     parts = [f"to {observer.mission.current_waypoint or '-'}", doing(observer), f"{speed_mps:.1f} m/s"]
     if safety.safety_state != "NORMAL":
         parts.append(f"{safety.safety_state}: {', '.join(safety.active_faults)}")
-    return "  ".join(filter(None, [*parts, slow_text(observer.pace), _advice(observer)]))
+    return "  ".join(filter(None, [*parts, _world(observer), _advice(observer)]))
 
 
 def describe(observer: Any) -> str:
@@ -90,7 +91,12 @@ def describe(observer: Any) -> str:
     way = f"{mission.waypoints_completed}/{mission.total_waypoints} to {mission.current_waypoint or '-':<12}"
     motion = f"{observer.moved_m:6.1f} m  {last.speed_mps:4.2f} m/s"
     texts = [f"{observer.now_s():5.0f} s", f"{mission.state:<8} {way} {motion}", state]
-    return "  ".join([*texts, *filter(None, (doing(observer), slow_text(observer.pace), _advice(observer)))])
+    return "  ".join([*texts, *filter(None, (doing(observer), _world(observer), _advice(observer)))])
+
+
+def _world(observer: Any) -> str:
+    """What holds the simulated world up; empty if it keeps its pace."""
+    return f"simulation waits for {observer.waiting_for}" if observer.waiting_for else slow_text(observer.pace)
 
 
 def _advice(observer: Any) -> str:

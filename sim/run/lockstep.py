@@ -1,29 +1,55 @@
-"""Keeps a simulated world from running away from a stack that has no time to follow it on a busy machine.
+"""For whom a simulated world waits.
 
-Every node of the stack notes on its record when its loop has something to do next (``robot_stack.core.node_record``). A
-node whose time has passed is late: the world waits for it. One that stays late for the whole wait hangs or was stopped;
-the world goes on without it until it is seen to move again.
+It waits for a node that is late with a timer, which each node notes on its record (``robot_stack.core.node_record``),
+and for a node that has not taken a message that wakes it (``robot_stack.core.deliveries``). A node whose timer is due
+takes first what was published to it, so that messages which wake nobody are waited for by the timer.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from robot_stack.core.deliveries import WAKES, Delivery, debts, publishers_by_row, rows_taken, topic_name
 
 
-class Lockstep:
-    """tolerance_s: simulated time by which a node may be late before the world waits."""
+def late(due_s: Mapping[str, float], time_s: float, tolerance_s: float) -> dict[str, str]:
+    """Who is late at a simulated time, and by how much. due_s: by node, when it has something to do next.
 
-    def __init__(self, tolerance_s: float) -> None:
-        self._tolerance_s = tolerance_s
-        self._given_up: dict[str, float] = {}
+    tolerance_s: simulated time by which a node may be late before the world waits.
+    """
+    return {name: f"{1e3 * (time_s - due):.0f} ms late" for name, due in due_s.items() if time_s - due > tolerance_s}
 
-    def behind(self, due_s: Mapping[str, float], time_s: float) -> list[str]:
-        """Who is to be waited for at a simulated time. due_s: by node, when it has something to do next."""
-        late = {name: due for name, due in due_s.items() if time_s - due > self._tolerance_s}
-        # Who moved on, or was forgotten by its record, takes part again.
-        self._given_up = {name: due for name, due in self._given_up.items() if due_s.get(name) == due}
-        return [name for name in late if name not in self._given_up]
 
-    def give_up(self, names: list[str], due_s: Mapping[str, float]) -> None:
-        """They take part again once they have moved on."""
-        self._given_up |= {name: due_s[name] for name in names if name in due_s}
+@dataclass(frozen=True, slots=True)
+class _Subscriber:
+    name: str
+    page: Delivery
+    rows: tuple[int, ...]
+
+
+class Mail:
+    """Which nodes have not taken a message that wakes them. pages: of all nodes, by name."""
+
+    def __init__(self, pages: Mapping[str, Delivery], names: Sequence[str]) -> None:
+        """names: the nodes that the world waits for."""
+        self._publishers = publishers_by_row(pages.values())
+        self._subscribers = [
+            _Subscriber(name, pages[name], rows_taken(pages[name], WAKES)) for name in names if name in pages
+        ]
+
+    def owed(self) -> dict[str, str]:
+        """By node, the topics of these messages."""
+        found = {}
+        for item in self._subscribers:
+            owed = debts(item.page, item.rows, self._publishers)
+            if owed:
+                found[item.name] = "message on " + ", ".join(topic_name(debt.row) for debt in owed)
+        return found
+
+
+def describe(waiting: Mapping[str, str]) -> str:
+    """``name (reason)`` of the first three."""
+    shown = [f"{name} ({reason})" for name, reason in list(waiting.items())[:3]]
+    more = len(waiting) - len(shown)
+    return ", ".join(shown) + (f" and {more} more" if more else "")

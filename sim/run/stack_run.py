@@ -38,10 +38,11 @@ def run_stack(scenario: Scenario, folder: Path, log: Callable[[str], None]) -> t
     """Notes and figures. Starts a stack of its own and stops it. Raises RunFailed, ConfigError."""
     launch = client.Launch(
         "sim",
-        settings=_settings(scenario, folder),
+        settings=_settings(scenario),
         only=scenario.only,
         speed=scenario.speed,
         log_dir=folder / "logs",
+        home=folder,  # this run neither meets nor leaves a latched stop, an unfinished mission or learnt corrections
     )
     try:
         status = client.start(launch, _READY_S)
@@ -56,7 +57,7 @@ def run_stack(scenario: Scenario, folder: Path, log: Callable[[str], None]) -> t
             client.stop()
 
 
-def _settings(scenario: Scenario, folder: Path) -> list[str]:
+def _settings(scenario: Scenario) -> list[str]:
     start = scenario.start_pose()
     passenger = scenario.passenger_mass_kg
     return [
@@ -66,8 +67,6 @@ def _settings(scenario: Scenario, folder: Path) -> list[str]:
         f"sim_world.attached_at_start={'false' if passenger is None else 'true'}",
         *([] if passenger is None else [f"sim_world.passenger_mass_kg={passenger}"]),
         *pose_settings("ndt_localization.start", start),
-        # A journal of its own: this run neither meets nor leaves an unfinished mission.
-        f"mission_manager.journal_file={folder / 'mission.db'}",
         *scenario.settings,
     ]
 

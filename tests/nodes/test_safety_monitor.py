@@ -24,7 +24,7 @@ from custom_msgs.srv import ClearEmergencyStop
 from robot_stack.contract import services, topics
 from robot_stack.contract.frames import JOINTS
 from robot_stack.core.point_cloud import SWEEP, Points, moving_points, points_from_xyz
-from robot_stack.core.runtime import state_dir
+from robot_stack.core.runtime import state_dir, state_shadow_dir
 from robot_stack.core.stop_presence import Presence, parse_presence
 from robot_stack.middleware.point_cloud import cloud_message
 from robot_stack.safety.latch_store import COPIES, decode
@@ -348,7 +348,7 @@ def test_a_latched_stop_survives_the_loss_of_the_runtime_folder(scene: Scene) ->
     wait_for(lambda: [decode(path.read_bytes()).memory for path in latch_copies()] == [wanted] * 2, "both copies")
     os.kill(scene.monitor.pid, signal.SIGKILL)
     scene.monitor.wait()
-    (Path(os.environ["ROBOT_STACK_RUNTIME_DIR"]) / LATCH_FILE).unlink()
+    (state_shadow_dir() / LATCH_FILE).unlink()
     count = len(scene.status.items)
     scene.monitor = scene.start_monitor()
     wait_for(lambda: len(scene.status.items) > count, "the new monitor")
@@ -419,7 +419,7 @@ def test_a_corrupt_latch_file_is_an_emergency(scene: Scene) -> None:
     scene.normal()
     os.kill(scene.monitor.pid, signal.SIGKILL)
     scene.monitor.wait()
-    for path in (*latch_copies(), Path(os.environ["ROBOT_STACK_RUNTIME_DIR"]) / LATCH_FILE):
+    for path in (*latch_copies(), state_shadow_dir() / LATCH_FILE):
         path.write_text("{half")
     count = len(scene.status.items)
     scene.monitor = scene.start_monitor()

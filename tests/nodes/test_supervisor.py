@@ -22,10 +22,11 @@ from robot_stack.contract import topics
 from robot_stack.contract.faults import BY_CODE
 from robot_stack.contract.model import System
 from robot_stack.contract.processes import PROCESSES
-from robot_stack.core.runtime import runtime_dir
-from robot_stack.safety.latch_store import Record, encode
+from robot_stack.core.runtime import environment_with_home, runtime_dir, state_dir, state_shadow_dir
+from robot_stack.safety.latch_store import COPIES, Record, decode, encode
 from robot_stack.safety.monitor import Memory
-from robot_stack.safety.nodes.safety_monitor import LATCH_FILE
+from robot_stack.safety.nodes.safety_monitor import LATCH_FILE, LATCH_FOLDER
+from robot_stack.supervisor.client import Launch, start
 from robot_stack.supervisor.control import NotRunning, ask
 from tests.support.fake_safety import FakeSafety
 from tests.support.peer import Peer
@@ -173,7 +174,8 @@ def test_up_returns_when_all_are_ready_and_down_leaves_nothing(running: Stack) -
 
 
 def test_up_ends_with_an_emergency_that_is_latched_from_before_and_what_releases_it(stack: Stack) -> None:
-    (runtime_dir() / LATCH_FILE).write_bytes(encode(Record(1, Memory(("ESTOP_PRESSED",), passenger=False))))
+    state_shadow_dir().mkdir(parents=True)
+    (state_shadow_dir() / LATCH_FILE).write_bytes(encode(Record(1, Memory(("ESTOP_PRESSED",), passenger=False))))
     stack.write_profile(processes=["safety_monitor"])
     done = stack.up("--set", "safety_monitor.expected_processes=[recorder]")
     assert done.returncode == 0, done.stderr
@@ -181,6 +183,25 @@ def test_up_ends_with_an_emergency_that_is_latched_from_before_and_what_releases
     begin = lines.index("safety: EMERGENCY_STOP: the robot does not move")
     assert lines[begin + 1] == f"  ESTOP_PRESSED: {BY_CODE['ESTOP_PRESSED'].raised_when} (latched)"
     assert "`robot-stack reset` releases it" in lines[-1]
+
+
+def test_a_stack_with_a_home_of_its_own_neither_meets_nor_leaves_a_latched_stop(stack: Stack, tmp_path: Path) -> None:
+    pressed = encode(Record(1, Memory(("ESTOP_PRESSED",), passenger=False)))
+    user_files = [state_dir() / LATCH_FOLDER / name for name in COPIES] + [state_shadow_dir() / LATCH_FILE]
+    for path in user_files:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(pressed)
+    stack.write_profile(processes=["safety_monitor"])
+    settings = ("safety_monitor.expected_processes=[recorder]",)
+    home = tmp_path / "home"
+    launch = Launch(str(stack.profile), settings, only=("safety_monitor",), log_dir=stack.logs, home=home)
+    start(launch, 60.0)
+    stack.note()
+    own = state_dir(environment_with_home(home)) / LATCH_FOLDER / COPIES[0]
+    wait_for(own.is_file, "the record of the stack's own state")
+    stack.command("down")
+    assert "ESTOP_PRESSED" not in decode(own.read_bytes()).memory.latched
+    assert all(path.read_bytes() == pressed for path in user_files)
 
 
 def test_processes_share_memory_have_their_names_and_groups(running: Stack) -> None:

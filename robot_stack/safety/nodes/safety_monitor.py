@@ -9,7 +9,7 @@ from std_msgs.msg import Bool
 from robot_stack.contract import services, topics
 from robot_stack.core.limits import STANDSTILL
 from robot_stack.core.node_record import Heartbeats
-from robot_stack.core.runtime import runtime_dir, state_dir
+from robot_stack.core.runtime import state_dir, state_shadow_dir
 from robot_stack.core.stop_presence import describe_presence
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.safety.arbiter import Verdict
@@ -30,9 +30,11 @@ class SafetyMonitorNode(StackNode):
 
     def __init__(self) -> None:
         super().__init__("safety_monitor", SafetyParams)
+        shadow = state_shadow_dir()
+        shadow.mkdir(parents=True, exist_ok=True, mode=0o700)
         self._store = LatchStore(
             state_dir() / LATCH_FOLDER,
-            runtime_dir() / LATCH_FILE,
+            shadow / LATCH_FILE,
             self.params.latch_write_s,
             self.worker("latch"),
             self.monotonic_s,

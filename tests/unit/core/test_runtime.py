@@ -9,7 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from robot_stack.core.runtime import AlreadyRunning, hold_lock, lock_path, recordings_dir, ros_domain_id, runtime_dir
+from robot_stack.core.runtime import (
+    AlreadyRunning,
+    environment_with_home,
+    hold_lock,
+    lock_path,
+    own_missions_dir,
+    recordings_dir,
+    ros_domain_id,
+    runtime_dir,
+    state_dir,
+    state_home,
+    state_shadow_dir,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -66,3 +78,23 @@ def test_recordings_go_to_the_chosen_folder_or_to_the_users_data(
     assert recordings_dir() == tmp_path / "data" / "robot_stack" / "recordings"
     monkeypatch.delenv("XDG_DATA_HOME")
     assert recordings_dir() == tmp_path / "home" / ".local" / "share" / "robot_stack" / "recordings"
+
+
+def test_a_home_holds_state_and_data_whatever_the_user_or_a_service_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/robot_stack")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "user"))
+    home = environment_with_home(tmp_path / "home")
+    assert home["PATH"] == os.environ["PATH"]
+    assert state_home() == Path("/var/lib/robot_stack")
+    assert state_home(home) == tmp_path / "home" / "state" / "robot_stack"
+    assert state_dir(home).parent == state_home(home)
+    assert own_missions_dir(home) == tmp_path / "home" / "data" / "robot_stack" / "missions"
+
+
+def test_each_state_folder_has_its_own_shadow_in_memory(tmp_path: Path) -> None:
+    first, second = (environment_with_home(tmp_path / name) for name in ("first", "second"))
+    assert state_shadow_dir(first) == state_shadow_dir(first)
+    assert len({state_shadow_dir(), state_shadow_dir(first), state_shadow_dir(second)}) == 3
+    assert state_shadow_dir(first).is_relative_to(runtime_dir())

@@ -142,3 +142,21 @@ def test_never_early_never_twice_always_in_the_future(period_s: float, steps_s: 
         assert len(calls) - before <= 1
         assert schedule.next_due_s() > clock.now_s
     assert len(calls) <= (clock.now_s - 100.0) / period_s + 1e-6
+
+
+def test_timers_that_are_held_back_come_when_they_are_let_go() -> None:
+    clock, held, asked = FakeClock(), [True], [0]
+
+    def is_held() -> bool:
+        asked[0] += 1
+        return held[0]
+
+    schedule = Schedule(clock, is_held)
+    schedule.add(1.0, lambda: None)
+    assert list(schedule.due()) == []
+    assert asked == [0]  # nothing was due
+    clock.now_s += 1.0
+    assert list(schedule.due()) == []
+    assert schedule.next_due_s() == 101.0  # the world sees that the node is late
+    held[0] = False
+    assert len(list(schedule.due())) == 1

@@ -27,6 +27,7 @@ def observer(waypoint: str = "gate", completed: int = 0, docking: str = "IDLE", 
         ride=SimpleNamespace(samples=[SimpleNamespace(speed_mps=0.8)]),
         moved_m=4.2,
         pace=1.0,
+        waiting_for="",
         now_s=lambda: 12.0,
     )
 

@@ -49,6 +49,39 @@ def rig() -> Rig:
     return made
 
 
+class FakeProcesses:
+    def __init__(self) -> None:
+        self.done: list[str] = []
+
+    def kill(self, name: str) -> None:
+        self.done.append(f"kill {name}")
+
+    def stop(self, name: str) -> None:
+        self.done.append(f"stop {name}")
+
+    def go_on(self, name: str) -> None:
+        self.done.append(f"go on {name}")
+
+
+def test_a_process_is_killed_or_hangs_for_a_while(rig: Rig) -> None:
+    with pytest.raises(FaultRefused, match="beside no processes"):
+        rig.faults.inject("process_killed", "touch_ui")
+    processes = rig.sim.processes = FakeProcesses()
+    rig.faults.inject("process_killed", "touch_ui")
+    assert rig.faults.active == ()
+    rig.faults.inject("process_hang", "ehmi_bridge", duration_s=0.01)
+    rig.run(0.02)
+    rig.faults.inject("process_hang", "mission_manager")
+    rig.faults.inject("clear", "process_hang")
+    assert processes.done == [
+        "kill touch_ui",
+        "stop ehmi_bridge",
+        "go on ehmi_bridge",
+        "stop mission_manager",
+        "go on mission_manager",
+    ]
+
+
 def test_drive_alarm(rig: Rig) -> None:
     assert "fl_drive" in rig.faults.inject("drive_alarm", "fl_drive")
     rig.run(0.01)

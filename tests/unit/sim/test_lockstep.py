@@ -3,40 +3,111 @@
 from __future__ import annotations
 
 import math
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
 
-from sim.run.lockstep import Lockstep
+import pytest
+
+from robot_stack.contract import topics
+from robot_stack.core.deliveries import NUMBERS, PUBLISHES, TAKES, WAKES, Delivery
+from robot_stack.core.node_record import NodeRecord
+from sim.plant.fault_table import FaultRefused
+from sim.run.lockstep import Mail, describe, late
+from sim.run.processes import Processes, process_runs
+from tests.support.waiting import wait_for
 
 TOLERANCE_S = 0.03
+ROW = NUMBERS[topics.JOINT_STATES]
 
 
 def test_who_is_late_is_waited_for() -> None:
-    lockstep = Lockstep(TOLERANCE_S)
-    assert lockstep.behind({"a": 1.0, "b": 1.0}, 1.02) == []
-    assert lockstep.behind({"a": 1.0, "b": 1.02}, 1.04) == ["a"]
-    assert lockstep.behind({"a": 1.04, "b": 1.02}, 1.04) == []
+    assert late({"a": 1.0, "b": 1.0}, 1.02, TOLERANCE_S) == {}
+    assert late({"a": 1.0, "b": 1.02}, 1.04, TOLERANCE_S) == {"a": "40 ms late"}
+    assert late({"a": 1.04, "b": 1.02}, 1.04, TOLERANCE_S) == {}
 
 
 def test_who_has_nothing_to_do_is_not_waited_for() -> None:
-    assert Lockstep(TOLERANCE_S).behind({"a": math.inf}, 1000.0) == []
+    assert late({"a": math.inf}, 1000.0, TOLERANCE_S) == {}
 
 
-def test_who_stays_late_is_given_up_until_it_moves_on() -> None:
-    lockstep = Lockstep(TOLERANCE_S)
-    hung = {"a": 1.0}
-    lockstep.give_up(lockstep.behind(hung, 2.0), hung)
-    assert lockstep.behind(hung, 3.0) == []
-    assert lockstep.behind({"a": 3.0}, 3.02) == []
-    assert lockstep.behind({"a": 3.0}, 3.1) == ["a"]
+def test_who_stays_late_is_waited_for_however_long() -> None:
+    assert all(late({"a": 1.0}, 2.0 + step, TOLERANCE_S) for step in range(100))
 
 
-def test_who_was_given_up_and_is_gone_is_forgotten() -> None:
-    lockstep = Lockstep(TOLERANCE_S)
-    lockstep.give_up(["a"], {"a": 1.0})
-    assert lockstep.behind({}, 2.0) == []
-    assert lockstep.behind({"a": 1.0}, 2.0) == ["a"]
+def test_a_message_that_wakes_is_waited_for_and_others_are_the_timers() -> None:
+    sender, woken, polling = Delivery(), Delivery(), Delivery()
+    sender.uses[ROW], sender.published[ROW] = PUBLISHES, 100
+    woken.uses[ROW], woken.taken[ROW] = TAKES | WAKES, 50
+    polling.uses[ROW], polling.taken[ROW] = TAKES, 50
+    pages = {"sender": sender, "woken": woken, "polling": polling}
+    mail = Mail(pages, list(pages))
+    assert mail.owed() == {"woken": "message on /joint_states"}
+    assert Mail(pages, ["sender", "polling"]).owed() == {}
+    woken.taken[ROW] = 101
+    assert mail.owed() == {}
 
 
-def test_giving_up_somebody_who_has_gone_meanwhile() -> None:
-    lockstep = Lockstep(TOLERANCE_S)
-    lockstep.give_up(["a"], {})
-    assert lockstep.behind({"a": 1.0}, 2.0) == ["a"]
+def test_the_status_line_names_the_first_three() -> None:
+    assert describe({"a": "late"}) == "a (late)"
+    assert describe(dict.fromkeys("abcde", "x")) == "a (x), b (x), c (x) and 2 more"
+
+
+class TestProcesses:
+    @pytest.fixture
+    def process(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[subprocess.Popen[str]]:
+        """A process with a node of the name ``other``."""
+        monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(tmp_path))
+        script = (
+            "from robot_stack.core.node_record import NodeRecord; import time\n"
+            "NodeRecord('other').beat(True, ''); print('on', flush=True); time.sleep(300)"
+        )
+        started = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True)
+        assert started.stdout is not None
+        assert started.stdout.readline() == "on\n"
+        yield started
+        started.kill()
+        started.wait()
+        started.stdout.close()
+
+    def test_one_that_is_stopped_from_outside_takes_part(self, process: subprocess.Popen[str]) -> None:
+        """A debugger, a busy machine: the world waits as long as it lasts."""
+        processes = Processes()
+        process.send_signal(signal.SIGSTOP)
+        assert processes.takes_part("other")
+        process.send_signal(signal.SIGCONT)
+
+    def test_one_that_a_fault_stops_does_not_until_the_fault_ends(self, process: subprocess.Popen[str]) -> None:
+        processes = Processes()
+        assert processes.takes_part("other")
+        processes.stop("other")
+        assert not processes.takes_part("other")
+        wait_for(lambda: _state(process.pid) == "T", "the process to stand still")
+        processes.go_on("other")
+        wait_for(lambda: _state(process.pid) != "T", "the process to go on")
+        assert processes.takes_part("other")
+        processes.go_on("other")
+
+    def test_one_that_has_ended_does_not_even_if_nobody_collects_it(self, process: subprocess.Popen[str]) -> None:
+        processes = Processes()
+        processes.kill("other")
+        wait_for(lambda: not process_runs(process.pid), "the end of the process")
+        assert not processes.takes_part("other")
+        with pytest.raises(FaultRefused, match="no process of a node 'other' runs"):
+            processes.stop("other")
+
+    def test_neither_takes_part_who_never_was_nor_the_world_itself(self, process: subprocess.Popen[str]) -> None:
+        processes = Processes()
+        NodeRecord("sim_world").beat(True, "")
+        assert not processes.takes_part("nobody")
+        assert not processes.takes_part("sim_world")
+        with pytest.raises(FaultRefused, match="world's own process"):
+            processes.kill("sim_world")
+        assert os.getpid() != process.pid
+
+
+def _state(pid: int) -> str:
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]

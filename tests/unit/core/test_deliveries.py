@@ -1,0 +1,152 @@
+"""What a subscriber is owed: pure accounting, without middleware and without time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robot_stack.contract import topics
+from robot_stack.core.deliveries import (
+    NUMBERS,
+    PUBLISHES,
+    TAKES,
+    WAKES,
+    Debt,
+    Deliveries,
+    Delivery,
+    debts,
+    number_of,
+    open_debts,
+    open_delivery,
+    publishers_by_row,
+    rows_taken,
+    topic_name,
+    write_off,
+)
+
+ROW = NUMBERS[topics.JOINT_STATES]
+OTHER = NUMBERS[topics.ODOM]
+
+
+def subscriber(taken_ns: int = 0, row: int = ROW, use: int = TAKES) -> Delivery:
+    page = Delivery()
+    page.uses[row], page.taken[row] = use, taken_ns
+    return page
+
+
+def publisher(sent_ns: int = 0, row: int = ROW) -> Delivery:
+    page = Delivery()
+    page.uses[row], page.published[row] = PUBLISHES, sent_ns
+    return page
+
+
+def owed(own: Delivery, *publishers: Delivery) -> list[Debt]:
+    return debts(own, rows_taken(own), publishers_by_row([own, *publishers]))
+
+
+def test_who_took_the_newest_message_is_owed_nothing() -> None:
+    """The middleware's stamp lies between the publisher's note and the end of its call."""
+    assert owed(subscriber(taken_ns=105), publisher(sent_ns=100)) == []
+
+
+def test_a_message_that_was_not_taken_is_owed() -> None:
+    assert owed(subscriber(taken_ns=95), publisher(sent_ns=100)) == [Debt(ROW, 100)]
+
+
+def test_who_has_taken_nothing_yet_may_not_be_matched() -> None:
+    assert owed(subscriber(taken_ns=0), publisher(sent_ns=100)) == []
+
+
+def test_what_a_newer_message_overwrote_is_taken_with_it() -> None:
+    own, other = subscriber(taken_ns=51), publisher(sent_ns=50)
+    other.published[ROW] = 100
+    other.published[ROW] = 150  # of depth 1, the one of 100 is gone
+    assert owed(own, other) == [Debt(ROW, 150)]
+    own.taken[ROW] = 151
+    assert owed(own, other) == []
+
+
+def test_of_several_publishers_the_latest_counts() -> None:
+    own = subscriber(taken_ns=105)
+    assert owed(own, publisher(100), publisher(90), publisher(0)) == []
+    assert owed(own, publisher(100), publisher(120)) == [Debt(ROW, 120)]
+
+
+def test_a_publisher_that_starts_anew_is_owed_for_from_its_first_message_on() -> None:
+    own, reborn = subscriber(taken_ns=105), publisher(sent_ns=0)
+    assert owed(own, reborn) == []
+    reborn.published[ROW] = 200
+    assert owed(own, reborn) == [Debt(ROW, 200)]
+
+
+def test_rows_do_not_mix() -> None:
+    assert owed(subscriber(taken_ns=95), publisher(sent_ns=100, row=OTHER)) == []
+
+
+def test_a_node_that_only_takes_publishes_nothing() -> None:
+    assert publishers_by_row([subscriber(), publisher()]).keys() == {ROW}
+
+
+def test_what_is_published_while_one_waits_is_not_waited_for() -> None:
+    own, other = subscriber(taken_ns=95), publisher(sent_ns=100)
+    known = owed(own, other)
+    other.published[ROW] = 200
+    own.taken[ROW] = 101
+    assert open_debts(own, known) == []
+    assert owed(own, other) == [Debt(ROW, 200)]
+
+
+def test_a_lost_message_is_waited_for_no_longer_and_the_next_one_is() -> None:
+    own, other = subscriber(taken_ns=95), publisher(sent_ns=100)
+    write_off(own, owed(own, other))
+    assert owed(own, other) == []
+    assert own.lost[0] == 1
+    other.published[ROW] = 200
+    assert owed(own, other) == [Debt(ROW, 200)]
+
+
+def test_rows_that_wake_are_told_apart() -> None:
+    own = subscriber(use=TAKES | WAKES)
+    own.uses[OTHER] = TAKES
+    assert set(rows_taken(own)) == {ROW, OTHER}
+    assert rows_taken(own, WAKES) == (ROW,)
+    assert topic_name(ROW) == "/joint_states"
+
+
+def test_a_row_of_a_test_has_no_number() -> None:
+    row = topics.JOINT_STATES
+    assert number_of(row) == ROW
+    assert number_of(type(row)("/mine", row.type, row.qos, (), (), "")) is None
+
+
+class TestPages:
+    @pytest.fixture(autouse=True)
+    def _folder(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(tmp_path))
+
+    def test_a_reader_sees_what_nodes_write_and_who_comes_later(self) -> None:
+        reader = Deliveries()
+        reader.search()
+        assert reader.pages == {}
+        first = open_delivery("first", create=True)
+        reader.search()
+        second = open_delivery("second", create=True)
+        reader.search()
+        first.published[ROW], second.taken[ROW] = 7, 8
+        assert reader.pages["first"].published[ROW] == 7
+        assert reader.pages["second"].taken[ROW] == 8
+
+    def test_a_node_that_starts_anew_has_an_empty_page_that_readers_keep(self) -> None:
+        reader = Deliveries()
+        open_delivery("node", create=True).taken[ROW] = 8
+        reader.search()
+        again = open_delivery("node", create=True)
+        assert reader.pages["node"].taken[ROW] == 0
+        again.taken[ROW] = 9
+        assert reader.pages["node"].taken[ROW] == 9
+
+    def test_a_page_that_is_not_there_cannot_be_read(self) -> None:
+        open_delivery("node", create=True)
+        with pytest.raises(FileNotFoundError):
+            open_delivery("nobody", create=False)
