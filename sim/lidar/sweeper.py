@@ -10,11 +10,16 @@ from numpy.typing import NDArray
 
 from robot_stack.core.point_cloud import Points
 from sim.camera.history import BASE, BodyHistory
+from sim.camera.motion import Track
 from sim.lidar.sensor import CLEAR, Conditions, Lidar, Sweep
 
 F64 = NDArray[np.float64]
 # Stamps of poses are what a clock makes of them.
 _TOLERANCE_S = 2e-4
+
+
+Tracks = Mapping[str, Track]
+"""How bodies move, by name."""
 
 
 class Sweeper:
@@ -55,8 +60,18 @@ class Sweeper:
         end_s = self._phase_s + number * self._part_s
         return (number, end_s) if self._history.covers(end_s - self._part_s, end_s - _TOLERANCE_S) else None
 
+    def tracks(self) -> Tracks:
+        """How the bodies have moved so far; ``measure`` may use it in another thread."""
+        return self._history.tracks()
+
+    def measure(
+        self, tracks: Tracks, number: int, end_s: float, conditions: Conditions = CLEAR, out: Points | None = None
+    ) -> Sweep:
+        """Part ``number``. out: memory for its points, room for every beam. One call at a time."""
+        others = {name: track for name, track in tracks.items() if name != BASE}
+        share = (number - 1) % self._parts, self._parts
+        return self.lidar.share(tracks[BASE], end_s, share, others, conditions, out)
+
     def take(self, number: int, end_s: float, conditions: Conditions = CLEAR, out: Points | None = None) -> Sweep:
-        """Part ``number``. out: memory for its points, room for every beam."""
-        tracks = self._history.tracks()
-        base = tracks.pop(BASE)
-        return self.lidar.share(base, end_s, ((number - 1) % self._parts, self._parts), tracks, conditions, out)
+        """``measure`` of what the bodies have done so far."""
+        return self.measure(self.tracks(), number, end_s, conditions, out)

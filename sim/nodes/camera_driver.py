@@ -21,9 +21,11 @@ from robot_stack.core.docks import Docks, load_docks
 from robot_stack.middleware.conversions import camera_info, time_from_s
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.middleware.port import Publisher
+from sim.camera.conditions import Conditions
 from sim.camera.faults import CameraFaults
 from sim.camera.history import BodyHistory, ExposurePlan
 from sim.camera.model import draw_camera
+from sim.camera.motion import Motion
 from sim.camera.params import load_camera_params
 from sim.camera.render import Renderer
 from sim.camera.scenery import build_scenery
@@ -37,6 +39,7 @@ from tf2_msgs.msg import TFMessage
 
 _WHEELCHAIR_BODY = "wheelchair"
 _FRONT, _REAR = "front", "rear"
+_END_S = 2.0
 _ROWS: dict[str, tuple[str, Topic, Topic]] = {
     _FRONT: (frames.FRONT_CAMERA, topics.FRONT_IMAGE, topics.FRONT_CAMERA_INFO),
     _REAR: (frames.REAR_CAMERA, topics.REAR_IMAGE, topics.REAR_CAMERA_INFO),
@@ -81,6 +84,7 @@ class CameraDriverNode(StackNode):
         self._tf.publish(TFMessage(transforms=[self._mounting(frame) for frame, _, _ in _ROWS.values()]))
         # Asked before each picture; a run that is not about vision leaves out what nobody looks at.
         self.wants_pictures: Callable[[], bool] = lambda: True
+        self._worker = self.worker("camera", world_waits=True)
         self._bodies = Bodies(self, self._on_bodies)
         serve_faults(self, services.INJECT_CAMERA_FAULT, self._inject)
         self.set_health(False, f"waiting for {topics.SIM_BODIES.name}")
@@ -96,15 +100,23 @@ class CameraDriverNode(StackNode):
     def _take(self, camera: _Camera, time_s: float) -> None:
         if self._faults.is_active("silent", camera.name, time_s) or not self.wants_pictures():
             return
-        if not self._faults.is_active("frozen", camera.name, time_s) or not camera.exposed:
-            motion = self._history.motion(time_s, self._boards)
-            camera.renderer.render(motion, self._faults.conditions(camera.name, time_s), camera.picture)
-            camera.exposed = True
-        stamp = time_from_s(time_s)
-        camera.images.publish(camera.image.filled(camera.picture, stamp))
-        camera.info.header.stamp = stamp
+        frozen = self._faults.is_active("frozen", camera.name, time_s) and camera.exposed
+        camera.exposed = True
+        motion = None if frozen else self._history.motion(time_s, self._boards)
+        conditions = self._faults.conditions(camera.name, time_s)
+        self._worker.submit(
+            lambda: _picture(camera, time_s, motion, conditions), lambda data: self._publish(camera, time_s, data)
+        )
+
+    def _publish(self, camera: _Camera, time_s: float, data: bytes) -> None:
+        camera.images.publish(data)
+        camera.info.header.stamp = time_from_s(time_s)
         camera.infos.publish(camera.info)
         self.set_health(True, "pictures are taken")
+
+    def destroy_node(self) -> None:
+        self._worker.close(_END_S)
+        super().destroy_node()
 
     def _watch(self) -> None:
         self._bodies.watch(self.params.silence_s)
@@ -144,6 +156,13 @@ class CameraDriverNode(StackNode):
         place.x, place.y, place.z = pose[:3, 3].tolist()
         q.x, q.y, q.z, q.w = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True).tolist()
         return message
+
+
+def _picture(camera: _Camera, time_s: float, motion: Motion | None, conditions: Conditions) -> bytes:
+    """On the worker: the message of a picture; without a motion it shows what the one before showed."""
+    if motion is not None:
+        camera.renderer.render(motion, conditions, camera.picture)
+    return camera.image.filled(camera.picture, time_from_s(time_s))
 
 
 def _dock_by_body(docks: Docks) -> dict[str, str]:

@@ -8,8 +8,9 @@ from robot_stack.contract import frames, services, topics
 from robot_stack.core.point_cloud import Points
 from robot_stack.middleware.node import run
 from sim.lidar.faults import FROZEN, RATE, SILENT
-from sim.lidar.sensor import Sweep
-from sim.nodes.turning_lidar import TurningLidar
+from sim.lidar.sensor import Conditions, Sweep
+from sim.lidar.sweeper import Tracks
+from sim.nodes.turning_lidar import Clouds, TurningLidar
 
 
 class LidarDriverNode(TurningLidar):
@@ -30,24 +31,29 @@ class LidarDriverNode(TurningLidar):
         rate_hz = self.faults.value(RATE, end_s)
         if rate_hz is not None and number % 2 and end_s - self._sent_s < 1.0 / rate_hz - 1e-3:
             return
-        if number % 2 == 0 and self._first_number != number - 1:
-            return
-        frozen = self.faults.value(FROZEN, end_s) is not None and self.has_sent(self._fulls)
-        half = None if frozen else self._measure(number, end_s)
-        self.send(self._halves, half.points if half else None, end_s)
         if number % 2:
-            self._first, self._first_number, self._sent_s = half, number, end_s
+            self._first_number, self._sent_s = number, end_s
+        elif self._first_number != number - 1:
             return
-        if frozen or half is None:
-            self.send(self._fulls, None, end_s)
-        elif self._first is not None:
-            self.send(self._fulls, self._joined(self._first, half), end_s)
-        self.set_health(True, "the LiDAR measures")
+        frozen = self.faults.value(FROZEN, end_s) is not None
+        conditions, tracks = self.faults.conditions(end_s), self.sweeper.tracks()
+        self.measure(lambda: self._half(number, end_s, tracks, conditions, frozen=frozen))
 
-    def _measure(self, number: int, end_s: float) -> Sweep:
-        """The second half of a turn comes behind the first in the same memory, as the full sweep wants it."""
+    def _half(self, number: int, end_s: float, tracks: Tracks, conditions: Conditions, *, frozen: bool) -> Clouds:
+        """On the worker. A frozen sensor repeats what it measured last."""
         begin = 0 if number % 2 or self._first is None else len(self._first.points)
-        return self.sweeper.take(number, end_s, self.faults.conditions(end_s), self.turn_points[begin:])
+        half: Sweep | None = None
+        if not (frozen and self.has_measured(self._fulls)):
+            # The second half of a turn comes behind the first in the same memory, as the full sweep wants it.
+            half = self.sweeper.measure(tracks, number, end_s, conditions, self.turn_points[begin:])
+        clouds = self.cloud(self._halves, half.points if half else None, end_s)
+        if number % 2:
+            self._first = half
+        elif half is None:
+            clouds += self.cloud(self._fulls, None, end_s)
+        elif self._first is not None:
+            clouds += self.cloud(self._fulls, self._joined(self._first, half), end_s)
+        return clouds
 
     def _joined(self, first: Sweep, second: Sweep) -> Points:
         """The full sweep of two halves: all times are before the second's stamp."""

@@ -9,8 +9,10 @@ from robot_stack.core.robot_shape import load_robot_shape
 from robot_stack.middleware.node import run
 from sim.lidar.bodies import robot_shapes
 from sim.lidar.faults import FROZEN, RATE, SILENT
+from sim.lidar.sensor import Conditions
 from sim.lidar.shapes import Shape
-from sim.nodes.turning_lidar import TurningLidar
+from sim.lidar.sweeper import Tracks
+from sim.nodes.turning_lidar import Clouds, TurningLidar
 
 
 class OverheadLidarDriverNode(TurningLidar):
@@ -33,12 +35,16 @@ class OverheadLidarDriverNode(TurningLidar):
         if rate_hz is not None and end_s - self._sent_s < 1.0 / rate_hz - 1e-3:
             return
         self._sent_s = end_s
-        if self.faults.value(FROZEN, end_s) is not None and self.has_sent(self._frames):
-            self.send(self._frames, None, end_s)
-            return
-        sweep = self.sweeper.take(number, end_s, self.faults.conditions(end_s), self.turn_points)
-        self.send(self._frames, sweep.points, end_s)
-        self.set_health(True, "the overhead LiDAR measures")
+        frozen = self.faults.value(FROZEN, end_s) is not None
+        conditions, tracks = self.faults.conditions(end_s), self.sweeper.tracks()
+        self.measure(lambda: self._frame(number, end_s, tracks, conditions, frozen=frozen))
+
+    def _frame(self, number: int, end_s: float, tracks: Tracks, conditions: Conditions, *, frozen: bool) -> Clouds:
+        """On the worker. A frozen sensor repeats what it measured last."""
+        if frozen and self.has_measured(self._frames):
+            return self.cloud(self._frames, None, end_s)
+        sweep = self.sweeper.measure(tracks, number, end_s, conditions, self.turn_points)
+        return self.cloud(self._frames, sweep.points, end_s)
 
 
 def main() -> None:

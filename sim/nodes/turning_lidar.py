@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -34,6 +35,9 @@ from sim.parameters import load_sim_params
 from sim.plant.people import PREFIX
 from sim.worldfile import load_world
 from tf2_msgs.msg import TFMessage
+
+Clouds = list[tuple[Publisher, bytes]]
+_END_S = 2.0
 
 
 class LidarDriverParams(Config):
@@ -67,6 +71,7 @@ class TurningLidar(StackNode):
         self._sent: dict[str, bytes] = {}
         self._tf = self.advertise(topics.TF_STATIC)
         self._tf.publish(TFMessage(transforms=[self._mounting()]))
+        self._worker = self.worker("lidar", world_waits=True)
         self._bodies = Bodies(self, self._on_bodies)
         serve_faults(self, self.inject, self._inject)
         self.set_health(False, f"waiting for {topics.SIM_BODIES.name}")
@@ -80,19 +85,31 @@ class TurningLidar(StackNode):
         """What the sensor sees of the robot itself."""
         return []
 
-    def send(self, publisher: Publisher, points: Points | None, end_s: float) -> None:
-        """None: what was sent last, once more."""
-        stamp = time_from_s(end_s)
-        if points is not None:
-            self._sent[publisher.topic_name] = self._cloud.filled(points, stamp)
-        elif publisher.topic_name in self._sent:
-            self._sent[publisher.topic_name] = restamped(self._sent[publisher.topic_name], stamp)
-        else:
-            return
-        publisher.publish(self._sent[publisher.topic_name])
+    def measure(self, job: Callable[[], Clouds]) -> None:
+        """Runs ``job`` on the worker, one after the other, and publishes its clouds."""
+        self._worker.submit(job, self._publish)
 
-    def has_sent(self, publisher: Publisher) -> bool:
+    def cloud(self, publisher: Publisher, points: Points | None, end_s: float) -> Clouds:
+        """On the worker: the message of these points; None: what was measured last, once more."""
+        stamp, topic = time_from_s(end_s), publisher.topic_name
+        if points is not None:
+            self._sent[topic] = self._cloud.filled(points, stamp)
+        elif topic in self._sent:
+            self._sent[topic] = restamped(self._sent[topic], stamp)
+        return [(publisher, self._sent[topic])] if topic in self._sent else []
+
+    def has_measured(self, publisher: Publisher) -> bool:
         return publisher.topic_name in self._sent
+
+    def _publish(self, clouds: Clouds) -> None:
+        for publisher, data in clouds:
+            publisher.publish(data)
+        if clouds:
+            self.set_health(True, f"{self.sensor} measures")
+
+    def destroy_node(self) -> None:
+        self._worker.close(_END_S)
+        super().destroy_node()
 
     def _on_bodies(self, time_s: float, poses: dict[str, NDArray[np.float64]]) -> None:
         self.sweeper.add(time_s, poses)

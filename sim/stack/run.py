@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import struct
 from collections.abc import Callable
@@ -129,6 +130,7 @@ class ScheduledRun:
         if self._recording is not None:
             self._recording.close()
         self.stack.__exit__(*arguments)
+        gc.unfreeze()
 
     # --- the run -----------------------------------------------------------------------------------------------------
 
@@ -160,6 +162,8 @@ class ScheduledRun:
             state = "" if self.safety is None else f"{self.safety.safety_state} {' '.join(self.safety.active_faults)}"
             raise RunFailed(f"not fit to drive after {_READY_S:.0f} s: {state} {self.stack.supervision.waiting()}")
         self._wheel_radius_m = self.world.node.robot.wheel_radius_m
+        gc.collect()
+        gc.freeze()  # what exists now stays: spares the run the collector's search through it
         self._begun_s = scheduler.now_s
         self.notes.begin()
         if self.scenario.passenger_mass_kg is not None:
