@@ -2,7 +2,7 @@
 
 Three copies of one record: two in the state folder, which a power cut, a logout or a reboot leave as they are, and one
 in the runtime folder, in memory. The one in memory is written before a verdict is published and survives a crash of the
-monitor; the others are written by a thread of their own, one after the other, each through to the disk, because a
+monitor; the others are written beside the monitor's loop, one after the other, each through to the disk, because a
 verdict must not wait for a disk. They are written in place, in blocks that they already own: a full disk takes nothing
 away.
 
@@ -22,6 +22,7 @@ import shutil
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -93,10 +94,10 @@ class LatchStore:
         """slow_s: a record that is not on disk after so long is reported by ``problem``."""
         self._folder, self._shadow, self._slow_s = folder, shadow, slow_s
         self._worker, self._now_s = worker, now_s
-        self._generation = 0
         self._saved: Memory | None = None
-        self._pending: Record | None = None
-        self._pending_since_s = 0.0
+        self._newest = self._stored = Record(0, Memory())
+        self._waiting_since_s = 0.0
+        self._writing = False
         self._retry_at_s = math.inf
         self._shadow_problem = self._disk_problem = ""
 
@@ -114,7 +115,7 @@ class LatchStore:
         if not records:
             return Memory() if first_start else UNKNOWN_PAST
         newest = max(records, key=lambda record: record.generation)
-        self._generation = newest.generation
+        self._newest = self._stored = newest
         memory = newest.memory
         if damaged and ESTOP_PRESSED not in memory.latched:
             memory = replace(memory, latched=(*memory.latched, ESTOP_PRESSED))
@@ -123,17 +124,17 @@ class LatchStore:
     def save(self, memory: Memory) -> None:
         """Keeps ``memory`` from now on. Never raises and never waits for a disk: ``problem`` tells what went wrong."""
         self._saved = memory
-        self._generation += 1
-        record = Record(self._generation, memory)
+        record = Record(self._newest.generation + 1, memory)
         try:
             _replace(self._shadow, encode(record))
             self._shadow_problem = ""
         except OSError as error:
             self._shadow_problem = str(error)
-        if self._pending is None:
-            self._pending_since_s = self._now_s()
-        self._pending = record
-        self._submit()
+        if self._newest is self._stored:
+            self._waiting_since_s = self._now_s()
+        self._newest = record
+        if not self._writing:
+            self._write_newest()
 
     def save_if_new(self, memory: Memory) -> None:
         """The same, but for what was saved last already."""
@@ -144,37 +145,35 @@ class LatchStore:
         """Why the memory is not on disk although it should be, empty if it is. Retries a failed write after a pause."""
         now_s = self._now_s()
         if now_s >= self._retry_at_s:
-            self._submit()
+            self._write_newest()
         if self._disk_problem or self._shadow_problem:
             return self._disk_problem or self._shadow_problem
-        waiting_s = now_s - self._pending_since_s
-        slow = self._pending is not None and waiting_s > self._slow_s
+        waiting_s = now_s - self._waiting_since_s
+        slow = self._newest is not self._stored and waiting_s > self._slow_s
         return f"not written for {waiting_s:.0f} s" if slow else ""
 
     def close(self) -> None:
         """Gives what is not written yet a last chance."""
-        if self._pending is not None:
-            self._submit()
+        if self._newest is not self._stored:
+            self._write_newest()
         self._worker.close(_END_S)
 
-    def _submit(self) -> None:
+    def _write_newest(self) -> None:
         self._retry_at_s = math.inf
-        self._worker.submit(self._write_newest, self._on_written)
+        self._writing = True
+        self._worker.submit(partial(self._write, self._newest), partial(self._on_written, self._newest))
 
-    def _write_newest(self) -> tuple[Record | None, str]:
-        """On the worker: the newest record alone counts, however many were queued."""
-        record = self._pending
-        return record, "" if record is None else self._write(record)
-
-    def _on_written(self, written: tuple[Record | None, str]) -> None:
-        record, self._disk_problem = written
-        if self._disk_problem:
+    def _on_written(self, record: Record, problem: str) -> None:
+        self._writing, self._disk_problem = False, problem
+        if not problem:
+            self._stored = record
+        if self._newest is not record:
+            self._write_newest()
+        elif problem:
             self._retry_at_s = self._now_s() + _RETRY_S
-        elif self._pending is record:
-            self._pending = None
 
     def _write(self, record: Record) -> str:
-        """Returns why not, empty if both copies are on disk."""
+        """Runs on the worker. Returns why not, empty if both copies are on disk."""
         try:
             data = encode(record)
             if not _there(self._folder):

@@ -36,7 +36,7 @@ COPIED = (
     "robot_stack/safety",
     "tests/__init__.py",
     "tests/support/__init__.py",
-    "tests/support/waiting.py",
+    "tests/support/stepped_worker.py",
     "tests/unit/__init__.py",
     ALL_TESTS,
 )

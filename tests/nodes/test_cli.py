@@ -405,7 +405,8 @@ def test_topics_names_what_is_missing_and_what_is_right(controller: Peer, drive_
     assert unknown == []
     odom = found["/odom"]
     assert odom["publishers"] == ["swerve_controller"]
-    assert odom["problems"] == [] or "Hz instead of" in odom["problems"][0]  # a busy machine is slower
+    # A busy machine is slower.
+    assert [problem for problem in odom["problems"] if "Hz instead of" not in problem] == []
     assert odom["measured_hz"] > 20.0
     assert odom["age_s"] < 0.5
     assert found["/swerve/wheel_commands"]["problems"] == ["not published by swerve_controller"]

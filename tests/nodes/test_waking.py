@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -21,6 +20,7 @@ from robot_stack.core.node_record import NodeRecords
 from robot_stack.core.world_clock import WorldClock
 from robot_stack.middleware.node import StackNode
 from robot_stack.ros.executor import LeanExecutor
+from robot_stack.ros.port import RosPort
 from tests.support.held_up import HeldUp
 from tests.support.peer import Peer
 from tests.support.waiting import wait_for
@@ -31,6 +31,8 @@ class Listener(StackNode):
 
     def __init__(self) -> None:
         super().__init__("swerve_controller")
+        assert isinstance(self.port, RosPort)
+        self.ros: RosPort = self.port
         self.ticks: list[float] = []
         self.taken: list[tuple[float, float]] = []  # (time, age) of each command
         self.stops: list[bool] = []  # of each stop: it came before any timer was due
@@ -45,7 +47,7 @@ class Listener(StackNode):
 
     def is_early(self) -> bool:
         """No timer is due: something else has woken the node."""
-        return self._schedule.next_due_s() > time.monotonic()
+        return self.ros.schedules[0].next_due_s() > time.monotonic()
 
 
 @contextmanager
@@ -53,7 +55,7 @@ def running(*arguments: str) -> Iterator[Listener]:
     rclpy.init(args=["--ros-args", *arguments], signal_handler_options=SignalHandlerOptions.NO)
     executor = LeanExecutor()
     node = Listener()
-    executor.add_node(node)
+    executor.add_node(node.ros)
     thread = threading.Thread(target=executor.spin)
     thread.start()
     try:
@@ -144,22 +146,23 @@ def test_a_node_whose_thread_computes_is_late_by_its_record(ros_domain: int) -> 
     clock = WorldClock.make()
     clock.write(100.0, 0.001, 1.0)
     with running("-p", "use_sim_time:=true") as node:
-        records = NodeRecords()
+        records, worker = NodeRecords(), node.worker("awaited", world_waits=True)
         wait_for(lambda: 100.0 < records.due_s("swerve_controller") < 101.0, "a node that sleeps")
-        node.work_since_s = lambda: 100.02  # type: ignore[method-assign]
-        node.call_soon(lambda: None)
+        clock.write(100.02, 0.0, 1.0)
+        go_on, results = threading.Event(), []
+        node.call_soon(lambda: worker.submit(lambda: go_on.wait(60.0), results.append))
         wait_for(lambda: records.due_s("swerve_controller") == pytest.approx(100.02), "the work on its record")
         clock.write(105.0, 0.001, 1.0)
         wait_for(lambda: len(node.ticks) >= 1, "a tick")
         assert records.due_s("swerve_controller") == pytest.approx(100.02)
-        node.work_since_s = lambda: math.inf  # type: ignore[method-assign]
-        node.call_soon(lambda: None)
+        go_on.set()
         wait_for(lambda: records.due_s("swerve_controller") > 105.0, "the node to be up to date")
+        assert results == [True]
 
 
 def test_a_clock_is_chosen_at_the_start(ros_domain: int) -> None:
     with running() as node:
-        (result,) = node.set_parameters([Parameter("use_sim_time", value=True)])
+        (result,) = node.ros.set_parameters([Parameter("use_sim_time", value=True)])
         assert not result.successful
         assert "start" in result.reason
 
@@ -173,20 +176,21 @@ def test_call_soon_wakes_a_node(ros_domain: int) -> None:
         assert any(called), "each waited for a timer"
 
 
-def test_a_subscription_that_is_destroyed_is_taken_no_more(ros_domain: int, peer: Peer) -> None:
+def test_a_subscription_that_has_ended_is_taken_no_more(ros_domain: int, peer: Peer) -> None:
     with running() as node:
         peer.wait_matched(topics.CMD_VEL)
-        (subscription,) = [item for item in node.subscriptions if item.topic_name == topics.CMD_VEL.name]
-        node.call_soon(lambda: _destroy(node, subscription))
-        wait_for(lambda: subscription not in list(node.subscriptions), "the end of the subscription")
+        assert [item.topic_name for item in node.ros.taken_at_tick] == [topics.CMD_VEL.name]
+        node.call_soon(lambda: node.unsubscribe(node.command))
+        wait_for(lambda: not subscribed(node), "the end of the subscription")
+        assert node.ros.taken_at_tick == []
         ticks = len(node.ticks)
         peer.publisher(topics.CMD_VEL).publish(Twist())  # nobody may be connected any more
         wait_for(lambda: len(node.ticks) > ticks + 1, "two more ticks")
         assert node.taken == []
 
 
-def _destroy(node: Listener, subscription: object) -> None:
-    node.destroy_subscription(subscription)
+def subscribed(node: Listener) -> bool:
+    return topics.CMD_VEL.name in [item.topic_name for item in node.ros.subscriptions]
 
 
 def test_a_signal_ends_a_sleeping_node_at_once(start: Callable[..., object], peer: Peer) -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import cast
 
 import numpy as np
 import pytest
@@ -21,8 +22,7 @@ from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteRequest, RouteResult, RouteSolver
 from robot_stack.navigation.states import NavigationState
 from robot_stack.navigation.stop import Stop
-from robot_stack.ros.workers import ThreadWorker
-from tests.support.waiting import wait_for
+from tests.support.stepped_worker import SteppedWorker
 from tests.unit.navigation.plant import ROBOT, params
 from tests.unit.navigation.test_among_obstacles import Story, box, corridor, nothing, reached
 
@@ -152,51 +152,62 @@ def big() -> RouteSolver:
 
 
 @pytest.fixture
-def thread(big: RouteSolver) -> Iterator[BackgroundPlanner]:
-    made = BackgroundPlanner(big, ThreadWorker("planning", lambda deliver: deliver()))
-    yield made
-    made.close(2.0)
+def worker() -> SteppedWorker:
+    return SteppedWorker()
 
 
-def answer_of(thread: BackgroundPlanner) -> RouteResult:
-    answers: list[RouteResult] = []
-
-    def there() -> bool:
-        answer = thread.take()
-        return answer is not None and not answers.append(answer)
-
-    wait_for(there, "an answer", 60.0)
-    return answers[0]
+@pytest.fixture
+def planner(big: RouteSolver, worker: SteppedWorker) -> BackgroundPlanner:
+    return BackgroundPlanner(big, worker)
 
 
-def test_the_newest_question_wins(thread: BackgroundPlanner) -> None:
-    thread.ask(BIG)
-    thread.ask(SMALL)
-    assert thread.busy()
-    route = answer_of(thread).route
-    assert route is not None
-    assert route.end().distance_to(SMALL.goal) < 1e-9
-    assert not thread.busy()
-    assert thread.take() is None
+def test_the_newest_question_wins(planner: BackgroundPlanner, worker: SteppedWorker) -> None:
+    planner.ask(BIG)
+    planner.ask(SMALL)
+    assert planner.busy()
+    assert planner.take() is None
+    worker.finish()
+    assert not planner.busy()
+    answer = planner.take()
+    assert answer is not None
+    assert answer.route is not None
+    assert answer.route.end().distance_to(SMALL.goal) < 1e-9
+    assert planner.take() is None
 
 
-def test_asking_answers_at_once_to_whoever_asks(thread: BackgroundPlanner) -> None:
-    """The caller is not kept: not by the question, not while it is thought about."""
-    began_s = time.thread_time()
-    for _ in range(20):
-        thread.ask(BIG)
-        thread.take()
-        thread.busy()
-    assert time.thread_time() - began_s < 0.02
+def test_a_question_is_left_to_the_worker(planner: BackgroundPlanner, worker: SteppedWorker) -> None:
+    planner.ask(SMALL)
+    assert worker.busy
+    worker.start()
+    assert planner.busy()
+    assert planner.take() is None, "the answer comes with the node's loop"
+    worker.deliver()
+    assert planner.take() is not None
 
 
-def test_a_question_that_is_dropped_is_not_answered(thread: BackgroundPlanner) -> None:
-    thread.ask(BIG)
-    thread.drop()
-    assert not thread.busy()
-    assert thread.take() is None
-    thread.ask(SMALL)
-    assert answer_of(thread).route is not None
+@pytest.mark.parametrize("running", [False, True])
+def test_a_question_that_is_dropped_is_not_answered(
+    planner: BackgroundPlanner, worker: SteppedWorker, running: bool
+) -> None:
+    planner.ask(SMALL)
+    if running:
+        worker.start()
+    planner.drop()
+    assert not planner.busy()
+    worker.deliver() if running else worker.finish()
+    assert planner.take() is None
+    planner.ask(SMALL)
+    worker.finish()
+    assert planner.take() is not None
+
+
+def test_an_answer_that_nobody_took_is_dropped_by_the_next_question(
+    planner: BackgroundPlanner, worker: SteppedWorker
+) -> None:
+    planner.ask(SMALL)
+    worker.finish()
+    planner.ask(BIG)
+    assert planner.take() is None
 
 
 def test_a_search_that_is_stopped_ends_without_a_way(big: RouteSolver) -> None:
@@ -207,18 +218,29 @@ def test_a_search_that_is_stopped_ends_without_a_way(big: RouteSolver) -> None:
     assert time.thread_time() - began_s < 0.1
 
 
-def test_an_error_in_a_plan_is_an_answer_and_the_thread_lives(thread: BackgroundPlanner) -> None:
-    thread.ask(RouteRequest(BIG.start, BIG.goal, ROBOT.footprint, np.empty(3)))
-    assert "planning failed: " in answer_of(thread).reason
-    thread.ask(SMALL)
-    assert answer_of(thread).route is not None
+def test_an_error_in_a_plan_is_an_answer(planner: BackgroundPlanner, worker: SteppedWorker) -> None:
+    planner.ask(RouteRequest(BIG.start, BIG.goal, ROBOT.footprint, np.empty(3)))
+    worker.finish()
+    answer = planner.take()
+    assert answer is not None
+    assert "planning failed: " in answer.reason
 
 
-def test_the_thread_ends_in_the_middle_of_a_search(big: RouteSolver) -> None:
-    ended = BackgroundPlanner(big, ThreadWorker("planning", lambda deliver: deliver()))
+def test_the_end_stops_a_search_and_the_worker(big: RouteSolver, worker: SteppedWorker) -> None:
+    asked: list[Stop] = []
+
+    class Solver:
+        def solve(self, question: RouteRequest, stop: Stop) -> RouteResult:
+            asked.append(stop)
+            ended.close(2.0)
+            return RouteResult(None, "stopped")
+
+    ended = BackgroundPlanner(cast("RouteSolver", Solver()), worker)
     ended.ask(BIG)
-    ended.close(2.0)
+    worker.start()
+    assert asked[0].wanted
     assert not ended.busy()
+    assert worker.closed
 
 
 # --- driving ---------------------------------------------------------------------------------------------------------

@@ -6,40 +6,33 @@ import json
 import os
 import shutil
 import stat
-import threading
-import time
 import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from robot_stack.ros.workers import ThreadWorker
 from robot_stack.safety import latch_store
 from robot_stack.safety.latch_store import COPIES, UNKNOWN_PAST, LatchStore, Record, decode, encode
 from robot_stack.safety.monitor import Memory
 from robot_stack.safety.stop_sources import Press
-from tests.support.waiting import wait_for
+from tests.support.stepped_worker import SteppedWorker
 
 LATCHED = Memory(("ESTOP_PRESSED", "TILT"), True, (Press("touch_ui", 17), Press("unknown", 0)))
 
 
 class Disk:
-    """A state folder and a runtime folder, and stores that come and go."""
+    """A state folder and a runtime folder, a clock, and the worker of the last store that was opened on them."""
 
     def __init__(self, tmp_path: Path) -> None:
         self.folder, self.shadow = tmp_path / "state" / "safety", tmp_path / "run" / "safety_latch"
         self.shadow.parent.mkdir()
-        self._open: list[LatchStore] = []
+        self.now_s = 1000.0
+        self.worker = SteppedWorker()
 
     def store(self, slow_s: float = 60.0) -> LatchStore:
-        store = LatchStore(
-            self.folder, self.shadow, slow_s, ThreadWorker("latch", lambda deliver: deliver()), time.monotonic
-        )
-        self._open.append(store)
-        return store
+        self.worker = SteppedWorker()
+        return LatchStore(self.folder, self.shadow, slow_s, self.worker, lambda: self.now_s)
 
     def load(self) -> Memory:
         return self.store().load()
@@ -50,15 +43,11 @@ class Disk:
         store.load()
         for memory in memories:
             store.save(memory)
-            wait_for(lambda memory=memory: self.copies() == [memory, memory], "both copies")
+            self.worker.finish()
         return store
 
     def copies(self) -> list[Memory | None]:
         return [_read(self.folder / name) for name in COPIES]
-
-    def close(self) -> None:
-        for store in self._open:
-            store.close()
 
 
 def _read(path: Path) -> Memory | None:
@@ -69,10 +58,8 @@ def _read(path: Path) -> Memory | None:
 
 
 @pytest.fixture
-def disk(tmp_path: Path) -> Iterator[Disk]:
-    disk = Disk(tmp_path)
-    yield disk
-    disk.close()
+def disk(tmp_path: Path) -> Disk:
+    return Disk(tmp_path)
 
 
 @pytest.mark.parametrize("memory", [Memory(), LATCHED, Memory(("DRIVE_FAULT",), False), Memory((), True)])
@@ -85,7 +72,8 @@ def test_the_first_start_ever_knows_of_nothing_and_leaves_both_copies(disk: Disk
     store = disk.store()
     assert store.load() == Memory()
     store.save(Memory())
-    wait_for(lambda: disk.copies() == [Memory(), Memory()], "both copies")
+    disk.worker.finish()
+    assert disk.copies() == [Memory(), Memory()]
     assert not disk.folder.with_name("safety.new").exists()
 
 
@@ -120,6 +108,7 @@ def test_a_crash_before_the_disk_has_it_forgets_nothing(disk: Disk, monkeypatch:
     store = disk.saved(Memory())
     monkeypatch.setattr(latch_store, "_write_through", _full)
     store.save(LATCHED)
+    disk.worker.finish()
     assert disk.load() == LATCHED
     assert disk.copies() == [Memory(), Memory()]
 
@@ -284,107 +273,104 @@ def test_a_disk_that_takes_nothing_is_told_until_it_does(disk: Disk, monkeypatch
     with monkeypatch.context() as patch:
         patch.setattr(latch_store, "_write_through", _full)
         store.save(LATCHED)
-        wait_for(lambda: "No space left" in store.problem(), "the problem")
-    wait_for(lambda: store.problem() == "" and disk.copies() == [LATCHED, LATCHED], "another try")
+        disk.worker.step()
+        assert "No space left" in store.problem()
+    disk.now_s += latch_store._RETRY_S
+    assert "No space left" in store.problem()
+    disk.worker.step()
+    assert store.problem() == ""
+    assert disk.copies() == [LATCHED, LATCHED]
+    assert not disk.worker.busy
 
 
-class Clock:
-    def __init__(self) -> None:
-        self.now_s = 1000.0
-
-    def monotonic(self) -> float:
-        return self.now_s
-
-
-@dataclass
-class HangingDisk:
-    """Takes nothing before ``back`` is set."""
-
-    back: threading.Event
-    reached: threading.Event
-
-    def write(self, *_: Any) -> None:
-        self.reached.set()
-        self.back.wait(60.0)
-
-
-@pytest.fixture
-def hanging(monkeypatch: pytest.MonkeyPatch) -> Iterator[HangingDisk]:
-    disk = HangingDisk(threading.Event(), threading.Event())
-    monkeypatch.setattr(latch_store.LatchStore, "_make_folder", disk.write)
-    yield disk
-    disk.back.set()
-
-
-def test_a_disk_that_hangs_is_told(disk: Disk, hanging: HangingDisk) -> None:
-    store = disk.store(slow_s=0.05)
-    store.save(LATCHED)
-    wait_for(lambda: hanging.reached.is_set() and "not written for" in store.problem(), "the problem")
-    hanging.back.set()
-    wait_for(lambda: store.problem() == "", "its end")
-
-
-def test_a_slow_disk_is_told_from_when_the_first_record_waits(
-    disk: Disk, hanging: HangingDisk, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    clock = Clock()
-    monkeypatch.setattr(latch_store, "time", clock)
+def test_a_disk_that_hangs_is_told_from_when_the_first_record_waits(disk: Disk) -> None:
     store = disk.store(slow_s=30.0)
     assert store.problem() == ""
     store.save(LATCHED)
+    disk.worker.start()
     assert store.problem() == ""
-    clock.now_s = 1020.0
+    disk.now_s = 1020.0
     store.save(Memory())
-    clock.now_s = 1030.0
+    disk.now_s = 1030.0
     assert store.problem() == ""
-    clock.now_s = 1031.0
+    disk.now_s = 1031.0
     assert store.problem() == "not written for 31 s"
-    hanging.back.set()
-    wait_for(lambda: store.problem() == "", "its end")
-    clock.now_s = 5000.0
+    disk.worker.deliver()
+    assert store.problem() == "not written for 31 s", "the second record waits"
+    disk.worker.finish()
+    assert store.problem() == ""
+    disk.now_s = 5000.0
     assert store.problem() == ""
 
 
-def test_a_disk_that_hangs_keeps_nobody_from_ending(
-    disk: Disk, hanging: HangingDisk, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(latch_store, "_END_S", 0.05)
-    store = disk.store()
-    store.save(LATCHED)
-    assert hanging.reached.wait(60.0)
-    store.close()
-    assert store._thread.is_alive()
-    assert store._thread.daemon, "an interpreter that ends would wait for it"
-    assert store._thread.name == "latch"
-
-
-def test_what_comes_during_a_write_is_written_at_once(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(latch_store, "_RETRY_S", 600.0)
-    store = disk.saved(Memory())
-    real = latch_store._write_through
-
-    def another(path: Path, data: bytes) -> None:
-        monkeypatch.setattr(latch_store, "_write_through", real)
-        real(path, data)
+def test_each_record_has_its_own_time_to_get_to_the_disk(disk: Disk) -> None:
+    store = disk.store(slow_s=30.0)
+    store.load()
+    for now_s in (1000.0, 2000.0):
+        disk.now_s = now_s
         store.save(LATCHED)
+        disk.now_s = now_s + 30.0
+        assert store.problem() == ""
+        disk.now_s = now_s + 31.0
+        assert store.problem() == "not written for 31 s"
+        disk.worker.finish()
 
-    monkeypatch.setattr(latch_store, "_write_through", another)
+
+def test_what_comes_during_a_write_is_written_at_once(disk: Disk) -> None:
+    store = disk.saved(Memory())
     store.save(Memory((), True))
-    wait_for(lambda: disk.copies() == [LATCHED, LATCHED], "both copies")
+    disk.worker.start()
+    for _ in range(3):
+        store.save(LATCHED)
+    assert disk.copies() == [Memory((), True)] * 2
+    disk.worker.deliver()
+    disk.worker.step()
+    assert disk.copies() == [LATCHED, LATCHED]
+    assert not disk.worker.busy, "the newest record is written once"
+
+
+def test_what_comes_during_a_write_that_fails_is_written_at_once(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = disk.saved(Memory())
+    with monkeypatch.context() as patch:
+        patch.setattr(latch_store, "_write_through", _full)
+        store.save(Memory((), True))
+        disk.worker.start()
+        store.save(LATCHED)
+        disk.worker.deliver()
+        assert "No space left" in store.problem()
+    disk.worker.step()
+    assert store.problem() == ""
+    assert disk.copies() == [LATCHED, LATCHED]
 
 
 def test_a_disk_that_takes_nothing_is_left_alone_for_a_while(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(latch_store, "_write_through", _full)
-    store, waits = disk.store(), []
-    real = store._wake.wait
-
-    def wait(timeout_s: float | None = None) -> bool:
-        waits.append(timeout_s)
-        return real(timeout_s)
-
-    monkeypatch.setattr(store._wake, "wait", wait)
+    store = disk.store()
     store.save(LATCHED)
-    wait_for(lambda: latch_store._RETRY_S in waits, "a pause")
+    disk.worker.step()
+    for _ in range(3):
+        store.problem()
+        assert not disk.worker.busy
+        disk.now_s += 0.99
+        store.problem()
+        assert not disk.worker.busy
+        disk.now_s += 0.01
+        store.problem()
+        store.problem()
+        disk.worker.step()
+        assert not disk.worker.busy, "one try a time"
+
+
+def test_a_new_record_is_tried_on_a_disk_that_is_left_alone(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = disk.saved(Memory())
+    with monkeypatch.context() as patch:
+        patch.setattr(latch_store, "_write_through", _full)
+        store.save(Memory((), True))
+        disk.worker.step()
+    store.save(LATCHED)
+    disk.worker.step()
+    assert store.problem() == ""
+    assert disk.copies() == [LATCHED, LATCHED]
 
 
 def test_a_first_start_that_was_cut_off_is_begun_again(disk: Disk) -> None:
@@ -430,7 +416,7 @@ def test_a_runtime_folder_that_takes_nothing_is_told(disk: Disk) -> None:
     assert "safety_latch" in store.problem()
     disk.shadow.parent.mkdir()
     store.save(Memory())
-    wait_for(lambda: store.problem() == "", "the end of the problem")
+    assert store.problem() == ""
 
 
 def test_half_a_write_is_a_failed_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -447,24 +433,32 @@ def test_a_copy_is_overwritten_in_place_and_to_the_disk(disk: Disk, monkeypatch:
     real = os.fsync
     monkeypatch.setattr(os, "fsync", lambda descriptor: (synced.append(os.fstat(descriptor).st_ino), real(descriptor)))
     store.save(LATCHED)
-    wait_for(lambda: disk.copies() == [LATCHED, LATCHED] and store.problem() == "", "both copies")
-    wait_for(lambda: len(synced) >= 2, "both on the disk")
+    disk.worker.finish()
+    assert disk.copies() == [LATCHED, LATCHED]
     assert synced == inodes == [(disk.folder / name).stat().st_ino for name in COPIES]
 
 
 def test_the_last_word_is_written_at_the_end(disk: Disk) -> None:
     store = disk.store()
-    for _ in range(20):
-        store.save(LATCHED)
+    store.save(LATCHED)
+    disk.worker.start()
     store.save(Memory((), True))
     store.close()
+    assert disk.worker.closed
     assert disk.copies() == [Memory((), True)] * 2
 
 
-def test_a_disk_that_takes_nothing_keeps_nobody_from_ending(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(latch_store, "_write_through", _full)
+def test_a_disk_that_took_nothing_gets_a_last_chance(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
     store = disk.store()
-    store.save(LATCHED)
-    wait_for(lambda: store.problem() != "", "the problem")
+    with monkeypatch.context() as patch:
+        patch.setattr(latch_store, "_write_through", _full)
+        store.save(LATCHED)
+        disk.worker.step()
     store.close()
-    assert not store._thread.is_alive()
+    assert disk.copies() == [LATCHED, LATCHED]
+
+
+def test_what_is_on_the_disk_is_not_written_again_at_the_end(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = disk.saved(LATCHED)
+    monkeypatch.setattr(latch_store, "_write_through", lambda *_: pytest.fail("written again"))
+    store.close()

@@ -13,6 +13,7 @@ from robot_stack.wmx import EngineError
 from robot_stack.wmx.api import ErrorCode
 from robot_stack.wmx.axes import StatusSnapshot, empty_snapshot
 from robot_stack.wmx.failures import ABSENT
+from robot_stack.wmx.opening import ThreadedOpener
 from robot_stack.wmx.session import EngineSession, Events, Patience
 from tests.support.waiting import wait_for
 
@@ -205,7 +206,7 @@ class Slow:
 
 def test_a_device_that_takes_its_time_holds_nobody_up(engine: FakeEngine) -> None:
     slow = Slow(engine)
-    session = session_with(slow, own_thread=True)
+    session = session_with(slow, opener=ThreadedOpener)
     for tick in range(50):
         assert not session.poll(10.0 + 0.1 * tick)
     assert (slow.attempts, session.text) == (1, "waiting for the motion engine")
@@ -219,7 +220,7 @@ def test_a_refusal_comes_out_of_the_thread(engine: FakeEngine) -> None:
     slow = Slow(engine)
     slow.refusal = EngineError("no device", ErrorCode.ReachMaxChannelNumber, "refused")
     slow.let.set()
-    session = session_with(slow, own_thread=True)
+    session = session_with(slow, opener=ThreadedOpener)
     now_s = itertools.count(10.0, 0.001)
     wait_for(lambda: session.poll(next(now_s)) or session.text.startswith("attempt 1 of 5: no device"), "the refusal")
 
@@ -228,7 +229,7 @@ def test_what_is_no_refusal_of_the_engine_comes_out_of_the_thread_too(engine: Fa
     slow = Slow(engine)
     slow.refusal = ZeroDivisionError("a mistake")
     slow.let.set()
-    session = session_with(slow, own_thread=True)
+    session = session_with(slow, opener=ThreadedOpener)
     now_s = itertools.count(10.0, 0.001)
     with pytest.raises(ZeroDivisionError, match="a mistake"):
         wait_for(lambda: session.poll(next(now_s)), "the mistake")
@@ -236,7 +237,7 @@ def test_what_is_no_refusal_of_the_engine_comes_out_of_the_thread_too(engine: Fa
 
 def test_a_device_that_comes_after_the_end_is_given_back(engine: FakeEngine) -> None:
     slow = Slow(engine)
-    session = session_with(slow, own_thread=True)
+    session = session_with(slow, opener=ThreadedOpener)
     session.poll(10.0)
     session.close()
     slow.let.set()
@@ -247,7 +248,7 @@ def test_a_device_that_comes_after_the_end_is_given_back(engine: FakeEngine) -> 
 def test_a_device_that_is_open_and_not_taken_yet_is_given_back_at_the_end(engine: FakeEngine) -> None:
     slow = Slow(engine)
     slow.let.set()
-    session = session_with(slow, own_thread=True)
+    session = session_with(slow, opener=ThreadedOpener)
     session.poll(10.0)
     wait_for(lambda: "engine opening" not in {thread.name for thread in threading.enumerate()}, "the end of the thread")
     session.close()

@@ -29,7 +29,7 @@ class Sent:
         self.items: list[tuple[str, bytes]] = []
 
     def sender(self, name: str, *, heard: bool = True) -> Any:
-        return SimpleNamespace(send=lambda data: self.items.append((name, data)), heard=heard)
+        return SimpleNamespace(send=lambda data: self.items.append((name, data)), has_subscribers=heard)
 
 
 def node(sent: Sent, *, without: tuple[str, ...] = (), unheard: tuple[str, ...] = (), isaac_stamp: bool = False) -> Any:
