@@ -14,7 +14,7 @@ from robot_stack.core.geometry import Pose2
 from robot_stack.core.pose_history import PoseHistory
 from robot_stack.docking.learning import Correction
 from robot_stack.docking.params import TargetParams
-from robot_stack.docking.sighting import Marker, sighting
+from robot_stack.docking.sighting import Marker, Sighting, sighting
 from robot_stack.docking.target import DockTarget, Estimate, Seen
 
 
@@ -31,6 +31,7 @@ class DockTracker:
         self._newest: Pose2 | None = None
         self._count_from_s = -math.inf
         self._uncorrected: list[Pose2] = []
+        self._early: Sighting | None = None
         self.seen_s = -math.inf
         self.moved = False
         self.visible_markers = 0
@@ -43,6 +44,7 @@ class DockTracker:
     def forget(self) -> None:
         """The estimate starts again with the next sighting."""
         self._target.forget()
+        self._early = None
         self.moved = False
         self.seen_s = -math.inf
 
@@ -79,6 +81,9 @@ class DockTracker:
             before = None
         if self._odometry.add(stamp_s, pose) and before is not None:
             self._target.drive(pose.relative_to(before.pose))
+        early, self._early = self._early, None
+        if early is not None:
+            self._see(early)
 
     def on_markers(self, markers: Sequence[Marker]) -> None:
         """Takes the markers of all cameras' newest images."""
@@ -88,10 +93,15 @@ class DockTracker:
         own = [item for item in markers if item.camera_frame == frame]
         seen = sighting(own, self._dock, self._mountings[frame])
         self.visible_markers = 0 if seen is None else seen.markers
-        if seen is None or seen.stamp_s <= self._newest_s:
-            return
+        if seen is not None and seen.stamp_s > self._newest_s:
+            self._see(seen)
+
+    def _see(self, seen: Sighting) -> None:
         base = self._odometry.at(seen.stamp_s)
         if base is None:
+            newest = self._odometry.newest
+            # A fast detector is ahead of the odometry: the sighting waits for the reading that belongs to it.
+            self._early = seen if newest is None or seen.stamp_s > newest.stamp_s else None
             return
         self._newest_s, self._newest = seen.stamp_s, seen.dock
         verdict = self._target.see(replace(seen, dock=self._correction.apply(seen.dock)), base)

@@ -1,0 +1,52 @@
+"""Sightings and the odometry that belongs to them, whichever comes first."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot_stack.core.camera import mounting
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.robot import load_robot
+from robot_stack.docking.dock_tracker import DockTracker
+from robot_stack.docking.learning import Correction
+from tests.unit.docking.bench import dock, markers_at, params
+
+DOCK = dock("chair_1")
+AHEAD = Pose2(1.5, 0.0, 0.0)
+
+
+@pytest.fixture
+def tracker() -> DockTracker:
+    made = DockTracker(params().target, {DOCK.camera_frame: mounting(load_robot(), DOCK.camera_frame)})
+    made.look_for(DOCK, Correction())
+    made.on_odometry(0.98, Pose2(0.0, 0.0, 0.0))
+    return made
+
+
+def test_a_sighting_ahead_of_the_odometry_counts_once_the_odometry_is_there(tracker: DockTracker) -> None:
+    tracker.on_markers(markers_at(AHEAD, DOCK, 0.99))
+    assert tracker.estimate is None
+    tracker.on_odometry(1.00, Pose2(0.0, 0.0, 0.0))
+    assert tracker.seen_s == 0.99
+    assert tracker.estimate is not None
+    assert tracker.estimate.pose.distance_to(AHEAD) < 0.01
+
+
+def test_the_newest_sighting_ahead_of_the_odometry_wins(tracker: DockTracker) -> None:
+    tracker.on_markers(markers_at(AHEAD, DOCK, 0.99))
+    tracker.on_markers(markers_at(AHEAD, DOCK, 0.995))
+    tracker.on_odometry(1.00, Pose2(0.0, 0.0, 0.0))
+    assert tracker.seen_s == 0.995
+
+
+def test_a_sighting_from_before_all_odometry_is_dropped(tracker: DockTracker) -> None:
+    tracker.on_markers(markers_at(AHEAD, DOCK, 0.5))
+    tracker.on_odometry(1.00, Pose2(0.0, 0.0, 0.0))
+    assert tracker.estimate is None
+
+
+def test_a_new_job_drops_a_sighting_that_waits(tracker: DockTracker) -> None:
+    tracker.on_markers(markers_at(AHEAD, DOCK, 0.99))
+    tracker.look_for(DOCK, Correction())
+    tracker.on_odometry(1.00, Pose2(0.0, 0.0, 0.0))
+    assert tracker.estimate is None
