@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PlanPath
 from std_msgs.msg import Bool
 
@@ -99,6 +100,8 @@ class ScheduledRun:
         self._goal: Pose2 | None = None
         self._begun_s: float | None = None
         self._wheel_radius_m = 0.0
+        # (pose in odom, true pose) at the start and now.
+        self._odometry: tuple[tuple[Pose2, Pose2], tuple[Pose2, Pose2]] | None = None
 
     def __enter__(self) -> ScheduledRun:
         stack = self.stack
@@ -114,6 +117,7 @@ class ScheduledRun:
             (topics.CURRENT_POSE, self._on_estimate),
             (topics.PLAN, self._on_plan),
             (topics.SAFETY_STATUS, self._on_safety),
+            (topics.ODOM, self._on_odometry),
         ):
             stack.test_tool.subscribe(row, callback)
         operator, advertise = stack.operator, stack.advertise
@@ -183,7 +187,7 @@ class ScheduledRun:
         figures["emergency_stop"] = self.safety is not None and self.safety.safety_state == self.safety.EMERGENCY_STOP
         figures["touched"] = ", ".join(self.world.sim.world.touched)
         truth = self.world.sim.world.truth()
-        figures["odometry_error_m"] = math.nan
+        figures["odometry_error_m"] = self._odometry_error_m()
         self.digest.add(struct.pack("<7d", *truth.position_m, *truth.quaternion_xyzw))
         return RunResult(
             self.digest.hexdigest(),
@@ -309,6 +313,18 @@ class ScheduledRun:
         twist = Twist2(vx, vy, truth.angular_radps[2])
         moment = Moment(self.now_s, truth.pose(), twist, _four(speeds.tolist()), _four(angles.tolist()))
         self.run_log.moments.append(moment)
+
+    def _on_odometry(self, message: Odometry) -> None:
+        if self.run_log.moments:
+            poses = pose_from_msg(message.pose.pose), self.run_log.moments[-1].pose
+            self._odometry = (self._odometry[0], poses) if self._odometry else (poses, poses)
+
+    def _odometry_error_m(self) -> float:
+        """How far the wheels' way is from the true one since the start; NaN without odometry."""
+        if not self._odometry:
+            return math.nan
+        (first, first_truth), (last, truth) = self._odometry
+        return last.relative_to(first).distance_to(truth.relative_to(first_truth))
 
     def _on_wheel_commands(self, message: SwerveModuleCommandArray) -> None:
         if self._begun_s is not None:
