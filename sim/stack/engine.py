@@ -83,6 +83,8 @@ class _Device(LocalDevice):
         return self._session.device
 
     def call(self, method: str, *arguments: Any) -> tuple[int, list[Any]]:
+        if self._world.ended:
+            return ErrorCode.IMLibIsNotRunning, []
         return (ErrorCode.APIChannelTimeOut, []) if self._world.stalled else super().call(method, *arguments)
 
     def snapshot(self) -> tuple[int, StatusSnapshot]:

@@ -75,7 +75,7 @@ def test_a_press_without_a_source_is_released_by_name_only() -> None:
         stage.wait_stands(5.0)
         stage.let_go()
         stage.estop(False)
-        stage.run(0.5)
+        stage.run(3.0)  # safety_monitor waits 2.5 s for the report of a source
         assert "pressed by unknown" in stage.reset().message
         cleared = stage.call(services.CLEAR_EMERGENCY_STOP, ClearEmergencyStop.Request(source="unknown"))
         assert cleared.success, cleared.message
