@@ -36,6 +36,7 @@ class WorldEngine:
         self._stale_s = load_client_config().status_stale_s
         self._owners: dict[int, Callable[[], bool]] = {}
         self.published_s = now_s()
+        self.ended = False
         engine.alive = self._alive
         engine.condition.epoch = 1
 
@@ -45,7 +46,7 @@ class WorldEngine:
 
     @property
     def stalled(self) -> bool:
-        return self._sim.engine_stalled
+        return self.ended or self._sim.engine_stalled
 
     def age_s(self) -> float:
         return self._now_s() - self.published_s
@@ -82,6 +83,8 @@ class _Device(LocalDevice):
         return self._session.device
 
     def call(self, method: str, *arguments: Any) -> tuple[int, list[Any]]:
+        if self._world.ended:
+            return ErrorCode.IMLibIsNotRunning, []
         return (ErrorCode.APIChannelTimeOut, []) if self._world.stalled else super().call(method, *arguments)
 
     def snapshot(self) -> tuple[int, StatusSnapshot]:

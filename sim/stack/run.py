@@ -248,6 +248,14 @@ class ScheduledRun:
     def emergency_stop(self, active: bool) -> None:
         self._stop.publish(active)
 
+    def repeat_stop_source(self) -> None:
+        """Call at the rate of /emergency_stop/sources while a press must not pass for one of a dead source."""
+        self._stop.repeat()
+
+    def stamp(self) -> Any:
+        """The present time on the operator's ROS clock."""
+        return self._stamp()
+
     def reset(self) -> None:
         """Asks for the release from an emergency stop; the answer goes to the log."""
 

@@ -87,11 +87,12 @@ class OpenPage:
         """The newest answers of the server, as JSON."""
         return [] if self._page is None else list(self._page.answers)
 
-    def say(self, **message: Any) -> None:
-        """A message of the protocol, e.g. ``say(t="start", mission="short_hop")``."""
+    def say(self, **message: Any) -> int:
+        """A message of the protocol, e.g. ``say(t="start", mission="short_hop")``. Returns the id of its answer."""
         self._ids += 1
         numbered = {**message, "id": self._ids}
         self._port.call_soon(lambda: self._hear(numbered))
+        return self._ids
 
     def close(self) -> None:
         self._timer.destroy()

@@ -40,7 +40,7 @@ from sim.stack.computer import NoProcesses, ScheduledComputer, ScheduledReader
 from sim.stack.display import Cable, ScheduledDisplay, ScheduledSerialPort
 from sim.stack.engine import ScheduledView
 from sim.stack.screen import ScheduledHub, ScheduledServer
-from sim.stack.supervision import Supervision
+from sim.stack.supervision import ENDED, Supervision
 from sim.stack.tool import ToolNode
 from sim.stack.world import ScheduledWorld
 
@@ -107,8 +107,12 @@ class SimulatedStack(Observer):
         return tool.advertise(row)
 
     def on_life_change(self, time_ns: int, process: str, change: LifeChange) -> None:
-        if process == _WORLD and change is LifeChange.READY:
+        if process != _WORLD:
+            return
+        if change is LifeChange.READY:
             self._begin_world()
+        elif change in ENDED and self.world is not None:
+            self.world.end()
 
     def _begin_world(self) -> None:
         nodes = cast(tuple[SimWorld, ImuDriver, BatteryDriver], tuple(self.scheduler.processes[_WORLD].nodes))
@@ -152,7 +156,7 @@ class SimulatedStack(Observer):
 
     def _open_engine(self, port: Port) -> MotionEngine:
         """Raises EngineError, as long as there is no world too."""
-        if self.world is None:
+        if self.world is None or self.world.ended:
             code = ErrorCode.IMLibIsNotRunning
             raise EngineError(f"{port.name}: no motion engine runs", code, error_name(code))
         return self.world.engine.open(port, lambda: _runs(port))

@@ -11,7 +11,8 @@ from sim.scheduler.process import Process
 from sim.scheduler.scheduler import Scheduler
 
 _PERIOD_NS = 50_000_000
-_ENDED = (LifeChange.STOPPED, LifeChange.KILLED, LifeChange.CRASHED, LifeChange.REFUSED)
+ENDED = (LifeChange.STOPPED, LifeChange.KILLED, LifeChange.CRASHED, LifeChange.REFUSED)
+"""The ways in which a life ends."""
 
 
 class Supervision(Observer):
@@ -54,7 +55,7 @@ class Supervision(Observer):
             return
         if change is LifeChange.STARTED:
             life.started(1e-9 * time_ns)
-        elif change in _ENDED:
+        elif change in ENDED:
             life.exited(1e-9 * time_ns, self._process(process).exit_code or 0)
 
     def _look(self) -> None:

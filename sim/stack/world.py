@@ -47,6 +47,7 @@ class ScheduledWorld:
         )
         self.block_steps: int = self.node.params.block_steps
         self.block_ns = round(NANOSECONDS * self.block_steps * self.sim.world.dt_s)
+        self.ended = False
         self.node.set_health(True, f"world {self.node.params.world}, seed {self.node.params.seed}")
 
     @property
@@ -54,8 +55,14 @@ class ScheduledWorld:
         """Since the world began."""
         return self.sim.time_s
 
+    def end(self) -> None:
+        """The process of the world has ended, and its motion engine with it: the last state remains for who looks."""
+        self.ended = self.engine.ended = True
+
     def run_block(self) -> None:
         """Computes the block that ends now. Raises SimulationDiverged."""
+        if self.ended:
+            return
         sim, tasks = self.sim, self._tasks
         for _ in range(self.block_steps):
             sample = sim.step()

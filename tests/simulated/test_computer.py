@@ -1,0 +1,48 @@
+"""Faults of the computer, the external display and the screen: warnings that stop nothing."""
+
+from __future__ import annotations
+
+from robot_stack.contract import services, topics
+from robot_stack.contract.model import Service
+from robot_stack.core.robot import load_robot
+from tests.simulated.stage import staged
+
+SPEED_MPS = 0.3
+# Code, service, fault, and the figure of /robot_status that shows it.
+TROUBLES: tuple[tuple[str, Service, str, str], ...] = (
+    ("OVERHEAT", services.INJECT_COMPUTER_FAULT, "overheat", ""),
+    ("MEMORY_HIGH", services.INJECT_COMPUTER_FAULT, "memory_high", "memory_usage_percent"),
+    ("DISK_FULL", services.INJECT_COMPUTER_FAULT, "disk_full", "disk_usage_percent"),
+    ("CPU_HIGH", services.INJECT_COMPUTER_FAULT, "cpu_high", "cpu_usage_percent"),
+    ("EHMI_LINK_LOST", services.INJECT_EHMI_FAULT, "silent", ""),
+    ("UI_LINK_LOST", services.INJECT_COMPUTER_FAULT, "screen_lost", ""),
+)
+
+
+def test_each_is_reported_while_the_robot_drives_on_and_ends_with_its_cause() -> None:
+    """In the safety status and in /robot_status with its figure; none of these rows slows or stops the robot."""
+    full_mps = load_robot().empty.max_speed_mps
+    with staged() as stage:
+        status = stage.listen(topics.ROBOT_STATUS)
+        stage.inject("clear", "screen_lost", into=services.INJECT_COMPUTER_FAULT)  # opens a page on the robot's screen
+        stage.drive_at(SPEED_MPS)
+        for code, service, kind, figure in TROUBLES:
+            stage.inject(kind, into=service)
+            stage.wait_safety("DEGRADED", code, limit_s=60.0)
+            status.wait(
+                lambda message, code=code: code in message.active_faults and message.safety_state == "DEGRADED", code
+            )
+            if figure:
+                assert getattr(status.last, figure) > 95.0
+            # A way that has not been seen yet limits too, for a moment.
+            stage.limit.wait(lambda message: message.max_linear_velocity == full_mps, f"full speed in spite of {code}")
+            assert stage.speed_mps > 0.9 * SPEED_MPS, code
+            stage.inject("clear", kind, into=service)
+            stage.wait_safety("NORMAL", limit_s=60.0)
+            status.wait(
+                lambda message, code=code: message.safety_state == "NORMAL" and code not in message.active_faults, code
+            )
+            assert stage.speed_mps > 0.9 * SPEED_MPS, code
+            # Back and forth: the floor ends somewhere.
+            stage.drive(-SPEED_MPS if stage.at().x > 5.0 else SPEED_MPS)
+            stage.run(3.0)

@@ -1,0 +1,93 @@
+"""Docking on the whole robot in physics: cameras, detector, controller, latch; and what may come between.
+
+Every state's reaction to every fault is tested tick by tick in tests/unit/docking; here the faults are those of the
+world and of the simulated cameras.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from robot_stack.contract import services
+from robot_stack.core.geometry import Pose2
+from tests.simulated.stage import staged_before_chair
+
+START = Pose2(0.2, 0.3, math.radians(10.0))
+
+
+def test_a_dead_camera_and_an_emergency_stop_while_servoing_end_the_docking() -> None:
+    with staged_before_chair(START) as stage:
+        goal = stage.begin_docking()
+        stage.wait_docking("SERVOING")
+        stage.inject("silent", "front", into=services.INJECT_CAMERA_FAULT)
+        result = goal.wait(10.0)
+        assert (result.success, result.error_code) == (False, result.CAMERA_TIMEOUT)
+        stage.wait_stands(3.0)
+        stage.wait_docking("FAILED", 2.0)
+        stage.inject("clear", into=services.INJECT_CAMERA_FAULT)
+
+        goal = stage.begin_docking()
+        stage.wait_docking("SERVOING")
+        stage.wait_faster(0.08)
+        stage.estop(True)
+        stage.wait_stands(3.0)
+        result = goal.wait(2.0)
+        assert (result.success, result.error_code) == (False, result.SAFETY_STOP)
+        assert result.reason == "emergency stop"
+        stage.wait_docking("FAILED", 2.0)
+        stage.release()
+        before = stage.at()
+        stage.assert_wheels_rest(1.0)
+        assert stage.at().distance_to(before) < 0.002  # released, it does not go on by itself
+
+
+def test_a_marker_covered_and_a_chair_moved_end_in_a_docking() -> None:
+    with staged_before_chair(START, "docking_controller.tries=2") as stage:
+        goal = stage.begin_docking()
+        stage.wait_docking("SERVOING")
+        stage.inject("cover", "0", duration_s=1.0, into=services.INJECT_CAMERA_FAULT)
+        stage.docking.wait(lambda message: message.visible_markers_count == 3, "three markers")
+        stage.docking.wait(lambda message: message.visible_markers_count == 4, "four markers again", 20.0)
+        stage.wait_docking("FINE_ALIGN")
+        before = stage.at()
+        stage.inject("chair_moved", "0.0,0.2,0.0")
+        stage.wait_docking("APPROACH", 5.0)
+        assert stage.at().distance_to(before) < 0.05  # it goes on only until the markers show it
+        result = goal.wait(90.0)
+        assert result.success, result.reason
+        assert result.tries == 2
+        assert goal.states[-1] == "DOCKED"
+        stage.run(0.2)
+        assert stage.passenger.last.data is True
+        position_m, yaw_rad = stage.docking_error()
+        assert position_m < 0.0005  # the closed latch holds the robot at the dock pose
+        assert yaw_rad < math.radians(0.1)
+
+
+def test_a_controller_that_dies_with_a_wheelchair_comes_back_holding_it() -> None:
+    with staged_before_chair(START) as stage:
+        stage.be_docked()
+        stage.kill("docking_controller")
+        stage.wait_restarted("docking_controller")
+        stage.wait_docking("DOCKED", 10.0)
+        stage.run(0.5)
+        assert stage.passenger.last.data is True
+        before = stage.at()
+        result = stage.begin_undocking().wait(30.0)
+        assert result.success, result.reason
+        stage.run(0.2)
+        assert stage.passenger.last.data is False
+        assert stage.at().distance_to(before) == pytest.approx(0.5, abs=0.03)
+
+
+def test_a_latch_that_does_not_confirm_is_given_up_with_a_reason() -> None:
+    with staged_before_chair(START, "docking_controller.tries=2") as stage:
+        stage.inject("latch_no_confirm")
+        result = stage.begin_docking().wait(120.0)
+        assert (result.success, result.error_code, result.tries) == (False, result.LATCH_FAILED, 2)
+        assert "did not close" in result.reason
+        stage.wait_stands(3.0)
+        stage.wait_docking("FAILED", 2.0)
+        assert stage.passenger.last.data is False

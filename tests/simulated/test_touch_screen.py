@@ -1,0 +1,84 @@
+"""A passenger's ride and staff's driving by the touch screen's protocol. In Chromium: tests/scenarios, tests/ui."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from tests.simulated.stage import Stage, staged
+
+_PIN = "2468"
+_PAD_PERIOD_S = 0.05
+
+
+class Person:
+    """A person at a page of the robot's own screen, who answers for what the server says."""
+
+    def __init__(self, stage: Stage) -> None:
+        assert stage.stack.server is not None
+        self._stage, self._page = stage, stage.stack.server.open_page()
+        stage.run(0.2)
+
+    def say(self, **message: Any) -> None:
+        """Raises AssertionError if the server refuses it."""
+        number = self._page.say(**message)
+        self._stage.wait(lambda: self._answer(number), f"an answer to {message}")
+        answer = self._answer(number)
+        assert answer is not None
+        assert answer["ok"], answer
+
+    def _answer(self, number: int) -> dict[str, Any] | None:
+        answers = (json.loads(text) for text in self._page.answers)
+        return next((answer for answer in answers if answer.get("id") == number), None)
+
+    def unlock(self) -> None:
+        self.say(t="login", pin=_PIN)
+
+    def push(self, x: float, y: float, turn: float, duration_s: float) -> None:
+        """A finger on the pad for so long."""
+        for _ in range(round(duration_s / _PAD_PERIOD_S)):
+            self._page.say(t="pad", x=x, y=y, turn=turn, at_ms=round(1e3 * self._stage.now_s))
+            self._stage.run(_PAD_PERIOD_S)
+
+
+@contextmanager
+def _screen() -> Iterator[tuple[Stage, Person]]:
+    with staged() as stage:
+        yield stage, Person(stage)
+
+
+def test_a_ride_is_started_paused_stopped_released_and_finished() -> None:
+    with _screen() as (stage, person):
+        person.say(t="start", mission="short_hop")
+        stage.wait_faster(0.3)
+        person.say(t="pause")
+        stage.wait_mission("PAUSED")
+        stage.wait_stands()
+        person.say(t="resume")
+        stage.wait_faster(0.3)
+        person.say(t="stop")
+        stage.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
+        stage.wait_stands()
+        person.unlock()
+        stage.run(0.5)
+        person.say(t="reset")
+        stage.wait_safety("NORMAL")
+        stage.run(0.5)  # mission_manager has received the release too
+        person.say(t="resume")
+        stage.wait_mission("COMPLETED", 60.0)
+        stage.wait_stands()
+
+
+def test_staff_drive_by_hand_and_the_robot_stops_when_the_finger_lifts() -> None:
+    with _screen() as (stage, person):
+        person.unlock()
+        person.push(1.0, 0.0, 0.0, 3.0)
+        assert stage.speed_mps > 0.3
+        person.say(t="lift")
+        stage.wait_stands(3.0)
+        # A page that dies with the finger on it does not drive on.
+        person.push(1.0, 0.0, 0.0, 3.0)
+        assert stage.speed_mps > 0.3
+        stage.wait_stands(3.0)
