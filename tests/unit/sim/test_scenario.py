@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sim.run.kernel_run import run_kernel
+from sim.run.runner import run
 
 from robot_stack.core.config import ConfigError, config_dir, validate
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.drive.kinematics import ModuleSetPoints
 from sim.plant.rig import Rig
 from sim.plant.world import Setup
-from sim.run.kernel_run import run_kernel
 from sim.run.run_log import Moment, RunLog, motion_figures
-from sim.run.runner import run
 from sim.run.scenario import Event, Expectation, Scenario, load_scenario
 from sim.worldfile import load_world
 
