@@ -17,14 +17,10 @@ from std_msgs.msg import Bool
 
 from custom_msgs.msg import MissionStatus, SafetyStatus, SwerveModuleCommandArray, UICommand
 from robot_stack.contract import frames, services, topics
-from robot_stack.core.config import load
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.middleware.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg, twist_stamped
 from robot_stack.middleware.emergency_stop import StopSource
 from robot_stack.middleware.interfaces import interface_class
-from robot_stack.recording.params import RecorderParams
-from robot_stack.recording.selection import selected
-from robot_stack.recording.sweeps import SweepChoice
 from sim.nodes.camera_driver import CameraDriverNode
 from sim.run.ride import Ride
 from sim.run.ride_notes import RideNotes
@@ -35,6 +31,7 @@ from sim.scheduler.observers import Digest, Observer, Recording
 from sim.scheduler.process import Process
 from sim.scheduler.scheduler import Failure
 from sim.settings import FEW_BEAMS, pose_settings, world_settings
+from sim.stack.recording import record_run
 from sim.stack.stack import SimulatedStack, StackSetup
 
 _READY_S = 60.0
@@ -110,8 +107,8 @@ class ScheduledRun:
         scheduler = stack.scheduler
         self.digest = Digest((str(stack.folder).encode(), str(scheduler.runtime_folder).encode()))
         scheduler.add_observer(self.digest)
-        self._recording = self._record(self.options.record)
         self.notes = RideNotes(stack.test_tool.subscribe)
+        self._recording = self._record(self.options.record)
         for row, callback in (
             (topics.WHEEL_COMMANDS, self._on_wheel_commands),
             (topics.CMD_VEL_LIMITED, self._on_requested),
@@ -367,15 +364,10 @@ class ScheduledRun:
     def _record(self, folder: Path | None) -> Recording | None:
         if folder is None:
             return None
-        params = load(RecorderParams, "recorder")
-        sweeps = SweepChoice(params.sweeps, params.sweep_rate_hz)
-        rows = [row for row in selected(params) if sweeps.subscribes(row)]
-        thinned = {row.name for row in rows if sweeps.thins(row)}
-
-        def wants(topic: str, ros_s: float) -> bool:
-            return topic not in thinned or sweeps.wants(topic, ros_s)
-
-        recording = Recording(folder, rows, self.stack.scheduler.clock_start_ns, wants)
+        clock_start_ns = self.stack.scheduler.clock_start_ns
+        recording = record_run(
+            folder, clock_start_ns, lambda: self.notes.docking.state if self.notes.docking else "IDLE"
+        )
         self.stack.scheduler.add_observer(recording)
         return recording
 

@@ -169,7 +169,7 @@ def _run(job: Job, hazards: Hazards, folder: ResultFolder, *, plots: bool, shrin
     folder.write_inputs(scenario)
     try:
         outcome = carry_out(job, hazards, log, RunProgress(sys.stdout), folder.write_node_log)
-    except (RunFailed, FaultRefused, SimulationDiverged, ValueError) as error:
+    except (RunFailed, FaultRefused, SimulationDiverged, ValueError, OSError) as error:
         log(f"FAILED to run: {error}")
         log(f"log of the nodes: {folder.path / 'nodes.log'}")
         return EXIT_UNFULFILLED
