@@ -31,7 +31,18 @@ from sim.run.demo_display import MOVING_MPS, Display, describe
 from sim.run.demo_recording import Recording, film_of
 from sim.run.result_page import Result, result_page
 from sim.run.ride import Carriage, Figures, Ride, arrivals, carriage, figures, stops
-from sim.settings import WORLDLY, own_map, pose_settings, world_settings
+from sim.settings import (
+    DEMO_MISSION,
+    SHORT_MISSION,
+    SHORT_START,
+    START_ERROR_DEG,
+    START_ERROR_M,
+    WORLDLY,
+    own_map,
+    pose_settings,
+    world_settings,
+    wrong_start,
+)
 from sim.worldfile import load_world
 
 _READY_S = 60.0
@@ -41,8 +52,6 @@ _PATIENCE_S = 60.0  # of the world's time without progress
 _SETTLE_S = 30.0
 _STOP_S = 2.0  # standing for so long is told as a stop
 _RECORDING_S = 15.0  # a ride without a recording is better than none
-# Near the wheelchair, in the yard.
-SHORT, SHORT_START = "short_transport", Pose2(-0.3, 8.8, 2.4)
 _OVER = ("COMPLETED", "FAILED", "ABORTED", "IDLE")
 
 
@@ -146,8 +155,7 @@ def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
 
 def _settings(options: argparse.Namespace) -> list[str]:
     start = options.start or load_world(options.world).start.pose()
-    off_m, off_rad = options.start_error_m, math.radians(options.start_error_deg)
-    believed = Pose2(start.x + 0.8 * off_m, start.y - 0.6 * off_m, start.yaw + off_rad)
+    believed = wrong_start(start, options.start_error_m, options.start_error_deg)
     return [
         *world_settings(options.world),
         *(pose_settings("sim_world.start", start) if options.start else []),
@@ -327,17 +335,17 @@ def _folder(output: Path) -> Path:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="demo", description="Starts the stack in the simulation and rides a mission.")
-    parser.add_argument("--mission", default="site_transport", help="a mission of config/missions/")
+    parser.add_argument("--mission", default=DEMO_MISSION, help="a mission of config/missions/")
     parser.add_argument("--world", default="yard", help="a world of config/worlds/")
     parser.add_argument("--seed", type=int, default=1, help="of the simulation's noise")
     parser.add_argument("--speed", type=float, default=None, help="of the world, times real time at the most")
-    parser.add_argument("--start-error-m", type=float, default=1.0, help="how wrong the believed start is")
-    parser.add_argument("--start-error-deg", type=float, default=10.0, help="how wrong its heading is")
+    parser.add_argument("--start-error-m", type=float, default=START_ERROR_M, help="how wrong the believed start is")
+    parser.add_argument("--start-error-deg", type=float, default=START_ERROR_DEG, help="how wrong its heading is")
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder for plots and figures")
     parser.add_argument("--short", action="store_true", help="the wheelchair's transport alone, in about a minute")
     parser.set_defaults(start=None)
     if parser.parse_known_args()[0].short:
-        parser.set_defaults(mission=SHORT, start=SHORT_START, start_error_m=0.0, start_error_deg=0.0)
+        parser.set_defaults(mission=SHORT_MISSION, start=SHORT_START, start_error_m=0.0, start_error_deg=0.0)
     return parser.parse_args()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from robot_stack.core.config import ConfigError
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.site_map import map_folder
@@ -11,10 +13,20 @@ WORLDLY = ("sim_world", "camera_driver", "lidar_driver", "overhead_lidar_driver"
 # A LiDAR with a sixth of its beams, for machines and tests that have other things to do.
 FEW_BEAMS = ("lidar_driver.columns=400", "perception_pipeline.watch.points_min=2500")
 
+# The ride of the demonstration, and its short form, which starts near the wheelchair.
+DEMO_MISSION, SHORT_MISSION, SHORT_START = "site_transport", "short_transport", Pose2(-0.3, 8.8, 2.4)
+# How wrong the start that the demonstration's localization is given is.
+START_ERROR_M, START_ERROR_DEG = 1.0, 10.0
+
 
 def pose_settings(prefix: str, pose: Pose2) -> list[str]:
     """The three parameters of a pose, e.g. ``sim_world.start_x_m=1.0`` for the prefix ``sim_world.start``."""
     return [f"{prefix}_x_m={pose.x}", f"{prefix}_y_m={pose.y}", f"{prefix}_yaw_rad={pose.yaw}"]
+
+
+def wrong_start(start: Pose2, off_m: float, off_deg: float) -> Pose2:
+    """The pose that localization starts with where the robot stands at ``start``: so far away, turned by so much."""
+    return Pose2(start.x + 0.8 * off_m, start.y - 0.6 * off_m, start.yaw + math.radians(off_deg))
 
 
 def world_settings(world: str) -> list[str]:

@@ -1,7 +1,6 @@
 """Scenario files: ``config/scenarios/<name>.yaml``, what happens when in a run and what is expected of it.
 
-Two kinds. ``kernel``: the drive's kernels, the engine and the physics in one process, without ROS, as fast as the
-machine can. ``stack``: the whole stack by the supervisor, as on the robot. Times are simulated s since the run began.
+A scenario runs the whole stack on the deterministic scheduler. Times are simulated s since the robot could drive.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config, read_yaml, validate
+from robot_stack.core.config import Config, ConfigError, config_dir, read_yaml, validate
 from robot_stack.core.geometry import Pose2, Twist2
 from sim.worldfile import Place, load_world
 
@@ -99,16 +98,19 @@ class Expectation(Config):
 
 
 class Scenario(Config):
-    """One file. ``limit_s`` ends a run that does not end by itself: a mission's or the last goal's end."""
+    """One file.
+
+    limit_s: ends a run that does not end by itself, with its mission or at its last goal. believed_start: the pose that
+    localization starts with, None for the true one. only: processes of the profile to start, all if empty.
+    """
 
     description: str
-    kind: Literal["kernel", "stack"]
     world: str
     seed: Annotated[int, Field(ge=0)]
     limit_s: Annotated[float, Field(gt=0.0, le=3600.0)]
     start: Place | None = None
+    believed_start: Place | None = None
     passenger_mass_kg: Annotated[float, Field(ge=0.0)] | None = None
-    speed: Annotated[float, Field(gt=0.0)] = 1.0
     twists: list[TwistAt] = []
     goals: list[Place] = []
     mission: str | None = None
@@ -118,16 +120,10 @@ class Scenario(Config):
     expect: list[Expectation] = []
 
     @model_validator(mode="after")
-    def _fits_its_kind(self) -> Scenario:
+    def _one_request(self) -> Scenario:
         requests = [name for name in ("twists", "goals", "mission") if getattr(self, name)]
         if len(requests) > 1:
             raise ValueError(f"twists, goals and mission exclude each other; given are {', '.join(requests)}")
-        if self.kind == "kernel" and (self.goals or self.mission or self.settings or self.only or self.speed != 1.0):
-            raise ValueError("goals, mission, settings, only and speed need kind: stack")
-        of_stack = [event for event in self.events if event.kill or event.reset or event.goal_again]
-        bad = [event.describe() for event in of_stack if self.kind == "kernel"]
-        if bad:
-            raise ValueError(f"events.{bad[0]} needs kind: stack")
         return self
 
     def start_pose(self) -> Pose2:
@@ -138,3 +134,15 @@ class Scenario(Config):
 def load_scenario(path: Path) -> Scenario:
     """Raises ConfigError."""
     return validate(Scenario, read_yaml(path), str(path))
+
+
+def load_named_scenario(name: str) -> tuple[Scenario, str]:
+    """A file, or the name of one in config/scenarios/, and its name. Raises ConfigError."""
+    folder = config_dir() / "scenarios"
+    path = Path(name)
+    if not path.is_file():
+        path = folder / f"{name}.yaml"
+    if not path.is_file():
+        known = ", ".join(sorted(item.stem for item in folder.glob("*.yaml")))
+        raise ConfigError(f"there is no scenario file {name!r}, and no such scenario in {folder}; known: {known}")
+    return load_scenario(path), path.stem

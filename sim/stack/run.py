@@ -17,14 +17,10 @@ from std_msgs.msg import Bool
 
 from custom_msgs.msg import MissionStatus, SafetyStatus, SwerveModuleCommandArray, UICommand
 from robot_stack.contract import frames, services, topics
-from robot_stack.core.config import load
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.middleware.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg, twist_stamped
 from robot_stack.middleware.emergency_stop import StopSource
 from robot_stack.middleware.interfaces import interface_class
-from robot_stack.recording.params import RecorderParams
-from robot_stack.recording.selection import selected
-from robot_stack.recording.sweeps import SweepChoice
 from sim.nodes.camera_driver import CameraDriverNode
 from sim.run.ride import Ride
 from sim.run.ride_notes import RideNotes
@@ -32,8 +28,10 @@ from sim.run.run_log import Four, Moment, RunLog, motion_figures
 from sim.run.scenario import Event, Scenario
 from sim.scheduler.events import NANOSECONDS
 from sim.scheduler.observers import Digest, Observer, Recording
+from sim.scheduler.process import Process
 from sim.scheduler.scheduler import Failure
 from sim.settings import FEW_BEAMS, pose_settings, world_settings
+from sim.stack.recording import record_run
 from sim.stack.stack import SimulatedStack, StackSetup
 
 _READY_S = 60.0
@@ -109,8 +107,8 @@ class ScheduledRun:
         scheduler = stack.scheduler
         self.digest = Digest((str(stack.folder).encode(), str(scheduler.runtime_folder).encode()))
         scheduler.add_observer(self.digest)
-        self._recording = self._record(self.options.record)
         self.notes = RideNotes(stack.test_tool.subscribe)
+        self._recording = self._record(self.options.record)
         for row, callback in (
             (topics.WHEEL_COMMANDS, self._on_wheel_commands),
             (topics.CMD_VEL_LIMITED, self._on_requested),
@@ -152,17 +150,22 @@ class ScheduledRun:
         return self.notes.safety
 
     def run(self) -> RunResult:
-        """Raises RunFailed, SimulationDiverged, FaultRefused."""
+        """Raises RunFailed, SimulationDiverged, FaultRefused, ValueError for an event that names no process."""
         self.start()
-        scheduler = self.stack.scheduler
-        end_s = scheduler.now_s + min(self.scenario.limit_s, self.options.until_s)
-        scheduler.run(end_s, self._over)
+        self.ride()
         return self.result()
+
+    def ride(self) -> bool:
+        """From ``start`` to the end. Returns True if the mission, or the last goal, ended the run."""
+        scheduler = self.stack.scheduler
+        return scheduler.run(scheduler.now_s + min(self.scenario.limit_s, self.options.until_s), self._over)
 
     def start(self) -> None:
         """Runs until the robot may drive; from there on the scenario's time counts. Raises RunFailed."""
         scheduler = self.stack.scheduler
         if not scheduler.run_for(_READY_S, self._may_drive):
+            if scheduler.events.stopped:
+                raise RunFailed("stopped before the robot could drive")
             state = "" if self.safety is None else f"{self.safety.safety_state} {' '.join(self.safety.active_faults)}"
             raise RunFailed(f"not fit to drive after {_READY_S:.0f} s: {state} {self.stack.supervision.waiting()}")
         self._wheel_radius_m = self.world.node.robot.wheel_radius_m
@@ -188,6 +191,8 @@ class ScheduledRun:
         figures["touched"] = ", ".join(self.world.sim.world.touched)
         truth = self.world.sim.world.truth()
         figures["odometry_error_m"] = self._odometry_error_m()
+        alarms = {int(code) for code in self.world.sim.world.drives.alarm_codes if code}
+        figures["drive_alarms"] = ", ".join(f"0x{code:04X}" for code in sorted(alarms))
         self.digest.add(struct.pack("<7d", *truth.position_m, *truth.quaternion_xyzw))
         return RunResult(
             self.digest.hexdigest(),
@@ -288,8 +293,14 @@ class ScheduledRun:
         elif event.passenger is not None:
             self._passenger.publish(Bool(data=event.passenger))
         elif event.kill is not None:
-            self.stack.scheduler.processes[event.kill].kill()
+            self._process(event.kill).kill()
         self._note_event(done)
+
+    def _process(self, name: str) -> Process:
+        processes = self.stack.scheduler.processes
+        if name not in processes:
+            raise ValueError(f"kill: no process {name!r} in this stack; there are {', '.join(sorted(processes))}")
+        return processes[name]
 
     def _note_event(self, text: str) -> None:
         self.run_log.events.append((self.now_s, text))
@@ -361,15 +372,10 @@ class ScheduledRun:
     def _record(self, folder: Path | None) -> Recording | None:
         if folder is None:
             return None
-        params = load(RecorderParams, "recorder")
-        sweeps = SweepChoice(params.sweeps, params.sweep_rate_hz)
-        rows = [row for row in selected(params) if sweeps.subscribes(row)]
-        thinned = {row.name for row in rows if sweeps.thins(row)}
-
-        def wants(topic: str, ros_s: float) -> bool:
-            return topic not in thinned or sweeps.wants(topic, ros_s)
-
-        recording = Recording(folder, rows, self.stack.scheduler.clock_start_ns, wants)
+        clock_start_ns = self.stack.scheduler.clock_start_ns
+        recording = record_run(
+            folder, clock_start_ns, lambda: self.notes.docking.state if self.notes.docking else "IDLE"
+        )
         self.stack.scheduler.add_observer(recording)
         return recording
 
@@ -389,12 +395,13 @@ class _PicturesWhileDocking(Observer):
 
 def _settings(scenario: Scenario, *, light: bool) -> tuple[str, ...]:
     start, passenger = scenario.start_pose(), scenario.passenger_mass_kg
+    believed = start if scenario.believed_start is None else scenario.believed_start.pose()
     return (
         *world_settings(scenario.world),
         *pose_settings("sim_world.start", start),
         f"sim_world.attached_at_start={'false' if passenger is None else 'true'}",
         *([] if passenger is None else [f"sim_world.passenger_mass_kg={passenger}"]),
-        *pose_settings("ndt_localization.start", start),
+        *pose_settings("ndt_localization.start", believed),
         *(FEW_BEAMS if light else ()),
         *scenario.settings,
     )

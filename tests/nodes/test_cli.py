@@ -57,7 +57,7 @@ def test_help_names_every_verb_and_imports_no_ros() -> None:
     shown = cli("--help").stdout
     for verb in ("up", "down", "status", "restart", "run", "mission", "estop", "reset", "topics", "record"):
         assert f" {verb} " in shown
-    for verb in ("doctor", "bench", "scenario", "docking", "view", "film"):
+    for verb in ("doctor", "bench", "simulate", "docking", "view", "film"):
         assert f" {verb} " in shown
 
 
@@ -160,8 +160,8 @@ def test_benchmarks_are_listed_and_unknown_ones_refused() -> None:
     assert "there is no benchmark 'nothing'; known: " in done.stderr
 
 
-def test_scenario_without_a_file_is_refused() -> None:
-    done = cli("scenario", "/nowhere.yaml")
+def test_simulate_without_a_scenario_is_refused() -> None:
+    done = cli("simulate", "/nowhere.yaml")
     assert done.returncode == 2
     assert "nowhere.yaml" in done.stderr
 

@@ -20,8 +20,8 @@ from robot_stack.core.mission_library import MissionLibrary
 from robot_stack.core.robot import Footprint, load_robot
 from robot_stack.mission import route
 from robot_stack.mission.params import MissionParams
-from sim.demo import SHORT, SHORT_START
 from sim.plant.terrain import solids
+from sim.settings import SHORT_MISSION, SHORT_START
 from sim.worldfile import load_world
 
 CLEARANCE_M = 0.25
@@ -185,7 +185,7 @@ def test_it_keeps_clear_of_everything(transport):
 
 
 def test_the_short_one_keeps_clear_from_its_own_start():
-    short = MissionLibrary(config_dir() / "missions").find(SHORT)
+    short = MissionLibrary(config_dir() / "missions").find(SHORT_MISSION)
     close = {key: round(gap, 3) for key, gap in clearances(short, SHORT_START).items() if gap <= CLEARANCE_M + UNSEEN_M}
     assert close == {}
     for name, a, b, _, _ in legs(short, SHORT_START):

@@ -1,11 +1,8 @@
-"""Scenario files, the figures of a run, and the runs that need no ROS."""
+"""Scenario files, the figures of a run, and the rig."""
 
 from __future__ import annotations
 
-import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +14,14 @@ from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.drive.kinematics import ModuleSetPoints
 from sim.plant.rig import Rig
 from sim.plant.world import Setup
-from sim.run.kernel_run import run_kernel
 from sim.run.run_log import Moment, RunLog, motion_figures
-from sim.run.runner import run
-from sim.run.scenario import Event, Expectation, Scenario, load_scenario
+from sim.run.scenario import Event, Expectation, Scenario, load_named_scenario, load_scenario
 from sim.worldfile import load_world
 
 from .bench import PARAMS, ROBOT
 
 SCENARIOS = sorted((config_dir() / "scenarios").glob("*.yaml"))
-KERNEL = [path for path in SCENARIOS if load_scenario(path).kind == "kernel"]
-MINIMAL: dict[str, Any] = {"description": "test", "kind": "kernel", "world": "flat", "seed": 1, "limit_s": 2.0}
+MINIMAL: dict[str, Any] = {"description": "test", "world": "flat", "seed": 1, "limit_s": 2.0}
 
 
 def scenario(**more: Any) -> Scenario:
@@ -40,34 +34,17 @@ def test_every_scenario_is_valid_and_expects_something(path: Path) -> None:
     load_world(load_scenario(path).world)
 
 
-@pytest.mark.parametrize("path", KERNEL, ids=lambda path: path.stem)
-def test_every_kernel_scenario_goes_as_expected(path: Path) -> None:
-    item = load_scenario(path)
-    _, figures = run_kernel(item, lambda line: None)
-    assert [problem for one in item.expect if (problem := one.problem(figures))] == []
-
-
-def test_the_same_seed_gives_the_same_figures() -> None:
-    item = scenario(twists=[{"at_s": 0.1, "vx_mps": 0.5, "omega_radps": 0.3}])
-    assert run_kernel(item, print)[1] == run_kernel(item, print)[1]
-    other = item.model_copy(update={"seed": 2})
-    assert run_kernel(other, print)[1]["final_x_m"] != run_kernel(item, print)[1]["final_x_m"]
-
-
 @pytest.mark.parametrize(
     ("change", "field"),
     [
-        ({"kind": "film"}, "kind"),
         ({"limit_s": 0}, "limit_s"),
         ({"limit_s": math.inf}, "limit_s"),
         ({"twists": [{"at_s": -1}]}, "twists.0.at_s"),
         ({"twists": [{"at_s": 0, "vx_mps": math.nan}]}, "twists.0.vx_mps"),
-        ({"mission": "yard_tour"}, "need kind: stack"),
-        ({"kind": "stack", "mission": "a", "goals": [{"x_m": 1, "y_m": 0, "yaw_deg": 0}]}, "exclude each other"),
+        ({"mission": "a", "goals": [{"x_m": 1, "y_m": 0, "yaw_deg": 0}]}, "exclude each other"),
         ({"events": [{"at_s": 1}]}, "exactly one of fault"),
         ({"events": [{"at_s": 1, "estop": True, "reset": True}]}, "exactly one of fault"),
         ({"events": [{"at_s": 1, "estop": True, "value": 2}]}, "belong to a fault"),
-        ({"events": [{"at_s": 1, "kill": "ndt_localization"}]}, "kill ndt_localization needs kind: stack"),
         ({"expect": [{"figure": "distance_m"}]}, "one of above, below, equals"),
         ({"speeed": 2}, "speeed"),
     ],
@@ -146,7 +123,7 @@ def test_nothing_noted_is_an_error() -> None:
         motion_figures(RunLog(), None)
 
 
-# --- rig and runner -----------------------------------------------------------------------------------------------
+# --- rig ----------------------------------------------------------------------------------------------------------
 
 
 class Constant:
@@ -178,40 +155,9 @@ def test_a_rig_takes_any_controller() -> None:
     assert twist.vy == pytest.approx(0.6 * math.sin(0.7), abs=0.01)
 
 
-def test_a_run_leaves_its_folder(tmp_path: Path) -> None:
-    item = scenario(twists=[{"at_s": 0.1, "vx_mps": 0.5}], expect=[{"figure": "distance_m", "above": 0.1}])
-    assert run(item, "short", tmp_path) == 0
-    result = json.loads((tmp_path / "figures.json").read_text())
-    assert result["name"] == "short"
-    assert result["figures"]["distance_m"] > 0.1
-    assert (result["conditions"]["seed"], result["problems"]) == (1, [])
-    assert load_scenario(tmp_path / "scenario.yaml") == item, "the effective scenario runs again"
-    assert (tmp_path / "config" / "robot.yaml").is_file()
-    for name in ("path.png", "speed.png", "wheels.png", "safety.png"):
-        assert (tmp_path / name).stat().st_size > 1000
-    assert "as expected" in (tmp_path / "log.txt").read_text()
-
-
-def test_an_unfulfilled_expectation_is_told(tmp_path: Path) -> None:
-    item = scenario(expect=[{"figure": "distance_m", "above": 5.0}])
-    assert run(item, "lazy", tmp_path, plots=False) == 1
-    assert "distance_m must be above 5" in json.loads((tmp_path / "figures.json").read_text())["problems"][0]
-
-
-def test_a_fault_that_is_refused_ends_the_run(tmp_path: Path) -> None:
-    item = scenario(events=[{"at_s": 0.5, "fault": "meteor"}])
-    assert run(item, "meteor", tmp_path, plots=False) == 1
-    assert "no fault 'meteor'" in (tmp_path / "log.txt").read_text()
-
-
-def test_the_program_finds_scenarios_by_name_and_refuses_what_is_wrong(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "sim.run.runner", "bus_loss", "--output", str(tmp_path), "--no-plots"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert (tmp_path / "bus_loss-latest" / "figures.json").is_file()
-    wrong = tmp_path / "wrong.yaml"
-    wrong.write_text("kind: film\n")
-    done = subprocess.run([*command[:3], str(wrong), *command[4:]], capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert "scenario: " in done.stderr
-    assert "kind" in done.stderr
+def test_a_scenario_is_found_by_file_and_by_name(tmp_path: Path) -> None:
+    by_name, name = load_named_scenario("bus_loss")
+    assert name == "bus_loss"
+    assert load_named_scenario(str(config_dir() / "scenarios" / "bus_loss.yaml")) == (by_name, "bus_loss")
+    with pytest.raises(ConfigError, match=r"no scenario file 'nothing'.*known: bus_loss, emergency_stop_loaded"):
+        load_named_scenario("nothing")
