@@ -7,6 +7,7 @@ invariant the command that repeats it.
 from __future__ import annotations
 
 import argparse
+import itertools
 import shlex
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -127,7 +128,7 @@ def shrink(items: Sequence[T], fails: Callable[[tuple[T, ...]], bool]) -> tuple[
 
 def _split(items: tuple[int, ...], parts: int) -> list[tuple[int, ...]]:
     ends = [round(len(items) * part / parts) for part in range(parts + 1)]
-    return [items[a:b] for a, b in zip(ends, ends[1:], strict=False) if b > a]
+    return [items[a:b] for a, b in itertools.pairwise(ends) if b > a]
 
 
 def shrunk(
