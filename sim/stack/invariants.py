@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from custom_msgs.msg import MissionStatus, UICommand
 from robot_stack.contract import faults, topics
-from robot_stack.contract.model import EVERY_NODE, SafetyAction, System, Topic
+from robot_stack.contract.model import EVERY_NODE, Criticality, SafetyAction, System, Topic
 from robot_stack.contract.processes import BY_NAME, HEARTBEAT_STALE_S
 from robot_stack.core.config import load
 from robot_stack.core.robot import Motion
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 _STANDING_MPS, _STANDING_RADPS = 0.05, 0.1
 _GRAVITY_MPS2 = 9.81
 _REACTION_S = 0.1  # a tick of the monitor, its computing, and a message
+_DEAD_S = HEARTBEAT_STALE_S + 2.0 * _REACTION_S
 _BRAKING_REACTION_S = 0.15  # from the message to the wheels
 _STOOD_S = 0.5  # a robot that has stood so long does not walk into people
 _RESTART_WITHIN_S = 40.0  # the supervisor's longest back-off and a construction
@@ -70,7 +71,7 @@ _STOPS = tuple(
     for row in faults.FAULTS
     if row.action >= SafetyAction.STOP and row.code not in ("SLOPE", "NODE_DEAD", "COLLISION_IMMINENT")
 )
-_LIMITS = ("IMU_TIMEOUT", "BATTERY_CRITICAL", "LATCH_NOT_STORED", "NODE_DEAD")
+_LIMITS = ("IMU_TIMEOUT", "BATTERY_CRITICAL", "LATCH_NOT_STORED")
 # What a person or a tool asks for; goals and commands that the robot's own nodes derive from it are no requests.
 _ASKING = ("touch_ui", "joystick_driver", topics.OPERATOR_TOOL, topics.TEST_TOOL)
 
@@ -96,7 +97,7 @@ class Envelope:
 
     def __init__(self, notice_s: float) -> None:
         self._notice_s = notice_s
-        self.permitted_mps = math.inf
+        self.permitted_mps = 0.0  # rises to the first limit
         self._falling_since_s: float | None = None
         self._before_s = 0.0
 
@@ -350,7 +351,7 @@ class Invariants(Observer):
         moves_s = self._since.for_s("moves", moving, now_s)
         if self._stop_since_s is not None:
             stopped_s = now_s - self._stop_since_s
-            if moves_s >= 0.0 and stopped_s > self._braking_s() and stopped_s > moves_s - _BRAKING_REACTION_S:
+            if moving and stopped_s > self._braking_s():
                 subject = f"{self._stop_since_s:.3f}"
                 text = f"the robot moves {stopped_s:.2f} s after the emergency stop at {self._stop_speed[0]:.2f} m/s"
                 self.report("moves_while_stopped", subject, text)
@@ -427,7 +428,7 @@ class Invariants(Observer):
         yield "EHMI_LINK_LOST", stale_s + _DISPLAY_S, held("cable", unplugged, now_s)
         yield from self._computer_conditions(now_s)
         for name in params.expected_processes:
-            yield "NODE_DEAD", HEARTBEAT_STALE_S + 2.0 * _REACTION_S, self._down_s(name, now_s)
+            yield "NODE_DEAD", _DEAD_S, self._down_s(name, now_s)
 
     def _computer_conditions(self, now_s: float) -> Iterator[tuple[str, float, float]]:
         kernel, limits, held = self._stack.computer.kernel, self._params.computer, self._since.for_s
@@ -452,17 +453,34 @@ class Invariants(Observer):
 
     def _judge_actions(self, now_s: float) -> None:
         """From a row in /safety/status to its action: the limit, and the state of an emergency stop."""
-        degraded_mps = self._params.degraded_limit_mps
+        # Drives that have never been up for this life of the monitor stop it, and latch only after the grace.
+        starting = now_s - self._monitor_since_s < self._params.startup_grace_s
         for code, since_s in self._rows_since.items():
             if now_s - since_s < _REACTION_S:
                 continue
-            row = faults.BY_CODE[code]
-            most_mps = 0.0 if code in _STOPS else degraded_mps if code in _LIMITS else math.inf
+            most_mps = self._most_mps(code, now_s)
             if self._limit_mps > most_mps + 1e-6:
                 text = f"{code} is active, and the limit is {self._limit_mps:.2f} m/s; it must be {most_mps:g}"
                 self.report("action_missing", code, text)
-            if row.action is SafetyAction.EMERGENCY_STOP and self._safety.safety_state != _EMERGENCY:
+            latches = faults.BY_CODE[code].action is SafetyAction.EMERGENCY_STOP
+            if latches and not starting and self._safety.safety_state != _EMERGENCY:
                 self.report("action_missing", code, f"{code} is active without an emergency stop")
+
+    def _most_mps(self, code: str, now_s: float) -> float:
+        """The greatest limit that the row's action permits."""
+        if code == "NODE_DEAD":
+            # The process decides. One that is back is gone from the row a moment later.
+            down = [
+                BY_NAME[name].criticality
+                for name in self._down_since
+                if name in BY_NAME and self._down_s(name, now_s) > _DEAD_S
+            ]
+            if Criticality.CRITICAL in down:
+                return 0.0
+            return self._params.degraded_limit_mps if Criticality.LIMITING in down else math.inf
+        if code in _STOPS:
+            return 0.0
+        return self._params.degraded_limit_mps if code in _LIMITS else math.inf
 
     # --- lives -------------------------------------------------------------------------------------------------------
 

@@ -16,9 +16,8 @@ AHEAD = {"x_m": 5.0, "y_m": 8.8, "yaw_deg": 0.0}
 
 
 def scenario(start: dict[str, float], **content: Any) -> Scenario:
-    return Scenario.model_validate(
-        {"description": "test", "kind": "stack", "world": "yard", "seed": 1, "limit_s": 120.0, "start": start, **content}
-    )
+    fixed = {"description": "test", "kind": "stack", "world": "yard", "seed": 1, "limit_s": 120.0}
+    return Scenario.model_validate({**fixed, "start": start, **content})
 
 
 @contextmanager

@@ -7,8 +7,6 @@ import pytest
 from sim.stack.faults import PlannedFault
 from tests.simulated.stage import broken, go_on, ride, rows, speed_mps, wait_for_row
 
-_RIDING_S = 3.5  # the departure warning is over, and the robot is at speed
-
 
 def _riding(run) -> None:
     assert run.stack.scheduler.run_for(8.0, lambda: speed_mps(run) > 0.7), f"only {speed_mps(run):.2f} m/s"
@@ -96,7 +94,8 @@ def test_weather_brings_no_contact_and_no_lost_pose(kind: str, value: float) -> 
 
 
 def test_glare_while_docking_brings_no_contact() -> None:
-    with ride(PlannedFault(at_s=2.0, kind="camera.glare", target="front", value=300.0), mission="short_transport") as run:
+    glare = PlannedFault(at_s=2.0, kind="camera.glare", target="front", value=300.0)
+    with ride(glare, mission="short_transport") as run:
         go_on(run, 10.0)
         assert broken(run) == []
 
