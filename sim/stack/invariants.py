@@ -127,7 +127,7 @@ class Since:
 
 
 class Invariants(Observer):
-    """Add it to the scheduler of ``stack``. broken: in the order of time. remarks: what is told beside them."""
+    """Add it to the scheduler of ``stack``. broken: in the order of time. remarks: events that break no invariant."""
 
     def __init__(self, stack: SimulatedStack) -> None:
         self.broken: list[Broken] = []
@@ -152,7 +152,7 @@ class Invariants(Observer):
         self._stop_speed = 0.0, 0.0
         self._stop_confirmed = False
         self._pressed_s: float | None = None
-        self._released_unasked = False
+        self._released_unasked, self._released_s = False, 0.0
         # Lives
         self._monitor_since_s = math.inf
         self._down_since: dict[str, float] = {}
@@ -251,10 +251,12 @@ class Invariants(Observer):
             most = _RATE_FACTOR * row.rate_hz * _RATE_WINDOW_S + 1.0
             if count[1] > most:
                 text = f"{node} has published {topic} {count[1]:.0f} times in {now_s - count[0]:.2f} s"
-                self.report("contract_rate", f"{topic} {node}", f"{text}; the row says {row.rate_hz:g} Hz")
+                self.report("contract_rate", f"{topic} {node}", f"{text}; the row's rate is {row.rate_hz:g} Hz")
         numbers = NUMBERS.get(row.type)
         if numbers is not None and not all(map(math.isfinite, numbers(decoder(row.type)(data)))):
-            self.report("contract_finite", f"{topic} {node}", f"{node} has published numbers on {topic} that are none")
+            self.report(
+                "contract_finite", f"{topic} {node}", f"{node} has published numbers on {topic} that are not finite"
+            )
 
     def _on_safety(self, now_s: float, _: str, data: bytes) -> None:
         before, self._safety = self._safety, decoder(topics.SAFETY_STATUS.type)(data)
@@ -266,7 +268,7 @@ class Invariants(Observer):
             self._pressed_s = None
         elif self._stop_confirmed or (before is not None and before.safety_state == _EMERGENCY):
             self._stop_since_s, self._stop_confirmed = None, False
-            self._released_unasked = True
+            self._released_unasked, self._released_s = True, now_s
 
     def _on_limit(self, now_s: float, _: str, data: bytes) -> None:
         self._limit_mps, self._limit_s = decoder(topics.VELOCITY_LIMIT.type)(data).max_linear_velocity, now_s
@@ -283,7 +285,7 @@ class Invariants(Observer):
     def _on_passenger(self, now_s: float, node: str, data: bytes) -> None:
         attached = self._stack.world is not None and self._stack.world.sim.world.attached
         if attached and not decoder(topics.PASSENGER_ATTACHED.type)(data).data:
-            self.report("passenger_forgotten", node, f"{node} says that no chair is attached: one is latched")
+            self.report("passenger_forgotten", node, f"{node} publishes false while a chair is latched")
 
     def _on_mission(self, now_s: float, _: str, data: bytes) -> None:
         status = self._mission = decoder(topics.MISSION_STATUS.type)(data)
@@ -356,7 +358,7 @@ class Invariants(Observer):
                 text = f"the robot moves {stopped_s:.2f} s after the emergency stop at {self._stop_speed[0]:.2f} m/s"
                 self.report("moves_while_stopped", subject, text)
         elif self._released_unasked and moves_s > _REACTION_S:
-            self.report("moves_unasked", f"{self._rows_since}", "the robot moves after a release that nobody followed")
+            self.report("moves_unasked", f"{self._released_s}", "the robot moves after a release without a new request")
 
     def _braking_s(self) -> float:
         deceleration = self._deceleration(hard=True)
@@ -390,7 +392,7 @@ class Invariants(Observer):
         too_fast_s = self._since.for_s("too fast", speed_mps > permitted + rule.margin_mps, now_s)
         if too_fast_s > rule.hold_s:
             text = f"{speed_mps:.2f} m/s for {too_fast_s:.2f} s where {permitted:.2f} m/s are permitted"
-            self.report("too_fast", f"{now_s:.0f}", text)
+            self.report("too_fast", f"{now_s - too_fast_s:.2f}", text)
 
     # --- rows of the fault list --------------------------------------------------------------------------------------
 
