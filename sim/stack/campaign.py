@@ -50,11 +50,13 @@ class Outcome:
 
 
 def planned_faults(choice: str, seed: int, scenario: Scenario, until_s: float) -> tuple[PlannedFault, ...]:
-    """Those of ``--faults``: empty for none, ``random``, or a file. Raises ConfigError."""
+    """Those of ``--faults``: empty for none, ``random``, ``random:COUNT``, or a file. Raises ConfigError."""
     if not choice:
         return ()
-    if choice == RANDOM:
-        return random_faults(seed, min(scenario.limit_s, until_s, RANDOM_WITHIN_S), RANDOM_COUNT)
+    kind, _, count = choice.partition(":")
+    if kind == RANDOM and (count.isdigit() or not count):
+        within_s = min(scenario.limit_s, until_s, RANDOM_WITHIN_S)
+        return random_faults(seed, within_s, int(count) if count else RANDOM_COUNT)
     return load_faults(Path(choice))
 
 
@@ -91,10 +93,10 @@ def run_once(scenario: Scenario, seed: int, options: RunOptions, command: str) -
 def campaign(path: Path, seeds: Iterable[int], options: RunOptions, count: int = RANDOM_COUNT) -> Iterator[Outcome]:
     """One run with random faults for each seed. Raises ConfigError."""
     scenario = load_scenario(path)
-    within_s = min(scenario.limit_s, options.until_s, RANDOM_WITHIN_S)
+    choice = RANDOM if count == RANDOM_COUNT else f"{RANDOM}:{count}"
     for seed in seeds:
-        chosen = replace(options, faults=random_faults(seed, within_s, count))
-        yield run_once(scenario, seed, chosen, command_of(str(path), seed, RANDOM, options))
+        chosen = replace(options, faults=planned_faults(choice, seed, scenario, options.until_s))
+        yield run_once(scenario, seed, chosen, command_of(str(path), seed, choice, options))
 
 
 def shrink(items: Sequence[T], fails: Callable[[tuple[T, ...]], bool]) -> tuple[T, ...]:
