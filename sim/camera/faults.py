@@ -14,7 +14,7 @@ _VEIL_DN = 30.0
 _GLARE_PLACE = (0.35, 0.40)  # of the image's width and height
 
 
-def _kinds(cameras: tuple[str, ...], markers: tuple[str, ...]) -> tuple[FaultKind, ...]:
+def kinds(cameras: tuple[str, ...], markers: tuple[str, ...]) -> tuple[FaultKind, ...]:
     """Of which camera, or of which marker."""
     return (
         sensor_fault("silent", "the camera sends nothing", targets=cameras),
@@ -34,8 +34,8 @@ class CameraFaults(SensorFaults):
     """The faults in force. cameras: their short names; markers: ids of all boards; size: height, width of pictures."""
 
     def __init__(self, cameras: Iterable[str], markers: Iterable[int], size: tuple[int, int]) -> None:
-        kinds = _kinds(tuple(cameras), tuple(str(marker) for marker in sorted(markers)))
-        super().__init__({kind.name: kind for kind in kinds})
+        rows = kinds(tuple(cameras), tuple(str(marker) for marker in sorted(markers)))
+        super().__init__({kind.name: kind for kind in rows})
         self._size = size
 
     def is_active(self, kind: str, camera: str, now_s: float) -> bool:

@@ -86,7 +86,7 @@ class CameraDriverNode(StackNode):
         self.wants_pictures: Callable[[], bool] = lambda: True
         self._worker = self.worker("camera", world_waits=True)
         self._bodies = Bodies(self, self._on_bodies)
-        serve_faults(self, services.INJECT_CAMERA_FAULT, self._inject)
+        serve_faults(self, services.INJECT_CAMERA_FAULT, self.inject_fault)
         self.set_health(False, f"waiting for {topics.SIM_BODIES.name}")
         self.every(2.0, self._watch)
 
@@ -121,7 +121,8 @@ class CameraDriverNode(StackNode):
     def _watch(self) -> None:
         self._bodies.watch(self.params.silence_s)
 
-    def _inject(self, kind: str, target: str, value: float, duration_s: float) -> str:
+    def inject_fault(self, kind: str, target: str, value: float, duration_s: float) -> str:
+        """Raises FaultRefused."""
         return self._faults.inject(kind, target, value, duration_s, self.now_s())
 
     def _build(self) -> list[_Camera]:

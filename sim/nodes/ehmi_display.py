@@ -28,9 +28,13 @@ class EhmiDisplayNode(StackNode):
         self._display = self.advertise(topics.SIM_EHMI_DISPLAY)
         self._line = self.device(DisplayLine, self.params.firmware, runtime_dir() / self.params.link_name)
         self._faults = DisplayFaults(self._line)
-        serve_faults(self, services.INJECT_EHMI_FAULT, self._faults.inject)
+        serve_faults(self, services.INJECT_EHMI_FAULT, self.inject_fault)
         self.every(self.params.tick_rate_hz, self._tick)
         self.every(topics.SIM_EHMI_DISPLAY.nominal_rate_hz, self._publish)
+
+    def inject_fault(self, kind: str, target: str, value: float, duration_s: float) -> str:
+        """Raises FaultRefused."""
+        return self._faults.inject(kind, target, value, duration_s)
 
     def _tick(self) -> None:
         self._faults.update()

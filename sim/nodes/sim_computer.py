@@ -22,8 +22,12 @@ class SimComputerNode(StackNode):
         self._computer = self.device(SimComputer, self.params, folder, _existing(recordings_dir()))
         self._faults = ComputerFaults(self._computer)
         self.subscribe(topics.UI_HEARTBEAT, lambda _: self._computer.screen.heard())
-        serve_faults(self, services.INJECT_COMPUTER_FAULT, self._faults.inject)
+        serve_faults(self, services.INJECT_COMPUTER_FAULT, self.inject_fault)
         self.every_real(self.params.tick_rate_hz, self._tick)
+
+    def inject_fault(self, kind: str, target: str, value: float, duration_s: float) -> str:
+        """Raises FaultRefused."""
+        return self._faults.inject(kind, target, value, duration_s)
 
     def _tick(self) -> None:
         self._faults.update()

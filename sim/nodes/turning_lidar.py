@@ -73,7 +73,7 @@ class TurningLidar(StackNode):
         self._tf.publish(TFMessage(transforms=[self._mounting()]))
         self._worker = self.worker("lidar", world_waits=True)
         self._bodies = Bodies(self, self._on_bodies)
-        serve_faults(self, self.inject, self._inject)
+        serve_faults(self, self.inject, self.inject_fault)
         self.set_health(False, f"waiting for {topics.SIM_BODIES.name}")
         self.every(2.0, self._watch)
 
@@ -120,7 +120,8 @@ class TurningLidar(StackNode):
     def _watch(self) -> None:
         self._bodies.watch(self.params.silence_s)
 
-    def _inject(self, kind: str, target: str, value: float, duration_s: float) -> str:
+    def inject_fault(self, kind: str, target: str, value: float, duration_s: float) -> str:
+        """Raises FaultRefused."""
         return self.faults.inject(kind, target, value, duration_s, self.now_s())
 
     def _lidar(self) -> Lidar:

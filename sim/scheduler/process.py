@@ -64,6 +64,7 @@ class Life:
         self._computing = False
         self._busy_until_ns = 0
         self._hung_until_ns = 0
+        self._hang_due_ns = 0
         self._wake_ns = NEVER
         self._outbox: list[tuple[Send, Any]] = []
 
@@ -120,9 +121,26 @@ class Life:
         if self._busy_until_ns > now_ns:
             self._busy_until_ns += duration_ns
             due_ns = until_ns  # the loop did not wait for anything, and cannot see that it stood still
-        self.events.push(until_ns, self.process.order, self._resume, due_ns)
+        self._hang_due_ns = due_ns
+        self.events.push(until_ns, self.process.order, self._resume, due_ns, until_ns)
 
-    def _resume(self, due_ns: int) -> None:
+    def go_on(self) -> None:
+        """Ends ``hang`` now."""
+        now_ns = self.events.now_ns
+        left_ns = self._hung_until_ns - now_ns
+        if left_ns <= 0 or not self.alive:
+            return
+        self.hung_ns -= left_ns
+        self._hung_until_ns = now_ns
+        if self._busy_until_ns > now_ns:
+            self._busy_until_ns = max(now_ns, self._busy_until_ns - left_ns)
+        self.events.push(now_ns, self.process.order, self._resume, min(self._hang_due_ns, now_ns), now_ns)
+        if self._outbox and not self._computing:
+            self.events.push(self.free_ns, self.process.order, self._flush)
+
+    def _resume(self, due_ns: int, until_ns: int) -> None:
+        if until_ns != self._hung_until_ns:
+            return  # the hang was extended or ended before
         """due_ns: when the loop would have woken for a timer."""
         if not self.alive or self.hung:
             return
@@ -351,6 +369,11 @@ class Process:
         if self.life is not None and self.life.alive:
             self.life.hang(round(duration_s * 1e9))
             self.change(LifeChange.HUNG)
+
+    def go_on(self) -> None:
+        """As SIGCONT before the duration of ``hang`` is over."""
+        if self.life is not None and self.life.alive and self.life.hung:
+            self.life.go_on()
 
     def restart(self) -> None:
         """Kills what lives and starts anew."""

@@ -31,14 +31,14 @@ class WorldEngine:
     now_s: virtual time. ``published_s`` is the end of the newest block in which the engine has cycled.
     """
 
-    def __init__(self, engine: Engine, sim: Simulation, now_s: Callable[[], float]) -> None:
+    def __init__(self, engine: Engine, sim: Simulation, now_s: Callable[[], float], *, epoch: int = 1) -> None:
         self.engine, self._sim, self._now_s = engine, sim, now_s
         self._stale_s = load_client_config().status_stale_s
         self._owners: dict[int, Callable[[], bool]] = {}
         self.published_s = now_s()
         self.ended = False
         engine.alive = self._alive
-        engine.condition.epoch = 1
+        engine.condition.epoch = epoch
 
     def end_block(self) -> None:
         if not self._sim.engine_stalled:

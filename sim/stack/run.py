@@ -22,6 +22,7 @@ from robot_stack.middleware.conversions import pose_from_msg, pose_stamped, time
 from robot_stack.middleware.emergency_stop import StopSource
 from robot_stack.middleware.interfaces import interface_class
 from sim.nodes.camera_driver import CameraDriverNode
+from sim.plant.fault_table import FaultRefused
 from sim.run.ride import Ride
 from sim.run.ride_notes import RideNotes
 from sim.run.run_log import Four, Moment, RunLog, motion_figures
@@ -31,6 +32,8 @@ from sim.scheduler.observers import Digest, Observer, Recording
 from sim.scheduler.process import Process
 from sim.scheduler.scheduler import Failure
 from sim.settings import FEW_BEAMS, pose_settings, world_settings
+from sim.stack.faults import PlannedFault
+from sim.stack.invariants import Broken, Invariants
 from sim.stack.recording import record_run
 from sim.stack.stack import SimulatedStack, StackSetup
 
@@ -51,18 +54,22 @@ class RunOptions:
     """light: 16 rings' worth of LiDAR beams, and pictures only while docking, for runs that are not about perception.
 
     record: the folder of an MCAP recording, None for none. parallel: jobs and sensors may use both cores. until_s: ends
-    the run before the scenario does.
+    the run before the scenario does. faults: raised beside those of the scenario.
     """
 
     light: bool = False
     record: Path | None = None
     parallel: bool = True
     until_s: float = math.inf
+    faults: tuple[PlannedFault, ...] = ()
 
 
 @dataclass(slots=True)
 class RunResult:
-    """digest: over all messages and the ground truth. failures: processes that ended by themselves."""
+    """digest: over all messages and the ground truth. failures: processes that ended by themselves.
+
+    broken: invariants that did not hold, in the order of time.
+    """
 
     digest: str
     messages: int
@@ -71,6 +78,7 @@ class RunResult:
     run_log: RunLog
     ride: Ride
     failures: list[Failure] = field(default_factory=list)
+    broken: list[Broken] = field(default_factory=list)
 
 
 class ScheduledRun:
@@ -107,6 +115,8 @@ class ScheduledRun:
         scheduler = stack.scheduler
         self.digest = Digest((str(stack.folder).encode(), str(scheduler.runtime_folder).encode()))
         scheduler.add_observer(self.digest)
+        self.invariants = Invariants(stack)
+        scheduler.add_observer(self.invariants)
         self.notes = RideNotes(stack.test_tool.subscribe)
         self._recording = self._record(self.options.record)
         for row, callback in (
@@ -172,6 +182,9 @@ class ScheduledRun:
         gc.collect()
         gc.freeze()  # what exists now stays: spares the run the collector's search through it
         self._begun_s = scheduler.now_s
+        self.invariants.begin()
+        for fault in self.options.faults:
+            scheduler.at(scheduler.now_ns + round(fault.at_s * NANOSECONDS), self._raise, fault)
         self.notes.begin()
         if self.scenario.passenger_mass_kg is not None:
             self._passenger.publish(Bool(data=True))
@@ -202,6 +215,7 @@ class ScheduledRun:
             self.run_log,
             self.notes.ride,
             list(scheduler.failures),
+            list(self.invariants.broken),
         )
 
     @property
@@ -282,7 +296,7 @@ class ScheduledRun:
     def _do(self, event: Event) -> None:
         done = event.describe()
         if event.fault is not None:
-            done = self.world.faults.inject(event.fault, event.target, event.value, event.duration_s)
+            done = self.stack.faults.inject(event.fault, event.target, event.value, event.duration_s)
         elif event.estop is not None:
             self.emergency_stop(event.estop)
         elif event.reset is not None:
@@ -301,6 +315,14 @@ class ScheduledRun:
         if name not in processes:
             raise ValueError(f"kill: no process {name!r} in this stack; there are {', '.join(sorted(processes))}")
         return processes[name]
+
+    def _raise(self, fault: PlannedFault) -> None:
+        """A planned fault; what cannot be raised now, e.g. of a process that is gone, is noted."""
+        try:
+            done = self.stack.faults.inject(fault.kind, fault.target, fault.value, fault.duration_s)
+        except FaultRefused as error:
+            done = f"refused: {error}"
+        self._note_event(f"{fault.kind} {fault.target}: {done}")
 
     def _note_event(self, text: str) -> None:
         self.run_log.events.append((self.now_s, text))

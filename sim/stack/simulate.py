@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,8 +18,9 @@ from robot_stack.core.config import ConfigError
 from sim.plant.faults import FaultRefused
 from sim.plant.world import SimulationDiverged
 from sim.run.scenario import Scenario
+from sim.stack.campaign import planned_faults, shrunk
 from sim.stack.choice import choose_scenario
-from sim.stack.hazards import Hazards, choose_hazards
+from sim.stack.faults import plan_text
 from sim.stack.progress import RunProgress
 from sim.stack.result_folder import ResultFolder
 from sim.stack.run import RunFailed, RunOptions, RunResult, ScheduledRun
@@ -68,7 +69,6 @@ class Outcome:
     """cut: ``--until`` or Ctrl-C ended the run before the scenario did. real_s: without the start of the stack."""
 
     result: RunResult
-    hazards: Hazards
     cut: bool
     interrupted: bool
     ready_s: float
@@ -85,10 +85,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         chosen = read_options(arguments)
         job = make_job(chosen)
-        duration_s = min(job.scenario.limit_s, job.options.until_s)
-        hazards = choose_hazards(job.faults, job.scenario.seed, duration_s)
         folder = ResultFolder(chosen.output, job.name)
-        return _run(job, hazards, folder, plots=not chosen.no_plots, shrinks=chosen.shrink)
+        return _run(job, folder, plots=not chosen.no_plots, shrinks=chosen.shrink)
     except ConfigError as error:
         print(f"simulate: {error}", file=sys.stderr)
         return EXIT_REFUSED
@@ -107,7 +105,7 @@ def read_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("scenario", metavar="SCENARIO", help="a file, a name, mission:<id>, demo or demo:short")
     parser.add_argument("--seed", type=_seed, metavar="N", help="of all noise, delays and faults; default: scenario's")
     parser.add_argument("--world", metavar="NAME", help="a world of config/worlds/ instead of the scenario's")
-    parser.add_argument("--faults", metavar="FILE|random", help="faults of a YAML file, or of the seed")
+    parser.add_argument("--faults", metavar="FILE|random[:N]", help="faults of a YAML file, or of the seed")
     parser.add_argument("--record", type=Path, metavar="FOLDER", help="record MCAP into this new folder, as `record`")
     parser.add_argument("--until", type=_seconds, metavar="S", default=math.inf, help="end after S simulated seconds")
     parser.add_argument("--light", action="store_true", help="fewer LiDAR beams; camera images only while docking")
@@ -126,11 +124,12 @@ def read_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
 def make_job(options: argparse.Namespace) -> Job:
     """Raises ConfigError."""
     scenario, name = choose_scenario(options.scenario, options.seed, options.world)
-    run_options = RunOptions(options.light, options.record, not options.serial, options.until)
+    faults = planned_faults(options.faults or "", scenario.seed, scenario, options.until)
+    run_options = RunOptions(options.light, options.record, not options.serial, options.until, faults)
     return Job(scenario, name, options.scenario, run_options, options.faults, options.world)
 
 
-def carry_out(job: Job, hazards: Hazards, log: Callable[[str], None], progress: RunProgress, node_log: Any) -> Outcome:
+def carry_out(job: Job, log: Callable[[str], None], progress: RunProgress, node_log: Any) -> Outcome:
     """One run. Raises RunFailed, SimulationDiverged, FaultRefused, ValueError, ConfigError.
 
     node_log: takes the list of what the nodes logged, at the end and after a failure.
@@ -142,7 +141,6 @@ def carry_out(job: Job, hazards: Hazards, log: Callable[[str], None], progress: 
 
     begun_s = time.monotonic()
     with ScheduledRun(job.scenario, job.scenario.seed, job.options, progress.show, show) as run:
-        hazards.attach(run)
         try:
             with _stop_on_signals(run) as stopped:
                 run.start()
@@ -152,13 +150,13 @@ def carry_out(job: Job, hazards: Hazards, log: Callable[[str], None], progress: 
             real_s = time.monotonic() - ready_real_s
             progress.end_line()
             cut = not ended and (bool(stopped) or run.now_s < job.scenario.limit_s - 1e-6)
-            return Outcome(run.result(), hazards, cut, bool(stopped), ready_s, real_s)
+            return Outcome(run.result(), cut, bool(stopped), ready_s, real_s)
         finally:
             progress.end_line()
             node_log(run.stack.scheduler.log)
 
 
-def _run(job: Job, hazards: Hazards, folder: ResultFolder, *, plots: bool, shrinks: bool) -> int:
+def _run(job: Job, folder: ResultFolder, *, plots: bool, shrinks: bool) -> int:
     def log(line: str) -> None:
         print(line, flush=True)
         folder.append_log(line)
@@ -168,7 +166,7 @@ def _run(job: Job, hazards: Hazards, folder: ResultFolder, *, plots: bool, shrin
     log(f"world {scenario.world}, seed {scenario.seed}: {job.command()}")
     folder.write_inputs(scenario)
     try:
-        outcome = carry_out(job, hazards, log, RunProgress(sys.stdout), folder.write_node_log)
+        outcome = carry_out(job, log, RunProgress(sys.stdout), folder.write_node_log)
     except (RunFailed, FaultRefused, SimulationDiverged, ValueError, OSError) as error:
         log(f"FAILED to run: {error}")
         log(f"log of the nodes: {folder.path / 'nodes.log'}")
@@ -184,14 +182,14 @@ def _run(job: Job, hazards: Hazards, folder: ResultFolder, *, plots: bool, shrin
         "real_time_s": outcome.real_s,
         "speed": result.simulated_s / outcome.real_s,
     }
-    folder.write_figures(job.name, result, [*problems, *hazards.broken], conditions)
+    folder.write_figures(job.name, result, [*problems, *(item.describe() for item in result.broken)], conditions)
     if plots:
         folder.draw(scenario, result)
     for line in describe_outcome(outcome):
         log(line)
     code = _judge(job, outcome, problems, log)
-    if hazards.broken and shrinks:
-        _shrink(job, hazards, log)
+    if result.broken and shrinks:
+        _shrink(job, result, folder, log)
     log(f"results in {folder.path}")
     return code
 
@@ -210,11 +208,11 @@ def describe_outcome(outcome: Outcome) -> Iterator[str]:
 
 
 def _judge(job: Job, outcome: Outcome, problems: list[str], log: Callable[[str], None]) -> int:
-    scenario, broken = job.scenario, outcome.hazards.broken
+    scenario, broken = job.scenario, outcome.result.broken
     for problem in problems:
         log(f"NOT as expected: {problem}")
-    for line in broken:
-        log(f"INVARIANT BROKEN: {line}")
+    for item in broken:
+        log(f"INVARIANT BROKEN: {item.describe()}")
     if broken or problems or outcome.result.failures:
         log(f"reproduce it: {job.command()}")
     if broken:
@@ -231,9 +229,13 @@ def _judge(job: Job, outcome: Outcome, problems: list[str], log: Callable[[str],
     return EXIT_UNFULFILLED if problems or outcome.result.failures else 0
 
 
-def _shrink(job: Job, hazards: Hazards, log: Callable[[str], None]) -> None:
-    """PLUG: the shrinking of sim.stack.campaign, with ``carry_out`` on ``hazards.fresh()`` and fewer faults."""
-    log("--shrink: not part of this version")
+def _shrink(job: Job, result: RunResult, folder: ResultFolder, log: Callable[[str], None]) -> None:
+    """Repeats the run with fewer faults as long as it breaks one of the same invariants."""
+    names = {item.name for item in result.broken}
+    fewer = shrunk(job.scenario, job.scenario.seed, replace(job.options, record=None), names, log)
+    file = folder.path / "faults.yaml"
+    file.write_text(plan_text(fewer), encoding="utf-8")
+    log(f"{len(fewer)} faults are enough: {replace(job, faults=str(file)).command()}")
 
 
 @contextmanager

@@ -37,8 +37,10 @@ from sim.scheduler.port import SimPort
 from sim.scheduler.scheduler import Scheduler
 from sim.settings import WORLDLY
 from sim.stack.computer import NoProcesses, ScheduledComputer, ScheduledReader
+from sim.stack.disk import ScheduledDisk
 from sim.stack.display import Cable, ScheduledDisplay, ScheduledSerialPort
 from sim.stack.engine import ScheduledView
+from sim.stack.faults import StackFaults
 from sim.stack.screen import ScheduledHub, ScheduledServer
 from sim.stack.supervision import ENDED, Supervision
 from sim.stack.tool import ToolNode
@@ -77,7 +79,8 @@ class SimulatedStack(Observer):
         self.world: ScheduledWorld | None = None
         self.server: ScheduledServer | None = None
         self.computer = ScheduledComputer(lambda: self.scheduler.now_s)
-        self._cable = Cable(self._after)
+        self.cable = Cable(self._after)
+        self.disk = ScheduledDisk()
         self._exit = contextlib.ExitStack()
         self.folder = Path()
 
@@ -87,6 +90,7 @@ class SimulatedStack(Observer):
         self._exit.callback(shutil.rmtree, self.folder, ignore_errors=True)
         variables = {name: str(self.folder / name.lower()) for name in _STATE_VARIABLES} | dict(self.plan.environment)
         self._exit.enter_context(_environment(variables))
+        self.faults = StackFaults(self)
         self._register_devices()
         self.scheduler.add_observer(self)
         self.operator, self.test_tool = self._tool(topics.OPERATOR_TOOL), self._tool(topics.TEST_TOOL)
@@ -100,6 +104,11 @@ class SimulatedStack(Observer):
 
     def __exit__(self, *_: object) -> None:
         self._exit.close()
+
+    @property
+    def time_s(self) -> float:
+        """Virtual time."""
+        return self.scheduler.now_s
 
     def advertise(self, row: Topic) -> Publisher:
         """The publisher of the tool that may publish the row. Raises ContractViolation if none may."""
@@ -117,7 +126,11 @@ class SimulatedStack(Observer):
     def _begin_world(self) -> None:
         nodes = cast(tuple[SimWorld, ImuDriver, BatteryDriver], tuple(self.scheduler.processes[_WORLD].nodes))
         scheduler = self.scheduler
-        world = self.world = ScheduledWorld(nodes, lambda: scheduler.now_ns, scheduler.clock_start_ns)
+        world = self.world = ScheduledWorld(
+            nodes, lambda: scheduler.now_ns, lambda: scheduler.computer().system_start_ns
+        )
+        world.sim.processes = self.faults.processes
+        world.after_block.append(self.faults.update)
         scheduler.every(world.block_ns, world.run_block, start_ns=scheduler.now_ns + world.block_ns)
 
     def _tool(self, name: str) -> ToolNode:
@@ -142,13 +155,14 @@ class SimulatedStack(Observer):
         devices[ThreadedOpener] = lambda port, _: PromptOpener(lambda: self._open_engine(port))
         devices[EngineView] = self._engine_view
         devices[SerialPort] = lambda port, _path, _baud, params, wanted: ScheduledSerialPort(
-            port, self._cable, params, wanted
+            port, self.cable, params, wanted
         )
-        devices[DisplayLine] = lambda port, params, link: ScheduledDisplay(port, self._cable, params, link)
+        devices[DisplayLine] = lambda port, params, link: ScheduledDisplay(port, self.cable, params, link)
         devices[SimComputer] = lambda port, *arguments: self.computer.power_on(*arguments)
         devices[configured_reader] = lambda port, _: ScheduledReader(self.computer)
         devices[ProcessReader] = lambda port, _: NoProcesses()
         devices[Hub] = _hub
+        self.disk.register(devices, self.scheduler, lambda: self.faults.lose_power())
         devices[WebServer] = self._web_server
 
     def _engine_view(self, port: Port, _: str, poll_hz: float, on_status: Callable[..., None]) -> ScheduledView:

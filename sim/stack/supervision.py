@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from robot_stack.contract.model import Process as Row
 from robot_stack.core.node_record import NodeRecords
 from robot_stack.supervisor.lifecycle import Lifecycle, Order, State, judged
@@ -24,10 +26,8 @@ class Supervision(Observer):
         self._lives: dict[str, Lifecycle] = {}
         self._records = NodeRecords()
         self._beats: dict[str, tuple[int, int]] = {}
-        params = load_params()
-        for row in rows:
-            life = self._lives[row.name] = Lifecycle(limits_of(row, params))
-            life.wanted(scheduler.now_s)
+        self._params = load_params()
+        self._begin(rows)
         scheduler.add_observer(self)
         scheduler.every(_PERIOD_NS, self._look)
 
@@ -44,10 +44,25 @@ class Supervision(Observer):
     def restarts(self) -> dict[str, int]:
         return {name: life.restarts for name, life in self._lives.items() if life.restarts}
 
-    def stop_watching(self) -> None:
-        """What ends from now on is meant to."""
-        for life in self._lives.values():
-            life.stopped()
+    def stop_watching(self, names: Sequence[str] | None = None) -> None:
+        """What ends from now on is meant to. names: None for all."""
+        for name in self._lives if names is None else names:
+            self._lives[name].stopped()
+
+    def begin_again(self, names: Sequence[str]) -> None:
+        """After a loss of power: a new supervisor, which starts these processes."""
+        self._records = NodeRecords()
+        self._begin([self._rows[name] for name in names])
+        for name in names:
+            self._beats.pop(name, None)
+            if not self._process(name).alive:
+                self._lives[name].started(self._scheduler.now_s)
+                self._process(name).start()
+
+    def _begin(self, rows: Sequence[Row]) -> None:
+        for row in rows:
+            life = self._lives[row.name] = Lifecycle(limits_of(row, self._params))
+            life.wanted(self._scheduler.now_s)
 
     def on_life_change(self, time_ns: int, process: str, change: LifeChange) -> None:
         life = self._lives.get(process)

@@ -22,22 +22,26 @@ _TOUCHED_RATE_HZ = 10.0
 
 
 class ScheduledWorld:
-    """Built by the process ``sim_world`` when its nodes exist. now_ns: virtual time.
+    """Built by the process ``sim_world`` when its nodes exist.
+
+    now_ns: virtual time. ros_ns: the ROS clock at virtual time 0, which a step of the system clock changes.
+    after_block: called at the end of each block.
 
     Raises ConfigError for a world that cannot be built.
     """
 
     def __init__(
-        self, nodes: tuple[SimWorld, ImuDriver, BatteryDriver], now_ns: Callable[[], int], clock_start_ns: int
+        self, nodes: tuple[SimWorld, ImuDriver, BatteryDriver], now_ns: Callable[[], int], ros_ns: Callable[[], int]
     ) -> None:
         AttachedFile().forget()  # this is another wheelchair than the one of the world before
         self.node = nodes[0]
         params = load_sim_params()
         self.sim = build_simulation(self.node, params)
-        self._start_ns = clock_start_ns + now_ns()
-        engine = Engine(load_engine_config(), self.sim.world.drives)
-        self.sim.engine_cycle = engine.cycle
-        self.engine = WorldEngine(engine, self.sim, lambda: now_ns() / NANOSECONDS)
+        self._ros_ns = ros_ns
+        self._begun_ns = now_ns()
+        self._now_ns = now_ns
+        self._engines = 0
+        self.engine = self._new_engine()
         self.faults = Faults(self.sim)
         self.node.inject = self.faults.inject
         self._outputs = WorldOutputs(nodes, self.sim, params, self._stamp)
@@ -45,6 +49,7 @@ class ScheduledWorld:
             *self._outputs.tasks(),
             self._outputs.every(_TOUCHED_RATE_HZ, self._outputs.publish_touched),
         )
+        self.after_block: list[Callable[[], None]] = []
         self.block_steps: int = self.node.params.block_steps
         self.block_ns = round(NANOSECONDS * self.block_steps * self.sim.world.dt_s)
         self.ended = False
@@ -74,7 +79,29 @@ class ScheduledWorld:
                 if steps % task.period_steps == 0:
                     task.run()
         self.engine.end_block()
+        for callback in self.after_block:
+            callback()
+
+    def switch_engine_off(self) -> None:
+        """The computer of the motion engine has lost its power: no telegram reaches the drives."""
+        self.sim.engine_cycle = _no_cycle
+        self.sim.world.drives.set_bus(False)
+
+    def switch_engine_on(self) -> None:
+        """A new motion engine, which remembers nothing of the one before."""
+        self.sim.world.drives.set_bus(True)
+        self.engine = self._new_engine()
+
+    def _new_engine(self) -> WorldEngine:
+        self._engines += 1
+        engine = Engine(load_engine_config(), self.sim.world.drives)
+        self.sim.engine_cycle = engine.cycle
+        return WorldEngine(engine, self.sim, lambda: self._now_ns() / NANOSECONDS, epoch=self._engines)
 
     def _stamp(self, time_s: float) -> Time:
-        nanoseconds = self._start_ns + round(time_s * NANOSECONDS)
+        nanoseconds = self._ros_ns() + self._begun_ns + round(time_s * NANOSECONDS)
         return Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
+
+
+def _no_cycle() -> None:
+    """No engine runs."""

@@ -110,8 +110,7 @@ class Stage(Story):
     @property
     def stands(self) -> bool:
         return (
-            self.speed_mps < _STANDSTILL_MPS
-            and abs(self.world.sim.world.truth().angular_radps[2]) < _STANDSTILL_RADPS
+            self.speed_mps < _STANDSTILL_MPS and abs(self.world.sim.world.truth().angular_radps[2]) < _STANDSTILL_RADPS
         )
 
     @property

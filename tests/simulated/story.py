@@ -171,9 +171,7 @@ class Story:
 
     def listen(self, row: Topic) -> Heard:
         heard = Heard(self, row.name)
-        self._port.listen(
-            row, lambda message, *_: heard.items.append((self.now_s, message)), raw=False, wakes=True
-        )
+        self._port.listen(row, lambda message, *_: heard.items.append((self.now_s, message)), raw=False, wakes=True)
         return heard
 
     def publisher(self, row: Topic) -> Publisher:

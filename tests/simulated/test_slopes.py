@@ -78,7 +78,7 @@ def test_a_mission_stopped_on_a_ramp_goes_on_when_it_is_resumed(tmp_path: Path) 
         _stays(stage)  # until RESUME
         _resume(stage)
         stage.wait(lambda: stage.z_m > 0.58, "the top of the ramp", 60.0)
-        # From 1.5 m/s at the top it brakes at 1 m/s2 once the slope is measured: 1.5 m of the way, 0.26 m of the height.
+        # From 1.5 m/s at the top it brakes at 1 m/s2 once the slope is measured: 1.5 m of way, 0.26 m of height.
         stage.wait(lambda: stage.z_m < 0.30, "half way down the other side", 40.0)
         assert stage.speed_mps < 0.33
         _stop_and_release(stage)

@@ -43,7 +43,7 @@ class DockingControllerNode(StackNode):
         self._controller = DockingController(self.params, cameras, self._departure, self._corrections)
         self._latch = LatchIo(self, self.params.engine_poll_hz)
         self._outputs = DockingOutputs(self, self.params)
-        self._attached = AttachedFile()
+        self._attached = self.device(AttachedFile)
         self._recalled = False
         self._ticks = 0
         self._inputs = DockingInputs(self, self.params, self._controller)

@@ -50,7 +50,7 @@ class MissionManagerNode(StackNode):
         self._docking_status = self.subscribe(topics.DOCKING_STATUS)
         self._navigators = 0
         self._library = mission_library(self.params.missions_folder, self.params.own_missions_folder)
-        self._journal = SqliteJournal(journal_path(self.params.journal_file))
+        self._journal = self.device(SqliteJournal, journal_path(self.params.journal_file))
         record, problem = load_record(self._journal)
         if problem:
             self.get_logger().error(problem)

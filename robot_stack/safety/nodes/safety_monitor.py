@@ -32,7 +32,8 @@ class SafetyMonitorNode(StackNode):
         super().__init__("safety_monitor", SafetyParams)
         shadow = state_shadow_dir()
         shadow.mkdir(parents=True, exist_ok=True, mode=0o700)
-        self._store = LatchStore(
+        self._store = self.device(
+            LatchStore,
             state_dir() / LATCH_FOLDER,
             shadow / LATCH_FILE,
             self.params.latch_write_s,

@@ -178,6 +178,21 @@ def test_a_process_that_hangs_while_it_computes_is_so_much_later() -> None:
     assert taken == [(214.0, 2), (364.0, 3)]
 
 
+def test_a_hang_can_be_ended_before_its_time() -> None:
+    topic, changes = row(), Changes()
+    with rig() as stage:
+        stage.scheduler.add_observer(changes)
+        process = stage.node("node", counter(topic))
+        taken = stage.listener(topic)
+        stage.scheduler.at(305_000_000, process.hang, 3600.0)
+        stage.scheduler.at(350_000_000, process.go_on)
+        stage.scheduler.run(0.44)
+        process.go_on()  # does not hang: nothing to end
+    assert [count for _, count in taken] == [2, 3, 4]
+    assert taken[1][0] == 354.0  # at once when it goes on
+    assert changes.seen[-2:] == [(305, "node", LifeChange.HUNG), (350, "node", LifeChange.RESUMED)]
+
+
 def test_an_exception_ends_the_process_and_is_in_the_result() -> None:
     nodes = []
 

@@ -18,7 +18,7 @@ from sim.run.scenario import Expectation, load_scenario
 from sim.scheduler.scheduler import Failure
 from sim.settings import SHORT_START
 from sim.stack.choice import choose_scenario
-from sim.stack.hazards import Hazards
+from sim.stack.invariants import Broken
 from sim.stack.progress import RunProgress
 from sim.stack.result_folder import ResultFolder
 from sim.stack.run import Ride, RunResult
@@ -109,7 +109,7 @@ def result(**figures: Any) -> RunResult:
 
 def outcome(**more: Any) -> Outcome:
     chosen: dict[str, Any] = {"cut": False, "interrupted": False, "ready_s": 4.0, "real_s": 2.5, **more}
-    return Outcome(chosen.pop("result", result()), chosen.pop("hazards", Hazards()), **chosen)
+    return Outcome(chosen.pop("result", result()), **chosen)
 
 
 def test_the_folder_holds_the_figures_and_the_effective_scenario(tmp_path: Path) -> None:
@@ -141,6 +141,12 @@ def clean(**figures: Any) -> RunResult:
     return found
 
 
+def harmful() -> RunResult:
+    found = clean()
+    found.broken = [Broken("contact", 12.5, "a person was touched", "")]
+    return found
+
+
 @pytest.mark.parametrize(
     ("ended", "code", "said"),
     [
@@ -149,7 +155,7 @@ def clean(**figures: Any) -> RunResult:
         (outcome(result=clean(far_m=1.0), cut=True), 0, "ended by --until; expectations are not judged"),
         (outcome(result=clean(far_m=1.0), cut=True, interrupted=True), 130, "interrupted"),
         (outcome(result=result(far_m=9.0)), 1, "reproduce it: robot-stack simulate bus_loss --seed 1"),
-        (outcome(hazards=Hazards(broken=["touched a person"]), cut=True), 3, "INVARIANT BROKEN: touched a person"),
+        (outcome(result=harmful(), cut=True), 3, "a person was touched"),
     ],
 )
 def test_exit_codes(ended: Outcome, code: int, said: str) -> None:
