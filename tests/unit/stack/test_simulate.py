@@ -65,7 +65,7 @@ def test_wrong_options_are_refused(arguments: list[str], problem: str, capsys: p
         (["nothing"], "no scenario file 'nothing'"),
         (["mission:nothing"], "there is no mission 'nothing'; known: "),
         (["bus_loss", "--world", "moon"], "moon"),
-        (["bus_loss", "--faults", "/nowhere.yaml"], "there is no file /nowhere.yaml"),
+        (["bus_loss", "--faults", "/nowhere.yaml"], "/nowhere.yaml"),
         (["bus_loss", "--output", "/proc/nowhere"], "--output /proc/nowhere: no folder can be made there"),
     ],
 )
