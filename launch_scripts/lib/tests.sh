@@ -15,7 +15,9 @@ all_tests() {
   local failed=()
   # Node tests mostly wait: three files at a time, whoever is free takes the next.
   run_tests nodes tests/nodes tests/ui --numprocesses 3 --dist loadfile || failed+=(nodes)
-  # Each is a whole robot and its world, which need both cores.
+  # Whole robots on the deterministic scheduler: one process each, the same result at any load.
+  run_tests simulated tests/simulated --numprocesses 2 || failed+=(simulated)
+  # What only real processes can show, each a whole robot and its world, which need both cores.
   run_tests scenarios tests/scenarios || failed+=(scenarios)
   # What computes, the longest first. The safety kernel's own tests run under coverage in tests/mutation.
   run_tests kernels tests/mutation tests/setup tests/contract tests/unit --ignore=tests/unit/safety \

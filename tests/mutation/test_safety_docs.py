@@ -15,17 +15,18 @@ FILES = {
     "B": "tests/nodes/test_emergency_stop_button.py",
     "C": "tests/nodes/test_system_monitor.py",
     "D": "tests/unit/docking/test_docking_jobs.py",
-    "S": "tests/scenarios/test_slopes.py",
+    "S": "tests/simulated/test_slopes.py",
     "W": "tests/unit/safety/test_slope.py",
     "R": "tests/unit/safety/test_release.py",
     "L": "tests/unit/safety/test_latch_store.py",
-    "P": "tests/scenarios/flat/test_stops.py",
-    "K": "tests/scenarios/flat/test_kills.py",
+    "P": "tests/simulated/test_stops.py",
+    "K": "tests/simulated/test_kills.py",
     "V": "tests/nodes/test_swerve_controller.py",
     "E": "tests/unit/drive/test_session.py",
     "M": "tests/nodes/test_docking_controller.py",
-    "O": "tests/scenarios/flat/test_computer.py",
+    "O": "tests/simulated/test_computer.py",
     "Y": "tests/unit/space/test_walk_in.py",
+    "Q": "tests/scenarios/flat/test_kills.py",
     "H": "tests/nodes/test_swerve_hardware_interface.py",
 }
 TEXT = (ROOT / "docs" / "safety.md").read_text()
@@ -33,7 +34,7 @@ HAZARDS = TEXT.split("## Hazards")[1].split("## The two keys")[0]
 CLAIMS = [
     (FILES[where], name)
     for where, names in re.findall(
-        r"\b([UNBCDSWRLPKVEMOYH]) ((?:`[^`]+`(?:, )?)+)", HAZARDS.split("|---|---|---|---|---|")[1]
+        r"\b([UNBCDSWRLPKVEMOYHQ]) ((?:`[^`]+`(?:, )?)+)", HAZARDS.split("|---|---|---|---|---|")[1]
     )
     for name in re.findall(r"`([^`\[]+)[^`]*`", names)
 ]

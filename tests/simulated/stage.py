@@ -275,7 +275,6 @@ def staged(
     believed = () if start is None else pose_settings("ndt_localization.start", start.compose(wrong_by))
     scenario = Scenario(
         description="a story",
-        kind="stack",
         world=world,
         seed=seed,
         limit_s=3600.0,

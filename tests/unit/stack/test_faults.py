@@ -82,7 +82,7 @@ def test_the_command_repeats_the_run() -> None:
     options = RunOptions(light=True, until_s=14.0)
     line = command_of("goal.yaml", 5, "random", options)
     assert line == "robot-stack simulate goal.yaml --seed 5 --faults random --light --until 14"
-    ride = Scenario(description="x", kind="stack", world="yard", seed=1, limit_s=40.0)
+    ride = Scenario(description="x", world="yard", seed=1, limit_s=40.0)
     assert planned_faults("random", 5, ride, 14.0) == random_faults(5, 14.0, 4)
     assert planned_faults("random:9", 5, ride, 14.0) == random_faults(5, 14.0, 9)
     assert planned_faults("", 5, ride, 14.0) == ()
