@@ -128,7 +128,6 @@ class SimActionClient:
     def __init__(self, calls: Calls, port: SimPort, row: Action) -> None:
         self._calls, self._port, self._name = calls, port, row.name
         self._action = interface_class(row.type)
-        self._sent = 0
 
     def server_is_ready(self) -> bool:
         return all(self._calls.ready(self._name + part) for part in (_GOAL, _RESULT, _CANCEL))
@@ -139,9 +138,8 @@ class SimActionClient:
         def on_feedback(data: bytes) -> None:
             feedback(deserialize_message(data, self._action.Feedback))
 
-        # Numbered, not drawn: an identifier must not depend on what else is drawn.
-        self._sent += 1
-        text = f"{self._port.name}/{self._port.process_id}{self._name}/{self._sent}"
+        # Numbered, not drawn: an identifier must not depend on what else is drawn. A node may have several clients.
+        text = f"{self._port.name}/{self._port.process_id}{self._name}/{self._calls.next_goal()}"
         goal_id = hashlib.sha256(text.encode()).digest()[:16]
         message = goal_id, bytes(serialize_message(request)), on_feedback
         self._calls.call(self._port, self._name + _GOAL, message, accepted)

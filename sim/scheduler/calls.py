@@ -50,9 +50,15 @@ class Calls:
         self._network = network
         self._servers: dict[str, list[_Server]] = {}
         self._channels: dict[tuple[str, str, str], Channel] = {}
+        self._goals = 0
 
     def serve(self, port: SimPort, name: str, handler: Handler) -> None:
         self._servers.setdefault(name, []).append(_Server(port, handler, port.life.appears_ns()))
+
+    def next_goal(self) -> int:
+        """Counts the goals of all action clients."""
+        self._goals += 1
+        return self._goals
 
     def ready(self, name: str) -> bool:
         """A server is known. It may have been killed: that becomes known when its lease ends."""

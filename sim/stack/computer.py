@@ -41,19 +41,37 @@ class Disk:
 
 
 class ScreenSwitch:
-    """Whether a page is open on the robot's own screen; ``on_change`` opens and closes it."""
+    """Whether a page is open on the robot's own screen; ``on_change`` opens and closes it. See ``Screen``."""
+
+    # A page counts as seen after so many heartbeats of touch_ui.
+    _SEEN = 2
 
     def __init__(self) -> None:
         self.on_change: Callable[[bool], None] = lambda _: None
+        self._shown = self._lost = False
+        self._heartbeats = 0
 
     def show(self) -> None:
-        self.on_change(True)
+        self._lost = False
+        if not self._shown:
+            self._shown, self._heartbeats = True, 0
+            self.on_change(True)
 
     def lose(self) -> None:
-        self.on_change(False)
+        """Where there was no page, it is lost as soon as it has been seen."""
+        self.show()
+        self._lost = True
+        self._close_if_seen()
 
     def heard(self) -> None:
-        """A heartbeat of touch_ui changes nothing here."""
+        """A heartbeat of touch_ui."""
+        self._heartbeats += 1
+        self._close_if_seen()
+
+    def _close_if_seen(self) -> None:
+        if self._lost and self._shown and self._heartbeats >= self._SEEN:
+            self._shown = False
+            self.on_change(False)
 
 
 @dataclass(slots=True)

@@ -41,7 +41,7 @@ from sim.stack.disk import ScheduledDisk
 from sim.stack.display import Cable, ScheduledDisplay, ScheduledSerialPort
 from sim.stack.engine import ScheduledView
 from sim.stack.faults import StackFaults
-from sim.stack.screen import ScheduledHub, ScheduledServer
+from sim.stack.screen import OpenPage, ScheduledHub, ScheduledServer
 from sim.stack.supervision import ENDED, Supervision
 from sim.stack.tool import ToolNode
 from sim.stack.world import ScheduledWorld
@@ -81,6 +81,7 @@ class SimulatedStack(Observer):
         self.computer = ScheduledComputer(lambda: self.scheduler.now_s)
         self.cable = Cable(self._after)
         self.disk = ScheduledDisk()
+        self._screen: OpenPage | None = None
         self._exit = contextlib.ExitStack()
         self.folder = Path()
 
@@ -175,8 +176,15 @@ class SimulatedStack(Observer):
             raise EngineError(f"{port.name}: no motion engine runs", code, error_name(code))
         return self.world.engine.open(port, lambda: _runs(port))
 
+    def _switch_screen(self, shown: bool) -> None:
+        """A page on the robot's own screen opens or closes."""
+        if self._screen is not None:
+            self._screen.close()
+        self._screen = self.server.open_page() if shown and self.server is not None else None
+
     def _web_server(self, port: Port, _: Any, hub: ScheduledHub, __: Any) -> ScheduledServer:
         self.server = ScheduledServer(port, hub)
+        self.computer.screen.on_change = self._switch_screen
         return self.server
 
 

@@ -42,6 +42,10 @@ class Person:
             self._page.say(t="pad", x=x, y=y, turn=turn, at_ms=round(1e3 * self._stage.now_s))
             self._stage.run(_PAD_PERIOD_S)
 
+    def lift(self) -> None:
+        """The finger leaves the pad, which has no answer."""
+        self._page.say(t="lift")
+
 
 @contextmanager
 def _screen() -> Iterator[tuple[Stage, Person]]:
@@ -76,7 +80,7 @@ def test_staff_drive_by_hand_and_the_robot_stops_when_the_finger_lifts() -> None
         person.unlock()
         person.push(1.0, 0.0, 0.0, 3.0)
         assert stage.speed_mps > 0.3
-        person.say(t="lift")
+        person.lift()
         stage.wait_stands(3.0)
         # A page that dies with the finger on it does not drive on.
         person.push(1.0, 0.0, 0.0, 3.0)
