@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from robot_stack.contract.model import Action
 from robot_stack.middleware.conversions import NANOSECONDS
@@ -12,9 +12,7 @@ from robot_stack.middleware.interfaces import interface_class
 from robot_stack.middleware.port import ActionGoal, CancelAnswer, GoalStatus
 from robot_stack.ros.serialization import deserialize_message, serialize_message
 from sim.scheduler.calls import Calls
-
-if TYPE_CHECKING:
-    from sim.scheduler.port import SimPort
+from sim.scheduler.parts import SimPort
 
 _GOAL, _RESULT, _CANCEL, _CANCEL_ALL, _FEEDBACK = (
     f"/_action/{name}" for name in ("send_goal", "get_result", "cancel_goal", "cancel_all", "feedback")

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from robot_stack.middleware.interfaces import interface_class
 from robot_stack.ros.serialization import deserialize_message, serialize_message
 from sim.scheduler.events import NEVER
 from sim.scheduler.network import Network
-
-if TYPE_CHECKING:
-    from sim.scheduler.port import SimPort
+from sim.scheduler.parts import SimPort
 
 # Takes the request, what sends the response, and the client's node. Both are immutable: nodes share no state.
 Handler = Callable[[Any, Callable[[Any], None], "SimPort"], None]

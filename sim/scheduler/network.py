@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from robot_stack.contract.model import Durability, Topic
 from robot_stack.middleware.wire import READERS, UnknownEncoding
@@ -17,11 +17,9 @@ from sim.scheduler.decoding import decoder
 from sim.scheduler.events import NEVER, EventQueue
 from sim.scheduler.observers import Observer
 from sim.scheduler.params import LatencyParams, Spread
+from sim.scheduler.parts import SimPort
 from sim.scheduler.rules import MessageRule, Transfer
 from sim.scheduler.streams import Delays, Streams
-
-if TYPE_CHECKING:
-    from sim.scheduler.port import SimPort
 
 
 class Packet(NamedTuple):

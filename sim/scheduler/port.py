@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from robot_stack.contract.model import Action, Topic
 from robot_stack.core.node_record import NodeRecord
@@ -17,10 +17,8 @@ from sim.scheduler.actions import SimActionClient, SimActionServer
 from sim.scheduler.events import NANOSECONDS, NEVER
 from sim.scheduler.logs import SimLogger
 from sim.scheduler.network import Packet, SimPublisher, SimSubscription
+from sim.scheduler.parts import Life
 from sim.scheduler.worker import SimWorker
-
-if TYPE_CHECKING:
-    from sim.scheduler.process import Life
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from robot_stack.contract.model import ContractViolation
 from robot_stack.core.config import ConfigError
@@ -13,10 +13,8 @@ from robot_stack.core.runtime import AlreadyRunning
 from robot_stack.middleware.port import ports_from
 from sim.scheduler.events import NEVER
 from sim.scheduler.observers import LifeChange
+from sim.scheduler.parts import Scheduler
 from sim.scheduler.port import SimPort
-
-if TYPE_CHECKING:
-    from sim.scheduler.scheduler import Scheduler
 
 Send = Callable[[Any], None]
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, wait
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
+from sim.scheduler.parts import SimPort
 from sim.scheduler.streams import Delays
-
-if TYPE_CHECKING:
-    from sim.scheduler.port import SimPort
 
 T = TypeVar("T")
 

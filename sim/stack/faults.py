@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 from pydantic import Field
@@ -29,13 +29,11 @@ from sim.plant import faults as plant
 from sim.plant.fault_table import CLEAR, FaultKind, FaultRefused, FaultTable
 from sim.scheduler.events import NANOSECONDS
 from sim.scheduler.params import Spread
+from sim.scheduler.parts import SimulatedStack
 from sim.scheduler.process import Life
 from sim.scheduler.rules import Corrupt, Delay, Duplicate, Lose, MessageRule, Reorder
 from sim.scheduler.streams import Streams
 from sim.stack.disk import FILES
-
-if TYPE_CHECKING:
-    from sim.stack.stack import SimulatedStack
 
 WORLD: Final = "sim_world"
 # By prefix: the process whose first node has ``inject_fault``.

@@ -15,7 +15,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from custom_msgs.msg import MissionStatus, UICommand
 from robot_stack.contract import faults, topics
@@ -29,10 +29,8 @@ from sim.plant.people import PREFIX
 from sim.scheduler.decoding import decoder
 from sim.scheduler.events import NANOSECONDS
 from sim.scheduler.observers import LifeChange, Observer
+from sim.scheduler.parts import SimulatedStack
 from sim.stack.faults import INJECTED, WORLD
-
-if TYPE_CHECKING:
-    from sim.stack.stack import SimulatedStack
 
 _STANDING_MPS, _STANDING_RADPS = 0.05, 0.1
 _GRAVITY_MPS2 = 9.81
