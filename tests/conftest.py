@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from tests import skips
 from tests.support.domains import held_domain
 from tests.support.processes import NodeProcess, node_command
 
@@ -26,6 +27,10 @@ settings.load_profile("repeat")
 # A shell that runs the tests in the background has SIGINT ignored, and what they start would inherit that: deaf to the
 # interrupts that the tests are about.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(skips.OnlyListedSkips(skips.load()))
 
 
 @pytest.fixture(autouse=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import subprocess
 import sys
 from pathlib import Path
@@ -29,7 +28,6 @@ def test_every_branch_of_the_kernel_is_tested(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.skipif(importlib.util.find_spec("mutmut") is None, reason="mutmut is not installed")
 def test_a_sample_of_mutants_is_noticed(tmp_path: Path) -> None:
     result = check_mutants(tmp_path, SAMPLE, module="timing")
     assert result.checked == SAMPLE

@@ -20,8 +20,6 @@ from std_msgs.msg import Bool
 
 from robot_stack.contract import topics
 from robot_stack.contract.faults import BY_CODE
-from robot_stack.contract.model import System
-from robot_stack.contract.processes import PROCESSES
 from robot_stack.core.runtime import environment_with_home, runtime_dir, state_dir, state_shadow_dir
 from robot_stack.safety.latch_store import COPIES, Record, decode, encode
 from robot_stack.safety.monitor import Memory
@@ -499,13 +497,3 @@ def test_malformed_profile_is_refused_at_once(stack: Stack, change: dict[str, An
     assert done.stderr.count("\n") == 1
     with pytest.raises(NotRunning):
         ask("status")
-
-
-def test_profile_without_a_built_process_is_refused(stack: Stack) -> None:
-    missing = [row.name for row in PROCESSES if not row.available and row.system is System.ROBOT]
-    if not missing:
-        pytest.skip("every process of the robot is built by now")
-    stack.write_profile(processes=missing, extra={})
-    done = stack.up()
-    assert "none of its processes is built" in done.stderr
-    assert done.returncode == 1

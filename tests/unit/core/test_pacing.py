@@ -203,7 +203,6 @@ def test_a_real_sleep_ends_after_its_deadline_and_soon():
 # --- the system
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="a setting of Linux")
 def test_sleeps_of_the_calling_thread_are_sharp():
     seen: list[tuple[bool, int]] = []
 

@@ -119,7 +119,6 @@ def test_the_solver_weighs_only_what_the_score_leaves_open() -> None:
 
 @cache
 def street() -> tuple[Place, ...]:
-    pytest.importorskip("small_gicp")
     return tuple(places(KITTI)[0])
 
 

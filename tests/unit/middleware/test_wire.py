@@ -7,17 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from hypothesis import given
 from hypothesis import strategies as st
-
-from robot_stack.middleware.wire import READERS, CloudView, ImageView
-from robot_stack.ros import transport  # noqa: F401 - the wheels' libraries are found by it
-
-pytest.importorskip("rclpy")
-from builtin_interfaces.msg import Time
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
+
+from robot_stack.middleware.wire import READERS, CloudView, ImageView
+from robot_stack.ros import transport  # noqa: F401 - the wheels' libraries are found by it
 
 read_cloud, read_image = READERS["sensor_msgs/msg/PointCloud2"], READERS["sensor_msgs/msg/Image"]
 
