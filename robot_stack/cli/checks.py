@@ -16,7 +16,7 @@ from pathlib import Path
 
 import psutil
 
-from robot_stack.core.config import config_dir
+from robot_stack.core.config import ConfigError, config_dir
 from robot_stack.core.runtime import ros_domain_id, runtime_dir
 
 _GIB = 2**30
@@ -112,6 +112,8 @@ def domain() -> Iterable[Finding]:
         yield Finding("ROS domain", Level.OK, f"{ros_domain_id()}, runtime folder {runtime_dir()}")
     except ValueError as error:
         yield Finding("ROS domain", Level.BAD, str(error), "export ROS_DOMAIN_ID=0")
+    except ConfigError as error:
+        yield Finding("runtime folder", Level.BAD, str(error), "remove the folder, or set ROBOT_STACK_RUNTIME_DIR")
     except OSError as error:
         yield Finding("ROS domain", Level.BAD, f"no runtime folder: {error}", "set ROBOT_STACK_RUNTIME_DIR")
 

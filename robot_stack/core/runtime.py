@@ -9,9 +9,12 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import IO
+
+from robot_stack.core.config import ConfigError
 
 _TOUCH_SCREEN = "touch_ui.url"
 
@@ -29,11 +32,34 @@ def ros_domain_id() -> int:
 
 
 def runtime_dir() -> Path:
-    """The folder of this user and domain, made if it is missing. ``ROBOT_STACK_RUNTIME_DIR`` overrides it."""
+    """The folder of this user and domain, made if it is missing. ``ROBOT_STACK_RUNTIME_DIR`` overrides it.
+
+    Raises ConfigError for a folder into which another user may write, and OSError if it cannot be made.
+    """
     named = os.environ.get("ROBOT_STACK_RUNTIME_DIR")
-    folder = Path(named) if named else _shared_memory() / f"robot_stack-{os.getuid()}" / f"domain-{ros_domain_id()}"
-    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    if named:
+        folder = Path(named)
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    else:
+        of_user = _shared_memory() / f"robot_stack-{os.getuid()}"
+        of_user.mkdir(exist_ok=True, mode=0o700)
+        _require_own(of_user)
+        folder = of_user / f"domain-{ros_domain_id()}"
+        folder.mkdir(exist_ok=True, mode=0o700)
+    _require_own(folder.resolve() if named else folder)
     return folder
+
+
+def only_own(status: os.stat_result) -> bool:
+    """No other user but root owns the file or may write to it."""
+    return status.st_uid in (0, os.geteuid()) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _require_own(folder: Path) -> None:
+    """Any user may create a folder in shared memory first and put a forged latch into it."""
+    status = folder.lstat()
+    if not stat.S_ISDIR(status.st_mode) or not only_own(status):
+        raise ConfigError(f"{folder} belongs to another user or may be written by others: remove it and start again")
 
 
 def state_home(environment: Mapping[str, str] = os.environ) -> Path:

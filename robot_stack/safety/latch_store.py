@@ -6,10 +6,11 @@ monitor; the others are written beside the monitor's loop, one after the other, 
 verdict must not wait for a disk. They are written in place, in blocks that they already own: a full disk takes nothing
 away.
 
-Who reads takes the newest record whose checksum is right. Where there is none although there should be, nobody knows
-what was latched: the monitor then comes up in emergency stop with a passenger. A copy that is damaged was being written
-when the power went: what it should have said may have been a stop, so that it counts as one. There should be a record
-as soon as there is a state folder: the first start ever makes the folder and the copies in it in one step.
+The newest record whose checksum is right is in force. Without one although one is expected, what was latched is
+unknown: the monitor comes up in emergency stop with a passenger. A damaged copy was being written when the power went:
+its record may have been a stop, so that it counts as one; so does a copy that another user owns or may write. A record
+is expected if there is a state folder, or the witness beside it: the first start makes the folder and its copies in
+one step, and then the witness, which remains if the folder is deleted.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_stack.contract import faults
+from robot_stack.core.runtime import only_own
 from robot_stack.core.worker import Worker
 from robot_stack.safety.monitor import ESTOP_PRESSED, Memory
 from robot_stack.safety.stop_sources import Press
@@ -87,12 +89,15 @@ def _record(data: Any) -> Record:
 class LatchStore:
     """Keeps the memory of the safety monitor in ``folder``, and in ``shadow``, a file in memory.
 
-    Belongs to the node's loop; the files on disk are written by ``worker``. now_s: a monotonic clock.
+    witness: an empty file outside ``folder`` that says that there has been a record. Belongs to the node's loop; the
+    files on disk are written by ``worker``. now_s: a monotonic clock.
     """
 
-    def __init__(self, folder: Path, shadow: Path, slow_s: float, worker: Worker, now_s: Callable[[], float]) -> None:
+    def __init__(
+        self, folder: Path, shadow: Path, witness: Path, slow_s: float, worker: Worker, now_s: Callable[[], float]
+    ) -> None:
         """slow_s: a record that is not on disk after so long is reported by ``problem``."""
-        self._folder, self._shadow, self._slow_s = folder, shadow, slow_s
+        self._folder, self._shadow, self._witness, self._slow_s = folder, shadow, witness, slow_s
         self._worker, self._now_s = worker, now_s
         self._saved: Memory | None = None
         self._newest = self._stored = Record(0, Memory())
@@ -103,11 +108,11 @@ class LatchStore:
 
     def load(self) -> Memory:
         """What was stored, as the module's description says. Never raises."""
-        first_start = not _there(self._folder) and not _there(self._shadow)
+        first_start = not any(map(_there, (self._folder, self._shadow, self._witness)))
         records, damaged = [], False
         for path in (*self._copies(), self._shadow):
             try:
-                records.append(decode(path.read_bytes()))
+                records.append(decode(_read_own(path)))
             except FileNotFoundError:
                 continue
             except (OSError, ValueError):
@@ -178,9 +183,11 @@ class LatchStore:
             data = encode(record)
             if not _there(self._folder):
                 self._make_folder(data)
-                return ""
-            for path in self._copies():
-                _write_through(path, data)
+            else:
+                for path in self._copies():
+                    _write_through(path, data)
+            if not _there(self._witness):
+                _write_through(self._witness, b"")
         except OSError as error:
             return str(error)
         return ""
@@ -210,6 +217,14 @@ def _there(path: Path) -> bool:
     return True
 
 
+def _read_own(path: Path) -> bytes:
+    """Raises ValueError for a file that another user may have written, or in a folder where one may replace it."""
+    with open(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW), "rb") as file:
+        if not only_own(path.parent.lstat()) or not only_own(os.fstat(file.fileno())):
+            raise ValueError("another user may have written it")
+        return file.read()
+
+
 def _write_through(path: Path, data: bytes) -> None:
     """Overwrites a file in place, to the disk."""
     made = not path.exists()
@@ -228,7 +243,8 @@ def _write_through(path: Path, data: bytes) -> None:
 
 def _replace(path: Path, data: bytes) -> None:
     beside = path.with_name(f"{path.name}.new")
-    beside.write_bytes(data)
+    with open(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600), "wb") as file:
+        file.write(data)
     os.replace(beside, path)
 
 

@@ -51,8 +51,8 @@ class ScheduledDisk:
         def power_goes() -> None:
             scheduler.at(scheduler.now_ns, lose_power)
 
-        devices[LatchStore] = lambda port, folder, shadow, slow_s, worker, now_s: _Latch(
-            folder, shadow, slow_s, _DiskWorker(self, port, worker), now_s, self, power_goes
+        devices[LatchStore] = lambda port, folder, shadow, witness, slow_s, worker, now_s: _Latch(
+            folder, shadow, witness, slow_s, _DiskWorker(self, port, worker), now_s, self, power_goes
         )
         devices[AttachedFile] = lambda port: _Attached(self, power_goes)
         devices[SqliteJournal] = lambda port, path: _Journal(path, self, power_goes)
@@ -94,13 +94,14 @@ class _Latch(LatchStore):
         self,
         folder: Path,
         shadow: Path,
+        witness: Path,
         slow_s: float,
         worker: Worker,
         now_s: Callable[[], float],
         disk: ScheduledDisk,
         power_goes: Callable[[], None],
     ) -> None:
-        super().__init__(folder, shadow, slow_s, worker, now_s)
+        super().__init__(folder, shadow, witness, slow_s, worker, now_s)
         self._first, self._disk, self._power_goes = folder / COPIES[0], disk, power_goes
 
     def _write(self, record: Record) -> str:

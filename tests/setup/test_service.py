@@ -42,6 +42,12 @@ def test_the_user_is_a_system_user_and_the_one_of_the_unit() -> None:
     assert "User=robot\n" in UNIT.read_text()
 
 
+def test_no_other_user_can_create_the_runtime_folder_first() -> None:
+    text = UNIT.read_text()
+    assert "RuntimeDirectory=robot_stack\nRuntimeDirectoryMode=0700\n" in text
+    assert "Environment=ROBOT_STACK_RUNTIME_DIR=/run/robot_stack\n" in text
+
+
 def test_the_state_lies_in_the_services_state_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same folder for the service, which is told by systemd, and for an operator's shell."""
     text = UNIT.read_text()

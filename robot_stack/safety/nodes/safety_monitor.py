@@ -22,7 +22,7 @@ from robot_stack.safety.nodes.robot_inputs import RobotInputs
 from robot_stack.safety.nodes.surroundings_inputs import SurroundingsInputs
 from robot_stack.safety.params import SafetyParams
 
-LATCH_FOLDER, LATCH_FILE = "safety", "safety_latch"
+LATCH_FOLDER, LATCH_FILE, LATCH_WITNESS = "safety", "safety_latch", ".latch"
 
 
 class SafetyMonitorNode(StackNode):
@@ -36,6 +36,7 @@ class SafetyMonitorNode(StackNode):
             LatchStore,
             state_dir() / LATCH_FOLDER,
             shadow / LATCH_FILE,
+            state_dir().with_suffix(LATCH_WITNESS),
             self.params.latch_write_s,
             self.worker("latch"),
             self.monotonic_s,

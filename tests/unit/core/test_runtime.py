@@ -9,11 +9,14 @@ from pathlib import Path
 
 import pytest
 
+from robot_stack.core import runtime
+from robot_stack.core.config import ConfigError
 from robot_stack.core.runtime import (
     AlreadyRunning,
     environment_with_home,
     hold_lock,
     lock_path,
+    only_own,
     own_missions_dir,
     recordings_dir,
     ros_domain_id,
@@ -58,6 +61,40 @@ def test_folder_by_user_and_domain(monkeypatch: pytest.MonkeyPatch) -> None:
     assert folder.name == "domain-232"
     assert str(os.getuid()) in folder.parent.name
     folder.rmdir()
+
+
+@pytest.mark.parametrize("mode", [0o770, 0o707, 0o777])
+@pytest.mark.parametrize("named", [True, False])
+def test_a_folder_that_another_user_may_write_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: bool, mode: int
+) -> None:
+    monkeypatch.setattr(runtime, "_shared_memory", lambda: tmp_path)
+    if not named:
+        monkeypatch.delenv("ROBOT_STACK_RUNTIME_DIR")
+    folder = runtime_dir()
+    assert runtime_dir() == folder
+    for writable in (folder,) if named else (folder, folder.parent):
+        writable.chmod(mode)
+        with pytest.raises(ConfigError, match=f"^{writable} belongs to another user or may be written by others"):
+            runtime_dir()
+        writable.chmod(0o700)
+
+
+def test_a_folder_of_another_user_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    runtime_dir()
+    monkeypatch.setattr(runtime, "only_own", lambda status: only_own(os.stat_result((*status[:4], 4711, *status[5:]))))
+    with pytest.raises(ConfigError, match="belongs to another user"):
+        runtime_dir()
+
+
+def test_a_file_or_a_link_is_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("ROBOT_STACK_RUNTIME_DIR")
+    monkeypatch.setattr(runtime, "_shared_memory", lambda: tmp_path)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir(mode=0o700)
+    (tmp_path / f"robot_stack-{os.getuid()}").symlink_to(elsewhere)
+    with pytest.raises(ConfigError, match="belongs to another user"):
+        runtime_dir()
 
 
 @pytest.mark.parametrize("text", ["-1", "233", "one", "1.5"])

@@ -26,13 +26,14 @@ class Disk:
 
     def __init__(self, tmp_path: Path) -> None:
         self.folder, self.shadow = tmp_path / "state" / "safety", tmp_path / "run" / "safety_latch"
-        self.shadow.parent.mkdir()
+        self.witness = tmp_path / "state.latch"
+        self.shadow.parent.mkdir(mode=0o700)
         self.now_s = 1000.0
         self.worker = SteppedWorker()
 
     def store(self, slow_s: float = 60.0) -> LatchStore:
         self.worker = SteppedWorker()
-        return LatchStore(self.folder, self.shadow, slow_s, self.worker, lambda: self.now_s)
+        return LatchStore(self.folder, self.shadow, self.witness, slow_s, self.worker, lambda: self.now_s)
 
     def load(self) -> Memory:
         return self.store().load()
@@ -168,6 +169,60 @@ def test_a_state_folder_that_is_lost_while_the_memory_is_there_is_no_first_start
     assert disk.load() == LATCHED
     disk.shadow.write_bytes(b"")
     assert disk.load() == UNKNOWN_PAST
+
+
+def test_a_state_folder_that_was_deleted_is_no_first_start(disk: Disk) -> None:
+    disk.saved(LATCHED)
+    shutil.rmtree(disk.folder)
+    disk.shadow.unlink()
+    assert disk.load() == UNKNOWN_PAST
+    disk.witness.unlink()
+    assert disk.load() == Memory()
+
+
+def test_a_record_of_before_the_witness_makes_it(disk: Disk) -> None:
+    disk.saved(LATCHED)
+    disk.witness.unlink()
+    store = disk.store()
+    store.save(store.load())
+    disk.worker.finish()
+    assert disk.witness.exists()
+
+
+FORGED = encode(Record(99, Memory()))
+
+
+@pytest.mark.parametrize("mode", [0o620, 0o602, 0o666])
+def test_a_copy_that_another_user_may_write_is_damaged(disk: Disk, mode: int) -> None:
+    disk.saved(Memory(("TILT",), True))
+    disk.shadow.write_bytes(FORGED)
+    disk.shadow.chmod(mode)
+    assert disk.load() == Memory(("TILT", "ESTOP_PRESSED"), True)
+
+
+def test_a_copy_in_a_folder_where_another_user_may_replace_it_is_damaged(disk: Disk) -> None:
+    disk.saved(Memory(("TILT",), True))
+    disk.shadow.write_bytes(FORGED)
+    disk.shadow.parent.chmod(0o777)
+    assert disk.load() == Memory(("TILT", "ESTOP_PRESSED"), True)
+
+
+@pytest.mark.parametrize("own", ["folder", "file"])
+def test_a_copy_of_another_user_is_damaged(disk: Disk, monkeypatch: pytest.MonkeyPatch, own: str) -> None:
+    disk.saved(Memory(("TILT",), True))
+    disk.shadow.write_bytes(FORGED)
+    wrong = (disk.shadow.parent if own == "folder" else disk.shadow).stat().st_ino
+    monkeypatch.setattr(latch_store, "only_own", lambda status: status.st_ino != wrong)
+    assert disk.load() == Memory(("TILT", "ESTOP_PRESSED"), True)
+
+
+def test_a_link_is_no_copy(disk: Disk, tmp_path: Path) -> None:
+    disk.saved(Memory(("TILT",), True))
+    forged = tmp_path / "forged"
+    forged.write_bytes(FORGED)
+    disk.shadow.unlink()
+    disk.shadow.symlink_to(forged)
+    assert disk.load() == Memory(("TILT", "ESTOP_PRESSED"), True)
 
 
 def test_a_folder_that_nobody_may_look_into_is_no_first_start(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
