@@ -1,8 +1,9 @@
-"""Who is not on this machine can neither command the robot nor hear it."""
+"""Neither another computer nor another user of this one can command the robot or read its topics."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -15,7 +16,7 @@ import pytest
 
 from robot_stack.contract import topics
 from robot_stack.ros import transport
-from tests.support.processes import NodeProcess
+from tests.support.processes import NodeProcess, node_command
 from tests.support.waiting import wait_for
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ Start = Callable[..., NodeProcess]
 _ROBOT, _STRANGER = "198.51.100.1", "198.51.100.2"  # RFC 5737: documentation
 _FOR_S = 6.0  # 60 announcements
 _FIRST_EPHEMERAL = 32768
+_RULES = Path(__file__).parents[2] / "launch_scripts" / "robot-stack.nft"
+_ROBOT_UID, _OTHER_UID = "4711", "65534"
 
 
 def _addresses(process: NodeProcess, ports: range) -> set[str]:
@@ -84,9 +87,12 @@ def another_host() -> Iterator[str]:
 
 def _heard_by(host: str) -> str:
     """How many listeners to /emergency_stop and to /cmd_vel a stranger has found, and whether the reset."""
-    words = [sys.executable, str(SCRIPTS / "stranger.py"), _ROBOT, str(_FOR_S)]
+    return _in_namespace(host, sys.executable, str(SCRIPTS / "stranger.py"), _ROBOT, str(_FOR_S))
+
+
+def _in_namespace(name: str, *words: str) -> str:
     done = subprocess.run(
-        ["ip", "netns", "exec", host, *words], capture_output=True, text=True, check=True, timeout=60.0
+        ["ip", "netns", "exec", name, *words], capture_output=True, text=True, check=True, timeout=120.0
     )
     return done.stdout.strip()
 
@@ -109,3 +115,41 @@ def test_a_robot_that_chose_the_network_is_reached(
     start("safety_monitor")
     _wait_known(peer, "safety_monitor")
     assert _heard_by(another_host) == "heard by 1 1 1"
+
+
+@pytest.fixture
+def own_network(ros_domain: int) -> Iterator[str]:
+    """The name of a network namespace in which the rules of the service are in force for this test's ROS domain."""
+    if shutil.which("nft") is None:
+        pytest.skip("no nft on this machine: install the package nftables")
+    name = f"robot{os.getpid()}"
+    first = 7400 + 250 * ros_domain
+    rules = ["-D", f"robot={_ROBOT_UID}", "-D", f"ports={first}-{first + 249}", "-f", str(_RULES)]
+    try:
+        subprocess.run(["ip", "netns", "add", name], check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        pytest.skip(f"no network namespaces here: {error}")
+    try:
+        _in_namespace(name, "ip", "link", "set", "lo", "up")
+        _in_namespace(name, "nft", *rules)
+        yield name
+    finally:
+        subprocess.run(["ip", "netns", "delete", name], check=True)
+
+
+def _heard_by_user(network: str, uid: str, for_s: float) -> str:
+    """The same for a program of a user on the robot's computer. The capability lets it read this Python's files."""
+    user = ["setpriv", f"--reuid={uid}", f"--regid={uid}", "--clear-groups"]
+    rights = ["--inh-caps=+dac_read_search", "--ambient-caps=+dac_read_search"]
+    words = [sys.executable, str(SCRIPTS / "stranger.py"), "127.0.0.1", str(for_s)]
+    return _in_namespace(network, *user, *rights, *words)
+
+
+def test_another_user_of_this_machine_reaches_nothing(own_network: str) -> None:
+    words = ["ip", "netns", "exec", own_network, *node_command("safety_monitor")]
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as monitor:
+        try:
+            assert _heard_by_user(own_network, _ROBOT_UID, 60.0) == "heard by 1 1 1"
+            assert _heard_by_user(own_network, _OTHER_UID, _FOR_S) == "heard by 0 0 0"
+        finally:
+            monitor.terminate()

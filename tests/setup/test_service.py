@@ -42,6 +42,12 @@ def test_the_user_is_a_system_user_and_the_one_of_the_unit() -> None:
     assert "User=robot\n" in UNIT.read_text()
 
 
+def test_the_rules_name_the_ports_of_the_services_domain() -> None:
+    text = UNIT.read_text()
+    assert "ROS_DOMAIN_ID=0 " in text
+    assert "ExecStartPre=+/usr/sbin/nft -D robot=robot -D ports=7400-7649 -f /opt/robot_stack/" in text
+
+
 def test_no_other_user_can_create_the_runtime_folder_first() -> None:
     text = UNIT.read_text()
     assert "RuntimeDirectory=robot_stack\nRuntimeDirectoryMode=0700\n" in text

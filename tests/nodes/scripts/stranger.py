@@ -1,6 +1,6 @@
-"""Somebody elsewhere on the network who knows the robot's address: presses its emergency stop, drives it, resets it.
+"""A stranger who knows the robot's address: presses its emergency stop, drives it, resets it.
 
-Arguments: the robot's address, and for how many seconds.
+Arguments: the robot's address, and for how many seconds at most. Ends as soon as all three are received.
 """
 
 import os
@@ -27,6 +27,7 @@ with TemporaryDirectory() as folder:
     path.write_text(PROFILE, encoding="ascii")
     os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(path)
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
+    os.environ["ROS_LOG_DIR"] = folder
 
     import rclpy
     from geometry_msgs.msg import Twist
@@ -42,8 +43,10 @@ with TemporaryDirectory() as folder:
     drive = node.create_publisher(Twist, topics.CMD_VEL.name, qos_profile(topics.CMD_VEL.qos))
     reset = node.create_client(Trigger, services.SAFETY_RESET.name)
     end_s = time.monotonic() + seconds
-    while time.monotonic() < end_s:
+    heard = (0, 0, 0)
+    while time.monotonic() < end_s and not all(heard):
         stop.publish(Bool(data=True))
         drive.publish(Twist())
         rclpy.spin_once(node, timeout_sec=0.1)
-    print(f"heard by {stop.get_subscription_count()} {drive.get_subscription_count()} {int(reset.service_is_ready())}")
+        heard = (stop.get_subscription_count(), drive.get_subscription_count(), int(reset.service_is_ready()))
+    print("heard by", *heard)
