@@ -10,38 +10,25 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Process as Row
 from robot_stack.contract.model import Topic
-from robot_stack.ehmi.nodes.serial_port import SerialPort
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.port import Port, Publisher
 from robot_stack.supervisor.profile import Plan, load_plan
-from robot_stack.system_monitor.nodes.computer_reader import ProcessReader, configured_reader
-from robot_stack.ui.nodes.hub import Hub
-from robot_stack.ui.nodes.server import WebServer
 from robot_stack.wmx import EngineError, MotionEngine
 from robot_stack.wmx.api import ErrorCode, error_name
-from robot_stack.wmx.opening import PromptOpener, ThreadedOpener
-from robot_stack.wmx.view import EngineView
-from sim.computer.computer import SimComputer
-from sim.ehmi.line import DisplayLine
 from sim.nodes.battery_driver import BatteryDriver
 from sim.nodes.imu_driver import ImuDriver
 from sim.nodes.sim_world import SimWorld
-from sim.scheduler.events import NANOSECONDS
 from sim.scheduler.observers import LifeChange, Observer
-from sim.scheduler.port import SimPort
 from sim.scheduler.scheduler import Scheduler
 from sim.settings import WORLDLY
-from sim.stack.computer import NoProcesses, ScheduledComputer, ScheduledReader
-from sim.stack.disk import ScheduledDisk
-from sim.stack.display import Cable, ScheduledDisplay, ScheduledSerialPort
-from sim.stack.engine import ScheduledView
+from sim.stack.devices import StackDevices, runs
 from sim.stack.faults import StackFaults
-from sim.stack.screen import OpenPage, ScheduledHub, ScheduledServer
+from sim.stack.screen import ScheduledServer
 from sim.stack.supervision import ENDED, Supervision
 from sim.stack.tool import ToolNode
 from sim.stack.world import ScheduledWorld
@@ -77,11 +64,8 @@ class SimulatedStack(Observer):
         )
         self.scheduler = Scheduler(setup.seed, parallel=parallel)
         self.world: ScheduledWorld | None = None
-        self.server: ScheduledServer | None = None
-        self.computer = ScheduledComputer(lambda: self.scheduler.now_s)
-        self.cable = Cable(self._after)
-        self.disk = ScheduledDisk()
-        self._screen: OpenPage | None = None
+        self._devices = StackDevices(self.scheduler, self._open_engine, lambda: self.faults.lose_power())
+        self.computer, self.cable, self.disk = self._devices.computer, self._devices.cable, self._devices.disk
         self._exit = contextlib.ExitStack()
         self.folder = Path()
 
@@ -92,14 +76,13 @@ class SimulatedStack(Observer):
         variables = {name: str(self.folder / name.lower()) for name in _STATE_VARIABLES} | dict(self.plan.environment)
         self._exit.enter_context(_environment(variables))
         self.faults = StackFaults(self)
-        self._register_devices()
         self.scheduler.add_observer(self)
         self.operator, self.test_tool = self._tool(topics.OPERATOR_TOOL), self._tool(topics.TEST_TOOL)
         start, begun_s = self.scheduler.streams.generator("start order"), self.scheduler.now_s
         for row in self.plan.processes:
             # The world first: whatever else there is, the ground is.
             wait_s = 0.0 if row.name == _WORLD else _START_WITHIN_S * float(start.random())
-            self.scheduler.spawn(row.name, *_factories(row), at_s=begun_s + wait_s, parameters=self.plan.parameters)
+            self.scheduler.spawn(row.name, *node_factories(row), at_s=begun_s + wait_s, parameters=self.plan.parameters)
         self.supervision = Supervision(self.scheduler, self.plan.processes)
         return self
 
@@ -110,6 +93,11 @@ class SimulatedStack(Observer):
     def time_s(self) -> float:
         """Virtual time."""
         return self.scheduler.now_s
+
+    @property
+    def server(self) -> ScheduledServer | None:
+        """The touch screen's, while there is one."""
+        return self._devices.server
 
     def advertise(self, row: Topic) -> Publisher:
         """The publisher of the tool that may publish the row. Raises ContractViolation if none may."""
@@ -146,61 +134,16 @@ class SimulatedStack(Observer):
         self.scheduler.run(self.scheduler.now_s + 10.0, lambda: process.running)
         return tools[0]
 
-    def _after(self, delay_s: float, callback: Callable[[], None]) -> None:
-        self.scheduler.at(self.scheduler.now_ns + round(delay_s * NANOSECONDS), callback)
-
-    # --- devices -----------------------------------------------------------------------------------------------------
-
-    def _register_devices(self) -> None:
-        devices: dict[Any, Callable[..., Any]] = self.scheduler.devices
-        devices[ThreadedOpener] = lambda port, _: PromptOpener(lambda: self._open_engine(port))
-        devices[EngineView] = self._engine_view
-        devices[SerialPort] = lambda port, _path, _baud, params, wanted: ScheduledSerialPort(
-            port, self.cable, params, wanted
-        )
-        devices[DisplayLine] = lambda port, params, link: ScheduledDisplay(port, self.cable, params, link)
-        devices[SimComputer] = lambda port, *arguments: self.computer.power_on(*arguments)
-        devices[configured_reader] = lambda port, _: ScheduledReader(self.computer)
-        devices[ProcessReader] = lambda port, _: NoProcesses()
-        devices[Hub] = _hub
-        self.disk.register(devices, self.scheduler, lambda: self.faults.lose_power())
-        devices[WebServer] = self._web_server
-
-    def _engine_view(self, port: Port, _: str, poll_hz: float, on_status: Callable[..., None]) -> ScheduledView:
-        return ScheduledView(port, lambda: self._open_engine(port), poll_hz, on_status)
-
     def _open_engine(self, port: Port) -> MotionEngine:
         """Raises EngineError, as long as there is no world too."""
         if self.world is None or self.world.ended:
             code = ErrorCode.IMLibIsNotRunning
             raise EngineError(f"{port.name}: no motion engine runs", code, error_name(code))
-        return self.world.engine.open(port, lambda: _runs(port))
-
-    def _switch_screen(self, shown: bool) -> None:
-        """A page on the robot's own screen opens or closes."""
-        if self._screen is not None:
-            self._screen.close()
-        self._screen = self.server.open_page() if shown and self.server is not None else None
-
-    def _web_server(self, port: Port, _: Any, hub: ScheduledHub, __: Any) -> ScheduledServer:
-        self.server = ScheduledServer(port, hub)
-        self.computer.screen.on_change = self._switch_screen
-        return self.server
+        return self.world.engine.open(port, lambda: runs(port))
 
 
-def _hub(port: Port, *arguments: Any) -> ScheduledHub:
-    hub = ScheduledHub(*arguments)
-    hub.port = port
-    return hub
-
-
-def _runs(port: Port) -> bool:
-    """The process of the node that holds this port runs."""
-    assert isinstance(port, SimPort)
-    return port.life.alive and not port.life.hung
-
-
-def _factories(row: Row) -> Sequence[Callable[[], StackNode]]:
+def node_factories(row: Row) -> Sequence[Callable[[], StackNode]]:
+    """What constructs the nodes of a process of the contract."""
     if row.name == _WORLD:
         return SimWorld, ImuDriver, BatteryDriver
     assert row.module is not None

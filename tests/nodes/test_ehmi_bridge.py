@@ -1,4 +1,4 @@
-"""The bridge and the simulated firmware as two processes, on a real pseudo terminal."""
+"""The bridge and the simulated firmware as processes on a pseudo terminal. Their faults: tests/simulated/nodes."""
 
 from __future__ import annotations
 
@@ -6,259 +6,28 @@ import json
 import os
 from pathlib import Path
 
-import pytest
-from std_msgs.msg import Bool
-
-from custom_msgs.msg import DockingStatus, EHMIState, EHMIStatus, MissionStatus, SafetyStatus
-from custom_msgs.srv import InjectFault
-from robot_stack.contract import services, topics
+from custom_msgs.msg import EHMIState, SafetyStatus
+from robot_stack.contract import topics
 from robot_stack.contract.display import Display
-from robot_stack.middleware.conversions import time_to_s
-from tests.support.waiting import wait_for
 
 
-class World:
-    """A peer in the place of the rest of the stack."""
+def test_a_state_reaches_the_display_over_a_terminal_that_goes_with_it(peer, start) -> None:
+    shown, status = peer.listen(topics.SIM_EHMI_DISPLAY), peer.listen(topics.EHMI_STATUS)
+    peer.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(safety_state="NORMAL"), 20.0)
+    display, bridge = start("ehmi_display"), start("ehmi_bridge", "-p", "port:=ehmi_display")
 
-    def __init__(self, peer, start) -> None:
-        self.peer, self.start = peer, start
-        self.safety = SafetyStatus(safety_state="NORMAL")
-        self.shown = peer.listen(topics.SIM_EHMI_DISPLAY)
-        self.status = peer.listen(topics.EHMI_STATUS)
-        self.safety_heard = peer.listen(topics.SAFETY_STATUS)
-        peer.repeat(topics.SAFETY_STATUS, lambda: self.safety, 20.0)
-        peer.publisher(topics.PASSENGER_ATTACHED)
-        self.bridge = self.display = None
+    def shows(state: Display) -> None:
+        shown.wait(lambda message: json.loads(message.data)["state"] == state, f"{state.name} shown")
 
-    def launch_display(self) -> World:
-        self.display = self.start("ehmi_display")
-        return self
-
-    def launch_bridge(self) -> World:
-        self.bridge = self.start("ehmi_bridge", "-p", "port:=ehmi_display")
-        self.peer.wait_matched(topics.EHMI_STATE_COMMAND)
-        return self
-
-    def ask(self, state: int, language: str = "en", volume: int = 4) -> None:
-        self.peer.publish(topics.EHMI_STATE_COMMAND, EHMIState(state_num=state, language=language, volume=volume))
-
-    def shows(self, state: int) -> dict[str, object]:
-        self.shown.wait(
-            lambda message: json.loads(message.data)["state"] == state, f"state {Display(state).name} shown"
-        )
-        return json.loads(self.shown.last.data)
-
-    def status_is(self, linked: bool, state: int | None = None, fault: str | None = None) -> EHMIStatus:
-        def matches(message: EHMIStatus) -> bool:
-            known = state is None or message.acknowledged_state == state
-            return message.linked == linked and known and fault in (None, message.firmware_fault)
-
-        return self.status.wait(matches, f"linked {linked}, state {state}, fault {fault}")
-
-    def inject(self, kind: str, target: str = "", value: float = 0.0, duration_s: float = 0.0) -> None:
-        request = InjectFault.Request(kind=kind, target=target, value=value, duration_s=duration_s)
-        answer = self.peer.call(services.INJECT_EHMI_FAULT, request)
-        assert answer.success, answer.message
-
-    def clear(self) -> None:
-        self.inject("clear")
-
-    def safety_says(self, state: str) -> None:
-        self.safety = SafetyStatus(safety_state=state)
-
-
-@pytest.fixture
-def empty(peer, start) -> World:
-    return World(peer, start)
-
-
-@pytest.fixture
-def world(empty) -> World:
-    """Bridge and display are linked and show what was asked for."""
-    empty.launch_display().launch_bridge()
-    empty.ask(Display.NAVIGATING)
-    empty.shows(Display.NAVIGATING)
-    return empty
-
-
-def test_a_state_with_its_language_and_volume_reaches_the_display(world):
-    world.ask(Display.TRANSPORT, "zh", 9)
-    shown = world.shows(Display.TRANSPORT)
-    assert (shown["text"], shown["volume"], shown["colour"]) == ("载客自动行驶中", 9, "turquoise")
-    status = world.status_is(True, Display.TRANSPORT, "")
-    assert time_to_s(status.header.stamp) > 0.0
-
-
-def test_every_state_is_acknowledged(world):
-    for state in Display:
-        world.ask(state)
-        world.shows(state)
-    world.status_is(True, Display.DOCKING_FAILED)
-
-
-def test_status_comes_once_a_second_also_without_a_display(empty):
-    empty.launch_bridge()
-    status = empty.status_is(False, EHMIStatus.NO_STATE, "")
-    assert not status.linked
-    empty.status.wait_period(1.0, rel=0.1, count=4)
-
-
-def test_nonsense_on_the_topic_changes_nothing(world):
-    world.ask(11)
-    world.ask(29)
-    world.ask(Display.IDLE, "de")
-    world.ask(Display.IDLE, "en", 11)
-    world.bridge.wait_output("refused")
-    world.ask(Display.NAVIGATING, "en", 7)
-    wait_for(lambda: json.loads(world.shown.last.data)["volume"] == 7, "the next proper command")
-    states = [json.loads(message.data)["state"] for message in world.shown.messages]
-    assert Display.IDLE not in states
-
-
-# --- the robot's own knowledge -----------------------------------------------------------------------------------
-
-
-def test_an_emergency_stop_wins_over_whatever_is_asked(world):
-    world.peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
-    world.shows(Display.EMERGENCY_STOP)
-    world.safety_says("EMERGENCY_STOP")
-    world.ask(Display.IDLE)
-    world.ask(Display.TRANSPORT)
-    world.status_is(True, Display.EMERGENCY_STOP)
-    shown = len(world.shown.items)
-    wait_for(lambda: len(world.shown.items) >= shown + 3, "what is shown, three times")
-    assert all(json.loads(message.data)["state"] == 6 for message in world.shown.messages[shown:])
-    world.peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
-    world.safety_says("NORMAL")
-    world.shows(Display.TRANSPORT)
-
-
-def test_an_emergency_that_only_the_safety_monitor_knows_is_shown_too(world):
-    world.safety_says("EMERGENCY_STOP")
-    world.shows(Display.EMERGENCY_STOP)
-
-
-def test_a_silent_safety_monitor_is_an_error_and_none_yet_is_dark(empty):
-    empty.peer.silence(topics.SAFETY_STATUS)
-    empty.launch_display().launch_bridge()
-    empty.ask(Display.NAVIGATING)
-    empty.status_is(True, Display.OFF)
-    empty.peer.repeat(topics.SAFETY_STATUS, lambda: empty.safety, 20.0)
-    empty.shows(Display.NAVIGATING)
-    empty.peer.silence(topics.SAFETY_STATUS)
-    empty.shows(Display.ERROR)
-
-
-def test_a_passenger_is_never_hidden(world):
-    world.peer.publish(topics.PASSENGER_ATTACHED, Bool(data=True))
-    world.shows(Display.TRANSPORT)
-    world.ask(Display.IDLE)
-    world.shows(Display.PASSENGER_ONBOARD)
-
-
-def test_while_nobody_asks_mission_and_docking_tell(empty):
-    peer = empty.peer
-    peer.publish(topics.MISSION_STATUS, MissionStatus(state="RUNNING"))
-    empty.launch_display().launch_bridge()
-    empty.shows(Display.NAVIGATING)
-    peer.repeat(topics.DOCKING_STATUS, lambda: DockingStatus(state="SERVOING"), 20.0)
-    empty.shows(Display.DOCKING)
-    empty.ask(Display.PAUSED)
-    empty.shows(Display.PAUSED)
-
-
-# --- the line --------------------------------------------------------------------------------------------------------
-
-
-def test_a_pulled_cable_and_back(world):
-    world.inject("cable")
-    world.status_is(False, Display.NAVIGATING)
-    world.shows(Display.ERROR)  # the display by itself: its host is gone
-    world.ask(Display.DOCKING)
-    world.clear()
-    world.shows(Display.DOCKING)
-    world.status_is(True, Display.DOCKING)
-
-
-def test_a_display_that_starts_anew_is_told_again(world):
-    world.inject("power")
-    world.shows(Display.OFF)
-    world.shows(Display.NAVIGATING)
-    world.status_is(True, Display.NAVIGATING)
-
-
-def test_a_stop_pressed_while_the_cable_is_out_is_the_first_thing_shown_after(world):
-    world.inject("cable")
-    world.status_is(False)
-    world.shows(Display.ERROR)
-    world.peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
-    shown = len(world.shown.items)
-    world.clear()
-    world.shows(Display.EMERGENCY_STOP)
-    after = {json.loads(message.data)["state"] for message in world.shown.messages[shown:]}
-    assert after <= {Display.ERROR, Display.EMERGENCY_STOP}
-
-
-@pytest.mark.parametrize(("kind", "value"), [("silent", 0.0), ("half_lines", 0.0), ("noise", 0.5), ("late", 5.0)])
-def test_a_display_that_does_not_answer_properly_is_no_link_and_comes_back(world, kind, value):
-    world.inject(kind, value=value)
-    world.status_is(False)
-    world.clear()
-    world.status_is(True, Display.NAVIGATING)
-
-
-def test_garbage_and_a_noisy_cable_lose_nothing(world):
-    world.inject("garbage")
-    world.inject("noise", value=0.02)
-    for state in (Display.OBSTACLE, Display.PAUSED, Display.TRANSPORT, Display.DOCKING, Display.IDLE):
-        world.ask(state)
-        world.shows(state)
-
-
-def test_a_fault_of_the_display_is_told_and_over(world):
-    world.inject("fault_code", target="LED_DRIVER")
-    world.status_is(True, None, "LED_DRIVER")
-    world.clear()
-    world.status_is(True, None, "")
-
-
-def test_unknown_faults_are_refused(world):
-    for kind, target in (("explode", ""), ("fault_code", "small letters"), ("cable", "left")):
-        answer = world.peer.call(services.INJECT_EHMI_FAULT, InjectFault.Request(kind=kind, target=target))
-        assert not answer.success
-        assert answer.message
-
-
-def test_a_display_that_comes_later_than_the_bridge_and_dies_and_comes_back(empty):
-    empty.launch_bridge()
-    empty.ask(Display.CHARGING)
-    empty.status_is(False)
-    empty.launch_display().shows(Display.CHARGING)
-    empty.status_is(True, Display.CHARGING)
-    empty.display.stop()
-    empty.status_is(False, Display.CHARGING)
-    empty.launch_display()
-    empty.status_is(True, Display.CHARGING)
-
-
-def test_a_bridge_that_ends_leaves_the_display_dark(world):
-    world.bridge.stop()
-    assert world.bridge.process.returncode == 0
-    world.shows(Display.OFF)
-
-
-def test_a_bridge_that_is_killed_leaves_no_promise(world):
-    world.bridge.process.kill()
-    world.shows(Display.ERROR)
-    world.launch_bridge()
-    # The peer may still be connected to the dead one: what is said once might be said to nobody.
-    command = EHMIState(state_num=Display.NAVIGATING, language="en", volume=4)
-    world.peer.repeat(topics.EHMI_STATE_COMMAND, lambda: command, 5.0)
-    world.shows(Display.NAVIGATING)
-
-
-def test_the_link_of_the_terminal_goes_with_the_display(world):
+    peer.publish(topics.EHMI_STATE_COMMAND, EHMIState(state_num=Display.TRANSPORT, language="zh", volume=9))
+    shows(Display.TRANSPORT)
+    told = json.loads(shown.last.data)
+    assert (told["text"], told["volume"], told["colour"]) == ("载客自动行驶中", 9, "turquoise")
+    status.wait(lambda message: message.linked and message.acknowledged_state == Display.TRANSPORT, "acknowledged")
+    bridge.stop()
+    assert bridge.process.returncode == 0
+    shows(Display.OFF)
     link = Path(os.environ["ROBOT_STACK_RUNTIME_DIR"]) / "ehmi_display"
     assert link.is_symlink()
-    world.display.stop()
+    display.stop()
     assert not link.is_symlink()

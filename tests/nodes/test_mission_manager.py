@@ -1,441 +1,52 @@
-"""The mission manager as a process, among fake drives, a fake safety monitor and a fake navigation controller."""
+"""The mission manager as a process: a disk that is really full, signals, a bad parameter. See tests/simulated/nodes."""
 
 from __future__ import annotations
 
-import os
 import resource
 import signal
-import time
+from collections.abc import Callable
 from pathlib import Path
 
-import pytest
-from geometry_msgs.msg import PoseStamped, TwistStamped
 from nav_msgs.msg import Odometry
-from nav_msgs.msg import Path as PlannedPath
-from sensor_msgs.msg import BatteryState
-from std_msgs.msg import Bool
 
-from custom_msgs.msg import RobotStatus, SafetyStatus, UICommand
+from custom_msgs.msg import SafetyStatus, UICommand
 from robot_stack.contract import topics
-from robot_stack.contract.display import Display
-from robot_stack.core.geometry import Pose2
-from robot_stack.middleware.conversions import pose_from_msg, pose_stamped
-from robot_stack.mission.journal import SqliteJournal
-from robot_stack.mission.states import State
-from tests.support.peer import Heard, Peer
-from tests.support.processes import NodeProcess, node_command
-from tests.support.waiting import wait_for
-
-MISSION = """
-id: ride
-name: {en: Ride, ja: 走行, zh: 行驶}
-home: {x: 0.0, y: 0.0, yaw: 0.0}
-waypoints:
-  - {name: first, x: 2.0, y: 0.0, yaw: 0.0, action: pass}
-  - {name: second, x: 4.0, y: 1.0, yaw: 0.5, action: {wait: 0.5}}
-  - {name: last, x: 4.0, y: 3.0, yaw: 0.0, action: park}
-"""
-DOCKING = MISSION.replace("id: ride", "id: docking").replace("{wait: 0.5}", "{dock: chair_9}")
-MALFORMED = MISSION.replace("x: 4.0, y: 1.0", "x: .nan, y: 1.0").replace("id: ride", "id: malformed")
-
-
-class World:
-    """Everything around the mission manager; the robot stands where it is put."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.missions = folder / "missions"
-        self.missions.mkdir()
-        for name, text in (("ride", MISSION), ("docking", DOCKING), ("malformed", MALFORMED)):
-            (self.missions / f"{name}.yaml").write_text(text, encoding="utf-8")
-        self.journal = folder / "state" / "mission.db"
-        self.peer = Peer()
-        self.pose = Pose2(0.0, 0.0, 0.0)
-        self.safety = SafetyStatus(safety_state="NORMAL")
-        self.charge = 0.8
-        self.supply = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
-        self.status = self.peer.listen(topics.MISSION_STATUS)
-        self.goals = self.peer.listen(topics.GOAL_POSE)
-        self.stops = self.peer.listen(topics.EMERGENCY_STOP)
-        self.display = self.peer.listen(topics.EHMI_STATE_COMMAND)
-        self.safety_heard = self.peer.listen(topics.SAFETY_STATUS)
-        self.heartbeat = self.peer.listen(topics.HEARTBEAT)
-        self.peer.repeat(topics.CURRENT_POSE, lambda: pose_stamped(self.pose, "map", self._stamp()), 20.0)
-        self.peer.repeat(topics.ODOM, Odometry, 50.0)
-        self.peer.repeat(topics.SAFETY_STATUS, lambda: self.safety, 20.0)
-        self.peer.repeat(topics.BATTERY_STATE, self._battery, 5.0)
-        self.node: NodeProcess | None = None
-
-    def _battery(self) -> BatteryState:
-        return BatteryState(percentage=self.charge, power_supply_status=self.supply)
-
-    def _stamp(self):
-        return self.peer.node.get_clock().now().to_msg()
-
-    def launch(self, *overrides: str, ready: bool = True) -> NodeProcess:
-        arguments = ["-p", f"missions_folder:={self.missions}", "-p", f"journal_file:={self.journal}"]
-        for item in overrides:
-            arguments += ["-p", item]
-        beats = len(self.heartbeat.items)
-        self.node = NodeProcess(node_command("mission_manager", *arguments), self.folder / "mission_manager.log")
-        wait_for(
-            lambda: not self.node.running() or any(beat.ready == ready for beat in self.heartbeat.messages[beats:]),
-            "mission manager ready" if ready else "mission manager waiting",
-        )
-        assert self.node.running(), self.node.output()
-        self.peer.wait_matched(topics.UI_COMMAND)
-        return self.node
-
-    def command(self, name: str, mission_id: str = ""):
-        """Sends a command and returns the status that answers it."""
-        if self.status.last is not None and self.status.last.last_command == name:
-            self.command(f"{name} AGAIN")  # unknown and refused: so that the next answer is told from the last one
-        seen = len(self.status.items)
-        self.peer.publish(topics.UI_COMMAND, UICommand(command_type=name, mission_id=mission_id))
-        return self.status_where(lambda status: status.last_command == name, f"an answer to {name}", seen)
-
-    def status_where(self, condition, what: str, after: int = 0):
-        def found():
-            return next((message for message in self.status.messages[after:] if condition(message)), None)
-
-        return wait_for(found, what)
-
-    def safety_says(self, state: str, *faults: str) -> None:
-        """The safety monitor's decision from now on; returns when it has been heard."""
-        self.safety = SafetyStatus(safety_state=state, active_faults=faults)
-        seen = len(self.safety_heard.items)
-        wait_for(
-            lambda: sum(status.safety_state == state for status in self.safety_heard.messages[seen:]) >= 3,
-            f"/safety/status {state}",
-        )
-
-    def state(self, state: str, waypoint: str | None = None):
-        return self.status.wait(
-            lambda s: s.state == state and waypoint in (None, s.current_waypoint), f"{state} {waypoint or ''}"
-        )
-
-    def goal(self, x: float) -> PoseStamped:
-        return self.goals.wait(lambda goal: goal.header.frame_id == "map" and goal.pose.position.x == x, f"goal {x}")
-
-    def no_goal(self) -> None:
-        self.goals.wait(lambda goal: goal.header.frame_id == "", "the goal cancelled")
-
-    def kill(self) -> None:
-        self.node.signal(signal.SIGKILL)
-        self.node.wait()
-
-    def close(self) -> None:
-        if self.node is not None:
-            self.node.stop()
-        self.peer.close()
-
-
-@pytest.fixture
-def world(ros_domain: int, tmp_path: Path):
-    world = World(tmp_path)
-    yield world
-    world.close()
-
-
-def settle(heard: Heard, seconds: float) -> int:
-    """How many messages arrive within ``seconds``: for what must not happen."""
-    before, end_s = len(heard.items), time.monotonic() + seconds
-    while time.monotonic() < end_s:
-        time.sleep(0.02)
-    return len(heard.items) - before
-
-
-def test_a_ride_from_start_to_end(world):
-    world.launch()
-    assert world.state("IDLE").mission_id == ""
-    status = world.command("START_MISSION", "ride")
-    assert status.last_command_accepted, status.reason
-    assert (status.state, status.mission_id, status.mission_name) == ("RUNNING", "ride", "走行")
-    world.goal(2.0)
-    world.pose = Pose2(1.7, 0.0, 0.0)
-    goal = world.goal(4.0)
-    assert pose_from_msg(goal.pose) == Pose2(4.0, 1.0, pytest.approx(0.5))
-    world.pose = Pose2(4.0, 1.0, 0.5)
-    world.state("WAITING", "second")
-    world.state("RUNNING", "last")
-    world.pose = Pose2(4.0, 3.0, 0.0)
-    done = world.state("COMPLETED")
-    assert (done.waypoints_completed, done.total_waypoints, done.progress) == (3, 3, 1.0)
-    world.no_goal()
-    shown = [message.state_num for message in world.display.messages]
-    assert shown[0] in (Display.OFF, Display.IDLE)
-    assert Display.NAVIGATING in shown
-    world.display.wait(lambda message: message.state_num == Display.IDLE, "idle on the display")
-    assert world.display.last.language == "ja"
-
-
-def shows(world, display: Display) -> None:
-    world.display.wait(lambda message: message.state_num == display, f"{display.name} on the display")
-
-
-def test_a_mission_made_on_this_robot_is_driven_at_once(world):
-    own = world.folder / "own"
-    world.launch(f"own_missions_folder:={own}")
-    assert "there is no mission" in world.command("START_MISSION", "made_here").reason
-    own.mkdir()
-    (own / "made_here.yaml").write_text(MISSION.replace("id: ride", "id: made_here"), encoding="utf-8")
-    status = world.command("START_MISSION", "made_here")
-    assert status.last_command_accepted, status.reason
-    assert status.mission_id == "made_here"
-
-
-def test_the_display_is_told_who_drives_that_it_charges_and_that_it_is_over(world):
-    world.launch()
-    shows(world, Display.IDLE)
-    world.supply = BatteryState.POWER_SUPPLY_STATUS_CHARGING
-    shows(world, Display.CHARGING)
-    world.supply = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
-    shows(world, Display.IDLE)
-    world.peer.repeat(topics.TELEOP_CMD_VEL, TwistStamped, 20.0)
-    shows(world, Display.MANUAL)
-    world.peer.silence(topics.TELEOP_CMD_VEL)
-    shows(world, Display.IDLE)
-    world.node.stop()
-    shows(world, Display.OFF)
-
-
-def test_the_display_is_dark_before_anything_is_known(world):
-    world.peer.silence(topics.CURRENT_POSE)
-    world.launch(ready=False)
-    shows(world, Display.OFF)
-    world.peer.repeat(topics.CURRENT_POSE, lambda: pose_stamped(world.pose, "map", world._stamp()), 20.0)
-    shows(world, Display.IDLE)
-
-
-def test_people_are_warned_before_it_sets_out(world):
-    world.launch()
-    world.state("IDLE")
-    world.command("START_MISSION", "ride")
-    shows(world, Display.NAVIGATING)
-    warned_s = world.display.items[-1][0]
-    world.goal(2.0)
-    assert world.goals.items[-1][0] - warned_s >= 1.9
-
-
-def test_pause_resume_and_abort(world):
-    world.launch()
-    world.command("START_MISSION", "ride")
-    world.goal(2.0)
-    assert world.command("PAUSE").state == "PAUSED"
-    world.no_goal()
-    assert world.command("RESUME").state == "RUNNING"
-    world.goal(2.0)
-    assert world.command("ABORT").state == "ABORTED"
-    world.no_goal()
-
-
-@pytest.mark.parametrize(
-    ("command", "mission_id", "why"),
-    [
-        ("START_MISSION", "nowhere", "there is no mission 'nowhere'; known: docking, malformed, ride"),
-        ("START_MISSION", "../missions/ride", "there is no mission"),
-        ("START_MISSION", "", "there is no mission ''"),
-        ("START_MISSION", "docking", "waypoint 'second' of 'docking': there is no dock 'chair_9'; known: "),
-        ("START_MISSION", "malformed", "malformed.yaml: waypoint 2 'second': x: Input should be a finite number"),
-        ("RESUME", "", "RESUME refused"),
-        ("LAUNCH", "", "unknown command"),
-    ],
-)
-def test_refusals(world, command, mission_id, why):
-    world.launch()
-    answer = world.command(command, mission_id)
-    assert not answer.last_command_accepted
-    assert why in answer.reason
-    assert answer.state == "IDLE"
-    assert world.goals.items == []
-
-
-def test_a_low_battery_refuses(world):
-    world.charge = 0.2
-    world.launch()
-    wait_for(lambda: "battery at 20%" in world.command("START_MISSION", "ride").reason, "a refusal for the battery")
-    assert world.goals.items == []
-
-
-def test_the_robots_summary_tells_the_charge_where_the_battery_is_silent(world):
-    world.peer.silence(topics.BATTERY_STATE)
-    world.peer.repeat(topics.ROBOT_STATUS, lambda: RobotStatus(battery_percent=20.0), 10.0)
-    world.launch()
-    wait_for(lambda: "battery at 20%" in world.command("START_MISSION", "ride").reason, "a refusal for the battery")
-    world.peer.silence(topics.ROBOT_STATUS)
-    wait_for(lambda: world.command("START_MISSION", "ride").last_command_accepted, "a start: nobody knows the charge")
-
-
-def test_the_emergency_stop_command_and_the_way_back(world):
-    world.launch()
-    sources = world.peer.listen(topics.EMERGENCY_STOP_SOURCES)
-    world.command("START_MISSION", "ride")
-    world.goal(2.0)
-    assert world.command("EMERGENCY_STOP").state == "PAUSED"
-    world.stops.wait(lambda message: message.data, "/emergency_stop true")
-    world.no_goal()
-    sources.wait(lambda message: message.name == "mission_manager" and message.pressed, "who has pressed")
-    world.safety_says("EMERGENCY_STOP", "ESTOP_PRESSED")
-    sources.wait(lambda message: not message.pressed and message.presses == 1, "an event, no state")
-    assert world.stops.last.data  # for everybody else it stays a stop
-    world.display.wait(lambda message: message.state_num == Display.EMERGENCY_STOP, "e-stop on the display")
-    assert "release it" in world.command("RESUME").reason
-
-    world.peer.publish(topics.EMERGENCY_STOP, Bool(data=False))  # the first key
-    assert not world.command("RESUME").last_command_accepted
-    world.safety_says("NORMAL")  # the second
-    # Its own latched true is taken back, so that a node that starts later is not stopped by it.
-    wait_for(lambda: [stop.data for stop in world.stops.messages][-2:] == [False, False], "its own stop released")
-    assert world.status.last.state == "PAUSED"
-    assert world.command("RESUME").state == "RUNNING"
-    world.goal(2.0)
-
-
-def test_a_pressed_button_stops_the_mission(world):
-    world.launch()
-    world.command("START_MISSION", "ride")
-    world.peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
-    status = world.state("PAUSED")
-    assert "emergency stop" in status.reason
-    world.no_goal()
-
-
-def test_a_stale_pose_is_told(world):
-    world.launch()
-    world.command("START_MISSION", "ride")
-    world.peer.silence(topics.CURRENT_POSE)
-    world.status.wait(lambda s: "waiting for pose" in s.reason, "waiting for pose")
-    assert world.status.last.state == "RUNNING"
-
-
-def test_status_at_1_hz_while_active(world):
-    world.launch()
-    world.command("START_MISSION", "ride")
-    world.goal(2.0)
-    assert 2 <= settle(world.status, 2.5) <= 4  # one more may say that the warning is over; after 3 s the display waits
-
-
-def test_a_goal_reaches_a_navigation_controller_that_starts_later(world):
-    world.launch()
-    world.command("START_MISSION", "ride")
-    world.peer.publish(topics.PLAN, plan_to(world.goal(2.0)))  # confirmed: not sent again on its own account
-    late = Peer("late")
-    try:
-        late.listen(topics.GOAL_POSE).wait(lambda goal: goal.pose.position.x == 2.0, "the goal")
-    finally:
-        late.close()
-
-
-def plan_to(goal: PoseStamped) -> PlannedPath:
-    path = PlannedPath(poses=[goal])
-    path.header.frame_id = "map"
-    return path
-
-
-def test_sigkill_mid_mission_comes_back_paused_with_the_passenger(world):
-    world.launch()
-    world.peer.publish(topics.PASSENGER_ATTACHED, Bool(data=True))
-    world.status.wait(lambda s: s.passenger_attached, "the passenger")
-    world.command("START_MISSION", "ride")
-    world.pose = Pose2(1.7, 0.0, 0.0)
-    world.goal(4.0)
-    world.kill()
-    (world.missions / "ride.yaml").unlink()
-    kept = SqliteJournal(world.journal).load()
-    assert (kept.state, kept.waypoint, kept.passenger_attached) == (State.RUNNING, 1, True)
-
-    goals = len(world.goals.items)
-    world.launch()
-    status = world.status.wait(lambda s: s.state == "PAUSED", "PAUSED")
-    assert (status.mission_id, status.current_waypoint, status.waypoints_completed) == ("ride", "second", 1)
-    assert status.passenger_attached
-    assert "restarted while RUNNING" in status.reason
-    settle(world.goals, 2.5)
-    assert all(goal.header.frame_id == "" for goal in world.goals.messages[goals:]), "it never moves by itself"
-    assert world.command("RESUME").state == "RUNNING"
-    world.goal(4.0)
-
-
-def test_a_finished_mission_does_not_come_back(world):
-    world.launch()
-    world.command("START_MISSION", "ride")
-    world.command("ABORT")
-    world.kill()
-    world.launch()
-    assert world.status.wait(lambda s: s.last_command == "", "a fresh status").state == "IDLE"
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_leaves_the_robot_without_a_goal(world, number):
-    node = world.launch()
-    world.command("START_MISSION", "ride")
-    world.goal(2.0)
-    node.signal(number)
-    assert node.wait() == 0
-    world.no_goal()
-    assert SqliteJournal(world.journal).load().state is State.RUNNING
-
-
-def test_a_damaged_journal_is_told_and_moved_aside(world):
-    world.journal.parent.mkdir()
-    world.journal.write_bytes(os.urandom(8192))
-    world.launch()
-    status = world.state("IDLE")
-    assert "was damaged" in status.reason
-    assert list(world.journal.parent.glob("*.damaged-*"))
-    assert world.command("START_MISSION", "ride").last_command_accepted
-
-
-def test_a_journal_that_cannot_be_written_refuses_to_start(world):
-    world.journal.parent.write_text("a file in the place of the folder")
-    world.launch()
-    answer = world.command("START_MISSION", "ride")
-    assert not answer.last_command_accepted
-    assert "the journal cannot be written" in answer.reason
-    assert world.goals.items == []
-
-
-def test_a_journal_lost_on_the_way_pauses_the_ride(world):
-    world.launch()
-    world.command("START_MISSION", "ride")
-    world.goal(2.0)
-    holder = SqliteJournal(world.journal)._open()  # another process that does not let go of the database
-    holder.execute("BEGIN EXCLUSIVE")
-    try:
-        world.pose = Pose2(1.7, 0.0, 0.0)
-        status = world.state("PAUSED")
-        assert "the journal cannot be written" in status.reason
-        world.no_goal()
-    finally:
-        holder.execute("ROLLBACK")
-        holder.close()
-    world.status.wait(lambda s: s.last_command == "START_MISSION" and s.state == "PAUSED", "still paused")
-    wait_for(lambda: SqliteJournal(world.journal).load().state is State.PAUSED, "the journal written after all")
-    assert world.command("RESUME").last_command_accepted
-
-
-def test_a_full_disk_pauses_the_ride(world):
-    node = world.launch()
-    world.command("START_MISSION", "ride")
-    world.goal(2.0)
+from robot_stack.core.geometry import IDENTITY
+from robot_stack.middleware.conversions import pose_stamped
+from tests.support.peer import Peer
+from tests.support.processes import NodeProcess
+
+Start = Callable[..., NodeProcess]
+
+
+def test_a_full_disk_refuses_a_ride_and_a_signal_leaves_the_robot_without_a_goal(
+    start: Start, peer: Peer, tmp_path: Path
+) -> None:
+    status, goals = peer.listen(topics.MISSION_STATUS), peer.listen(topics.GOAL_POSE)
+    clock = peer.node.get_clock()
+    peer.repeat(topics.CURRENT_POSE, lambda: pose_stamped(IDENTITY, "map", clock.now().to_msg()), 20.0)
+    peer.repeat(topics.ODOM, Odometry, 50.0)
+    peer.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(safety_state="NORMAL"), 20.0)
+    node = start("mission_manager", "-p", f"journal_file:={tmp_path / 'mission.db'}")
+    status.wait(lambda message: message.state == "IDLE", "IDLE")
     # The operating system takes no page of the journal any more.
     resource.prlimit(node.pid, resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))
-    world.pose = Pose2(1.7, 0.0, 0.0)
-    status = world.state("PAUSED")
-    assert "the journal cannot be written" in status.reason
-    world.no_goal()
-    assert not world.command("RESUME").last_command_accepted
+    begin = UICommand(command_type="START_MISSION", mission_id="short_hop")
+    peer.repeat(topics.UI_COMMAND, lambda: begin, 2.0)
+    status.wait(lambda message: "the journal cannot be written" in message.reason, "a refusal")
+    assert goals.items == []
     resource.prlimit(node.pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    assert world.command("RESUME").state == "RUNNING"
-    world.goal(4.0)
+    status.wait(lambda message: message.state == "RUNNING", "the ride")
+    peer.silence(topics.UI_COMMAND)
+    goals.wait(lambda goal: goal.header.frame_id == "map", "the first goal")
+    node.signal(signal.SIGINT)
+    assert node.wait() == 0
+    goals.wait(lambda goal: goal.header.frame_id == "", "the goal cancelled")
 
 
-def test_a_bad_parameter_is_one_line(world):
-    node = NodeProcess(node_command("mission_manager", "-p", "tries:=0"), world.folder / "bad.log")
-    try:
-        assert node.wait() == 2
-        errors = [line for line in node.output().splitlines() if line.startswith("error: ")]
-        assert len(errors) == 1
-        assert "tries" in errors[0]
-    finally:
-        node.stop()
+def test_a_bad_parameter_is_one_line(start: Start) -> None:
+    node = start("mission_manager", "-p", "tries:=0")
+    assert node.wait() == 2
+    errors = [line for line in node.output().splitlines() if line.startswith("error: ")]
+    assert len(errors) == 1
+    assert "tries" in errors[0]

@@ -169,9 +169,14 @@ class Story:
 
     # --- messages ----------------------------------------------------------------------------------------------------
 
-    def listen(self, row: Topic) -> Heard:
+    def listen(self, row: Topic, callback: Callable[[Any], object] = lambda _: None) -> Heard:
         heard = Heard(self, row.name)
-        self._port.listen(row, lambda message, *_: heard.items.append((self.now_s, message)), raw=False, wakes=True)
+
+        def on_message(message: Any, *_: int) -> None:
+            heard.items.append((self.now_s, message))
+            callback(message)
+
+        self._port.listen(row, on_message, raw=False, wakes=True)
         return heard
 
     def publisher(self, row: Topic) -> Publisher:

@@ -1,11 +1,9 @@
-"""The mission manager with a docking controller of its own on real DDS: one that helps, fails, hangs, dies."""
+"""The mission manager with a docking controller of its own: one that helps, fails, hangs, dies."""
 
 from __future__ import annotations
 
-import signal
-import sys
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from std_msgs.msg import Bool
@@ -15,11 +13,9 @@ from robot_stack.contract import topics
 from robot_stack.core.geometry import Pose2
 from robot_stack.mission.journal import SqliteJournal
 from robot_stack.mission.states import State
-from tests.support.docking import FakeDocking
-from tests.support.processes import NodeProcess
-from tests.support.waiting import wait_for
-
-from .test_mission_manager import World, settle
+from tests.simulated.bench import Bench
+from tests.simulated.nodes.docking import FakeDocking
+from tests.simulated.nodes.test_mission_manager import World
 
 TRANSPORT = """
 id: transport
@@ -33,13 +29,12 @@ waypoints:
 
 
 class DockWorld(World):
-    def __init__(self, folder: Path) -> None:
-        super().__init__(folder)
+    def __init__(self, bench: Bench, folder: Path) -> None:
+        super().__init__(bench, folder)
         (self.missions / "transport.yaml").write_text(TRANSPORT, encoding="utf-8")
-        self.docking: FakeDocking | None = None
 
     def serve(self) -> FakeDocking:
-        self.docking = FakeDocking()
+        self.docking = FakeDocking(self.bench)
         return self.docking
 
     def begin(self) -> None:
@@ -47,21 +42,25 @@ class DockWorld(World):
         assert self.command("START_MISSION", "transport").last_command_accepted, self.status.last.reason
         self.goal(2.0)
         self.pose = Pose2(2.0, 0.0, 0.0)
+        self.begun_s = self.bench.now_s
 
-    def reason(self, text: str, deadline_s: float = 20.0):
-        return self.status.wait(lambda s: text in s.reason, f"{text!r} in the reason", deadline_s)
+    def reason(self, text: str) -> Any:
+        return self.status.wait(lambda s: text in s.reason, f"{text!r} in the reason")
 
-    def close(self) -> None:
-        if self.docking is not None:
-            self.docking.close()
-        super().close()
+    def fails(self, reason: str, after_s: float) -> Any:
+        """The mission fails for it. after_s: since the robot stands at the chair, which a tick has to find first."""
+        failed = self.state("FAILED")
+        assert failed.reason == reason
+        assert after_s <= self.bench.now_s - self.begun_s <= after_s + 0.7
+        return failed
+
+    def cancelled(self) -> None:
+        self.bench.wait(lambda: self.docking.cancelled, "the goal cancelled", 1.0)
 
 
 @pytest.fixture
-def world(ros_domain: int, tmp_path: Path):
-    made = DockWorld(tmp_path)
-    yield made
-    made.close()
+def world(bench: Bench, tmp_path: Path) -> DockWorld:
+    return DockWorld(bench, tmp_path)
 
 
 def test_the_wheelchair_is_fetched_carried_and_put_down(world):
@@ -112,18 +111,18 @@ def test_a_goal_whose_answer_is_lost_is_followed_by_what_it_tells(world):
 def test_a_goal_whose_answer_is_lost_can_be_cancelled(world):
     docking = world.serve()
     docking.hangs, docking.loses_answers, docking.steps = True, True, ()
-    world.launch("docking_wait_s:=1.5")
+    world.launch(docking_wait_s=1.5)
     world.begin()
-    assert world.state("FAILED").reason == "docking to chair_1 failed: docking_controller has not answered for 2 s"
-    wait_for(lambda: docking.cancelled, "the goal cancelled")
+    world.fails("docking to chair_1 failed: docking_controller has not answered for 2 s", 1.5)
+    world.cancelled()
 
 
 def test_after_a_goal_that_was_lost_the_next_one_is_sent(world):
     docking = world.serve()
     docking.loses_goals = True
-    world.launch("docking_wait_s:=3.0")
+    world.launch(docking_wait_s=3.0)
     world.begin()
-    assert world.state("FAILED").reason == "docking to chair_1 failed: docking_controller has not answered for 3 s"
+    world.fails("docking to chair_1 failed: docking_controller has not answered for 3 s", 3.0)
     docking.loses_goals = False
     world.begin()
     world.state("RUNNING", "there")
@@ -131,19 +130,19 @@ def test_after_a_goal_that_was_lost_the_next_one_is_sent(world):
 
 
 def test_nobody_there(world):
-    world.launch("docking_wait_s:=1.5")
+    world.launch(docking_wait_s=1.5)
     world.begin()
     world.reason("docking to chair_1: waiting for docking_controller")
-    assert world.state("FAILED").reason == "docking to chair_1 failed: waited 2 s in vain for docking_controller"
+    world.fails("docking to chair_1 failed: waited 2 s in vain for docking_controller", 1.5)
 
 
 def test_a_docking_that_hangs_is_cancelled(world):
     docking = world.serve()
     docking.hangs = True
-    world.launch("docking_timeout_s:=1.5")
+    world.launch(docking_timeout_s=1.5)
     world.begin()
-    assert world.state("FAILED").reason == "docking to chair_1 failed: no result within 2 s"
-    wait_for(lambda: docking.cancelled, "the goal cancelled")
+    world.fails("docking to chair_1 failed: no result within 2 s", 1.5)
+    world.cancelled()
 
 
 @pytest.mark.parametrize("stop", ["PAUSE", "EMERGENCY_STOP"])
@@ -154,14 +153,14 @@ def test_a_stop_cancels_and_resume_docks_again_after_a_slow_end(world, stop):
     world.begin()
     world.reason("docking to chair_1: FINE_ALIGN")
     assert world.command(stop).state == "PAUSED"
-    wait_for(lambda: docking.cancelled, "the goal cancelled")
+    world.cancelled()
     if stop == "EMERGENCY_STOP":
         world.safety_says("EMERGENCY_STOP", "ESTOP_PRESSED")
         assert not world.command("RESUME").last_command_accepted
-        world.peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
+        world.bench.publish(topics.EMERGENCY_STOP, Bool(data=False))
         world.safety_says("NORMAL")
     docking.hangs = False
-    wait_for(lambda: world.command("RESUME").last_command_accepted, "resumed")
+    assert world.command("RESUME").last_command_accepted
     world.state("RUNNING", "there")
     assert docking.goals == [("dock", "chair_1"), ("dock", "chair_1")]
 
@@ -176,7 +175,7 @@ def test_abort_cancels_the_undocking_and_keeps_the_passenger(world):
     world.reason("undocking from chair_1: FINE_ALIGN")
     aborted = world.command("ABORT")
     assert (aborted.state, aborted.passenger_attached) == ("ABORTED", True)
-    wait_for(lambda: docking.cancelled, "the goal cancelled")
+    world.cancelled()
 
 
 def test_a_failed_undocking_ends_the_mission(world):
@@ -191,36 +190,42 @@ def test_a_failed_undocking_ends_the_mission(world):
     assert failed.passenger_attached
 
 
-def served(world: World, start: Callable[..., NodeProcess]) -> NodeProcess:
-    """A docking controller in a process of its own, in which no goal ends by itself."""
-    server = start("docking", command=[sys.executable, "-m", "tests.support.docking", "hang"])
-    server.wait_output("serving")
-    return server
-
-
-def test_a_docking_controller_that_is_killed(world, start):
-    server = served(world, start)
+def test_a_docking_controller_that_is_killed(world):
+    docking = world.serve()
+    docking.hangs = True
     world.launch()
     world.begin()
     world.reason("docking to chair_1: FINE_ALIGN")
-    server.signal(signal.SIGKILL)
-    failed = world.state("FAILED")
-    assert failed.reason in (
-        "docking to chair_1 failed: docking_controller is gone",
-        "docking to chair_1 failed: docking_controller has been silent for 3 s",
-    )
+    killed_s = world.bench.now_s
+    docking.process.kill()
+    # Its endpoints are there for the lease of 2 s.
+    assert world.state("FAILED").reason == "docking to chair_1 failed: docking_controller is gone"
+    assert 2.0 <= world.bench.now_s - killed_s <= 2.3
 
 
-def test_a_docking_controller_that_is_killed_and_back_at_once_does_not_know_the_goal(world, start):
-    server = served(world, start)
-    world.launch("docking_silence_s:=30.0")
+def test_a_docking_controller_that_hangs_is_missed(world):
+    docking = world.serve()
+    docking.hangs = True
+    world.launch()
     world.begin()
     world.reason("docking to chair_1: FINE_ALIGN")
-    server.signal(signal.SIGKILL)
-    server.wait()
-    served(world, start)
+    hung_s = world.bench.now_s
+    docking.process.hang(10.0)
+    assert world.state("FAILED").reason == "docking to chair_1 failed: docking_controller has been silent for 3 s"
+    assert 2.9 <= world.bench.now_s - hung_s <= 3.6
+
+
+def test_a_docking_controller_that_is_killed_and_back_at_once_does_not_know_the_goal(world):
+    docking = world.serve()
+    docking.hangs = True
+    world.launch(docking_silence_s=30.0)
+    world.begin()
+    world.reason("docking to chair_1: FINE_ALIGN")
+    docking.process.kill()
+    world.bench.start_again(docking.process)
     failed = world.state("FAILED")
     assert failed.reason.startswith("docking to chair_1 failed: docking_controller "), failed.reason
+    assert docking.goals == [("dock", "chair_1")]
 
 
 def test_a_mission_manager_killed_while_docking_comes_back_paused_and_cancels_what_goes_on(world):
@@ -234,22 +239,20 @@ def test_a_mission_manager_killed_while_docking_comes_back_paused_and_cancels_wh
     world.launch()
     status = world.status.wait(lambda s: s.state == "PAUSED", "PAUSED")
     assert status.reason.startswith("restarted while DOCKING at 'chair'")
-    wait_for(lambda: docking.cancelled, "the goal of the one that died cancelled")
+    world.cancelled()  # the goal of the one that died
     docking.hangs = False
-    settle(world.status, 0.5)
+    world.bench.run(5.0)
     assert len(docking.goals) == 1, "nothing begins by itself"
     assert world.command("RESUME").last_command_accepted
     world.state("RUNNING", "there")
     assert docking.goals == [("dock", "chair_1"), ("dock", "chair_1")]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_cancels_the_docking(world, number):
+def test_its_end_cancels_the_docking(world):
     docking = world.serve()
     docking.hangs = True
     node = world.launch()
     world.begin()
     world.reason("docking to chair_1: FINE_ALIGN")
-    node.signal(number)
-    assert node.wait() == 0
-    wait_for(lambda: docking.cancelled, "the goal cancelled")
+    assert world.bench.stop(node) == 0
+    world.cancelled()

@@ -1,0 +1,268 @@
+"""Single nodes of the stack on the scheduler, among peers that play everything else. Durations have no spread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any, cast
+
+from builtin_interfaces.msg import Time
+
+from robot_stack.contract.model import Service, Topic
+from robot_stack.contract.processes import BY_NAME
+from robot_stack.contract.topics import EMERGENCY_STOP, EMERGENCY_STOP_SOURCES
+from robot_stack.middleware.conversions import time_from_s
+from robot_stack.middleware.emergency_stop import StopSource
+from robot_stack.middleware.port import Port
+from robot_stack.wmx import EngineError, MotionEngine
+from robot_stack.wmx.api import ErrorCode, error_name
+from robot_stack.wmx.config import load_engine_config
+from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+from sim.plant.simulation import Simulation
+from sim.scheduler.process import Process
+from sim.scheduler.scheduler import Scheduler
+from sim.stack.devices import StackDevices, runs
+from sim.stack.engine import WorldEngine
+from sim.stack.stack import node_factories
+from sim.stack.tool import ToolNode
+from tests.simulated.story import Story
+from tests.unit.scheduler.rig import constant, params
+
+LATENCY_S, COMPUTE_S, JOB_S, DISCOVERY_S = 0.001, 0.001, 0.02, 0.1
+BUTTON_RELEASED, BUTTON_PRESSED = 1, 0
+_LIMIT_S = 10.0
+_READY_S = 0.2  # a process that is started now runs and is known to all
+_SOURCE_PERIOD_S = 0.2
+_ENGINE_BLOCK_CYCLES = 5
+
+
+def _params(*peers: str) -> Any:
+    """Peers take no time of their own: what they receive is noted when it arrives."""
+    names = {name: constant(0.001) for name in peers}
+    return params(
+        latency={"small": constant(1.0), "bulk": constant(1.0), "call": constant(1.0), "rows": {}},
+        compute={"default": constant(1e3 * COMPUTE_S), "names": names},
+    )
+
+
+class Peer(Story):
+    """A node of its own that is not bound by the contract: tests publish what they like.
+
+    port: for what has no method here. process: ends, hangs and starts it. prepare: called with the port of each life.
+    """
+
+    def __init__(self, scheduler: Scheduler, name: str, prepare: Callable[[Port], object] = lambda _: None) -> None:
+        tools: list[ToolNode] = []
+
+        def make() -> ToolNode:
+            tools.append(ToolNode(name))
+            prepare(tools[-1].port)
+            return tools[-1]
+
+        self.process = scheduler.spawn(f"peer {name}", make)
+        scheduler.run_for(_READY_S)
+        super().__init__(scheduler, tools[0].port)
+        self.name, self.port = name, tools[0].port
+        self._repeating: dict[str, object] = {}
+
+    # --- time --------------------------------------------------------------------------------------------------------
+
+    def stamp_s(self) -> float:
+        """The ROS clock."""
+        return self.port.now_ns() / 1e9
+
+    def stamp(self, later_s: float = 0.0) -> Time:
+        return time_from_s(self.stamp_s() + later_s)
+
+    # --- messages ----------------------------------------------------------------------------------------------------
+
+    def repeat(self, row: Topic, make: Callable[[], Any], rate_hz: float) -> None:
+        """Publishes ``make()`` now and at ``rate_hz`` until ``silence``; a second call replaces the first."""
+        publisher, token, period_ns = self.publisher(row), object(), round(1e9 / rate_hz)
+        self._repeating[row.name] = token
+
+        def publish() -> None:
+            if self._repeating.get(row.name) is token:
+                publisher.publish(make())
+                self.scheduler.at(self.scheduler.now_ns + period_ns, publish)
+
+        publish()
+
+    def silence(self, row: Topic) -> None:
+        self._repeating.pop(row.name, None)
+
+    def serve(self, row: Service, callback: Callable[[Any, Any], Any]) -> None:
+        self.port.serve(row.type, row.name, lambda request, response, answer: answer(callback(request, response)))
+
+
+class Source:
+    """A source of the emergency stop that reports itself, until its ``end``."""
+
+    def __init__(self, peer: Peer, name: str) -> None:
+        stop, reports = peer.publisher(EMERGENCY_STOP), peer.publisher(EMERGENCY_STOP_SOURCES)
+        self._source = StopSource(name, peer.port.process_id, stop, reports, peer.stamp)
+        self._ended = False
+        peer.run(_READY_S)  # its publishers are known
+        peer.scheduler.every(round(1e9 * _SOURCE_PERIOD_S), self._repeat)
+
+    def publish(self, pressed: bool) -> None:
+        self._source.publish(pressed)
+
+    def end(self) -> None:
+        """It falls silent, as if its process had died."""
+        self._ended = True
+
+    def _repeat(self) -> None:
+        if not self._ended:
+            self._source.repeat()
+
+
+class BenchEngine:
+    """A motion engine on drives without physics, from ``run`` on. drives: for faults."""
+
+    def __init__(self, scheduler: Scheduler, port: Port) -> None:
+        self._scheduler, self._port = scheduler, port
+        self._world: WorldEngine | None = None
+        self._epoch = 0
+        self.drives = VirtualDrives(8, 0.001)
+        self._device: MotionEngine | None = None
+
+    def run(self) -> BenchEngine:
+        """A new engine, without communication yet."""
+        config = load_engine_config()
+        inputs = self.drives.inputs or {0: BUTTON_RELEASED}
+        self.drives = VirtualDrives(config.n_axes, config.cycle_time_s)
+        self.drives.inputs = inputs
+        self._epoch += 1
+        engine = Engine(config, self.drives)
+        machine = cast(Simulation, SimpleNamespace(engine_stalled=False))
+        world = self._world = WorldEngine(engine, machine, lambda: self._scheduler.now_s, epoch=self._epoch)
+
+        def block() -> None:
+            if not world.ended:
+                for _ in range(_ENGINE_BLOCK_CYCLES):
+                    engine.cycle()
+                world.end_block()
+
+        period_ns = round(1e9 * _ENGINE_BLOCK_CYCLES * config.cycle_time_s)
+        self._scheduler.every(period_ns, block, start_ns=self._scheduler.now_ns + period_ns)
+        self._device = world.open(self._port, lambda: True)
+        return self
+
+    def up(self) -> BenchEngine:
+        """Bus and servos on."""
+        self.device.api.StartCommunication()  # comes up within the next cycles
+        self._wait(lambda: self.device.read_status()[1].communicating, "communication")
+        self.servos(True)
+        return self
+
+    def servos(self, on: bool) -> None:
+        for axis in range(self.drives.n_axes):
+            assert self.device.core_motion.axisControl.SetServoOn(axis, int(on)) == 0
+        self._wait(lambda: all(bool(one) == on for one in self.device.read_status()[1].servo_on), f"servos {on}")
+
+    def press(self, pressed: bool) -> None:
+        """The contact of the stop button."""
+        self.drives.inputs = {0: BUTTON_PRESSED if pressed else BUTTON_RELEASED}
+
+    def alarm(self, axis: int, code: int) -> None:
+        """Stays until ``recover``."""
+        self.drives.stubborn = True
+        self.drives.alarms[axis] = code
+
+    def recover(self) -> None:
+        """What the hardware interface does after a fault: clear the alarms, servos on."""
+        self.drives.connected, self.drives.stubborn = True, False
+        if not self.device.read_status()[1].communicating:
+            self.device.api.StartCommunication()  # comes up within the next cycles
+            self._wait(lambda: self.device.read_status()[1].communicating, "communication")
+        for axis in range(self.drives.n_axes):
+            self.device.core_motion.axisControl.ClearAmpAlarm(axis)
+        self._wait(lambda: not any(self.device.read_status()[1].amp_alarm), "no alarm")
+        self.servos(True)
+
+    def kill(self) -> None:
+        assert self._world is not None
+        self._world.ended = True
+
+    def open(self, port: Port) -> MotionEngine:
+        """For the node of a port. Raises EngineError."""
+        if self._world is None or self._world.ended:
+            code = ErrorCode.IMLibIsNotRunning
+            raise EngineError(f"{port.name}: no motion engine runs", code, error_name(code))
+        return self._world.open(port, lambda: runs(port))
+
+    @property
+    def device(self) -> MotionEngine:
+        assert self._device is not None
+        return self._device
+
+    def _wait(self, condition: Callable[[], Any], what: str) -> None:
+        assert self._scheduler.run_for(_LIMIT_S, condition), f"waited {_LIMIT_S} s of virtual time for {what}"
+
+
+class Bench(Peer):
+    """The peer that every bench has, and the nodes under test.
+
+    engine: none runs before its ``run``. devices: display's cable, computer, disk, touch screen. expected_failures:
+    processes that may fail.
+    """
+
+    def __init__(self, scheduler: Scheduler) -> None:
+        super().__init__(scheduler, "peer")
+        self.engine = BenchEngine(scheduler, self.port)
+        self.devices = StackDevices(scheduler, self.engine.open, lambda: None)
+        self.expected_failures: set[str] = set()
+
+    def start(self, name: str, parameters: dict[str, Any] | None = None, *, known: bool = True) -> Process:
+        """A process of the contract, until it runs and all know it.
+
+        parameters: by dotted name. known: False returns at once.
+        """
+        process = self.scheduler.spawn(name, *node_factories(BY_NAME[name]), parameters={name: parameters or {}})
+        if known:
+            self.run(_READY_S)
+        return process
+
+    def start_again(self, process: Process) -> None:
+        """Another life of a process that has ended, until it runs and all know it."""
+        process.start()
+        self.run(_READY_S)
+
+    def stop(self, process: Process) -> int:
+        """As SIGTERM. Returns the exit code."""
+        process.stop()
+        self.wait(lambda: not process.alive, f"the end of {process.name}")
+        assert process.exit_code is not None
+        return process.exit_code
+
+    def peer(self, name: str, prepare: Callable[[Port], object] = lambda _: None) -> Peer:
+        """Another node, e.g. under the name of one of the contract."""
+        return Peer(self.scheduler, name, prepare)
+
+    def heart(self, name: str) -> Peer:
+        """A peer whose only life is the record of a process of the contract, ten times a second."""
+
+        def beat(port: Port) -> None:
+            port.add_timer(0.1, lambda: port.node_record.beat(True, ""))
+
+        return self.peer(name, beat)
+
+    def source(self, name: str = "peer") -> Source:
+        return Source(self, name)
+
+    def assert_well(self) -> None:
+        """At the end of each test."""
+        failed = [item for item in self.scheduler.failures if item.process not in self.expected_failures]
+        assert not failed, "\n".join(f"{1e-9 * item.time_ns:.3f} s {item.process}: {item.text}" for item in failed)
+
+
+@contextmanager
+def bench(*peers: str) -> Iterator[Bench]:
+    """peers: names of further peers that take no time of their own."""
+    with Scheduler(1, _params("peer", *peers)) as scheduler:
+        made = Bench(scheduler)
+        yield made
+        made.assert_well()

@@ -1,0 +1,118 @@
+"""The docking controller on a motion engine, beside a peer that plays everything else of a robot that stands."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from nav_msgs.msg import Odometry
+from std_msgs.msg import Bool
+
+from custom_msgs.action import Dock, Undock
+from custom_msgs.msg import ArucoDetectionArray, SafetyStatus
+from robot_stack.contract import actions, topics
+from robot_stack.core.robot import load_robot
+from robot_stack.docking.nodes.attached_file import AttachedFile
+from tests.simulated.bench import COMPUTE_S, LATENCY_S, Bench
+from tests.simulated.story import Goal
+
+OPEN = 1 << load_robot().latch.open_input_bit
+
+
+class Scene:
+    """The node: odometry, safety and empty images come from the peer; the latch is open."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+        self.status, self.command = bench.listen(topics.DOCKING_STATUS), bench.listen(topics.DOCKING_CMD_VEL)
+        self.goal, self.passenger = bench.listen(topics.GOAL_POSE), bench.listen(topics.PASSENGER_ATTACHED)
+        bench.publisher(topics.EMERGENCY_STOP)
+        bench.engine.run().up()
+        bench.engine.drives.inputs = {0: 1 | OPEN}
+        safety = SafetyStatus(safety_state=SafetyStatus.NORMAL)
+        for row, make in (
+            (topics.ODOM, self._odometry),
+            (topics.SAFETY_STATUS, lambda: safety),
+            (topics.ARUCO_DETECTIONS, self._images),
+        ):
+            bench.repeat(row, make, row.rate_hz or 10.0)
+        self.process = bench.start("docking_controller")
+        self.passenger.wait()
+
+    def _odometry(self) -> Odometry:
+        message = Odometry()
+        message.header.stamp = self.bench.stamp()
+        message.pose.pose.orientation.w = 1.0
+        return message
+
+    def _images(self) -> ArucoDetectionArray:
+        message = ArucoDetectionArray()
+        message.header.stamp = self.bench.stamp()
+        return message
+
+    def dock(self, dock_id: str = "chair_1") -> Goal:
+        return self.bench.begin(actions.DOCK, Dock.Goal(dock_id=dock_id))
+
+    def undock(self) -> Goal:
+        return self.bench.begin(actions.UNDOCK, Undock.Goal())
+
+    def wait_state(self, state: str) -> Any:
+        return self.status.wait(lambda message: message.state == state, state)
+
+
+@pytest.fixture
+def scene(bench: Bench) -> Scene:
+    return Scene(bench)
+
+
+def test_wrong_wishes_are_answered_with_a_reason_and_move_nothing(scene: Scene) -> None:
+    assert scene.passenger.last.data is False
+    unknown = scene.dock("nowhere").wait()
+    assert (unknown.success, unknown.error_code) == (False, Dock.Result.UNKNOWN_DOCK)
+    assert "chair_1" in unknown.reason
+    nothing = scene.undock().wait()
+    assert (nothing.success, nothing.error_code) == (False, Undock.Result.NOT_ATTACHED)
+    first = scene.dock()
+    assert scene.dock().wait().error_code == Dock.Result.BUSY
+    assert first.cancel().error_code == Dock.Result.CANCELED
+    scene.wait_state("IDLE")
+    assert all(item.twist.linear.x == 0.0 and item.twist.angular.z == 0.0 for item in scene.command.messages)
+
+
+def test_docking_sends_the_staging_pose_and_ends_on_an_emergency_stop(scene: Scene) -> None:
+    goal = scene.dock()
+    scene.wait_state("APPROACH")
+    staging = scene.goal.wait(lambda message: message.header.frame_id == "map", "a goal").pose
+    assert (staging.position.x, staging.position.y) == pytest.approx((-2.05, 11.0))
+    stopped_s = scene.bench.now_s
+    scene.bench.publish(topics.EMERGENCY_STOP, Bool(data=True))
+    result = goal.wait()
+    assert (result.error_code, result.reason) == (Dock.Result.SAFETY_STOP, "emergency stop")
+    # A tick of 20 Hz finds it, and the result makes its way.
+    assert scene.bench.now_s - stopped_s < 0.05 + 2.0 * COMPUTE_S + 3.0 * LATENCY_S + 0.005
+    scene.wait_state("FAILED")
+    assert {message.state for message in scene.status.since(stopped_s)} <= {"APPROACH", "FAILED"}
+
+
+def test_the_status_comes_at_its_rate_and_the_process_leaves_in_order(scene: Scene) -> None:
+    scene.bench.run(3.0)
+    assert scene.status.period_s() == pytest.approx(0.1, abs=1e-6)
+    assert scene.command.items == []
+    assert scene.bench.stop(scene.process) == 0
+
+
+def test_a_chair_that_came_loose_while_the_controller_was_dead_is_an_emergency_with_the_passenger_aboard(
+    scene: Scene,
+) -> None:
+    stops, sources = scene.bench.listen(topics.EMERGENCY_STOP), scene.bench.listen(topics.EMERGENCY_STOP_SOURCES)
+    scene.process.kill()
+    assert AttachedFile().save(True) == ""  # as it would be, had it carried somebody
+    scene.bench.run(1.0)
+    begun_s = scene.bench.now_s
+    scene.bench.start_again(scene.process)
+    stops.wait(lambda message: message.data, "the emergency stop")
+    sources.wait(lambda message: message.name == "docking_controller" and message.pressed, "its author")
+    scene.wait_state("FAILED")
+    aboard = [message.data for message in scene.passenger.since(begun_s)]
+    assert aboard
+    assert all(aboard)

@@ -1,0 +1,381 @@
+"""The mission manager among fake drives, a fake safety monitor and a fake navigation controller."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from nav_msgs.msg import Odometry
+from nav_msgs.msg import Path as PlannedPath
+from sensor_msgs.msg import BatteryState
+from std_msgs.msg import Bool
+
+from custom_msgs.msg import RobotStatus, SafetyStatus, UICommand
+from robot_stack.contract import topics
+from robot_stack.contract.display import Display
+from robot_stack.core.geometry import Pose2
+from robot_stack.middleware.conversions import pose_from_msg, pose_stamped
+from robot_stack.mission.journal import SqliteJournal
+from robot_stack.mission.states import State
+from sim.scheduler.process import Process
+from tests.simulated.bench import Bench
+
+MISSION = """
+id: ride
+name: {en: Ride, ja: 走行, zh: 行驶}
+home: {x: 0.0, y: 0.0, yaw: 0.0}
+waypoints:
+  - {name: first, x: 2.0, y: 0.0, yaw: 0.0, action: pass}
+  - {name: second, x: 4.0, y: 1.0, yaw: 0.5, action: {wait: 0.5}}
+  - {name: last, x: 4.0, y: 3.0, yaw: 0.0, action: park}
+"""
+DOCKING = MISSION.replace("id: ride", "id: docking").replace("{wait: 0.5}", "{dock: chair_9}")
+MALFORMED = MISSION.replace("x: 4.0, y: 1.0", "x: .nan, y: 1.0").replace("id: ride", "id: malformed")
+
+
+class World:
+    """Everything around the mission manager; the robot stands where it is put."""
+
+    def __init__(self, bench: Bench, folder: Path) -> None:
+        self.bench, self.folder = bench, folder
+        self.missions = folder / "missions"
+        self.missions.mkdir()
+        for name, text in (("ride", MISSION), ("docking", DOCKING), ("malformed", MALFORMED)):
+            (self.missions / f"{name}.yaml").write_text(text, encoding="utf-8")
+        self.journal = folder / "state" / "mission.db"
+        self.pose = Pose2(0.0, 0.0, 0.0)
+        self.safety = SafetyStatus(safety_state="NORMAL")
+        self.charge = 0.8
+        self.supply = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+        self.status, self.goals = bench.listen(topics.MISSION_STATUS), bench.listen(topics.GOAL_POSE)
+        self.stops, self.display = bench.listen(topics.EMERGENCY_STOP), bench.listen(topics.EHMI_STATE_COMMAND)
+        for row in (topics.UI_COMMAND, topics.EMERGENCY_STOP):
+            bench.publisher(row)
+        self.know_pose()
+        bench.repeat(topics.ODOM, Odometry, 50.0)
+        bench.repeat(topics.SAFETY_STATUS, lambda: self.safety, 20.0)
+        bench.repeat(topics.BATTERY_STATE, self._battery, 5.0)
+        self.node: Process | None = None
+
+    def know_pose(self) -> None:
+        self.bench.repeat(topics.CURRENT_POSE, lambda: pose_stamped(self.pose, "map", self.bench.stamp()), 20.0)
+
+    def _battery(self) -> BatteryState:
+        return BatteryState(percentage=self.charge, power_supply_status=self.supply)
+
+    def launch(self, **overrides: Any) -> Process:
+        """Another life of one that has ended, else a new process; until it has received everything there is."""
+        if self.node is None:
+            given = {"missions_folder": str(self.missions), "journal_file": str(self.journal), **overrides}
+            self.node = self.bench.start("mission_manager", given)
+        else:
+            self.bench.start_again(self.node)
+        self.bench.run(1.0)
+        return self.node
+
+    def command(self, name: str, mission_id: str = "") -> Any:
+        """Sends a command and returns the status that answers it."""
+        if self.status.last is not None and self.status.last.last_command == name:
+            self.command(f"{name} AGAIN")  # unknown and refused: so that the next answer is told from the last one
+        begun_s = self.bench.now_s
+        self.bench.publish(topics.UI_COMMAND, UICommand(command_type=name, mission_id=mission_id))
+
+        def answer() -> Any:
+            return next((one for one in self.status.since(begun_s) if one.last_command == name), None)
+
+        return self.bench.wait(answer, f"an answer to {name}", 1.0)
+
+    def safety_says(self, state: str, *faults: str) -> None:
+        """The safety monitor's decision from now on; returns when it has been received."""
+        self.safety = SafetyStatus(safety_state=state, active_faults=faults)
+        self.bench.run(0.2)
+
+    def state(self, state: str, waypoint: str | None = None) -> Any:
+        return self.status.wait(
+            lambda s: s.state == state and waypoint in (None, s.current_waypoint), f"{state} {waypoint or ''}"
+        )
+
+    def goal(self, x: float) -> PoseStamped:
+        return self.goals.wait(lambda goal: goal.header.frame_id == "map" and goal.pose.position.x == x, f"goal {x}")
+
+    def no_goal(self) -> None:
+        self.goals.wait(lambda goal: goal.header.frame_id == "", "the goal cancelled", 1.0)
+
+    def kill(self) -> None:
+        assert self.node is not None
+        self.node.kill()
+
+
+@pytest.fixture
+def world(bench: Bench, tmp_path: Path) -> World:
+    return World(bench, tmp_path)
+
+
+def test_a_ride_from_start_to_end(world):
+    world.launch()
+    assert world.state("IDLE").mission_id == ""
+    status = world.command("START_MISSION", "ride")
+    assert status.last_command_accepted, status.reason
+    assert (status.state, status.mission_id, status.mission_name) == ("RUNNING", "ride", "走行")
+    world.goal(2.0)
+    world.pose = Pose2(1.7, 0.0, 0.0)
+    goal = world.goal(4.0)
+    assert pose_from_msg(goal.pose) == Pose2(4.0, 1.0, pytest.approx(0.5))
+    world.pose = Pose2(4.0, 1.0, 0.5)
+    world.state("WAITING", "second")
+    world.state("RUNNING", "last")
+    world.pose = Pose2(4.0, 3.0, 0.0)
+    done = world.state("COMPLETED")
+    assert (done.waypoints_completed, done.total_waypoints, done.progress) == (3, 3, 1.0)
+    world.no_goal()
+    shown = [message.state_num for message in world.display.messages]
+    assert shown[0] in (Display.OFF, Display.IDLE)
+    assert Display.NAVIGATING in shown
+    world.display.wait(lambda message: message.state_num == Display.IDLE, "idle on the display")
+    assert world.display.last.language == "ja"
+
+
+def shows(world, display: Display) -> None:
+    world.display.wait(lambda message: message.state_num == display, f"{display.name} on the display")
+
+
+def test_a_mission_made_on_this_robot_is_driven_at_once(world):
+    own = world.folder / "own"
+    world.launch(own_missions_folder=str(own))
+    assert "there is no mission" in world.command("START_MISSION", "made_here").reason
+    own.mkdir()
+    (own / "made_here.yaml").write_text(MISSION.replace("id: ride", "id: made_here"), encoding="utf-8")
+    status = world.command("START_MISSION", "made_here")
+    assert status.last_command_accepted, status.reason
+    assert status.mission_id == "made_here"
+
+
+def test_the_display_is_told_who_drives_that_it_charges_and_that_it_is_over(world):
+    world.launch()
+    shows(world, Display.IDLE)
+    world.supply = BatteryState.POWER_SUPPLY_STATUS_CHARGING
+    shows(world, Display.CHARGING)
+    world.supply = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
+    shows(world, Display.IDLE)
+    world.bench.repeat(topics.TELEOP_CMD_VEL, TwistStamped, 20.0)
+    shows(world, Display.MANUAL)
+    world.bench.silence(topics.TELEOP_CMD_VEL)
+    shows(world, Display.IDLE)
+    assert world.bench.stop(world.node) == 0
+    shows(world, Display.OFF)
+
+
+def test_the_display_is_dark_before_anything_is_known(world):
+    world.bench.silence(topics.CURRENT_POSE)
+    world.launch()
+    shows(world, Display.OFF)
+    world.know_pose()
+    shows(world, Display.IDLE)
+
+
+def test_people_are_warned_before_it_sets_out(world):
+    world.launch()
+    world.state("IDLE")
+    world.command("START_MISSION", "ride")
+    shows(world, Display.NAVIGATING)
+    warned_s = next(at_s for at_s, shown in world.display.items if shown.state_num == Display.NAVIGATING)
+    world.goal(2.0)
+    assert world.goals.times_s[-1] - warned_s == pytest.approx(2.0, abs=0.11)
+
+
+def test_pause_resume_and_abort(world):
+    world.launch()
+    world.command("START_MISSION", "ride")
+    world.goal(2.0)
+    assert world.command("PAUSE").state == "PAUSED"
+    world.no_goal()
+    assert world.command("RESUME").state == "RUNNING"
+    world.goal(2.0)
+    assert world.command("ABORT").state == "ABORTED"
+    world.no_goal()
+
+
+@pytest.mark.parametrize(
+    ("command", "mission_id", "why"),
+    [
+        ("START_MISSION", "nowhere", "there is no mission 'nowhere'; known: docking, malformed, ride"),
+        ("START_MISSION", "../missions/ride", "there is no mission"),
+        ("START_MISSION", "", "there is no mission ''"),
+        ("START_MISSION", "docking", "waypoint 'second' of 'docking': there is no dock 'chair_9'; known: "),
+        ("START_MISSION", "malformed", "malformed.yaml: waypoint 2 'second': x: Input should be a finite number"),
+        ("RESUME", "", "RESUME refused"),
+        ("LAUNCH", "", "unknown command"),
+    ],
+)
+def test_refusals(world, command, mission_id, why):
+    world.launch()
+    answer = world.command(command, mission_id)
+    assert not answer.last_command_accepted
+    assert why in answer.reason
+    assert answer.state == "IDLE"
+    assert world.goals.items == []
+
+
+def test_a_low_battery_refuses(world):
+    world.charge = 0.2
+    world.launch()
+    assert "battery at 20%" in world.command("START_MISSION", "ride").reason
+    assert world.goals.items == []
+
+
+def test_the_robots_summary_tells_the_charge_where_the_battery_is_silent(world):
+    world.bench.silence(topics.BATTERY_STATE)
+    world.bench.repeat(topics.ROBOT_STATUS, lambda: RobotStatus(battery_percent=20.0), 10.0)
+    world.launch()
+    assert "battery at 20%" in world.command("START_MISSION", "ride").reason
+    world.bench.silence(topics.ROBOT_STATUS)
+    world.bench.run(topics.ROBOT_STATUS.stale_limit_s + 0.2)
+    assert world.command("START_MISSION", "ride").last_command_accepted, "the charge is unknown"
+
+
+def test_the_emergency_stop_command_and_the_way_back(world):
+    world.launch()
+    sources = world.bench.listen(topics.EMERGENCY_STOP_SOURCES)
+    world.command("START_MISSION", "ride")
+    world.goal(2.0)
+    assert world.command("EMERGENCY_STOP").state == "PAUSED"
+    world.stops.wait(lambda message: message.data, "/emergency_stop true")
+    world.no_goal()
+    sources.wait(lambda message: message.name == "mission_manager" and message.pressed, "who has pressed")
+    world.safety_says("EMERGENCY_STOP", "ESTOP_PRESSED")
+    sources.wait(lambda message: not message.pressed and message.presses == 1, "an event, no state")
+    assert world.stops.last.data  # for everybody else it stays a stop
+    world.display.wait(lambda message: message.state_num == Display.EMERGENCY_STOP, "e-stop on the display")
+    assert "release it" in world.command("RESUME").reason
+
+    world.bench.publish(topics.EMERGENCY_STOP, Bool(data=False))  # the first key
+    assert not world.command("RESUME").last_command_accepted
+    world.safety_says("NORMAL")  # the second
+    # Its own latched true is taken back, so that a node that starts later is not stopped by it.
+    assert [stop.data for stop in world.stops.messages][-2:] == [False, False]
+    assert world.status.last.state == "PAUSED"
+    assert world.command("RESUME").state == "RUNNING"
+    world.goal(2.0)
+
+
+def test_a_pressed_button_stops_the_mission(world):
+    world.launch()
+    world.command("START_MISSION", "ride")
+    world.bench.publish(topics.EMERGENCY_STOP, Bool(data=True))
+    status = world.state("PAUSED")
+    assert "emergency stop" in status.reason
+    world.no_goal()
+
+
+def test_a_stale_pose_is_told(world):
+    world.launch()
+    world.command("START_MISSION", "ride")
+    world.bench.silence(topics.CURRENT_POSE)
+    world.status.wait(lambda s: "waiting for pose" in s.reason, "waiting for pose")
+    assert world.status.last.state == "RUNNING"
+
+
+def test_status_at_1_hz_while_active(world):
+    world.launch()
+    world.command("START_MISSION", "ride")
+    world.goal(2.0)
+    world.bench.run(3.5)  # the end of the warning and the display's have been told
+    begun_s = world.bench.now_s
+    world.bench.run(5.0)
+    assert len(world.status.since(begun_s)) == 5
+
+
+def test_a_goal_reaches_a_navigation_controller_that_starts_later(world):
+    world.launch()
+    world.command("START_MISSION", "ride")
+    world.bench.publish(topics.PLAN, plan_to(world.goal(2.0)))  # confirmed: not sent again on its own account
+    late = world.bench.peer("late")
+    late.listen(topics.GOAL_POSE).wait(lambda goal: goal.pose.position.x == 2.0, "the goal")
+
+
+def plan_to(goal: PoseStamped) -> PlannedPath:
+    path = PlannedPath(poses=[goal])
+    path.header.frame_id = "map"
+    return path
+
+
+def test_sigkill_mid_mission_comes_back_paused_with_the_passenger(world):
+    world.launch()
+    world.bench.publish(topics.PASSENGER_ATTACHED, Bool(data=True))
+    world.status.wait(lambda s: s.passenger_attached, "the passenger")
+    world.command("START_MISSION", "ride")
+    world.pose = Pose2(1.7, 0.0, 0.0)
+    world.goal(4.0)
+    world.kill()
+    (world.missions / "ride.yaml").unlink()
+    kept = SqliteJournal(world.journal).load()
+    assert (kept.state, kept.waypoint, kept.passenger_attached) == (State.RUNNING, 1, True)
+
+    killed_s = world.bench.now_s
+    world.launch()
+    status = world.status.wait(lambda s: s.state == "PAUSED", "PAUSED")
+    assert (status.mission_id, status.current_waypoint, status.waypoints_completed) == ("ride", "second", 1)
+    assert status.passenger_attached
+    assert "restarted while RUNNING" in status.reason
+    world.bench.run(5.0)
+    assert all(goal.header.frame_id == "" for goal in world.goals.since(killed_s)), "it never moves by itself"
+    assert world.command("RESUME").state == "RUNNING"
+    world.goal(4.0)
+
+
+def test_a_finished_mission_does_not_come_back(world):
+    world.launch()
+    world.command("START_MISSION", "ride")
+    world.command("ABORT")
+    world.kill()
+    world.launch()
+    assert world.status.wait(lambda s: s.last_command == "", "a fresh status").state == "IDLE"
+
+
+def test_its_end_leaves_the_robot_without_a_goal(world):
+    node = world.launch()
+    world.command("START_MISSION", "ride")
+    world.goal(2.0)
+    assert world.bench.stop(node) == 0
+    world.no_goal()
+    assert SqliteJournal(world.journal).load().state is State.RUNNING
+
+
+def test_a_damaged_journal_is_told_and_moved_aside(world):
+    world.journal.parent.mkdir()
+    world.journal.write_bytes(os.urandom(8192))
+    world.launch()
+    status = world.state("IDLE")
+    assert "was damaged" in status.reason
+    assert list(world.journal.parent.glob("*.damaged-*"))
+    assert world.command("START_MISSION", "ride").last_command_accepted
+
+
+def test_a_journal_that_cannot_be_written_refuses_to_start(world):
+    world.journal.parent.write_text("a file in the place of the folder")
+    world.launch()
+    answer = world.command("START_MISSION", "ride")
+    assert not answer.last_command_accepted
+    assert "the journal cannot be written" in answer.reason
+    assert world.goals.items == []
+
+
+@pytest.mark.parametrize("full", [True, False], ids=["full", "broken"])
+def test_a_disk_that_takes_nothing_on_the_way_pauses_the_ride(world, full):
+    disk = world.bench.devices.disk
+    world.launch()
+    world.command("START_MISSION", "ride")
+    world.goal(2.0)
+    disk.full, disk.broken = full, not full
+    world.pose = Pose2(1.7, 0.0, 0.0)
+    status = world.state("PAUSED")
+    assert "the journal cannot be written" in status.reason
+    world.no_goal()
+    assert not world.command("RESUME").last_command_accepted
+    disk.full = disk.broken = False
+    assert world.command("RESUME").state == "RUNNING"
+    assert SqliteJournal(world.journal).load().state is State.RUNNING
+    world.goal(4.0)

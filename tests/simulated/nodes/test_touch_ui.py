@@ -1,0 +1,195 @@
+"""The touch screen's node: the stop, the pad and the heartbeat, by the protocol of its pages."""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from custom_msgs.msg import SafetyStatus, UICommand
+from robot_stack.contract import services, topics
+from robot_stack.ui.pin import hash_pin
+from tests.simulated.bench import COMPUTE_S, LATENCY_S, Bench
+
+PIN = "2468"
+PAD_S = 0.05
+SILENT_S = 0.2
+
+
+class Page:
+    """A page in a browser."""
+
+    def __init__(self, bench: Bench) -> None:
+        assert bench.devices.server is not None
+        self._bench, self.open = bench, bench.devices.server.open_page()
+        bench.run(0.1)
+
+    def answers(self) -> list[dict[str, Any]]:
+        return [json.loads(text) for text in self.open.answers]
+
+    def ask(self, t: str, **fields: Any) -> dict[str, Any]:
+        """The answer of the server."""
+        number = self.open.say(t=t, **fields)
+
+        def answer() -> dict[str, Any] | None:
+            return next((one for one in self.answers() if one.get("id") == number), None)
+
+        found = self._bench.wait(answer, f"an answer to {t}")
+        assert found is not None
+        return found
+
+    def log_in(self) -> Page:
+        assert self.ask("login", pin=PIN)["ok"]
+        return self
+
+    def pad(self, x: float) -> None:
+        self.open.say(t="pad", x=x, y=0.0, turn=0.0, at_ms=round(1e3 * self._bench.now_s))
+
+    def hold(self, duration_s: float, x: float = 1.0) -> None:
+        """A finger on the pad for so long."""
+        for _ in range(round(duration_s / PAD_S)):
+            self.pad(x)
+            self._bench.run(PAD_S)
+
+
+class Screen:
+    """The node, and what it has published."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+        self.stops, self.commands = bench.listen(topics.EMERGENCY_STOP), bench.listen(topics.UI_COMMAND)
+        self.teleop, self.beats = bench.listen(topics.TELEOP_CMD_VEL), bench.listen(topics.UI_HEARTBEAT)
+        self.process = bench.start("touch_ui", {"access.pin_hash": hash_pin(PIN), "pages.map": ""})
+
+    def page(self) -> Page:
+        return Page(self.bench)
+
+    def stands_after(self, since_s: float) -> float:
+        """How long after ``since_s`` the one standstill came after which the pad is silent."""
+        self.bench.run(2.0)
+        zeros = [at_s for at_s, message in self.teleop.items if message.twist.linear.x == 0.0]
+        assert len(zeros) == 1
+        assert zeros[0] == self.teleop.times_s[-1]
+        return zeros[0] - since_s
+
+
+@pytest.fixture
+def screen(bench: Bench) -> Screen:
+    return Screen(bench)
+
+
+class FakeSafety:
+    """Latches what is asked for, and resets unless ``refusals`` say otherwise."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.active = False
+        self.refusals: list[str] = []
+        bench.listen(topics.EMERGENCY_STOP, lambda message: setattr(self, "active", self.active or message.data))
+        bench.repeat(topics.SAFETY_STATUS, self._status, 10.0)
+        bench.serve(services.SAFETY_RESET, self._on_reset)
+        bench.run(0.3)
+
+    def _status(self) -> SafetyStatus:
+        return SafetyStatus(safety_state="EMERGENCY_STOP" if self.active else "NORMAL")
+
+    def _on_reset(self, _: Any, response: Any) -> Any:
+        if self.refusals:
+            response.message = self.refusals.pop(0)
+        else:
+            self.active, response.success = False, True
+        return response
+
+
+def test_the_stop_reaches_everyone_at_once_and_only_a_request_takes_it_back(screen: Screen) -> None:
+    safety, rider = FakeSafety(screen.bench), screen.page()
+    safety.refusals = ["refused: stop button pressed"] * 40
+    pressed_s = screen.bench.now_s
+    assert rider.ask("stop")["ok"]
+    screen.bench.run(0.1)
+    assert [message.data for message in screen.stops.messages] == [True]
+    assert screen.stops.times_s[0] - pressed_s <= 2.0 * COMPUTE_S + LATENCY_S + 1e-6
+    assert [message.command_type for message in screen.commands.messages] == [UICommand.EMERGENCY_STOP]
+    assert safety.active
+    refused = rider.ask("reset")
+    assert (refused["ok"], refused["why"]) == (False, "answer.needs_staff")
+    assert [message.data for message in screen.stops.messages] == [True]
+    rider.log_in()
+    refused = rider.ask("reset")
+    assert (refused["ok"], refused["why"]) == (False, "answer.reset_refused")
+    assert refused["detail"] == "refused: stop button pressed"  # what still blocks it
+    safety.refusals = ["not yet", "not yet"]
+    assert rider.ask("reset")["ok"]
+    assert not safety.active
+    assert [message.data for message in screen.stops.messages] == [True, False, False]
+
+
+def test_the_pad_drives_while_it_is_held(screen: Screen) -> None:
+    staff = screen.page().log_in()
+    staff.hold(2.0)
+    lifted_s = screen.bench.now_s
+    staff.open.say(t="lift")
+    assert screen.stands_after(lifted_s) <= PAD_S + COMPUTE_S + LATENCY_S + 1e-6
+    driven = [message.twist.linear.x for message in screen.teleop.messages]
+    assert driven[0] == pytest.approx(0.5)
+    assert all(any(pair) for pair in pairwise(driven))
+    assert screen.teleop.period_s() == pytest.approx(PAD_S, abs=1e-4)
+    assert screen.teleop.last.header.frame_id == "base_link"
+
+
+@pytest.mark.parametrize("how", ["silent", "closed"])
+def test_a_pad_that_falls_silent_and_a_page_that_vanishes_stop(screen: Screen, how: str) -> None:
+    staff = screen.page().log_in()
+    staff.hold(0.3)
+    silent_s = screen.bench.now_s - PAD_S
+    if how == "closed":
+        staff.open.close()
+    limit_s = PAD_S if how == "closed" else SILENT_S
+    assert screen.stands_after(silent_s) <= limit_s + 2.0 * PAD_S + COMPUTE_S + LATENCY_S
+
+
+def test_the_node_that_ends_stops(screen: Screen) -> None:
+    staff = screen.page().log_in()
+    staff.hold(0.3)
+    assert screen.bench.stop(screen.process) == 0
+    screen.stands_after(screen.bench.now_s)
+
+
+def test_of_two_operators_the_second_is_refused_the_pad_and_may_stop(screen: Screen) -> None:
+    staff, other = screen.page().log_in(), screen.page().log_in()
+    staff.pad(1.0)
+    screen.bench.run(0.02)
+    for _ in range(10):
+        other.pad(-1.0)
+        staff.hold(PAD_S)
+    assert any(answer["why"] == "answer.pad_busy" for answer in other.answers() if answer["t"] == "answer")
+    assert all(message.twist.linear.x > 0.0 for message in screen.teleop.messages)
+    assert other.ask("stop")["ok"]
+    screen.stops.wait(lambda message: message.data, "the stop", 0.1)
+
+
+def test_heartbeat_only_while_a_page_is_there(screen: Screen) -> None:
+    screen.bench.run(3.0)
+    assert screen.beats.items == []
+    page = screen.page()
+    screen.bench.run(5.0)
+    assert screen.beats.period_s(3) == pytest.approx(1.0, abs=1e-3)
+    page.open._timer.destroy()  # a page that hangs is open and shows nothing to anybody
+    screen.bench.run(4.2)
+    begun_s = screen.bench.now_s
+    screen.bench.run(5.0)
+    assert screen.beats.since(begun_s) == []
+
+
+def test_wrong_pins_lock_everyone_out_for_half_a_minute_but_never_the_stop(screen: Screen) -> None:
+    rider, other = screen.page(), screen.page()
+    answers = [rider.ask("login", pin="1111")["why"] for _ in range(6)]
+    assert answers == ["answer.wrong_pin"] * 4 + ["answer.wait"] * 2
+    locked_s = screen.bench.now_s
+    assert other.ask("login", pin=PIN)["why"] == "answer.wait"
+    assert other.ask("stop")["ok"]
+    screen.bench.run(29.9 - (screen.bench.now_s - locked_s))
+    assert other.ask("login", pin=PIN)["why"] == "answer.wait"
+    screen.bench.run(0.2)
+    assert other.ask("login", pin=PIN)["ok"]
