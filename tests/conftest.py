@@ -29,6 +29,19 @@ settings.load_profile("repeat")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+_SLOW = Path(__file__).with_name("slow.txt")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--fast", action="store_true", help=f"leave out the modules that are listed in {_SLOW.name}")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    if not config.getoption("fast"):
+        return None
+    return str(collection_path.relative_to(_SLOW.parents[1])) in _SLOW.read_text(encoding="utf-8").split() or None
+
+
 def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(skips.OnlyListedSkips(skips.load()))
 

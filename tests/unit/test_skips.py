@@ -49,6 +49,11 @@ def test_every_row_names_a_test_that_there_is() -> None:
         assert (ROOT / row.test).exists(), row
 
 
+def test_every_slow_module_is_there() -> None:
+    for line in (ROOT / "tests" / "slow.txt").read_text().splitlines()[1:]:
+        assert (ROOT / line).is_file(), line
+
+
 def test_a_row_without_a_reason_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "skips.yaml"
     file.write_text("- {test: tests/unit/, runs: nowhere}\n")

@@ -43,7 +43,7 @@ class Stage:
 
     def latch(self) -> LatchStore:
         store: LatchStore = self.devices[LatchStore](
-            None, self.folder / "safety", self.folder / "shadow", 2.0, Prompt(), lambda: 0.0
+            None, self.folder / "safety", self.folder / "shadow", self.folder / "witness", 2.0, Prompt(), lambda: 0.0
         )
         return store
 
