@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 import os
@@ -25,7 +24,6 @@ from robot_stack.contract import services, topics
 from robot_stack.core.config import config_dir, read_yaml
 from robot_stack.core.node_record import NodeRecords
 from robot_stack.core.runtime import runtime_dir
-from robot_stack.middleware.conversions import time_to_s
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import ask
 from robot_stack.wmx import MotionEngine, connect
@@ -198,7 +196,7 @@ def rig(
 
 
 def test_documented_topics(rig: Rig) -> None:
-    """Engine that comes late, kinematics, echo, measured speeds, odometry, and their rate."""
+    """Engine that comes late, kinematics, echo, measured speeds and odometry."""
     node = rig.start_node()
     node.wait_output("waiting for the motion engine")
     assert rig.speeds.items == rig.odometry.items == []
@@ -221,13 +219,6 @@ def test_documented_topics(rig: Rig) -> None:
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
     assert odometry.pose == Odometry().pose, "no pose unless it is asked for"
     assert odometry.twist.covariance[0] > 0.0
-
-    rig.odometry.items.clear()
-    wait_for(lambda: len(rig.odometry.items) >= 51, "half a second of odometry")
-    stamps = sorted(time_to_s(message.header.stamp) for message in rig.odometry.messages)
-    middle = sorted(after - before for before, after in itertools.pairwise(stamps))[len(stamps) // 2]
-    assert middle == pytest.approx(0.01, abs=0.002)
-    assert abs(time.time() - stamps[-1]) < 1.0
 
 
 def test_commands_that_are_absurd_old_or_no_numbers(rig: Rig) -> None:

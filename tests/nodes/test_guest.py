@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 
 import pytest
 from std_msgs.msg import Bool
@@ -48,8 +47,7 @@ def test_what_a_thread_still_uses_is_not_destroyed(
 def test_a_thread_that_has_only_just_begun_ends_too(ros_domain: int) -> None:
     for _ in range(20):
         brief = Guest("brief")
-        start_s = time.monotonic()
         brief.spin_beside("brief")
         brief.close()
         assert not brief.executor.context.ok()
-        assert time.monotonic() - start_s < guest._JOIN_S
+        assert "brief" not in [thread.name for thread in threading.enumerate()]

@@ -424,10 +424,11 @@ def test_status_as_json(running: Stack) -> None:
     done = running.command("status", "--json")
     assert done.returncode == 0
     status = json.loads(done.stdout)
+    assert status["processes"]
     for item in status["processes"]:
-        assert 0.0 <= item["heartbeat_age_s"] < 1.0
+        assert item["heartbeat_age_s"] >= 0.0
         assert item["pss_mb"] > 1.0
-        assert item["cpu_pct"] >= 0.0
+        assert 0.0 <= item["cpu_pct"] <= 100.0 * os.cpu_count()
 
 
 class TestEmergencyStop:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import statistics
 import threading
 import time
 from collections.abc import Callable
@@ -21,7 +20,6 @@ from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.interfaces import interface_class, qos_profile
 from tests.support.waiting import DEADLINE_S, wait_for
 
-_SPAN_PERIODS = 5
 _ASK_AGAIN_S = 10.0
 
 
@@ -42,35 +40,6 @@ class Heard:
     @property
     def last(self) -> Any:
         return self.items[-1][1] if self.items else None
-
-    def period_s(self, first: int = 0) -> float:
-        """Between two receptions from message ``first`` on. A machine that is held up delays some messages, which a
-        span of several periods evens out, and swallows some, which only few of the spans contain.
-        """
-        times = [at_s for at_s, _ in self.items[first:]]
-        periods = min(_SPAN_PERIODS, len(times) - 1)
-        return (
-            statistics.median(later - earlier for earlier, later in zip(times, times[periods:], strict=False)) / periods
-        )
-
-    def wait_period(self, period_s: float, rel: float = 0.05, count: int = 21) -> None:
-        """Until ``count`` receptions after this call, the newest ones, come as often as they should.
-
-        A node at a wrong rate never gets there; a machine that is held up for a moment does when it goes on.
-        """
-        first, told = len(self.items), [math.nan]
-
-        def as_it_should() -> bool:
-            newest = len(self.items) - count
-            if newest < first:
-                return False
-            told[0] = self.period_s(newest)
-            return abs(told[0] - period_s) <= rel * period_s
-
-        try:
-            wait_for(as_it_should, f"{self.subscription.topic_name} every {period_s} s", poll_s=0.2 * period_s)
-        except AssertionError as error:
-            raise AssertionError(f"{error}; it comes every {told[0]:.4f} s, {len(self.items) - first} times") from None
 
     def wait_connected(self) -> None:
         """Until a publisher is known: what one says once is lost on who does not know it yet."""

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-import signal
-import time
 from typing import TYPE_CHECKING
 
 import pytest
 
+from robot_stack.core.world_clock import WorldClock
 from tests.support.rights import needs_rights
 from tests.support.waiting import wait_for
 
@@ -57,23 +56,13 @@ def test_silence_of_the_operator_stops_the_robot(stack: StackUnderTest) -> None:
     assert stack.safety.last.safety_state == "NORMAL"
 
 
-@pytest.mark.parametrize("name", ["swerve_hardware_interface", "perception_pipeline"])
-def test_the_simulated_world_waits_for_a_process_that_is_held_up(stack: StackUnderTest, name: str) -> None:
-    """What every story of simulated time relies on."""
-    stack.drive_at(0.4)
-    start = len(stack.safety.items)
-    stack.kill(name, signal.SIGSTOP)
-    time.sleep(0.6)  # of the machine's time: what is to be survived
-    stack.kill(name, signal.SIGCONT)
-    wait_for(lambda: len(stack.safety.items) > start + 20, "two seconds of safety status")
-    assert {m.safety_state for m in stack.safety.messages[start:]} == {"NORMAL"}
-
-
 def test_the_simulated_world_waits_for_a_stick_that_is_held_up(stack: StackUnderTest) -> None:
     """A test that has no time for its stick for a moment has not let go of it."""
+    clock = WorldClock.find()
+    assert clock is not None
     stack.drive_at(0.4)
     start = len(stack.truth.items)
     with stack.stick.held_up():
-        time.sleep(0.6)  # of the machine's time: what is to be survived
+        wait_for(lambda: "stick" in clock.waiting_for, "the world waits for the stick")
     wait_for(lambda: len(stack.truth.items) > start + 50, "another second of the ride")
     assert min(m.twist.twist.linear.x for m in stack.truth.messages[start:]) > 0.3

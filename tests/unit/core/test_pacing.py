@@ -196,8 +196,7 @@ def test_a_real_sleep_ends_after_its_deadline_and_soon():
     for _ in range(20):
         due_ns = time.monotonic_ns() + MS
         late_ns = sleeper.until(due_ns)
-        assert late_ns >= 0
-        assert time.monotonic_ns() >= due_ns
+        assert 0 <= late_ns <= time.monotonic_ns() - due_ns
 
 
 # --- the system
