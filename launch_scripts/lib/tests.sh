@@ -15,13 +15,16 @@ run_tests() {
   python -m pytest -o cache_dir=".pytest_cache/$1" "${@:2}"
 }
 
-# One after the other: node tests and scenarios are about time, and whatever computes beside them takes some of theirs.
 all_tests() {
-  local failed=()
-  # Node tests mostly wait: three files at a time, whoever is free takes the next.
+  local failed=() simulated log
+  log=$(mktemp)
+  # Whole robots and single nodes on the deterministic scheduler: the same result at any load. They take what the node
+  # tests leave of the processors, which mostly wait: three files at a time, whichever worker is free takes the next.
+  nice -n 19 bash -c "$(declare -f run_tests); run_tests simulated tests/simulated --numprocesses 2" >"$log" 2>&1 &
+  simulated=$!
   run_tests nodes tests/nodes tests/ui --numprocesses 3 --dist loadfile || failed+=(nodes)
-  # Whole robots on the deterministic scheduler: one process each, the same result at any load.
-  run_tests simulated tests/simulated --numprocesses 2 || failed+=(simulated)
+  wait "$simulated" || failed+=(simulated)
+  cat "$log" && rm "$log"
   # What only real processes can show, each a whole robot and its world, which need both cores.
   run_tests scenarios tests/scenarios || failed+=(scenarios)
   # What computes, the longest first. The safety kernel's own tests run under coverage in tests/mutation.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import subprocess
-import time
 import tomllib
 from pathlib import Path
 
@@ -47,15 +46,12 @@ def declared_dependencies() -> set[str]:
     return {re.sub(r"[-_.]+", "-", name).lower() for name in names}
 
 
-def test_second_run_has_nothing_to_do_and_is_quick() -> None:
+def test_second_run_has_nothing_to_do() -> None:
     assert run_setup().returncode == 0
-    started = time.monotonic()
-
     again = run_setup()
 
     assert again.returncode == 0
     assert "nothing to do" in again.stdout
-    assert time.monotonic() - started < 3.0
 
 
 def test_unusable_python_is_refused_with_advice() -> None:
