@@ -1,7 +1,7 @@
 """A simulated motion engine on drives without physics, whose inputs and faults a test sets in a file.
 
-Usage: engine_process.py CONTROL_FILE. The file holds JSON: ``input0`` (byte 0 of the inputs), ``alarms`` (axis ->
-code; an alarm stays until it is cleared), ``connected`` (the bus), each of which may be missing. It is looked at in every
+Usage: engine_process.py CONTROL_FILE. The file holds JSON, in which each may be missing: ``input0`` (byte 0 of the
+inputs), ``alarms`` (axis -> code; an alarm stays until it is cleared), ``connected`` (the bus). It is looked at in each
 cycle, once it is there, and may be replaced at any time.
 """
 
