@@ -68,7 +68,7 @@ class Rig:
 
     def start_engine(self) -> None:
         not_before_ns = time.time_ns()
-        script = ROOT / "tests" / "nodes" / "scripts" / "engine_with_faults.py"
+        script = ROOT / "tests" / "nodes" / "scripts" / "engine_process.py"
         self.engine = self.start("engine", command=[sys.executable, str(script), str(self.orders)])
         socket = runtime_dir() / SOCKET_FILE
         wait_for(lambda: socket.exists() and socket.stat().st_ctime_ns >= not_before_ns, "the engine to listen", 60.0)
@@ -323,7 +323,7 @@ def test_alarm_and_lost_bus_in_motion(rig: Rig) -> None:
     assert rig.node is not None
     rig.drive(0.5)
     rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
-    rig.break_drives(alarms={"1": 33}, stubborn=True)
+    rig.break_drives(alarms={"1": 33})
     rig.wait_rest()  # the left wheel too, and not over the 5 s of its command
     rig.node.wait_output("right wheel: alarm 33; needs clear_alarm and set_on")
     rig.break_drives()

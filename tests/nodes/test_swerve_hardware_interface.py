@@ -46,7 +46,7 @@ class Rig:
 
     def start_engine(self) -> NodeProcess:
         not_before_ns = time.time_ns()
-        script = ROOT / "tests" / "nodes" / "scripts" / "engine_with_faults.py"
+        script = ROOT / "tests" / "nodes" / "scripts" / "engine_process.py"
         self.engine = self.start("engine", command=[sys.executable, str(script), str(self.orders)])
         socket = runtime_dir() / SOCKET_FILE
         wait_for(lambda: socket.exists() and socket.stat().st_ctime_ns >= not_before_ns, "the engine to listen", 60.0)

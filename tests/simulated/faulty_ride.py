@@ -51,7 +51,3 @@ def speed_mps(run: ScheduledRun) -> float:
 
 def broken(run: ScheduledRun) -> list[str]:
     return [item.describe() for item in run.invariants.broken]
-
-
-def log_text(run: ScheduledRun, node: str) -> str:
-    return "\n".join(line.text for line in run.stack.scheduler.log if line.node == node)

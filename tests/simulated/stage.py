@@ -201,15 +201,6 @@ class Stage(Story):
         """A passenger, for the nodes: no wheelchair is latched."""
         self.publish(topics.PASSENGER_ATTACHED, Bool(data=aboard))
 
-    def carry_to(self, pose: Pose2) -> None:
-        """Carries the standing robot to a place and waits until it has localised itself there."""
-        self.wait_stands()
-        by = pose.relative_to(self.at())
-        self.inject("robot_moved", f"{by.x:.4f},{by.y:.4f},{math.degrees(by.yaw):.3f}")
-        self.wait(lambda: self.at().distance_to(pose) < 0.05, "the robot is put down")
-        self.wait(lambda: self.estimate_error_m() < 0.10 and self.quality.last.data > 0.5, "the pose is found", 60.0)
-        self.wait_safety("NORMAL", limit_s=30.0)
-
     # --- processes ---------------------------------------------------------------------------------------------------
 
     def kill(self, name: str) -> None:

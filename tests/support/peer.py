@@ -61,7 +61,7 @@ class Peer:
         self._executor = LeanExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._publishers: dict[str, Any] = {}
-        self._sources: dict[str, StopSource] = {}
+        self._source: StopSource | None = None
         self._repeating: dict[str, Any] = {}
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
         self._thread.start()
@@ -96,19 +96,15 @@ class Peer:
             self.wait_matched(row)
         publisher.publish(message)
 
-    def stop_source(self, name: str = "") -> StopSource:
+    def stop_source(self) -> StopSource:
         """This peer as a source of the emergency stop, which reports itself."""
-        name = name or str(self.node.get_name())
-        if name not in self._sources:
+        if self._source is None:
             stop, reports = self.publisher(topics.EMERGENCY_STOP), self.publisher(topics.EMERGENCY_STOP_SOURCES)
             clock = self.node.get_clock()
-            self._sources[name] = StopSource(name, os.getpid(), stop, reports, lambda: clock.now().to_msg())
-            self.node.create_timer(0.2, lambda: name in self._sources and self._sources[name].repeat())
-        return self._sources[name]
-
-    def end_source(self, name: str) -> None:
-        """The source falls silent, as if its process had died."""
-        del self._sources[name]
+            name = str(self.node.get_name())
+            self._source = StopSource(name, os.getpid(), stop, reports, lambda: clock.now().to_msg())
+            self.node.create_timer(0.2, self._source.repeat)
+        return self._source
 
     def wait_matched(self, row: Topic, count: int = 1) -> None:
         """Waits until ``count`` subscribers of the topic are connected to this peer's publisher."""

@@ -113,16 +113,6 @@ class StackUnderTest:
     def wait_stands(self, limit_s: float = DEADLINE_S) -> None:
         self.wait_within(limit_s, lambda: self.stands, "the robot stands")
 
-    def wait_stood(self, seconds: float) -> None:
-        """Until it has stood for so long, in the world's time."""
-        begun_s = [math.inf]
-
-        def stood() -> bool:
-            begun_s[0] = min(begun_s[0], self.now_s()) if self.stands else math.inf
-            return self.now_s() - begun_s[0] > seconds
-
-        wait_for(stood, f"the robot has stood for {seconds} s")
-
     def wait_safety(self, state: str, fault: str = "", deadline_s: float = DEADLINE_S) -> Any:
         try:
             return self.safety.wait(
@@ -150,15 +140,15 @@ class StackUnderTest:
         message.twist.linear.x, message.twist.linear.y, message.twist.angular.z = vx_mps, vy_mps, omega_radps
         self.stick.hold(lambda: self.peer.publish(topics.TELEOP_CMD_VEL, message))
 
-    def drive_at(self, speed_mps: float, releasing: bool = False) -> None:
+    def drive_at(self, speed_mps: float) -> None:
         """Drives ahead and waits until the robot has nearly that speed.
 
-        releasing: an emergency stop on the way is released. On the system clock it always is: a machine that is held up
-        looks like a sensor that fell silent there.
+        On the system clock an emergency stop on the way is released: a machine that is held up looks like a sensor that
+        fell silent there.
         """
 
         def reached() -> bool:
-            if (releasing or self._system_time) and self.safety.last.safety_state == "EMERGENCY_STOP":
+            if self._system_time and self.safety.last.safety_state == "EMERGENCY_STOP":
                 self.let_go()
                 self.release()
                 self.drive(speed_mps)
@@ -225,18 +215,6 @@ class StackUnderTest:
 
     def command(self, command_type: str, mission_id: str = "") -> None:
         self.peer.publish(topics.UI_COMMAND, UICommand(command_type=command_type, mission_id=mission_id))
-
-    def command_until(self, command_type: str, state: str, deadline_s: float = DEADLINE_S) -> None:
-        """Repeats a command until the mission has ``state``: a restarted manager may not be connected at once."""
-
-        def reached() -> bool:
-            if self.mission.last is not None and self.mission.last.state == state:
-                return True
-            self.command(command_type)
-            time.sleep(0.5)
-            return False
-
-        wait_for(reached, f"{command_type} leads to {state}", deadline_s)
 
     def kill(self, name: str, number: signal.Signals = signal.SIGKILL) -> int:
         """A signal to a process of this stack; returns the pid it had."""

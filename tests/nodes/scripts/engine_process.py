@@ -1,7 +1,8 @@
 """A simulated motion engine on drives without physics, whose inputs and faults a test sets in a file.
 
-Usage: engine_process.py CONTROL_FILE. The file holds JSON: ``input0`` (byte 0 of the inputs), ``alarms`` (axis ->
-code), ``connected`` (the bus). It is looked at in every cycle and may be replaced at any time.
+Usage: engine_process.py CONTROL_FILE. The file holds JSON, in which each may be missing: ``input0`` (byte 0 of the
+inputs), ``alarms`` (axis -> code; an alarm stays until it is cleared), ``connected`` (the bus). It is looked at in each
+cycle, once it is there, and may be replaced at any time.
 """
 
 from __future__ import annotations
@@ -31,18 +32,21 @@ class Control:
             signal.signal(number, self._on_signal)
 
     def __call__(self) -> bool:
-        changed = os.stat(self._path).st_mtime_ns
+        try:
+            changed = os.stat(self._path).st_mtime_ns
+        except FileNotFoundError:
+            return self.end
         if changed != self._seen:
             self._seen = changed
             self._apply(json.loads(self._path.read_text()))
         return self.end
 
     def _apply(self, requested: dict[str, Any]) -> None:
-        self._drives.inputs = {0: requested["input0"]}
-        self._drives.connected = requested["connected"]
-        self._drives.stubborn = bool(requested["alarms"])
-        self._drives.alarms[:] = 0
-        for axis, code in requested["alarms"].items():
+        alarms = requested.get("alarms", {})
+        self._drives.inputs = {0: requested.get("input0", 1)}
+        self._drives.connected = requested.get("connected", True)
+        self._drives.stubborn = bool(alarms)
+        for axis, code in alarms.items():
             self._drives.alarms[int(axis)] = code
 
     def _on_signal(self, *_: object) -> None:

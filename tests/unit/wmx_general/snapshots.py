@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from robot_stack.wmx.api import EngineState
-from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
+from robot_stack.wmx.axes import Flag, StatusSnapshot, empty_snapshot
 
 
 def standing(n_axes: int = 4, **fields: Any) -> StatusSnapshot:
@@ -20,10 +20,4 @@ def standing(n_axes: int = 4, **fields: Any) -> StatusSnapshot:
 def with_flag(flag: Flag, axis: int, value: int, **fields: Any) -> StatusSnapshot:
     snapshot = standing(**fields)
     snapshot.flags[flag, axis] = value
-    return snapshot
-
-
-def with_real(real: Real, axis: int, value: float) -> StatusSnapshot:
-    snapshot = standing()
-    snapshot.reals[real, axis] = value
     return snapshot
