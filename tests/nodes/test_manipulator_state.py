@@ -202,7 +202,7 @@ def test_a_bus_that_somebody_stops_is_left_alone(start: Start, peer: Peer, engin
     node.wait_health("was stopped by another device")
     node.wait_silent()
     assert status(engine).engine_state is EngineState.Running
-    assert engine.device.api.StartCommunication(5000) == 0
+    assert engine.device.api.StartCommunication(60000) == 0
     node.wait_news()
 
 

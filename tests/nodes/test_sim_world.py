@@ -49,7 +49,7 @@ def rate_hz(heard: Heard, over_s: float) -> float:
 
 def drive_on(engine: MotionEngine, speed_mps: float) -> None:
     """Bus up, servos on, all wheels at a speed."""
-    assert engine.api.StartCommunication(5000) == 0
+    assert engine.api.StartCommunication(60000) == 0
     for axis in range(8):
         assert engine.core_motion.axisControl.SetServoOn(axis, 1) == 0
     wait_for(lambda: engine.read_status()[1].servo_on.all(), "servos on")
@@ -109,7 +109,7 @@ def test_the_engine_moves_the_robot_and_the_drives_stop_it_when_the_engine_stall
 def test_the_estop_bit_reaches_the_engines_clients(world: NodeProcess, peer: Peer) -> None:
     byte, bit = ROBOT.estop_input_byte, ROBOT.estop_input_bit
     with connect("test") as engine:
-        assert engine.api.StartCommunication(5000) == 0
+        assert engine.api.StartCommunication(60000) == 0
         wait_for(lambda: engine.read_status()[1].input_bit(byte, bit), "a released button")
         assert inject(peer, "estop_button", value=1.0).message == "emergency stop button pressed"
         wait_for(lambda: not engine.read_status()[1].input_bit(byte, bit), "a pressed button")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 # As a kiosk starts it; the sandbox needs rights that a container's root does not have.
 OPTIONS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
-DEADLINE_MS = 30_000
+DEADLINE_MS = 120_000
 STAFF_PAGES = (
     "map",
     "drive",

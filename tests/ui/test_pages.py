@@ -298,7 +298,7 @@ def test_a_page_that_lost_its_link_shows_it_and_keeps_only_the_stop(
     page: Any, robot: StandInRobot, screen: NodeProcess, start: Any, url: str
 ) -> None:
     screen.signal(signal.SIGSTOP)  # hangs, with its sockets open
-    page.wait_for_selector(".lost", timeout=8_000)
+    page.wait_for_selector(".lost")
     assert page.evaluate("window.touchUi.link.send({t: 'pause'}) && !window.touchUi.link.lost") is False
     page.click("#stop")
     until(page, "document.querySelector('.lost').textContent.includes('stop will be sent')")

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.timeout(900)
 def page(stack: StackUnderTest, browser: Any) -> Iterator[Any]:
     url = wait_for(touch_screen_url, "the touch screen's address")
     page = browser.new_page(viewport={"width": 1280, "height": 800})
-    page.set_default_timeout(60_000)
+    page.set_default_timeout(120_000)
     page.goto(url)
     page.wait_for_selector("[data-mission]")
     yield page
