@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 import signal
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -198,20 +197,20 @@ def test_a_trajectory_is_followed_and_reported(rig: Rig) -> None:
     assert np.array(middle.actual.velocities) == pytest.approx(np.array(middle.desired.velocities), abs=0.15)
 
     # single waypoint from wherever the arm is, its time kept
-    begin_s = time.monotonic()
+    begin_s = rig.status.engine_time_s
     assert rig.send((0.4, HOME)).result() == (STATUS_SUCCEEDED, 0, "")
-    assert time.monotonic() - begin_s >= 0.35
+    assert rig.status.engine_time_s - begin_s >= 0.35
     assert rig.status.actual_pos == pytest.approx(HOME, abs=1e-3)
 
     # a start in the future
     message = goal((0.0, HOME), (0.3, THERE))
     message.trajectory.header.stamp = rig.now(0.6)
-    begin_s = time.monotonic()
+    begin_s = rig.status.engine_time_s
     later = rig.send_message(message)
-    wait_for(lambda: time.monotonic() - begin_s > 0.3 or not rig.standing, "half of the time to the start")
+    wait_for(lambda: rig.status.engine_time_s - begin_s > 0.3 or not rig.standing, "half of the time to the start")
     assert rig.standing
     assert later.result() == (STATUS_SUCCEEDED, 0, "")
-    assert time.monotonic() - begin_s >= 0.8
+    assert rig.status.engine_time_s - begin_s >= 0.8
 
     # the gripper
     assert rig.set_gripper(True) == (True, "Gripper closed successfully")
@@ -406,10 +405,10 @@ def test_a_goal_on_its_way_gives_way_only_to_one_that_can_be_followed_and_when_i
 
 def test_continuous_joints_turn_the_short_way_and_scaled_speed_takes_longer(rig: Rig) -> None:
     rig.up("-p", "continuous_joints:=[joint6]", "-p", "speed_scaling.initial_scaling_factor:=0.5")
-    begin_s = time.monotonic()
+    begin_s = rig.status.engine_time_s
     sent = rig.send((0.5, [*THERE[:5], THERE[5] + 2.0 * math.pi]))
     assert sent.result() == (STATUS_SUCCEEDED, 0, "")
-    assert time.monotonic() - begin_s >= 0.95
+    assert rig.status.engine_time_s - begin_s >= 0.95
     assert rig.status.actual_pos == pytest.approx(THERE, abs=1e-3)
     assert seconds(sent.feedback[-1].desired.time_from_start) <= 0.6
 

@@ -38,12 +38,11 @@ _SOURCE_PERIOD_S = 0.2
 _ENGINE_BLOCK_CYCLES = 5
 
 
-def _params(*peers: str) -> Any:
-    """Peers take no time of their own: what they receive is noted when it arrives."""
-    names = {name: constant(0.001) for name in peers}
+def _params(peer: str) -> Any:
+    """The peer takes no time of its own: what it receives is noted when it arrives."""
     return params(
         latency={"small": constant(1.0), "bulk": constant(1.0), "call": constant(1.0), "rows": {}},
-        compute={"default": constant(1e3 * COMPUTE_S), "names": names},
+        compute={"default": constant(1e3 * COMPUTE_S), "names": {peer: constant(0.001)}},
     )
 
 
@@ -260,9 +259,8 @@ class Bench(Peer):
 
 
 @contextmanager
-def bench(*peers: str) -> Iterator[Bench]:
-    """peers: names of further peers that take no time of their own."""
-    with Scheduler(1, _params("peer", *peers)) as scheduler:
+def open_bench() -> Iterator[Bench]:
+    with Scheduler(1, _params("peer")) as scheduler:
         made = Bench(scheduler)
         yield made
         made.assert_well()

@@ -89,6 +89,20 @@ def test_another_process_hangs_and_the_robot_is_slow(name: str) -> None:
         stage.wait_safety("NORMAL", limit_s=20.0)
 
 
+@pytest.mark.parametrize("seconds", [0.8, 2.0])
+def test_a_pause_of_the_computer_ends_in_a_stop_that_an_operator_can_release(seconds: float) -> None:
+    """All processes stand still, as on a virtual machine that is held; motion engine and robot go on."""
+    with staged() as stage:
+        stage.drive_at(0.4)
+        for row in stage.stack.plan.processes:
+            stage.hang(row.name, seconds)
+        stage.wait_safety("EMERGENCY_STOP")
+        stage.wait_stands(5.0)
+        stage.let_go()
+        stage.release()
+        stage.wait_safety("NORMAL")
+
+
 def test_a_latched_stop_survives_the_monitor() -> None:
     with staged() as stage:
         stage.drive_at(0.6)

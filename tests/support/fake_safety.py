@@ -6,26 +6,22 @@ from typing import Any
 
 from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import services, topics
-from robot_stack.middleware.interfaces import interface_class
-from tests.support.peer import Peer
 
 
 class FakeSafety:
-    """Shows what was last asked, and resets as it is told to."""
+    """Shows what was last asked, and resets as it is told to. peer: on ROS, or on the scheduler."""
 
-    def __init__(self, peer: Peer) -> None:
+    def __init__(self, peer: Any) -> None:
         self.obeys = True
         self.refusals: list[str] = []
         self.active = False
         self.requests: list[bool] = []
         peer.listen(topics.EMERGENCY_STOP, self._on_request)
         peer.repeat(topics.SAFETY_STATUS, self._status, 10.0)
-        service = interface_class(services.SAFETY_RESET.type)
-        peer.node.create_service(service, services.SAFETY_RESET.name, self._on_reset)
         self.cleared: list[str] = []
         self.uncleared = ""
-        clear = interface_class(services.CLEAR_EMERGENCY_STOP.type)
-        peer.node.create_service(clear, services.CLEAR_EMERGENCY_STOP.name, self._on_clear)
+        peer.serve(services.SAFETY_RESET, self._on_reset)
+        peer.serve(services.CLEAR_EMERGENCY_STOP, self._on_clear)
 
     def _on_request(self, message: Any) -> None:
         self.requests.append(message.data)

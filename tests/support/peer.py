@@ -122,6 +122,9 @@ class Peer:
         if timer is not None:
             self.node.destroy_timer(timer)
 
+    def serve(self, row: Service, callback: Callable[[Any, Any], Any]) -> None:
+        self.node.create_service(interface_class(row.type), row.name, callback)
+
     def in_loop(self, function: Callable[[], Any]) -> Any:
         """What a function returns that runs where messages are taken. rclpy registers a goal only after it has sent it:
         sent from another thread, an answer that comes at once is thrown away.

@@ -43,22 +43,18 @@ def true_pose(bodies: TFMessage, name: str) -> Pose2:
 
 
 class StackUnderTest:
-    """Started by the supervisor like any other; listened to and disturbed by a peer outside the contract.
+    """Started by the supervisor like any other; listened to and disturbed by a peer outside the contract."""
 
-    system_time: the world lives on the system clock and waits for nobody, as a real one.
-    """
-
-    def __init__(self, logs: Path, *settings: str, system_time: bool = False) -> None:
-        self.logs, self._system_time = logs, system_time
-        speed = None if system_time else _SPEED
-        launch = client.Launch("sim", (*settings, *_PATIENT), speed=speed, log_dir=logs, system_time=system_time)
+    def __init__(self, logs: Path, *settings: str) -> None:
+        self.logs = logs
+        launch = client.Launch("sim", (*settings, *_PATIENT), speed=_SPEED, log_dir=logs)
         try:
             client.start(launch, 90.0)
         except client.StartError:
             client.stop()
             raise
         self.peer = Peer("scenario_peer")
-        self.stick = Stick(simulated=not system_time)
+        self.stick = Stick()
         self.truth = self.peer.listen(topics.SIM_GROUND_TRUTH)
         self.safety = self.peer.listen(topics.SAFETY_STATUS)
         self.limit = self.peer.listen(topics.VELOCITY_LIMIT)
@@ -141,22 +137,10 @@ class StackUnderTest:
         self.stick.hold(lambda: self.peer.publish(topics.TELEOP_CMD_VEL, message))
 
     def drive_at(self, speed_mps: float) -> None:
-        """Drives ahead and waits until the robot has nearly that speed.
-
-        On the system clock an emergency stop on the way is released: a machine that is held up looks like a sensor that
-        fell silent there.
-        """
-
-        def reached() -> bool:
-            if self._system_time and self.safety.last.safety_state == "EMERGENCY_STOP":
-                self.let_go()
-                self.release()
-                self.drive(speed_mps)
-            return self.speed_mps > 0.9 * speed_mps
-
+        """Drives ahead and waits until the robot has nearly that speed."""
         self.drive(speed_mps)
         try:
-            wait_for(reached, f"the robot drives at {speed_mps} m/s")
+            wait_for(lambda: self.speed_mps > 0.9 * speed_mps, f"the robot drives at {speed_mps} m/s")
         except AssertionError as error:
             limit, drive = self.limit.last, self.process("swerve_controller")
             told = f"{self._safety_text()}, limit {limit.max_linear_velocity} {limit.reason}"
@@ -166,9 +150,8 @@ class StackUnderTest:
     def let_go(self) -> None:
         """Returns when the drive takes it for let go: who drives on at once after a stop has not asked anew."""
         self.stick.let_go()
-        silent_s, give_up_s = 2.0 * topics.TELEOP_CMD_VEL.stale_limit_s, time.monotonic() + 5.0
-        while self.stick.idle_s <= silent_s and time.monotonic() < give_up_s:  # a killed world's time stands still
-            time.sleep(0.01)
+        silent_s = 2.0 * topics.TELEOP_CMD_VEL.stale_limit_s
+        wait_for(lambda: self.stick.idle_s > silent_s, "the drive takes the stick for let go")
 
     def inject(self, kind: str, target: str = "", value: float = 0.0, duration_s: float = 0.0) -> str:
         request = InjectFault.Request(kind=kind, target=target, value=value, duration_s=duration_s)
@@ -200,19 +183,6 @@ class StackUnderTest:
         except AssertionError as error:
             raise AssertionError(f"{error}; last answer: {last[0]}") from None
 
-    def settle(self) -> None:
-        """NORMAL again. On the system clock an emergency stop meanwhile is released: see drive_at."""
-
-        def normal() -> bool:
-            if self._system_time and self.safety.last.safety_state == "EMERGENCY_STOP":
-                self.release()
-            return bool(self.safety.last.safety_state == "NORMAL")
-
-        try:
-            wait_for(normal, "safety state NORMAL", 60.0)
-        except AssertionError as error:
-            raise AssertionError(f"{error}; it is {self._safety_text()}") from None
-
     def command(self, command_type: str, mission_id: str = "") -> None:
         self.peer.publish(topics.UI_COMMAND, UICommand(command_type=command_type, mission_id=mission_id))
 
@@ -240,4 +210,4 @@ class StackUnderTest:
             self.mission.wait(lambda message: message.state == "ABORTED", "the mission aborted")
         if self.safety.last.safety_state == "EMERGENCY_STOP":
             self.release()
-        self.settle()
+        self.wait_safety("NORMAL", deadline_s=60.0)

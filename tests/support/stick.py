@@ -18,13 +18,14 @@ _LOOK_S = 0.002
 class Stick:
     """Calls ``publish`` at 20 Hz while it is held.
 
-    In simulated time a world that waits for its robot waits for the stick too: a test that is held up for a moment on a
-    busy machine has not let go of it.
+    A world that waits for its robot waits for the stick too: a test that is held up for a moment on a busy machine has
+    not let go of it.
     """
 
-    def __init__(self, simulated: bool) -> None:
-        self._clock = WorldClock.find() if simulated else None
-        assert self._clock is not None or not simulated, "no simulated world runs here"
+    def __init__(self) -> None:
+        clock = WorldClock.find()
+        assert clock is not None, "no simulated world runs here"
+        self._clock = clock
         self._record = NodeRecord("stick")
         self._record.constructing("a test")
         self._publish: Callable[[], None] | None = None
@@ -45,7 +46,7 @@ class Stick:
     @property
     def idle_s(self) -> float:
         """How long nothing has been published for, on the world's time; 0 while it is held."""
-        return 0.0 if self._publish is not None else self._now_s() - self._published_s
+        return 0.0 if self._publish is not None else self._clock.now_s() - self._published_s
 
     @contextmanager
     def held_up(self) -> Iterator[None]:
@@ -66,28 +67,21 @@ class Stick:
             self._publish = publish
             self._changed.notify()
 
-    def _now_s(self) -> float:
-        return time.monotonic() if self._clock is None else self._clock.now_s()
-
     def _run(self) -> None:
         due_s = -math.inf
         while True:
             with self._changed:
                 while self._publish is None and not self._ended:
-                    self._due(math.inf)
+                    self._record.due(math.inf)
                     self._changed.wait()
                     due_s = -math.inf
                 if self._ended:
                     return
-                now_s = self._now_s()
+                now_s = self._clock.now_s()
                 if now_s >= due_s:
                     assert self._publish is not None
                     self._publish()
                     self._published_s = now_s
                     due_s = now_s + PERIOD_S
-                    self._due(due_s)
+                    self._record.due(due_s)
             time.sleep(_LOOK_S)
-
-    def _due(self, due_s: float) -> None:
-        if self._clock is not None:
-            self._record.due(due_s)

@@ -28,7 +28,6 @@ from robot_stack.contract import services, topics
 from robot_stack.contract.display import Display
 from robot_stack.core.geometry import quaternion_from_yaw
 from robot_stack.core.stop_presence import Presence, describe_presence
-from robot_stack.middleware.interfaces import interface_class
 from robot_stack.middleware.point_cloud import cloud_message
 from robot_stack.navigation.nodes.people_markers import people_markers
 from robot_stack.navigation.people import Person
@@ -62,12 +61,8 @@ class StandInRobot:
         peer.listen(topics.GOAL_POSE, self._on_goal)
         peer.listen(topics.INITIAL_POSE, self._on_pose)
         peer.listen(topics.TELEOP_CMD_VEL, self.twists.append)
-        peer.node.create_service(
-            interface_class(services.SAFETY_RESET.type), services.SAFETY_RESET.name, self._on_reset
-        )
-        peer.node.create_service(
-            interface_class(services.CLEAR_EMERGENCY_STOP.type), services.CLEAR_EMERGENCY_STOP.name, self._on_clear
-        )
+        peer.serve(services.SAFETY_RESET, self._on_reset)
+        peer.serve(services.CLEAR_EMERGENCY_STOP, self._on_clear)
         for row, make, rate_hz in (
             (topics.SAFETY_STATUS, self._safety, 10.0),
             (topics.CURRENT_POSE, self._pose, 10.0),

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.timeout(900)
 
 
-# The controller's death is in test_real_time: this world waits for its odometry until it is nearly back.
+# Not the controller: this world waits for its odometry until it is nearly back.
 @pytest.mark.parametrize("name", ["swerve_hardware_interface", "safety_monitor", "ndt_localization"])
 def test_a_critical_process_is_killed_and_the_robot_stands(stack: StackUnderTest, name: str) -> None:
     stack.drive_at(0.6)

@@ -8,10 +8,11 @@ from typing import Any
 
 import pytest
 
-from custom_msgs.msg import SafetyStatus, UICommand
-from robot_stack.contract import services, topics
+from custom_msgs.msg import UICommand
+from robot_stack.contract import topics
 from robot_stack.ui.pin import hash_pin
 from tests.simulated.bench import COMPUTE_S, LATENCY_S, Bench
+from tests.support.fake_safety import FakeSafety
 
 PIN = "2468"
 PAD_S = 0.05
@@ -80,30 +81,9 @@ def screen(bench: Bench) -> Screen:
     return Screen(bench)
 
 
-class FakeSafety:
-    """Latches what is asked for, and resets unless ``refusals`` say otherwise."""
-
-    def __init__(self, bench: Bench) -> None:
-        self.active = False
-        self.refusals: list[str] = []
-        bench.listen(topics.EMERGENCY_STOP, lambda message: setattr(self, "active", self.active or message.data))
-        bench.repeat(topics.SAFETY_STATUS, self._status, 10.0)
-        bench.serve(services.SAFETY_RESET, self._on_reset)
-        bench.run(0.3)
-
-    def _status(self) -> SafetyStatus:
-        return SafetyStatus(safety_state="EMERGENCY_STOP" if self.active else "NORMAL")
-
-    def _on_reset(self, _: Any, response: Any) -> Any:
-        if self.refusals:
-            response.message = self.refusals.pop(0)
-        else:
-            self.active, response.success = False, True
-        return response
-
-
 def test_the_stop_reaches_everyone_at_once_and_only_a_request_takes_it_back(screen: Screen) -> None:
     safety, rider = FakeSafety(screen.bench), screen.page()
+    screen.bench.run(0.3)
     safety.refusals = ["refused: stop button pressed"] * 40
     pressed_s = screen.bench.now_s
     assert rider.ask("stop")["ok"]

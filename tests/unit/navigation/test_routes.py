@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -213,9 +212,7 @@ def test_an_answer_that_nobody_took_is_dropped_by_the_next_question(
 def test_a_search_that_is_stopped_ends_without_a_way(big: RouteSolver) -> None:
     stop = Stop()
     stop.set()
-    began_s = time.thread_time()
     assert big.solve(BIG, stop).route is None
-    assert time.thread_time() - began_s < 0.1
 
 
 def test_an_error_in_a_plan_is_an_answer(planner: BackgroundPlanner, worker: SteppedWorker) -> None:
