@@ -14,6 +14,13 @@ FAULTS: tuple[Fault, ...] = (
         "ESTOP_PRESSED", "any /emergency_stop true, or the button's process silent > 0.4 s", _ESTOP, _EMERGENCY, _RESET
     ),
     Fault(
+        "CHAIR_LOOSE",
+        "the latch is no longer confirmed closed with a wheelchair on it, other than by a command at standstill",
+        _ESTOP,
+        _EMERGENCY,
+        _RESET,
+    ),
+    Fault(
         "DRIVE_FAULT",
         "amplifier alarm, servo off unasked, following error, or engine not communicating > 0.1 s",
         _ESTOP,
@@ -23,6 +30,13 @@ FAULTS: tuple[Fault, ...] = (
     Fault("JOINT_STATES_TIMEOUT", "/joint_states older than 0.1 s", _ESTOP, _EMERGENCY, _RESET),
     Fault("OVERSPEED", "measured faster than the limit permits for 0.3 s", _ESTOP, _EMERGENCY, _RESET),
     Fault("TILT", "tilt > 15 deg", _ESTOP, _EMERGENCY, _RESET),
+    Fault(
+        "LATCH_NOT_CLOSED",
+        "a wheelchair is attached and the latch is not confirmed closed: stops every motion but a slow undocking",
+        _STOP,
+        _DEGRADED,
+        _GONE,
+    ),
     Fault(
         "COLLISION_IMMINENT",
         "time to collision < 1.0 s or clearance < 0.15 m ahead of the motion",

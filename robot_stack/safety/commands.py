@@ -30,6 +30,10 @@ class CommandWatch:
         """What the drive tries to do, None if it does not say."""
         return self._fresh(self._limited, now_s)
 
+    def leading(self, now_s: float) -> str | None:
+        """The highest source that has a fresh command, None without any."""
+        return next((name for name in SOURCES if self._fresh(self._requests.get(name), now_s) is not None), None)
+
     def requested(self, now_s: float) -> Twist2:
         """The command of the highest source that has a fresh one; standstill without any."""
         requests = (self._fresh(self._requests.get(source), now_s) for source in SOURCES)

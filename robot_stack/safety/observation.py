@@ -15,6 +15,7 @@ from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.safety.attitude import PlanarAcceleration, UpDirection
 from robot_stack.safety.button import Contact, EmergencyButton
+from robot_stack.safety.chair_watch import ChairWatch
 from robot_stack.safety.collision import outline_of
 from robot_stack.safety.collision_prediction import CollisionPrediction, look_ahead, rests
 from robot_stack.safety.commands import CommandWatch
@@ -47,7 +48,7 @@ _BUTTON = "emergency_stop_button"
 class Observation:
     """The inputs and their history. All times are steady seconds at reception.
 
-    passenger: the footprint in force is the one with the wheelchair.
+    chair: the wheelchair and the latch.
     latch_problem: why the monitor's memory is not on disk, empty if it is.
     """
 
@@ -60,7 +61,8 @@ class Observation:
         presses: tuple[Press, ...],
     ) -> None:
         self._started_s = now_s
-        self.passenger = passenger
+        undocking = SpeedLimit(params.undocking.max_speed_mps, params.undocking.max_yaw_rate_radps)
+        self.chair = ChairWatch(passenger, undocking, stale_s(topics.LATCH_STATUS))
         self._settle_s = params.startup_settle_s
         self._criticality = {name: processes.BY_NAME[name].criticality for name in params.expected_processes}
         self._heard_s: dict[str, float] = {}
@@ -117,7 +119,7 @@ class Observation:
 
     def limited(self, limit: SpeedLimit, hard: bool, now_s: float) -> None:
         """The speed limit that is published. hard: a stop that does not wait for comfort."""
-        self._obedience.limited(limit, hard, self._robot.motion(self.passenger), now_s)
+        self._obedience.limited(limit, hard, self._robot.motion(self.chair.carried), now_s)
 
     def heartbeat(self, process: str, now_s: float) -> None:
         self._heard_s[process] = now_s
@@ -129,6 +131,7 @@ class Observation:
         """The motion engine's status; None where there is none to read."""
         self.drive.received(reading, now_s)
         self.button.update(Contact.UNREADABLE if reading is None else reading.button, now_s)
+        self.chair.contacts(None if reading is None else reading.latch)
 
     def joint_states(
         self, names: Sequence[str], position_rad: Sequence[float], velocity_radps: Sequence[float], now_s: float
@@ -170,9 +173,12 @@ class Observation:
         complete = self._complete()
         estop = self._stop_asked(complete, now_s)
         inclination_rad = self._imu.inclination_rad(now_s, stale_s(topics.IMU))
+        stands = self.wheels.still_for_s(now_s, stale_s(topics.JOINT_STATES)) is not None
         return Snapshot(
             uptime_s=age_s(now_s, self._started_s),
             estop=estop,
+            chair_loose=self.chair.loose(stands),
+            latch_not_closed=self.chair.not_held(self.commands.leading(now_s), now_s),
             drive=self.drive.judge(emergency or bool(estop), complete, now_s),
             obedience=self._obedience.judge(self.wheels.twist(now_s, stale_s(topics.JOINT_STATES)), now_s),
             joint_states_up=self.wheels.up(complete, now_s, stale_s(topics.JOINT_STATES), self._settle_s),
@@ -247,7 +253,7 @@ class Observation:
         return replace(seen, meeting=meeting)
 
     def _footprint(self) -> Footprint:
-        return self._robot.footprint_with_chair if self.passenger else self._robot.footprint
+        return self._robot.footprint_with_chair if self.chair.carried else self._robot.footprint
 
     def _complete(self) -> bool:
         """Every critical process has been heard. Until then the machine is starting, and busy with it."""

@@ -50,6 +50,13 @@ class StopSourceParams(Config):
     button_silence_s: Positive
 
 
+class UndockingParams(Config):
+    """The speed limit of undocking from a wheelchair that the latch does not hold."""
+
+    max_speed_mps: Positive
+    max_yaw_rate_radps: Positive
+
+
 class ObedienceParams(Config):
     """When a speed limit counts as not obeyed. hold_s: faster than permitted for longer than this. margin: on what is
     permitted, for the noise of measuring. notice_s: until whoever drives begins to brake; the time that a jerk limit
@@ -84,6 +91,7 @@ class SafetyParams(Config):
 
     stop_sources: StopSourceParams
     obedience: ObedienceParams
+    undocking: UndockingParams
 
     tilt_stop_deg: Degrees
     tilt_clear_deg: Degrees

@@ -52,7 +52,12 @@ _EMERGENCY: Final = "EMERGENCY_STOP"
 _ROWS = {row.name: row for row in topics.of_system(System.ROBOT, System.SIMULATION)}
 
 # Repeated at their rate, and published at each change beside it.
-_CHANGES_AT_ONCE = (topics.VELOCITY_LIMIT.name, topics.SAFETY_STATUS.name, topics.SIM_EHMI_DISPLAY.name)
+_CHANGES_AT_ONCE = (
+    topics.VELOCITY_LIMIT.name,
+    topics.SAFETY_STATUS.name,
+    topics.LATCH_STATUS.name,
+    topics.SIM_EHMI_DISPLAY.name,
+)
 
 # Rows whose condition is the age of what has arrived at the safety monitor.
 _AGES: tuple[tuple[str, Topic], ...] = (
@@ -63,12 +68,9 @@ _AGES: tuple[tuple[str, Topic], ...] = (
     ("LOCALIZATION_LOST", topics.CURRENT_POSE),
     ("IMU_TIMEOUT", topics.IMU),
 )
-# Rows with an action that does not depend on how bad it is.
-_STOPS = tuple(
-    row.code
-    for row in faults.FAULTS
-    if row.action >= SafetyAction.STOP and row.code not in ("SLOPE", "NODE_DEAD", "COLLISION_IMMINENT")
-)
+# Rows with an action that depends on how bad it is.
+_GRADED = ("SLOPE", "NODE_DEAD", "COLLISION_IMMINENT", "LATCH_NOT_CLOSED")
+_STOPS = tuple(row.code for row in faults.FAULTS if row.action >= SafetyAction.STOP and row.code not in _GRADED)
 _LIMITS = ("IMU_TIMEOUT", "BATTERY_CRITICAL", "LATCH_NOT_STORED")
 # What a person or a tool asks for; goals and commands that the robot's own nodes derive from it are no requests.
 _ASKING = ("touch_ui", "joystick_driver", topics.OPERATOR_TOOL, topics.TEST_TOOL)

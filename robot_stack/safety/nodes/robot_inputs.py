@@ -9,9 +9,10 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import BatteryState, CameraInfo, Imu, JointState
 from std_msgs.msg import Bool, Float32
 
-from custom_msgs.msg import DockingStatus, EmergencyStopSource
+from custom_msgs.msg import DockingStatus, EmergencyStopSource, LatchStatus
 from robot_stack.contract import topics
 from robot_stack.middleware.node import StackNode
+from robot_stack.safety.chair_watch import LatchStatement
 from robot_stack.safety.inputs import ImuSample
 from robot_stack.safety.observation import CAMERAS, Observation
 from robot_stack.safety.stop_sources import SourceReport
@@ -35,6 +36,7 @@ class RobotInputs:
         self._quality = node.subscribe(topics.LOCALIZATION_QUALITY, self._on_quality)
         self._battery = node.subscribe(topics.BATTERY_STATE, self._on_battery)
         node.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
+        node.subscribe(topics.LATCH_STATUS, self._on_latch)
         node.subscribe(topics.DOCKING_STATUS, self._on_docking)
         for camera in CAMERAS:
             node.subscribe(camera, partial(self._on_camera, camera.name))
@@ -63,6 +65,10 @@ class RobotInputs:
 
     def _on_passenger(self, message: Bool) -> None:
         self._passenger(message.data)
+
+    def _on_latch(self, message: LatchStatus) -> None:
+        statement = LatchStatement(message.attached, message.undocking)
+        self._observation().chair.stated(statement, self._node.steady_s())
 
     def _on_docking(self, message: DockingStatus) -> None:
         self._observation().docking(message.state, self._node.steady_s())

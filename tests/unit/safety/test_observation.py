@@ -32,8 +32,8 @@ def observation(*, passenger: bool = False, robot: Robot = ROBOT) -> Observation
 
 def test_what_is_remembered_is_known_from_the_start() -> None:
     assert observation().sources.presses == PRESSES
-    assert observation(passenger=True).passenger is True
-    assert observation(passenger=False).passenger is False
+    assert observation(passenger=True).chair.carried is True
+    assert observation(passenger=False).chair.carried is False
 
 
 def test_why_something_is_missing() -> None:

@@ -131,7 +131,7 @@ def test_a_limit_that_is_obeyed_along_the_ramp_is_none() -> None:
     story = Story().healthy()
     story.wheel_radps = 1.3 / ROBOT.wheel_radius_m
     story.run(1.0)
-    story.monitor.passenger = True  # 1.0 m/s
+    story.carry()  # 1.0 m/s
     for speed_mps in (1.3, 1.25, 1.2, 1.1, 1.0, 1.0, 1.0, 1.0):
         story.wheel_radps = speed_mps / ROBOT.wheel_radius_m
         story.run(0.2).expect(NORMAL, ())
