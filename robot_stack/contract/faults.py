@@ -55,7 +55,15 @@ FAULTS: tuple[Fault, ...] = (
         1.0,
     ),
     Fault("OBSTACLES_TIMEOUT", "/perception/obstacles older than 0.3 s", _STOP, _DEGRADED, _GONE, 1.0),
-    Fault("LOCALIZATION_LOST", "quality < 0.3, pose older than 0.5 s, or a jump > 1 m", _STOP, _DEGRADED, _GONE, 2.0),
+    Fault(
+        "LOCALIZATION_LOST",
+        "quality < 0.3, pose older than 0.5 s, or a jump > 1 m",
+        _STOP,
+        _DEGRADED,
+        _GONE,
+        2.0,
+        gentle=True,
+    ),
     Fault("IMU_TIMEOUT", "/sensors/imu older than 0.1 s, or frozen", _LIMIT, _DEGRADED, _GONE, 1.0),
     Fault("CAMERA_TIMEOUT", "a camera image older than 0.5 s while docking", _WARN, _DEGRADED, _GONE),
     Fault("NODE_DEAD", "no heartbeat of a process for 1 s: critical stops, others limit", _STOP, _DEGRADED, _GONE),
@@ -65,6 +73,7 @@ FAULTS: tuple[Fault, ...] = (
         _STOP,
         _DEGRADED,
         _GONE,
+        gentle=True,
     ),
     Fault("LATCH_NOT_STORED", "latched stop and passenger cannot be written to disk", _LIMIT, _DEGRADED, _GONE),
     Fault("BATTERY_LOW", "charge < 30 %", _WARN, _DEGRADED, _GONE),
@@ -82,3 +91,11 @@ BY_CODE: dict[str, Fault] = {fault.code: fault for fault in FAULTS}
 # Reasons of a speed limit that are no faults.
 PASSENGER_ONBOARD = "PASSENGER_ONBOARD"
 WAY_UNSEEN = "WAY_UNSEEN"  # the motion leads into what is neither seen nor remembered
+
+
+def stops_gently(reason: str) -> bool:
+    """True if every code of a limit's ``reason`` is a row with a gentle stop.
+
+    Hard where in doubt: an empty text, a code that is not in the list, a space or another separator is False.
+    """
+    return all(code in BY_CODE and BY_CODE[code].gentle for code in reason.split(","))

@@ -30,13 +30,14 @@ FILES = {
     "H": "tests/nodes/test_swerve_hardware_interface.py",
     "G": "tests/unit/safety/test_chair_watch.py",
     "A": "tests/simulated/test_loose_chair.py",
+    "J": "tests/unit/drive/test_permission.py",
 }
 TEXT = (ROOT / "docs" / "safety.md").read_text()
 HAZARDS = TEXT.split("## Hazards")[1].split("## The two keys")[0]
 CLAIMS = [
     (FILES[where], name)
     for where, names in re.findall(
-        r"\b([UNBCDSWRLPKVEMOYHQGA]) ((?:`[^`]+`(?:, )?)+)", HAZARDS.split("|---|---|---|---|---|")[1]
+        r"\b([UNBCDSWRLPKVEMOYHQGAJ]) ((?:`[^`]+`(?:, )?)+)", HAZARDS.split("|---|---|---|---|---|")[1]
     )
     for name in re.findall(r"`([^`\[]+)[^`]*`", names)
 ]

@@ -149,7 +149,7 @@ class Story:
     def restarted(self) -> Story:
         """The story after a crash of the monitor: a new one with the old one's memory."""
         story = Story(self.now_s, self.monitor.memory)
-        story.presses, story.pressed = dict(self.presses), dict(self.pressed)
+        story.presses, story.pressed, story.latch = dict(self.presses), dict(self.pressed), self.latch
         return story
 
     def expect(
