@@ -162,7 +162,7 @@ class Observation:
 
     def obstacles(self, points: NDArray[Any], latency_s: float, now_s: float) -> None:
         """Obstacle points, (n, 3) m in base_link ``latency_s`` ago."""
-        self.surroundings.received(points, latency_s, outline_of(self._footprint()), now_s)
+        self.surroundings.received(points, latency_s, outline_of(self._body()), now_s)
 
     def snapshot(self, emergency: bool, now_s: float) -> Snapshot:
         """Everything as it is now. Events (a short press, a jump) appear in one snapshot only.
@@ -228,29 +228,45 @@ class Observation:
         return [motion for motion in motions if not rests(motion, self._collision)]
 
     def _prediction(self, now_s: float) -> CollisionPrediction | None:
-        if not self.surroundings.age_s(now_s) <= stale_s(topics.OBSTACLES):
+        """None while the obstacles are not known. A robot that has lost sight of them is judged by where they were, as
+        its wheels have moved it, until it stands.
+        """
+        sighted = self.surroundings.age_s(now_s) <= stale_s(topics.OBSTACLES)
+        stands = self.wheels.still_for_s(now_s, stale_s(topics.JOINT_STATES)) is not None
+        if not self.surroundings.known or (stands and not sighted):
             return None
         docking = age_s(now_s, self._last_way_s) <= stale_s(topics.DOCKING_STATUS)
         footprint, moving = self._footprint(), self.surroundings.moving(stale_s(topics.MOVING), now_s)
         measured = self.wheels.twist(now_s, stale_s(topics.JOINT_STATES))
         driven, requested = self.commands.driven(now_s), self.commands.requested(now_s)
         unseen = self.surroundings.unseen(stale_s(topics.UNSEEN_SPACE), now_s)
-        seen = look_ahead(
-            self.surroundings.points(docking, stale_s(topics.DOCKING_TARGET), now_s),
-            None if moving is None else unseen,  # nobody knows who comes: as slow as if nobody knew what is there
-            outline_of(footprint),
-            outline_of(footprint, self._collision.margin_m),
-            measured,
-            driven,
-            requested,
-            self._collision,
-            self._robot.emergency_deceleration_mps2,
-        )
+        points = self.surroundings.points(docking, stale_s(topics.DOCKING_TARGET), now_s)
+
+        def ahead(shape: Footprint) -> CollisionPrediction:
+            return look_ahead(
+                points,
+                None if moving is None else unseen,  # nobody knows who comes: as slow as if nobody knew what is there
+                outline_of(shape),
+                outline_of(shape, self._collision.margin_m),
+                measured,
+                driven,
+                requested,
+                self._collision,
+                self._robot.emergency_deceleration_mps2,
+            )
+
+        seen = ahead(footprint)
+        if footprint is not self._body():
+            seen = seen.worse(ahead(self._body()))  # within the outline of a chair that may not be there
         if moving is None:
             return seen
         motions = [measured, requested if driven is None else driven]
         meeting = self._meeting.judge(moving, seen.nearest_m, outline_of(footprint), motions, requested, now_s)
         return replace(seen, meeting=meeting)
+
+    def _body(self) -> Footprint:
+        """What is the robot's own: a wheelchair only on a latch that is confirmed closed."""
+        return self._robot.footprint_with_chair if self.chair.closed else self._robot.footprint
 
     def _footprint(self) -> Footprint:
         return self._robot.footprint_with_chair if self.chair.carried else self._robot.footprint

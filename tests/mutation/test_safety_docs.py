@@ -31,13 +31,15 @@ FILES = {
     "G": "tests/unit/safety/test_chair_watch.py",
     "A": "tests/simulated/test_loose_chair.py",
     "J": "tests/unit/drive/test_permission.py",
+    "I": "tests/unit/safety/test_losing_sight.py",
+    "X": "tests/simulated/test_losing_sight.py",
 }
 TEXT = (ROOT / "docs" / "safety.md").read_text()
 HAZARDS = TEXT.split("## Hazards")[1].split("## The two keys")[0]
 CLAIMS = [
     (FILES[where], name)
     for where, names in re.findall(
-        r"\b([UNBCDSWRLPKVEMOYHQGAJ]) ((?:`[^`]+`(?:, )?)+)", HAZARDS.split("|---|---|---|---|---|")[1]
+        r"\b([UNBCDSWRLPKVEMOYHQGAJIX]) ((?:`[^`]+`(?:, )?)+)", HAZARDS.split("|---|---|---|---|---|")[1]
     )
     for name in re.findall(r"`([^`\[]+)[^`]*`", names)
 ]

@@ -19,7 +19,7 @@ from robot_stack.safety.inputs import Axis, DriveReading, ImuSample
 from robot_stack.safety.monitor import Memory, ResetAnswer
 from robot_stack.safety.observation import CAMERAS
 from robot_stack.safety.stop_sources import Press
-from tests.unit.safety.story import GOOD_AXIS, NOTHING, PARAMS, ROBOT, SWEEP, TICK_S, Story
+from tests.unit.safety.story import CLOSED, GOOD_AXIS, NOTHING, PARAMS, ROBOT, SWEEP, TICK_S, Story
 
 NORMAL, DEGRADED, AVOIDANCE, EMERGENCY = SafetyState
 
@@ -628,6 +628,7 @@ def test_a_latched_drive_fault_survives_a_crash_and_needs_no_release() -> None:
 
 def test_a_passenger_survives_a_crash() -> None:
     story = Story(memory=Memory(passenger=True))
+    story.latch = CLOSED
     story.run(5.0).expect(NORMAL, (), linear_mps=1.0, reason="PASSENGER_ONBOARD")
     assert story.monitor.memory == Memory((), True)
 
