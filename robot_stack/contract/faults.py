@@ -27,6 +27,13 @@ FAULTS: tuple[Fault, ...] = (
         _EMERGENCY,
         _RESET,
     ),
+    Fault(
+        "STEERING_FAULT",
+        "rolling, a module > 20 deg off its commanded angle or a wheel > 0.15 m/s off the motion of all, for 0.3 s",
+        _ESTOP,
+        _EMERGENCY,
+        _RESET,
+    ),
     Fault("JOINT_STATES_TIMEOUT", "/joint_states older than 0.1 s", _ESTOP, _EMERGENCY, _RESET),
     Fault("OVERSPEED", "measured faster than the limit permits for 0.3 s", _ESTOP, _EMERGENCY, _RESET),
     Fault("TILT", "tilt > 15 deg", _ESTOP, _EMERGENCY, _RESET),

@@ -164,7 +164,7 @@ WHEEL_COMMANDS = Topic(
     "custom_msgs/msg/SwerveModuleCommandArray",
     qos.COMMAND,
     ("swerve_controller",),
-    ("swerve_hardware_interface",),
+    ("swerve_hardware_interface", "safety_monitor"),
     "m/s and rad per module, order FL FR RL RR",
     rate_hz=20.0,
     stale_s=0.15,

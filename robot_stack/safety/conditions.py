@@ -46,6 +46,11 @@ def drive_fault(now: Snapshot, params: SafetyParams, active_action: SafetyAction
     return now.drive
 
 
+def steering_fault(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """A module does not point where it is told. Judged by ``SteeringWatch``."""
+    return now.steering
+
+
 def joint_states_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """Too old. Until they have come up, the robot waits but nothing is latched within the start-up grace."""
     if now.joint_states_age_s <= stale_s(topics.JOINT_STATES):
@@ -231,6 +236,7 @@ CONDITIONS: Mapping[str, Condition] = {
     "ESTOP_PRESSED": estop_pressed,
     "CHAIR_LOOSE": chair_loose,
     "DRIVE_FAULT": drive_fault,
+    "STEERING_FAULT": steering_fault,
     "JOINT_STATES_TIMEOUT": joint_states_timeout,
     "OVERSPEED": overspeed,
     "TILT": tilt,

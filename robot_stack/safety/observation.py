@@ -29,6 +29,7 @@ from robot_stack.safety.meeting import MeetingWatch
 from robot_stack.safety.obedience import ObedienceWatch
 from robot_stack.safety.params import SafetyParams
 from robot_stack.safety.slope import SlopeWatch
+from robot_stack.safety.steering_watch import SteeringWatch
 from robot_stack.safety.stop_sources import Press, SourcePresence, SourceReport, StopSources
 from robot_stack.safety.surroundings import Surroundings
 from robot_stack.safety.timing import age_s
@@ -82,6 +83,7 @@ class Observation:
         dead_reckoning = DeadReckoning(params.obstacles.max_latency_s)
         modules = Modules(robot.module_positions_m(), robot.wheel_radius_m)
         self.wheels = WheelWatch(modules, params.standstill_mps, motion, dead_reckoning)
+        self.steering = SteeringWatch(params.steering, modules, params.standstill_mps, stale_s(topics.WHEEL_COMMANDS))
         self.drive = DriveWatch(
             silence_s=params.drive_silence_s,
             servo_off_s=params.drive_servo_off_s,
@@ -137,6 +139,7 @@ class Observation:
         self, names: Sequence[str], position_rad: Sequence[float], velocity_radps: Sequence[float], now_s: float
     ) -> None:
         self.wheels.received(names, position_rad, velocity_radps, now_s)
+        self.steering.measured(self.wheels.speeds_mps, self.wheels.angles_rad)
 
     def imu(self, sample: ImuSample, now_s: float) -> None:
         self._imu.received(sample, now_s)
@@ -179,6 +182,7 @@ class Observation:
             estop=estop,
             chair_loose=self.chair.loose(stands),
             latch_not_closed=self.chair.not_held(self.commands.leading(now_s), now_s),
+            steering=self.steering.judge(now_s),
             drive=self.drive.judge(emergency or bool(estop), complete, now_s),
             obedience=self._obedience.judge(self.wheels.twist(now_s, stale_s(topics.JOINT_STATES)), now_s),
             joint_states_up=self.wheels.up(complete, now_s, stale_s(topics.JOINT_STATES), self._settle_s),

@@ -402,6 +402,7 @@ FAULTS = {
     "ESTOP_PRESSED": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "CHAIR_LOOSE": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "DRIVE_FAULT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
+    "STEERING_FAULT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "JOINT_STATES_TIMEOUT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "OVERSPEED": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "TILT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
@@ -531,7 +532,7 @@ def test_ground_truth_is_for_tests_operators_and_simulated_drivers_only() -> Non
 
 def test_only_these_nodes_may_move_the_wheels() -> None:
     assert topics.WHEEL_COMMANDS.publishers == ("swerve_controller",)
-    assert topics.WHEEL_COMMANDS.subscribers == ("swerve_hardware_interface",)
+    assert topics.WHEEL_COMMANDS.subscribers == ("swerve_hardware_interface", "safety_monitor")  # which compares only
 
 
 def test_process_names_are_unique_and_lead_their_nodes() -> None:

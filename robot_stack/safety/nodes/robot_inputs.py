@@ -9,7 +9,7 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import BatteryState, CameraInfo, Imu, JointState
 from std_msgs.msg import Bool, Float32
 
-from custom_msgs.msg import DockingStatus, EmergencyStopSource, LatchStatus
+from custom_msgs.msg import DockingStatus, EmergencyStopSource, LatchStatus, SwerveModuleCommandArray
 from robot_stack.contract import topics
 from robot_stack.middleware.node import StackNode
 from robot_stack.safety.chair_watch import LatchStatement
@@ -31,6 +31,7 @@ class RobotInputs:
         self._node, self._observation, self._passenger = node, observation, passenger
         node.subscribe(topics.EMERGENCY_STOP_SOURCES, self._on_stop_source)
         self._joints = node.subscribe(topics.JOINT_STATES, self._on_joint_states)
+        node.subscribe(topics.WHEEL_COMMANDS, self._on_wheel_commands)
         self._imu = node.subscribe(topics.IMU, self._on_imu)
         self._pose = node.subscribe(topics.CURRENT_POSE, self._on_pose)
         self._quality = node.subscribe(topics.LOCALIZATION_QUALITY, self._on_quality)
@@ -42,12 +43,17 @@ class RobotInputs:
             node.subscribe(camera, partial(self._on_camera, camera.name))
 
     def _on_stop_source(self, message: EmergencyStopSource) -> None:
-        report = SourceReport(message.name, message.pid, message.presses, message.pressed)
+        begun_ns = 1_000_000_000 * message.begun.sec + message.begun.nanosec
+        report = SourceReport(message.name, message.pid, message.presses, message.pressed, begun_ns)
         self._observation().stop_source(report, self._node.steady_s())
 
     def _on_joint_states(self, message: JointState) -> None:
         received_s = self._joints.received_s
         self._observation().joint_states(message.name, message.position, message.velocity, received_s)
+
+    def _on_wheel_commands(self, message: SwerveModuleCommandArray) -> None:
+        modules = sorted(message.modules, key=lambda module: module.module_id)
+        self._observation().steering.commanded([module.steering_angle for module in modules], self._node.steady_s())
 
     def _on_imu(self, message: Imu) -> None:
         force, rate = message.linear_acceleration, message.angular_velocity
