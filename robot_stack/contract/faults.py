@@ -14,8 +14,22 @@ FAULTS: tuple[Fault, ...] = (
         "ESTOP_PRESSED", "any /emergency_stop true, or the button's process silent > 0.4 s", _ESTOP, _EMERGENCY, _RESET
     ),
     Fault(
+        "CHAIR_LOOSE",
+        "the latch is no longer confirmed closed with a wheelchair on it, other than by a command at standstill",
+        _ESTOP,
+        _EMERGENCY,
+        _RESET,
+    ),
+    Fault(
         "DRIVE_FAULT",
         "amplifier alarm, servo off unasked, following error, or engine not communicating > 0.1 s",
+        _ESTOP,
+        _EMERGENCY,
+        _RESET,
+    ),
+    Fault(
+        "STEERING_FAULT",
+        "rolling, a module > 20 deg off its commanded angle or a wheel > 0.15 m/s off the motion of all, for 0.3 s",
         _ESTOP,
         _EMERGENCY,
         _RESET,
@@ -23,6 +37,13 @@ FAULTS: tuple[Fault, ...] = (
     Fault("JOINT_STATES_TIMEOUT", "/joint_states older than 0.1 s", _ESTOP, _EMERGENCY, _RESET),
     Fault("OVERSPEED", "measured faster than the limit permits for 0.3 s", _ESTOP, _EMERGENCY, _RESET),
     Fault("TILT", "tilt > 15 deg", _ESTOP, _EMERGENCY, _RESET),
+    Fault(
+        "LATCH_NOT_CLOSED",
+        "a wheelchair is attached and the latch is not confirmed closed: stops every motion but a slow undocking",
+        _STOP,
+        _DEGRADED,
+        _GONE,
+    ),
     Fault(
         "COLLISION_IMMINENT",
         "time to collision < 1.0 s or clearance < 0.15 m ahead of the motion",
@@ -41,7 +62,15 @@ FAULTS: tuple[Fault, ...] = (
         1.0,
     ),
     Fault("OBSTACLES_TIMEOUT", "/perception/obstacles older than 0.3 s", _STOP, _DEGRADED, _GONE, 1.0),
-    Fault("LOCALIZATION_LOST", "quality < 0.3, pose older than 0.5 s, or a jump > 1 m", _STOP, _DEGRADED, _GONE, 2.0),
+    Fault(
+        "LOCALIZATION_LOST",
+        "quality < 0.3, pose older than 0.5 s, or a jump > 1 m",
+        _STOP,
+        _DEGRADED,
+        _GONE,
+        2.0,
+        gentle=True,
+    ),
     Fault("IMU_TIMEOUT", "/sensors/imu older than 0.1 s, or frozen", _LIMIT, _DEGRADED, _GONE, 1.0),
     Fault("CAMERA_TIMEOUT", "a camera image older than 0.5 s while docking", _WARN, _DEGRADED, _GONE),
     Fault("NODE_DEAD", "no heartbeat of a process for 1 s: critical stops, others limit", _STOP, _DEGRADED, _GONE),
@@ -51,6 +80,7 @@ FAULTS: tuple[Fault, ...] = (
         _STOP,
         _DEGRADED,
         _GONE,
+        gentle=True,
     ),
     Fault("LATCH_NOT_STORED", "latched stop and passenger cannot be written to disk", _LIMIT, _DEGRADED, _GONE),
     Fault("BATTERY_LOW", "charge < 30 %", _WARN, _DEGRADED, _GONE),
@@ -68,3 +98,11 @@ BY_CODE: dict[str, Fault] = {fault.code: fault for fault in FAULTS}
 # Reasons of a speed limit that are no faults.
 PASSENGER_ONBOARD = "PASSENGER_ONBOARD"
 WAY_UNSEEN = "WAY_UNSEEN"  # the motion leads into what is neither seen nor remembered
+
+
+def stops_gently(reason: str) -> bool:
+    """True if every code of a limit's ``reason`` is a row with a gentle stop.
+
+    Hard where in doubt: an empty text, a code that is not in the list, a space or another separator is False.
+    """
+    return all(code in BY_CODE and BY_CODE[code].gentle for code in reason.split(","))

@@ -189,6 +189,7 @@ class Fault:
     action: the most severe action the row can ask for.
     state: the safety state it shows.
     clears: how it goes away; clear_after_s: for how many seconds the condition must be gone first.
+    gentle: its stop may take the deceleration of an ordinary ride: the way ahead is seen and free.
     """
 
     code: str
@@ -197,3 +198,4 @@ class Fault:
     state: SafetyState
     clears: Clears
     clear_after_s: float = 0.0
+    gentle: bool = False

@@ -76,7 +76,6 @@ PASSENGER_ATTACHED = Topic(
         "ehmi_bridge",
         "mission_manager",
         "navigation_controller",
-        "perception_pipeline",
         "costmap_server",
     ),
     "a wheelchair with its passenger is latched to the robot",
@@ -165,7 +164,7 @@ WHEEL_COMMANDS = Topic(
     "custom_msgs/msg/SwerveModuleCommandArray",
     qos.COMMAND,
     ("swerve_controller",),
-    ("swerve_hardware_interface",),
+    ("swerve_hardware_interface", "safety_monitor"),
     "m/s and rad per module, order FL FR RL RR",
     rate_hz=20.0,
     stale_s=0.15,
@@ -542,6 +541,16 @@ DOCKING_TARGET = Topic(
     rate_hz=10.0,
     stale_s=0.3,
     on_demand=True,
+)
+LATCH_STATUS = Topic(
+    "/docking/latch",
+    "custom_msgs/msg/LatchStatus",
+    qos.STATUS,
+    ("docking_controller",),
+    ("safety_monitor", "swerve_controller", "perception_pipeline"),
+    "internal: latch confirmed closed, wheelchair attached, undocking under way; also at each change",
+    rate_hz=10.0,
+    stale_s=0.5,
 )
 
 # --- safety -------------------------------------------------------------------------------------------------------

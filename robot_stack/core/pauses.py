@@ -8,8 +8,9 @@ from __future__ import annotations
 
 # A longer pause counts from here on: then a stop is right.
 LONGEST_S = 0.25
-# Of every second, so much may be excused in the long run. A silence limit of L seconds is then noticed after
-# (L + LONGEST_S) / (1 - SHARE) seconds at most, whatever happens to the process that judges it.
+# Of every second, so much may be excused in the long run. A silence limit of L seconds has then passed after
+# (L + LONGEST_S) / (1 - SHARE) seconds at most. A process that is held up at that moment notices it when that pause
+# ends: for a limit of 0.1 s after 0.47 s, or after 0.62 s if a pause of 0.15 s begins right before.
 SHARE = 0.25
 
 

@@ -106,6 +106,11 @@ class DockingController:
         """A wheelchair is attached, or has come loose and not been undocked from. None while nobody knows."""
         return self._keeper.attached
 
+    @property
+    def undocking(self) -> bool:
+        """An undocking is under way."""
+        return self._undocking and self.busy
+
     def recall(self, attached: bool) -> None:
         """Tells, before the first tick, whether a wheelchair was attached when the controller before this one ended."""
         self._keeper.recall(attached)
@@ -324,7 +329,7 @@ class DockingController:
 
     def _watch_latch(self, situation: Situation) -> bool:
         """True if the latch has let go of a wheelchair that it should hold: the robot must stop for good."""
-        may_open = (self._undocking and self.busy) or (isinstance(self._phase, Latching) and self._phase.opening)
+        may_open = self.undocking or (isinstance(self._phase, Latching) and self._phase.opening)
         let_go = self._keeper.update(situation.latch, may_open=may_open)
         if let_go:
             self._state, self._phase = State.FAILED, _Idle(_LET_GO)

@@ -22,6 +22,11 @@ class LatchInputs:
     closed: bool = False
     open: bool = False
 
+    @property
+    def confirmed(self) -> bool:
+        """Closed, plausibly: not open at the same time."""
+        return self.known and self.closed and not self.open
+
 
 class Motion(Enum):
     """State of one movement of the latch."""
@@ -54,7 +59,7 @@ class LatchMotion:
 
     def _arrived(self, inputs: LatchInputs) -> bool:
         if self._wanted is LatchCommand.CLOSE:
-            return inputs.closed and not inputs.open
+            return inputs.confirmed
         return inputs.open and not inputs.closed
 
     def problem(self, inputs: LatchInputs) -> str:
@@ -91,7 +96,7 @@ class LatchKeeper:
         """
         if not inputs.known:
             return False
-        closed = inputs.closed and not inputs.open
+        closed = inputs.confirmed
         let_go = self.holding and not closed and not may_open
         if closed and not may_open:
             self.attached = True

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from robot_stack.contract import topics
-from robot_stack.contract.faults import BY_CODE
-from robot_stack.contract.model import SafetyAction, SafetyState, Topic
+from robot_stack.contract.faults import stops_gently
+from robot_stack.contract.model import Topic
 from robot_stack.core.limits import MotionLimits, SpeedLimit
 from robot_stack.drive.arbitration import NO_COMMAND, Command, Source
 
@@ -32,15 +32,8 @@ class SafetyLimit(SpeedLimit):
     reason: str
 
     def is_hard_stop(self) -> bool:
-        """True for a stop that cannot wait for comfort: something is in the way, or an emergency."""
-        if self.linear_mps > 0.0 or self.angular_radps > 0.0:
-            return False
-        faults = [BY_CODE[code] for code in self.reason.split(",") if code in BY_CODE]
-        return any(
-            fault.action is SafetyAction.EMERGENCY_STOP
-            or (fault.action is SafetyAction.STOP and fault.state is SafetyState.COLLISION_AVOIDANCE)
-            for fault in faults
-        )
+        """True for a limit of zero, or that is no number, unless every code of its reason permits a gentle stop."""
+        return self.usable()[0] == 0.0 and not stops_gently(self.reason)
 
 
 @dataclass(frozen=True, slots=True)

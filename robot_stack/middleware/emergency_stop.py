@@ -33,6 +33,7 @@ class StopSource:
         self._stop, self._sources, self._stamp = stop, sources, stamp
         self._until_latched = until_latched
         self._turn = threading.Lock()
+        self._begun = stamp()
         self._presses = 0
         self._pressed = False
 
@@ -67,6 +68,7 @@ class StopSource:
                 stamp=self._stamp(),
                 name=self._name,
                 pid=self._process_id,
+                begun=self._begun,
                 presses=self._presses,
                 pressed=self._pressed,
             )

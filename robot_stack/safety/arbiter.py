@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot_stack.contract.faults import PASSENGER_ONBOARD, WAY_UNSEEN
+from robot_stack.contract.faults import PASSENGER_ONBOARD, WAY_UNSEEN, stops_gently
 from robot_stack.contract.model import SafetyAction, SafetyState
 from robot_stack.core.limits import STANDSTILL, SpeedLimit
 from robot_stack.safety.rows import ActiveRow
@@ -17,7 +17,7 @@ class Verdict:
 
     faults: codes of all rows in force, in the order of the contract.
     limit, reason: the speed limit and the codes it comes from, joined by commas; "" = the robot's own limits.
-    hard: a stop that does not wait for comfort, as the drive takes it: an emergency, or something in the way.
+    hard: a stop at the emergency deceleration, as the drive takes it: every stop whose rows are not all gentle.
     """
 
     action: SafetyAction
@@ -46,13 +46,15 @@ def arbitrate(
         limits.append((WAY_UNSEEN, unseen))
     linear_mps = min([own.linear_mps, *(limit.linear_mps for _, limit in limits)])
     angular_radps = min([own.angular_radps, *(limit.angular_radps for _, limit in limits)])
+    smallest = SpeedLimit(linear_mps, angular_radps)
+    reason = ",".join(code for code, limit in limits if _binds(limit, smallest, own))
     return Verdict(
         action=max((row.action for row in rows), default=SafetyAction.NONE),
         state=max((row.state for row in rows), default=SafetyState.NORMAL),
         faults=tuple(row.code for row in rows),
-        limit=SpeedLimit(linear_mps, angular_radps),
-        reason=",".join(code for code, limit in limits if _binds(limit, SpeedLimit(linear_mps, angular_radps), own)),
-        hard=any(_is_hard(row) for row in rows),
+        limit=smallest,
+        reason=reason,
+        hard=linear_mps <= 0.0 and not stops_gently(reason),
     )
 
 
@@ -62,11 +64,6 @@ def _binds(limit: SpeedLimit, smallest: SpeedLimit, own: SpeedLimit) -> bool:
         limit.linear_mps == smallest.linear_mps < own.linear_mps
         or limit.angular_radps == smallest.angular_radps < own.angular_radps
     )
-
-
-def _is_hard(row: ActiveRow) -> bool:
-    in_the_way = row.action is SafetyAction.STOP and row.state is SafetyState.COLLISION_AVOIDANCE
-    return in_the_way or row.action is SafetyAction.EMERGENCY_STOP
 
 
 def _limit_of(row: ActiveRow) -> SpeedLimit | None:

@@ -6,8 +6,8 @@ which that path first crosses the outline is the time to collision, exactly and 
 travelled by then, relative to the robot, is the clearance ahead of the motion. A point beside the way is never touched,
 however near.
 
-A point that is inside the outline already, because it is within the margin, counts as touched only if the motion brings
-it deeper: a robot beside a wall may leave it.
+A point that is inside the outline already, because it is within the margin, counts as touched if the motion brings it
+deeper, and as soon as the body itself meets it: a robot beside a wall may leave it, and drive along it.
 """
 
 from __future__ import annotations
@@ -39,6 +39,11 @@ class Outline:
     rear: float
     half: float
     margin: float = 0.0
+
+    def body(self) -> Outline:
+        """Without the margin."""
+        m = self.margin
+        return Outline(self.front - m, self.rear + m, self.half - m)
 
     def contains(self, points: Floats) -> NDArray[np.bool_]:
         """(n,) which of the (n, 2+) points lie within it, the edge included."""
@@ -91,17 +96,21 @@ def approach(points: Floats, outline: Outline, twist: Twist2) -> Approach:
         return FREE
     times, met = times[touched], points[touched]
     speeds = np.hypot(twist.vx - twist.omega * met[:, 1], twist.vy + twist.omega * met[:, 0])
-    return Approach(float(times.min()), float((times * speeds).min()) + outline.margin)
+    margins = np.where(outline.contains(met) & (times > 0.0), 0.0, outline.margin)  # those are timed to the body itself
+    return Approach(float(times.min()), float((times * speeds + margins).min()))
 
 
 def contact_times(points: Floats, outline: Outline, twist: Twist2) -> Floats:
-    """(n,) s until each point is touched, inf if never; 0 for points inside that get deeper, inf if they do not."""
+    """(n,) s until each point is touched, inf if never; 0 for points inside that get deeper, and for those that do not
+    the time until the body without its margin touches them."""
     if abs(twist.omega) * _STRAIGHT_RADIUS_M <= twist.speed():
         times = _along_line(points, outline, twist)
     else:
         times = _along_arc(points, outline, twist)
     inside = outline.contains(points)
-    times[inside] = np.where(_gets_deeper(points[inside], outline, twist), 0.0, math.inf)
+    within = points[inside]
+    grazed = contact_times(within, outline.body(), twist) if outline.margin > 0.0 and len(within) else math.inf
+    times[inside] = np.where(_gets_deeper(within, outline, twist), 0.0, grazed)
     return times
 
 

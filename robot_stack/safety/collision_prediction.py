@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from robot_stack.core.geometry import Twist2
 from robot_stack.safety.collision import FREE, Approach, Floats, Outline, approach
@@ -28,6 +28,17 @@ class CollisionPrediction:
     reach_m: float
     brake_mps2: float
     meeting: Meeting = NOBODY
+
+    def worse(self, other: CollisionPrediction) -> CollisionPrediction:
+        """The same motions of another outline: of both the nearer contacts and obstacles, and the longer reach."""
+        return replace(
+            self,
+            moving=self.moving.worse(other.moving),
+            wanted=self.wanted.worse(other.wanted),
+            unseen=self.unseen.worse(other.unseen),
+            nearest_m=min(self.nearest_m, other.nearest_m),
+            reach_m=max(self.reach_m, other.reach_m),
+        )
 
     @property
     def clearance_m(self) -> float:

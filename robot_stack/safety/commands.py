@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
+from robot_stack.core.twist_limits import limit_speed
 from robot_stack.safety.timing import age_s
 
 # Highest first, as the drive arbitrates.
 SOURCES = ("/teleop/cmd_vel", "/docking/cmd_vel", "/cmd_vel")
+# Faster is no robot: of such a command only the direction counts, as the drive takes it [m/s, rad/s].
+_FASTEST = 100.0
 
 
 class CommandWatch:
@@ -20,15 +23,20 @@ class CommandWatch:
     def limited(self, twist: Twist2, now_s: float) -> None:
         """What the drive tries to do. One that is not finite counts as not received."""
         if twist.is_finite():
-            self._limited = (twist, now_s)
+            self._limited = (limit_speed(twist, _FASTEST, _FASTEST), now_s)
 
     def request(self, source: str, twist: Twist2, now_s: float) -> None:
         """A command of one of ``SOURCES``. One that is not finite is a standstill, as the drive takes it."""
-        self._requests[source] = (twist if twist.is_finite() else ZERO_TWIST, now_s)
+        wanted = limit_speed(twist, _FASTEST, _FASTEST) if twist.is_finite() else ZERO_TWIST
+        self._requests[source] = (wanted, now_s)
 
     def driven(self, now_s: float) -> Twist2 | None:
         """What the drive tries to do, None if it does not say."""
         return self._fresh(self._limited, now_s)
+
+    def leading(self, now_s: float) -> str | None:
+        """The highest source that has a fresh command, None without any."""
+        return next((name for name in SOURCES if self._fresh(self._requests.get(name), now_s) is not None), None)
 
     def requested(self, now_s: float) -> Twist2:
         """The command of the highest source that has a fresh one; standstill without any."""

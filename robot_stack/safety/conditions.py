@@ -31,9 +31,24 @@ def estop_pressed(now: Snapshot, params: SafetyParams, active_action: SafetyActi
     return _present(_EMERGENCY, now.estop) if now.estop else CLEAR
 
 
+def chair_loose(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """The latch lets go of a wheelchair. Judged by ``ChairWatch``."""
+    return now.chair_loose
+
+
+def latch_not_closed(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """A wheelchair is attached that the latch does not hold. Judged by ``ChairWatch``."""
+    return now.latch_not_closed
+
+
 def drive_fault(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """Judged by ``DriveWatch``."""
     return now.drive
+
+
+def steering_fault(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
+    """A module does not point where it is told. Judged by ``SteeringWatch``."""
+    return now.steering
 
 
 def joint_states_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
@@ -219,10 +234,13 @@ def ui_link_lost(now: Snapshot, params: SafetyParams, active_action: SafetyActio
 
 CONDITIONS: Mapping[str, Condition] = {
     "ESTOP_PRESSED": estop_pressed,
+    "CHAIR_LOOSE": chair_loose,
     "DRIVE_FAULT": drive_fault,
+    "STEERING_FAULT": steering_fault,
     "JOINT_STATES_TIMEOUT": joint_states_timeout,
     "OVERSPEED": overspeed,
     "TILT": tilt,
+    "LATCH_NOT_CLOSED": latch_not_closed,
     "COLLISION_IMMINENT": collision_imminent,
     "OBSTACLE_NEAR": obstacle_near,
     "LIDAR_TIMEOUT": lidar_timeout,

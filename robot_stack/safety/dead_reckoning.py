@@ -28,6 +28,17 @@ class Modules:
         count = len(velocities)
         return Twist2(sum(u for u, _ in velocities) / count, sum(v for _, v in velocities) / count, moment / inertia)
 
+    def disagreement_mps(self, speeds_mps: Sequence[float], angles_rad: Sequence[float]) -> float:
+        """By how much the velocity of a module differs from that of the twist that fits all of them best, at most."""
+        twist = self.twist(speeds_mps, angles_rad)
+        return max(
+            math.hypot(
+                speed * math.cos(angle) - (twist.vx - twist.omega * y),
+                speed * math.sin(angle) - (twist.vy + twist.omega * x),
+            )
+            for speed, angle, (x, y) in zip(speeds_mps, angles_rad, self.positions_m, strict=True)
+        )
+
 
 class DeadReckoning:
     """base_link in a frame that begins where the robot stood first. Steady seconds."""

@@ -8,6 +8,7 @@ from enum import IntEnum
 
 from robot_stack.contract.model import Criticality, SafetyAction
 from robot_stack.core.limits import SpeedLimit
+from robot_stack.core.robot import Latch
 from robot_stack.safety.button import Contact
 from robot_stack.safety.collision_prediction import CollisionPrediction
 from robot_stack.wmx.axes import StatusSnapshot
@@ -50,24 +51,58 @@ class Axis:
 
 
 @dataclass(frozen=True, slots=True)
+class LatchReading:
+    """The latch's two contacts, and whether its output commands it to open, all of one engine cycle."""
+
+    closed: bool
+    open: bool
+    opening: bool
+
+    @property
+    def confirmed(self) -> bool:
+        """Closed, plausibly: not open at the same time."""
+        return self.closed and not self.open
+
+    @property
+    def contradictory(self) -> bool:
+        return self.closed and self.open
+
+    def describe(self) -> str:
+        return f"latch not confirmed closed: closed={int(self.closed)}, open={int(self.open)}"
+
+
+@dataclass(frozen=True, slots=True)
 class DriveReading:
     """One look at the motion engine's status.
 
     cycle: a number that changes with every engine cycle: a status whose number stands still is stale.
     axes: the robot's axes, index = axis number.
     button: contact of the emergency-stop button, an input of the engine.
+    latch: contacts of the wheelchair's latch, inputs of the engine; None where they cannot be read.
     """
 
     communicating: bool
     cycle: int
     axes: tuple[Axis, ...]
     button: Contact = Contact.UNREADABLE
+    latch: LatchReading | None = None
 
 
-def drive_reading(status: StatusSnapshot, button: Contact) -> DriveReading:
+def latch_reading(status: StatusSnapshot, latch: Latch) -> LatchReading | None:
+    """The latch's contacts at the inputs of the motion engine, None while they cannot be read."""
+    if not status.communicating:
+        return None
+    return LatchReading(
+        closed=status.input_bit(latch.byte, latch.closed_input_bit),
+        open=status.input_bit(latch.byte, latch.open_input_bit),
+        opening=status.output_bit(latch.byte, latch.open_output_bit),
+    )
+
+
+def drive_reading(status: StatusSnapshot, button: Contact, latch: Latch) -> DriveReading:
     flags = zip(status.servo_on, status.amp_alarm, status.following_error_alarm, strict=True)
     axes = tuple(Axis(bool(on), bool(alarm), bool(error)) for on, alarm, error in flags)
-    return DriveReading(status.communicating, status.cycle_counter, axes, button)
+    return DriveReading(status.communicating, status.cycle_counter, axes, button, latch_reading(status, latch))
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +146,8 @@ class Snapshot:
     obedience: judgement of the measured speed by the limits that were in force, made by ``ObedienceWatch``.
     joint_states_up: they have once been fresh for the whole settling time of the start-up.
     estop: phrase that says who asks for the stop, empty if nobody does.
+    chair_loose, latch_not_closed: judgement of the latch and the wheelchair on it, made by ``ChairWatch``.
+    steering: judgement of commanded and measured headings, made by ``SteeringWatch``.
     drive: judgement of the drives, made by ``DriveWatch`` because it needs their history.
     inclination_rad: angle between base_link's z axis and the vertical, NaN = unknown.
     slope: judgement of the inclination and of where the robot is asked to go on it, made by ``SlopeWatch`` because it
@@ -127,6 +164,9 @@ class Snapshot:
 
     uptime_s: float
     estop: str
+    chair_loose: Finding
+    latch_not_closed: Finding
+    steering: Finding
     drive: Finding
     obedience: Finding
     joint_states_up: bool

@@ -56,7 +56,7 @@ def encode(record: Record) -> bytes:
             "generation": record.generation,
             "latched": memory.latched,
             "passenger": memory.passenger,
-            "presses": [[press.name, press.pid] for press in memory.presses],
+            "presses": [press.instance for press in memory.presses],
         }
     ).encode()
     data = body + b"\n%08x\n" % zlib.crc32(body)
@@ -76,8 +76,8 @@ def decode(data: bytes) -> Record:
 
 def _record(data: Any) -> Record:
     generation, latched, passenger = data["generation"], tuple(data["latched"]), data["passenger"]
-    presses = tuple(Press(name, pid) for name, pid in data["presses"])
-    numbers: list[Any] = [generation, *(press.pid for press in presses)]
+    presses = tuple(Press(*instance) for instance in data["presses"])
+    numbers: list[Any] = [generation, *(number for press in presses for number in (press.pid, press.begun_ns))]
     names: list[Any] = [press.name for press in presses]
     if not all(isinstance(number, int) for number in numbers) or not all(isinstance(name, str) for name in names):
         raise ValueError("wrong types")

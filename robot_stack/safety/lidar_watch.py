@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections import deque
+from hashlib import blake2b
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,20 +12,24 @@ from numpy.typing import NDArray
 from robot_stack.safety.obstacle_params import LidarParams
 from robot_stack.safety.timing import age_s
 
+# A sweep that repeats one of so many before it is a replayed one: 10 s of them.
+_REMEMBERED = 100
+
 
 class LidarWatch:
-    """Age of the last sweep that shows the world: a frozen or covered sensor is a silent one."""
+    """Age of the last sweep that shows the world: a frozen, replayed or covered sensor is a silent one."""
 
     def __init__(self, params: LidarParams) -> None:
         self._params = params
-        self._last = np.empty((0, 3), np.float32)
+        self._before: deque[bytes] = deque(maxlen=_REMEMBERED)
         self._at_s: float | None = None
         self.problem = "never received"
 
     def received(self, sample: NDArray[np.float32], of: int, now_s: float) -> None:
-        """A sweep of ``of`` points, of which ``sample`` (m, 3) are looked at: m, sensor frame. Keeps the array."""
-        self.problem = self._problem(sample, of)
-        self._last = sample
+        """A sweep of ``of`` points, of which ``sample`` (m, 3) are looked at: m, sensor frame."""
+        digest = blake2b(np.ascontiguousarray(sample).tobytes(), digest_size=16).digest()
+        self.problem = self._problem(sample, of, repeated=digest in self._before)
+        self._before.append(digest)
         if not self.problem:
             self._at_s = now_s
 
@@ -34,7 +40,7 @@ class LidarWatch:
     def age_s(self, now_s: float) -> float:
         return age_s(now_s, self._at_s)
 
-    def _problem(self, sample: NDArray[np.float32], of: int) -> str:
+    def _problem(self, sample: NDArray[np.float32], of: int, *, repeated: bool) -> str:
         p = self._params
         x, y, z = sample.T.astype(np.float64)
         ranges = np.sqrt(x * x + y * y + z * z)
@@ -48,4 +54,4 @@ class LidarWatch:
         if share < p.min_sector_share:
             return f"covered: returns from {share:.0%} of all directions, at least {p.min_sector_share:.0%} needed"
         # The noise of a living sensor never repeats a whole sweep.
-        return "frozen" if np.array_equal(sample, self._last, equal_nan=True) else ""
+        return "frozen" if repeated else ""

@@ -41,8 +41,6 @@ class ResetAnswer:
 class SafetyMonitor:
     """Feed ``observation`` every message, then ``step``. All times are steady seconds.
 
-    passenger: the newest ``/passenger_attached``. Never received means none aboard, because only the node that latches
-    a chair publishes there; once true, silence keeps it true.
     nearest_obstacle_m: from the footprint at the last step; infinite without an obstacle, NaN while nobody knows.
     """
 
@@ -62,12 +60,8 @@ class SafetyMonitor:
 
     @property
     def passenger(self) -> bool:
-        """The newest ``/passenger_attached``."""
-        return self.observation.passenger
-
-    @passenger.setter
-    def passenger(self, attached: bool) -> None:
-        self.observation.passenger = attached
+        """A wheelchair is attached, or ``/passenger_attached`` says so; once true, silence keeps it true."""
+        return self.observation.chair.carried
 
     @property
     def emergency(self) -> bool:

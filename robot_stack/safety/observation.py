@@ -15,6 +15,7 @@ from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.safety.attitude import PlanarAcceleration, UpDirection
 from robot_stack.safety.button import Contact, EmergencyButton
+from robot_stack.safety.chair_watch import ChairWatch
 from robot_stack.safety.collision import outline_of
 from robot_stack.safety.collision_prediction import CollisionPrediction, look_ahead, rests
 from robot_stack.safety.commands import CommandWatch
@@ -28,6 +29,7 @@ from robot_stack.safety.meeting import MeetingWatch
 from robot_stack.safety.obedience import ObedienceWatch
 from robot_stack.safety.params import SafetyParams
 from robot_stack.safety.slope import SlopeWatch
+from robot_stack.safety.steering_watch import SteeringWatch
 from robot_stack.safety.stop_sources import Press, SourcePresence, SourceReport, StopSources
 from robot_stack.safety.surroundings import Surroundings
 from robot_stack.safety.timing import age_s
@@ -47,7 +49,7 @@ _BUTTON = "emergency_stop_button"
 class Observation:
     """The inputs and their history. All times are steady seconds at reception.
 
-    passenger: the footprint in force is the one with the wheelchair.
+    chair: the wheelchair and the latch.
     latch_problem: why the monitor's memory is not on disk, empty if it is.
     """
 
@@ -60,7 +62,8 @@ class Observation:
         presses: tuple[Press, ...],
     ) -> None:
         self._started_s = now_s
-        self.passenger = passenger
+        undocking = SpeedLimit(params.undocking.max_speed_mps, params.undocking.max_yaw_rate_radps)
+        self.chair = ChairWatch(passenger, undocking, stale_s(topics.LATCH_STATUS))
         self._settle_s = params.startup_settle_s
         self._criticality = {name: processes.BY_NAME[name].criticality for name in params.expected_processes}
         self._heard_s: dict[str, float] = {}
@@ -80,6 +83,7 @@ class Observation:
         dead_reckoning = DeadReckoning(params.obstacles.max_latency_s)
         modules = Modules(robot.module_positions_m(), robot.wheel_radius_m)
         self.wheels = WheelWatch(modules, params.standstill_mps, motion, dead_reckoning)
+        self.steering = SteeringWatch(params.steering, modules, params.standstill_mps, stale_s(topics.WHEEL_COMMANDS))
         self.drive = DriveWatch(
             silence_s=params.drive_silence_s,
             servo_off_s=params.drive_servo_off_s,
@@ -117,7 +121,7 @@ class Observation:
 
     def limited(self, limit: SpeedLimit, hard: bool, now_s: float) -> None:
         """The speed limit that is published. hard: a stop that does not wait for comfort."""
-        self._obedience.limited(limit, hard, self._robot.motion(self.passenger), now_s)
+        self._obedience.limited(limit, hard, self._robot.motion(self.chair.carried), now_s)
 
     def heartbeat(self, process: str, now_s: float) -> None:
         self._heard_s[process] = now_s
@@ -129,11 +133,13 @@ class Observation:
         """The motion engine's status; None where there is none to read."""
         self.drive.received(reading, now_s)
         self.button.update(Contact.UNREADABLE if reading is None else reading.button, now_s)
+        self.chair.contacts(None if reading is None else reading.latch)
 
     def joint_states(
         self, names: Sequence[str], position_rad: Sequence[float], velocity_radps: Sequence[float], now_s: float
     ) -> None:
         self.wheels.received(names, position_rad, velocity_radps, now_s)
+        self.steering.measured(self.wheels.speeds_mps, self.wheels.angles_rad)
 
     def imu(self, sample: ImuSample, now_s: float) -> None:
         self._imu.received(sample, now_s)
@@ -159,7 +165,7 @@ class Observation:
 
     def obstacles(self, points: NDArray[Any], latency_s: float, now_s: float) -> None:
         """Obstacle points, (n, 3) m in base_link ``latency_s`` ago."""
-        self.surroundings.received(points, latency_s, outline_of(self._footprint()), now_s)
+        self.surroundings.received(points, latency_s, outline_of(self._body()), now_s)
 
     def snapshot(self, emergency: bool, now_s: float) -> Snapshot:
         """Everything as it is now. Events (a short press, a jump) appear in one snapshot only.
@@ -170,9 +176,13 @@ class Observation:
         complete = self._complete()
         estop = self._stop_asked(complete, now_s)
         inclination_rad = self._imu.inclination_rad(now_s, stale_s(topics.IMU))
+        stands = self.wheels.still_for_s(now_s, stale_s(topics.JOINT_STATES)) is not None
         return Snapshot(
             uptime_s=age_s(now_s, self._started_s),
             estop=estop,
+            chair_loose=self.chair.loose(stands),
+            latch_not_closed=self.chair.not_held(self.commands.leading(now_s), now_s),
+            steering=self.steering.judge(now_s),
             drive=self.drive.judge(emergency or bool(estop), complete, now_s),
             obedience=self._obedience.judge(self.wheels.twist(now_s, stale_s(topics.JOINT_STATES)), now_s),
             joint_states_up=self.wheels.up(complete, now_s, stale_s(topics.JOINT_STATES), self._settle_s),
@@ -222,32 +232,48 @@ class Observation:
         return [motion for motion in motions if not rests(motion, self._collision)]
 
     def _prediction(self, now_s: float) -> CollisionPrediction | None:
-        if not self.surroundings.age_s(now_s) <= stale_s(topics.OBSTACLES):
+        """None while the obstacles are not known. A robot that has lost sight of them is judged by where they were, as
+        its wheels have moved it, until it stands.
+        """
+        sighted = self.surroundings.age_s(now_s) <= stale_s(topics.OBSTACLES)
+        stands = self.wheels.still_for_s(now_s, stale_s(topics.JOINT_STATES)) is not None
+        if not self.surroundings.known or (stands and not sighted):
             return None
         docking = age_s(now_s, self._last_way_s) <= stale_s(topics.DOCKING_STATUS)
         footprint, moving = self._footprint(), self.surroundings.moving(stale_s(topics.MOVING), now_s)
         measured = self.wheels.twist(now_s, stale_s(topics.JOINT_STATES))
         driven, requested = self.commands.driven(now_s), self.commands.requested(now_s)
         unseen = self.surroundings.unseen(stale_s(topics.UNSEEN_SPACE), now_s)
-        seen = look_ahead(
-            self.surroundings.points(docking, stale_s(topics.DOCKING_TARGET), now_s),
-            None if moving is None else unseen,  # nobody knows who comes: as slow as if nobody knew what is there
-            outline_of(footprint),
-            outline_of(footprint, self._collision.margin_m),
-            measured,
-            driven,
-            requested,
-            self._collision,
-            self._robot.emergency_deceleration_mps2,
-        )
+        points = self.surroundings.points(docking, stale_s(topics.DOCKING_TARGET), now_s)
+
+        def ahead(shape: Footprint) -> CollisionPrediction:
+            return look_ahead(
+                points,
+                None if moving is None else unseen,  # nobody knows who comes: as slow as if nobody knew what is there
+                outline_of(shape),
+                outline_of(shape, self._collision.margin_m),
+                measured,
+                driven,
+                requested,
+                self._collision,
+                self._robot.emergency_deceleration_mps2,
+            )
+
+        seen = ahead(footprint)
+        if footprint is not self._body():
+            seen = seen.worse(ahead(self._body()))  # within the outline of a chair that may not be there
         if moving is None:
             return seen
         motions = [measured, requested if driven is None else driven]
         meeting = self._meeting.judge(moving, seen.nearest_m, outline_of(footprint), motions, requested, now_s)
         return replace(seen, meeting=meeting)
 
+    def _body(self) -> Footprint:
+        """What is the robot's own: a wheelchair only on a latch that is confirmed closed."""
+        return self._robot.footprint_with_chair if self.chair.closed else self._robot.footprint
+
     def _footprint(self) -> Footprint:
-        return self._robot.footprint_with_chair if self.passenger else self._robot.footprint
+        return self._robot.footprint_with_chair if self.chair.carried else self._robot.footprint
 
     def _complete(self) -> bool:
         """Every critical process has been heard. Until then the machine is starting, and busy with it."""

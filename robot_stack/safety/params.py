@@ -50,6 +50,23 @@ class StopSourceParams(Config):
     button_silence_s: Positive
 
 
+class SteeringParams(Config):
+    """When a module counts as stuck, while the robot rolls, for longer than hold_s: angle_rad: measured heading off the
+    commanded one. disagreement_mps: velocity of a wheel off the motion that fits all of them best.
+    """
+
+    angle_rad: Annotated[float, Field(gt=0.0, lt=1.5)]
+    disagreement_mps: Positive
+    hold_s: Positive
+
+
+class UndockingParams(Config):
+    """The speed limit of undocking from a wheelchair that the latch does not hold."""
+
+    max_speed_mps: Positive
+    max_yaw_rate_radps: Positive
+
+
 class ObedienceParams(Config):
     """When a speed limit counts as not obeyed. hold_s: faster than permitted for longer than this. margin: on what is
     permitted, for the noise of measuring. notice_s: until whoever drives begins to brake; the time that a jerk limit
@@ -84,6 +101,8 @@ class SafetyParams(Config):
 
     stop_sources: StopSourceParams
     obedience: ObedienceParams
+    steering: SteeringParams
+    undocking: UndockingParams
 
     tilt_stop_deg: Degrees
     tilt_clear_deg: Degrees

@@ -1,4 +1,4 @@
-"""Who presses the emergency stop, by name.
+"""Who presses the emergency stop, by name and process.
 
 ``/emergency_stop`` is one topic with many publishers and no names. Sources of this stack therefore also report who they
 are on ``/emergency_stop/sources``, beside each message there and again and again. What is pressed stays pressed until
@@ -6,41 +6,92 @@ the process that pressed says itself that it is released, or until an operator c
 ``/emergency_stop`` must be explained by a report of one more press; one that nobody explains in time is a press of a
 source called ``unknown``. False messages release nothing here: nobody knows whose they are.
 
+A source is one process: another one of the same name, at the same time or after it, is another source. The work for a
+message is bounded whatever it says, and so is the number of sources.
+
 Times are steady seconds, given as arguments.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 from robot_stack.core.stop_presence import Presence
 from robot_stack.safety.timing import Hold, age_s
 
 UNKNOWN = "unknown"
+# More sources than this are none of this stack: the longest silent one is forgotten, a press of one more is unknown.
+MOST_SOURCES = 64
+
+Instance = tuple[str, int, int]
 
 
 @dataclass(frozen=True, slots=True)
 class SourceReport:
-    """One message of ``/emergency_stop/sources``. presses: how often this process has published true so far."""
+    """One message of ``/emergency_stop/sources``. presses: how often this process has published true so far.
+    begun_ns: when the process began, by its own clock.
+    """
 
     name: str
     pid: int
     presses: int
     pressed: bool
+    begun_ns: int = 0
+
+    @property
+    def instance(self) -> Instance:
+        return self.name, self.pid, self.begun_ns
 
 
 @dataclass(frozen=True, slots=True)
 class Press:
-    """A press that stands. pid: the process that pressed and alone may release it."""
+    """A press that stands. name, pid, begun_ns: the process that pressed and alone may release it."""
 
     name: str
     pid: int
+    begun_ns: int = 0
+
+    @property
+    def instance(self) -> Instance:
+        return self.name, self.pid, self.begun_ns
 
 
 @dataclass(frozen=True, slots=True)
 class _Heard:
     report: SourceReport
     at_s: float
+
+
+class Arrivals:
+    """When something arrived, and how often; oldest first. Nothing here takes longer for a greater number."""
+
+    def __init__(self) -> None:
+        self._entries: deque[tuple[float, int]] = deque()
+
+    def __bool__(self) -> bool:
+        return bool(self._entries)
+
+    def add(self, at_s: float, count: int = 1) -> None:
+        if count > 0:
+            self._entries.append((at_s, count))
+
+    def take(self, count: int) -> int:
+        """Removes the oldest ``count``, as far as there are so many; returns how many those are."""
+        left = count
+        while left > 0 and self._entries:
+            at_s, there = self._entries.popleft()
+            if there > left:
+                self._entries.appendleft((at_s, there - left))
+            left -= min(there, left)
+        return count - left
+
+    def expire(self, longest_s: float, now_s: float) -> list[tuple[float, int]]:
+        """Removes what arrived longer ago, and returns it."""
+        expired = []
+        while self._entries and not age_s(now_s, self._entries[0][0]) <= longest_s:
+            expired.append(self._entries.popleft())
+        return expired
 
 
 class StopSources:
@@ -53,12 +104,13 @@ class StopSources:
         """
         self._explain_s, self._discovery_s, self._stale_s = explain_s, discovery_s, stale_s
         self._begun_s: float | None = None
-        self._presses = {press.name: press for press in presses}
-        self._heard: dict[str, _Heard] = {}
-        self._unexplained_s: list[float] = []  # arrivals of trues without a report
-        self._adoptable_s: list[float] = []  # of those that became unknown, and that a new process may yet explain
-        self._surely_unknown = UNKNOWN in self._presses
-        self._announced_s: list[float] = []  # arrivals of reports of a press without its true
+        self._presses = {press.instance: press for press in presses}
+        self._heard: dict[Instance, _Heard] = {}
+        self._newest_s: dict[str, float] = {}  # of any process of that name
+        self._unexplained = Arrivals()  # trues without a report
+        self._adoptable = Arrivals()  # those that became unknown, and that a new process may yet explain
+        self._surely_unknown = _NOBODY.instance in self._presses
+        self._announced = Arrivals()  # reports of a press without its true
 
     @property
     def presses(self) -> tuple[Press, ...]:
@@ -70,66 +122,78 @@ class StopSources:
         self._age(now_s)
         if not pressed:
             return
-        if self._announced_s:
-            self._announced_s.pop(0)
-        else:
-            self._unexplained_s.append(now_s)
+        if not self._announced.take(1):
+            self._unexplained.add(now_s)
 
     def report(self, report: SourceReport, now_s: float) -> None:
         """A message of ``/emergency_stop/sources``."""
         self._age(now_s)
-        heard = self._heard.get(report.name)
-        if heard is not None and heard.report.pid == report.pid:
+        heard = self._heard.get(report.instance)
+        if heard is not None:
             self._explain(max(0, report.presses - heard.report.presses), now_s)
         else:
-            self._meet(report, heard is not None, now_s)
-        self._heard[report.name] = _Heard(report, now_s)
-        press = self._presses.get(report.name)
-        if report.pressed:
-            self._presses[report.name] = Press(report.name, report.pid)
-        elif press is not None and press.pid == report.pid:
-            del self._presses[report.name]
+            self._meet(report, report.name in self._newest_s, now_s)
+        self._remember(report, now_s)
+        if not report.pressed:
+            self._presses.pop(report.instance, None)
+        elif report.instance in self._presses or len(self._presses) < MOST_SOURCES:
+            self._presses[report.instance] = Press(*report.instance)
+        else:
+            self._surely_unknown = True
+            self._press_unknown()
 
     def clear(self, name: str, now_s: float) -> str:
-        """An operator clears a source that cannot release itself. Returns why not, an empty text if it is done."""
+        """An operator clears the sources of a name that cannot release themselves. Returns why not, "" if done."""
         self._age(now_s)
-        press = self._presses.get(name)
-        if press is None:
-            standing = ", ".join(self._presses) or "no source"
+        named = [press for press in self._presses.values() if press.name == name]
+        if not named:
+            standing = ", ".join(press.name for press in self._presses.values()) or "no source"
             return f"{name!r} is not pressed; pressed: {standing}"
-        if self._is_there(press, now_s):
+        gone = [press for press in named if not self._is_there(press, now_s)]
+        if not gone:
             return f"{name} is there and says that it is pressed: release it there"
-        del self._presses[name]
+        for press in gone:
+            del self._presses[press.instance]
         if name == UNKNOWN:
-            self._surely_unknown, self._adoptable_s = False, []
+            self._surely_unknown, self._adoptable = False, Arrivals()
         return ""
 
     def presence(self, now_s: float) -> dict[str, Presence]:
-        """Of every press that stands, whether its source is there to release it."""
+        """Of every name with a press that stands, whether its source is there to release it.
+
+        Of several processes of one name one that is gone counts.
+        """
         self._age(now_s)
-        return {press.name: self._presence(press, now_s) for press in self._presses.values()}
+        found: dict[str, Presence] = {}
+        for press in self._presses.values():
+            if found.get(press.name) is not Presence.GONE:
+                found[press.name] = self._presence(press, now_s)
+        return found
 
     def standing(self, now_s: float) -> str:
         """Names whatever stands against a release, one phrase; empty if nothing does."""
         self._age(now_s)
         names = [self._label(press, now_s) for press in self._presses.values()]
         parts = [f"pressed by {', '.join(names)}"] if names else []
-        if self._unexplained_s:
+        if self._unexplained:
             parts.append("a true on /emergency_stop whose source has not reported yet")
         return "; ".join(parts)
 
     def age_s(self, name: str, now_s: float) -> float:
-        """Seconds since the source's newest report, infinite without one."""
-        heard = self._heard.get(name)
-        return age_s(now_s, None if heard is None else heard.at_s)
+        """Seconds since the newest report of any process of that name, infinite without one."""
+        return age_s(now_s, self._newest_s.get(name))
 
     def _explain(self, presses: int, now_s: float) -> None:
         """A report tells of so many trues that no report before it has told of."""
-        for _ in range(presses):
-            if self._unexplained_s:
-                self._unexplained_s.pop(0)
-            else:
-                self._announced_s.append(now_s)
+        self._announced.add(now_s, presses - self._unexplained.take(presses))
+
+    def _remember(self, report: SourceReport, now_s: float) -> None:
+        self._heard[report.instance] = _Heard(report, now_s)
+        self._newest_s[report.name] = now_s
+        if len(self._heard) > MOST_SOURCES:
+            del self._heard[min(self._heard, key=lambda instance: self._heard[instance].at_s)]
+        if len(self._newest_s) > MOST_SOURCES:
+            del self._newest_s[min(self._newest_s, key=lambda name: self._newest_s[name])]
 
     def _meet(self, report: SourceReport, restarted: bool, now_s: float) -> None:
         """The first report of a process. Its messages may have been heard long before it.
@@ -139,14 +203,12 @@ class StopSources:
         begun_after_us = restarted or age_s(now_s, self._begun_s) > self._discovery_s
         # Of a process that may be older than this monitor only the retained last message can have arrived.
         presses = report.presses if begun_after_us else int(report.pressed)
-        adopted = 0
-        while adopted < presses and (self._unexplained_s or self._adoptable_s):
-            (self._unexplained_s or self._adoptable_s).pop(0)
-            adopted += 1
-        if not self._adoptable_s and not self._surely_unknown:
-            self._presses.pop(UNKNOWN, None)
+        adopted = self._unexplained.take(presses)
+        adopted += self._adoptable.take(presses - adopted)
+        if not self._adoptable and not self._surely_unknown:
+            self._presses.pop(_NOBODY.instance, None)
         if report.pressed and not adopted:
-            self._announced_s.append(now_s)
+            self._announced.add(now_s)
 
     def _label(self, press: Press, now_s: float) -> str:
         return f"{press.name} (gone)" if self._presence(press, now_s) is Presence.GONE else press.name
@@ -157,25 +219,25 @@ class StopSources:
         return Presence.THERE if self._is_there(press, now_s) else Presence.GONE
 
     def _is_there(self, press: Press, now_s: float) -> bool:
-        heard = self._heard.get(press.name)
-        return heard is not None and heard.report.pid == press.pid and age_s(now_s, heard.at_s) <= self._stale_s
+        heard = self._heard.get(press.instance)
+        return heard is not None and age_s(now_s, heard.at_s) <= self._stale_s
+
+    def _press_unknown(self) -> None:
+        self._presses.setdefault(_NOBODY.instance, _NOBODY)
 
     def _age(self, now_s: float) -> None:
         """Trues that have waited too long have an unknown author; reports that have waited too long explain nothing."""
         if self._begun_s is None:
             self._begun_s = now_s
-        self._unexplained_s, unknown_s = _split(self._unexplained_s, self._explain_s, now_s)
-        self._adoptable_s, firm_s = _split([*self._adoptable_s, *unknown_s], self._discovery_s, now_s)
-        self._surely_unknown = self._surely_unknown or bool(firm_s)
-        if unknown_s:
-            self._presses.setdefault(UNKNOWN, Press(UNKNOWN, 0))
-        self._announced_s, _ = _split(self._announced_s, self._explain_s, now_s)
+        for at_s, count in self._unexplained.expire(self._explain_s, now_s):
+            self._adoptable.add(at_s, count)
+            self._press_unknown()
+        if self._adoptable.expire(self._discovery_s, now_s):
+            self._surely_unknown = True
+        self._announced.expire(self._explain_s, now_s)
 
 
-def _split(times_s: list[float], longest_s: float, now_s: float) -> tuple[list[float], list[float]]:
-    """(times at most ``longest_s`` ago, the others)."""
-    late_s = [at_s for at_s in times_s if not age_s(now_s, at_s) <= longest_s]
-    return [at_s for at_s in times_s if age_s(now_s, at_s) <= longest_s], late_s
+_NOBODY = Press(UNKNOWN, 0)
 
 
 class SourcePresence:

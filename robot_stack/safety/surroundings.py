@@ -112,6 +112,11 @@ class Surroundings:
         if pose.is_finite() and 0.0 <= latency_s <= self._params.max_latency_s:
             self._dock = Dock(self._dead_reckoning.pose_at(now_s - latency_s).compose(pose), now_s)
 
+    @property
+    def known(self) -> bool:
+        """There has been a usable cloud."""
+        return self._at_s is not None
+
     def age_s(self, now_s: float) -> float:
         """Seconds since the newest usable cloud was received."""
         return age_s(now_s, self._at_s)

@@ -12,6 +12,7 @@ from robot_stack.safety.dead_reckoning import DeadReckoning, Modules
 from robot_stack.safety.inputs import ImuSample
 from robot_stack.safety.timing import Hold, age_s
 
+_MOST_RADPS = 1e4  # no wheel and no steering axis turns so fast
 _MODULE_AXES = tuple(zip(DRIVE_AXES, STEER_AXES, strict=True))
 
 
@@ -86,7 +87,10 @@ class PoseWatch:
 
 
 class WheelWatch:
-    """Age of the joint states, and what they say about the robot's motion."""
+    """Age of the joint states, and what they say about the robot's motion.
+
+    speeds_mps, angles_rad: of the wheels and of the modules, as usable ones showed them last.
+    """
 
     def __init__(
         self, modules: Modules, standstill_mps: float, motion: PlanarAcceleration, dead_reckoning: DeadReckoning
@@ -102,6 +106,8 @@ class WheelWatch:
         self._fresh_for = Hold()
         self._up = False
         self.problem = "never received"
+        self.speeds_mps: list[float] = []
+        self.angles_rad: list[float] = []
 
     def received(
         self, names: Sequence[str], position: Sequence[float], velocity: Sequence[float], now_s: float
@@ -112,8 +118,9 @@ class WheelWatch:
             return
         index = {name: i for i, name in enumerate(names)}
         order = [index[name] for name in JOINTS]
-        speeds = [self._modules.wheel_radius_m * velocity[order[drive]] for drive, _ in _MODULE_AXES]
-        twist = self._modules.twist(speeds, [position[order[steer]] for _, steer in _MODULE_AXES])
+        self.speeds_mps = speeds = [self._modules.wheel_radius_m * velocity[order[drive]] for drive, _ in _MODULE_AXES]
+        self.angles_rad = [position[order[steer]] for _, steer in _MODULE_AXES]
+        twist = self._modules.twist(speeds, self.angles_rad)
         if self._at_s is not None:
             self._longest_s = max(self._longest_s, self.age_s(now_s))
         self._at_s = now_s
@@ -163,6 +170,8 @@ def joint_states_problem(names: Sequence[str], position: Sequence[float], veloci
     for index, name in enumerate(names):
         if not (math.isfinite(position[index]) and math.isfinite(velocity[index])):
             return f"{name} is not finite"
+        if abs(velocity[index]) > _MOST_RADPS:
+            return f"{name} turns at {velocity[index]:g} rad/s"
     return ""
 
 

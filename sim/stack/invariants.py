@@ -52,7 +52,12 @@ _EMERGENCY: Final = "EMERGENCY_STOP"
 _ROWS = {row.name: row for row in topics.of_system(System.ROBOT, System.SIMULATION)}
 
 # Repeated at their rate, and published at each change beside it.
-_CHANGES_AT_ONCE = (topics.VELOCITY_LIMIT.name, topics.SAFETY_STATUS.name, topics.SIM_EHMI_DISPLAY.name)
+_CHANGES_AT_ONCE = (
+    topics.VELOCITY_LIMIT.name,
+    topics.SAFETY_STATUS.name,
+    topics.LATCH_STATUS.name,
+    topics.SIM_EHMI_DISPLAY.name,
+)
 
 # Rows whose condition is the age of what has arrived at the safety monitor.
 _AGES: tuple[tuple[str, Topic], ...] = (
@@ -63,12 +68,10 @@ _AGES: tuple[tuple[str, Topic], ...] = (
     ("LOCALIZATION_LOST", topics.CURRENT_POSE),
     ("IMU_TIMEOUT", topics.IMU),
 )
-# Rows with an action that does not depend on how bad it is.
-_STOPS = tuple(
-    row.code
-    for row in faults.FAULTS
-    if row.action >= SafetyAction.STOP and row.code not in ("SLOPE", "NODE_DEAD", "COLLISION_IMMINENT")
-)
+# Rows with an action that depends on how bad it is.
+_GRADED = ("SLOPE", "NODE_DEAD", "COLLISION_IMMINENT", "LATCH_NOT_CLOSED")
+_STOPS = tuple(row.code for row in faults.FAULTS if row.action >= SafetyAction.STOP and row.code not in _GRADED)
+_GENTLE = {"LOCALIZATION_LOST", "SLOPE"}  # whose stop is that of an ordinary ride
 _LIMITS = ("IMU_TIMEOUT", "BATTERY_CRITICAL", "LATCH_NOT_STORED")
 # What a person or a tool asks for; goals and commands that the robot's own nodes derive from it are no requests.
 _ASKING = ("touch_ui", "joystick_driver", topics.OPERATOR_TOOL, topics.TEST_TOOL)
@@ -141,7 +144,7 @@ class Invariants(Observer):
         # Messages
         self._safety: Any = None
         self._rows_since: dict[str, float] = {}
-        self._limit_mps, self._limit_s = 0.0, -math.inf
+        self._limit_mps, self._limit_s, self._limit_reason = 0.0, -math.inf, ""
         self._mission: Any = None
         self._arrived: dict[str, float] = {}
         self._counts: defaultdict[tuple[str, str], list[float]] = defaultdict(lambda: [0.0, 0.0])
@@ -269,7 +272,8 @@ class Invariants(Observer):
             self._released_unasked, self._released_s = True, now_s
 
     def _on_limit(self, now_s: float, _: str, data: bytes) -> None:
-        self._limit_mps, self._limit_s = decoder(topics.VELOCITY_LIMIT.type)(data).max_linear_velocity, now_s
+        message = decoder(topics.VELOCITY_LIMIT.type)(data)
+        self._limit_mps, self._limit_s, self._limit_reason = message.max_linear_velocity, now_s, message.reason
 
     def _on_emergency_stop(self, now_s: float, _: str, data: bytes) -> None:
         if decoder(topics.EMERGENCY_STOP.type)(data).data and not self._stop_confirmed:
@@ -380,7 +384,8 @@ class Invariants(Observer):
 
     def _judge_speed(self, now_s: float, speed_mps: float) -> None:
         silent = now_s - self._limit_s > topics.VELOCITY_LIMIT.stale_limit_s
-        hard = self._stop_since_s is not None or silent
+        stop = self._limit_mps <= 0.0 and not set(self._limit_reason.split(",")) <= _GENTLE
+        hard = self._stop_since_s is not None or silent or stop
         limit_mps = 0.0 if hard else max(0.0, self._limit_mps)
         motion = self._motion()
         limit_mps = min(limit_mps, motion.max_speed_mps)

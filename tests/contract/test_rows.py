@@ -234,6 +234,16 @@ ADDITIONS = (
     Documented("/tf", "tf2_msgs/msg/TFMessage", R, VOLATILE, 100, None, ("ndt_localization", "swerve_controller")),
     Documented("/tf_static", "tf2_msgs/msg/TFMessage", R, LATCHED, 1, None, ("imu_driver",)),
     Documented(
+        "/docking/latch",
+        "custom_msgs/msg/LatchStatus",
+        B,
+        VOLATILE,
+        1,
+        10.0,
+        ("docking_controller",),
+        ("safety_monitor", "swerve_controller", "perception_pipeline"),
+    ),
+    Documented(
         "/docking/cmd_vel",
         "geometry_msgs/msg/TwistStamped",
         R,
@@ -390,10 +400,13 @@ ACTIONS = {
 # code -> (most severe action, state, latched until a reset, seconds it must be gone)
 FAULTS = {
     "ESTOP_PRESSED": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
+    "CHAIR_LOOSE": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "DRIVE_FAULT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
+    "STEERING_FAULT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "JOINT_STATES_TIMEOUT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "OVERSPEED": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "TILT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
+    "LATCH_NOT_CLOSED": (SafetyAction.STOP, SafetyState.DEGRADED, False, 0.0),
     "COLLISION_IMMINENT": (SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, False, 0.5),
     "OBSTACLE_NEAR": (SafetyAction.LIMIT, SafetyState.COLLISION_AVOIDANCE, False, 0.0),
     "LIDAR_TIMEOUT": (SafetyAction.STOP, SafetyState.DEGRADED, False, 1.0),
@@ -519,7 +532,7 @@ def test_ground_truth_is_for_tests_operators_and_simulated_drivers_only() -> Non
 
 def test_only_these_nodes_may_move_the_wheels() -> None:
     assert topics.WHEEL_COMMANDS.publishers == ("swerve_controller",)
-    assert topics.WHEEL_COMMANDS.subscribers == ("swerve_hardware_interface",)
+    assert topics.WHEEL_COMMANDS.subscribers == ("swerve_hardware_interface", "safety_monitor")  # which compares only
 
 
 def test_process_names_are_unique_and_lead_their_nodes() -> None:

@@ -28,13 +28,18 @@ FILES = {
     "Y": "tests/unit/space/test_walk_in.py",
     "Q": "tests/scenarios/flat/test_kills.py",
     "H": "tests/nodes/test_swerve_hardware_interface.py",
+    "G": "tests/unit/safety/test_chair_watch.py",
+    "A": "tests/simulated/test_loose_chair.py",
+    "J": "tests/unit/drive/test_permission.py",
+    "I": "tests/unit/safety/test_losing_sight.py",
+    "X": "tests/simulated/test_losing_sight.py",
 }
 TEXT = (ROOT / "docs" / "safety.md").read_text()
 HAZARDS = TEXT.split("## Hazards")[1].split("## The two keys")[0]
 CLAIMS = [
     (FILES[where], name)
     for where, names in re.findall(
-        r"\b([UNBCDSWRLPKVEMOYHQ]) ((?:`[^`]+`(?:, )?)+)", HAZARDS.split("|---|---|---|---|---|")[1]
+        r"\b([UNBCDSWRLPKVEMOYHQGAJIX]) ((?:`[^`]+`(?:, )?)+)", HAZARDS.split("|---|---|---|---|---|")[1]
     )
     for name in re.findall(r"`([^`\[]+)[^`]*`", names)
 ]

@@ -126,6 +126,20 @@ def test_a_frozen_encoder_stops_the_robot_whenever_its_axis_is_to_turn(target: s
         stage.inject("clear")
 
 
+def test_a_module_that_does_not_turn_is_a_fault_of_the_steering() -> None:
+    """Its command is lost on the way to the engine: no axis raises an alarm."""
+    with staged() as stage:
+        stage.drive(0.5)
+        stage.wait_faster(0.3)
+        stage.stack.faults.inject(
+            "messages_corrupted", "/swerve/wheel_commands>swerve_hardware_interface:modules.0.steering_angle=0.0"
+        )
+        stage.drive(0.4, 0.5)
+        stage.wait_safety("EMERGENCY_STOP", "STEERING_FAULT", 5.0)
+        stage.wait_stands(5.0)
+        stage.let_go()
+
+
 def _ends_in_a_stop(stage: Stage) -> None:
     stage.drive(0.3, 0.3)  # another heading: a steering axis that stays where it is shows nothing
     stage.wait_safety("EMERGENCY_STOP")

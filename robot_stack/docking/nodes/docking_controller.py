@@ -10,7 +10,7 @@ from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import ZERO_TWIST
 from robot_stack.docking.controller import DockingController
-from robot_stack.docking.latch import LatchCommand
+from robot_stack.docking.latch import LatchCommand, LatchInputs
 from robot_stack.docking.nodes.attached_file import AttachedFile
 from robot_stack.docking.nodes.corrections import CorrectionsFile
 from robot_stack.docking.nodes.docking_actions import DockingActions
@@ -24,6 +24,7 @@ from robot_stack.middleware.departures import DepartureWarnings
 from robot_stack.middleware.node import StackNode, run
 
 _TICK_HZ = topics.DOCKING_CMD_VEL.nominal_rate_hz
+_TICKS_PER_LATCH_STATUS = round(_TICK_HZ / topics.LATCH_STATUS.nominal_rate_hz)
 _TICKS_PER_STATUS = round(_TICK_HZ / topics.DOCKING_STATUS.nominal_rate_hz)
 
 
@@ -81,6 +82,7 @@ class DockingControllerNode(StackNode):
         output = self._controller.tick(situation)
         self._departures.publish(self._departure.remaining_s)
         self._remember()
+        self._publish_latch(situation.latch)
         self._latch.command(output.latch)
         self._outputs.act(output)
         self._ticks += 1
@@ -96,6 +98,13 @@ class DockingControllerNode(StackNode):
         if situation.latch.known and not self._recalled:
             self._recalled = True
             self._controller.recall(self._attached.load())
+
+    def _publish_latch(self, inputs: LatchInputs) -> None:
+        """Before the latch is commanded: whoever sees it open shall know of the undocking."""
+        attached = self._controller.attached
+        if attached is not None:
+            due = self._ticks % _TICKS_PER_LATCH_STATUS == 0
+            self._outputs.latch(inputs.confirmed, attached, self._controller.undocking, due=due)
 
     def _remember(self) -> None:
         attached = self._controller.attached

@@ -5,7 +5,7 @@ from __future__ import annotations
 from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Bool
 
-from custom_msgs.msg import EHMIState
+from custom_msgs.msg import EHMIState, LatchStatus
 from robot_stack.contract import frames, topics
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.docking.nodes.messages import status
@@ -34,12 +34,14 @@ class DockingOutputs:
         self._status = node.advertise(topics.DOCKING_STATUS)
         self._cmd_vel = node.advertise(topics.DOCKING_CMD_VEL)
         self._target = node.advertise(topics.DOCKING_TARGET)
+        self._latch = node.advertise(topics.LATCH_STATUS)
         self._passenger = node.advertise(topics.PASSENGER_ATTACHED)
         self._goal = node.advertise(topics.GOAL_POSE)
         self._stop = node.emergency_stop_source(until_latched=True)
         self._ehmi = node.advertise(topics.EHMI_STATE_COMMAND)
         self._owns_motion = self._asserted = False
         self._attached: bool | None = None
+        self._latch_state: tuple[bool, bool, bool] | None = None
         self._shown: int | None = None
 
     def act(self, output: Output) -> None:
@@ -71,6 +73,16 @@ class DockingOutputs:
             message = EHMIState(state_num=display, language=self._params.language, volume=self._params.ehmi_volume)
             message.header.stamp = stamp
             self._ehmi.publish(message)
+
+    def latch(self, closed: bool, attached: bool, undocking: bool, *, due: bool) -> None:
+        """/docking/latch, if it is due or says something new."""
+        state = (closed, attached, undocking)
+        if not due and state == self._latch_state:
+            return
+        self._latch_state = state
+        message = LatchStatus(closed=closed, attached=attached, undocking=undocking)
+        message.header.stamp, message.header.frame_id = self._node.stamp(), frames.BASE_LINK
+        self._latch.publish(message)
 
     def target(self, state: State, dock: Estimate | None, base: Pose2 | None) -> None:
         """The dock's frame as it is seen from base_link now, while the robot moves into the dock.

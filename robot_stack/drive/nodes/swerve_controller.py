@@ -39,6 +39,7 @@ class SwerveControllerNode(StackNode):
         self.subscribe(topics.DOCKING_CMD_VEL, lambda message: self._on_stamped(Source.DOCKING, message))
         self.subscribe(topics.TELEOP_CMD_VEL, lambda message: self._on_stamped(Source.TELEOP, message))
         self._passenger = self.subscribe(topics.PASSENGER_ATTACHED)
+        self._latch = self.subscribe(topics.LATCH_STATUS)
         self._limit = self.subscribe(topics.VELOCITY_LIMIT)
         self.serve(services.RESET_ODOMETRY, self._on_reset_odometry)
         self.set_health(False, f"waiting for {topics.JOINT_STATES.name}")
@@ -102,19 +103,24 @@ class SwerveControllerNode(StackNode):
         else:
             self._arbiter.released(now_s)
         holder, requested = self._arbiter.requested(now_s)
-        passenger = self._passenger.latest
         situation = Situation(
             emergency_stop=self.emergency_stop,
             joint_states_fresh=0.0 <= now_s - self._encoders_at_s <= topics.JOINT_STATES.stale_limit_s,
             safety_status_fresh=self.safety_status_input.fresh(),
             speed_limit=speed_limit(self._limit.latest),
             speed_limit_fresh=self._limit.fresh(),
-            passenger=self.params.assume_passenger if passenger is None else passenger.data,
+            passenger=self._carries(),
             holder=holder,
             requested=requested,
             must_rest=self._arbiter.must_rest(holder),
         )
         return permit(situation, *self._motion_limits)
+
+    def _carries(self) -> bool:
+        """A false on /passenger_attached ends nothing while the docking controller states otherwise."""
+        passenger, latch = self._passenger.latest, self._latch.latest
+        said = self.params.assume_passenger if passenger is None else passenger.data
+        return said or (latch is not None and latch.attached)
 
     # --- outputs -----------------------------------------------------------------------------------------------------
 

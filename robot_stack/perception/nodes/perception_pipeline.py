@@ -6,8 +6,8 @@ import math
 
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
-from std_msgs.msg import Bool
 
+from custom_msgs.msg import LatchStatus
 from robot_stack.contract import frames, topics
 from robot_stack.core.docks import load_docks
 from robot_stack.core.point_cloud import SWEEP, Points
@@ -37,7 +37,7 @@ class PerceptionPipelineNode(StackNode):
         self._outputs = PerceptionOutputs(self, self._pipeline.space.grid)
         self.subscribe(topics.ODOM, self._on_odometry)
         self.subscribe(topics.IMU, self._on_imu)
-        self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
+        self.subscribe(topics.LATCH_STATUS, self._on_latch)
         self._halves = self.subscribe(topics.LIDAR_HALF_SWEEP, self._on_half_sweep)
         self._overhead = self.subscribe(topics.OVERHEAD_LIDAR_POINTS, self._on_overhead)
         self._fulls: Input | None = None
@@ -59,8 +59,9 @@ class PerceptionPipelineNode(StackNode):
         if attitude is not None:
             self._pipeline.motion.on_attitude(time_to_s(message.header.stamp), attitude)
 
-    def _on_passenger(self, message: Bool) -> None:
-        self._pipeline.chair = message.data
+    def _on_latch(self, message: LatchStatus) -> None:
+        """Where no wheelchair is held, what stands before the robot is an obstacle."""
+        self._pipeline.chair = message.closed
 
     def _on_half_sweep(self, message: CloudView) -> None:
         self._take(message, full=False)

@@ -29,4 +29,4 @@ class EngineInput:
 
     def _on_status(self, status: StatusSnapshot | None) -> None:
         contact = read_contact(status, self._robot.estop_input_byte, self._robot.estop_input_bit)
-        self.reading = None if status is None else drive_reading(status, contact)
+        self.reading = None if status is None else drive_reading(status, contact, self._robot.latch)

@@ -48,3 +48,20 @@ def test_no_sequence_of_pauses_hides_a_silence(stretches: list[tuple[float, floa
         now_s += ran_s + late_s
         excused_s += budget.excuse(late_s, now_s)
         assert excused_s <= LONGEST_S + SHARE * now_s + 1e-9
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 0.5), st.floats(0.0, 0.5)), max_size=40), st.floats(0.05, 1.0))
+def test_a_silence_is_noticed_in_time_or_when_the_pause_of_that_moment_ends(
+    stretches: list[tuple[float, float]], limit_s: float
+) -> None:
+    """From a full budget, the silence begins at 0. Noticed: its age without what is excused is above the limit."""
+    budget, now_s, excused_s = PauseBudget(0.0), 0.0, 0.0
+    latest_s = (limit_s + LONGEST_S) / (1.0 - SHARE)
+    for ran_s, late_s in stretches:
+        now_s += ran_s
+        if now_s > latest_s:
+            assert now_s - excused_s >= limit_s - 1e-9
+        now_s += late_s
+        excused_s += budget.excuse(late_s, now_s)
+        if now_s > latest_s:
+            assert now_s - excused_s >= limit_s - 1e-9

@@ -54,6 +54,16 @@ def test_nobody_commands():
         ({"speed_limit": SafetyLimit(0.0, 0.0, "COLLISION_IMMINENT")}, Action.BRAKE, True),
         ({"speed_limit": SafetyLimit(0.0, 0.0, "PASSENGER_ONBOARD,COLLISION_IMMINENT")}, Action.BRAKE, True),
         ({"speed_limit": SafetyLimit(0.0, 0.0, "TILT")}, Action.BRAKE, True),
+        ({"speed_limit": SafetyLimit(0.0, 0.0, "COLLISION_IMMINENT, NODE_DEAD")}, Action.BRAKE, True),
+        ({"speed_limit": SafetyLimit(0.0, 0.0, "LOCALIZATION_LOST, SLOPE")}, Action.BRAKE, True),
+        ({"speed_limit": SafetyLimit(0.0, 0.0, "LOCALIZATION_LOST,NEW_CODE")}, Action.BRAKE, True),
+        ({"speed_limit": SafetyLimit(0.0, 0.0, "LOCALIZATION_LOST,")}, Action.BRAKE, True),
+        ({"speed_limit": SafetyLimit(0.0, 0.0, "LOCALIZATION_LOST,LIDAR_TIMEOUT")}, Action.BRAKE, True),
+        ({"speed_limit": SafetyLimit(0.0, 0.0, "NEW_CODE")}, Action.BRAKE, True),
+        ({"speed_limit": SafetyLimit(0.0, 0.0, "")}, Action.BRAKE, True),
+        ({"speed_limit": SafetyLimit(0.0, 0.5, "")}, Action.BRAKE, True),
+        ({"speed_limit": SafetyLimit(-1.0, 0.5, "")}, Action.BRAKE, True),
+        ({"speed_limit": SafetyLimit(math.nan, math.nan, "")}, Action.BRAKE, True),
     ],
 )
 def test_whatever_is_wrong_the_wish_is_standstill(changes: dict[str, object], action: Action, ready: bool):
@@ -62,8 +72,9 @@ def test_whatever_is_wrong_the_wish_is_standstill(changes: dict[str, object], ac
     assert permission.reason
 
 
-def test_soft_stop_keeps_the_comfort():
-    permission = decide(speed_limit=SafetyLimit(0.0, 0.0, "LOCALIZATION_LOST"))
+@pytest.mark.parametrize("reason", ["LOCALIZATION_LOST", "SLOPE", "LOCALIZATION_LOST,SLOPE"])
+def test_soft_stop_keeps_the_comfort(reason: str):
+    permission = decide(speed_limit=SafetyLimit(0.0, 0.0, reason))
     assert permission.action is Action.DRIVE
     assert permission.limits.speed_mps == 0.0
 
@@ -76,7 +87,3 @@ def test_limit_with_speed_left_is_no_hard_stop():
 def test_passenger_limits_and_safety_limit_both_hold():
     permission = decide(passenger=True, speed_limit=SafetyLimit(1.2, 0.4, "OBSTACLE_NEAR"))
     assert permission.limits == WITH_PASSENGER.slower(SpeedLimit(1.0, 0.4))
-
-
-def test_limit_that_is_no_number_is_a_stop():
-    assert decide(speed_limit=SafetyLimit(math.nan, math.nan, "")).limits.speed_mps == 0.0

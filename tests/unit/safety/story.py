@@ -21,7 +21,7 @@ from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.robot import load_robot
 from robot_stack.safety.arbiter import Verdict
 from robot_stack.safety.button import Contact
-from robot_stack.safety.inputs import Axis, DriveReading, ImuSample
+from robot_stack.safety.inputs import Axis, DriveReading, ImuSample, LatchReading
 from robot_stack.safety.monitor import Memory, ResetAnswer, SafetyMonitor
 from robot_stack.safety.params import SafetyParams
 from robot_stack.safety.stop_sources import SourceReport
@@ -34,6 +34,8 @@ _BEARINGS = np.linspace(-math.pi, math.pi, 90)
 SWEEP = np.stack([8.0 * np.cos(_BEARINGS), 8.0 * np.sin(_BEARINGS), 0.0 * _BEARINGS], axis=1).astype(np.float32)
 NOTHING = np.empty((0, 3), np.float32)
 NOBODY = np.empty((0, 5), np.float32)
+OPEN = LatchReading(closed=False, open=True, opening=False)
+CLOSED = LatchReading(closed=True, open=False, opening=False)
 GOOD_AXIS = Axis(servo_on=True, amp_alarm=False, following_error=False)
 
 
@@ -72,6 +74,7 @@ class Story:
         self.request: Twist2 | None = None
         self.dock: Pose2 | None = None
         self.button = Contact.RELEASED
+        self.latch: LatchReading | None = OPEN
         self.usage: tuple[float, float, float] | None = (20.0, 40.0, 60.0)
         self.temperature_c: float | None = 50.0
         self.ehmi_linked = self.ui_connected = False
@@ -122,6 +125,13 @@ class Story:
         report = SourceReport(source, pid, self.presses.get(source, 0), self.pressed.get(source, False))
         self.monitor.observation.stop_source(report, self.now_s)
 
+    def carry(self, attached: bool = True) -> Story:
+        """A wheelchair on the closed latch, or none."""
+        self.latch = CLOSED if attached else OPEN
+        self.monitor.observation.chair.contacts(self.latch)
+        self.monitor.observation.chair.said(attached)
+        return self
+
     def clear(self, source: str) -> ResetAnswer:
         answer = self.monitor.clear(source, self.now_s)
         self.step()
@@ -139,7 +149,7 @@ class Story:
     def restarted(self) -> Story:
         """The story after a crash of the monitor: a new one with the old one's memory."""
         story = Story(self.now_s, self.monitor.memory)
-        story.presses, story.pressed = dict(self.presses), dict(self.pressed)
+        story.presses, story.pressed, story.latch = dict(self.presses), dict(self.pressed), self.latch
         return story
 
     def expect(
@@ -171,7 +181,8 @@ class Story:
         for source in self.reporting if self.ticks % 20 == 0 else ():
             self.report(source)
         if self.communicating is not None:
-            inputs.engine(DriveReading(self.communicating, self.ticks, tuple(self.axes), self.button), now_s)
+            reading = DriveReading(self.communicating, self.ticks, tuple(self.axes), self.button, self.latch)
+            inputs.engine(reading, now_s)
         if self.wheel_radps is not None:
             velocity = [self.wheel_radps, 0.0] * 4
             inputs.joint_states(JOINTS, [0.0] * len(JOINTS), velocity, now_s)

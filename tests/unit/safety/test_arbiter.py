@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from robot_stack.contract.faults import FAULTS
 from robot_stack.contract.model import SafetyAction, SafetyState
-from robot_stack.core.limits import SpeedLimit
+from robot_stack.core.limits import STANDSTILL, SpeedLimit
 from robot_stack.safety.arbiter import Verdict, arbitrate
 from robot_stack.safety.rows import ActiveRow
 
@@ -23,6 +23,7 @@ ESTOP = ActiveRow("ESTOP", SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_ST
 
 
 STAND = ActiveRow("STAND", SafetyAction.STOP, SafetyState.DEGRADED, None, "")
+LOST = replace(STAND, code="LOCALIZATION_LOST")
 NEAR = ActiveRow("NEAR", SafetyAction.LIMIT, SafetyState.COLLISION_AVOIDANCE, SpeedLimit(0.3, 0.8), "")
 
 
@@ -54,7 +55,18 @@ def verdict(
         (
             [STAND, NEAR],
             None,
-            verdict(SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, "STAND NEAR", (0, 0), "STAND"),
+            verdict(SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, "STAND NEAR", (0, 0), "STAND", True),
+        ),
+        (
+            [LOST, NEAR],
+            PASSENGER,
+            verdict(
+                SafetyAction.STOP,
+                SafetyState.COLLISION_AVOIDANCE,
+                "LOCALIZATION_LOST NEAR",
+                (0, 0),
+                "LOCALIZATION_LOST",
+            ),
         ),
         (
             [ESTOP, STOP, WARN],
@@ -129,6 +141,14 @@ def test_one_more_fault_never_makes_it_milder(rows: list[ActiveRow], more: list[
 def test_a_passenger_never_makes_it_faster(rows: list[ActiveRow]) -> None:
     alone, aboard = arbitrate(rows, OWN, None), arbitrate(rows, OWN, PASSENGER)
     assert aboard.limit.linear_mps <= min(alone.limit.linear_mps, PASSENGER.linear_mps)
+
+
+@given(_rows())
+def test_a_stop_is_hard_unless_every_row_that_stops_is_gentle(rows: list[ActiveRow]) -> None:
+    verdict = arbitrate(rows, OWN, PASSENGER)
+    standing = [row for row in rows if row.action >= SafetyAction.STOP or (row.limit or STANDSTILL).linear_mps == 0.0]
+    standing = [row for row in standing if row.action >= SafetyAction.LIMIT]
+    assert verdict.hard == any(row.code not in ("LOCALIZATION_LOST", "SLOPE") for row in standing)
 
 
 @given(_rows())

@@ -246,3 +246,32 @@ def test_deeper_is_a_matter_of_direction_not_of_speed() -> None:
     for speed in (0.01, 0.1, 1.0, 10.0):
         assert time_to(0.0, 0.25, speed, 0.5 * speed, 0.0) == 0.0
         assert time_to(0.0, 0.25, speed, 0.1 * speed, 0.0) == math.inf
+
+
+WIDENED = Outline(front=0.55, rear=-0.45, half=0.35, margin=0.05)
+
+
+@pytest.mark.parametrize(
+    ("vx", "vy", "seconds"),
+    [
+        (0.9, 0.15, 0.04 / 0.15),  # too flat to get deeper into the margin, and yet the body meets it
+        (0.4, 0.04, 1.0),
+        (0.4, 0.01, math.inf),  # past the wall before that
+        (0.9, 0.0, math.inf),
+        (0.9, -0.15, math.inf),
+        (0.5, 0.15, 0.0),
+    ],
+)
+def test_a_wall_within_the_margin_is_met_by_the_body(vx: float, vy: float, seconds: float) -> None:
+    wall = points(*((0.05 * column, 0.34) for column in range(-6, 5)))
+    twist = Twist2(vx, vy, 0.0)
+    found = approach(wall, WIDENED, twist)
+    assert found.time_s == pytest.approx(seconds)
+    if 0.0 < seconds < math.inf:
+        assert found.clearance_m == pytest.approx(seconds * twist.speed(), abs=0.05)
+    assert WIDENED.body() == Outline(*(pytest.approx(value) for value in (0.5, -0.4, 0.3)), 0.0)
+
+
+def test_what_is_inside_the_body_is_met_only_by_getting_deeper() -> None:
+    assert time_to(0.0, 0.29, 0.9, 0.1, 0.0, WIDENED) == math.inf
+    assert time_to(0.0, 0.29, 0.0, 0.1, 0.0, WIDENED) == 0.0

@@ -27,6 +27,9 @@ WELL = Snapshot(
     uptime_s=100.0,
     estop="",
     drive=CLEAR,
+    chair_loose=CLEAR,
+    latch_not_closed=CLEAR,
+    steering=CLEAR,
     obedience=CLEAR,
     joint_states_up=True,
     joint_states_age_s=0.0,
@@ -80,6 +83,9 @@ def test_never_more_severe_than_the_contract_says(code: str) -> None:
     worst: dict[str, Any] = {
         "uptime_s": math.inf,
         "estop": "pressed",
+        "chair_loose": present(EMERGENCY, "loose"),
+        "latch_not_closed": present(STOP, "loose"),
+        "steering": present(EMERGENCY, "stuck"),
         "drive": present(EMERGENCY, "broken"),
         "obedience": present(EMERGENCY, "too fast"),
         "joint_states_age_s": math.inf,
@@ -117,6 +123,9 @@ def test_drive_is_what_its_watch_found() -> None:
     found = Finding(Level.WAITING, STOP, None, "coming up")
     assert find("DRIVE_FAULT", drive=found) is found
     assert find("OVERSPEED", obedience=found) is found
+    assert find("CHAIR_LOOSE", chair_loose=found) is found
+    assert find("STEERING_FAULT", steering=found) is found
+    assert find("LATCH_NOT_CLOSED", latch_not_closed=found) is found
 
 
 def test_joint_states() -> None:

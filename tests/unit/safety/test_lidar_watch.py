@@ -103,8 +103,26 @@ def test_a_frozen_sensor_falls_silent() -> None:
     watch.received(after, 1000, 3.0)
     assert (watch.problem, watch.age_s(3.0)) == ("", 0.0)
     watch.received(sweep(), 1000, 4.0)
-    watch.received(after, 1000, 5.0)
-    assert (watch.problem, watch.age_s(5.0)) == ("", 0.0)
+    watch.received(after, 1000, 5.0)  # nor does what comes between make it new
+    assert (watch.problem, watch.age_s(5.0)) == ("frozen", 2.0)
+
+
+@pytest.mark.parametrize("length", [2, 3, 100])
+def test_sweeps_that_are_replayed_are_frozen(length: int) -> None:
+    watch = LidarWatch(LIMITS)
+    recorded = [sweep(*WHOLE[1:], (8.0, 0.001 * index, 0.0)) for index in range(length)]
+    for turn in range(3):
+        for index, points in enumerate(recorded):
+            watch.received(points, 1000, now_s := 10.0 * turn + 0.1 * index)
+            assert watch.problem == ("frozen" if turn else "")
+    assert watch.age_s(now_s) == pytest.approx(20.0)
+
+
+def test_a_sweep_of_long_ago_may_come_again() -> None:
+    watch = LidarWatch(LIMITS)
+    for index in range(102):
+        watch.received(sweep(*WHOLE[1:], (8.0, 0.001 * (index % 101), 0.0)), 1000, 0.1 * index)
+        assert watch.problem == ""
 
 
 def test_a_frozen_sweep_with_holes_is_frozen() -> None:

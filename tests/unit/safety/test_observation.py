@@ -32,8 +32,8 @@ def observation(*, passenger: bool = False, robot: Robot = ROBOT) -> Observation
 
 def test_what_is_remembered_is_known_from_the_start() -> None:
     assert observation().sources.presses == PRESSES
-    assert observation(passenger=True).passenger is True
-    assert observation(passenger=False).passenger is False
+    assert observation(passenger=True).chair.carried is True
+    assert observation(passenger=False).chair.carried is False
 
 
 def test_why_something_is_missing() -> None:
@@ -99,8 +99,11 @@ def test_obstacles_of_just_the_limit_s_age_are_known() -> None:
     found = observation()
     found.obstacles(NOTHING, 0.0, 0.0)
     limit_s = stale_s(topics.OBSTACLES)
+    found.joint_states(JOINTS, [0.0] * 8, [0.0] * 8, limit_s)
     assert found.snapshot(False, limit_s).prediction is not None
     assert found.snapshot(False, limit_s + 0.001).prediction is None
+    found.joint_states(JOINTS, [0.0] * 8, [1.0, 0.0] * 4, limit_s + 0.01)
+    assert found.snapshot(False, limit_s + 0.01).prediction is not None  # it rolls on
 
 
 def test_a_docking_that_says_nothing_any_more_excuses_no_dock() -> None:

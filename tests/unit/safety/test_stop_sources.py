@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_stack.core.stop_presence import Presence, describe_presence, parse_presence
-from robot_stack.safety.stop_sources import UNKNOWN, Press, SourcePresence, SourceReport, StopSources
+from robot_stack.safety.stop_sources import MOST_SOURCES, UNKNOWN, Press, SourcePresence, SourceReport, StopSources
 
 EXPLAIN_S, DISCOVERY_S, STALE_S = 2.0, 8.0, 1.0
 NO_AUTHOR = "a true on /emergency_stop whose source has not reported yet"
@@ -235,16 +235,79 @@ def test_a_presence_that_says_nothing_known_is_not_to_be_cleared() -> None:
 
 
 def test_a_source_that_started_anew_has_released_nothing() -> None:
-    bench = Bench().says("ui", True).repeats("ui", False, pid=2)
+    bench = Bench().says("ui", True).after(STALE_S + 0.01).repeats("ui", False, pid=2)
     assert bench.standing == "pressed by ui (gone)"
     assert bench.sources.clear("ui", bench.now_s) == ""
 
 
-def test_a_source_that_started_anew_and_pressed_again_may_release() -> None:
+def test_a_source_that_started_anew_releases_its_own_press_alone() -> None:
+    """A dies pressed; B of the same name presses and releases."""
+    bench = Bench().says("ui", True).after(STALE_S + 0.01).says("ui", True, pid=2)
+    assert bench.standing == "pressed by ui (gone), ui"
+    assert bench.sources.presence(bench.now_s) == {"ui": Presence.GONE}
+    assert bench.says("ui", False, pid=2).standing == "pressed by ui (gone)"
+    assert bench.sources.clear("ui", bench.now_s) == ""
+    assert bench.standing == ""
+
+
+def test_two_processes_of_one_name_are_two_sources() -> None:
     bench = Bench().says("ui", True).says("ui", True, pid=2)
-    assert bench.standing == "pressed by ui"
-    assert bench.repeats("ui", False, pid=1).standing == "pressed by ui (gone)"
+    assert bench.standing == "pressed by ui, ui"
+    assert bench.sources.presence(bench.now_s) == {"ui": Presence.THERE}
+    assert bench.says("ui", False, pid=1).standing == "pressed by ui"
+    assert bench.sources.clear("ui", bench.now_s) == "ui is there and says that it is pressed: release it there"
     assert bench.says("ui", False, pid=2).standing == ""
+
+
+def test_a_cleared_name_is_cleared_of_those_that_are_gone_alone() -> None:
+    bench = Bench().says("ui", True).after(STALE_S + 0.01).says("ui", True, pid=2)
+    assert bench.sources.clear("ui", bench.now_s) == ""
+    assert bench.standing == "pressed by ui"
+
+
+def test_a_process_that_has_the_number_of_one_before_is_another() -> None:
+    """After a reboot the first processes get the numbers that they had before."""
+    bench = Bench((Press("ui", 1, 100),))
+    bench.sources.report(SourceReport("ui", 1, 0, False, 200), bench.now_s)
+    assert bench.standing == "pressed by ui (gone)"
+    bench.sources.report(SourceReport("ui", 1, 0, False, 100), bench.now_s)
+    assert bench.standing == ""
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("known", [True, False])
+def test_a_report_of_any_number_of_presses_takes_no_longer(known: bool) -> None:
+    bench = Bench()
+    if known:
+        bench.repeats("a", False)
+    for _ in range(100):
+        bench.after(0.001)
+        bench.sources.report(SourceReport("a", 1 + known, 1, True), bench.now_s)
+        bench.sources.report(SourceReport("a", 1, 2**32 - 1, True), bench.now_s)
+        bench.sources.report(SourceReport("a", 1, 0, True), bench.now_s)
+        bench.nobody_says(True)
+    assert "pressed by a" in bench.standing
+
+
+def test_announced_presses_explain_as_many_trues_as_they_are() -> None:
+    bench = Bench().repeats("a", False)
+    bench.sources.report(SourceReport("a", 1, 2, True), bench.now_s)
+    assert bench.nobody_says(True).nobody_says(True).standing == "pressed by a"
+    assert bench.nobody_says(True).standing == f"pressed by a; {NO_AUTHOR}"
+
+
+def test_sources_without_number_are_bounded_and_none_of_their_presses_is_lost() -> None:
+    bench = Bench()
+    for index in range(2 * MOST_SOURCES):
+        bench.after(0.01).repeats(f"source {index}", True)
+    assert len(bench.sources.presses) == MOST_SOURCES + 1
+    assert bench.sources.presses[-1].name == UNKNOWN
+    assert bench.sources.age_s("source 0", bench.now_s) == math.inf
+    assert bench.sources.age_s(f"source {2 * MOST_SOURCES - 1}", bench.now_s) == 0.0
+    for index in range(2 * MOST_SOURCES):
+        bench.repeats(f"source {index}", False)
+    assert bench.standing == "pressed by unknown"
+    assert bench.sources.clear(UNKNOWN, bench.now_s) == ""
 
 
 def test_fewer_presses_than_before_explain_nothing() -> None:

@@ -19,7 +19,7 @@ from robot_stack.safety.inputs import Axis, DriveReading, ImuSample
 from robot_stack.safety.monitor import Memory, ResetAnswer
 from robot_stack.safety.observation import CAMERAS
 from robot_stack.safety.stop_sources import Press
-from tests.unit.safety.story import GOOD_AXIS, NOTHING, PARAMS, ROBOT, SWEEP, TICK_S, Story
+from tests.unit.safety.story import CLOSED, GOOD_AXIS, NOTHING, PARAMS, ROBOT, SWEEP, TICK_S, Story
 
 NORMAL, DEGRADED, AVOIDANCE, EMERGENCY = SafetyState
 
@@ -39,9 +39,9 @@ def test_rows_in_the_order_of_the_contract() -> None:
 
 def test_passenger_is_a_limit_and_no_fault() -> None:
     story = Story().healthy()
-    story.monitor.passenger = True
+    story.carry()
     story.run(0.1).expect(NORMAL, (), linear_mps=1.0, reason="PASSENGER_ONBOARD", action=SafetyAction.NONE)
-    story.monitor.passenger = False
+    story.carry(False)
     story.run(0.1).expect(NORMAL, (), linear_mps=1.5, reason="")
 
 
@@ -592,7 +592,7 @@ def test_a_critical_charge_outlives_the_battery_message() -> None:
 
 def test_the_smallest_limit_wins_and_says_where_it_comes_from() -> None:
     story = Story().healthy()
-    story.monitor.passenger = True
+    story.carry()
     story.battery, story.imu_tilt_deg = 0.1, None
     story.run(1.0).expect(DEGRADED, linear_mps=0.5, reason="IMU_TIMEOUT,BATTERY_CRITICAL")
 
@@ -628,6 +628,7 @@ def test_a_latched_drive_fault_survives_a_crash_and_needs_no_release() -> None:
 
 def test_a_passenger_survives_a_crash() -> None:
     story = Story(memory=Memory(passenger=True))
+    story.latch = CLOSED
     story.run(5.0).expect(NORMAL, (), linear_mps=1.0, reason="PASSENGER_ONBOARD")
     assert story.monitor.memory == Memory((), True)
 
@@ -836,7 +837,7 @@ def test_the_wheelchair_is_part_of_the_footprint() -> None:
     story = Story().healthy()
     story.driven, story.obstacles = AHEAD, _wall(3.0)
     story.run(0.1).expect(NORMAL, ())
-    story.monitor.passenger = True
+    story.carry()
     story.obstacles = _wall(2.21)
     story.run(0.2).expect(AVOIDANCE, ("OBSTACLE_NEAR",), linear_mps=pytest.approx(0.32))
     story.obstacles = _wall(1.5)
@@ -1049,7 +1050,8 @@ def test_backing_off_from_the_chair_is_free(attached: bool) -> None:
     story.docking, story.cameras = "FINE_ALIGN", [topic.name for topic in CAMERAS]
     story.dock, story.obstacles = Pose2(0.95, 0.0, 0.0), _chair(0.95)
     story.run(1.0).expect(NORMAL, ())
-    story.docking, story.dock, story.monitor.passenger = "APPROACH", None, attached
+    story.carry(attached)
+    story.docking, story.dock = "APPROACH", None
     story.request = story.driven = Twist2(-0.1, 0.0, 0.0)
     story.wheel_radps = -0.1 / ROBOT.wheel_radius_m
     for gone_m in np.arange(0.0, 0.5, 0.005):

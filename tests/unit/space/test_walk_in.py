@@ -30,7 +30,7 @@ def verdict(yard: Yard, requested: Twist2) -> Verdict:
     story = Story().healthy()
     assert yard.scene is not None
     story.obstacles, story.unseen = yard.scene.obstacles, yard.scene.unseen
-    story.monitor.passenger = yard.pipeline.chair
+    story.carry(yard.pipeline.chair)
     story.requested = story.driven = requested
     return story.run(0.1).verdict
 

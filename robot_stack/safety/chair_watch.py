@@ -1,0 +1,108 @@
+"""Is a wheelchair attached, and does the latch hold it? (faults CHAIR_LOOSE and LATCH_NOT_CLOSED)
+
+The contacts of the latch are inputs of the motion engine and are read here, not taken from a message. A confirmed latch
+attaches a wheelchair. It stays attached until the docking controller states that the robot is clear of it; a false on
+``/passenger_attached`` ends nothing while the latch is closed or the docking controller states otherwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from robot_stack.contract.model import SafetyAction
+from robot_stack.core.limits import SpeedLimit
+from robot_stack.safety.inputs import CLEAR, Finding, LatchReading, Level
+from robot_stack.safety.timing import age_s
+
+_UNKNOWN = Finding(Level.UNKNOWN)
+
+
+@dataclass(frozen=True, slots=True)
+class LatchStatement:
+    """A message of ``/docking/latch``."""
+
+    attached: bool
+    undocking: bool
+
+
+class ChairWatch:
+    """Follows the contacts and what is said about the wheelchair. Steady seconds.
+
+    attached: a wheelchair is on the latch, or has come loose and not been undocked from.
+    """
+
+    def __init__(self, attached: bool, undocking_limit: SpeedLimit, stale_s: float) -> None:
+        """attached: before a restart. stale_s: an older statement permits no undocking."""
+        self.attached = attached
+        self._undocking_limit, self._stale_s = undocking_limit, stale_s
+        self._reading: LatchReading | None = None
+        self._said: bool | None = None
+        self._stated: LatchStatement | None = None
+        self._stated_s: float | None = None
+        self._held = False
+
+    @property
+    def closed(self) -> bool:
+        """The latch is confirmed closed."""
+        return self._reading is not None and self._reading.confirmed
+
+    @property
+    def carried(self) -> bool:
+        """The limits and the outline with a wheelchair apply: one is attached, or somebody says so."""
+        return self.attached or self._said is True
+
+    def contacts(self, reading: LatchReading | None) -> None:
+        """The latch's contacts; None where they cannot be read."""
+        self._reading = reading
+        self._settle()
+
+    def said(self, attached: bool) -> None:
+        """A message of ``/passenger_attached``."""
+        self._said = attached
+        self._settle()
+
+    def stated(self, statement: LatchStatement, now_s: float) -> None:
+        self._stated, self._stated_s = statement, now_s
+        self._settle()
+
+    def _settle(self) -> None:
+        if self.closed:
+            self.attached = True
+        elif self._stated is not None:
+            self.attached = self._stated.attached
+        elif self._said is not None:
+            self.attached = self._said
+
+    def loose(self, stands: bool) -> Finding:
+        """The latch lets go of a wheelchair, or its contacts contradict each other. Call once per step.
+
+        An opening that is commanded while the robot stands is deliberate: only LATCH_NOT_CLOSED judges it.
+        """
+        reading = self._reading
+        if reading is None:
+            return _UNKNOWN
+        was_held, self._held = self._held, self.attached and reading.confirmed
+        if was_held and self.attached and not self._held and not (reading.opening and stands):
+            return Finding(Level.PRESENT, SafetyAction.EMERGENCY_STOP, detail=reading.describe())
+        return CLEAR
+
+    def not_held(self, source: str | None, now_s: float) -> Finding:
+        """A wheelchair is attached that the latch does not hold: only undocking may move the robot, at creep speed.
+
+        source: the topic of the highest fresh command, None without one.
+        """
+        reading = self._reading
+        if reading is None:
+            return _UNKNOWN
+        if not reading.contradictory and (reading.confirmed or not self.attached):
+            return CLEAR
+        if self._undocks(now_s) and source in (None, _UNDOCKING_SOURCE):
+            return Finding(Level.PRESENT, SafetyAction.LIMIT, self._undocking_limit, reading.describe())
+        return Finding(Level.PRESENT, SafetyAction.STOP, detail=f"{reading.describe()}: undock")
+
+    def _undocks(self, now_s: float) -> bool:
+        fresh = age_s(now_s, self._stated_s) <= self._stale_s
+        return fresh and self._stated is not None and self._stated.undocking
+
+
+_UNDOCKING_SOURCE = "/docking/cmd_vel"

@@ -1,0 +1,227 @@
+"""A wheelchair on the latch: attached, held, loose, and what may move the robot then."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import SafetyAction, SafetyState
+from robot_stack.core.geometry import Twist2
+from robot_stack.core.limits import SpeedLimit
+from robot_stack.safety.chair_watch import ChairWatch, LatchStatement
+from robot_stack.safety.inputs import LatchReading
+from robot_stack.safety.monitor import Memory
+from tests.unit.safety.story import CLOSED, OPEN, PARAMS, Story
+
+NORMAL, DEGRADED, AVOIDANCE, EMERGENCY = SafetyState
+BOTH = LatchReading(closed=True, open=True, opening=False)
+NEITHER = LatchReading(closed=False, open=False, opening=False)
+ON_COMMAND = replace(NEITHER, opening=True)
+STALE_S = topics.LATCH_STATUS.stale_limit_s
+CREEP_MPS = PARAMS.undocking.max_speed_mps
+HELD, FREE = LatchStatement(attached=True, undocking=False), LatchStatement(attached=False, undocking=False)
+UNDOCKING = LatchStatement(attached=True, undocking=True)
+RIDE_RADPS = 1.0 / 0.0825
+
+
+def riding() -> Story:
+    """With a wheelchair at 1.0 m/s."""
+    story = Story().carry().healthy()
+    state(story, HELD)
+    story.wheel_radps = RIDE_RADPS
+    return story.run(0.5).expect(NORMAL, (), linear_mps=1.0, reason="PASSENGER_ONBOARD")
+
+
+def state(story: Story, statement: LatchStatement) -> Story:
+    story.monitor.observation.chair.stated(statement, story.now_s)
+    return story
+
+
+def test_a_latch_that_lets_go_stops_and_the_reset_permits_nothing_but_a_slow_undocking() -> None:
+    story = riding()
+    story.latch = OPEN
+    story.tick().expect(EMERGENCY, ("CHAIR_LOOSE", "LATCH_NOT_CLOSED"))
+    story.wheel_radps = 0.0
+    story.run(1.0)
+    assert story.reset().success
+    story.request = Twist2(1.0, 0.0, 0.0)
+    story.run(5.0).expect(DEGRADED, ("LATCH_NOT_CLOSED",), linear_mps=0.0, reason="LATCH_NOT_CLOSED")
+    story.request = None
+    story.run(1.0)
+    state(story, UNDOCKING).tick().expect(DEGRADED, ("LATCH_NOT_CLOSED",), linear_mps=CREEP_MPS)
+    assert story.verdict.limit.angular_radps == PARAMS.undocking.max_yaw_rate_radps
+    story.monitor.observation.chair.said(False)
+    state(story, FREE).tick().expect(NORMAL, (), linear_mps=1.5)
+
+
+@pytest.mark.parametrize("reading", [OPEN, NEITHER, BOTH, ON_COMMAND])
+def test_every_reading_but_a_confirmed_one_is_a_loose_chair_while_the_robot_moves(reading: LatchReading) -> None:
+    story = riding()
+    story.latch = reading
+    story.tick().expect(EMERGENCY, ("CHAIR_LOOSE", "LATCH_NOT_CLOSED"))
+    assert f"closed={int(reading.closed)}, open={int(reading.open)}" in story.monitor.details["CHAIR_LOOSE"]
+
+
+def test_a_contact_that_comes_back_clears_only_what_is_not_latched() -> None:
+    story = riding()
+    story.latch = NEITHER
+    story.tick()
+    story.latch = CLOSED
+    story.run(0.1).expect(EMERGENCY, ("CHAIR_LOOSE",))
+    story.wheel_radps = 0.0
+    story.run(1.0)
+    assert story.reset().success
+    story.expect(NORMAL, (), linear_mps=1.0)
+
+
+def test_a_latch_that_opens_on_command_at_standstill_is_no_emergency() -> None:
+    story = riding()
+    story.wheel_radps = 0.0
+    story.run(0.5)
+    state(story, UNDOCKING)
+    story.latch = ON_COMMAND
+    story.tick().expect(DEGRADED, ("LATCH_NOT_CLOSED",), linear_mps=CREEP_MPS)
+    story.latch = OPEN
+    story.tick().expect(DEGRADED, ("LATCH_NOT_CLOSED",), linear_mps=CREEP_MPS)
+
+
+def test_a_latch_that_opens_at_standstill_without_a_command_is_loose() -> None:
+    story = riding()
+    story.wheel_radps = 0.0
+    story.run(0.5)
+    story.latch = NEITHER
+    story.tick().expect(EMERGENCY, ("CHAIR_LOOSE", "LATCH_NOT_CLOSED"))
+
+
+def test_silent_joint_states_are_no_standstill() -> None:
+    story = riding()
+    story.wheel_radps = None
+    story.latch = ON_COMMAND
+    story.run(0.2)
+    assert "CHAIR_LOOSE" in story.verdict.faults
+
+
+def open_and_undocking() -> Story:
+    story = riding()
+    story.wheel_radps = 0.0
+    story.run(0.5)
+    state(story, UNDOCKING)
+    story.latch = OPEN
+    story.monitor.observation.chair.contacts(ON_COMMAND)
+    return story.step()
+
+
+def test_an_undocking_that_is_stated_no_more_permits_nothing() -> None:
+    open_and_undocking().before(STALE_S).expect(DEGRADED, linear_mps=CREEP_MPS).past().expect(DEGRADED, linear_mps=0.0)
+    story = state(open_and_undocking(), HELD)
+    story.tick().expect(DEGRADED, ("LATCH_NOT_CLOSED",), linear_mps=0.0)
+
+
+@pytest.mark.parametrize(
+    ("source", "limit_mps"), [("/docking/cmd_vel", CREEP_MPS), ("/cmd_vel", 0.0), ("/teleop/cmd_vel", 0.0)]
+)
+def test_only_the_docking_controller_may_move_the_robot(source: str, limit_mps: float) -> None:
+    story = open_and_undocking()
+    story.monitor.observation.commands.request(source, Twist2(-0.1, 0.0, 0.0), story.now_s)
+    story.tick().expect(DEGRADED, ("LATCH_NOT_CLOSED",), linear_mps=limit_mps)
+
+
+def test_contacts_that_contradict_each_other_stop_an_empty_robot() -> None:
+    story = Story().healthy()
+    story.latch = BOTH
+    story.tick().expect(DEGRADED, ("LATCH_NOT_CLOSED",), linear_mps=0.0)
+    story.latch = OPEN
+    story.tick().expect(NORMAL, ())
+
+
+def test_contacts_that_cannot_be_read_neither_raise_nor_clear() -> None:
+    story = Story(rows=("ESTOP_PRESSED", "CHAIR_LOOSE", "LATCH_NOT_CLOSED")).carry().run(1.0).expect(NORMAL, ())
+    state(story, HELD)
+    story.latch = None
+    story.run(1.0).expect(NORMAL, (), linear_mps=1.0)
+    story.latch = OPEN
+    story.tick().expect(EMERGENCY, ("CHAIR_LOOSE", "LATCH_NOT_CLOSED"))
+    story.latch = None
+    story.run(1.0).expect(EMERGENCY, ("CHAIR_LOOSE", "LATCH_NOT_CLOSED"))
+    assert "CHAIR_LOOSE: cannot be judged now" in story.reset().message
+
+
+@pytest.mark.parametrize("statement", [HELD, None])
+def test_a_loose_chair_outlives_a_restart_of_the_monitor(statement: LatchStatement | None) -> None:
+    story = Story(memory=Memory(passenger=True))
+    story.run(3.0)
+    if statement is not None:
+        state(story, statement)
+    story.run(1.0).expect(DEGRADED, ("LATCH_NOT_CLOSED",), linear_mps=0.0)
+    state(story, FREE)
+    story.run(0.1).expect(NORMAL, (), linear_mps=1.5)
+
+
+@pytest.mark.parametrize("statement", [HELD, None])
+def test_a_false_ends_nothing_while_the_latch_is_closed(statement: LatchStatement | None) -> None:
+    story = Story().carry().healthy()
+    if statement is not None:
+        state(story, statement)
+    story.monitor.observation.chair.said(False)
+    story.run(1.0).expect(NORMAL, (), linear_mps=1.0, reason="PASSENGER_ONBOARD")
+    assert story.monitor.memory.passenger
+
+
+def test_a_false_of_another_does_not_free_a_loose_chair() -> None:
+    story = riding()
+    story.latch = OPEN
+    story.tick()
+    story.monitor.observation.chair.said(False)
+    story.run(0.1).expect(EMERGENCY, ("CHAIR_LOOSE", "LATCH_NOT_CLOSED"))
+
+
+LIMIT = SpeedLimit(0.15, 0.10)
+
+
+def test_who_attaches_and_detaches() -> None:
+    found = ChairWatch(False, LIMIT, STALE_S)
+    found.said(True)
+    assert (found.attached, found.carried) == (True, True)  # nobody states more: it counts
+    found.said(False)
+    assert (found.attached, found.carried) == (False, False)
+    found.contacts(CLOSED)
+    assert (found.closed, found.attached, found.carried) == (True, True, True)
+    found.contacts(OPEN)
+    assert (found.closed, found.attached, found.carried) == (False, False, False)
+    found.stated(FREE, 0.0)
+    found.said(True)
+    assert (found.attached, found.carried) == (False, True)  # its limits and outline; no chair that could be loose
+    found.stated(HELD, 0.0)
+    assert found.attached
+    found.said(False)
+    assert found.carried
+
+
+def test_nothing_said_keeps_what_was() -> None:
+    for before in (False, True):
+        found = ChairWatch(before, LIMIT, STALE_S)
+        found.contacts(OPEN)
+        found.contacts(None)
+        assert (found.attached, found.carried, found.closed) == (before, before, False)
+        assert found.loose(stands=True).level.name == "UNKNOWN"
+        assert found.not_held(None, math.nan).level.name == "UNKNOWN"
+
+
+def test_an_attached_chair_that_was_never_held_is_not_let_go() -> None:
+    found = ChairWatch(True, LIMIT, STALE_S)
+    found.contacts(OPEN)
+    assert found.loose(stands=False).level.name == "CLEAR"
+    assert found.not_held(None, 0.0).action is SafetyAction.STOP
+
+
+def test_a_chair_that_is_stated_free_as_the_latch_opens_is_not_let_go() -> None:
+    found = ChairWatch(False, LIMIT, STALE_S)
+    found.contacts(CLOSED)
+    assert found.loose(stands=True).level.name == "CLEAR"
+    found.stated(FREE, 0.0)
+    found.contacts(NEITHER)
+    assert found.loose(stands=False).level.name == "CLEAR"
+    assert found.not_held(None, 0.0).level.name == "CLEAR"

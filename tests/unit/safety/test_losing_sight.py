@@ -1,0 +1,99 @@
+"""A robot that loses sight brakes hard and is judged by where the obstacles were; one that assumes a chair sees all."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from robot_stack.contract import topics
+from robot_stack.contract.model import SafetyState
+from robot_stack.core.geometry import Twist2
+from robot_stack.safety.chair_watch import LatchStatement
+from tests.unit.safety.story import CLOSED, ROBOT, Story
+
+NORMAL, DEGRADED, AVOIDANCE, EMERGENCY = SafetyState
+STALE_S = topics.OBSTACLES.stale_limit_s
+BUMPER_M = ROBOT.footprint.front_m
+RIDE = Twist2(1.0, 0.0, 0.0)
+
+
+def things(x_m: float) -> NDArray[np.float32]:
+    """Somebody 0.4 m wide."""
+    return np.array([(x_m, y, z) for y in (-0.2, -0.1, 0.0, 0.1, 0.2) for z in (0.3, 1.0)], np.float32)
+
+
+def riding() -> Story:
+    story = Story().healthy()
+    story.driven = story.request = RIDE
+    story.wheel_radps = RIDE.vx / ROBOT.wheel_radius_m
+    return story
+
+
+@pytest.mark.parametrize(("sensor", "row"), [("sweep", "LIDAR_TIMEOUT"), ("overhead", "LIDAR_TIMEOUT")])
+def test_a_lidar_that_falls_silent_is_a_hard_stop(sensor: str, row: str) -> None:
+    story = riding()
+    setattr(story, sensor, None)
+    story.run(0.6).expect(DEGRADED, (row,), linear_mps=0.0)
+    assert story.verdict.hard
+
+
+def test_without_perception_the_robot_brakes_hard_and_its_last_map_is_judged_until_it_stands() -> None:
+    story = riding()
+    story.obstacles = things(BUMPER_M + 3.4)
+    story.run(0.2).expect(NORMAL, ())
+    story.obstacles = None
+    story.run(STALE_S + 0.06)
+    assert "OBSTACLES_TIMEOUT" in story.verdict.faults
+    assert story.verdict.hard
+    assert "COLLISION_IMMINENT" not in story.verdict.faults
+    story.run(2.0)  # nothing brakes: it comes nearer by the wheels
+    assert "COLLISION_IMMINENT" in story.verdict.faults
+    assert 0.0 < story.monitor.nearest_obstacle_m < 1.3
+    story.wheel_radps = 0.0
+    story.run(0.1)
+    assert math.isnan(story.monitor.nearest_obstacle_m)
+
+
+def test_obstacles_that_never_came_are_not_judged() -> None:
+    story = Story()
+    story.obstacles = None
+    story.driven = RIDE
+    story.wheel_radps = RIDE.vx / ROBOT.wheel_radius_m
+    story.run(1.0)
+    assert math.isnan(story.monitor.nearest_obstacle_m)
+
+
+@pytest.mark.parametrize("before_m", [0.25, 0.5, 0.75])
+def test_a_chair_that_is_assumed_hides_nobody(before_m: float) -> None:
+    story = Story().healthy()
+    story.monitor.observation.chair.stated(LatchStatement(attached=False, undocking=False), story.now_s)
+    story.monitor.observation.chair.said(True)
+    story.obstacles = things(BUMPER_M + before_m)
+    story.run(0.2)
+    assert story.monitor.passenger
+    assert story.monitor.nearest_obstacle_m == 0.0  # within the outline of the chair
+    story.driven = story.request = RIDE
+    story.run(0.1).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
+
+
+def test_who_sits_in_a_chair_on_the_closed_latch_is_no_obstacle() -> None:
+    story = Story().carry().healthy()
+    assert story.latch is CLOSED
+    story.obstacles = things(BUMPER_M + 0.5)
+    story.run(0.2)
+    story.driven = story.request = RIDE
+    story.run(0.1).expect(NORMAL, (), linear_mps=1.0, reason="PASSENGER_ONBOARD")
+    assert story.monitor.nearest_obstacle_m == math.inf
+
+
+def test_an_assumed_chair_is_part_of_the_outline() -> None:
+    """What is 0.3 m before a chair is 1.2 m before the robot."""
+    chair_m = ROBOT.footprint_with_chair.front_m
+    story = Story().healthy()
+    story.monitor.observation.chair.said(True)
+    story.obstacles = things(chair_m + 0.3)
+    story.run(0.2)
+    assert story.monitor.nearest_obstacle_m == pytest.approx(0.3, abs=1e-6)
