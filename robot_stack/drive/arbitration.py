@@ -1,7 +1,7 @@
 """Who holds the drive: of the sources that command it, the highest one that has spoken lately.
 
-The end of an emergency stop starts no motion (ISO 13850): a source that commands one right then, a stick that is held
-or a planner that has gone on, must first ask for standstill or fall silent, and then ask anew.
+The end of an emergency stop starts no motion (ISO 13850): every source must ask for standstill after it, and then ask
+anew. Silence is not enough: a planner that pauses, or a stick whose messages have gaps, would move the robot by itself.
 """
 
 from __future__ import annotations
@@ -51,6 +51,8 @@ class Arbiter:
         # time of reception, twist, rate
         self._commands = dict.fromkeys(Source, _SILENT)
         self._must_rest: set[Source] = set()
+        self._stopped = False
+        self._released_s = -math.inf
 
     def command(self, source: Source, twist: Twist2, now_s: float, sent_ago_s: float = 0.0) -> str | None:
         """Takes a command (m/s, rad/s, base_link) received at ``now_s``, steady seconds.
@@ -71,26 +73,26 @@ class Arbiter:
         known = 0.0 < now_s - before_s <= source.timeout_s
         rate = _rate(before, twist, now_s - before_s) if known else ZERO_TWIST
         self._commands[source] = (now_s, twist, rate)
+        if twist == ZERO_TWIST and not self._stopped and now_s - sent_ago_s >= self._released_s:
+            self._must_rest.discard(source)
         return None
 
-    def stopped(self, now_s: float) -> None:
-        """An emergency stop is in force: who commands a motion now must rest after it before it is obeyed.
+    def stopped(self) -> None:
+        """An emergency stop is in force: after it every source must ask for standstill before it is obeyed.
 
         Call at every tick as long as it is, and ``released`` at every other.
         """
-        self._must_rest = {source for source in Source if not self._rests(source, now_s)}
+        self._stopped = True
+        self._must_rest = set(Source)
 
     def released(self, now_s: float) -> None:
-        """No emergency stop is in force: a source that rests now may ask again."""
-        self._must_rest = {source for source in self._must_rest if not self._rests(source, now_s)}
+        """No emergency stop is in force: a standstill that is asked for from now on counts."""
+        if self._stopped:
+            self._stopped, self._released_s = False, now_s
 
     def must_rest(self, source: Source | None) -> bool:
         """True while a source has not asked for standstill since the emergency stop."""
         return source in self._must_rest
-
-    def _rests(self, source: Source, now_s: float) -> bool:
-        received_s, twist, _ = self._commands[source]
-        return twist == ZERO_TWIST or not 0.0 <= now_s - received_s <= source.timeout_s
 
     def holder(self, now_s: float) -> Source | None:
         """The source that holds the drive at ``now_s``. A command from the future (time ran back) does not count."""

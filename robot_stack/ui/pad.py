@@ -8,6 +8,8 @@ from robot_stack.core.geometry import Twist2
 from robot_stack.ui.params import PadParams
 
 STILL = Twist2(0.0, 0.0, 0.0)
+# After an emergency stop a finger begins with so long a standstill [s], which the drive waits for: two messages.
+_STILL_FIRST_S = 0.1
 # Two clocks drift apart, by far less than this [s/s]; a link that stalls for a second gains a millisecond.
 _DRIFT = 1e-3
 
@@ -23,7 +25,8 @@ class DeadManPad:
         self._params = params
         self._holder: int | None = None
         self._twist = STILL
-        self._heard_s = -math.inf
+        self._heard_s = self._moves_from_s = -math.inf
+        self._still_first_s = 0.0
         self._fastest: dict[int, tuple[float, float]] = {}  # page: least offset of its clock [s], and when
         self._ends = False
 
@@ -39,7 +42,7 @@ class DeadManPad:
         if self._late_s(client, at_s, now_s) > self._params.stale_s:
             return True  # neither a command nor a sign of life
         if self._holder != client:
-            self._begin(client)
+            self._begin(client, now_s)
         self._heard_s = now_s
         self._twist = self._scaled(x, y, turn)
         return True
@@ -54,12 +57,16 @@ class DeadManPad:
         self.lift(client)
         self._fastest.pop(client, None)
 
+    def stopped(self) -> None:
+        """There was an emergency stop: from now on every finger begins with a standstill. From any thread."""
+        self._still_first_s = _STILL_FIRST_S
+
     def command(self, now_s: float) -> Twist2 | None:
         """What to publish now: a twist while the finger is there, one standstill after it, then None."""
         if self._holder is not None and not self._fresh(now_s):
             self._end()
         if self._holder is not None:
-            return self._twist
+            return self._twist if now_s >= self._moves_from_s else STILL
         ends, self._ends = self._ends, False
         return STILL if ends else None
 
@@ -73,8 +80,8 @@ class DeadManPad:
         self._fastest[client] = (least_s, now_s)
         return offset_s - least_s
 
-    def _begin(self, client: int) -> None:
-        self._holder, self._twist = client, STILL
+    def _begin(self, client: int, now_s: float) -> None:
+        self._holder, self._twist, self._moves_from_s = client, STILL, now_s + self._still_first_s
 
     def _end(self) -> None:
         self._holder, self._twist, self._ends = None, STILL, True

@@ -163,7 +163,10 @@ class Stage(Story):
     # --- acts --------------------------------------------------------------------------------------------------------
 
     def drive(self, vx_mps: float, vy_mps: float = 0.0, omega_radps: float = 0.0) -> None:
-        """Holds the stick, at 20 Hz, until ``let_go``."""
+        """Holds the stick, at 20 Hz, until ``let_go``. It begins at rest, as a joystick does."""
+        if self._stick is None:
+            self._stick = TwistStamped()
+            self.run(2.0 * _STICK_PERIOD_S)
         message = TwistStamped()
         message.twist.linear.x, message.twist.linear.y, message.twist.angular.z = vx_mps, vy_mps, omega_radps
         self._stick = message
@@ -175,6 +178,8 @@ class Stage(Story):
 
     def let_go(self) -> None:
         """Returns when the drive takes the stick for released."""
+        self._stick = TwistStamped()
+        self.run(2.0 * _STICK_PERIOD_S)
         self._stick = None
         self.run(2.0 * topics.TELEOP_CMD_VEL.stale_limit_s)
 

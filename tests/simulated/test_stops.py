@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from geometry_msgs.msg import TwistStamped
 from std_msgs.msg import Bool
 
 from custom_msgs.srv import ClearEmergencyStop
@@ -29,6 +30,25 @@ def test_a_false_alone_ends_no_stop_and_the_end_of_a_stop_starts_no_motion() -> 
         stage.let_go()
         stage.wait_stands(6.0)
         assert stage.safety.last.safety_state == "NORMAL"
+
+
+@pytest.mark.parametrize(("period_s", "pause_s"), [(0.25, 0.0), (0.05, 0.5)])
+def test_a_command_that_has_gaps_starts_no_motion_after_a_release(period_s: float, pause_s: float) -> None:
+    """A stick or planner at 4 Hz is stale between two messages; one that pauses is silent. Neither has rested."""
+    with staged() as stage:
+        stage.estop(True)
+        stage.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
+        stage.release()
+        stage.wait_safety("NORMAL")
+        command = TwistStamped()
+        command.twist.linear.x = 0.5
+        for _ in range(3):
+            begun_s = stage.now_s
+            while stage.now_s < begun_s + 1.0:
+                stage.publish(topics.TELEOP_CMD_VEL, command)
+                stage.stays(lambda: stage.stands, "the robot stands", period_s)
+            stage.stays(lambda: stage.stands, "the robot stands", pause_s)
+        assert "must ask for standstill first" in stage.log("swerve_controller")
 
 
 def test_the_button_holds_the_robot_whatever_others_publish() -> None:

@@ -80,7 +80,7 @@ class SwerveControllerNode(StackNode):
     # --- commands ----------------------------------------------------------------------------------------------------
 
     def on_emergency_stop(self) -> None:
-        self._arbiter.stopped(self.steady_s())
+        self._arbiter.stopped()
         self._publish_commands(self._controller.halt(self.steady_s()))
 
     def safe_output(self) -> None:
@@ -99,7 +99,7 @@ class SwerveControllerNode(StackNode):
 
     def _permission(self, now_s: float) -> Permission:
         if self.emergency_stop:
-            self._arbiter.stopped(now_s)
+            self._arbiter.stopped()
         else:
             self._arbiter.released(now_s)
         holder, requested = self._arbiter.requested(now_s)

@@ -73,6 +73,10 @@ class Hub:
         self.awaited: frozenset[p.Layer] = frozenset()
         self.connected = self.pages = 0
 
+    def stopped(self) -> None:
+        """There was an emergency stop. From the node's own loop."""
+        self._desk.pad.stopped()
+
     # --- pages -------------------------------------------------------------------------------------------------------
 
     def full(self) -> bool:

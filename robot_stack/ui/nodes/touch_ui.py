@@ -70,6 +70,9 @@ class TouchUiNode(StackNode):
 
     # --- in the node's own loop --------------------------------------------------------------------------------------
 
+    def on_emergency_stop(self) -> None:
+        self._hub.stopped()
+
     def _send_frame(self, layer: p.Layer, data: bytes) -> None:
         self._server.frame(layer, data)
 

@@ -89,50 +89,73 @@ def test_no_rate_across_a_pause_and_none_from_overflow():
 # --- after an emergency stop -----------------------------------------------------------------------------------------
 
 
-def test_a_command_that_outlasts_an_emergency_stop_is_not_obeyed_until_it_has_rested():
+def released(*, at_s: float = 1.0) -> Arbiter:
+    """An emergency stop has ended."""
     arbiter = Arbiter()
-    arbiter.command(Source.TELEOP, A, 0.0)
-    assert not arbiter.must_rest(Source.TELEOP)
-    arbiter.stopped(0.0)
-    arbiter.command(Source.TELEOP, A, 0.1)
-    arbiter.released(0.1)
+    arbiter.stopped()
+    arbiter.released(at_s)
+    return arbiter
+
+
+def test_nobody_needs_to_rest_before_the_first_stop():
+    arbiter = Arbiter()
+    arbiter.released(0.0)
+    assert not any(arbiter.must_rest(source) for source in Source)
+
+
+def test_a_held_command_is_obeyed_only_after_an_explicit_standstill():
+    arbiter = released()
+    arbiter.command(Source.TELEOP, A, 1.1)
     assert arbiter.must_rest(Source.TELEOP)
-    arbiter.command(Source.TELEOP, ZERO_TWIST, 0.15)
-    arbiter.released(0.15)
-    assert not arbiter.must_rest(Source.TELEOP)
-    arbiter.command(Source.TELEOP, A, 0.2)
-    arbiter.released(0.2)
+    arbiter.command(Source.TELEOP, ZERO_TWIST, 1.2)
+    arbiter.command(Source.TELEOP, A, 1.3)
+    arbiter.released(1.4)
     assert not arbiter.must_rest(Source.TELEOP)
 
 
-def test_silence_is_rest_and_each_source_rests_for_itself():
-    arbiter = Arbiter()
-    arbiter.command(Source.TELEOP, A, 0.0)
-    arbiter.command(Source.NAVIGATION, B, 0.1)
-    arbiter.stopped(0.1)
-    arbiter.released(0.2)
-    assert [arbiter.must_rest(source) for source in Source] == [True, False, True]
-    arbiter.released(0.21)
-    assert [arbiter.must_rest(source) for source in Source] == [True, False, False]
+@pytest.mark.parametrize("gap_s", [0.25, 0.5, 3.6, 3600.0])
+def test_silence_is_no_rest(gap_s: float):
+    arbiter = released()
+    arbiter.command(Source.NAVIGATION, A, 1.1)
+    arbiter.released(1.1 + gap_s)
+    arbiter.command(Source.NAVIGATION, A, 1.1 + gap_s)
+    assert arbiter.must_rest(Source.NAVIGATION)
 
 
-def test_rest_during_the_stop_does_not_help_who_commands_at_its_end():
+def test_a_source_that_was_silent_all_the_time_must_ask_for_standstill_too():
+    assert all(released().must_rest(source) for source in Source)
+    assert not released().must_rest(None)
+
+
+def test_each_source_rests_for_itself():
+    arbiter = released()
+    arbiter.command(Source.DOCKING, ZERO_TWIST, 1.1)
+    assert [arbiter.must_rest(source) for source in Source] == [source is not Source.DOCKING for source in Source]
+
+
+def test_a_standstill_during_the_stop_does_not_count():
     arbiter = Arbiter()
-    arbiter.command(Source.TELEOP, ZERO_TWIST, 0.1)
-    arbiter.stopped(0.1)
-    arbiter.command(Source.TELEOP, A, 0.2)
-    arbiter.stopped(0.2)
-    arbiter.released(0.25)
+    arbiter.stopped()
+    arbiter.command(Source.TELEOP, ZERO_TWIST, 0.5)
+    arbiter.stopped()
+    arbiter.released(1.0)
+    assert arbiter.must_rest(Source.TELEOP)
+    arbiter.command(Source.TELEOP, ZERO_TWIST, 1.1, sent_ago_s=0.15)  # sent before the release
+    assert arbiter.must_rest(Source.TELEOP)
+    arbiter.command(Source.TELEOP, ZERO_TWIST, 1.1, sent_ago_s=0.1)
+    assert not arbiter.must_rest(Source.TELEOP)
+
+
+def test_the_next_stop_asks_for_the_next_standstill():
+    arbiter = released()
+    arbiter.command(Source.TELEOP, ZERO_TWIST, 1.1)
+    arbiter.stopped()
+    arbiter.released(2.0)
     assert arbiter.must_rest(Source.TELEOP)
 
 
-def test_who_rested_until_the_end_may_ask():
-    arbiter = Arbiter()
-    arbiter.command(Source.TELEOP, A, 0.0)
-    arbiter.stopped(0.0)
-    arbiter.command(Source.TELEOP, ZERO_TWIST, 0.1)
-    arbiter.stopped(0.1)
-    arbiter.command(Source.TELEOP, A, 0.15)
-    arbiter.released(0.15)
-    assert not arbiter.must_rest(Source.TELEOP)
-    assert not arbiter.must_rest(None)
+@pytest.mark.parametrize("nearly", [Twist2(math.nan, 0.0, 0.0), Twist2(1e-9, 0.0, 0.0), Twist2(0.0, 0.0, -1e-9)])
+def test_what_is_no_explicit_standstill_does_not_count(nearly: Twist2):
+    arbiter = released()
+    arbiter.command(Source.TELEOP, nearly, 1.1)
+    assert arbiter.must_rest(Source.TELEOP)

@@ -102,6 +102,16 @@ def test_the_pad_drives_while_the_finger_is_there(desk: d.Desk, params: TouchUiP
     assert desk.pad.command(0.08) is None
 
 
+def test_after_an_emergency_stop_a_finger_begins_with_a_standstill(desk: d.Desk, params: TouchUiParams) -> None:
+    desk.take(STAFF, pad(0.0), 0.0)
+    desk.pad.stopped()
+    assert desk.pad.command(0.01) == Twist2(params.pad.linear_mps, 0.0, 0.0)  # the drive obeys no held finger
+    desk.take(STAFF, say('{"t": "lift"}'), 0.02)
+    desk.take(STAFF, pad(1000.0), 1.0)
+    assert [desk.pad.command(now_s) for now_s in (1.01, 1.05, 1.09)] == [STILL] * 3
+    assert desk.pad.command(1.11) == Twist2(params.pad.linear_mps, 0.0, 0.0)
+
+
 def test_silence_is_a_stop(desk: d.Desk, params: TouchUiParams) -> None:
     desk.take(STAFF, pad(0.0), 0.0)
     assert desk.pad.command(params.pad.stale_s) != STILL
