@@ -117,7 +117,7 @@ def state_at(grid: OccupancyGrid, x_m: float, y_m: float) -> int:
 
 def test_obstacles_and_space_of_half_sweeps(node: NodeProcess, peer: Peer, lidar: Lidar) -> None:
     obstacles, space, unseen = (peer.listen(row) for row in (topics.OBSTACLES, topics.SPACE, topics.UNSEEN_SPACE))
-    moving = peer.listen(topics.MOVING)
+    moving, no_ground = peer.listen(topics.MOVING), peer.listen(topics.NO_GROUND)
     peer.repeat(topics.LIDAR_HALF_SWEEP, lidar.half, 20.0)
     wait_for(lambda: len(obstacles.items) >= 10 and len(space.items) >= 5, "ten clouds")
     cloud, ends, grid = obstacles.last, unseen.last, space.last
@@ -125,6 +125,8 @@ def test_obstacles_and_space_of_half_sweeps(node: NodeProcess, peer: Peer, lidar
     assert abs(time.time() - cloud.header.stamp.sec) < 5.0
     assert moving.last.header.frame_id == "base_link"
     assert len(points_of(moving.last, MOVING)) == 0  # nobody
+    assert no_ground.last.header.frame_id == "base_link"
+    assert np.abs(xyz_of(points_of(no_ground.last, XYZ))[:, :2]).max() > 0.6
     xyz = xyz_of(points_of(cloud, XYZ))
     assert len(xyz) > 200
     assert 3.9 < xyz[:, 0].min() < 4.1
