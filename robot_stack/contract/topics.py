@@ -474,6 +474,17 @@ UNSEEN_SPACE = Topic(
     stale_s=0.3,
     queue=8,
 )
+NO_GROUND = Topic(
+    "/perception/no_ground",
+    "sensor_msgs/msg/PointCloud2",
+    qos.SENSOR,
+    ("perception_pipeline",),
+    ("safety_monitor",),
+    "with each obstacle cloud, where the ground ends that has been seen or stood on: the cells beyond it",
+    rate_hz=20.0,
+    stale_s=0.3,
+    queue=8,
+)
 MOVING = Topic(
     "/perception/moving",
     "sensor_msgs/msg/PointCloud2",

@@ -26,6 +26,7 @@ from robot_stack.perception.steps import RingErrors, look_again
 Float = NDArray[np.float32]
 Int = NDArray[np.int32]
 Bytes = NDArray[np.uint8]
+_IN_RANGE = 0.8  # of the ground that a sensor sees: there the second next ring is within its range too
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +47,8 @@ class Profile:
 @dataclass(frozen=True, slots=True)
 class Reach:
     """What follows from a sensor's mounting: first_ground_m: the first ring of ground must be nearer than this;
-    ring_spacing_rad: between its rings; edge_m: beyond this a ramp down hides itself as a drop-off does.
+    ring_spacing_rad: between its rings; edge_m: beyond this a ramp down hides itself as a drop-off does, or the next
+    rings of ground are out of range.
 
     range_bias_m, elevation_bias_rad: by how much two of its rings may be wrong against each other.
     """
@@ -58,8 +60,11 @@ class Reach:
     elevation_bias_rad: float
 
 
-def reach_of(sensor: RangeSensor, params: GroundParams, free: FreeSpaceParams) -> Reach:
-    edge_m = sensor.xyz_m[2] / math.tan(math.radians(params.max_slope_deg))
+def reach_of(sensor: RangeSensor, params: GroundParams, free: FreeSpaceParams, range_m: float) -> Reach:
+    """range_m: greatest range that is used."""
+    height_m = sensor.xyz_m[2]
+    in_range_m = _IN_RANGE * math.sqrt(max(range_m**2 - height_m**2, 0.0))
+    edge_m = min(height_m / math.tan(math.radians(params.max_slope_deg)), in_range_m)
     first_m, tilt_rad = free.first_ground_factor * sensor.first_ground_m(), math.radians(sensor.elevation_bias_deg)
     return Reach(first_m, sensor.ring_spacing_rad, edge_m, 2.0 * sensor.range_bias_m, 2.0 * tilt_rad)
 

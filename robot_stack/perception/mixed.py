@@ -8,6 +8,7 @@ ever pass and show that the place is empty.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numba
@@ -18,6 +19,7 @@ from robot_stack.core.point_cloud import Points
 from robot_stack.perception.crop import readable
 from robot_stack.perception.params import MixedParams
 from robot_stack.perception.polar import HALF_PI, PI, angle_of
+from robot_stack.perception.space.view import View
 
 Float = NDArray[np.float32]
 
@@ -46,6 +48,11 @@ class ChairEdges:
         found = np.zeros(len(xyz), np.bool_)
         _find(np.ascontiguousarray(xyz), self._mount, self._own, found)
         return found
+
+    def without(self, view: View) -> View:
+        """A look without what lies beside the chair: no place is remembered for it, neither thing nor ground."""
+        hits, floor = view.hits[~self.beside(view.hits)], view.floor[~self.beside(view.floor[:, :3])]
+        return replace(view, hits=hits, floor=floor)
 
     def believed(self, xyz: Float, params: MixedParams, points_min: int) -> Float:
         """(k, 3) of obstacle points (n, 3): without those beside the chair that are too few to be a thing."""

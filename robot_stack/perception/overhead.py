@@ -17,7 +17,7 @@ from robot_stack.perception.deskew import Motion
 from robot_stack.perception.mixed import ChairEdges
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.sensor_view import SensorView
-from robot_stack.perception.space.view import SweepViews, View
+from robot_stack.perception.space.view import View
 from robot_stack.perception.voxel import raised, voxels
 
 Float = NDArray[np.float32]
@@ -35,7 +35,7 @@ class Overhead:
         self._view = SensorView(
             robot, params, frames.OVERHEAD_LIDAR, (sensor.min_m, min(sensor.max_m, reach_m)), robot.mast
         )
-        self._views = SweepViews(self._view.grid, min(float(self._view.grid.edges_m[-1]), params.space.reach_m))
+        self._views = self._view.views(min(float(self._view.grid.edges_m[-1]), params.space.reach_m))
         spacing_rad = (sensor.ring_spacing_rad, math.radians(sensor.span_deg) / sensor.columns)
         self._chair_edges = ChairEdges(self._view.mount, self._view.turned, self._view.cut[True][-1], spacing_rad)
         self._crowd = crowd_of(sensor, params.obstacles, params.overhead.range_m)
@@ -59,9 +59,10 @@ class Overhead:
             things = self._chair_edges.believed(things, self._params.mixed, self._params.mixed.overhead_points_min)
         self._obstacles = told = voxels(things, self._params.obstacles.voxel_m)
         self._stamp_s = stamp_s
+        look = self._views.view(stamp_s, seen.sensor_m, seen.tilt, told, seen.points, seen.profile)
         if chair:
-            told = told[~self._chair_edges.beside(told)]
-        return replace(self._views.view(stamp_s, seen.sensor_m, told, seen.points, seen.profile), specks=found)
+            look = self._chair_edges.without(look)
+        return replace(look, specks=found)
 
     def at(self, stamp_s: float) -> Float:
         """(k, 3) base_link at the stamp; none from a frame that is older than ``keep_s``."""

@@ -245,6 +245,27 @@ class SpaceParams(Config):
         return 0.75 * self.size_m
 
 
+class FootingParams(Config):
+    """Where the ground falls.
+
+    An edge is where it falls by more than ``fall_m`` from one patch of 0.15 m to the next, and by ``more_m`` more than
+    before or behind it; or by more than ``steep_m``. Where what is behind is hidden, ramps of ``slope_deg`` may explain
+    the rest, up to ``gap_m`` away. sigma_m: of one return's height, three times; returns_max: so many of the last ones
+    make a cell's height. range_m: around base_link, where edges are sought. reach_m: so far beyond known footing begins
+    what is none.
+    """
+
+    fall_m: Positive
+    more_m: Positive
+    steep_m: Positive
+    slope_deg: Annotated[float, Field(gt=0.0, lt=45.0)]
+    sigma_m: Positive
+    gap_m: Positive
+    range_m: Positive
+    returns_max: Annotated[int, Field(ge=1, le=1000)]
+    reach_m: Positive
+
+
 class PerceptionParams(Config):
     """Everything the node can be told."""
 
@@ -257,4 +278,5 @@ class PerceptionParams(Config):
     overhead: OverheadParams
     mixed: MixedParams
     space: SpaceParams
+    footing: FootingParams
     output: OutputParams

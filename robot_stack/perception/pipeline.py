@@ -20,9 +20,11 @@ from robot_stack.perception.mixed import ChairEdges
 from robot_stack.perception.overhead import Overhead
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.sensor_view import Segmented, SensorView
+from robot_stack.perception.space.footing import Footing
+from robot_stack.perception.space.kernels import OCCUPIED
 from robot_stack.perception.space.movers import Movers
-from robot_stack.perception.space.space import Space
-from robot_stack.perception.space.view import SweepViews, View
+from robot_stack.perception.space.space import Space, SpaceGrid
+from robot_stack.perception.space.view import View
 from robot_stack.perception.voxel import raised, voxels
 from robot_stack.perception.watch import DIRECTIONS
 
@@ -32,7 +34,8 @@ _NOTHING: Float = np.empty((0, 3), np.float32)
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Points (n, 3) in base_link at stamp_s: obstacles, seen and remembered; unseen: where known space ends.
+    """Points (n, 3) in base_link at stamp_s: obstacles, seen and remembered; unseen: where known space ends;
+    no_ground: where known footing ends.
 
     moving: (n, 5) points of who moves, and their velocity over ground in base_link's axes: x, y, z, vx, vy.
     """
@@ -40,6 +43,7 @@ class Scene:
     stamp_s: float
     obstacles: Float
     unseen: Float
+    no_ground: Float
     moving: Float
     broken: int
 
@@ -58,8 +62,9 @@ class Pipeline:
         self._chair_edges = ChairEdges(self._view.mount, self._view.turned, self._view.cut[True][-1], all_heights)
         self._outlines = {chair: self._outline(chair) for chair in (False, True)}
         self._last: tuple[float, Float] | None = None
-        self._views = SweepViews(self._view.grid, params.space.reach_m)
+        self._views = self._view.views(params.space.reach_m)
         self.space = Space(params.space, robot)
+        self.footing = Footing(params.footing, params.space)
         self._movers, self._movers_above = Movers(params.space.movers), Movers(params.space.movers)
         self._overhead: Overhead | None = None
         if frames.OVERHEAD_LIDAR in robot.range_sensors:
@@ -70,6 +75,7 @@ class Pipeline:
         """Nothing was seen before the next sweep."""
         self._last = None
         self.space.forget()
+        self.footing.forget()
         self._movers.forget()
         self._movers_above.forget()
         if self._overhead is not None:
@@ -99,19 +105,27 @@ class Pipeline:
         obstacles = np.concatenate([obstacles, self._edges(seen.profile)])
         fresh = voxels(obstacles, params.voxel_m, params.far_m, params.far_column_m)
         pose = self.motion.pose_at(stamp_s)
-        told = fresh[~self._chair_edges.beside(fresh)] if self.chair else fresh
-        look = self._views.view(stamp_s, seen.sensor_m, told, seen.points, seen.profile)
+        look = self._views.view(stamp_s, seen.sensor_m, seen.tilt, fresh, seen.points, seen.profile)
+        if self.chair:
+            look = self._chair_edges.without(look)
         self._observe(replace(look, specks=specks), pose, self._movers)
         known = self.space.remembered(pose, stamp_s - self._params.output.keep_s)
         shown = self._with_other_half(fresh, seen.profile, stamp_s)
-        obstacles = np.concatenate([shown, self._from_above(stamp_s), known, close])
+        obstacles = np.concatenate([shown, self._from_above(stamp_s), known, close, self._falls(pose)])
         moving = np.concatenate([movers.at(stamp_s, pose) for movers in (self._movers, self._movers_above)])
-        return Scene(stamp_s, obstacles, self.space.frontier(pose), moving, broken)
+        return Scene(stamp_s, obstacles, self.space.frontier(pose), self.footing.ends(pose), moving, broken)
+
+    def grid(self) -> SpaceGrid:
+        """The space as it is now, edges among what is occupied."""
+        known = self.space.grid()
+        return replace(known, state=np.where(self.footing.drop, OCCUPIED, known.state))
 
     def _observe(self, look: View, pose: Pose2, movers: Movers) -> None:
         """movers: those that the same sensor has shown."""
         self.space.chair(self.chair)
         self.space.observe(look, pose)
+        own = self._robot.footprint_with_chair if self.chair else self._robot.footprint
+        self.footing.observe(look.floor, look.tilt, pose, own)
         for body, vx_mps, vy_mps in movers.look(self.space.come(look, pose), look.stamp_s, self.space.would_see):
             self.space.go_on(body, vx_mps, vy_mps, pose)
 
@@ -146,6 +160,12 @@ class Pipeline:
         away, z = profile.drop_m[found], profile.drop_height_m[found] + self._params.ground.obstacle_min_m
         xyz = np.stack([self._mount[0] + away * np.cos(angles), self._mount[1] + away * np.sin(angles), z], axis=1)
         return xyz.astype(np.float32)
+
+    def _falls(self, pose: Pose2) -> Float:
+        """(k, 3) points where the ground falls, as high above it as the lowest obstacle."""
+        found = self.footing.edges(pose)
+        found[:, 2] = self._params.ground.obstacle_min_m
+        return found
 
     def _with_other_half(self, fresh: Float, profile: ground.Profile, stamp_s: float) -> Float:
         covered = profile.covered

@@ -15,13 +15,17 @@ from robot_stack.perception.crop import beside_mast, boxes, crop
 from robot_stack.perception.deskew import LEVEL, Attitude, Motion, deskew
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.polar import Sorted, make_grid, sort_points
+from robot_stack.perception.space.view import SweepViews
 
 Float = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
 class Segmented:
-    """xyz: (n, 3) base_link; labels: (n,) of ``cells``; height_m: (n,) above the local ground. sensor_m: levelled."""
+    """xyz: (n, 3) base_link; labels: (n,) of ``cells``; height_m: (n,) above the local ground. sensor_m: levelled.
+
+    tilt: by how much base_link's x and y axes rise.
+    """
 
     xyz: Float
     labels: NDArray[np.uint8]
@@ -29,6 +33,7 @@ class Segmented:
     profile: ground.Profile
     points: Sorted
     sensor_m: tuple[float, float, float]
+    tilt: tuple[float, float]
 
 
 class SensorView:
@@ -53,10 +58,14 @@ class SensorView:
         turned = robot.sensor_frame(name).astype(np.float32)
         self.turned = None if (turned == np.eye(3)).all() else turned
         self._border = ground.wheel_border(robot, self.grid, self.xy_m)
-        self._reach = ground.reach_of(sensor, params.ground, params.free_space)
+        self._reach = ground.reach_of(sensor, params.ground, params.free_space, range_m[1])
         self.cut = {chair: boxes(robot, params.crop, chair) for chair in (False, True)}
         self._range_m, self._mast = range_m, mast
         self._margin_rad = params.crop.mast_columns * math.radians(sensor.span_deg) / sensor.columns
+
+    def views(self, reach_m: float) -> SweepViews:
+        """What makes looks of its sweeps, no farther than ``reach_m``."""
+        return SweepViews(self.grid, reach_m, self._reach.ring_spacing_rad, self._params.ground.max_slope_deg)
 
     def points(self, points: Points, stamp_s: float, motion: Motion, chair: bool) -> tuple[Float, int]:
         """Cropped and de-skewed: (n, 3) base_link at the stamp, and how many points were not finite."""
@@ -76,4 +85,4 @@ class SensorView:
         start = ground.seeds(self._border, level, (x, y))
         profile = ground.follow(points, self.grid, start, z, params, self._params.free_space, self._reach)
         labels, height = ground.classify(points, profile, z, params, self._reach)
-        return Segmented(xyz, labels, height, profile, points, (x, y, z))
+        return Segmented(xyz, labels, height, profile, points, (x, y, z), (float(level[2, 0]), float(level[2, 1])))

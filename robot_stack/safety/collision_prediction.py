@@ -18,7 +18,7 @@ class CollisionPrediction:
 
     unseen: how either of them comes near where known space ends. nearest_m: distance of the nearest obstacle to the
     footprint, infinite without one. reach_m: how far the footprint reaches from base_link. brake_mps2: how hard the
-    robot can brake. meeting: who walks into its way.
+    robot can brake. meeting: who walks into its way. no_ground: how a motion ahead comes near where known ground ends.
     """
 
     moving: Approach
@@ -28,6 +28,7 @@ class CollisionPrediction:
     reach_m: float
     brake_mps2: float
     meeting: Meeting = NOBODY
+    no_ground: Approach = FREE
 
     def worse(self, other: CollisionPrediction) -> CollisionPrediction:
         """The same motions of another outline: of both the nearer contacts and obstacles, and the longer reach."""
@@ -82,25 +83,36 @@ def look_ahead(
 
 def speed_limit_mps(clearance_m: float, params: CollisionParams, brake_mps2: float) -> float:
     """How fast the robot may go with so much way left, m/s."""
-    remaining_m = max(clearance_m - params.stop_clearance_m, 0.0)
-    lost = brake_mps2 * params.reaction_s
-    stoppable_mps = math.sqrt(lost * lost + 2.0 * brake_mps2 * remaining_m) - lost
-    speed_mps = min(clearance_m / params.approach_s, stoppable_mps)
-    # In steps, so that the noise of the points is no new limit at every tick.
-    return max(params.slowest_mps, math.floor(speed_mps / params.step_mps) * params.step_mps)
+    stoppable_mps = _stoppable_mps(clearance_m - params.stop_clearance_m, params, brake_mps2)
+    in_time_mps = math.floor(clearance_m / params.approach_s / params.step_mps) * params.step_mps
+    return max(params.slowest_mps, min(in_time_mps, stoppable_mps))
 
 
 def seen_limit_mps(clearance_m: float, params: CollisionParams, brake_mps2: float) -> float:
     """How fast the robot may go to stop within so much of a way that is seen or remembered, m/s."""
-    lost = brake_mps2 * params.reaction_s
-    seen_m = max(clearance_m - params.margin_m, 0.0)
-    speed_mps = math.sqrt(lost * lost + 2.0 * brake_mps2 * seen_m) - lost
-    return max(params.unseen_mps, math.floor(speed_mps / params.step_mps) * params.step_mps)
+    return max(params.unseen_mps, _stoppable_mps(clearance_m - params.margin_m, params, brake_mps2))
+
+
+def ground_limit_mps(clearance_m: float, params: CollisionParams, brake_mps2: float) -> float:
+    """How fast the robot may go to stop before known ground ends, m/s; 0 at the latest ``ground_margin_m`` before."""
+    return _stoppable_mps(clearance_m - params.ground_margin_m, params, brake_mps2)
+
+
+def onto_no_ground(ends: Floats | None, body: Outline, twists: Sequence[Twist2], params: CollisionParams) -> Approach:
+    """How those of the motions that lead ahead come near (n, 3) points where known ground ends; None: none is known."""
+    return _into_unseen(ends, body, [twist for twist in twists if twist.vx > params.rest_mps])
 
 
 def rests(twist: Twist2, params: CollisionParams) -> bool:
     """A twist so small that it is a standstill."""
     return twist.speed() <= params.rest_mps and abs(twist.omega) <= params.rest_radps
+
+
+def _stoppable_mps(way_m: float, params: CollisionParams, brake_mps2: float) -> float:
+    """In steps, so that a noisy way is no new limit at every tick."""
+    lost = brake_mps2 * params.reaction_s
+    speed_mps = math.sqrt(lost * lost + 2.0 * brake_mps2 * max(way_m, 0.0)) - lost
+    return math.floor(speed_mps / params.step_mps) * params.step_mps
 
 
 def _into_unseen(unseen: Floats | None, outline: Outline, twists: Sequence[Twist2]) -> Approach:

@@ -14,7 +14,7 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import Criticality, SafetyAction, Topic
 from robot_stack.contract.processes import HEARTBEAT_STALE_S
 from robot_stack.core.limits import SpeedLimit
-from robot_stack.safety.collision_prediction import seen_limit_mps, speed_limit_mps
+from robot_stack.safety.collision_prediction import ground_limit_mps, seen_limit_mps, speed_limit_mps
 from robot_stack.safety.inputs import CLEAR, Finding, Level, Snapshot
 
 if TYPE_CHECKING:
@@ -188,12 +188,19 @@ def obstacle_near(now: Snapshot, params: SafetyParams, active_action: SafetyActi
 
 
 def unseen_limit(now: Snapshot, params: SafetyParams) -> SpeedLimit | None:
-    """No faster than to stop within what is seen or remembered of the way; no fault: so it is at every start."""
+    """No faster than to stop within what is seen or remembered of the way, and on known ground with a passenger.
+
+    No fault: so it is at every start.
+    """
     prediction = now.prediction
-    if prediction is None or "OBSTACLES_TIMEOUT" not in params.rows or math.isinf(prediction.unseen.clearance_m):
+    if prediction is None or "OBSTACLES_TIMEOUT" not in params.rows:
         return None
-    linear_mps = seen_limit_mps(prediction.unseen.clearance_m, params.collision, prediction.brake_mps2)
-    return SpeedLimit(linear_mps, linear_mps / prediction.reach_m)
+    p, brake_mps2, linear_mps = params.collision, prediction.brake_mps2, math.inf
+    if not math.isinf(prediction.unseen.clearance_m):
+        linear_mps = seen_limit_mps(prediction.unseen.clearance_m, p, brake_mps2)
+    if not math.isinf(prediction.no_ground.clearance_m):
+        linear_mps = min(linear_mps, ground_limit_mps(prediction.no_ground.clearance_m, p, brake_mps2))
+    return None if math.isinf(linear_mps) else SpeedLimit(linear_mps, linear_mps / prediction.reach_m)
 
 
 def overheat(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:

@@ -17,7 +17,7 @@ from robot_stack.safety.attitude import PlanarAcceleration, UpDirection
 from robot_stack.safety.button import Contact, EmergencyButton
 from robot_stack.safety.chair_watch import ChairWatch
 from robot_stack.safety.collision import outline_of
-from robot_stack.safety.collision_prediction import CollisionPrediction, look_ahead, rests
+from robot_stack.safety.collision_prediction import CollisionPrediction, look_ahead, onto_no_ground, rests
 from robot_stack.safety.commands import CommandWatch
 from robot_stack.safety.computer_watch import ComputerWatch, LinkWatch
 from robot_stack.safety.conditions import stale_s
@@ -262,6 +262,10 @@ class Observation:
         seen = ahead(footprint)
         if footprint is not self._body():
             seen = seen.worse(ahead(self._body()))  # within the outline of a chair that may not be there
+        if self.chair.carried:
+            ends = self.surroundings.no_ground(stale_s(topics.NO_GROUND), now_s)
+            leading = [measured, driven or ZERO_TWIST, requested]
+            seen = replace(seen, no_ground=onto_no_ground(ends, outline_of(footprint), leading, self._collision))
         if moving is None:
             return seen
         motions = [measured, requested if driven is None else driven]

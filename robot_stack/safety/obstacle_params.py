@@ -18,7 +18,7 @@ class CollisionParams(Config):
     Above the thresholds by the hysteresis a row that was raised is gone. The limit lets the robot reach the obstacle in
     ``approach_s`` at the earliest and stop at ``stop_clearance_m`` after ``reaction_s``; it is never less than the
     slowest speeds, because standing still is what COLLISION_IMMINENT is for. unseen_mps: the least limit where the way
-    is neither seen nor remembered.
+    is neither seen nor remembered. ground_margin_m: with a passenger the robot stands so far before known ground ends.
     """
 
     margin_m: NotNegative
@@ -34,6 +34,7 @@ class CollisionParams(Config):
     slowest_radps: Positive
     step_mps: Positive
     unseen_mps: Positive
+    ground_margin_m: NotNegative
     rest_mps: Positive
     rest_radps: Positive
 

@@ -50,6 +50,7 @@ class Surroundings:
         self._live = _NO_POINTS  # those of all clouds
         self._at_s: float | None = None
         self._unseen: Cloud | None = None
+        self._no_ground: Cloud | None = None
         self._moving: Cloud | None = None  # with the velocities, as of when it was received
         self._dock: Dock | None = None
         self.problem = "never received"
@@ -76,17 +77,19 @@ class Surroundings:
 
     def unseen_received(self, points: NDArray[Any], latency_s: float, now_s: float) -> None:
         """Where known space ended ``latency_s`` ago: (n, 3) m in base_link. What makes no sense is not received."""
-        if self._problem(len(points), int(np.isfinite(points).all(axis=1).sum()), latency_s):
-            return
-        pose = self._dead_reckoning.pose_at(now_s - latency_s)
-        finite = points[np.isfinite(points).all(axis=1)]
-        self._unseen = Cloud(_moved(np.asarray(finite, np.float64), pose), now_s)
+        self._unseen = self._ends(points, latency_s, now_s) or self._unseen
 
     def unseen(self, stale_s: float, now_s: float) -> Floats | None:
         """(n, 3) m in base_link now: where known space ends; None if nobody has said so for longer than ``stale_s``."""
-        if self._unseen is None or not age_s(now_s, self._unseen.at_s) <= stale_s:
-            return None
-        return _seen_from(self._unseen.points, self._dead_reckoning.pose_at(now_s))
+        return self._now(self._unseen, stale_s, now_s)
+
+    def no_ground_received(self, points: NDArray[Any], latency_s: float, now_s: float) -> None:
+        """Where known ground ended ``latency_s`` ago: (n, 3) m in base_link. Unusable points count as not received."""
+        self._no_ground = self._ends(points, latency_s, now_s) or self._no_ground
+
+    def no_ground(self, stale_s: float, now_s: float) -> Floats | None:
+        """(n, 3) m in base_link now: where known ground ends; None without such points for longer than ``stale_s``."""
+        return self._now(self._no_ground, stale_s, now_s)
 
     def moving_received(self, points: NDArray[Any], latency_s: float, now_s: float) -> None:
         """Who moved ``latency_s`` ago: (n, 5) x, y, z, vx, vy in base_link. What makes no sense is not received."""
@@ -130,6 +133,19 @@ class Surroundings:
         if docking and self._dock is not None and age_s(now_s, self._dock.at_s) <= dock_stale_s:
             known = known[~_of_dock(_seen_from(known, self._dock.pose), self._params.exclusion)]
         return _seen_from(known, self._dead_reckoning.pose_at(now_s))
+
+    def _ends(self, points: NDArray[Any], latency_s: float, now_s: float) -> Cloud | None:
+        """Points of ``latency_s`` ago, as of now; None if they cannot be used."""
+        finite = points[np.isfinite(points).all(axis=1)]
+        if self._problem(len(points), len(finite), latency_s):
+            return None
+        pose = self._dead_reckoning.pose_at(now_s - latency_s)
+        return Cloud(_moved(np.asarray(finite, np.float64), pose), now_s)
+
+    def _now(self, cloud: Cloud | None, stale_s: float, now_s: float) -> Floats | None:
+        if cloud is None or not age_s(now_s, cloud.at_s) <= stale_s:
+            return None
+        return _seen_from(cloud.points, self._dead_reckoning.pose_at(now_s))
 
     def _problem(self, count: int, finite: int, latency_s: float) -> str:
         if not 0.0 <= latency_s <= self._params.max_latency_s:

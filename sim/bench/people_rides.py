@@ -66,6 +66,8 @@ def ride(seed: int, length_m: float, *, chair: bool) -> Ride:
     edges = _edges(fixed)
     movers = {name: passer.body.shapes for name, passer in passers.items()}
     stage = Stage(seed, fixed, movers, chair=chair)
+    if chair:
+        stage.drive_in()
     distance_m, slow_m, justified, stopped, stops = 0.0, 0.0, 0, False, list[str]()
     for _ in range(round((_START_S + 2.0 * length_m / speed_mps) / STEP_S)):
         for name, passer in passers.items():

@@ -67,6 +67,8 @@ class Moment:
 def play(case: Case, *, guarded: bool = True) -> Outcome:
     """guarded: False is a robot whose safety monitor lets it do anything."""
     stage = Stage(case.seed, [], {_WHO: case.body.shapes}, chair=case.chair, dock=case.dock, guarded=guarded)
+    if case.chair:
+        stage.drive_in()
     stage.source = Source.DOCKING if case.manoeuvre == "dock" else Source.TELEOP
     walker, moments = replace(case.walker), list[Moment]()
     near_m, distance_m, first, fastest_mps = math.inf, 0.0, None, 0.0

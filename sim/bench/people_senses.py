@@ -17,6 +17,7 @@ from robot_stack.core.geometry import IDENTITY, Pose2, Twist2, exp_se2
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Robot
 from robot_stack.core.robot_shape import load_robot_shape
+from robot_stack.perception.deskew import Attitude
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline, Scene
 from robot_stack.perception.watch import Watch, too_near
@@ -37,6 +38,8 @@ from sim.parameters import load_sim_params
 # Rows that look at the surroundings; everything else on the robot is well and not part of the story.
 ROWS = ("ESTOP_PRESSED", "OVERSPEED", "COLLISION_IMMINENT", "OBSTACLE_NEAR", "OBSTACLES_TIMEOUT")
 SWEEP_S = 0.1
+Floats = NDArray[np.float64]
+NO_RECTS: Floats = np.empty((0, 7))
 _DRIFT = 0.003  # of odometry, relative, up to
 _KEPT_S = 0.13
 
@@ -45,9 +48,10 @@ class Whereabouts:
     """Where everything that moves has been lately, for sensors that take their time over a sweep."""
 
     def __init__(self) -> None:
-        self._poses: dict[str, deque[tuple[float, Pose2]]] = {}
+        self._poses: dict[str, deque[tuple[float, Floats]]] = {}
 
-    def add(self, name: str, now_s: float, pose: Pose2) -> None:
+    def add(self, name: str, now_s: float, pose: Floats) -> None:
+        """pose: (4, 4) in map."""
         poses = self._poses.setdefault(name, deque())
         poses.append((now_s, pose))
         while poses[0][0] < now_s - _KEPT_S:
@@ -57,29 +61,33 @@ class Whereabouts:
         return {name: _track(poses) for name, poses in self._poses.items()}
 
 
-def _track(poses: Iterable[tuple[float, Pose2]]) -> Track:
-    values = np.array([(s, pose.x, pose.y, pose.yaw) for s, pose in poses])
-    matrices = np.tile(np.eye(4), (len(values), 1, 1))
-    c, s = np.cos(values[:, 3]), np.sin(values[:, 3])
-    matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 0], matrices[:, 1, 1] = c, -s, s, c
-    matrices[:, :2, 3] = values[:, 1:3]
-    return Track(values[:, 0], matrices)
+def _track(poses: Iterable[tuple[float, Floats]]) -> Track:
+    times_s, matrices = zip(*poses, strict=True)
+    return Track(np.array(times_s), np.array(matrices))
 
 
 class SimulatedSensors:
     """Both LiDARs with their configured noise, mixed returns and mountings.
 
     fixed: what stands in map. movers: shapes of what moves, by the name its poses have. The wheelchair is among them.
+    rects: pits, see ``sim.lidar.scene.ground_rects``.
     """
 
-    def __init__(self, robot: Robot, fixed: Iterable[Shape], movers: Mapping[str, Iterable[Shape]], seed: int) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        fixed: Iterable[Shape],
+        movers: Mapping[str, Iterable[Shape]],
+        seed: int,
+        rects: Floats = NO_RECTS,
+    ) -> None:
         chair = chair_shapes(load_sim_params().wheelchair, load_lidar_params().reflectivity.chair, passenger=True)
         named = {WHEELCHAIR: chair} | {name: list(shapes) for name, shapes in movers.items()}
         above = named | {BASE: robot_shapes(robot, load_robot_shape())}
         fixed = list(fixed)
-        self._lidar = Lidar(_scene(fixed, named), load_lidar_params(), robot, seed)
+        self._lidar = Lidar(_scene(fixed, named, rects), load_lidar_params(), robot, seed)
         params = load_lidar_params(OVERHEAD_LIDAR)
-        self._overhead = Lidar(_scene(fixed, above), params, robot, seed + 1, OVERHEAD_LIDAR)
+        self._overhead = Lidar(_scene(fixed, above, rects), params, robot, seed + 1, OVERHEAD_LIDAR)
         self._half = 0
 
     def half_sweep(self, now_s: float, tracks: Mapping[str, Track]) -> Points:
@@ -96,12 +104,12 @@ def _others(tracks: Mapping[str, Track]) -> dict[str, Track]:
     return {name: track for name, track in tracks.items() if name != BASE}
 
 
-def _scene(fixed: list[Shape], movers: Mapping[str, list[Shape]]) -> LidarScene:
+def _scene(fixed: list[Shape], movers: Mapping[str, list[Shape]], rects: Floats) -> LidarScene:
     shapes, shine = pack(fixed, list(movers.values())), load_lidar_params().reflectivity
     return LidarScene(
         shapes=shapes,
         movers=tuple(movers),
-        rects=np.empty((0, 7)),
+        rects=rects,
         label=np.concatenate([np.full(FIRST_SOLID, labels.GROUND, np.uint8), shapes.label]),
         reflectivity=np.concatenate([np.full(FIRST_SOLID, shine.ground, np.float32), shapes.reflectivity]),
     )
@@ -122,6 +130,9 @@ class Perception:
         sx, sy, sw = self._scale
         self._odom = self._odom.compose(exp_se2(Twist2(sx * twist.vx, sy * twist.vy, sw * twist.omega), dt_s))
         self._pipeline.motion.on_odometry(now_s, self._odom, twist)
+
+    def attitude(self, attitude: Attitude, now_s: float) -> None:
+        self._pipeline.motion.on_attitude(now_s, attitude)
 
     def overhead(self, points: Points, stamp_s: float) -> None:
         self._pipeline.overhead(points, stamp_s)
@@ -154,7 +165,15 @@ def chair_ahead() -> Pose2:
     return pose
 
 
-def near(points: NDArray[np.float64], pose: Pose2, within_m: float) -> NDArray[np.float64]:
+@cache
+def castors() -> Floats:
+    """(4, 2) where the wheelchair stands on the ground, in its own frame, m."""
+    chair = load_sim_params().wheelchair
+    half = 0.5 * chair.castor_track_m
+    return np.array([(x, y) for x in (chair.castor_front_x_m, chair.castor_rear_x_m) for y in (half, -half)])
+
+
+def near(points: Floats, pose: Pose2, within_m: float) -> Floats:
     """(k, 3) base_link at ``pose``: those of some points (n, 2) in map that are so near."""
     found = points[np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) <= within_m]
     c, s = math.cos(pose.yaw), math.sin(pose.yaw)

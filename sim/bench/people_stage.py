@@ -12,13 +12,14 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from robot_stack.contract import topics
-from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.drive.arbitration import Source
 from robot_stack.safety.arbiter import Verdict
 from robot_stack.safety.collision import Outline, outline_of
 from sim.bench import people_senses as senses
 from sim.bench.people_robot import ACTUATION_S, DrivenRobot
+from sim.bench.people_terrain import LEVEL_TERRAIN, Terrain, level
 from sim.camera.history import BASE
 from sim.lidar.scene import WHEELCHAIR
 from sim.lidar.shapes import Shape
@@ -31,6 +32,7 @@ TRANSPORT_S = 0.002
 _TICKS_S = 0.01 + 0.5 / topics.WHEEL_COMMANDS.nominal_rate_hz
 REACTION_S = 0.5 * senses.SWEEP_S + PERCEPTION_S + TRANSPORT_S + _TICKS_S + ACTUATION_S
 _REQUEST_S, _BEGIN_S = 0.05, 100.0
+_SETTLE_S, _DRIVE_IN_MPS, _CREEP_MPS, _CREEP_M = 1.0, 0.5, 0.1, 0.4
 _TOPIC = {Source.TELEOP: topics.TELEOP_CMD_VEL, Source.DOCKING: topics.DOCKING_CMD_VEL}
 
 
@@ -39,7 +41,7 @@ class Stage:
 
     poses: in map, of what moves beside the robot; whoever walks writes it. chair: the robot carries wheelchair and
     passenger. dock: a wheelchair stands there, which the robot is on its last way to. guarded: False is a robot whose
-    safety monitor lets it do anything.
+    safety monitor lets it do anything. terrain: what the robot drives on; without one level ground.
     """
 
     def __init__(
@@ -51,6 +53,7 @@ class Stage:
         chair: bool = False,
         dock: Pose2 | None = None,
         guarded: bool = True,
+        terrain: Terrain = LEVEL_TERRAIN,
     ) -> None:
         self._random = np.random.default_rng([seed, 1])
         self.robot: Robot = load_robot()
@@ -60,7 +63,10 @@ class Stage:
         self.poses: dict[str, Pose2] = {}
         self.body = DrivenRobot(self.robot, chair)
         self.requested, self.source = Twist2(0.0, 0.0, 0.0), Source.TELEOP
-        self._tracker = senses.SimulatedSensors(self.robot, fixed, movers, seed)
+        self._terrain, self._wheels = terrain, np.array(self.robot.module_positions_m())
+        self._castors = senses.castors()
+        solid = [*terrain.shapes, *fixed]
+        self._tracker = senses.SimulatedSensors(self.robot, solid, movers, seed, terrain.rects)
         self._perception = senses.Perception(self.robot, chair, self._random)
         self.params = senses.safety_params()
         self.monitor = senses.monitor(self.robot, self.params, chair, self.now_s)
@@ -82,6 +88,25 @@ class Stage:
         while self._messages and self._messages[0][0] <= self.now_s:
             heapq.heappop(self._messages)[2]()
 
+    def drive_in(self, way_m: float = 3.0) -> None:
+        """Straight to where the robot stands, over ground that its sensors see on the way; no limit applies.
+
+        A robot that has not come from anywhere knows no ground before the chair, and may not drive ahead.
+        """
+        guarded, self._guarded = self._guarded, False
+        self.body.pose = self.body.pose.compose(Pose2(-way_m, 0.0, 0.0))
+        driven_m = 0.0
+        while driven_m < way_m:
+            speed_mps = _DRIVE_IN_MPS if way_m - driven_m > _CREEP_M else _CREEP_MPS
+            self.requested = Twist2(speed_mps, 0.0, 0.0) if self.now_s > _BEGIN_S + _SETTLE_S else ZERO_TWIST
+            self.advance()
+            driven_m += self.body.twist.speed() * STEP_S
+        self.requested = ZERO_TWIST
+        while self.body.twist != ZERO_TWIST:
+            self.advance()
+        self._guarded = guarded
+        self.monitor = senses.monitor(self.robot, self.params, self.chair, self.now_s)  # what it permitted is forgotten
+
     def seen_from_robot(self, name: str) -> Pose2:
         """A mover in base_link."""
         return self.poses[name].relative_to(self.body.pose)
@@ -102,13 +127,18 @@ class Stage:
         heapq.heappush(self._messages, (self.now_s + delay_s, next(self._order), task))
 
     def _note(self) -> None:
-        self._where.add(BASE, self.now_s, self.body.pose)
+        terrain = self._terrain
+        base = terrain.standing(self.body.pose, self._wheels)
+        self._where.add(BASE, self.now_s, base)
+        if terrain.shapes or len(terrain.rects):
+            self._perception.attitude(terrain.attitude(base), self.now_s)
         if self.chair:
-            self._where.add(WHEELCHAIR, self.now_s, self.body.pose.compose(senses.chair_ahead()))
+            chair = self.body.pose.compose(senses.chair_ahead())
+            self._where.add(WHEELCHAIR, self.now_s, terrain.standing(chair, self._castors))
         elif self.dock is not None:
-            self._where.add(WHEELCHAIR, self.now_s, self.dock)
+            self._where.add(WHEELCHAIR, self.now_s, level(self.dock))
         for name, pose in self.poses.items():
-            self._where.add(name, self.now_s, pose)
+            self._where.add(name, self.now_s, level(pose))
 
     # --- nodes -------------------------------------------------------------------------------------------------------
 
@@ -126,6 +156,7 @@ class Stage:
                 observation, latency_s = self.monitor.observation, self.now_s - stamp_s
                 observation.obstacles(scene.obstacles, latency_s, self.now_s)
                 observation.surroundings.unseen_received(scene.unseen, latency_s, self.now_s)
+                observation.surroundings.no_ground_received(scene.no_ground, latency_s, self.now_s)
                 observation.surroundings.moving_received(scene.moving, latency_s, self.now_s)
 
         self._after(PERCEPTION_S, deliver)

@@ -51,9 +51,8 @@ def build_scene(
     own: what the sensor sees of the robot itself, in base_link.
     """
     shine = params.reflectivity
-    standing = [solid for solid in solids(world) if solid.kind != "patch"]
-    surfaces = {**dict.fromkeys(world.glass, params.glass.dirt), **world.surfaces}
-    fixed = [_shape(solid, params, surfaces) for solid in standing]
+    standing = _standing(world)
+    fixed = fixed_shapes(world, params)
     names = tuple(people)
     carried = [chair_shapes(chair, shine.chair, passenger=passenger), *(person_shapes(shine.person) for _ in names)]
     carried += [list(own)] if own else []
@@ -64,11 +63,21 @@ def build_scene(
     return Scene(
         shapes=shapes,
         movers=(WHEELCHAIR, *names, *([BASE] if own else [])),
-        rects=_rects(world, params),
+        rects=ground_rects(world, params),
         label=np.concatenate([np.array(ground, np.uint8), shapes.label]),
         reflectivity=np.concatenate([np.array(light, np.float32), shapes.reflectivity]),
         glass=tuple(index for index, solid in enumerate(standing) if solid.name in world.glass),
     )
+
+
+def fixed_shapes(world: WorldFile, params: LidarParams) -> list[Shape]:
+    """What stands in the world, in map."""
+    surfaces = {**dict.fromkeys(world.glass, params.glass.dirt), **world.surfaces}
+    return [_shape(solid, params, surfaces) for solid in _standing(world)]
+
+
+def _standing(world: WorldFile) -> list[Solid]:
+    return [solid for solid in solids(world) if solid.kind != "patch"]
 
 
 def _shape(solid: Solid, params: LidarParams, surfaces: Mapping[str, float]) -> Shape:
@@ -81,7 +90,8 @@ def _shape(solid: Solid, params: LidarParams, surfaces: Mapping[str, float]) -> 
     return Shape(kind, solid.centre_m, (x, y, z), label, light, solid.yaw_rad, solid.pitch_rad)
 
 
-def _rects(world: WorldFile, params: LidarParams) -> F64:
+def ground_rects(world: WorldFile, params: LidarParams) -> F64:
+    """(k, 7) wet ground and pits, see ``kernels.cast_ground``."""
     wet = [patch for patch in world.patches if patch.friction < params.wet.friction_below]
     rows = [(*_placed(item), 0.0) for item in wet] + [(*_placed(pit), pit.depth_m) for pit in world.pits]
     return np.array(rows, float).reshape(-1, 7)

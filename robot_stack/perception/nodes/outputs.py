@@ -1,4 +1,4 @@
-"""What the perception pipeline publishes: obstacles, ends of what was seen, what moves, and the space as a grid."""
+"""What the perception pipeline publishes: obstacles, ends of what was seen and of ground, what moves, and the space."""
 
 from __future__ import annotations
 
@@ -28,9 +28,11 @@ class PerceptionOutputs:
         self._grid = grid
         self._cloud = cloud_message(points_from_xyz(np.empty((0, 3))), frames.BASE_LINK)
         self._ends = cloud_message(points_from_xyz(np.empty((0, 3))), frames.BASE_LINK)
+        self._no_ground = cloud_message(points_from_xyz(np.empty((0, 3))), frames.BASE_LINK)
         self._bodies = cloud_message(moving_points(np.empty((0, 5))), frames.BASE_LINK)
         self._moving = node.advertise(topics.MOVING)
         self._obstacles, self._unseen = node.advertise(topics.OBSTACLES), node.advertise(topics.UNSEEN_SPACE)
+        self._groundless = node.advertise(topics.NO_GROUND)
         self._space = node.advertise(topics.SPACE)
         self._space_s = -math.inf  # stamp of the last one
         self._repeat = node.create_timer(1.0 / topics.OBSTACLES.nominal_rate_hz, self._send_again)
@@ -44,8 +46,9 @@ class PerceptionOutputs:
         """twice: once more when the next half sweep would be due, for a full sweep takes the time of two."""
         fill(self._cloud, points_from_xyz(scene.obstacles))
         fill(self._ends, points_from_xyz(scene.unseen))
+        fill(self._no_ground, points_from_xyz(scene.no_ground))
         fill(self._bodies, moving_points(scene.moving))
-        for cloud in (self._cloud, self._ends, self._bodies):
+        for cloud in (self._cloud, self._ends, self._no_ground, self._bodies):
             cloud.header.stamp = stamp
         self._send()
         if not 0.0 <= scene.stamp_s - self._space_s < _SPACE_DUE_S:
@@ -57,6 +60,7 @@ class PerceptionOutputs:
     def _send(self) -> None:
         self._obstacles.publish(self._cloud)
         self._unseen.publish(self._ends)
+        self._groundless.publish(self._no_ground)
         self._moving.publish(self._bodies)
 
     def _send_again(self) -> None:

@@ -10,19 +10,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.perception.params import SpaceParams
 from robot_stack.perception.space import kernels
 from robot_stack.perception.space.kernels import UNSEEN, Cells, Float, Floats
+from robot_stack.perception.space.rolling import rolled
 from robot_stack.perception.space.view import View
 
-NumberT = TypeVar("NumberT", bound=np.generic)
 _MOST_POINTS = 8000
 _STEP_S = 0.05
 
@@ -228,17 +226,17 @@ class Space:
         columns, rows = (int(step) for step in corner - self._corner)
         self._corner = corner
         if rows or columns:
-            self._state = _rolled(self._state, rows, columns, float(UNSEEN))
-            self._passes = _rolled(self._passes, rows, columns, 0.0)
-            self._thing_m = _rolled(self._thing_m, rows, columns, 0.0)
-            self._last = _rolled(self._last, rows, columns, 0.0)
-            self._since_s = _rolled(self._since_s, rows, columns, -math.inf)
-            self._found = _rolled(self._found, rows, columns, 0.0)
-            self._hit_s = _rolled(self._hit_s, rows, columns, -math.inf)
-            self._hit_at_m = _rolled(self._hit_at_m, rows, columns, -math.inf)
-            self._watched_s = _rolled(self._watched_s, rows, columns, -math.inf)
-            self._ray_s = _rolled(self._ray_s, rows, columns, -math.inf)
-            self._ray_m = _rolled(self._ray_m, rows, columns, 0.0)
+            self._state = rolled(self._state, rows, columns, float(UNSEEN))
+            self._passes = rolled(self._passes, rows, columns, 0.0)
+            self._thing_m = rolled(self._thing_m, rows, columns, 0.0)
+            self._last = rolled(self._last, rows, columns, 0.0)
+            self._since_s = rolled(self._since_s, rows, columns, -math.inf)
+            self._found = rolled(self._found, rows, columns, 0.0)
+            self._hit_s = rolled(self._hit_s, rows, columns, -math.inf)
+            self._hit_at_m = rolled(self._hit_at_m, rows, columns, -math.inf)
+            self._watched_s = rolled(self._watched_s, rows, columns, -math.inf)
+            self._ray_s = rolled(self._ray_s, rows, columns, -math.inf)
+            self._ray_m = rolled(self._ray_m, rows, columns, 0.0)
 
 
 def _array(pose: Pose2) -> Floats:
@@ -248,15 +246,3 @@ def _array(pose: Pose2) -> Floats:
 def _rectangle(footprint: Footprint, margin_m: float) -> Floats:
     half = 0.5 * footprint.width_m
     return np.array([footprint.rear_m - margin_m, footprint.front_m + margin_m, half + margin_m])
-
-
-def _rolled(cells: NDArray[NumberT], rows: int, columns: int, fill: float) -> NDArray[NumberT]:
-    """The cells of a window that has moved by that many rows and columns."""
-    out = np.full_like(cells, fill)
-    height, width = cells.shape[:2]
-    if abs(rows) >= height or abs(columns) >= width:
-        return out
-    out[max(-rows, 0) : height - max(rows, 0), max(-columns, 0) : width - max(columns, 0)] = cells[
-        max(rows, 0) : height - max(-rows, 0), max(columns, 0) : width - max(-columns, 0)
-    ]
-    return out

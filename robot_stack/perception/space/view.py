@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_stack.perception.cells import DROP, EMPTY, FLOOR
+from robot_stack.perception.cells import DROP, EMPTY, FLOOR, STEP, TALL
 from robot_stack.perception.ground import Profile
 from robot_stack.perception.polar import COUNT, DISTANCE, GROUND_M, HEIGHT, TOP, PolarGrid, Sorted
 
@@ -23,6 +23,9 @@ Float = NDArray[np.float32]
 BIN_M = 0.05  # of the distances
 Mask = NDArray[np.bool_]
 _NOTHING: Float = np.empty((0, 3), np.float32)
+_NO_FLOOR: Float = np.empty((0, 4), np.float32)
+_MOST_FLOOR = 60_000
+_RINGS = np.float32(2.2)  # one ring of ground is missing
 RISE_M = 0.10  # that a thing is taken to be higher than where a single beam met it
 _FLAT_M = np.float32(0.06)  # cells of ground are no higher, but with something on them
 _BELOW_M = np.float32(0.15)  # a ray farther than this below the ground has been mirrored by it
@@ -36,7 +39,9 @@ class View:
     (directions, bins) height above the ground of the lowest ray that passed the bin, inf where none did, NaN where the
     sensor did not look; direction i is -pi + (i + 0.5) * 2 pi / directions, bin k from k * BIN_M on. ground_m:
     (directions, bins) height of the ground. specks: (n, 3) returns that may be too few to be a thing: what was a
-    thing before is still there. bare: (directions, bins) ground returned from there, and nothing above it.
+    thing before is still there. bare: (directions, bins) ground returned from there, and nothing above it. floor:
+    (k, 4) x, y, z of ground, base_link levelled, and of how many returns, 0 between two rings. tilt: by how much
+    base_link's x and y axes rise.
     """
 
     stamp_s: float
@@ -46,6 +51,8 @@ class View:
     ground_m: Float
     bare: Mask
     specks: Float = field(default_factory=lambda: _NOTHING)
+    floor: Float = field(default_factory=lambda: _NO_FLOOR)
+    tilt: tuple[float, float] = (0.0, 0.0)
 
 
 def view_of_beams(
@@ -76,15 +83,23 @@ def view_of_beams(
 class SweepViews:
     """Looks of a spinning sensor, from the cells that its points were sorted into to find the ground."""
 
-    def __init__(self, grid: PolarGrid, reach_m: float) -> None:
-        self._edges_m = grid.edges_m
+    def __init__(self, grid: PolarGrid, reach_m: float, spacing_rad: float, slope_deg: float) -> None:
+        """spacing_rad: between its rings. slope_deg: of the steepest ramp."""
+        self._edges_m, self._spacing_rad = grid.edges_m, spacing_rad
+        self._slope = math.tan(math.radians(slope_deg))
         self._bins = math.ceil(reach_m / BIN_M)
         # A ray has passed a bin if it returned from a ring that begins behind it.
         ends = (np.arange(self._bins) + 1) * BIN_M
         self._behind = np.searchsorted(grid.edges_m[:-1], ends - 1e-4).astype(np.int32)
 
     def view(
-        self, stamp_s: float, origin_m: tuple[float, float, float], hits: Float, points: Sorted, profile: Profile
+        self,
+        stamp_s: float,
+        origin_m: tuple[float, float, float],
+        tilt: tuple[float, float],
+        hits: Float,
+        points: Sorted,
+        profile: Profile,
     ) -> View:
         """origin_m: the sensor, levelled frame."""
         cells = points.cells
@@ -99,12 +114,17 @@ class SweepViews:
             profile.kind,
             self._edges_m,
             self._behind,
+            profile.drop_m,
             np.float32(origin_m[2]),
             passed,
             ground,
             bare,
         )
-        return View(stamp_s, origin_m, hits, passed, ground, bare)
+        reach_m = self._bins * BIN_M
+        floor = np.empty((_MOST_FLOOR, 4), np.float32)
+        numbers = np.array([*origin_m, reach_m, self._spacing_rad, self._slope], np.float32)
+        count = _floor(cells.values, cells.sectors, profile.kind, profile.drop_m, numbers, floor)
+        return View(stamp_s, origin_m, hits, passed, ground, bare, floor=floor[:count], tilt=tilt)
 
 
 def _looked_at(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -125,6 +145,7 @@ def _pass_sweep(
     kind: Any,
     edges: Float,
     behind: Any,
+    drop_m: Float,
     sensor_m: Any,
     passed: Float,
     ground: Float,
@@ -144,6 +165,8 @@ def _pass_sweep(
         height, k = np.float32(0.0), 0
         for b in range(bins):
             begin = np.float32(b * BIN_M)
+            if np.float32(0.0) < drop_m[s] <= begin:
+                break  # what a ray passes there is no ground that leads on from the wheels
             while k < rings and edges[k] <= begin:
                 if cells[s, k, COUNT] > np.float32(0.0) and kind[s, k] != EMPTY:
                     height = cells[s, k, GROUND_M]
@@ -158,6 +181,63 @@ def _pass_sweep(
             above = sensor_m + slope * begin - height
             if above >= -_BELOW_M:
                 passed[s, b] = max(above, np.float32(0.0))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _floor(cells: Float, active: Any, kind: Any, drop_m: Float, p: Float, floor: Float) -> int:
+    """Cells of ground with nothing on them, also of ground that has fallen away; and, of no returns, the places between
+    two of them that one missing ring explains. Returns how many.
+
+    p: x, y, z of the sensor, levelled, greatest distance, angle between rings, slope.
+    """
+    sectors, rings = kind.shape
+    count, sensor, reach_m = 0, p[2], p[3]
+    for s in active:
+        angle = (s + 0.5) * 2.0 * math.pi / sectors - math.pi
+        c, si = np.float32(math.cos(angle)), np.float32(math.sin(angle))
+        last_m, last_z = np.float32(np.inf), np.float32(0.0)
+        for k in range(rings):
+            away = cells[s, k, DISTANCE]
+            fallen = kind[s, k] == DROP and np.float32(0.0) < drop_m[s] <= away
+            if cells[s, k, COUNT] == np.float32(0.0):
+                continue
+            if not (kind[s, k] == FLOOR or fallen) or away > reach_m or _beside_a_thing(cells, kind, s, k):
+                last_m = np.float32(np.inf)
+                continue
+            if count == len(floor):
+                return count
+            z, gap = cells[s, k, HEIGHT], away - last_m
+            ring_gap = (away * away + sensor * sensor) / sensor * p[4]
+            level = abs(z - last_z) <= p[5] * gap + _FLAT_M
+            between = int(gap / np.float32(BIN_M)) if level and gap <= _RINGS * ring_gap else 0
+            for i in range(1, min(between + 1, len(floor) - count)):
+                at = last_m + np.float32(i * BIN_M)
+                floor[count, 0], floor[count, 1], floor[count, 2], floor[count, 3] = (
+                    p[0] + at * c,
+                    p[1] + at * si,
+                    z,
+                    0.0,
+                )
+                count += 1
+            floor[count, 0], floor[count, 1] = p[0] + away * c, p[1] + away * si
+            floor[count, 2], floor[count, 3] = z, cells[s, k, COUNT]
+            count += 1
+            last_m, last_z = away, z
+    return count
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _beside_a_thing(cells: Float, kind: Any, s: int, k: int) -> bool:
+    """Something stands in the cell or in one of those around it: what is low there may be its foot."""
+    sectors, rings = kind.shape
+    for i in range(s - 1, s + 2):
+        t = i % sectors
+        for j in range(max(k - 1, 0), min(k + 2, rings)):
+            if kind[t, j] == EMPTY:
+                continue
+            if kind[t, j] == STEP or kind[t, j] == TALL or cells[t, j, TOP] - cells[t, j, HEIGHT] >= _FLAT_M:
+                return True
+    return False
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -36,6 +36,7 @@ class SurroundingsInputs:
         )
         node.subscribe(topics.OBSTACLES, self._on_obstacles)
         node.subscribe(topics.UNSEEN_SPACE, self._on_unseen)
+        node.subscribe(topics.NO_GROUND, self._on_no_ground)
         node.subscribe(topics.MOVING, self._on_moving)
         node.subscribe(topics.DOCKING_TARGET, self._on_dock)
         node.subscribe(topics.CMD_VEL_LIMITED, self._on_limited)
@@ -70,6 +71,12 @@ class SurroundingsInputs:
         with suppress(ValueError):
             points, around = _of_base_link(message), self._observation().surroundings
             around.unseen_received(points, self._latency_s(message), self._node.steady_s())
+
+    def _on_no_ground(self, message: CloudView) -> None:
+        """A message that is not such a cloud counts as not received: then no ground is known ahead."""
+        with suppress(ValueError):
+            points, around = _of_base_link(message), self._observation().surroundings
+            around.no_ground_received(points, self._latency_s(message), self._node.steady_s())
 
     def _on_moving(self, message: CloudView) -> None:
         """What is no such cloud counts as not received: then nobody knows who comes."""

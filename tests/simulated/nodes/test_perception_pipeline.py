@@ -46,6 +46,7 @@ class Scene:
         self.frozen = False
         self.obstacles, self.space = bench.listen(topics.OBSTACLES), bench.listen(topics.SPACE)
         self.unseen, self.moving = bench.listen(topics.UNSEEN_SPACE), bench.listen(topics.MOVING)
+        self.no_ground = bench.listen(topics.NO_GROUND)
         self.diagnoses = bench.listen(topics.DIAGNOSTICS)
         # Few columns: what is tested is not how much is enough.
         given = {"watch.points_min": 3000, "watch.stamp_old_s": 2.0, "watch.sector_silent_s": 0.6}
@@ -130,6 +131,8 @@ def test_obstacles_and_space_of_half_sweeps(scene: Scene) -> None:
     assert 0.0 <= scene.bench.stamp_s() - time_to_s(cloud.header.stamp) < 0.06
     assert scene.moving.last.header.frame_id == "base_link"
     assert len(points_of(scene.moving.last, MOVING)) == 0  # nobody
+    assert scene.no_ground.last.header.frame_id == "base_link"
+    assert np.abs(xyz_of(points_of(scene.no_ground.last, XYZ))[:, :2]).max() > 0.6
     xyz = xyz_of(points_of(cloud, XYZ))
     assert len(xyz) > 200
     assert 3.9 < xyz[:, 0].min() < 4.1

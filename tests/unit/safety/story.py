@@ -69,6 +69,7 @@ class Story:
         self.overhead_frozen = False
         self.obstacles: NDArray[np.float32] | None = NOTHING
         self.unseen: NDArray[np.float32] | None = NOTHING
+        self.no_ground: NDArray[np.float32] | None = NOTHING
         self.moving: NDArray[np.float32] | None = NOBODY
         self.driven: Twist2 | None = ZERO_TWIST
         self.request: Twist2 | None = None
@@ -231,6 +232,8 @@ class Story:
             inputs.obstacles(self.obstacles, 0.0, now_s)
         if self.unseen is not None:
             inputs.surroundings.unseen_received(self.unseen, 0.0, now_s)
+        if self.no_ground is not None:
+            inputs.surroundings.no_ground_received(self.no_ground, 0.0, now_s)
         if self.moving is not None:
             inputs.surroundings.moving_received(self.moving, 0.0, now_s)
 

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.safety.collision import FREE, Approach, Outline
-from robot_stack.safety.collision_prediction import CollisionPrediction, look_ahead, seen_limit_mps, speed_limit_mps
+from robot_stack.safety.collision_prediction import (
+    CollisionPrediction,
+    ground_limit_mps,
+    look_ahead,
+    onto_no_ground,
+    seen_limit_mps,
+    speed_limit_mps,
+)
 from robot_stack.safety.commands import CommandWatch
 from robot_stack.safety.lidar_watch import LidarWatch
 from tests.unit.safety.story import PARAMS, SWEEP
@@ -120,6 +127,31 @@ def test_every_motion_that_is_made_or_asked_for_may_lead_into_the_unseen() -> No
         assert look(unseen=POLE, points=NOTHING, **motion).unseen == POLE_AHEAD
     assert look(unseen=POLE, driven=BACK, requested=BACK).unseen == FREE
     assert look(unseen=POLE, driven=AHEAD, points=NOTHING).moving == FREE
+
+
+def test_only_motions_ahead_lead_onto_no_ground() -> None:
+    ends = np.array([[1.5, 0.0, 0.0]])
+    assert onto_no_ground(ends, BODY, [ZERO_TWIST, AHEAD], P) == POLE_AHEAD
+    aside = Twist2(0.0, 0.5, 0.0)
+    assert onto_no_ground(ends, BODY, [BACK, TURN, aside], P) == FREE
+    assert onto_no_ground(None, BODY, [BACK, TURN, aside], P) == FREE
+    assert onto_no_ground(None, BODY, [AHEAD], P) == Approach(0.0, 0.0)
+    assert onto_no_ground(None, BODY, [Twist2(P.rest_mps, 0.0, 0.3)], P) == FREE
+    assert onto_no_ground(ends, BODY, [Twist2(0.5, 0.0, 0.1)], P).clearance_m < 1.1
+
+
+@pytest.mark.parametrize("clearance_m", [0.0, P.ground_margin_m, P.ground_margin_m + 0.001])
+def test_where_ground_ends_the_robot_stands(clearance_m: float) -> None:
+    assert ground_limit_mps(clearance_m, P, 2.0) == 0.0
+
+
+@given(st.floats(0.0, 20.0))
+def test_the_robot_can_stop_before_ground_ends(clearance_m: float) -> None:
+    speed = ground_limit_mps(clearance_m, P, 2.0)
+    way_m = max(clearance_m - P.ground_margin_m, 0.0)
+    assert speed * P.reaction_s + speed * speed / 4.0 <= way_m + 1e-9
+    faster = speed + 2.0 * P.step_mps
+    assert faster * P.reaction_s + faster * faster / 4.0 > way_m
 
 
 def test_where_nobody_says_what_is_seen_nothing_is() -> None:

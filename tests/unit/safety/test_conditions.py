@@ -415,6 +415,20 @@ def test_no_faster_than_what_is_seen_of_the_way_lets_it_stop() -> None:
     assert found.angular_radps == pytest.approx(found.linear_mps / 0.4)
 
 
+def test_no_faster_than_to_stop_where_known_ground_ends() -> None:
+    for clearance_m, unseen_m, linear_mps in (
+        (0.1, math.inf, 0.0),
+        (0.1, 0.1, 0.0),
+        (0.4, math.inf, 0.56),
+        (5.0, 0.1, 0.3),
+    ):
+        ends = replace(FREE_WAY, no_ground=Approach(1.0, clearance_m), unseen=Approach(1.0, unseen_m), reach_m=0.5)
+        found = unseen_limit(replace(WELL, prediction=ends), PARAMS)
+        assert found is not None
+        assert found.linear_mps == pytest.approx(linear_mps)
+        assert found.angular_radps == pytest.approx(2.0 * linear_mps)
+
+
 def test_who_has_no_obstacles_has_no_limit_by_what_is_seen() -> None:
     rows = tuple(code for code in PARAMS.rows if code != "OBSTACLES_TIMEOUT")
     ends = replace(FREE_WAY, unseen=Approach(1.0, 1.5))

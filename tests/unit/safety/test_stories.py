@@ -870,6 +870,32 @@ def test_no_faster_than_to_stop_within_what_is_seen(x_m: float, linear_mps: floa
     story.run(0.1).expect(NORMAL, (), linear_mps=1.5, reason="")
 
 
+def test_with_a_passenger_the_robot_stands_where_known_ground_ends() -> None:
+    """It is no fault either. Backwards the robot gets away, and without a passenger it creeps on as before."""
+    story = Story().healthy()
+    story.no_ground = np.array([(1.54, y, 0.0) for y in np.arange(-0.5, 0.51, 0.05)], np.float32)
+    story.request = story.driven = AHEAD
+    story.run(0.1).expect(NORMAL, (), linear_mps=1.5)
+    story.monitor.passenger = True
+    story.run(0.1).expect(NORMAL, (), linear_mps=0.0, reason="WAY_UNSEEN")
+    story.driven = ZERO_TWIST
+    story.run(0.1).expect(NORMAL, (), linear_mps=0.0, reason="WAY_UNSEEN")
+    story.request = story.driven = BACK
+    story.run(0.1).expect(NORMAL, (), linear_mps=1.0, reason="PASSENGER_ONBOARD")
+    story.request = story.driven = Twist2(0.5, 0.0, 0.0)
+    story.no_ground[:, 0] = 1.8
+    story.run(0.1).expect(NORMAL, (), linear_mps=pytest.approx(0.56), reason="WAY_UNSEEN")
+
+
+def test_with_a_passenger_no_ground_is_known_without_a_message_that_says_so() -> None:
+    story = Story().healthy()
+    story.monitor.passenger, story.no_ground = True, None
+    story.request = story.driven = AHEAD
+    story.run(0.6).expect(NORMAL, (), linear_mps=0.0, reason="WAY_UNSEEN")
+    story.request, story.driven = AHEAD, None
+    story.run(0.6).expect(NORMAL, (), linear_mps=0.0, reason="WAY_UNSEEN")
+
+
 def test_the_turn_is_limited_as_the_farthest_corner_moves() -> None:
     story = Story().healthy()
     story.unseen = np.array([(0.5, 0.42, 0.0)], np.float32)

@@ -196,6 +196,20 @@ def test_the_end_of_known_space_moves_past_the_robot_and_grows_old() -> None:
     assert scene.around.unseen(0.3, scene.now_s - 1.0) is None
 
 
+def test_the_end_of_known_ground_moves_past_the_robot_and_grows_old() -> None:
+    scene = Scene(Twist2(1.0, 0.0, 0.0)).go(0.5)
+    assert scene.around.no_ground(0.3, scene.now_s) is None
+    scene.around.no_ground_received(cloud((2.0, 0.0, 0.0), (math.nan, 0.0, 0.0)), 0.1, scene.now_s)
+    scene.around.no_ground_received(cloud((math.nan, 0.0, 0.0)), 0.0, scene.now_s)
+    scene.around.no_ground_received(cloud((1.0, 0.0, 0.0)), OBSTACLES.max_latency_s + 0.01, scene.now_s)
+    scene.go(0.2)
+    found = scene.around.no_ground(0.3, scene.now_s)
+    assert found is not None
+    assert found == pytest.approx(np.array([[1.7, 0.0, 0.0]]))
+    assert scene.around.unseen(0.3, scene.now_s) is None
+    assert scene.around.no_ground(0.3, scene.now_s + 0.11) is None
+
+
 @pytest.mark.parametrize("latency_s", [OBSTACLES.max_latency_s + 0.01, -0.01, math.nan])
 def test_an_end_of_known_space_that_makes_no_sense_is_not_received(latency_s: float) -> None:
     scene = Scene()

@@ -1,0 +1,81 @@
+"""One run of the benchmark ``drops``: a case played, by the ground under the wheels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from sim.bench.drops_cases import SETTLE_S, Case, contacts
+from sim.bench.people_stage import STEP_S, Stage
+from sim.bench.people_terrain import inside, terrain_of
+from sim.lidar.params import load_lidar_params
+
+_DEEP_M = 0.04  # a drop; the wheels take 3 cm
+_ATTITUDE_SIGMA_RAD = 0.004  # as the inertial unit's, config/imu_driver.yaml
+_SHORT_M = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """over: a wheel or castor got over an edge; at_mps: how fast the robot was then.
+
+    distance_m: driven. stops: when the limit became 0 on the way, and why. reason: of the limit at the end.
+    """
+
+    case: Case
+    over: bool
+    at_mps: float
+    distance_m: float
+    stops: tuple[str, ...]
+    reason: str
+
+    @property
+    def passed(self) -> bool:
+        """A way that may be driven was driven to its end without a stop."""
+        return not self.stops and self.distance_m >= self.case.to_m - _SHORT_M
+
+
+def play(case: Case, *, guarded: bool = True) -> Outcome:
+    """guarded: False is a robot whose safety monitor lets it do anything."""
+    random = np.random.default_rng([case.seed, 3])
+    roll, pitch = random.normal(0.0, _ATTITUDE_SIGMA_RAD, 2)
+    terrain = terrain_of(case.world, load_lidar_params(), (float(roll), float(pitch)))
+    stage = Stage(case.seed, [], {}, chair=case.chair, guarded=guarded, terrain=terrain)
+    stage.body.pose = case.start
+    if case.chair and case.legs[0].requested.vx > 0.1:
+        stage.drive_in()
+    stage.requested = ZERO_TWIST
+    distance_m, legs, leg, stopped, stops = 0.0, iter(case.legs), None, False, list[str]()
+    for step in range(round(case.run_s / STEP_S)):
+        if step * STEP_S >= SETTLE_S and (leg is None or distance_m >= leg.until_m):
+            leg = next(legs)
+            stage.requested = leg.requested
+        stage.advance()
+        distance_m += stage.body.twist.speed() * STEP_S
+        asked = leg is not None and leg.requested != ZERO_TWIST and distance_m > 0.0
+        stops_now = asked and stage.verdict.limit.linear_mps == 0.0
+        if stops_now and not stopped:
+            stops.append(f"{distance_m:.1f} m: {told(stage)}")
+        stopped = stops_now
+        if _over(case, stage.body.pose):
+            return Outcome(case, True, stage.body.twist.speed(), distance_m, tuple(stops), told(stage))
+    return Outcome(case, False, 0.0, distance_m, tuple(stops), told(stage))
+
+
+def told(stage: Stage) -> str:
+    verdict = stage.verdict
+    return f"{verdict.limit.linear_mps:.2f} m/s {verdict.reason} {'; '.join(stage.monitor.details.values())}"
+
+
+def _over(case: Case, pose: Pose2) -> bool:
+    wheels = contacts(chair=case.chair).tolist()
+    c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+    return any(
+        inside(pit, pose.x + c * u - s * v, pose.y + s * u + c * v)
+        for pit in case.world.pits
+        if pit.depth_m > _DEEP_M
+        for u, v in wheels
+    )
