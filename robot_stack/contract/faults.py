@@ -97,6 +97,7 @@ BY_CODE: dict[str, Fault] = {fault.code: fault for fault in FAULTS}
 
 # Reasons of a speed limit that are no faults.
 PASSENGER_ONBOARD = "PASSENGER_ONBOARD"
+UNDOCKING = "UNDOCKING"  # the latch is open, and the docking controller backs off from the wheelchair
 WAY_UNSEEN = "WAY_UNSEEN"  # the motion leads into what is neither seen nor remembered
 
 

@@ -87,22 +87,30 @@ class ChairWatch:
         return CLEAR
 
     def not_held(self, source: str | None, now_s: float) -> Finding:
-        """A wheelchair is attached that the latch does not hold: only undocking may move the robot, at creep speed.
+        """A wheelchair is attached that the latch does not hold, and nobody undocks from it.
 
         source: the topic of the highest fresh command, None without one.
         """
         reading = self._reading
         if reading is None:
             return _UNKNOWN
-        if not reading.contradictory and (reading.confirmed or not self.attached):
+        if not self._unheld(reading) or self._undocks(source, now_s):
             return CLEAR
-        if self._undocks(now_s) and source in (None, _UNDOCKING_SOURCE):
-            return Finding(Level.PRESENT, SafetyAction.LIMIT, self._undocking_limit, reading.describe())
         return Finding(Level.PRESENT, SafetyAction.STOP, detail=f"{reading.describe()}: undock")
 
-    def _undocks(self, now_s: float) -> bool:
+    def undocking(self, source: str | None, now_s: float) -> SpeedLimit | None:
+        """The limit of undocking from a wheelchair that the latch does not hold, None where that does not happen."""
+        unheld = self._reading is not None and self._unheld(self._reading)
+        return self._undocking_limit if unheld and self._undocks(source, now_s) else None
+
+    def _unheld(self, reading: LatchReading) -> bool:
+        return reading.contradictory or (self.attached and not reading.confirmed)
+
+    def _undocks(self, source: str | None, now_s: float) -> bool:
+        """The docking controller does, and no other source commands the robot."""
         fresh = age_s(now_s, self._stated_s) <= self._stale_s
-        return fresh and self._stated is not None and self._stated.undocking
+        stated = fresh and self._stated is not None and self._stated.undocking
+        return stated and source in (None, _UNDOCKING_SOURCE)
 
 
 _UNDOCKING_SOURCE = "/docking/cmd_vel"

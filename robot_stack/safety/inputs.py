@@ -147,6 +147,7 @@ class Snapshot:
     joint_states_up: they have once been fresh for the whole settling time of the start-up.
     estop: phrase that says who asks for the stop, empty if nobody does.
     chair_loose, latch_not_closed: judgement of the latch and the wheelchair on it, made by ``ChairWatch``.
+    undocking: the limit while the robot undocks from a wheelchair that the latch does not hold, else None.
     steering: judgement of commanded and measured headings, made by ``SteeringWatch``.
     drive: judgement of the drives, made by ``DriveWatch`` because it needs their history.
     inclination_rad: angle between base_link's z axis and the vertical, NaN = unknown.
@@ -166,6 +167,7 @@ class Snapshot:
     estop: str
     chair_loose: Finding
     latch_not_closed: Finding
+    undocking: SpeedLimit | None
     steering: Finding
     drive: Finding
     obedience: Finding

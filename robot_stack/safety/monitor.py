@@ -91,7 +91,8 @@ class SafetyMonitor:
         for row in self._rows:
             row.update(CONDITIONS[row.code](snapshot, self._params, row.action), now_s)
         passenger = self._with_passenger if self.passenger else None
-        verdict = arbitrate(self._active(), self._own, passenger, unseen_limit(snapshot, self._params))
+        unseen = unseen_limit(snapshot, self._params)
+        verdict = arbitrate(self._active(), self._own, passenger, unseen, snapshot.undocking)
         self.observation.limited(verdict.limit, verdict.hard, now_s)
         return verdict
 

@@ -177,11 +177,13 @@ class Observation:
         estop = self._stop_asked(complete, now_s)
         inclination_rad = self._imu.inclination_rad(now_s, stale_s(topics.IMU))
         stands = self.wheels.still_for_s(now_s, stale_s(topics.JOINT_STATES)) is not None
+        source = self.commands.leading(now_s)
         return Snapshot(
             uptime_s=age_s(now_s, self._started_s),
             estop=estop,
             chair_loose=self.chair.loose(stands),
-            latch_not_closed=self.chair.not_held(self.commands.leading(now_s), now_s),
+            latch_not_closed=self.chair.not_held(source, now_s),
+            undocking=self.chair.undocking(source, now_s),
             steering=self.steering.judge(now_s),
             drive=self.drive.judge(emergency or bool(estop), complete, now_s),
             obedience=self._obedience.judge(self.wheels.twist(now_s, stale_s(topics.JOINT_STATES)), now_s),

@@ -69,7 +69,7 @@ _AGES: tuple[tuple[str, Topic], ...] = (
     ("IMU_TIMEOUT", topics.IMU),
 )
 # Rows with an action that depends on how bad it is.
-_GRADED = ("SLOPE", "NODE_DEAD", "COLLISION_IMMINENT", "LATCH_NOT_CLOSED")
+_GRADED = ("SLOPE", "NODE_DEAD", "COLLISION_IMMINENT")
 _STOPS = tuple(row.code for row in faults.FAULTS if row.action >= SafetyAction.STOP and row.code not in _GRADED)
 _GENTLE = {"LOCALIZATION_LOST", "SLOPE"}  # whose stop is that of an ordinary ride
 _LIMITS = ("IMU_TIMEOUT", "BATTERY_CRITICAL", "LATCH_NOT_STORED")

@@ -131,10 +131,11 @@ class StackUnderTest:
     # --- what is done ------------------------------------------------------------------------------------------------
 
     def drive(self, vx_mps: float, vy_mps: float = 0.0, omega_radps: float = 0.0) -> None:
-        """Teleoperation at 20 Hz until ``let_go``."""
+        """Teleoperation at 20 Hz until ``let_go``. A stick that is taken begins at rest, as a joystick does."""
         message = TwistStamped()
         message.twist.linear.x, message.twist.linear.y, message.twist.angular.z = vx_mps, vy_mps, omega_radps
-        self.stick.hold(lambda: self.peer.publish(topics.TELEOP_CMD_VEL, message))
+        at_rest = [] if self.stick.idle_s == 0.0 else [TwistStamped() for _ in range(3)]
+        self.stick.hold(lambda: self.peer.publish(topics.TELEOP_CMD_VEL, at_rest.pop() if at_rest else message))
 
     def drive_at(self, speed_mps: float) -> None:
         """Drives ahead and waits until the robot has nearly that speed."""

@@ -93,6 +93,12 @@ def test_a_way_into_the_unseen_limits_and_is_no_fault(
     assert now.faults == tuple(row.code for row in rows)
 
 
+def test_undocking_is_a_limit_and_no_fault() -> None:
+    now = arbitrate([], OWN, PASSENGER, None, SpeedLimit(0.15, 0.1))
+    assert now == verdict(SafetyAction.NONE, SafetyState.NORMAL, "", (0.15, 0.1), "UNDOCKING")
+    assert arbitrate([STOP], OWN, PASSENGER, None, SpeedLimit(0.15, 0.1)).reason == "STOP"
+
+
 def test_a_limit_without_a_number_is_a_stop() -> None:
     assert arbitrate([replace(SLOW, limit=None)], OWN, None).limit == SpeedLimit(0.0, 0.0)
 

@@ -29,6 +29,7 @@ WELL = Snapshot(
     drive=CLEAR,
     chair_loose=CLEAR,
     latch_not_closed=CLEAR,
+    undocking=None,
     steering=CLEAR,
     obedience=CLEAR,
     joint_states_up=True,
