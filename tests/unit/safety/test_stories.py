@@ -876,7 +876,7 @@ def test_with_a_passenger_the_robot_stands_where_known_ground_ends() -> None:
     story.no_ground = np.array([(1.54, y, 0.0) for y in np.arange(-0.5, 0.51, 0.05)], np.float32)
     story.request = story.driven = AHEAD
     story.run(0.1).expect(NORMAL, (), linear_mps=1.5)
-    story.monitor.passenger = True
+    story.carry()
     story.run(0.1).expect(NORMAL, (), linear_mps=0.0, reason="WAY_UNSEEN")
     story.driven = ZERO_TWIST
     story.run(0.1).expect(NORMAL, (), linear_mps=0.0, reason="WAY_UNSEEN")
@@ -889,7 +889,7 @@ def test_with_a_passenger_the_robot_stands_where_known_ground_ends() -> None:
 
 def test_with_a_passenger_no_ground_is_known_without_a_message_that_says_so() -> None:
     story = Story().healthy()
-    story.monitor.passenger, story.no_ground = True, None
+    story.carry().no_ground = None
     story.request = story.driven = AHEAD
     story.run(0.6).expect(NORMAL, (), linear_mps=0.0, reason="WAY_UNSEEN")
     story.request, story.driven = AHEAD, None
