@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from robot_stack.core.errors import ConfigError
+
 NOT_DONE = 1
 WRONG_USE = 2
 
@@ -18,6 +20,4 @@ def exit_code(error: Exception) -> int | None:
     """The exit code of an error that its message explains; None for any other."""
     if isinstance(error, CommandError):
         return error.code
-    from robot_stack.core.config import ConfigError
-
     return WRONG_USE if isinstance(error, ConfigError) else None

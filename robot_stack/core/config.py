@@ -16,12 +16,10 @@ from typing import Any, Final, TypeVar
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from robot_stack.core.errors import ConfigError as ConfigError
+
 # libyaml's where it is there: ten times as fast, and every process reads some files while it starts.
 _LOADER: Final = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
-
-class ConfigError(Exception):
-    """A configuration file is missing, malformed or out of range. The message is one line that names file and field."""
 
 
 class Config(BaseModel):

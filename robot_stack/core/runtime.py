@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO
 
-from robot_stack.core.config import ConfigError
+from robot_stack.core.errors import ConfigError
 
 _TOUCH_SCREEN = "touch_ui.url"
 
