@@ -39,9 +39,9 @@ def held(commanded: list[float], speeds: list[float], angles: list[float], for_s
 
 def test_one_module_is_stuck_where_the_others_have_turned() -> None:
     stuck = [0.0, TURNED, TURNED, TURNED]
-    detail = held([TURNED] * 4, [0.2] * 4, stuck, 0.31)
+    detail = held([TURNED] * 4, [0.2] * 4, stuck, 0.51)
     assert detail == "fl_steer is 51 deg off"
-    detail = held([TURNED] * 4, [0.64] * 4, stuck, 0.31)
+    detail = held([TURNED] * 4, [0.64] * 4, stuck, 0.51)
     assert detail.startswith("fl_steer is 51 deg off, a wheel differs by 0.")
     assert held([TURNED] * 4, [0.64] * 4, stuck, P.hold_s) == ""
 
@@ -52,17 +52,17 @@ def test_the_limit_of_the_angle(module: int, sign: float) -> None:
     for off, wrong in ((P.angle_rad - TINY, False), (P.angle_rad + TINY, True)):
         commanded = [0.0] * 4
         commanded[module] = sign * off
-        assert bool(held(commanded, [-0.2] * 4, [0.0] * 4, 0.31)) == wrong
+        assert bool(held(commanded, [-0.2] * 4, [0.0] * 4, 0.51)) == wrong
 
 
 def test_whole_turns_are_no_difference() -> None:
-    assert held([math.pi] * 4, [0.5] * 4, [-math.pi, math.pi, 3 * math.pi, -7 * math.pi], 0.31) == ""
+    assert held([math.pi] * 4, [0.5] * 4, [-math.pi, math.pi, 3 * math.pi, -7 * math.pi], 0.51) == ""
 
 
 @pytest.mark.parametrize(("faster_mps", "judged"), [(-TINY, False), (0.0, True)])
 def test_a_standing_robot_turns_its_modules(faster_mps: float, judged: bool) -> None:
     speed_mps = PARAMS.standstill_mps + faster_mps
-    assert bool(held([TURNED] * 4, [0.0, 0.0, -speed_mps, 0.0], [0.0] * 4, 0.31)) == judged
+    assert bool(held([TURNED] * 4, [0.0, 0.0, -speed_mps, 0.0], [0.0] * 4, 0.51)) == judged
 
 
 def test_the_limit_of_the_disagreement() -> None:
@@ -72,7 +72,7 @@ def test_the_limit_of_the_disagreement() -> None:
     assert MODULES.disagreement_mps(speeds, [0.0] * 4) == pytest.approx(0.0)
     for by, wrong in ((-TINY, False), (TINY, True)):
         speeds[0] = 0.5 + (P.disagreement_mps + by) / step
-        assert bool(held([0.0] * 4, speeds, [0.0] * 4, 0.31)) == wrong
+        assert bool(held([0.0] * 4, speeds, [0.0] * 4, 0.51)) == wrong
 
 
 def test_a_turn_and_a_crab_course_are_no_disagreement() -> None:
@@ -80,20 +80,20 @@ def test_a_turn_and_a_crab_course_are_no_disagreement() -> None:
         wheels = [(vx - omega * y, vy + omega * x) for x, y in ROBOT.module_positions_m()]
         speeds, angles = [math.hypot(*v) for v in wheels], [math.atan2(v[1], v[0]) for v in wheels]
         assert MODULES.disagreement_mps(speeds, angles) == pytest.approx(0.0, abs=1e-9)
-        assert held(angles, speeds, angles, 0.31) == ""
+        assert held(angles, speeds, angles, 0.51) == ""
 
 
 def test_commands_that_are_old_or_no_commands_are_not_compared() -> None:
     for bad in ([], [0.0] * 3, [math.nan, 0.0, 0.0, 0.0]):
-        assert held(bad, [0.2] * 4, [TURNED] * 4, 0.31) == ""
+        assert held(bad, [0.2] * 4, [TURNED] * 4, 0.51) == ""
     found = watch()
     found.commanded([0.0] * 4, 0.0)
     found.measured([0.2] * 4, [TURNED] * 4)
     assert found.judge(0.0) == CLEAR
     assert found.judge(STALE_S) == CLEAR
-    found.commanded([0.0] * 4, 0.31)
-    assert found.judge(0.31).level is Level.PRESENT  # without a break
-    assert found.judge(0.31 + STALE_S + TINY) == CLEAR
+    found.commanded([0.0] * 4, 0.51)
+    assert found.judge(0.51).level is Level.PRESENT  # without a break
+    assert found.judge(0.51 + STALE_S + TINY) == CLEAR
 
 
 def test_nothing_measured_is_no_fault() -> None:
