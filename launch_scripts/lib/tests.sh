@@ -15,16 +15,13 @@ run_tests() {
   python -m pytest -o cache_dir=".pytest_cache/$1" "${@:2}"
 }
 
+# One after the other. The scheduled tests give the same result at any load, but would slow the pages of the touch screen.
 all_tests() {
-  local failed=() simulated log
-  log=$(mktemp)
-  # Whole robots and single nodes on the deterministic scheduler: the same result at any load. They take what the node
-  # tests leave of the processors, which mostly wait: three files at a time, whichever worker is free takes the next.
-  nice -n 19 bash -c "$(declare -f run_tests); run_tests simulated tests/simulated --numprocesses 2" >"$log" 2>&1 &
-  simulated=$!
+  local failed=()
+  # Node tests mostly wait: three files at a time, whichever worker is free takes the next.
   run_tests nodes tests/nodes tests/ui --numprocesses 3 --dist loadfile || failed+=(nodes)
-  wait "$simulated" || failed+=(simulated)
-  cat "$log" && rm "$log"
+  # Whole robots and single nodes on the deterministic scheduler.
+  run_tests simulated tests/simulated --numprocesses 2 || failed+=(simulated)
   # What only real processes can show, each a whole robot and its world, which need both cores.
   run_tests scenarios tests/scenarios || failed+=(scenarios)
   # What computes, the longest first. The safety kernel's own tests run under coverage in tests/mutation.
