@@ -64,6 +64,7 @@ def test_a_killed_button_comes_back_and_stops_the_robot() -> None:
 def test_without_its_safety_monitor_the_robot_brakes_hard(hangs: bool) -> None:
     """With a passenger at 1.0 m/s: 0.25 m of silence, 0.25 m of braking, and a tick. Gently it would be 1.7 m."""
     with staged() as stage:
+        stage.drive_at(1.0)  # the ground ahead is known from here on
         stage.board(True)
         stage.limit.wait(lambda message: "PASSENGER_ONBOARD" in message.reason, "the passenger's limit")
         stage.drive_at(1.0)
