@@ -242,7 +242,10 @@ class Observation:
         if not self.surroundings.known or (stands and not sighted):
             return None
         docking = age_s(now_s, self._last_way_s) <= stale_s(topics.DOCKING_STATUS)
-        footprint, moving = self._footprint(), self.surroundings.moving(stale_s(topics.MOVING), now_s)
+        # A wheelchair that is undocked from stays where it is: it is no part of what moves.
+        undocking = self.chair.undocking(self.commands.leading(now_s), now_s) is not None
+        footprint = self._body() if undocking else self._footprint()
+        moving = self.surroundings.moving(stale_s(topics.MOVING), now_s)
         measured = self.wheels.twist(now_s, stale_s(topics.JOINT_STATES))
         driven, requested = self.commands.driven(now_s), self.commands.requested(now_s)
         unseen = self.surroundings.unseen(stale_s(topics.UNSEEN_SPACE), now_s)

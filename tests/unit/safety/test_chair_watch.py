@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from robot_stack.contract import topics
@@ -127,6 +128,21 @@ def test_only_the_docking_controller_may_move_the_robot(source: str, limit_mps: 
     story = open_and_undocking()
     story.monitor.observation.commands.request(source, Twist2(-0.1, 0.0, 0.0), story.now_s)
     story.tick().expect(NORMAL if limit_mps else DEGRADED, linear_mps=limit_mps)
+
+
+def test_a_wheelchair_that_is_undocked_from_does_not_move_with_the_robot() -> None:
+    """Its sides are no obstacle when the robot turns a little while it backs off."""
+    story = open_and_undocking()
+    story.obstacles = np.array([(1.3, 0.42, 0.5)], np.float32)
+    story.driven = Twist2(-0.1, 0.0, 0.05)
+    for _ in range(10):
+        story.monitor.observation.commands.request("/docking/cmd_vel", story.driven, story.now_s)
+        story.tick().expect(NORMAL, linear_mps=CREEP_MPS)
+    story = riding()
+    story.obstacles, story.request = np.array([(1.3, 0.42, 0.5)], np.float32), Twist2(-0.1, 0.0, 0.05)
+    story.driven = story.request
+    story.run(0.2)
+    assert "COLLISION_IMMINENT" in story.verdict.faults, "a wheelchair that is held does"
 
 
 def test_contacts_that_contradict_each_other_stop_an_empty_robot() -> None:
