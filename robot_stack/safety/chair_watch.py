@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robot_stack.contract import topics
 from robot_stack.contract.model import SafetyAction
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.safety.inputs import CLEAR, Finding, LatchReading, Level
@@ -110,7 +111,4 @@ class ChairWatch:
         """The docking controller does, and no other source commands the robot."""
         fresh = age_s(now_s, self._stated_s) <= self._stale_s
         stated = fresh and self._stated is not None and self._stated.undocking
-        return stated and source in (None, _UNDOCKING_SOURCE)
-
-
-_UNDOCKING_SOURCE = "/docking/cmd_vel"
+        return stated and source in (None, topics.DOCKING_CMD_VEL.name)
