@@ -29,7 +29,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     Fault(
         "STEERING_FAULT",
-        "rolling, a module > 20 deg off its commanded angle or a wheel > 0.15 m/s off the motion of all, for 0.5 s",
+        "rolling, a module > 20 deg or a wheel > 0.15 m/s off the common motion for 0.5 s",
         _ESTOP,
         _EMERGENCY,
         _RESET,

@@ -55,8 +55,8 @@ def test_publisher_that_should_run_is_missed() -> None:
 
 def test_subscribers_are_compared_both_ways() -> None:
     seen = healthy(topics.WHEEL_COMMANDS, "swerve_controller")
-    listening = (endpoint(topics.WHEEL_COMMANDS, "imu_driver"), endpoint(topics.WHEEL_COMMANDS, "rviz"))
-    finding = judge(topics.WHEEL_COMMANDS, replace(seen, subscribers=listening), NODES, 0.1)
+    others = (endpoint(topics.WHEEL_COMMANDS, "imu_driver"), endpoint(topics.WHEEL_COMMANDS, "rviz"))
+    finding = judge(topics.WHEEL_COMMANDS, replace(seen, subscribers=seen.subscribers + others), NODES, 0.1)
     assert finding.problems == ("subscribed to by imu_driver, which the contract does not name",)
     deaf = replace(healthy(topics.CMD_VEL, "navigation_controller"), subscribers=())
     problems = judge(topics.CMD_VEL, deaf, NODES, 0.1).problems
