@@ -15,7 +15,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     Fault(
         "CHAIR_LOOSE",
-        "the latch is no longer confirmed closed with a wheelchair on it, other than by a command at standstill",
+        "latch no longer confirmed closed with a wheelchair on it, without a command at standstill",
         _ESTOP,
         _EMERGENCY,
         _RESET,
@@ -39,7 +39,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault("TILT", "tilt > 15 deg", _ESTOP, _EMERGENCY, _RESET),
     Fault(
         "LATCH_NOT_CLOSED",
-        "a wheelchair is attached and the latch is not confirmed closed: stops every motion but a slow undocking",
+        "wheelchair attached, latch not confirmed closed: stops all motion but a slow undocking",
         _STOP,
         _DEGRADED,
         _GONE,
