@@ -13,31 +13,19 @@ class Role(StrEnum):
 
 
 class PinTries:
-    """One try at a time, and a wait after a row of wrong ones that doubles with each row.
-
-    Of the screen as a whole: who opens a second page has no second row.
-    """
+    """A wait after each row of wrong PINs, which doubles with every further row."""
 
     def __init__(self, tries: int, lock_s: float, lock_max_s: float) -> None:
         self._tries, self._lock_s, self._lock_max_s = tries, lock_s, lock_max_s
         self._wrong = 0
         self._rows = 0
         self._locked_until_s = float("-inf")
-        self._trying = False
 
     def wait_s(self, now_s: float) -> float:
         """Seconds until a PIN is looked at again, 0: now."""
         return max(0.0, self._locked_until_s - now_s)
 
-    def begin(self, now_s: float) -> bool:
-        """False while locked, or while another try is looked at."""
-        if self._trying or self.wait_s(now_s) > 0.0:
-            return False
-        self._trying = True
-        return True
-
-    def end(self, right: bool, now_s: float) -> None:
-        self._trying = False
+    def tried(self, right: bool, now_s: float) -> None:
         if right:
             self._wrong = self._rows = 0
             return
@@ -54,16 +42,58 @@ class _Session:
 
 
 class Access:
-    """The staff sessions, one for each page that gave the PIN; a page that closes ends its own."""
+    """The staff sessions, one for each page that gave the PIN; a page that closes ends its own.
+
+    Wrong PINs are counted for each page that has been open for ``lock_max_s``, and for all younger pages together:
+    opening another page gives no further tries, and wrong PINs on another page do not lock the robot's own screen.
+    """
 
     def __init__(self, params: AccessParams) -> None:
         self._params = params
         self._sessions: dict[int, _Session] = {}
-        self.tries = PinTries(params.tries, params.lock_s, params.lock_max_s)
+        self._opened_s: dict[int, float] = {}
+        self._young = self._new_tries()
+        self._tries: dict[int, PinTries] = {}
+        self._checking = False
 
     @property
     def pin_set(self) -> bool:
         return bool(self._params.pin_hash)
+
+    def enter(self, client: int, now_s: float) -> None:
+        """The page has opened."""
+        self._opened_s[client] = now_s
+
+    def leave(self, client: int) -> None:
+        """The page has closed."""
+        self.dismiss(client)
+        self._opened_s.pop(client, None)
+        self._tries.pop(client, None)
+
+    def begin_check(self, client: int, now_s: float) -> bool:
+        """False while the page is locked, or while another PIN is checked."""
+        if self._checking or self.wait_s(client, now_s) > 0.0:
+            return False
+        self._checking = True
+        return True
+
+    def end_check(self, client: int, right: bool, now_s: float) -> None:
+        self._checking = False
+        self._tries_of(client, now_s).tried(right, now_s)
+        if right and client in self._opened_s:
+            self.admit(client, now_s)
+
+    def wait_s(self, client: int, now_s: float) -> float:
+        """Seconds until a PIN from this page is checked again, 0: now."""
+        return self._tries_of(client, now_s).wait_s(now_s)
+
+    def _tries_of(self, client: int, now_s: float) -> PinTries:
+        if now_s - self._opened_s.get(client, now_s) < self._params.lock_max_s:
+            return self._young
+        return self._tries.setdefault(client, self._new_tries())
+
+    def _new_tries(self) -> PinTries:
+        return PinTries(self._params.tries, self._params.lock_s, self._params.lock_max_s)
 
     def admit(self, client: int, now_s: float) -> None:
         self._sessions[client] = _Session(now_s)

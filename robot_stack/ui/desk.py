@@ -52,10 +52,13 @@ class Desk:
             self.access.touch(client, now_s)
         return self._rule(client, message, now_s)
 
+    def enter(self, client: int, now_s: float) -> None:
+        self.access.enter(client, now_s)
+
     def leave(self, client: int) -> None:
         """The page is gone."""
         self.pad.forget(client)
-        self.access.dismiss(client)
+        self.access.leave(client)
         self._budgets.pop(client, None)
 
     def _rule(self, client: int, message: p.ClientMessage, now_s: float) -> Ruling:
@@ -67,7 +70,7 @@ class Desk:
                 self.pad.lift(client)
                 return Ruling(message if was else None, audit="pad released" if was else "")
             case p.Login():
-                return self._login(message, now_s)
+                return self._login(client, message, now_s)
             case p.Logout():
                 self.pad.lift(client)
                 self.access.dismiss(client)
@@ -81,10 +84,10 @@ class Desk:
             return Ruling(None, PAD_BUSY)
         return Ruling(message, audit="" if before == client else "pad pressed")
 
-    def _login(self, message: p.Login, now_s: float) -> Ruling:
+    def _login(self, client: int, message: p.Login, now_s: float) -> Ruling:
         if not self.access.pin_set:
             return Ruling(None, NO_PIN_SET, "staff PIN")
-        if not self.access.tries.begin(now_s):
+        if not self.access.begin_check(client, now_s):
             return Ruling(None, WAIT, "staff PIN")
         return Ruling(message)  # its outcome is audited
 

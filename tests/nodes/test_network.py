@@ -28,7 +28,8 @@ _ROBOT, _STRANGER = "198.51.100.1", "198.51.100.2"  # RFC 5737: documentation
 _FOR_S = 6.0  # 60 announcements
 _FIRST_EPHEMERAL = 32768
 _RULES = Path(__file__).parents[2] / "launch_scripts" / "robot-stack.nft"
-_ROBOT_UID, _OTHER_UID = "4711", "65534"
+_ROBOT_UID, _SCREEN_UID, _OTHER_UID = "4711", "4712", "65534"
+_PAGE = 8460
 
 
 def _addresses(process: NodeProcess, ports: range) -> set[str]:
@@ -124,7 +125,9 @@ def own_network(ros_domain: int) -> Iterator[str]:
         pytest.skip("no nft on this machine: install the package nftables")
     name = f"robot{os.getpid()}"
     first = 7400 + 250 * ros_domain
-    rules = ["-D", f"robot={_ROBOT_UID}", "-D", f"ports={first}-{first + 249}", "-f", str(_RULES)]
+    users = {"robot": _ROBOT_UID, "screen": _SCREEN_UID}
+    defined = {**users, "ports": f"{first}-{first + 249}", "pages": f"{_PAGE}-{_PAGE + 19}"}
+    rules = [word for key, value in defined.items() for word in ("-D", f"{key}={value}")] + ["-f", str(_RULES)]
     try:
         subprocess.run(["ip", "netns", "add", name], check=True, capture_output=True)
     except (OSError, subprocess.CalledProcessError) as error:
@@ -137,12 +140,15 @@ def own_network(ros_domain: int) -> Iterator[str]:
         subprocess.run(["ip", "netns", "delete", name], check=True)
 
 
-def _heard_by_user(network: str, uid: str, for_s: float) -> str:
-    """The same for a program of a user on the robot's computer. The capability lets it read this Python's files."""
+def _as_user(network: str, uid: str, *words: str) -> str:
+    """What a program of a user on the robot's computer prints. The capability lets it read this Python's files."""
     user = ["setpriv", f"--reuid={uid}", f"--regid={uid}", "--clear-groups"]
     rights = ["--inh-caps=+dac_read_search", "--ambient-caps=+dac_read_search"]
-    words = [sys.executable, str(SCRIPTS / "stranger.py"), "127.0.0.1", str(for_s)]
-    return _in_namespace(network, *user, *rights, *words)
+    return _in_namespace(network, *user, *rights, sys.executable, *words)
+
+
+def _heard_by_user(network: str, uid: str, for_s: float) -> str:
+    return _as_user(network, uid, str(SCRIPTS / "stranger.py"), "127.0.0.1", str(for_s))
 
 
 def test_another_user_of_this_machine_reaches_nothing(own_network: str) -> None:
@@ -153,3 +159,29 @@ def test_another_user_of_this_machine_reaches_nothing(own_network: str) -> None:
             assert _heard_by_user(own_network, _OTHER_UID, _FOR_S) == "heard by 0 0 0"
         finally:
             monitor.terminate()
+
+
+_SERVE = (
+    f"import socket; s = socket.create_server(('127.0.0.1', {_PAGE})); print('up', flush=True); s.accept(); input()"
+)
+_CONNECT = f"""
+import socket
+try:
+    socket.create_connection(("127.0.0.1", {_PAGE}), 5.0)
+    print("connected")
+except OSError as error:
+    print(error.strerror)
+"""
+
+
+def test_only_the_screens_user_opens_the_touch_screen(own_network: str) -> None:
+    """A program may write any Origin into its request, and rides start without a PIN."""
+    words = ["ip", "netns", "exec", own_network, sys.executable, "-c", _SERVE]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        assert server.stdout.readline() == "up\n"
+        try:
+            assert _as_user(own_network, _OTHER_UID, "-c", _CONNECT) == "Connection refused"
+            assert _as_user(own_network, _SCREEN_UID, "-c", _CONNECT) == "connected"
+        finally:
+            server.terminate()

@@ -85,6 +85,7 @@ class Hub:
     def join(self, address: str) -> Page:
         page = Page(next(self._numbers), address, self._params.pages.state_hz)
         page.changes.offer(self._sections)
+        self._desk.enter(page.number, self._now_s())
         self._pages[page.number] = page
         self.pages = len(self._pages)
         self._tell_access(page)
@@ -234,7 +235,7 @@ class Hub:
                 "access": {
                     "role": access.role(page.number, now_s).value,
                     "pin_set": access.pin_set,
-                    "wait_s": 5 * -(-int(access.tries.wait_s(now_s)) // 5),
+                    "wait_s": 5 * -(-int(access.wait_s(page.number, now_s)) // 5),
                     "expires_s": 30 * -(-int(access.expires_s(page.number, now_s)) // 30),
                     "pad": "free" if self._desk.pad.holder in (None, page.number) else "busy",
                 }
@@ -267,12 +268,11 @@ class Hub:
             self._end_check(page, message, right)
 
     def _end_check(self, page: Page, message: p.Login, right: bool) -> None:
-        self._desk.access.tries.end(right, self._now_s())
+        now_s = self._now_s()
+        self._desk.access.end_check(page.number, right, now_s)
         if page.number not in self._pages:
             return
-        if right:
-            self._desk.access.admit(page.number, self._now_s())
-        locked = self._desk.access.tries.wait_s(self._now_s()) > 0.0
+        locked = self._desk.access.wait_s(page.number, now_s) > 0.0
         self._audit(page, "staff PIN", "ok" if right else "wrong")
         self._tell_access(page)
         self.answer(page.number, message.id, right, OK if right else WAIT if locked else WRONG_PIN)

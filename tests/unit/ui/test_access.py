@@ -29,30 +29,80 @@ def test_what_is_no_pin_is_not_hashed(pin: str) -> None:
         hash_pin(pin)
 
 
-def test_wrong_pins_make_everyone_wait_longer_each_time() -> None:
+def test_each_row_of_wrong_pins_locks_for_longer() -> None:
     tries = PinTries(3, 10.0, 25.0)
     now_s = 0.0
     for wait_s in (10.0, 20.0, 25.0, 25.0):
         for _ in range(3):
-            assert tries.begin(now_s)
-            tries.end(False, now_s)
+            assert tries.wait_s(now_s) == 0.0
+            tries.tried(False, now_s)
         assert tries.wait_s(now_s) == wait_s
-        assert not tries.begin(now_s + wait_s - 0.01)
         now_s += wait_s
-    assert tries.begin(now_s)
-    tries.end(True, now_s)
+    tries.tried(True, now_s)
     for _ in range(2):
-        assert tries.begin(now_s)
-        tries.end(False, now_s)
-    assert tries.begin(now_s)  # the right one began a new row
+        tries.tried(False, now_s)
+    assert tries.wait_s(now_s) == 0.0  # the right one began a new row
 
 
-def test_one_pin_is_looked_at_at_a_time() -> None:
-    tries = PinTries(3, 10.0, 25.0)
-    assert tries.begin(0.0)
-    assert not tries.begin(0.0)
-    tries.end(False, 0.0)
-    assert tries.begin(0.0)
+def try_wrong(access: Access, client: int, now_s: float, times: int) -> None:
+    for _ in range(times):
+        assert access.begin_check(client, now_s)
+        access.end_check(client, False, now_s)
+
+
+def test_one_pin_is_checked_at_a_time(params: TouchUiParams) -> None:
+    access = Access(params.access)
+    assert access.begin_check(1, 0.0)
+    assert not access.begin_check(2, 0.0)
+    access.end_check(1, False, 0.0)
+    assert access.begin_check(2, 0.0)
+
+
+def test_another_page_gives_no_further_tries(params: TouchUiParams) -> None:
+    access, tries = Access(params.access), params.access.tries
+    for client in range(tries):
+        access.enter(client, 0.0)
+        try_wrong(access, client, 0.0, 1)
+        access.leave(client)
+    access.enter(tries, 0.0)
+    assert access.wait_s(tries, 0.0) == params.access.lock_s
+    assert not access.begin_check(tries, 0.0)
+
+
+def test_wrong_pins_on_other_pages_do_not_lock_a_page_that_has_long_been_open(params: TouchUiParams) -> None:
+    access, old_s = Access(params.access), params.access.lock_max_s
+    access.enter(1, 0.0)
+    access.enter(2, old_s)
+    now_s = old_s
+    for _ in range(40 // params.access.tries):
+        try_wrong(access, 2, now_s, params.access.tries)
+        now_s += access.wait_s(2, now_s)
+        if now_s >= 2.0 * old_s:
+            break
+    try_wrong(access, 2, now_s, params.access.tries)
+    assert access.wait_s(2, now_s) > 0.0
+    assert access.wait_s(1, now_s) == 0.0
+    assert access.begin_check(1, now_s)
+    access.end_check(1, True, now_s)
+    assert access.role(1, now_s) is Role.STAFF
+
+
+def test_no_row_of_wrong_pins_locks_for_longer_than_five_minutes(params: TouchUiParams) -> None:
+    access, now_s = Access(params.access), 0.0
+    access.enter(1, now_s)
+    for _ in range(40 // params.access.tries):
+        try_wrong(access, 1, now_s, params.access.tries)
+        assert access.wait_s(1, now_s) <= 300.0
+        now_s += access.wait_s(1, now_s)
+
+
+def test_a_page_that_closed_while_its_pin_was_checked_is_not_staff(params: TouchUiParams) -> None:
+    access = Access(params.access)
+    access.enter(1, 0.0)
+    assert access.begin_check(1, 0.0)
+    access.leave(1)
+    access.end_check(1, True, 0.0)
+    assert access.role(1, 0.0) is Role.RIDER
 
 
 def test_sessions_end(params: TouchUiParams) -> None:

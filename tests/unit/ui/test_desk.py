@@ -41,7 +41,7 @@ def test_riders_ride_and_staff_operate(desk: d.Desk, fields: dict[str, object]) 
     ruling = desk.take(RIDER, say(json.dumps(fields)), 0.0)
     allowed = fields["t"] in RIDERS_MAY or fields in ({"t": "show", "layers": []}, {"t": "call", "on": True})
     assert (ruling.why == d.NEEDS_STAFF) is not allowed
-    desk.access.tries.end(True, 0.0)
+    desk.access.end_check(RIDER, True, 0.0)
     assert desk.take(STAFF, say(json.dumps(fields)), 0.0).why == d.OK
 
 
@@ -67,8 +67,8 @@ def test_login_without_pin_or_while_locked(desk: d.Desk, params: TouchUiParams) 
     assert desk.take(RIDER, login, 0.0).effect == login
     assert desk.take(OTHER, login, 0.0).why == d.WAIT  # one at a time
     for _ in range(params.access.tries):
-        desk.access.tries.end(False, 0.0)
-        desk.access.tries.begin(0.0)
+        desk.access.end_check(RIDER, False, 0.0)
+        desk.access.begin_check(RIDER, 0.0)
     assert desk.take(OTHER, login, 1.0).why == d.WAIT
     without = params.access.model_copy(update={"pin_hash": ""})
     locked = d.Desk(Access(without), DeadManPad(params.pad), params.server.messages_hz_max)
