@@ -69,8 +69,8 @@ class EngineView:
         while not self._ended:
             now_s = time.monotonic()
             late_s, before_s = now_s - before_s - self._period_s, now_s
-            if late_s > _HELD_UP_S:
-                patient_until_s = now_s + min(_PATIENCE_S, pauses.excuse(late_s, now_s))
+            if late_s > _HELD_UP_S and pauses.excuse(late_s, now_s) >= min(late_s, _PATIENCE_S):
+                patient_until_s = now_s + _PATIENCE_S
             status = self._read()
             if status is not None or now_s >= patient_until_s:
                 self._on_status(status)

@@ -2,81 +2,91 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable
 
 import pytest
 
 from robot_stack.wmx import view
 from robot_stack.wmx.axes import StatusSnapshot, empty_snapshot
 from robot_stack.wmx.view import EngineView
-from tests.support.waiting import wait_for
 
 STALE = 1
+POLL_HZ = 250.0
 
 
-class Engine:
-    """Whose status can be read or not; ``hold_s`` holds the reader up once, and the engine falls silent meanwhile."""
+class Ended(Exception):
+    """The story is over."""
 
-    def __init__(self) -> None:
-        self.stale = False
-        self.hold_s = 0.0
 
+class Story:
+    """An engine, and the virtual time of the thread that follows it.
+
+    stale_from_s: from then on the engine's status is stale. hold: called at each reading, returns for how long the
+    thread does not run meanwhile. statuses: what the thread reported, and when.
+    """
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_s = 0.0
+        self.end_s = 2.0
+        self.stale_from_s = float("inf")
+        self.hold: Callable[[float], float] = lambda _: 0.0
+        self.statuses: list[tuple[float, bool]] = []
+        monkeypatch.setattr(view, "time", self)
+        monkeypatch.setattr(view, "connect", lambda *_, **__: self)
+
+    # As the module time.
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def sleep(self, duration_s: float) -> None:
+        self.now_s += duration_s
+        if self.now_s >= self.end_s:
+            raise Ended
+
+    # As an engine.
     def read_status(self) -> tuple[int, StatusSnapshot]:
-        hold_s, self.hold_s = self.hold_s, 0.0
-        code = STALE if self.stale else 0
-        if hold_s:
-            time.sleep(hold_s)
-            self.stale = True
+        code = STALE if self.now_s >= self.stale_from_s else 0
+        self.now_s += self.hold(self.now_s)
         return code, empty_snapshot()
 
     def close(self) -> None:
         """Nothing is held."""
 
+    def run(self) -> list[float]:
+        """The times at which the thread reported that there is no status to trust, once there had been one."""
+        follower = EngineView("test", POLL_HZ, lambda status: self.statuses.append((self.now_s, status is not None)))
+        with pytest.raises(Ended):
+            follower._follow()
+        first_s = next(at_s for at_s, known in self.statuses if known)
+        return [at_s for at_s, known in self.statuses if not known and at_s > first_s]
+
 
 @pytest.fixture
-def followed(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Engine, list[tuple[float, Any]], Callable[[], None]]]:
-    engine = Engine()
-    monkeypatch.setattr(view, "connect", lambda *_, **__: engine)
-    heard: list[tuple[float, Any]] = []
-    follower = EngineView("test", 250.0, lambda status: heard.append((time.monotonic(), status)))
-    follower.start()
-    wait_for(lambda: any(status is not None for _, status in heard), "a status")
-    yield engine, heard, follower.close
-    follower.close()
+def story(monkeypatch: pytest.MonkeyPatch) -> Story:
+    return Story(monkeypatch)
 
 
-def test_an_engine_that_falls_silent_is_told_at_once(
-    followed: tuple[Engine, list[tuple[float, Any]], Callable[[], None]],
-) -> None:
-    engine, heard, _ = followed
-    count = len(heard)
-    engine.stale = True
-    wait_for(lambda: any(status is None for _, status in heard[count:]), "the silence")
+def test_a_status_is_reported_at_each_reading(story: Story) -> None:
+    assert story.run() == []
+    assert len(story.statuses) == pytest.approx(story.end_s * POLL_HZ, abs=2)
 
 
-def test_after_a_pause_of_its_own_it_waits_a_little_before_it_calls_the_engine_silent(
-    followed: tuple[Engine, list[tuple[float, Any]], Callable[[], None]],
-) -> None:
-    engine, heard, _ = followed
-    count = len(heard)
-    engine.hold_s = 0.12
-    wait_for(lambda: any(status is None for _, status in heard[count:]), "the silence")
-    resumed_s = max(at_s for at_s, status in heard[count:] if status is not None)
-    silent_s = next(at_s for at_s, status in heard[count:] if status is None)
-    assert 0.03 < silent_s - resumed_s < 0.25
+def test_a_silent_engine_is_reported_at_once(story: Story) -> None:
+    story.stale_from_s = 1.0
+    assert story.run()[0] == pytest.approx(1.0, abs=1.0 / POLL_HZ)
 
 
-def test_pauses_without_end_excuse_nothing(
-    followed: tuple[Engine, list[tuple[float, Any]], Callable[[], None]],
-) -> None:
-    engine, heard, _ = followed
-    engine.stale = True
-    begun_s = time.monotonic()
+def test_after_a_pause_of_its_own_it_waits_a_little_before_it_calls_the_engine_silent(story: Story) -> None:
+    pause_s = 0.12
+    story.stale_from_s = 1.0
+    story.hold = lambda now_s: pause_s if 0.99 <= now_s < 1.0 else 0.0
+    silent_s = story.run()[0]
+    resumed_s = max(at_s for at_s, known in story.statuses if known)
+    assert silent_s - resumed_s == pytest.approx(0.05, abs=2.0 / POLL_HZ)
 
-    def silent() -> bool:
-        engine.hold_s = engine.hold_s or 0.04
-        return any(status is None and at_s > begun_s for at_s, status in heard)
 
-    wait_for(silent, "the silence", 5.0)
+def test_pauses_without_end_excuse_nothing(story: Story) -> None:
+    story.end_s = 10.0
+    story.stale_from_s = 1.0
+    story.hold = lambda _: 0.04
+    assert story.run()[0] < 3.0
