@@ -76,6 +76,12 @@ class RangeSensor(Config):
         steepest = float(np.arcsin(np.clip(down, -1.0, 1.0)).min())
         return self.xyz_m[2] / float(np.tan(steepest)) if steepest > 0.0 else float("inf")
 
+    def highest_slope(self) -> float:
+        """Rise of its highest beam for each metre in plan, in the direction in which it is lowest."""
+        beams = self.beams().reshape(self.columns, self.rings, 3)
+        flat = np.maximum(np.hypot(beams[:, :, 0], beams[:, :, 1]), 1e-6)
+        return float((beams[:, :, 2] / flat).max(axis=1).min())
+
     def beams(self) -> F64:
         """(columns * rings, 3) unit vectors in base_link, column by column."""
         azimuths, elevations = self.azimuths_rad(), self.elevations_rad()

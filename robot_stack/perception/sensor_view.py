@@ -60,12 +60,14 @@ class SensorView:
         self._border = ground.wheel_border(robot, self.grid, self.xy_m)
         self._reach = ground.reach_of(sensor, params.ground, params.free_space, range_m[1])
         self.cut = {chair: boxes(robot, params.crop, chair) for chair in (False, True)}
+        self._highest_slope = sensor.highest_slope()
         self._range_m, self._mast = range_m, mast
         self._margin_rad = params.crop.mast_columns * math.radians(sensor.span_deg) / sensor.columns
 
     def views(self, reach_m: float) -> SweepViews:
         """What makes looks of its sweeps, no farther than ``reach_m``."""
-        return SweepViews(self.grid, reach_m, self._reach.ring_spacing_rad, self._params.ground.max_slope_deg)
+        slope_deg = self._params.ground.max_slope_deg
+        return SweepViews(self.grid, reach_m, self._reach.ring_spacing_rad, slope_deg, self._highest_slope)
 
     def points(self, points: Points, stamp_s: float, motion: Motion, chair: bool) -> tuple[Float, int]:
         """Cropped and de-skewed: (n, 3) base_link at the stamp, and how many points were not finite."""

@@ -33,6 +33,7 @@ def mark(
     state: Cells,
     passes: Any,
     thing_m: Float,
+    under_m: Float,
     hit_s: Floats,
     hit_at_m: Floats,
     since_s: Floats,
@@ -54,10 +55,11 @@ def mark(
     since_s: (rows, columns) when a cell became occupied. found: it was unseen: what is there may have stood there.
     last: (rows, columns, 3) the highest return of the last view that met the cell: where in the cell, and its height
     above the ground. thing_m: of the thing it is a part of: the highest return within ``thing_cells``, because a foot
-    belongs to the body above it.
+    belongs to the body above it. under_m: the lowest such return since the cell became occupied.
     """
     rows, columns = state.shape
     directions, bins = ground.shape
+    lowest = np.full((rows, columns), np.inf, np.float32)
     hit_rows, hit_columns = np.empty(len(hits), np.int32), np.empty(len(hits), np.int32)
     count = 0
     for i in range(len(hits)):
@@ -75,6 +77,7 @@ def mark(
         s = min(int((angle_of(dy, dx) + PI) / (2.0 * math.pi) * directions), directions - 1)
         b = min(int(math.sqrt(dx * dx + dy * dy) / BIN_M), bins - 1)
         height = z - ground[s, b]
+        lowest[row, column] = min(lowest[row, column], height)
         if hit_s[row, column] != now_s:
             hit_rows[count], hit_columns[count] = row, column
             count += 1
@@ -88,11 +91,12 @@ def mark(
     for i in range(count):
         row, column = hit_rows[i], hit_columns[i]
         top = last[row, column, 2]
+        under = lowest[row, column] if since_s[row, column] == now_s else under_m[row, column]
         for r in range(max(row - thing_cells, 0), min(row + thing_cells + 1, rows)):
             for c in range(max(column - thing_cells, 0), min(column + thing_cells + 1, columns)):
                 if hit_s[r, c] == now_s:
-                    top = max(top, last[r, c, 2])
-        thing_m[row, column] = top
+                    top, under = max(top, last[r, c, 2]), min(under, lowest[r, c])
+        thing_m[row, column], under_m[row, column] = top, under
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -152,6 +156,7 @@ def stand(
     state: Cells,
     passes: Any,
     thing_m: Float,
+    under_m: Float,
     hit_s: Floats,
     hit_at_m: Floats,
     since_s: Floats,
@@ -177,7 +182,7 @@ def stand(
         if ray_s[row, column] >= unwatched_s and ray_m[row, column] <= below_m:
             continue
         if state[row, column] != OCCUPIED:
-            last[row, column, 2], thing_m[row, column] = points[i, 2], points[i, 2]
+            last[row, column, 2], thing_m[row, column], under_m[row, column] = points[i, 2], points[i, 2], 0.0
             last[row, column, 0], last[row, column, 1] = across - column, along - row
             since_s[row, column], hit_s[row, column] = -math.inf, now_s
         state[row, column], passes[row, column], hit_at_m[row, column] = OCCUPIED, 0, travel_m
@@ -206,6 +211,7 @@ def look(
     state: Cells,
     passes: Any,
     thing_m: Float,
+    under_m: Float,
     hit_s: Floats,
     hit_at_m: Floats,
     watched_s: Floats,
@@ -215,6 +221,8 @@ def look(
     cell_m: float,
     pose: Floats,
     origin: Floats,
+    up: float,
+    ground: Float,
     passed: Float,
     bare: Any,
     own: Floats,
@@ -227,8 +235,9 @@ def look(
 
     ray_m, ray_s: (rows, columns) height of the lowest ray that passed lately, for ``lasts_s``, and when, of any sensor.
 
-    own: rear, front, half width of what stands there, m: the robot's own place is free. passed, bare: as in ``View``.
-    No ray passes below the top of what is hardly higher than the ground. It is gone where ground is seen in its place.
+    own: rear, front, half width of what stands there, m: the robot's own place is free. up, ground, passed, bare: as in
+    ``View``. No ray passes below the top of what is hardly higher than the ground. It is gone where ground is seen in
+    its place. Where the sensor's highest beam is lower than a thing, rays that pass below it leave it where it is.
     """
     rows, columns = state.shape
     directions, bins = passed.shape
@@ -267,7 +276,9 @@ def look(
             if was == OCCUPIED:
                 if hit_s[row, column] == now_s:
                     continue
+                highest = origin[2] + up * away - ground[min(int(at), directions - 1), b]
                 gone = least < thing_m[row, column] - limits[MARGIN_M]
+                gone &= under_m[row, column] + limits[MARGIN_M] < highest
                 if not gone and thing_m[row, column] <= limits[LOW_M]:
                     gone = True
                     for i in range(math.floor(at - wide), math.floor(at + wide) + 1):

@@ -1,9 +1,9 @@
 """The model of the space around the robot. Stamps in s, one clock; poses are base_link in odom.
 
 A cell is FREE only where a ray passed since it was not, and as long as nobody could have stepped there unseen. It is
-OCCUPIED from a return on until a ray passes through it, below its top, or until ground is seen in the place of what was
-hardly higher: whatever hides it, and however long. Only the robot's own motion ages it, because it makes the place
-doubtful. All else is UNSEEN.
+OCCUPIED from a return on until a ray of a sensor that sees as high passes below its top, or until ground is seen in the
+place of what was hardly higher: whatever hides it, and however long. Only the robot's own motion ages it, because it
+makes the place doubtful. All else is UNSEEN.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Space:
         self._corner = np.zeros(2, np.int64)
         self._state: Cells = np.full((count, count), UNSEEN, np.int8)
         self._passes = np.zeros((count, count), np.uint8)
-        self._thing_m = np.zeros((count, count), np.float32)
+        self._thing_m, self._under_m = (np.zeros((count, count), np.float32) for _ in range(2))
         self._last = np.zeros((count, count, 3), np.float32)
         self._ray_m = np.zeros((count, count), np.float32)
         self._hit_s, self._hit_at_m, self._watched_s, self._ray_s, self._since_s = (
@@ -98,7 +98,7 @@ class Space:
         footprint = self._robot.footprint_with_chair if self._chair else self._robot.footprint
         at, own, origin = _array(pose), _rectangle(footprint, 0.0), np.array(view.origin_m, np.float64)
         p, cell_m = self._params, self._params.cell_m
-        cells = (self._state, self._passes, self._thing_m, self._hit_s, self._hit_at_m)
+        cells = (self._state, self._passes, self._thing_m, self._under_m, self._hit_s, self._hit_at_m)
         hits = np.ascontiguousarray(view.hits, np.float32)
         near_cells = round(p.thing_m / cell_m)
         kernels.mark(
@@ -127,6 +127,8 @@ class Space:
             cell_m,
             at,
             origin,
+            view.up,
+            view.ground_m,
             view.passed_m,
             view.bare,
             own,
@@ -182,7 +184,7 @@ class Space:
             elif hidden:
                 break
         kernels.stand(
-            *(self._state, self._passes, self._thing_m, self._hit_s, self._hit_at_m, self._since_s),
+            *(self._state, self._passes, self._thing_m, self._under_m, self._hit_s, self._hit_at_m, self._since_s),
             *(self._ray_s, self._ray_m),
             self._last,
             self._corner,
@@ -229,6 +231,7 @@ class Space:
             self._state = rolled(self._state, rows, columns, float(UNSEEN))
             self._passes = rolled(self._passes, rows, columns, 0.0)
             self._thing_m = rolled(self._thing_m, rows, columns, 0.0)
+            self._under_m = rolled(self._under_m, rows, columns, 0.0)
             self._last = rolled(self._last, rows, columns, 0.0)
             self._since_s = rolled(self._since_s, rows, columns, -math.inf)
             self._found = rolled(self._found, rows, columns, 0.0)

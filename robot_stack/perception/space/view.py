@@ -41,7 +41,7 @@ class View:
     (directions, bins) height of the ground. specks: (n, 3) returns that may be too few to be a thing: what was a
     thing before is still there. bare: (directions, bins) ground returned from there, and nothing above it. floor:
     (k, 4) x, y, z of ground, base_link levelled, and of how many returns, 0 between two rings. tilt: by how much
-    base_link's x and y axes rise.
+    base_link's x and y axes rise. up: slope of the sensor's highest beam; inf where that does not matter.
     """
 
     stamp_s: float
@@ -53,6 +53,7 @@ class View:
     specks: Float = field(default_factory=lambda: _NOTHING)
     floor: Float = field(default_factory=lambda: _NO_FLOOR)
     tilt: tuple[float, float] = (0.0, 0.0)
+    up: float = math.inf
 
 
 def view_of_beams(
@@ -83,9 +84,9 @@ def view_of_beams(
 class SweepViews:
     """Looks of a spinning sensor, from the cells that its points were sorted into to find the ground."""
 
-    def __init__(self, grid: PolarGrid, reach_m: float, spacing_rad: float, slope_deg: float) -> None:
-        """spacing_rad: between its rings. slope_deg: of the steepest ramp."""
-        self._edges_m, self._spacing_rad = grid.edges_m, spacing_rad
+    def __init__(self, grid: PolarGrid, reach_m: float, spacing_rad: float, slope_deg: float, up: float) -> None:
+        """spacing_rad: between its rings. slope_deg: of the steepest ramp. up: as in ``View``."""
+        self._edges_m, self._spacing_rad, self._up = grid.edges_m, spacing_rad, up
         self._slope = math.tan(math.radians(slope_deg))
         self._bins = math.ceil(reach_m / BIN_M)
         # A ray has passed a bin if it returned from a ring that begins behind it.
@@ -124,7 +125,7 @@ class SweepViews:
         floor = np.empty((_MOST_FLOOR, 4), np.float32)
         numbers = np.array([*origin_m, reach_m, self._spacing_rad, self._slope], np.float32)
         count = _floor(cells.values, cells.sectors, profile.kind, profile.drop_m, numbers, floor)
-        return View(stamp_s, origin_m, hits, passed, ground, bare, floor=floor[:count], tilt=tilt)
+        return View(stamp_s, origin_m, hits, passed, ground, bare, floor=floor[:count], tilt=tilt, up=self._up)
 
 
 def _looked_at(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:

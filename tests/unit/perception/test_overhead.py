@@ -189,3 +189,6 @@ def test_what_follows_from_a_mounting(robot: Robot) -> None:
     assert tilted.first_ground_m() > overhead.first_ground_m() + 0.5
     level = lidar.model_copy(update={"lowest_deg": 0.0})
     assert level.first_ground_m() == math.inf
+    assert lidar.highest_slope() == pytest.approx(math.tan(math.radians(15.0)))
+    assert overhead.highest_slope() == pytest.approx(math.tan(math.radians(7.0)))
+    assert tilted.highest_slope() < overhead.highest_slope()

@@ -14,7 +14,7 @@ from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.perception.space.kernels import FREE, OCCUPIED, UNSEEN
 from robot_stack.safety.arbiter import Verdict
 from tests.unit.safety.story import Story
-from tests.unit.space.yard import ADULT, CHILD, DOG, POLE, Post, Yard, near, state_at
+from tests.unit.space.yard import ADULT, CHILD, DOG, POLE, Bar, Post, Yard, near, state_at
 
 LOW_BOX = Post(0.15, 0.30)
 FOOTPRINT = {
@@ -99,6 +99,19 @@ def test_a_low_box_is_remembered_while_the_robot_drives_up_to_it_and_seen_again_
     assert state_at(yard, 2.36, 0.0) == OCCUPIED
     yard.run(3.0, Twist2(-0.7, 0.0, 0.0)).run(0.5)
     assert state_at(yard, 2.36, 0.0) == FREE
+
+
+@pytest.mark.parametrize("height_m", [0.80, 0.95, 1.10, 1.40])
+def test_a_bar_is_remembered_where_no_ray_is_as_high_and_gone_once_rays_of_its_height_pass(height_m: float) -> None:
+    yard = Yard(bar=Bar(height_m))
+    yard.at["bar"] = (2.6, 0.0)
+    yard.run(3.6, Twist2(0.5, 0.0, 0.0)).run(1.0)
+    assert yard.scene is not None
+    assert near(yard.scene.obstacles, 2.6 - yard.pose.x, 0.0, 0.2) > 0
+    assert verdict(yard, Twist2(0.5, 0.0, 0.0)).limit.linear_mps < 0.2
+    yard.at["bar"] = None  # the gate opens
+    yard.run(3.0, Twist2(-0.7, 0.0, 0.0)).run(0.5)
+    assert near(yard.scene.obstacles, 2.6 - yard.pose.x, 0.0, 0.3) == 0
 
 
 def test_places_grow_doubtful_with_the_way_and_not_with_time() -> None:
