@@ -52,16 +52,18 @@ class Post:
 
 
 @dataclass(frozen=True)
-class Bar:
-    """A bar across the x axis, m: its middle's height, its thickness, half its length."""
+class Block:
+    """A box, m: half its length, half its width, its lowest and highest point."""
 
-    height_m: float
-    thickness_m: float = 0.05
-    half_m: float = 1.0
+    half_x_m: float
+    half_y_m: float
+    low_m: float
+    top_m: float
 
     def shape(self) -> Shape:
-        half_m = 0.5 * self.thickness_m
-        return Shape(BOX, (0.0, 0.0, self.height_m), (half_m, self.half_m, half_m), labels.OF_KIND["wall"], 0.4)
+        middle_m, half_m = 0.5 * (self.low_m + self.top_m), 0.5 * (self.top_m - self.low_m)
+        half = (self.half_x_m, self.half_y_m, half_m)
+        return Shape(BOX, (0.0, 0.0, middle_m), half, labels.OF_KIND["wall"], 0.3)
 
 
 # Nothing is seen of what is nearer than 0.5 m to the sensor, so that a slender child that stands 5 cm before the robot
@@ -79,7 +81,7 @@ class Yard:
     """
 
     def __init__(
-        self, chair: bool = False, mixed: float = 0.0, overhead: bool = True, columns: int = 800, **things: Post | Bar
+        self, chair: bool = False, mixed: float = 0.0, overhead: bool = True, columns: int = 800, **things: Post | Block
     ) -> None:
         self.at: dict[str, tuple[float, float] | None] = dict.fromkeys(things)
         self.pose, self.twist, self.now_s = IDENTITY, ZERO_TWIST, 100.0
@@ -136,12 +138,12 @@ class Yard:
         return self
 
 
-def _lidar(things: dict[str, Post | Bar], mixed: float, columns: int) -> Lidar:
+def _lidar(things: dict[str, Post | Block], mixed: float, columns: int) -> Lidar:
     params = load_lidar_params().with_columns(columns)
     return Lidar(_scene(things, []), _with_mixed(params, mixed), ROBOT, seed=1)
 
 
-def _overhead_lidar(things: dict[str, Post | Bar], mixed: float) -> Lidar:
+def _overhead_lidar(things: dict[str, Post | Block], mixed: float) -> Lidar:
     params, own = load_lidar_params(OVERHEAD_LIDAR), robot_shapes(ROBOT, load_robot_shape())
     return Lidar(_scene(things, own), _with_mixed(params, mixed), ROBOT, 2, OVERHEAD_LIDAR)
 
@@ -153,7 +155,7 @@ def _with_mixed(params: LidarParams, mixed: float) -> LidarParams:
     )
 
 
-def _scene(things: dict[str, Post | Bar], own: Sequence[Shape]) -> LidarScene:
+def _scene(things: dict[str, Post | Block], own: Sequence[Shape]) -> LidarScene:
     """own: what the sensor sees of the robot itself."""
     chair = chair_shapes(load_sim_params().wheelchair, 0.3, passenger=True)
     walls = [_wall(12.0, 0.0, 0.1, 12.0), _wall(-12.0, 0.0, 0.1, 12.0), _wall(0.0, 12.0, 12.0, 0.1),
