@@ -45,7 +45,8 @@ def test_the_user_is_a_system_user_and_the_one_of_the_unit() -> None:
 def test_the_rules_name_the_ports_of_the_services_domain() -> None:
     text = UNIT.read_text()
     assert "ROS_DOMAIN_ID=0 " in text
-    assert "ExecStartPre=+/usr/sbin/nft -D robot=robot -D ports=7400-7649 -f /opt/robot_stack/" in text
+    defined = "-D robot=robot -D screen=robot -D ports=7400-7649 -D pages=8460-8479"
+    assert f"ExecStartPre=+/usr/sbin/nft {defined} -f /opt/robot_stack/" in text
 
 
 def test_no_other_user_can_create_the_runtime_folder_first() -> None:
