@@ -55,6 +55,7 @@ def _figures(played: Sequence[Outcome], ridden: Sequence[Ride]) -> dict[str, flo
         "touched_standing": sum(touch.stood for touch in touches),
         "touched_by_the_robot": sum(touch.closing_mps > MOVING_MPS for touch in touches),
         "closing_at_touch_max_mps": max((touch.closing_mps for touch in touches), default=0.0),
+        "pushed_max_m": max((touch.pushed_m for touch in touches), default=0.0),
         "touched_unavoidable": sum(not touch.avoidable for touch in touches),
         "speed_at_avoidable_touch_max_mps": _fastest([touch for touch in touches if touch.avoidable]),
         "false_stops_per_100m": 100.0 * stops / distance_m if distance_m else math.nan,
@@ -80,8 +81,10 @@ def _conditions(played: Sequence[Outcome], ridden: Sequence[Ride], first: int) -
         "rows": ", ".join(ROWS),
         "touched": f"the outline moves faster than {MOVING_MPS} m/s at a contact, whoever walked into whom",
         "touched_standing": "of these: had arrived beside the robot and stood there",
-        "touched_by_the_robot": "of these: the outline came nearer itself; the others walked into a side that slides "
-        "past or leaves",
+        "touched_by_the_robot": "of these: the outline moved towards the body at some moment of the contact; the others "
+        "walked into a side that slides past or leaves",
+        "closing_at_touch_max_mps": "the greatest speed of the outline towards the body during contact",
+        "pushed_max_m": "the longest way of the outline towards the body during the contacts of one run",
         "touched_unavoidable": f"of these: braking {REACTION_S:.3f} s after the body was nearer than {PASSING_M} m, or "
         "where the motion leads by the monitor's thresholds, would have been too late with perfect eyes",
         "rides": f"{len(ridden)}, every second one with wheelchair and passenger, between walls, kerbs and posts, 6 "
@@ -112,6 +115,6 @@ def _told(outcome: Outcome) -> str:
         f"seed {case.seed}: {case.body.kind} at {case.walker.speed_mps:.2f} m/s {how} side {case.side}, "
         f"{case.manoeuvre}{' with chair' if case.chair else ''}, "
         f"command {requested.vx:.2f} {requested.vy:.2f} m/s {requested.omega:.2f} rad/s: "
-        f"{touch.speed_mps:.2f} m/s, closing {touch.closing_mps:.2f}, at ({touch.x:.2f}, {touch.y:.2f}) "
+        f"{touch.speed_mps:.2f} m/s, closing {touch.closing_mps:.2f}, pushed {touch.pushed_m:.2f} m, at ({touch.x:.2f}, {touch.y:.2f}) "
         f"after {touch.at_s:.2f} s, {'' if touch.avoidable else 'un'}avoidable, {' '.join(touch.faults) or 'no fault'}"
     )

@@ -30,13 +30,15 @@ _DOCKED_M = 0.02  # the latch draws in from here
 class Touch:
     """The first contact while the robot moves. speed_mps: the greatest of the outline at a contact of the run.
 
-    closing_mps: how fast the outline came nearer at the first contact, negative: it left. x, y: where, base_link.
+    closing_mps: the greatest speed of the outline towards the body at a contact of the run, negative: it only moved
+    away. pushed_m: the way of the outline towards the body during contact. x, y: of the first contact, base_link.
     at_s: from the begin. stood: whoever is touched had come to where they wanted and stood there. faults: of the
     verdict then. avoidable: see ``avoidable``.
     """
 
     speed_mps: float
     closing_mps: float
+    pushed_m: float
     x: float
     y: float
     at_s: float
@@ -71,7 +73,7 @@ def play(case: Case, *, guarded: bool = True) -> Outcome:
         stage.drive_in()
     stage.source = Source.DOCKING if case.manoeuvre == "dock" else Source.TELEOP
     walker, moments = replace(case.walker), list[Moment]()
-    near_m, distance_m, first, fastest_mps = math.inf, 0.0, None, 0.0
+    near_m, distance_m, first, fastest_mps, fastest_closing_mps, pushed_m = math.inf, 0.0, None, 0.0, -math.inf, 0.0
     for step in range(round(case.run_s / STEP_S)):
         _walk(walker, case.body, stage.outline, stage.body.pose, stage.body.twist)
         stage.poses[_WHO] = walker.pose
@@ -82,13 +84,17 @@ def play(case: Case, *, guarded: bool = True) -> Outcome:
         near_m, distance_m = min(near_m, met.gap_m), distance_m + stage.body.twist.speed() * STEP_S
         speed_mps = met.speed_mps(stage.body.twist)
         if met.gap_m <= 0.0 and speed_mps > MOVING_MPS:
-            fastest_mps = max(fastest_mps, speed_mps)
+            closing_mps = met.closing_mps(stage.body.twist)
+            fastest_mps, fastest_closing_mps = max(fastest_mps, speed_mps), max(fastest_closing_mps, closing_mps)
+            pushed_m += max(closing_mps, 0.0) * STEP_S
             if first is None:
-                closing_mps, faults = met.closing_mps(stage.body.twist), stage.verdict.faults
-                first = Touch(speed_mps, closing_mps, met.x, met.y, step * STEP_S, walker.arrived, faults)
+                faults = stage.verdict.faults
+                first = Touch(speed_mps, closing_mps, 0.0, met.x, met.y, step * STEP_S, walker.arrived, faults)
     if first is not None:
         could = avoidable(case, moments[: round(first.at_s / STEP_S) + 1], stage.robot, stage.params.collision)
-        first = replace(first, speed_mps=fastest_mps, avoidable=could)
+        first = replace(
+            first, speed_mps=fastest_mps, closing_mps=fastest_closing_mps, pushed_m=pushed_m, avoidable=could
+        )
     return Outcome(case, first, near_m, distance_m)
 
 

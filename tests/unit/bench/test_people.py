@@ -56,6 +56,15 @@ def test_who_stands_ahead_is_touched_only_by_a_robot_without_a_safety_monitor(gu
         assert outcome.touch.x == pytest.approx(0.5)
 
 
+def test_a_push_counts_with_its_greatest_closing_speed_and_its_way() -> None:
+    """A robot that sets out in touch with a pole closes slowly at the first contact only."""
+    beside = OUTLINE.front + 0.03 + adult().radius_m
+    touch = play(case(standing(beside, 0.0), Twist2(1.0, 0.0, 0.0), 2.5), guarded=False).touch
+    assert touch is not None
+    assert touch.closing_mps > 0.4
+    assert touch.pushed_m > 0.1
+
+
 def test_who_runs_into_a_robot_that_stands_is_not_touched_by_it() -> None:
     outcome = play(case(Walker(Pose2(3.0, 0.0, math.pi), (0.7, 0.0), 1.5, through=True), ZERO_TWIST, 3.0))
     assert outcome.near_m <= 0.0
