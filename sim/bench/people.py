@@ -81,7 +81,7 @@ def _conditions(played: Sequence[Outcome], ridden: Sequence[Ride], first: int) -
         "rows": ", ".join(ROWS),
         "touched": f"the outline moves faster than {MOVING_MPS} m/s at a contact, whoever walked into whom",
         "touched_standing": "of these: had arrived beside the robot and stood there",
-        "touched_by_the_robot": "of these: the outline moved towards the body at some moment of the contact; the others "
+        "touched_by_the_robot": "of these: the outline moved towards the body during the contact; the others "
         "walked into a side that slides past or leaves",
         "closing_at_touch_max_mps": "the greatest speed of the outline towards the body during contact",
         "pushed_max_m": "the longest way of the outline towards the body during the contacts of one run",
@@ -115,6 +115,7 @@ def _told(outcome: Outcome) -> str:
         f"seed {case.seed}: {case.body.kind} at {case.walker.speed_mps:.2f} m/s {how} side {case.side}, "
         f"{case.manoeuvre}{' with chair' if case.chair else ''}, "
         f"command {requested.vx:.2f} {requested.vy:.2f} m/s {requested.omega:.2f} rad/s: "
-        f"{touch.speed_mps:.2f} m/s, closing {touch.closing_mps:.2f}, pushed {touch.pushed_m:.2f} m, at ({touch.x:.2f}, {touch.y:.2f}) "
-        f"after {touch.at_s:.2f} s, {'' if touch.avoidable else 'un'}avoidable, {' '.join(touch.faults) or 'no fault'}"
+        f"{touch.speed_mps:.2f} m/s, closing {touch.closing_mps:.2f}, pushed {touch.pushed_m:.2f} m, "
+        f"at ({touch.x:.2f}, {touch.y:.2f}) after {touch.at_s:.2f} s, "
+        f"{'' if touch.avoidable else 'un'}avoidable, {' '.join(touch.faults) or 'no fault'}"
     )
