@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -56,13 +57,13 @@ def running_stack(
 
 @contextmanager
 def busy_loops(count: int) -> Iterator[None]:
-    """So many foreign processes at ordinary priority that never wait, in a session of their own."""
+    """So many foreign processes at ordinary priority that never wait, in a session of their own.
+
+    They end with this process, also where it is killed.
+    """
     # What a benchmark has of real-time priority must not be inherited.
-    command = [
-        sys.executable,
-        "-c",
-        "import os; os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))\nwhile 1: pass",
-    ]
+    ordinary = "import os; os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))"
+    command = [sys.executable, "-c", f"{ordinary}\nwhile os.getppid() == {os.getpid()}: pass"]
     loops = [subprocess.Popen(command, start_new_session=True) for _ in range(count)]
     try:
         yield
