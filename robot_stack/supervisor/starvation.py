@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,9 +34,10 @@ def turns(pid: int) -> Turns | None:
 
 
 class Starvation:
-    """What silent processes have waited since their silence was first looked at."""
+    """What silent processes have waited since their silence was first looked at. read: of a process, as ``turns``."""
 
-    def __init__(self) -> None:
+    def __init__(self, read: Callable[[int], Turns | None] = turns) -> None:
+        self._read = read
         self._first: dict[str, tuple[float, Turns]] = {}
 
     def of_silence(self, name: str, pid: int, silence_s: float | None, now_s: float) -> float:
@@ -43,7 +45,7 @@ class Starvation:
         if silence_s is None or silence_s < SUSPICIOUS_S:
             self._first.pop(name, None)
             return 0.0
-        now = turns(pid)
+        now = self._read(pid)
         if now is None:
             return 0.0
         first_s, first = self._first.setdefault(name, (now_s, now))
