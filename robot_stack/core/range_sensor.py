@@ -72,15 +72,19 @@ class RangeSensor(Config):
 
     def first_ground_m(self) -> float:
         """How far away it sees level ground at the latest, whatever the direction, m in plan; inf: not everywhere."""
-        down = -self.beams().reshape(self.columns, self.rings, 3)[:, :, 2].min(axis=1)
+        down = -self._rises().min(axis=1)
         steepest = float(np.arcsin(np.clip(down, -1.0, 1.0)).min())
         return self.xyz_m[2] / float(np.tan(steepest)) if steepest > 0.0 else float("inf")
 
     def highest_slope(self) -> float:
         """Rise of its highest beam for each metre in plan, in the direction in which it is lowest."""
-        beams = self.beams().reshape(self.columns, self.rings, 3)
-        flat = np.maximum(np.hypot(beams[:, :, 0], beams[:, :, 1]), 1e-6)
-        return float((beams[:, :, 2] / flat).max(axis=1).min())
+        highest = np.clip(self._rises().max(axis=1), -1.0, 1.0).min()
+        return float(np.tan(np.arcsin(highest)))
+
+    def _rises(self) -> F64:
+        """(columns, rings) of each beam over level, for each metre along it."""
+        rises: F64 = self.beams()[:, 2].reshape(self.columns, self.rings)
+        return rises
 
     def beams(self) -> F64:
         """(columns * rings, 3) unit vectors in base_link, column by column."""

@@ -51,7 +51,8 @@ class SensorView:
         range_m: tuple[float, float],
         mast: Mast | None = None,
     ) -> None:
-        self._params, sensor = params, robot.range_sensors[name]
+        self._params = params
+        self._sensor = sensor = robot.range_sensors[name]
         self.grid = make_grid(params.ground, range_m[1])
         self.mount = np.array(sensor.xyz_m, dtype=np.float32)
         self.xy_m = (float(self.mount[0]), float(self.mount[1]))
@@ -60,14 +61,13 @@ class SensorView:
         self._border = ground.wheel_border(robot, self.grid, self.xy_m)
         self._reach = ground.reach_of(sensor, params.ground, params.free_space, range_m[1])
         self.cut = {chair: boxes(robot, params.crop, chair) for chair in (False, True)}
-        self._highest_slope = sensor.highest_slope()
         self._range_m, self._mast = range_m, mast
         self._margin_rad = params.crop.mast_columns * math.radians(sensor.span_deg) / sensor.columns
 
     def views(self, reach_m: float) -> SweepViews:
         """What makes looks of its sweeps, no farther than ``reach_m``."""
-        slope_deg = self._params.ground.max_slope_deg
-        return SweepViews(self.grid, reach_m, self._reach.ring_spacing_rad, slope_deg, self._highest_slope)
+        up, slope_deg = self._sensor.highest_slope(), self._params.ground.max_slope_deg
+        return SweepViews(self.grid, reach_m, self._reach.ring_spacing_rad, slope_deg, up)
 
     def points(self, points: Points, stamp_s: float, motion: Motion, chair: bool) -> tuple[Float, int]:
         """Cropped and de-skewed: (n, 3) base_link at the stamp, and how many points were not finite."""

@@ -69,8 +69,11 @@ class EngineView:
         while not self._ended:
             now_s = time.monotonic()
             late_s, before_s = now_s - before_s - self._period_s, now_s
-            if late_s > _HELD_UP_S and pauses.excuse(late_s, now_s) >= min(late_s, _PATIENCE_S):
-                patient_until_s = now_s + _PATIENCE_S
+            if late_s > _HELD_UP_S:
+                patience_s = min(late_s, _PATIENCE_S)
+                # A part of it would outlast the next reading: pauses at each reading would excuse the engine for ever.
+                if pauses.excuse(late_s, now_s) >= patience_s:
+                    patient_until_s = now_s + patience_s
             status = self._read()
             if status is not None or now_s >= patient_until_s:
                 self._on_status(status)

@@ -73,7 +73,7 @@ def play(case: Case, *, guarded: bool = True) -> Outcome:
         stage.drive_in()
     stage.source = Source.DOCKING if case.manoeuvre == "dock" else Source.TELEOP
     walker, moments = replace(case.walker), list[Moment]()
-    near_m, distance_m, first, fastest_mps, fastest_closing_mps, pushed_m = math.inf, 0.0, None, 0.0, -math.inf, 0.0
+    near_m, distance_m, touch = math.inf, 0.0, None
     for step in range(round(case.run_s / STEP_S)):
         _walk(walker, case.body, stage.outline, stage.body.pose, stage.body.twist)
         stage.poses[_WHO] = walker.pose
@@ -85,17 +85,19 @@ def play(case: Case, *, guarded: bool = True) -> Outcome:
         speed_mps = met.speed_mps(stage.body.twist)
         if met.gap_m <= 0.0 and speed_mps > MOVING_MPS:
             closing_mps = met.closing_mps(stage.body.twist)
-            fastest_mps, fastest_closing_mps = max(fastest_mps, speed_mps), max(fastest_closing_mps, closing_mps)
-            pushed_m += max(closing_mps, 0.0) * STEP_S
-            if first is None:
+            if touch is None:
                 faults = stage.verdict.faults
-                first = Touch(speed_mps, closing_mps, 0.0, met.x, met.y, step * STEP_S, walker.arrived, faults)
-    if first is not None:
-        could = avoidable(case, moments[: round(first.at_s / STEP_S) + 1], stage.robot, stage.params.collision)
-        first = replace(
-            first, speed_mps=fastest_mps, closing_mps=fastest_closing_mps, pushed_m=pushed_m, avoidable=could
-        )
-    return Outcome(case, first, near_m, distance_m)
+                touch = Touch(speed_mps, closing_mps, 0.0, met.x, met.y, step * STEP_S, walker.arrived, faults)
+            touch = replace(
+                touch,
+                speed_mps=max(touch.speed_mps, speed_mps),
+                closing_mps=max(touch.closing_mps, closing_mps),
+                pushed_m=touch.pushed_m + max(closing_mps, 0.0) * STEP_S,
+            )
+    if touch is not None:
+        could = avoidable(case, moments[: round(touch.at_s / STEP_S) + 1], stage.robot, stage.params.collision)
+        touch = replace(touch, avoidable=could)
+    return Outcome(case, touch, near_m, distance_m)
 
 
 def _requested(case: Case, at_s: float, robot: Pose2) -> Twist2:

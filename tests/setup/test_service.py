@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from robot_stack.core.config import load
 from robot_stack.core.runtime import state_dir
+from robot_stack.ui.params import TouchUiParams
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "launch_scripts"
 UNIT = SCRIPTS / "robot-stack.service"
@@ -42,11 +44,13 @@ def test_the_user_is_a_system_user_and_the_one_of_the_unit() -> None:
     assert "User=robot\n" in UNIT.read_text()
 
 
-def test_the_rules_name_the_ports_of_the_services_domain() -> None:
+def test_the_rules_name_the_ports_of_the_services_domain_and_of_its_pages() -> None:
     text = UNIT.read_text()
     assert "ROS_DOMAIN_ID=0 " in text
     defined = "-D robot=robot -D screen=robot -D ports=7400-7649 -D pages=8460-8479"
     assert f"ExecStartPre=+/usr/sbin/nft {defined} -f /opt/robot_stack/" in text
+    server = load(TouchUiParams, "touch_ui").server
+    assert f"pages={server.port}-{server.port + server.ports - 1} " in defined + " "
 
 
 def test_no_other_user_can_create_the_runtime_folder_first() -> None:

@@ -255,8 +255,8 @@ def look(
             if was == OCCUPIED and travel_m - hit_at_m[row, column] > limits[MEMORY_M]:
                 state[row, column] = was = UNSEEN
             away, at = aways[column], ats[column]
-            b = int(away * np.float32(1.0 / BIN_M))
-            if b >= bins or math.isnan(passed[min(int(at), directions - 1), 0]):
+            b, s = int(away * np.float32(1.0 / BIN_M)), min(int(at), directions - 1)
+            if b >= bins or math.isnan(passed[s, 0]):
                 continue  # out of reach, or the sensor did not look there
             # Every direction that meets the cell must have passed it: beside a pole one sees past it.
             wide = half_m / max(away, half_m) * per_rad
@@ -276,7 +276,7 @@ def look(
             if was == OCCUPIED:
                 if hit_s[row, column] == now_s:
                     continue
-                highest = origin[2] + up * away - ground[min(int(at), directions - 1), b]
+                highest = origin[2] + up * away - ground[s, b]
                 gone = least < thing_m[row, column] - limits[MARGIN_M]
                 gone &= under_m[row, column] + limits[MARGIN_M] < highest
                 if not gone and thing_m[row, column] <= limits[LOW_M]:

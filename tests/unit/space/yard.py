@@ -66,6 +66,8 @@ class Block:
         return Shape(BOX, (0.0, 0.0, middle_m), half, labels.OF_KIND["wall"], 0.3)
 
 
+Thing = Post | Block
+
 # Nothing is seen of what is nearer than 0.5 m to the sensor, so that a slender child that stands 5 cm before the robot
 # shows no point, and a dog lower than the lowest ray none either.
 CHILD, ADULT, POLE, DOG = Post(0.06, 0.62), Post(0.20, 1.70), Post(0.025, 1.50), Post(0.12, 0.40)
@@ -81,7 +83,7 @@ class Yard:
     """
 
     def __init__(
-        self, chair: bool = False, mixed: float = 0.0, overhead: bool = True, columns: int = 800, **things: Post | Block
+        self, chair: bool = False, mixed: float = 0.0, overhead: bool = True, columns: int = 800, **things: Thing
     ) -> None:
         self.at: dict[str, tuple[float, float] | None] = dict.fromkeys(things)
         self.pose, self.twist, self.now_s = IDENTITY, ZERO_TWIST, 100.0
@@ -138,12 +140,12 @@ class Yard:
         return self
 
 
-def _lidar(things: dict[str, Post | Block], mixed: float, columns: int) -> Lidar:
+def _lidar(things: dict[str, Thing], mixed: float, columns: int) -> Lidar:
     params = load_lidar_params().with_columns(columns)
     return Lidar(_scene(things, []), _with_mixed(params, mixed), ROBOT, seed=1)
 
 
-def _overhead_lidar(things: dict[str, Post | Block], mixed: float) -> Lidar:
+def _overhead_lidar(things: dict[str, Thing], mixed: float) -> Lidar:
     params, own = load_lidar_params(OVERHEAD_LIDAR), robot_shapes(ROBOT, load_robot_shape())
     return Lidar(_scene(things, own), _with_mixed(params, mixed), ROBOT, 2, OVERHEAD_LIDAR)
 
@@ -155,7 +157,7 @@ def _with_mixed(params: LidarParams, mixed: float) -> LidarParams:
     )
 
 
-def _scene(things: dict[str, Post | Block], own: Sequence[Shape]) -> LidarScene:
+def _scene(things: dict[str, Thing], own: Sequence[Shape]) -> LidarScene:
     """own: what the sensor sees of the robot itself."""
     chair = chair_shapes(load_sim_params().wheelchair, 0.3, passenger=True)
     walls = [_wall(12.0, 0.0, 0.1, 12.0), _wall(-12.0, 0.0, 0.1, 12.0), _wall(0.0, 12.0, 12.0, 0.1),

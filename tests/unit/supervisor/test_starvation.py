@@ -85,6 +85,6 @@ def test_the_kernel_says_that_one_waits_for_its_turn() -> None:
 
 
 def test_the_kernel_says_that_one_sleeps() -> None:
-    with program("import time; time.sleep(600)") as sleeper:
+    with program("import signal; signal.pause()") as sleeper:
         wait_for(lambda: (seen := turns(sleeper)) is not None and not seen.runnable and seen.count > 0, "its sleep")
     assert turns(os.getpid()) is not None
