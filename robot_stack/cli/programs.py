@@ -56,7 +56,7 @@ def _running() -> dict[str, Any]:
 
 def simulate(
     scenario: Annotated[
-        str, typer.Argument(help="A YAML file, a name in config/scenarios/, mission:<id>, demo or demo:short.")
+        str, typer.Argument(help="A YAML file, a name in config/scenarios/, mission:<id>, demo, demo:short or random.")
     ],
     seed: Annotated[
         int | None, typer.Option(min=0, help="Of all noise, delays and faults; by default the scenario's.")

@@ -1,23 +1,17 @@
-"""Runs of one scenario with random faults over many seeds, and the smallest list of faults that still breaks one.
-
-``python -m sim.stack.campaign SCENARIO.yaml --seeds 1-20`` prints one line per run, and for a run that breaks an
-invariant the command that repeats it.
-"""
+"""Runs of scenarios with random faults, and the smallest list of faults that still breaks an invariant."""
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import shlex
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
 from sim.plant.world import SimulationDiverged
-from sim.run.scenario import Scenario, load_scenario
-from sim.stack.faults import PlannedFault, load_faults, plan_text, random_faults
+from sim.run.scenario import Scenario
+from sim.stack.faults import PlannedFault, load_faults, random_faults
 from sim.stack.invariants import Broken
 from sim.stack.run import RunFailed, RunOptions, ScheduledRun
 
@@ -33,7 +27,10 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """One run. command: repeats it. digest: empty for a run that did not come to its end."""
+    """One run. command: repeats it. digest: empty for a run that did not come to its end.
+
+    rows: codes that /safety/status has shown. overrun_s: see ``Invariants``.
+    """
 
     seed: int
     faults: tuple[PlannedFault, ...]
@@ -43,6 +40,8 @@ class Outcome:
     mission_state: str
     digest: str
     command: str
+    rows: frozenset[str]
+    overrun_s: float
 
     @property
     def names(self) -> set[str]:
@@ -72,31 +71,17 @@ def command_of(scenario: str, seed: int, faults: str, options: RunOptions) -> st
 def run_once(scenario: Scenario, seed: int, options: RunOptions, command: str) -> Outcome:
     """Runs ``scenario`` with the faults of ``options``; its own failure is an outcome too."""
     with ScheduledRun(scenario, seed, options) as run:
+        failed: tuple[Broken, ...] = ()
+        state = digest = ""
         try:
             result = run.run()
+            state, digest = str(result.figures["mission_state"]), result.digest
         except (RunFailed, SimulationDiverged) as error:
             name = DIVERGED if isinstance(error, SimulationDiverged) else NOT_READY
-            broken = (*run.invariants.broken, Broken(name, run.now_s, str(error), ""))
-            return Outcome(seed, options.faults, broken, tuple(run.invariants.remarks), run.now_s, "", "", command)
-        return Outcome(
-            seed,
-            options.faults,
-            tuple(result.broken),
-            tuple(run.invariants.remarks),
-            result.simulated_s,
-            str(result.figures["mission_state"]),
-            result.digest,
-            command,
-        )
-
-
-def campaign(path: Path, seeds: Iterable[int], options: RunOptions, count: int = RANDOM_COUNT) -> Iterator[Outcome]:
-    """One run with random faults for each seed. Raises ConfigError."""
-    scenario = load_scenario(path)
-    choice = RANDOM if count == RANDOM_COUNT else f"{RANDOM}:{count}"
-    for seed in seeds:
-        chosen = replace(options, faults=planned_faults(choice, seed, scenario, options.until_s))
-        yield run_once(scenario, seed, chosen, command_of(str(path), seed, choice, options))
+            failed = (Broken(name, run.now_s, str(error), ""),)
+        seen = run.invariants
+        broken, remarks, rows = (*seen.broken, *failed), tuple(seen.remarks), frozenset(seen.rows)
+        return Outcome(seed, options.faults, broken, remarks, run.now_s, state, digest, command, rows, seen.overrun_s)
 
 
 def shrink(items: Sequence[T], fails: Callable[[tuple[T, ...]], bool]) -> tuple[T, ...]:
@@ -155,31 +140,3 @@ def describe(outcome: Outcome) -> str:
     lines += [f"  fault {fault.describe()}" for fault in outcome.faults]
     lines += [f"  {item.describe()}" for item in outcome.broken]
     return "\n".join([*lines, *(f"  remark {text}" for text in outcome.remarks)])
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("scenario", type=Path)
-    parser.add_argument("--seeds", default="1-10", help="FIRST-LAST")
-    parser.add_argument("--count", type=int, default=RANDOM_COUNT, help="faults in each run")
-    parser.add_argument("--until", type=float, default=float("inf"), help="simulated s")
-    parser.add_argument("--full", action="store_true", help="all LiDAR beams and all pictures")
-    parser.add_argument("--shrink", type=Path, help="folder for the smallest list of faults of each broken run")
-    chosen = parser.parse_args()
-    first, _, last = chosen.seeds.partition("-")
-    options = RunOptions(light=not chosen.full, until_s=chosen.until)
-    totals: Counter[str] = Counter()
-    for outcome in campaign(chosen.scenario, range(int(first), int(last or first) + 1), options, chosen.count):
-        print(describe(outcome), flush=True)
-        totals.update(outcome.names)
-        if outcome.broken and chosen.shrink:
-            full = replace(options, faults=outcome.faults)
-            fewer = shrunk(load_scenario(chosen.scenario), outcome.seed, full, outcome.names)
-            file = chosen.shrink / f"{chosen.scenario.stem}-{outcome.seed}.yaml"
-            file.write_text(plan_text(fewer), encoding="utf-8")
-            print(f"  shrunk: {command_of(str(chosen.scenario), outcome.seed, str(file), options)}", flush=True)
-    print("runs that broke", ", ".join(f"{name}: {number}" for name, number in totals.most_common()) or "nothing")
-
-
-if __name__ == "__main__":
-    main()

@@ -128,11 +128,17 @@ class Since:
 
 
 class Invariants(Observer):
-    """Add it to the scheduler of ``stack``. broken: in the order of time. remarks: events that break no invariant."""
+    """Add it to the scheduler of ``stack``. broken: in the order of time. remarks: events that break no invariant.
+
+    rows: codes that /safety/status has shown. overrun_s: by how much a row came later than its limit at worst; negative
+    if every one came in time.
+    """
 
     def __init__(self, stack: SimulatedStack) -> None:
         self.broken: list[Broken] = []
         self.remarks: list[str] = []
+        self.rows: set[str] = set()
+        self.overrun_s = -math.inf
         self._stack, self._scheduler = stack, stack.scheduler
         self._params = load(SafetyParams, "safety_monitor")
         self._begun_s: float | None = None
@@ -263,6 +269,7 @@ class Invariants(Observer):
         before, self._safety = self._safety, decoder(topics.SAFETY_STATUS.type)(data)
         active = self._safety.active_faults
         self._rows_since = {code: self._rows_since.get(code, now_s) for code in active}
+        self.rows.update(active)
         if self._safety.safety_state == _EMERGENCY:
             self._begin_stop(now_s)
             self._stop_confirmed = True
@@ -402,7 +409,10 @@ class Invariants(Observer):
     def _judge_rows(self, now_s: float) -> None:
         """From the condition of a row to the row in /safety/status."""
         for code, limit_s, for_s in self._conditions(now_s):
-            if for_s > limit_s and code not in self._rows_since:
+            if code in self._rows_since or for_s < 0.0:
+                continue
+            self.overrun_s = max(self.overrun_s, for_s - limit_s)
+            if for_s > limit_s:
                 text = f"its condition has held for {for_s:.2f} s, it must be raised within {limit_s:.2f} s"
                 self.report("row_not_raised", code, f"{code}: {text}")
 

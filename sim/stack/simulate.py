@@ -31,7 +31,8 @@ Runs the whole stack with the simulated world in one process and in virtual time
 message by message: compare the digests. A breakpoint in a node stops the world.
 
 SCENARIO is a YAML file, the name of one in config/scenarios/, mission:<id> for a mission from the start of its world,
-demo for the ride of launch_scripts/demo, or demo:short for that of launch_scripts/demo --short.
+demo for the ride of launch_scripts/demo, demo:short for that of launch_scripts/demo --short, or random for a ride drawn
+from the seed.
 
 The results are in <output>/<scenario>-<time>: figures.json, plots, the effective scenario and configuration, log.txt
 and nodes.log. Ctrl-C ends the run with its figures so far."""
@@ -102,7 +103,7 @@ def read_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("scenario", metavar="SCENARIO", help="a file, a name, mission:<id>, demo or demo:short")
+    parser.add_argument("scenario", metavar="SCENARIO", help="a file, a name, mission:<id>, demo, demo:short or random")
     parser.add_argument("--seed", type=_seed, metavar="N", help="of all noise, delays and faults; default: scenario's")
     parser.add_argument("--world", metavar="NAME", help="a world of config/worlds/ instead of the scenario's")
     parser.add_argument("--faults", metavar="FILE|random[:N]", help="faults of a YAML file, or of the seed")

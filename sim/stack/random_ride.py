@@ -1,0 +1,108 @@
+"""A scenario drawn from a seed: a mission, a goal along a route of the yard, or driving by hand without looking.
+
+Half of the goals and of the rides by hand begin with a wheelchair and a passenger on board. The routes pass ramps,
+pits, a puddle, a narrow gate and the paths of people; driving by hand heads for whatever is there.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+
+from robot_stack.core.geometry import Pose2
+from sim.scheduler.streams import Streams
+from sim.settings import SHORT_MISSION, SHORT_START
+from sim.worldfile import WorldFile
+
+_LIMIT_S: Final = 60.0
+_GOAL_AHEAD_M: Final = (6.0, 14.0)
+_PASSENGER_KG: Final = (40.0, 120.0)
+# A start is so far from the paths of people, from pits and from corners of its route, where a chair might stand in a
+# wall: what touches the robot before it has begun proves nothing.
+_CLEAR_M: Final = 2.0
+_TRIES: Final = 100
+_HAND_PHASES, _HAND_PHASE_S = 6, (3.0, 8.0)
+_HAND_MPS, _HAND_RADPS = 1.5, 0.6
+
+
+def random_ride(seed: int, world: WorldFile) -> dict[str, Any]:
+    """The fields ``start``, ``mission``, ``goals``, ``twists`` and ``passenger_mass_kg`` of a scenario in ``world``."""
+    random = Streams(seed).generator("ride")
+    kind, loaded, mass = random.random(3).tolist()
+    found: dict[str, Any] = {"limit_s": _LIMIT_S}
+    if kind < 0.25:
+        return found | {"mission": SHORT_MISSION, "start": place(SHORT_START)}
+    if loaded < 0.5:
+        low, high = _PASSENGER_KG
+        found["passenger_mass_kg"] = round(low + mass * (high - low), 1)
+    start, goal = _ends(random, world)
+    found["start"] = place(start)
+    return found | ({"goals": [place(goal)]} if kind < 0.75 else {"twists": list(_by_hand(random))})
+
+
+def place(pose: Pose2) -> dict[str, float]:
+    return {"x_m": pose.x, "y_m": pose.y, "yaw_deg": math.degrees(pose.yaw)}
+
+
+def _ends(random: np.random.Generator, world: WorldFile) -> tuple[Pose2, Pose2]:
+    """Two poses on one route, the second further along, the first clear of people, pits and corners."""
+    routes = list(world.routes.values())
+    for _ in range(_TRIES):
+        which, along, further = random.random(3).tolist()
+        points = routes[int(which * len(routes))].points_m
+        length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
+        start_m = along * length_m
+        start = _on(points, start_m)
+        corners_m = (math.dist((start.x, start.y), point) for point in points)
+        if min(*corners_m, *_hazards_m(world, start)) > _CLEAR_M:
+            low, high = _GOAL_AHEAD_M
+            return start, _on(points, min(start_m + low + further * (high - low), length_m))
+    raise ValueError(f"no place on the routes is {_CLEAR_M} m from people, pits and corners")
+
+
+def _on(points: list[tuple[float, float]], along_m: float) -> Pose2:
+    """So far along the line, facing along it; its end if it is shorter."""
+    for a, b in itertools.pairwise(points):
+        length_m = math.dist(a, b)
+        if along_m <= length_m or b == points[-1]:
+            share = min(along_m / length_m, 1.0)
+            yaw = math.atan2(b[1] - a[1], b[0] - a[0])
+            return Pose2(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), yaw)
+        along_m -= length_m
+    raise AssertionError("a route has two points or more")
+
+
+def _hazards_m(world: WorldFile, pose: Pose2) -> Iterator[float]:
+    """Distances to the paths of people and to the middle of pits, less a pit's half diagonal."""
+    here = (pose.x, pose.y)
+    for person in world.people:
+        for a, b in itertools.pairwise(person.points_m):
+            yield _to_segment_m(here, a, b)
+    for pit in world.pits:
+        yield math.dist(here, (pit.x_m, pit.y_m)) - 0.5 * math.hypot(pit.length_m, pit.width_m)
+
+
+def _to_segment_m(point: tuple[float, float], a: tuple[float, float], b: tuple[float, float]) -> float:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    share = ((point[0] - a[0]) * dx + (point[1] - a[1]) * dy) / (dx * dx + dy * dy)
+    share = min(max(share, 0.0), 1.0)
+    return math.dist(point, (a[0] + share * dx, a[1] + share * dy))
+
+
+def _by_hand(random: np.random.Generator) -> Iterator[dict[str, float]]:
+    at_s = 0.5
+    for _ in range(_HAND_PHASES):
+        speed, heading, turning, lasting = random.random(4).tolist()
+        angle, speed_mps = 2.0 * math.pi * heading, speed * _HAND_MPS
+        yield {
+            "at_s": round(at_s, 3),
+            "vx_mps": round(speed_mps * math.cos(angle), 3),
+            "vy_mps": round(speed_mps * math.sin(angle), 3),
+            "omega_radps": round((2.0 * turning - 1.0) * _HAND_RADPS, 3),
+        }
+        low, high = _HAND_PHASE_S
+        at_s += low + lasting * (high - low)
