@@ -21,8 +21,8 @@ from sim.worldfile import WorldFile
 _LIMIT_S: Final = 60.0
 _GOAL_AHEAD_M: Final = (6.0, 14.0)
 _PASSENGER_KG: Final = (40.0, 120.0)
-# A start is so far from the paths of people, from pits and from corners of its route, where a chair might stand in a
-# wall: what touches the robot before it has begun proves nothing.
+# A start is so far from the paths of people, from ramps, from pits and from corners of its route, where a chair might
+# stand in a wall: what touches or tilts the robot before it has begun proves nothing.
 _CLEAR_M: Final = 2.0
 _TRIES: Final = 100
 _HAND_PHASES, _HAND_PHASE_S = 6, (3.0, 8.0)
@@ -49,7 +49,7 @@ def place(pose: Pose2) -> dict[str, float]:
 
 
 def _ends(random: np.random.Generator, world: WorldFile) -> tuple[Pose2, Pose2]:
-    """Two poses on one route, the second further along, the first clear of people, pits and corners."""
+    """Two poses on one route, the second further along, the first clear of hazards."""
     routes = list(world.routes.values())
     for _ in range(_TRIES):
         which, along, further = random.random(3).tolist()
@@ -61,7 +61,7 @@ def _ends(random: np.random.Generator, world: WorldFile) -> tuple[Pose2, Pose2]:
         if min(*corners_m, *_hazards_m(world, start)) > _CLEAR_M:
             low, high = _GOAL_AHEAD_M
             return start, _on(points, min(start_m + low + further * (high - low), length_m))
-    raise ValueError(f"no place on the routes is {_CLEAR_M} m from people, pits and corners")
+    raise ValueError(f"no place on the routes is {_CLEAR_M} m from people, ramps, pits and corners")
 
 
 def _on(points: list[tuple[float, float]], along_m: float) -> Pose2:
@@ -77,11 +77,15 @@ def _on(points: list[tuple[float, float]], along_m: float) -> Pose2:
 
 
 def _hazards_m(world: WorldFile, pose: Pose2) -> Iterator[float]:
-    """Distances to the paths of people and to the middle of pits, less a pit's half diagonal."""
+    """Distances to the paths of people, to ramps, and to the middle of pits, less a pit's half diagonal."""
     here = (pose.x, pose.y)
     for person in world.people:
         for a, b in itertools.pairwise(person.points_m):
             yield _to_segment_m(here, a, b)
+    for ramp in world.ramps:
+        foot, length_m = (ramp.x_m, ramp.y_m), ramp.total_length_m
+        end = (ramp.x_m + length_m * math.cos(ramp.yaw_rad), ramp.y_m + length_m * math.sin(ramp.yaw_rad))
+        yield _to_segment_m(here, foot, end) - 0.5 * ramp.width_m
     for pit in world.pits:
         yield math.dist(here, (pit.x_m, pit.y_m)) - 0.5 * math.hypot(pit.length_m, pit.width_m)
 

@@ -8,6 +8,7 @@ import math
 import pytest
 
 from robot_stack.core.config import ConfigError, validate
+from robot_stack.core.geometry import Pose2
 from sim.run.scenario import Scenario
 from sim.stack.choice import choose_scenario
 from sim.stack.random_ride import random_ride
@@ -34,7 +35,7 @@ def test_missions_goals_and_driving_by_hand_with_and_without_a_chair() -> None:
 
 
 @pytest.mark.parametrize("ride", [ride for ride in RIDES if ride.mission is None])
-def test_a_start_is_clear_of_people_pits_and_corners(ride: Scenario) -> None:
+def test_a_start_is_clear_of_people_ramps_pits_and_corners(ride: Scenario) -> None:
     start = ride.start_pose()
     # The closest point of a path is at most half a step from one of these.
     paths = [
@@ -46,6 +47,9 @@ def test_a_start_is_clear_of_people_pits_and_corners(ride: Scenario) -> None:
     own = [route for route in WORLD.routes.values() if _on(route.points_m, (start.x, start.y))]
     assert own, "not on a route"
     assert min(math.dist((start.x, start.y), point) for point in paths) > 1.9
+    for ramp in WORLD.ramps:
+        ahead = Pose2(start.x, start.y, 0.0).relative_to(Pose2(ramp.x_m, ramp.y_m, ramp.yaw_rad))
+        assert not (-1.9 < ahead.x < ramp.total_length_m + 1.9 and abs(ahead.y) < 0.5 * ramp.width_m)
     for pit in WORLD.pits:
         assert math.dist((start.x, start.y), (pit.x_m, pit.y_m)) > 0.5 * math.hypot(pit.length_m, pit.width_m) + 1.9
     assert any(min(math.dist((start.x, start.y), point) for point in route.points_m) > 2.0 for route in own)
