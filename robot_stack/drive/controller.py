@@ -7,7 +7,7 @@ import math
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import Robot
-from robot_stack.drive.arbitration import Command
+from robot_stack.drive.arbitration import NO_COMMAND, Command
 from robot_stack.drive.kinematics import Four
 from robot_stack.drive.odometry import Encoders, Odometry, SwerveOdometry
 from robot_stack.drive.parameters import (
@@ -71,6 +71,17 @@ class SwerveController:
         return self._drive.step(
             requested, limits, elapsed_s, self.measured_rad, standing=self.standing(), braking=braking
         )
+
+    def begin_braking(self, limits: MotionLimits, period_s: float, now_s: float) -> DriveOutput | None:
+        """The set points of a hard stop that begins between two steps; None where the robot stands or brakes already.
+
+        Set points are reached one ``period_s`` after they are commanded, so that this one lies so far ahead. The next
+        ``step`` goes on from here.
+        """
+        if not self._drive.may_brake:
+            return None
+        self._stepped_s = now_s
+        return self._drive.step(NO_COMMAND, limits, period_s, self.measured_rad, standing=False, braking=True)
 
     def figures(self, output: DriveOutput) -> dict[str, str]:
         """For diagnostics, after the step that brought ``output``."""

@@ -93,6 +93,11 @@ class SwerveDrive:
         """The present set point of the body."""
         return self._twist
 
+    @property
+    def may_brake(self) -> bool:
+        """The set point moves and is not being braked yet."""
+        return self._twist != ZERO_TWIST and self._state is not DriveState.BRAKING
+
     def halt(self, measured_rad: Four | None) -> DriveOutput:
         """Zero at once. The headings stay where they are: at ``measured_rad`` (rad, any number of turns) if it is
         known.

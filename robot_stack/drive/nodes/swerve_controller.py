@@ -8,6 +8,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from custom_msgs.msg import VelocityLimit
 from robot_stack.contract import frames, services, topics
 from robot_stack.core.limits import MotionLimits
 from robot_stack.drive.arbitration import Arbiter, Source
@@ -19,6 +20,8 @@ from robot_stack.drive.permission import Action, Permission, Situation, permit
 from robot_stack.drive.swerve_drive import DriveOutput
 from robot_stack.middleware.conversions import time_to_s, twist_from_msg, twist_stamped
 from robot_stack.middleware.node import StackNode, run
+
+_PERIOD_S = 1.0 / topics.WHEEL_COMMANDS.nominal_rate_hz
 
 
 class SwerveControllerNode(StackNode):
@@ -40,7 +43,7 @@ class SwerveControllerNode(StackNode):
         self.subscribe(topics.TELEOP_CMD_VEL, lambda message: self._on_stamped(Source.TELEOP, message))
         self._passenger = self.subscribe(topics.PASSENGER_ATTACHED)
         self._latch = self.subscribe(topics.LATCH_STATUS)
-        self._limit = self.subscribe(topics.VELOCITY_LIMIT)
+        self._limit = self.subscribe(topics.VELOCITY_LIMIT, self._on_limit)
         self.serve(services.RESET_ODOMETRY, self._on_reset_odometry)
         self.set_health(False, f"waiting for {topics.JOINT_STATES.name}")
         self.every(topics.WHEEL_COMMANDS.nominal_rate_hz, self._tick)
@@ -82,6 +85,15 @@ class SwerveControllerNode(StackNode):
     def on_emergency_stop(self) -> None:
         self._arbiter.stopped()
         self._publish_commands(self._controller.halt(self.steady_s()))
+
+    def _on_limit(self, _: VelocityLimit) -> None:
+        """A hard stop does not wait for the tick: at 1.0 m/s that would be up to 0.05 m."""
+        now_s = self.steady_s()
+        permission = self._permission(now_s)
+        if permission.action is Action.BRAKE:
+            output = self._controller.begin_braking(permission.limits, _PERIOD_S, now_s)
+            if output is not None:
+                self._publish_commands(output)
 
     def safe_output(self) -> None:
         self._publish_commands(self._controller.halt(self.steady_s()))

@@ -289,6 +289,32 @@ def test_silence_of_the_safety_monitor_brakes_hard(world: World, row: Topic, sta
     world.wait_speed(0.9)
 
 
+@pytest.mark.parametrize("after_s", [0.005, 0.02, 0.035])
+def test_a_hard_stop_does_not_wait_for_the_tick(world: World, after_s: float) -> None:
+    world.drive(0.9)
+    world.bench.silence(topics.VELOCITY_LIMIT)
+    world.limited.wait_next()
+    world.bench.run(after_s)
+    asked_s = world.bench.now_s
+    world.report_limit(limit(0.0, 0.0, "SIGHT_STALE"))
+    began_s, took_s = world.braking(asked_s, 0.9)
+    assert began_s < 2.0 * LATENCY_S + COMPUTE_S + 0.002
+    assert took_s == pytest.approx(0.9 / 2.0 - TICK_S, abs=TICK_S)  # the first set point is one period ahead
+    first_mps = next(m.twist.linear.x for at_s, m in world.limited.items if at_s > asked_s)
+    assert first_mps == pytest.approx(0.9 - 2.0 * TICK_S)
+
+
+def test_hard_stops_that_are_asked_for_again_and_again_are_no_harder(world: World) -> None:
+    world.drive(0.9)
+    asked_s = world.bench.now_s
+    world.bench.repeat(topics.VELOCITY_LIMIT, lambda: limit(0.0, 0.0, "SIGHT_STALE"), 200.0)
+    _, took_s = world.braking(asked_s, 0.9)
+    assert took_s > 0.9 / 2.0 - 2.0 * TICK_S
+    begun = len(world.commands.items)
+    world.bench.run(1.0)
+    assert len(world.commands.items) - begun <= 21  # a standing robot is commanded at ticks only
+
+
 # --- limits ----------------------------------------------------------------------------------------------------------
 
 

@@ -218,6 +218,17 @@ def test_braking_uses_the_emergency_deceleration_whatever_is_wished():
     assert outputs[-1].twist == ZERO_TWIST
 
 
+def test_what_stands_or_brakes_already_need_not_begin_to_brake():
+    story = Story()
+    assert not story.drive.may_brake
+    story.ride(FORWARD, 1.0)
+    assert story.drive.may_brake
+    story.ride(FORWARD, TICK_S, braking=True)
+    assert not story.drive.may_brake
+    story.ride(FORWARD, TICK_S)
+    assert story.drive.may_brake
+
+
 def test_after_a_stop_it_starts_gently():
     story = Story()
     story.ride(FORWARD, 2.0)
