@@ -99,6 +99,7 @@ BY_CODE: dict[str, Fault] = {fault.code: fault for fault in FAULTS}
 PASSENGER_ONBOARD = "PASSENGER_ONBOARD"
 UNDOCKING = "UNDOCKING"  # the latch is open, and the docking controller backs off from the wheelchair
 WAY_UNSEEN = "WAY_UNSEEN"  # the motion leads into what is neither seen nor remembered
+SIGHT_STALE = "SIGHT_STALE"  # the newest obstacle points are old, OBSTACLES_TIMEOUT is not raised yet
 
 
 def stops_gently(reason: str) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot_stack.contract.faults import PASSENGER_ONBOARD, UNDOCKING, WAY_UNSEEN, stops_gently
+from robot_stack.contract.faults import PASSENGER_ONBOARD, SIGHT_STALE, UNDOCKING, WAY_UNSEEN, stops_gently
 from robot_stack.contract.model import SafetyAction, SafetyState
 from robot_stack.core.limits import STANDSTILL, SpeedLimit
 from robot_stack.safety.rows import ActiveRow
@@ -34,6 +34,7 @@ def arbitrate(
     passenger: SpeedLimit | None,
     unseen: SpeedLimit | None = None,
     undocking: SpeedLimit | None = None,
+    stale_sight: SpeedLimit | None = None,
 ) -> Verdict:
     """The verdict on the rows in force.
 
@@ -43,9 +44,15 @@ def arbitrate(
         passenger: limits with a passenger aboard, None without one.
         unseen: limits where the way leads into what is neither seen nor remembered, None where it does not.
         undocking: limits of undocking from a wheelchair, None at all other times.
+        stale_sight: limits while the newest obstacle points are stale, None while they are fresh.
     """
     limits = [(row.code, limit) for row in rows if (limit := _limit_of(row)) is not None]
-    others = ((PASSENGER_ONBOARD, passenger), (UNDOCKING, undocking), (WAY_UNSEEN, unseen))
+    others = (
+        (PASSENGER_ONBOARD, passenger),
+        (UNDOCKING, undocking),
+        (WAY_UNSEEN, unseen),
+        (SIGHT_STALE, stale_sight),
+    )
     limits += [(reason, limit) for reason, limit in others if limit is not None]
     linear_mps = min([own.linear_mps, *(limit.linear_mps for _, limit in limits)])
     angular_radps = min([own.angular_radps, *(limit.angular_radps for _, limit in limits)])

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from robot_stack.core.geometry import Twist2
+from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.safety.collision import FREE, Approach, Floats, Outline, approach
 from robot_stack.safety.meeting import NOBODY, Meeting
 from robot_stack.safety.obstacle_params import CollisionParams
@@ -19,6 +19,7 @@ class CollisionPrediction:
     unseen: how either of them comes near where known space ends. nearest_m: distance of the nearest obstacle to the
     footprint, infinite without one. reach_m: how far the footprint reaches from base_link. brake_mps2: how hard the
     robot can brake. meeting: who walks into its way. no_ground: how a motion ahead comes near where known ground ends.
+    measured: the twist by the wheels.
     """
 
     moving: Approach
@@ -29,6 +30,7 @@ class CollisionPrediction:
     brake_mps2: float
     meeting: Meeting = NOBODY
     no_ground: Approach = FREE
+    measured: Twist2 = ZERO_TWIST
 
     def worse(self, other: CollisionPrediction) -> CollisionPrediction:
         """The same motions of another outline: of both the nearer contacts and obstacles, and the longer reach."""
@@ -48,6 +50,10 @@ class CollisionPrediction:
     @property
     def time_s(self) -> float:
         return min(self.moving.time_s, self.wanted.time_s)
+
+    def no_faster_than(self, speed_mps: float) -> bool:
+        """Measured: base_link, and the farthest corner by the turn alone. False for a twist that is no number."""
+        return self.measured.speed() <= speed_mps and abs(self.measured.omega) * self.reach_m <= speed_mps
 
 
 def look_ahead(
@@ -77,7 +83,13 @@ def look_ahead(
     leading = [twist for twist in (measured, commanded, requested) if not rests(twist, params)]
     nearest_m = float(body.distances(points).min()) if len(points) else math.inf
     return CollisionPrediction(
-        moving, wanted, _into_unseen(unseen, widened, leading), nearest_m, body.reach(), brake_mps2
+        moving=moving,
+        wanted=wanted,
+        unseen=_into_unseen(unseen, widened, leading),
+        nearest_m=nearest_m,
+        reach_m=body.reach(),
+        brake_mps2=brake_mps2,
+        measured=measured,
     )
 
 

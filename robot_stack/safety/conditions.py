@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from robot_stack.contract import topics
 from robot_stack.contract.model import Criticality, SafetyAction, Topic
 from robot_stack.contract.processes import HEARTBEAT_STALE_S
-from robot_stack.core.limits import SpeedLimit
+from robot_stack.core.limits import STANDSTILL, SpeedLimit
 from robot_stack.safety.collision_prediction import ground_limit_mps, seen_limit_mps, speed_limit_mps
 from robot_stack.safety.inputs import CLEAR, Finding, Level, Snapshot
 
@@ -201,6 +201,24 @@ def unseen_limit(now: Snapshot, params: SafetyParams) -> SpeedLimit | None:
     if not math.isinf(prediction.no_ground.clearance_m):
         linear_mps = min(linear_mps, ground_limit_mps(prediction.no_ground.clearance_m, p, brake_mps2))
     return None if math.isinf(linear_mps) else SpeedLimit(linear_mps, linear_mps / prediction.reach_m)
+
+
+def stale_sight_limit(now: Snapshot, params: SafetyParams) -> SpeedLimit | None:
+    """While the newest obstacle points are stale: no faster than where nothing is seen. A faster robot brakes hard.
+
+    No fault: a few lost sweeps are enough. OBSTACLES_TIMEOUT is raised later and independently.
+    """
+    prediction = now.prediction
+    if prediction is None or "OBSTACLES_TIMEOUT" not in params.rows:
+        return None
+    if now.sight_age_s <= params.obstacles.sight_stale_s:
+        return None
+    slow_mps = params.collision.unseen_mps
+    # A limit above zero is approached at the comfortable deceleration. With its jerk limit the robot would lose 1 cm/s
+    # until the row is raised.
+    if prediction.no_faster_than(slow_mps):
+        return SpeedLimit(slow_mps, slow_mps / prediction.reach_m)
+    return STANDSTILL
 
 
 def overheat(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:

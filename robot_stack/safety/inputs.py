@@ -158,7 +158,8 @@ class Snapshot:
     battery: newest state of charge, [0, 1].
     latch_problem: why the latched stop and the passenger are not on disk, empty if they are.
     cameras: age of the newest image by the topic of its camera; empty unless a docking is guided by images.
-    outlook: what the robot's motion leads to; None while the obstacles are not known.
+    sight_age_s: age of the newest obstacle points; ``obstacles_age_s`` counts from the reception of their cloud.
+    prediction: what the robot's motion leads to; None while the obstacles are not known.
     ehmi_silent_s, ui_silent_s: since the external display acknowledged, since a page of the touch screen was there;
         None where nobody misses it.
     """
@@ -193,6 +194,7 @@ class Snapshot:
     overhead_lidar_problem: str
     obstacles_age_s: float
     obstacles_problem: str
+    sight_age_s: float
     prediction: CollisionPrediction | None
     computer: ComputerState
     ehmi_silent_s: float | None

@@ -10,7 +10,7 @@ from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.robot import Motion, Robot
 from robot_stack.core.stop_presence import Presence
 from robot_stack.safety.arbiter import Verdict, arbitrate
-from robot_stack.safety.conditions import CONDITIONS, stale_s, unseen_limit
+from robot_stack.safety.conditions import CONDITIONS, stale_s, stale_sight_limit, unseen_limit
 from robot_stack.safety.observation import Observation
 from robot_stack.safety.params import SafetyParams
 from robot_stack.safety.rows import ActiveRow, Row
@@ -92,7 +92,8 @@ class SafetyMonitor:
             row.update(CONDITIONS[row.code](snapshot, self._params, row.action), now_s)
         passenger = self._with_passenger if self.passenger else None
         unseen = unseen_limit(snapshot, self._params)
-        verdict = arbitrate(self._active(), self._own, passenger, unseen, snapshot.undocking)
+        stale_sight = stale_sight_limit(snapshot, self._params)
+        verdict = arbitrate(self._active(), self._own, passenger, unseen, snapshot.undocking, stale_sight)
         self.observation.limited(verdict.limit, verdict.hard, now_s)
         return verdict
 

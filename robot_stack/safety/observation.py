@@ -212,6 +212,7 @@ class Observation:
             overhead_lidar_problem=self.overhead_lidar.problem,
             obstacles_age_s=self.surroundings.age_s(now_s),
             obstacles_problem=self.surroundings.problem,
+            sight_age_s=self.surroundings.sight_age_s(now_s),
             prediction=self._prediction(now_s),
             computer=self.computer.state(now_s),
             ehmi_silent_s=self.ehmi.silent_s(now_s),

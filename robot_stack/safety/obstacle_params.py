@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
+from robot_stack.contract import topics
 from robot_stack.core.config import Config
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -91,13 +92,23 @@ class ExclusionParams(Config):
 
 
 class ObstacleParams(Config):
-    """How obstacle clouds are kept: so long, so far around the robot, one point for each upright column."""
+    """How obstacle clouds are kept: so long, so far around the robot, one point for each upright column.
+
+    sight_stale_s: points older than this limit the speed (SIGHT_STALE), before OBSTACLES_TIMEOUT is raised.
+    """
 
     window_s: Positive
+    sight_stale_s: Positive
     radius_m: Positive
     column_m: Positive
     max_latency_s: Positive
     exclusion: ExclusionParams
+
+    @model_validator(mode="after")
+    def _limits_before_the_row(self) -> ObstacleParams:
+        if not self.sight_stale_s < topics.OBSTACLES.stale_limit_s:
+            raise ValueError(f"sight_stale_s must be less than {topics.OBSTACLES.stale_limit_s:g}: then it is a row")
+        return self
 
 
 class LidarParams(Config):

@@ -124,6 +124,10 @@ class Surroundings:
         """Seconds since the newest usable cloud was received."""
         return age_s(now_s, self._at_s)
 
+    def sight_age_s(self, now_s: float) -> float:
+        """Age of the points of the newest usable cloud, s: the time on their way counts."""
+        return age_s(now_s, self._clouds[-1].at_s if self._clouds else None)
+
     def points(self, docking: bool, dock_stale_s: float, now_s: float) -> Floats:
         """(n, 3) m in base_link now: everything that is an obstacle.
 

@@ -17,7 +17,7 @@ from robot_stack.contract.processes import HEARTBEAT_STALE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 SAFETY, HAZARDS = (ROOT / "docs" / name for name in ("safety.md", "hazards.md"))
-REASONS = {faults.PASSENGER_ONBOARD, faults.UNDOCKING, faults.WAY_UNSEEN}
+REASONS = {faults.PASSENGER_ONBOARD, faults.SIGHT_STALE, faults.UNDOCKING, faults.WAY_UNSEEN}
 COLUMNS = ["id", "hazard and situation", "S F P, level", "measure", "fault", "code", "test", "residual risk"]
 # Risk graph of ISO 13849-1, Annex A.
 LEVELS = {
@@ -106,6 +106,8 @@ NUMBERS: list[tuple[str, list[float], str]] = [
     ("PASSENGER_ONBOARD", [ROBOT["with_passenger"]["max_speed_mps"]], "m/s"),
     ("UNDOCKING", [P["undocking"]["max_speed_mps"]], "m/s"),
     ("WAY_UNSEEN", [COLLISION["unseen_mps"]], "m/s"),
+    ("SIGHT_STALE", [P["obstacles"]["sight_stale_s"]], "s"),
+    ("SIGHT_STALE", [COLLISION["unseen_mps"]], "m/s"),
     ("A limit of zero brakes hard", [ROBOT["emergency_deceleration_mps2"]], "m/s2"),
 ]
 _TEST = re.compile(r"(tests/[\w/.]+\.py)?((?:::\w+)+)(?:\[[^\]]*\])?")

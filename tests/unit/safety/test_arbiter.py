@@ -99,6 +99,16 @@ def test_undocking_is_a_limit_and_no_fault() -> None:
     assert arbitrate([STOP], OWN, PASSENGER, None, SpeedLimit(0.15, 0.1)).reason == "STOP"
 
 
+def test_stale_sight_is_a_limit_and_no_fault_and_at_zero_a_hard_stop() -> None:
+    now = arbitrate([], OWN, PASSENGER, stale_sight=SpeedLimit(0.3, 0.2))
+    assert now == verdict(SafetyAction.NONE, SafetyState.NORMAL, "", (0.3, 0.2), "SIGHT_STALE")
+    now = arbitrate([], OWN, PASSENGER, stale_sight=SpeedLimit(0.0, 0.0))
+    assert now == verdict(SafetyAction.NONE, SafetyState.NORMAL, "", (0.0, 0.0), "SIGHT_STALE", True)
+    assert not arbitrate([LOST], OWN, PASSENGER, stale_sight=SpeedLimit(0.3, 0.2)).hard
+    both = arbitrate([LOST], OWN, PASSENGER, stale_sight=SpeedLimit(0.0, 0.0))
+    assert (both.reason, both.hard) == ("LOCALIZATION_LOST,SIGHT_STALE", True)
+
+
 def test_a_limit_without_a_number_is_a_stop() -> None:
     assert arbitrate([replace(SLOW, limit=None)], OWN, None).limit == SpeedLimit(0.0, 0.0)
 

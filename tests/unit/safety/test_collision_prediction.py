@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,6 +46,16 @@ def look(
 def test_a_standing_robot_that_is_asked_nothing_meets_nothing() -> None:
     assert look() == CollisionPrediction(FREE, FREE, FREE, 1.0, pytest.approx(math.hypot(0.5, 0.35)), 2.0)
     assert look(points=np.empty((0, 3))).nearest_m == math.inf
+
+
+def test_faster_is_base_link_or_the_farthest_corner_as_measured() -> None:
+    corner_mps = 0.3 * math.hypot(0.5, 0.35)
+    assert look(driven=AHEAD, requested=AHEAD).no_faster_than(0.0)
+    for measured, speed_mps in ((BACK, 0.5), (TURN, corner_mps), (Twist2(-0.1, 0.0, -0.3), corner_mps)):
+        assert look(measured=measured).no_faster_than(speed_mps + 1e-9)
+        assert not look(measured=measured).no_faster_than(speed_mps - 1e-9)
+    assert not look(measured=TURN).worse(replace(look(), reach_m=1.0)).no_faster_than(0.29)
+    assert not replace(look(), measured=Twist2(0.0, 0.0, math.nan)).no_faster_than(1.0)
 
 
 def test_a_motion_of_rest_meets_not_even_what_is_in_touch() -> None:

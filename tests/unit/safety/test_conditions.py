@@ -10,10 +10,11 @@ import pytest
 
 from robot_stack.contract import faults, topics
 from robot_stack.contract.model import ContractViolation, Criticality, SafetyAction
-from robot_stack.core.limits import SpeedLimit
+from robot_stack.core.geometry import ZERO_TWIST, Twist2
+from robot_stack.core.limits import STANDSTILL, SpeedLimit
 from robot_stack.safety.collision import FREE, Approach
 from robot_stack.safety.collision_prediction import CollisionPrediction, seen_limit_mps
-from robot_stack.safety.conditions import CONDITIONS, stale_s, unseen_limit
+from robot_stack.safety.conditions import CONDITIONS, stale_s, stale_sight_limit, unseen_limit
 from robot_stack.safety.inputs import CLEAR, ComputerState, Finding, Level, ProcessAge, Snapshot
 from robot_stack.safety.meeting import Meeting
 from tests.unit.safety.story import PARAMS
@@ -54,6 +55,7 @@ WELL = Snapshot(
     overhead_lidar_problem="",
     obstacles_age_s=0.0,
     obstacles_problem="",
+    sight_age_s=0.0,
     prediction=FREE_WAY,
     computer=COOL,
     ehmi_silent_s=0.0,
@@ -434,3 +436,35 @@ def test_who_has_no_obstacles_has_no_limit_by_what_is_seen() -> None:
     rows = tuple(code for code in PARAMS.rows if code != "OBSTACLES_TIMEOUT")
     ends = replace(FREE_WAY, unseen=Approach(1.0, 1.5))
     assert unseen_limit(replace(WELL, prediction=ends), PARAMS.model_copy(update={"rows": rows})) is None
+
+
+SIGHT_STALE_S, UNSEEN_MPS = PARAMS.obstacles.sight_stale_s, PARAMS.collision.unseen_mps
+
+
+@pytest.mark.parametrize(
+    ("measured", "limit"),
+    [
+        (Twist2(1.0, 0.0, 0.0), STANDSTILL),
+        (Twist2(0.0, -UNSEEN_MPS - 1e-6, 0.0), STANDSTILL),
+        (Twist2(UNSEEN_MPS, 0.0, 0.0), SpeedLimit(UNSEEN_MPS, 2.0 * UNSEEN_MPS)),
+        (Twist2(0.0, 0.0, -2.0 * UNSEEN_MPS - 1e-6), STANDSTILL),
+        (Twist2(UNSEEN_MPS, 0.0, 2.0 * UNSEEN_MPS), SpeedLimit(UNSEEN_MPS, 2.0 * UNSEEN_MPS)),
+        (ZERO_TWIST, SpeedLimit(UNSEEN_MPS, 2.0 * UNSEEN_MPS)),
+        (Twist2(math.nan, 0.0, 0.0), STANDSTILL),
+        (Twist2(0.0, 0.0, math.nan), STANDSTILL),
+    ],
+)
+def test_while_sight_is_stale_a_fast_robot_stops_and_a_slow_one_stays_slow(measured: Twist2, limit: SpeedLimit) -> None:
+    now = replace(WELL, prediction=replace(FREE_WAY, measured=measured, reach_m=0.5))
+    for age_s in (0.0, SIGHT_STALE_S):
+        assert stale_sight_limit(replace(now, sight_age_s=age_s), PARAMS) is None
+    for age_s in (SIGHT_STALE_S + 1e-6, 1.0, math.inf, math.nan):
+        assert stale_sight_limit(replace(now, sight_age_s=age_s), PARAMS) == limit
+
+
+def test_who_has_no_obstacles_has_no_sight_that_could_be_stale() -> None:
+    blind = replace(WELL, sight_age_s=math.inf, prediction=None)
+    assert stale_sight_limit(blind, PARAMS) is None
+    rows = tuple(code for code in PARAMS.rows if code != "OBSTACLES_TIMEOUT")
+    late = replace(WELL, sight_age_s=1.0)
+    assert stale_sight_limit(late, PARAMS.model_copy(update={"rows": rows})) is None

@@ -12,10 +12,11 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import SafetyState
 from robot_stack.core.geometry import Twist2
 from robot_stack.safety.chair_watch import LatchStatement
-from tests.unit.safety.story import CLOSED, ROBOT, Story
+from tests.unit.safety.story import CLOSED, NOTHING, PARAMS, ROBOT, TICK_S, Story
 
 NORMAL, DEGRADED, AVOIDANCE, EMERGENCY = SafetyState
 STALE_S = topics.OBSTACLES.stale_limit_s
+SIGHT_STALE_S = PARAMS.obstacles.sight_stale_s
 BUMPER_M = ROBOT.footprint.front_m
 RIDE = Twist2(1.0, 0.0, 0.0)
 
@@ -37,6 +38,66 @@ def test_a_lidar_that_falls_silent_is_a_hard_stop(sensor: str, row: str) -> None
     story = riding()
     setattr(story, sensor, None)
     story.run(0.6).expect(DEGRADED, (row,), linear_mps=0.0)
+    assert story.verdict.hard
+
+
+def test_stale_sight_brakes_hard_before_the_row_is_raised() -> None:
+    story = riding()
+    story.obstacles = None  # the newest cloud has just been received
+    story.before(SIGHT_STALE_S).expect(NORMAL, (), linear_mps=1.5, reason="")
+    story.past().expect(NORMAL, (), linear_mps=0.0, reason="SIGHT_STALE")
+    assert story.verdict.hard
+    story.before(STALE_S - SIGHT_STALE_S - TICK_S).expect(NORMAL, (), linear_mps=0.0, reason="SIGHT_STALE")
+    story.past().expect(DEGRADED, ("OBSTACLES_TIMEOUT",), linear_mps=0.0)
+    assert story.verdict.hard
+
+
+def test_one_cloud_ends_the_limit_of_stale_sight() -> None:
+    story = riding()
+    story.obstacles = None
+    story.run(SIGHT_STALE_S + 0.02).expect(NORMAL, (), linear_mps=0.0, reason="SIGHT_STALE")
+    story.obstacles = NOTHING
+    story.run(0.05).expect(NORMAL, (), linear_mps=1.5, reason="")
+
+
+def test_the_way_of_a_cloud_to_the_monitor_counts() -> None:
+    """20 clouds a second, each of them received in time, and none of them new enough."""
+    story = riding()
+    story.obstacles = None
+    for latency_s, reason in ((0.1, ""), (SIGHT_STALE_S + 0.01, "SIGHT_STALE"), (0.1, "")):
+        for _ in range(5):
+            story.monitor.observation.obstacles(NOTHING, latency_s, story.now_s)
+            story.run(0.05)
+        story.expect(NORMAL, (), linear_mps=0.0 if reason else 1.5, reason=reason)
+
+
+def test_with_stale_sight_a_slow_robot_may_be_as_fast_as_where_nothing_is_seen() -> None:
+    story = riding()
+    story.wheel_radps = 0.25 / ROBOT.wheel_radius_m
+    story.obstacles = None
+    story.run(SIGHT_STALE_S + 0.02).expect(NORMAL, (), linear_mps=0.3, reason="SIGHT_STALE")
+    reach_m = math.hypot(BUMPER_M, ROBOT.footprint.width_m / 2.0)
+    assert story.verdict.limit.angular_radps == pytest.approx(0.3 / reach_m)
+    assert not story.verdict.hard
+    story.run(0.15).expect(DEGRADED, ("OBSTACLES_TIMEOUT",), linear_mps=0.0, reason="OBSTACLES_TIMEOUT")
+
+
+def test_points_from_a_clock_that_jumps_are_no_sight() -> None:
+    """A clock that is set back or far ahead: each cloud counts as not received, and the last one ages."""
+    story = riding()
+    story.obstacles = None
+    for latency_s in (-0.2, 5.0, math.nan, -math.inf):
+        story.monitor.observation.obstacles(NOTHING, latency_s, story.now_s)
+        story.run(0.05)
+    story.expect(NORMAL, (), linear_mps=0.0, reason="SIGHT_STALE")
+
+
+def test_a_steady_clock_that_runs_backwards_is_a_row_at_once() -> None:
+    story = riding()
+    story.obstacles = None
+    story.tick(-1.0)
+    assert "OBSTACLES_TIMEOUT" in story.verdict.faults
+    assert story.verdict.limit.linear_mps == 0.0
     assert story.verdict.hard
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from robot_stack.contract import faults
+from robot_stack.contract import faults, topics
 from robot_stack.safety.conditions import CONDITIONS
 from robot_stack.safety.params import SafetyParams
 from tests.unit.safety.story import PARAMS, params
@@ -43,6 +43,12 @@ def test_a_missing_number_is_refused(name: str) -> None:
     del values[name]
     with pytest.raises(ValidationError, match=name):
         SafetyParams(**values)
+
+
+@pytest.mark.parametrize("bad", [0.0, -0.1, math.nan, math.inf, topics.OBSTACLES.stale_limit_s])
+def test_sight_is_stale_before_its_row_is_raised(bad: float) -> None:
+    with pytest.raises(ValidationError, match="sight_stale_s"):
+        params(obstacles={**PARAMS.obstacles.model_dump(), "sight_stale_s": bad})
 
 
 @pytest.mark.parametrize(

@@ -64,6 +64,21 @@ def test_never_received() -> None:
     assert scene.known() == []
 
 
+def test_the_age_of_the_points_counts_from_their_time_and_not_from_their_reception() -> None:
+    scene = Scene()
+    assert scene.around.sight_age_s(scene.now_s) == math.inf
+    scene.see((2.0, 0.0, 1.0), latency_s=0.1)
+    assert scene.around.sight_age_s(scene.now_s) == pytest.approx(0.1)
+    assert scene.around.age_s(scene.now_s) == 0.0
+    assert scene.go(0.1).around.sight_age_s(scene.now_s) == pytest.approx(0.2)
+    for latency_s in (-0.01, OBSTACLES.max_latency_s + 0.01, math.nan):
+        scene.see((2.0, 0.0, 1.0), latency_s=latency_s)  # not received
+    assert scene.around.sight_age_s(scene.now_s) == pytest.approx(0.2)
+    assert scene.around.sight_age_s(scene.now_s - 1.0) == math.inf
+    assert scene.around.sight_age_s(math.nan) == math.inf
+    assert scene.see(latency_s=0.05).around.sight_age_s(scene.now_s) == pytest.approx(0.05)  # nothing is there
+
+
 def test_points_move_past_the_robot() -> None:
     scene = Scene(Twist2(1.0, 0.0, 0.0)).see((2.0, 0.5, 1.0))
     assert scene.known() == [[2.0, 0.5, 1.0]]
