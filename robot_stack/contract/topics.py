@@ -583,8 +583,8 @@ VELOCITY_LIMIT = Topic(
     ("safety_monitor",),
     ("swerve_controller", "navigation_controller", "docking_controller", "touch_ui", OPERATOR_TOOL),
     "the smallest limit in force and its reason; 0 is a stop, and so is silence",
-    rate_hz=10.0,
-    stale_s=0.25,
+    rate_hz=20.0,
+    stale_s=0.18,
     wakes=("swerve_controller",),
 )
 

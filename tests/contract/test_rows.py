@@ -175,13 +175,14 @@ ROBOT = (
         ("mission_manager", "touch_ui", "ehmi_bridge"),
     ),
     Documented("/safety/status", "custom_msgs/msg/SafetyStatus", B, VOLATILE, 1, 10.0, ("safety_monitor",), (EVERY,)),
+    # Its rate is not documented: see the decision on how soon its silence stops the robot.
     Documented(
         "/safety/velocity_limit",
         "custom_msgs/msg/VelocityLimit",
         R,
         LATCHED,
         1,
-        10.0,
+        20.0,
         ("safety_monitor",),
         ("swerve_controller",),
     ),

@@ -94,7 +94,7 @@ class StandInRobot:
 
     def say_limit(self, linear_mps: float, reason: str = "") -> None:
         message = VelocityLimit(max_linear_velocity=linear_mps, max_angular_velocity=linear_mps, reason=reason)
-        self.peer.repeat(topics.VELOCITY_LIMIT, lambda: message, 10.0)
+        self.peer.repeat(topics.VELOCITY_LIMIT, lambda: message, 20.0)
 
     def _say_plan(self) -> None:
         path = Path()

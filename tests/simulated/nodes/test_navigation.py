@@ -158,7 +158,7 @@ def test_empty_frame_id_cancels(scene: Scene) -> None:
 
 def test_velocity_limit_is_kept(scene: Scene) -> None:
     limit = VelocityLimit(max_linear_velocity=0.25, max_angular_velocity=0.5)
-    scene.bench.repeat(topics.VELOCITY_LIMIT, lambda: limit, 10.0)
+    scene.bench.repeat(topics.VELOCITY_LIMIT, lambda: limit, 20.0)
     scene.go(Pose2(0.6, 0.0, 0.0))
     scene.arrive()
     fastest = max(twist_from_msg(message).speed() for message in scene.commands.messages)
@@ -167,14 +167,14 @@ def test_velocity_limit_is_kept(scene: Scene) -> None:
 
 def test_a_velocity_limit_that_falls_silent_is_a_stop(scene: Scene) -> None:
     limit = VelocityLimit(max_linear_velocity=1.0, max_angular_velocity=0.5)
-    scene.bench.repeat(topics.VELOCITY_LIMIT, lambda: limit, 10.0)
+    scene.bench.repeat(topics.VELOCITY_LIMIT, lambda: limit, 20.0)
     scene.go_at(0.5)
     silent_s = scene.bench.now_s
     scene.bench.silence(topics.VELOCITY_LIMIT)
     braked_s = next_slower(scene, silent_s)
     assert 0.15 <= braked_s <= topics.VELOCITY_LIMIT.stale_limit_s + 2.0 * TICK_S
     scene.commands.wait(lambda message: not moving(message), "standstill")
-    scene.bench.repeat(topics.VELOCITY_LIMIT, lambda: limit, 10.0)
+    scene.bench.repeat(topics.VELOCITY_LIMIT, lambda: limit, 20.0)
     scene.commands.wait(moving, "it goes on: the goal is still there")
 
 

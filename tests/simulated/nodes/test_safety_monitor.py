@@ -152,12 +152,12 @@ def test_normal_start_rates_and_no_obstacle_known(scene: Scene) -> None:
     assert math.isnan(status.min_obstacle_distance)
     assert not status.emergency_stop_active
     scene.bench.run(3.0)
-    for heard in (scene.status, scene.limit):
-        assert heard.period_s() == pytest.approx(0.1, abs=1e-6)
+    assert scene.status.period_s() == pytest.approx(0.1, abs=1e-6)
+    assert scene.limit.period_s() == pytest.approx(0.05, abs=1e-6)
 
 
 def test_a_stop_shows_at_once_and_limits_to_zero(scene: Scene) -> None:
-    """Not at the next tick of 20 ms, nor with the next repetition after 100 ms."""
+    """Not at the next tick of 20 ms, nor with the next repetition."""
     scene.normal()
     for phase in range(20):
         scene.bench.run(0.1 + 0.001 * phase)

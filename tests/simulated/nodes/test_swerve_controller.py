@@ -88,7 +88,7 @@ class World:
         self.bench.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(safety_state=state), 10.0)
 
     def report_limit(self, message: VelocityLimit) -> None:
-        self.bench.repeat(topics.VELOCITY_LIMIT, lambda: message, 10.0)
+        self.bench.repeat(topics.VELOCITY_LIMIT, lambda: message, 20.0)
 
     def navigate(self, twist: Twist2) -> None:
         self.bench.repeat(topics.CMD_VEL, lambda: twist_to_msg(twist), 20.0)
@@ -272,7 +272,7 @@ def test_joint_states_that_cannot_be_used_count_as_silence(world: World, says: s
     ("row", "stale_s", "says"),
     [
         (topics.SAFETY_STATUS, 0.5, "no usable /safety/status for 0.5 s"),
-        (topics.VELOCITY_LIMIT, 0.25, "no usable /safety/velocity_limit for 0.25 s"),
+        (topics.VELOCITY_LIMIT, 0.18, "no usable /safety/velocity_limit for 0.18 s"),
     ],
     ids=["status", "limit"],
 )
