@@ -439,13 +439,14 @@ def test_a_disk_without_room_ends_the_recording_and_keeps_what_was_written(tmp_p
 
 # Prints after each flush how many messages were written before it.
 _RECORD_FOR_EVER = """
-import sys, time
+import sys, threading
 from pathlib import Path
 from tests.unit.recording import test_recording_files as test
 import robot_stack.recording.background as background
 from robot_stack.recording.writer import BagWriter
 background.disk_use = lambda folder: 0.5
 flush, write, written = BagWriter.flush, BagWriter.write, []
+turns = threading.Semaphore(0)
 
 def counted(bag, *message):
     write(bag, *message)
@@ -454,14 +455,16 @@ def counted(bag, *message):
 def reported(bag):
     flush(bag)
     print(len(written), flush=True)
+    turns.release()
 
 BagWriter.write, BagWriter.flush = counted, reported
 writer = test.background(Path(sys.argv[1]), flush_period_s=0.01)
 number = 0
 while True:
-    writer.add("/mission/status", time.time_ns(), time.time_ns(), test.status(number))
+    writer.add("/mission/status", test.START_NS + number, test.START_NS, test.status(number))
     number += 1
-    time.sleep(0.0005)
+    if number % 10 == 0:
+        turns.acquire()
 """
 
 
