@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.camera.motion import Track
+from sim.polyline import Polyline
 from sim.worldfile import Box, Cylinder, WorldFile
 
 Array = NDArray[np.float64]
@@ -104,21 +103,6 @@ def _radius(item: Box | Cylinder) -> float:
 
 def _free(x: float, y: float, radius_m: float, world: WorldFile) -> bool:
     return all(
-        _distance(x, y, route.points_m) > route.half_width_m + radius_m + _CLEARANCE_M
+        Polyline(route.points_m).distance_m(x, y) > route.half_width_m + radius_m + _CLEARANCE_M
         for route in world.routes.values()
     )
-
-
-def _distance(x: float, y: float, points: Sequence[tuple[float, float]]) -> float:
-    """From (x, y) to a line through points, m."""
-    return min(_to_segment(x, y, a, b) for a, b in _pairs(points))
-
-
-def _pairs(points: Sequence[tuple[float, float]]) -> Iterable[tuple[tuple[float, float], tuple[float, float]]]:
-    return itertools.pairwise(points)
-
-
-def _to_segment(x: float, y: float, a: tuple[float, float], b: tuple[float, float]) -> float:
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    share = max(0.0, min(1.0, ((x - a[0]) * dx + (y - a[1]) * dy) / max(dx * dx + dy * dy, 1e-12)))
-    return math.hypot(x - a[0] - share * dx, y - a[1] - share * dy)

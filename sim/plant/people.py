@@ -6,12 +6,12 @@ but they do walk in their way. Somebody who has waited for a while turns back.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterable
 
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import Footprint
+from sim.polyline import Polyline
 from sim.worldfile import Person
 
 PREFIX = "person_"  # of the body's name
@@ -28,9 +28,7 @@ class Walker:
     def __init__(self, person: Person) -> None:
         self.name = f"{PREFIX}{person.name}"
         self._person = person
-        points = person.points_m
-        self._legs = [(a, b, math.dist(a, b)) for a, b in itertools.pairwise(points)]
-        self._length_m = sum(length for _, _, length in self._legs)
+        self._line = Polyline(person.points_m)
         self._walked_s = 0.0
         self._waited_s = 0.0
         self._pose = self.pose_after(0.0)
@@ -42,14 +40,17 @@ class Walker:
     def pose_after(self, walked_s: float) -> Pose2:
         """After so much time of walking and resting that nobody disturbed."""
         person = self._person
-        if not self._legs:
-            return Pose2(*person.points_m[0], 0.0)
-        one_way_s = self._length_m / person.speed_mps
+        length_m = self._line.length_m
+        if not length_m:
+            return self._line.pose_at(0.0)
+        one_way_s = length_m / person.speed_mps
         half_s = one_way_s + person.pause_s
         turns, into_s = divmod(walked_s, half_s)
         done_m = min(into_s, one_way_s) * person.speed_mps
-        back = int(turns) % 2 == 1
-        return self._on_line(self._length_m - done_m if back else done_m, back)
+        if int(turns) % 2 == 0:
+            return self._line.pose_at(done_m)
+        out = self._line.pose_at(length_m - done_m)
+        return Pose2(out.x, out.y, math.remainder(out.yaw + math.pi, math.tau))
 
     def step(self, dt_s: float, machine: Pose2, footprint: Footprint) -> None:
         """Walks on, unless the machine (base_link in map, its footprint) is in the way: then after a while back."""
@@ -64,7 +65,7 @@ class Walker:
 
     def _turn_back(self) -> None:
         """To the same place on the way in the other direction; who rests at an end goes on resting."""
-        one_way_s = self._length_m / self._person.speed_mps
+        one_way_s = self._line.length_m / self._person.speed_mps
         half_s = one_way_s + self._person.pause_s
         turns, into_s = divmod(self._walked_s, half_s)
         if into_s < one_way_s:
@@ -73,15 +74,6 @@ class Walker:
     def _walk_to(self, walked_s: float) -> None:
         self._walked_s = walked_s
         self._pose = self.pose_after(walked_s)
-
-    def _on_line(self, along_m: float, back: bool) -> Pose2:
-        for (x0, y0), (x1, y1), length in self._legs:
-            if along_m <= length or (x1, y1) == self._person.points_m[-1]:
-                share = min(1.0, along_m / length)
-                yaw = math.atan2(y1 - y0, x1 - x0) + (math.pi if back else 0.0)
-                return Pose2(x0 + share * (x1 - x0), y0 + share * (y1 - y0), math.remainder(yaw, math.tau))
-            along_m -= length
-        raise AssertionError("a line ends with its last point")
 
 
 def walkers(people: Iterable[Person]) -> list[Walker]:

@@ -6,7 +6,6 @@ pits, a puddle, a narrow gate and the paths of people; driving by hand heads for
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator
 from typing import Any, Final
@@ -14,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from robot_stack.core.geometry import Pose2
+from sim.polyline import Polyline
 from sim.scheduler.streams import Streams
 from sim.settings import SHORT_MISSION, SHORT_START
 from sim.worldfile import WorldFile
@@ -54,47 +54,26 @@ def _ends(random: np.random.Generator, world: WorldFile) -> tuple[Pose2, Pose2]:
     for _ in range(_TRIES):
         which, along, further = random.random(3).tolist()
         points = routes[int(which * len(routes))].points_m
-        length_m = sum(math.dist(a, b) for a, b in itertools.pairwise(points))
-        start_m = along * length_m
-        start = _on(points, start_m)
+        line = Polyline(points)
+        start_m = along * line.length_m
+        start = line.pose_at(start_m)
         corners_m = (math.dist((start.x, start.y), point) for point in points)
         if min(*corners_m, *_hazards_m(world, start)) > _CLEAR_M:
             low, high = _GOAL_AHEAD_M
-            return start, _on(points, min(start_m + low + further * (high - low), length_m))
+            return start, line.pose_at(start_m + low + further * (high - low))
     raise ValueError(f"no place on the routes is {_CLEAR_M} m from people, ramps, pits and corners")
-
-
-def _on(points: list[tuple[float, float]], along_m: float) -> Pose2:
-    """So far along the line, facing along it; its end if it is shorter."""
-    for a, b in itertools.pairwise(points):
-        length_m = math.dist(a, b)
-        if along_m <= length_m or b == points[-1]:
-            share = min(along_m / length_m, 1.0)
-            yaw = math.atan2(b[1] - a[1], b[0] - a[0])
-            return Pose2(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), yaw)
-        along_m -= length_m
-    raise AssertionError("a route has two points or more")
 
 
 def _hazards_m(world: WorldFile, pose: Pose2) -> Iterator[float]:
     """Distances to the paths of people, to ramps, and to the middle of pits, less a pit's half diagonal."""
-    here = (pose.x, pose.y)
     for person in world.people:
-        for a, b in itertools.pairwise(person.points_m):
-            yield _to_segment_m(here, a, b)
+        yield Polyline(person.points_m).distance_m(pose.x, pose.y)
     for ramp in world.ramps:
         foot, length_m = (ramp.x_m, ramp.y_m), ramp.total_length_m
         end = (ramp.x_m + length_m * math.cos(ramp.yaw_rad), ramp.y_m + length_m * math.sin(ramp.yaw_rad))
-        yield _to_segment_m(here, foot, end) - 0.5 * ramp.width_m
+        yield Polyline([foot, end]).distance_m(pose.x, pose.y) - 0.5 * ramp.width_m
     for pit in world.pits:
-        yield math.dist(here, (pit.x_m, pit.y_m)) - 0.5 * math.hypot(pit.length_m, pit.width_m)
-
-
-def _to_segment_m(point: tuple[float, float], a: tuple[float, float], b: tuple[float, float]) -> float:
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    share = ((point[0] - a[0]) * dx + (point[1] - a[1]) * dy) / (dx * dx + dy * dy)
-    share = min(max(share, 0.0), 1.0)
-    return math.dist(point, (a[0] + share * dx, a[1] + share * dy))
+        yield math.dist((pose.x, pose.y), (pit.x_m, pit.y_m)) - 0.5 * math.hypot(pit.length_m, pit.width_m)
 
 
 def _by_hand(random: np.random.Generator) -> Iterator[dict[str, float]]:
