@@ -6,7 +6,6 @@ from array import array
 
 import numpy as np
 from nav_msgs.msg import OccupancyGrid
-from std_msgs.msg import Bool
 
 from robot_stack.contract import frames, topics
 from robot_stack.costmap.costmap import LocalCostmap, Space, space_problem
@@ -14,6 +13,7 @@ from robot_stack.costmap.params import CostmapParams
 from robot_stack.costmap.warm_up import warm_up
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.wheelchair import WheelchairInput
 
 
 class CostmapServerNode(StackNode):
@@ -28,12 +28,12 @@ class CostmapServerNode(StackNode):
         self._grid = self.advertise(topics.LOCAL_COSTMAP)
         self._obstacles = self.subscribe(topics.OBSTACLES)
         self._space = self.subscribe(topics.SPACE, self._on_space)
-        self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
+        WheelchairInput(self, self._on_wheelchair)
         self._look()
         self.every(topics.LOCAL_COSTMAP.nominal_rate_hz, self._look)
 
-    def _on_passenger(self, message: Bool) -> None:
-        self._costmap.chair = message.data
+    def _on_wheelchair(self, attached: bool) -> None:
+        self._costmap.chair = attached
 
     def _on_space(self, message: OccupancyGrid) -> None:
         begin_s = self.monotonic_s()

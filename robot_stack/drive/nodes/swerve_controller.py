@@ -20,6 +20,7 @@ from robot_stack.drive.permission import Action, Permission, Situation, permit
 from robot_stack.drive.swerve_drive import DriveOutput
 from robot_stack.middleware.conversions import time_to_s, twist_from_msg, twist_stamped
 from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.wheelchair import WheelchairInput
 
 _PERIOD_S = 1.0 / topics.WHEEL_COMMANDS.nominal_rate_hz
 
@@ -41,8 +42,7 @@ class SwerveControllerNode(StackNode):
         self.subscribe(topics.CMD_VEL, self._on_cmd_vel)
         self.subscribe(topics.DOCKING_CMD_VEL, lambda message: self._on_stamped(Source.DOCKING, message))
         self.subscribe(topics.TELEOP_CMD_VEL, lambda message: self._on_stamped(Source.TELEOP, message))
-        self._passenger = self.subscribe(topics.PASSENGER_ATTACHED)
-        self._latch = self.subscribe(topics.LATCH_STATUS)
+        self._wheelchair = WheelchairInput(self, assumed=self.params.assume_passenger)
         self._limit = self.subscribe(topics.VELOCITY_LIMIT, self._on_limit)
         self.serve(services.RESET_ODOMETRY, self._on_reset_odometry)
         self.set_health(False, f"waiting for {topics.JOINT_STATES.name}")
@@ -121,18 +121,12 @@ class SwerveControllerNode(StackNode):
             safety_status_fresh=self.safety_status_input.fresh(),
             speed_limit=speed_limit(self._limit.latest),
             speed_limit_fresh=self._limit.fresh(),
-            passenger=self._carries(),
+            passenger=self._wheelchair.attached,
             holder=holder,
             requested=requested,
             must_rest=self._arbiter.must_rest(holder),
         )
         return permit(situation, *self._motion_limits)
-
-    def _carries(self) -> bool:
-        """A false on /passenger_attached ends nothing while the docking controller states otherwise."""
-        passenger, latch = self._passenger.latest, self._latch.latest
-        said = self.params.assume_passenger if passenger is None else passenger.data
-        return said or (latch is not None and latch.attached)
 
     # --- outputs -----------------------------------------------------------------------------------------------------
 

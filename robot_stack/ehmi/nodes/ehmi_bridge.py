@@ -12,6 +12,7 @@ from robot_stack.ehmi.link import LinkStatus, Shown
 from robot_stack.ehmi.nodes.serial_port import SerialPort
 from robot_stack.ehmi.params import EhmiParams
 from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.wheelchair import WheelchairInput
 
 _LAST_WORD_S = 0.5  # of the way out
 
@@ -24,7 +25,7 @@ class EhmiBridgeNode(StackNode):
         self._mission_managers = 0
         self._leaving = False
         self._status = self.advertise(topics.EHMI_STATUS)
-        self._passenger = self.subscribe(topics.PASSENGER_ATTACHED)
+        self._wheelchair = WheelchairInput(self)
         self._docking = self.subscribe(topics.DOCKING_STATUS)
         self._mission = self.subscribe(topics.MISSION_STATUS)
         self.subscribe(topics.EHMI_STATE_COMMAND, self._on_command)
@@ -69,12 +70,12 @@ class EhmiBridgeNode(StackNode):
         return Shown(int(state), self._language, self._volume)
 
     def _situation(self) -> Situation:
-        mission, docking, passenger = self._mission.latest, self._docking.latest, self._passenger.latest
+        mission, docking = self._mission.latest, self._docking.latest
         return Situation(
             emergency=self.emergency_stop,
             safety=self._safety(),
             asked=self._asked,
-            passenger=passenger is not None and passenger.data,
+            passenger=self._wheelchair.attached,
             mission=mission.state if mission is not None and self._mission_managers else "",
             docking=docking.state if docking is not None and self._docking.fresh() else "",
         )

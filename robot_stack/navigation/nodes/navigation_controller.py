@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
-from std_msgs.msg import Bool
 
 from custom_msgs.msg import VelocityLimit
 from robot_stack.contract import frames, topics
@@ -20,6 +19,7 @@ from robot_stack.core.site_map import load_map
 from robot_stack.middleware.conversions import pose_from_msg, time_to_s, twist_from_msg
 from robot_stack.middleware.departures import DepartureWarnings
 from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.wheelchair import WheelchairInput
 from robot_stack.navigation.background_planner import BackgroundPlanner
 from robot_stack.navigation.controller import NavigationController, Output, Situation
 from robot_stack.navigation.nodes.messages import costmap_cells, goal_request
@@ -54,7 +54,7 @@ class NavigationControllerNode(StackNode):
         self.subscribe(topics.CURRENT_POSE, self._on_pose)
         self.subscribe(topics.GOAL_POSE, self._on_goal)
         self._limit = self.subscribe(topics.VELOCITY_LIMIT, self._on_velocity_limit)
-        self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
+        WheelchairInput(self, self._controller.set_passenger)
         if self.params.use_costmap:
             self.subscribe(topics.LOCAL_COSTMAP, self._on_costmap)
         self._outputs.plan(self._controller.path)
@@ -112,9 +112,6 @@ class NavigationControllerNode(StackNode):
     def _on_velocity_limit(self, message: VelocityLimit) -> None:
         limit = SpeedLimit(message.max_linear_velocity, message.max_angular_velocity)
         self._controller.set_speed_limit(limit)
-
-    def _on_passenger(self, message: Bool) -> None:
-        self._controller.set_passenger(message.data)
 
     def _tick(self) -> None:
         if self._limit.received and not self._limit.fresh():

@@ -13,6 +13,7 @@ from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool
 
+from custom_msgs.msg import LatchStatus
 from robot_stack.contract import topics
 from robot_stack.core.point_cloud import points_from_xyz
 from robot_stack.middleware.conversions import time_from_s, time_to_s
@@ -97,6 +98,19 @@ def test_a_grid_is_inflated_at_once_by_the_footprint_in_force(world: World) -> N
     assert 0 < _value(message, 2.0 - 0.385, 0.0) < 99
     world.bench.publish(topics.PASSENGER_ATTACHED, Bool(data=True))
     world.grids.wait(lambda message: _value(message, 2.0 - 0.385, 0.0) == 99, "the chair's inflation", 0.5)
+
+
+def test_a_false_on_passenger_attached_does_not_take_the_chair_from_the_footprint(world: World) -> None:
+    """Only the docking controller ends what it reports attached."""
+    latch = LatchStatus(closed=True, attached=True)
+    world.bench.repeat(topics.LATCH_STATUS, lambda: latch, 10.0)
+    world.bench.run(1.0)
+    world.bench.publish(topics.PASSENGER_ATTACHED, Bool(data=False))
+    begun_s = world.bench.now_s + 0.5
+    world.bench.run(2.0)
+    assert {_value(grid, 2.0 - 0.385, 0.0) for grid in world.grids.since(begun_s)} == {99}
+    latch.attached = latch.closed = False
+    world.grids.wait(lambda message: _value(message, 2.0 - 0.385, 0.0) < 99, "the empty robot's inflation", 1.0)
 
 
 WRONG: dict[str, Callable[[World], None]] = {

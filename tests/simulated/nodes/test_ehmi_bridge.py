@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from std_msgs.msg import Bool
 
-from custom_msgs.msg import DockingStatus, EHMIState, EHMIStatus, MissionStatus, SafetyStatus
+from custom_msgs.msg import DockingStatus, EHMIState, EHMIStatus, LatchStatus, MissionStatus, SafetyStatus
 from custom_msgs.srv import InjectFault
 from robot_stack.contract import services, topics
 from robot_stack.contract.display import Display
@@ -149,6 +149,15 @@ def test_a_passenger_is_never_hidden(world):
     world.shows(Display.TRANSPORT)
     world.ask(Display.IDLE)
     world.shows(Display.PASSENGER_ONBOARD)
+
+
+def test_a_false_on_passenger_attached_does_not_hide_a_passenger_on_the_latch(world):
+    world.bench.repeat(topics.LATCH_STATUS, lambda: LatchStatus(closed=True, attached=True), 10.0)
+    world.ask(Display.IDLE)
+    world.shows(Display.PASSENGER_ONBOARD)
+    world.bench.publish(topics.PASSENGER_ATTACHED, Bool(data=False))
+    world.bench.run(1.0)
+    world.shows(Display.PASSENGER_ONBOARD, 0.1)
 
 
 def test_while_nobody_asks_mission_and_docking_tell(empty):
