@@ -102,6 +102,28 @@ def test_a_press_without_a_source_is_released_by_name_only() -> None:
         stage.release()
 
 
+def test_the_press_of_a_process_that_died_is_not_released_by_its_successor() -> None:
+    """Both have the same name: the later one presses and releases, the earlier one's press stands."""
+    with staged() as stage:
+        stage.expected_failures.add("emergency_stop_button")
+        stage.inject("estop_button", value=1.0)
+        stage.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
+        stage.kill("emergency_stop_button")
+        stage.inject("estop_button", value=0.0)
+        stage.wait_restarted("emergency_stop_button")
+        for pressed in (1.0, 0.0):
+            stage.inject("estop_button", value=pressed)
+            stage.run(1.0)
+        stage.estop(False)
+        stage.run(0.5)
+        answer = stage.reset()
+        assert not answer.success
+        assert "pressed by emergency_stop_button" in answer.message
+        cleared = stage.call(services.CLEAR_EMERGENCY_STOP, ClearEmergencyStop.Request(source="emergency_stop_button"))
+        assert cleared.success, cleared.message
+        stage.release()
+
+
 def test_a_reset_is_refused_while_the_robot_moves() -> None:
     with staged() as stage:
         stage.drive_at(1.0)
@@ -210,3 +232,8 @@ def test_commands_that_are_no_commands_move_nothing() -> None:
         stage.wait_faster(0.9)
         assert stage.speed_mps < 1.55
         assert max(abs(module.drive_velocity) for module in stage.commands.last.modules) <= 1.55
+        begun_s = stage.now_s
+        stage.drive(1.7e308, 0.0, 1.7e308)  # finite, but its norm is not
+        stage.run(1.0)
+        assert len(stage.safety.since(begun_s)) >= 9
+        assert stage.speed_mps < 1.55
