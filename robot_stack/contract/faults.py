@@ -95,16 +95,16 @@ FAULTS: tuple[Fault, ...] = (
 
 BY_CODE: dict[str, Fault] = {fault.code: fault for fault in FAULTS}
 
-# Reasons of a speed limit that are no faults.
+# Reasons of a speed limit that are not faults.
 PASSENGER_ONBOARD = "PASSENGER_ONBOARD"
 UNDOCKING = "UNDOCKING"  # the latch is open, and the docking controller backs off from the wheelchair
-WAY_UNSEEN = "WAY_UNSEEN"  # the motion leads into what is neither seen nor remembered
+WAY_UNSEEN = "WAY_UNSEEN"  # the motion leads into an area that is neither observed nor in the memory
 SIGHT_STALE = "SIGHT_STALE"  # the newest obstacle points are old, OBSTACLES_TIMEOUT is not raised yet
 
 
 def stops_gently(reason: str) -> bool:
     """True if every code of a limit's ``reason`` is a row with a gentle stop.
 
-    Hard where in doubt: an empty text, a code that is not in the list, a space or another separator is False.
+    False (hard) if in doubt: an empty text, a code that is not in the list, a space or another separator.
     """
     return all(code in BY_CODE and BY_CODE[code].gentle for code in reason.split(","))

@@ -1,4 +1,4 @@
-"""Who must have an endpoint by the contract's rows, and who must not: pure, for tools, tests and the system monitor."""
+"""Nodes that the contract's rows require or forbid at an endpoint: pure, for tools, tests and the system monitor."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from robot_stack.contract.model import EVERY_NODE, Topic
 
-# Listens to every row, and is therefore in the subscribers of none.
+# Subscribes to every row, and is therefore in the subscribers of none.
 RECORDER = "recorder"
 
 
@@ -20,7 +20,7 @@ class Endpoints:
 
 
 def expected(names: Collection[str], nodes: Collection[str], exempt: Collection[str] = ()) -> frozenset[str]:
-    """Of a row's ``names`` those that run here; of a row of every node all. exempt: who may lack the endpoint."""
+    """The ``names`` of a row that run here; of a row of every node all. exempt: nodes that may lack the endpoint."""
     if EVERY_NODE in exempt:
         return frozenset()
     wanted = frozenset(nodes) if EVERY_NODE in names else frozenset(names) & frozenset(nodes)
@@ -28,9 +28,9 @@ def expected(names: Collection[str], nodes: Collection[str], exempt: Collection[
 
 
 def lacking(row: Topic, seen: Endpoints, nodes: Collection[str]) -> tuple[str, ...]:
-    """What the row names and the graph lacks, in words. nodes: the nodes that run here."""
+    """Endpoints that the row requires and the graph lacks, in words. nodes: the nodes that run here."""
     publishers = expected(row.publishers, nodes, row.sometimes) - seen.publishers
-    # The one publisher of a row for every node need not hear itself.
+    # The only publisher of a row for every node need not subscribe to itself.
     itself = row.publishers if EVERY_NODE in row.subscribers and len(row.publishers) == 1 else ()
     subscribers = expected(row.subscribers, nodes, (*row.sometimes, *itself)) - seen.subscribers
     return (
@@ -40,7 +40,7 @@ def lacking(row: Topic, seen: Endpoints, nodes: Collection[str]) -> tuple[str, .
 
 
 def strangers(row: Topic, seen: Endpoints, nodes: Collection[str]) -> tuple[str, ...]:
-    """Nodes of the stack that have an endpoint the row does not give them, in words. Tools may listen to everything."""
+    """Nodes of the stack with an endpoint that the row does not list, in words. Tools may subscribe to everything."""
     publishers = seen.publishers - set(row.publishers)
     subscribers = (seen.subscribers - {*row.subscribers, RECORDER}) & set(nodes)
     return (

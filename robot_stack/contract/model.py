@@ -1,4 +1,4 @@
-"""The row types of the contract: what a topic, service, action, process and fault is.
+"""The row types of the contract: topic, service, action, process and fault.
 
 The rows themselves live beside this file, one module per kind. Nothing here imports ROS, so that tests, tools and
 documentation can read the contract anywhere.
@@ -55,14 +55,14 @@ class Topic:
     qos: the QoS that publisher and subscribers of this stack use.
     rate_hz: publication rate of each publisher in Hz; None for topics published on events.
     stale_s: age in seconds after which a subscriber calls its newest message stale; None where age means nothing.
-    queue: messages a subscriber with a callback keeps until it looks, where that is more than the QoS depth: for topics
-        of which no message may be missed. It is no part of what endpoints negotiate.
-    wakes: subscribers that a message wakes at once: stops, commands, goals, and what a node works on. The others take
-        it when they wake for something else, at their tick at the latest; its age counts from its reception.
+    queue: messages that a subscriber with a callback keeps until its next tick, if more than the QoS depth: for topics
+     of which no message may be missed. It is not part of the endpoints' QoS negotiation.
+    wakes: subscribers that a message wakes at once: stops, commands, goals, and inputs that a node processes. The
+     others read it when they wake for another reason, at their tick at the latest; its age counts from its reception.
     bulk: messages so large that a socket loses them: they go by shared memory (``robot_stack.ros.transport``).
     on_demand: published at that rate only while its publisher has something to command; silence is no fault then.
-    sometimes: of its publishers and subscribers those that have the endpoint only in some situations or configurations,
-        each for a reason that the row tells; the others always have it.
+    sometimes: those of its publishers and subscribers that have the endpoint only in some situations or configurations,
+     each for a reason given in the row; the others always have it.
     publishers, subscribers: node names. ``EVERY_NODE`` stands for every node process; names in ``OUTSIDE`` belong to
         tools and operators outside the process table.
     """
@@ -114,7 +114,7 @@ class Service:
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """One action: ``type`` is ``package/action/Name``, ``server`` the node that offers it, ``clients`` who may ask."""
+    """One action: ``type`` is ``package/action/Name``, ``server`` the node that offers it, ``clients`` its callers."""
 
     name: str
     type: str
@@ -125,7 +125,7 @@ class Action:
 
 
 class Criticality(Enum):
-    """What the loss of a process means for the ride (fault NODE_DEAD) and for the supervisor's restart."""
+    """Effect of the loss of a process on the ride (fault NODE_DEAD) and on the supervisor's restart."""
 
     CRITICAL = "critical"  # the robot stops
     LIMITING = "limiting"  # the robot goes on, slowly
@@ -189,7 +189,7 @@ class Fault:
     action: the most severe action the row can ask for.
     state: the safety state it shows.
     clears: how it goes away; clear_after_s: for how many seconds the condition must be gone first.
-    gentle: its stop may take the deceleration of an ordinary ride: the way ahead is seen and free.
+    gentle: its stop may use the deceleration of an ordinary ride: the way ahead is observed and free.
     """
 
     code: str

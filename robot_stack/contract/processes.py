@@ -6,8 +6,8 @@ not built; tools then name it as missing instead of leaving it out.
 
 from robot_stack.contract.model import Criticality, Process, System
 
-# Of a node's record in shared memory (``robot_stack.core.node_record``): how often it says that it lives, and the
-# silence after which it counts as dead. For who is outside this machine the topic /system/heartbeat says it too.
+# Of a node's record in shared memory (``robot_stack.core.node_record``): its heartbeat rate, and the silence after
+# which it counts as dead. Receivers on other machines use the topic /system/heartbeat.
 HEARTBEAT_HZ = 5.0
 HEARTBEAT_STALE_S = 1.0
 

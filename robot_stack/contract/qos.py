@@ -8,7 +8,7 @@ SENSOR = Qos(Reliability.BEST_EFFORT, Durability.VOLATILE, 1)
 STATUS = SENSOR
 REQUEST_QUEUE = Qos(Reliability.RELIABLE, Durability.VOLATILE, 10)
 DIAGNOSTICS = REQUEST_QUEUE
-# Several nodes beat on one topic within the same few milliseconds; depth 1 would lose all but the last.
+# Several nodes publish on one topic within the same few milliseconds; depth 1 would lose all but the last.
 HEARTBEAT = Qos(Reliability.BEST_EFFORT, Durability.VOLATILE, 50)
 # tf2's own profiles: tf2_ros/qos.hpp, DynamicBroadcasterQoS and StaticBroadcasterQoS.
 TF = Qos(Reliability.RELIABLE, Durability.VOLATILE, 100)

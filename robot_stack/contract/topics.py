@@ -8,14 +8,14 @@ from robot_stack.contract.model import EVERY_NODE, System, Topic
 
 OPERATOR_TOOL = "robot_stack_cli"
 TEST_TOOL = "scenario_runner"
-# Programs of others: a planner, ros2 topic pub, a screen on another computer.
+# Third-party programs: a planner, ros2 topic pub, a screen on another computer.
 EXTERNAL = "external"
 OUTSIDE = (OPERATOR_TOOL, TEST_TOOL, EXTERNAL, "rviz")
 
-# Who lets the robot move by itself.
+# Nodes that start autonomous motion.
 _DEPARTING = ("mission_manager", "navigation_controller", "docking_controller")
 
-# Drivers of real devices (robot_stack.drivers): a profile runs one for each sensor in the place of the simulated one.
+# Drivers of real devices (robot_stack.drivers): a profile runs one for each sensor instead of the simulated one.
 _CAMERA_PORTS = ("v4l2_camera_driver",)
 _BATTERY_PORTS = ("pylontech_driver", "modbus_battery_driver")
 _IMU_PORTS = ("xsens_driver",)
@@ -41,7 +41,7 @@ EMERGENCY_STOP = Topic(
     _STOP_SOURCES,
     (EVERY_NODE,),
     "true: stop at once; false: a request to release, which the safety monitor alone grants",
-    queue=10,  # a true that is followed by a false at once must still be seen
+    queue=10,  # a true followed at once by a false must still be received
     wakes=(EVERY_NODE,),
 )
 EMERGENCY_STOP_SOURCES = Topic(
@@ -245,7 +245,7 @@ TELEOP_CMD_VEL = Topic(
     stale_s=0.2,
     on_demand=True,
 )
-# What the drive follows: a later one goes before the ones before it; one that is silent for its stale_s gives it up.
+# Sources of the drive's commands: a later row has priority; a source that is silent for its stale_s loses control.
 DRIVE_COMMANDS = (CMD_VEL, DOCKING_CMD_VEL, TELEOP_CMD_VEL)
 
 # --- pose and navigation ------------------------------------------------------------------------------------------
@@ -351,7 +351,7 @@ LIDAR_POINTS = Topic(
     rate_hz=10.0,
     stale_s=0.5,
     bulk=True,
-    # The one without half sweeps, the other with a map.
+    # The perception pipeline while there are no half sweeps, localization with a map.
     sometimes=("perception_pipeline", "ndt_localization"),
     wakes=("ndt_localization",),
 )
@@ -516,7 +516,7 @@ LOCAL_COSTMAP = Topic(
     "rolling grid in odom",
     rate_hz=5.0,
     stale_s=1.0,
-    sometimes=("navigation_controller", "touch_ui"),  # which can be told to go without
+    sometimes=("navigation_controller", "touch_ui"),  # parameters can disable it
 )
 
 # --- docking ------------------------------------------------------------------------------------------------------
@@ -581,7 +581,7 @@ SAFETY_STATUS = Topic(
     "state, active faults, nearest obstacle, e-stop",
     rate_hz=10.0,
     stale_s=0.5,
-    queue=10,  # an emergency that is followed by its end must still be seen by who looks seldom
+    queue=10,  # slow subscribers must still receive an emergency that is followed by its end
 )
 VELOCITY_LIMIT = Topic(
     "/safety/velocity_limit",

@@ -1,1 +1,1 @@
-"""What subsystems share without ROS: geometry, configuration, input health, the runtime folder."""
+"""Code shared by the subsystems, without ROS: geometry, configuration, input health, the runtime folder."""

@@ -2,7 +2,7 @@
 
 Models derive from :class:`Config`: unknown keys, missing keys, wrong types, non-finite and out-of-range numbers are all
 refused. The folder is ``config/`` beside the package (a checkout), ``share/robot_stack/config`` (an installation), or
-whatever the environment variable ``ROBOT_STACK_CONFIG`` names.
+the value of the environment variable ``ROBOT_STACK_CONFIG``.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from robot_stack.core.errors import ConfigError as ConfigError
 
-# libyaml's where it is there: ten times as fast, and every process reads some files while it starts.
+# libyaml's loader if it is installed: ten times as fast, and every process reads some files at start-up.
 _LOADER: Final = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 

@@ -1,13 +1,13 @@
-"""Which published messages a subscriber has taken, in shared memory, for a simulated world that waits for all of them.
+"""Delivery records in shared memory: a simulated world waits until subscribers have received all published messages.
 
-Every node of a stack on a shared world clock has a page with two numbers for each row of the contract: when it last
-published, and the source timestamp of the message it took last. Both are the system clock of this machine: the
-publisher notes the time before it publishes, as soon as the message is with the middleware, and the middleware stamps
-the message in between. So a subscriber is owed a message as long as its number is below a publisher's. Messages that
-history depth 1 overwrote count as taken with the newer one, and a row may have several publishers: the sockets of a
-process keep the order in which they were sent.
+Every node of a stack on a shared world clock has a page with two numbers for each row of the contract: the time of its
+last publication, and the source timestamp of the last message it received. Both are the system clock of this machine:
+the publisher records the time before it publishes, as soon as the message is with the middleware, and the middleware
+stamps the message in between. So a message is outstanding while the subscriber's number is below a publisher's.
+Messages that history depth 1 overwrote count as received with the newer one, and a row may have several publishers: the
+sockets of a process keep the order in which they were sent.
 
-A subscriber that has taken nothing of a row yet is owed nothing of it: it may not be matched.
+A subscriber that has received no message of a row yet has none outstanding: it may not be matched.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from robot_stack.core.shared_page import SharedPage
 
 NUMBERS = {row: number for number, row in enumerate(TOPICS)}
 _ROWS = len(TOPICS)
-# What a node does with a row.
+# How a node uses a row.
 PUBLISHES, TAKES, WAKES = 1, 2, 4
 _COLUMNS = 3
 _SETTLED_NS = 1_000_000_000
@@ -39,7 +39,7 @@ def _folder() -> Path:
 
 @dataclass(slots=True)
 class Delivery:
-    """The numbers of one node, by row [ns of the system clock]; 0: nothing yet. uses: what it does with the row.
+    """The numbers of one node, by row [ns of the system clock]; 0: no message yet. uses: how the node uses the row.
 
     lost: how many messages it no longer waits for.
     """
@@ -51,7 +51,7 @@ class Delivery:
 
 
 def open_delivery(name: str, *, create: bool) -> Delivery:
-    """The page of a node; ``create``: its own, empty. Raises FileNotFoundError for another's that is not there."""
+    """The page of a node; ``create``: makes an empty one. Raises FileNotFoundError if an existing page is missing."""
     if create:
         _folder().mkdir(exist_ok=True)
     singles = SharedPage(_folder() / name, 0, _LOST + 1, create=create).singles
@@ -70,7 +70,7 @@ class Deliveries:
         self.pages: dict[str, Delivery] = {}
 
     def search(self) -> None:
-        """Adds the pages of nodes that have come since the last call."""
+        """Adds the pages of nodes that have started since the last call."""
         try:
             changed_ns = os.stat(_folder()).st_mtime_ns
         except FileNotFoundError:
@@ -81,20 +81,20 @@ class Deliveries:
             if path.name not in self.pages:
                 with contextlib.suppress(FileNotFoundError):  # being made: the next search finds it
                     self.pages[path.name] = open_delivery(path.name, create=False)
-        # The clock of a file system is coarse: a file may still come without a change that shows.
+        # The clock of a file system is coarse: a file may still appear without a visible change.
         self._seen_ns = changed_ns if time.time_ns() - changed_ns > _SETTLED_NS else 0
 
 
 @dataclass(frozen=True, slots=True)
 class Debt:
-    """A message that a node has not taken. sent_ns: ``published`` of its publisher at the time."""
+    """A message that a node has not received. sent_ns: ``published`` of its publisher at the time."""
 
     row: int
     sent_ns: int
 
 
 def debts(own: Delivery, rows: Iterable[int], publishers: Mapping[int, Sequence[Delivery]]) -> list[Debt]:
-    """What ``own`` is owed of ``rows``."""
+    """The messages of ``rows`` outstanding for ``own``."""
     found = []
     for row in rows:
         taken_ns = own.taken[row]
@@ -107,12 +107,12 @@ def debts(own: Delivery, rows: Iterable[int], publishers: Mapping[int, Sequence[
 
 
 def open_debts(own: Delivery, known: Iterable[Debt]) -> list[Debt]:
-    """Those of ``known`` that are not settled yet."""
+    """Those of ``known`` that are still outstanding."""
     return [debt for debt in known if own.taken[debt.row] < debt.sent_ns]
 
 
 def write_off(own: Delivery, known: Sequence[Debt]) -> None:
-    """They are lost: nobody waits for them any longer."""
+    """Marks these messages as lost: the world no longer waits for them."""
     for debt in known:
         own.taken[debt.row] = debt.sent_ns
     own.lost[0] += len(known)
@@ -128,7 +128,7 @@ def publishers_by_row(pages: Iterable[Delivery]) -> dict[int, list[Delivery]]:
 
 
 def rows_taken(page: Delivery, use: int = TAKES) -> tuple[int, ...]:
-    """The rows that a node subscribes to; WAKES: that wake it."""
+    """The rows that a node subscribes to; with WAKES: the rows that wake it."""
     return tuple(row for row in range(_ROWS) if page.uses[row] & use)
 
 

@@ -1,8 +1,8 @@
-"""The warning before the robot begins to move by itself: light and chime for a while after it has stood for long.
+"""The warning before autonomous motion starts after a long standstill: light and chime for some seconds.
 
-ISO 3691-4 asks for at least 2 s of it after a stop of more than 10 s. Whoever lets the robot go gives it: the mission
-manager, navigation for a goal given by hand, docking for a docking asked for by hand. A warning that another has given
-counts as one's own. Times are sums of the ticks' steps, so that a clock that jumps ends no warning.
+ISO 3691-4 asks for at least 2 s of warning after a stop of more than 10 s. The node that starts the motion gives it:
+the mission manager, navigation for a goal given by hand, docking for a manual docking request. A warning given by
+another node counts too. Times are sums of tick steps, so that a clock jump does not end a warning.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from pydantic import Field
 from robot_stack.core.config import Config
 from robot_stack.core.geometry import Twist2
 
-# What a node says of itself while it warns.
+# The node's status text while it warns.
 SETTING_OUT = "about to set out: warning people around"
 
 
 class DepartureParams(Config):
     """``config/departure.yaml``.
 
-    after_s: a stop of longer than this is warned of. warning_s: for so long. Up to the standstill speeds it stands.
+    after_s: standstill after which a warning is due. warning_s: its duration. standstill_*: speeds that count as zero.
     """
 
     after_s: Annotated[float, Field(gt=0.0, le=10.0)]
@@ -32,9 +32,9 @@ class DepartureParams(Config):
 
 
 class Departure:
-    """Knows how long the robot has stood since it moved or was announced to move; at first for ever.
+    """Tracks the time since the robot moved or was announced to move; infinite at first.
 
-    announced: at first nobody need be warned.
+    announced: no warning is due at first.
     """
 
     def __init__(self, params: DepartureParams, *, announced: bool = False) -> None:
@@ -46,7 +46,7 @@ class Departure:
 
     @property
     def due(self) -> bool:
-        """People do not expect it to move any more: a warning comes before it does."""
+        """True if a warning must precede the next motion."""
         return self._stood_s > self._params.after_s
 
     @property
@@ -59,30 +59,30 @@ class Departure:
 
     @property
     def warning(self) -> bool:
-        """The warning is being given."""
+        """True while the warning is given."""
         return self._warning
 
     @property
     def remaining_s(self) -> float | None:
-        """What others are to be told now: seconds until it sets out, 0 once as it does; None: nothing."""
+        """Seconds until the robot starts, 0 once as it starts, to be published; None: nothing to publish."""
         return self._remaining_s
 
     def elapse(self, twist: Twist2 | None, dt_s: float) -> None:
-        """Time passes. A robot of which nobody knows that it moves stands."""
+        """Advances the time. Without a usable twist the robot counts as standing."""
         self._remaining_s = None
         self._moving = twist is not None and twist.is_finite() and not self._stands(twist)
         self._stood_s = 0.0 if self._moving else self._stood_s + dt_s
 
     def announced(self) -> None:
-        """Somebody else has given the warning in full."""
+        """Another node has given the full warning."""
         self._stood_s = 0.0
 
     def drop(self) -> None:
-        """It shall not move after all: the next warning is given in full."""
+        """Cancels the departure: the next warning is given in full."""
         self._warning, self._warned_s, self._remaining_s = False, 0.0, None
 
     def cleared(self, dt_s: float) -> bool:
-        """True once it may set out; to be called every tick for as long as it wants to, after ``elapse``."""
+        """True once the robot may start. Call every tick while it wants to start, after ``elapse``."""
         if not self.due:
             self.drop()
             return True

@@ -1,6 +1,6 @@
 """What each state of the display looks and sounds like: ``config/ehmi_patterns.yaml``, and the light at any moment.
 
-Shared by the documentation, the simulated display and whoever draws the display for people.
+Shared by the documentation, the simulated display and the user interfaces that draw the display.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ BASE_HZ = 0.25
 RED_LIMIT_HZ = 2.0
 FLASH_LIMIT_HZ = 3.0
 _WAVE_SEGMENTS = 8.0  # half of it lit
-_DIM = 0.15  # a band that breathes never goes out
+_DIM = 0.15  # lowest brightness of a breathing band
 
 Motion = Literal["dark", "steady", "breathe", "blink", "travel", "fill"]
 Direction = Literal["front", "rear", "centre", "none"]
@@ -39,7 +39,7 @@ class Text(Config):
     zh: str
 
     def get(self, language: str) -> str:
-        """Raises KeyError for a language that the display does not speak."""
+        """Raises KeyError for a language that the display does not have."""
         return {"en": self.en, "ja": self.ja, "zh": self.zh}[language]
 
 

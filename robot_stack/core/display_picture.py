@@ -1,6 +1,6 @@
 """The external display drawn for people: what it shows as plain data, and as one picture.
 
-The picture is SVG, of one moment or moving by itself; whoever draws without SVG takes its cells and places. All in the
+The picture is SVG, of one moment or animated; callers that draw without SVG use its cells and places. All in the
 units of its viewBox, y down: the band of light above, rear of the robot on the left, pictogram and text below.
 """
 
@@ -18,7 +18,7 @@ ICON_Y = _BAND_HEIGHT + (HEIGHT - _BAND_HEIGHT - ICON_SIZE) // 2
 ICON_SCALE = ICON_SIZE / 24
 _TEXT_Y = ICON_Y + ICON_SIZE // 2
 PANEL = "#14181C"
-_FRAMES = 24  # of one cycle, where the picture moves by itself
+_FRAMES = 24  # of one cycle of the animated picture
 
 # Strokes on a grid of 24 x 24, front of the robot to the right.
 _WHEELCHAIR = "M8 5a1.6 1.6 0 1 0 .1 0M8 8v6h5l2 5M7 11a5 5 0 1 0 6 7"
@@ -46,7 +46,7 @@ PICTOGRAMS = {
 
 
 def description(patterns: Patterns, state: int, language: str, volume: int) -> dict[str, object]:
-    """What the display shows, for whoever draws it. Raises KeyError for a state that has no pattern."""
+    """The display's content as plain data. Raises KeyError for a state that has no pattern."""
     pattern = patterns.states[state]
     return {
         "state": state,
@@ -66,7 +66,7 @@ def description(patterns: Patterns, state: int, language: str, volume: int) -> d
 
 
 def svg(patterns: Patterns, state: int, language: str, t_s: float | None = None) -> str:
-    """The display ``t_s`` seconds after the state began; None: a picture that moves by itself, as the display does.
+    """The display ``t_s`` seconds after the state began; None: an animated picture.
 
     Raises KeyError for a state that has no pattern.
     """
@@ -110,7 +110,7 @@ def text_middle(text: str) -> tuple[float, float]:
 
 
 def font_size(text: str) -> int:
-    """So that the longest text still fits."""
+    """Font size at which the longest text fits."""
     return min(30, int((WIDTH - TEXT_X - 16) / max(_letters(text), 1.0)))
 
 

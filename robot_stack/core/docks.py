@@ -1,7 +1,7 @@
 """The docks, ``config/docks.yaml``: where they are, what markers they carry, and where the robot stands when docked.
 
 Dock frame: origin on the ground below the middle of the marker board, x the way a robot approaches (into the board),
-z up. A marker's own frame is OpenCV's: x to the right and y up for whoever looks at it, z out of it.
+z up. A marker's own frame is OpenCV's: x to the right and y up as seen from the front, z out of it.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class MarkerPlace(Config):
 
 
 class Board(Config):
-    """What a dock is, which of the robot's cameras looks at it, and what it carries for that."""
+    """A dock's kind, the robot camera that observes it, and its markers."""
 
     kind: Literal["wheelchair", "station"]
     camera: Literal["front", "rear"]
@@ -65,7 +65,7 @@ class Board(Config):
 
 
 class Dock(Board):
-    """One dock as this robot meets it.
+    """One dock for this robot.
 
     staging: base_link in map where docking begins. dock_pose: base_link in the dock frame when docked.
     """
@@ -75,7 +75,7 @@ class Dock(Board):
 
 
 class DockPlace(Board):
-    """One dock as the file has it: where it is, and where the robot's part that belongs to it stands when docked.
+    """One dock as in the file: its place, and where the robot's matching part stands when docked.
 
     place: the dock frame in map. latch_x_m: the robot's latch, of a wheelchair; camera_x_m: the camera, of a station;
     m in the dock frame.
@@ -95,7 +95,7 @@ class DockPlace(Board):
         return self
 
     def of_robot(self, robot: Robot, staging_m: float) -> Dock:
-        """The dock as ``robot`` meets it, which begins ``staging_m`` before the dock pose."""
+        """The dock for ``robot``, with a staging pose ``staging_m`` before the dock pose."""
         front = self.camera == "front"
         if self.latch_x_m is not None:
             x, y = self.latch_x_m - robot.latch.x_m, 0.0
@@ -141,25 +141,25 @@ class _Docks(Config, Generic[DockT]):
 
 
 class DocksFile(_Docks[DockPlace]):
-    """Everything in ``config/docks.yaml``. staging_m: how far before its dock pose a robot is staged."""
+    """Everything in ``config/docks.yaml``. staging_m: distance from the staging pose to the dock pose."""
 
     staging_m: Positive
 
     def of_robot(self, robot: Robot) -> Docks:
-        """The docks as ``robot`` meets them."""
+        """The docks for ``robot``."""
         docks = {name: dock.of_robot(robot, self.staging_m) for name, dock in self.docks.items()}
         return Docks(dictionary=self.dictionary, marker_size_m=self.marker_size_m, docks=docks)
 
 
 class Docks(_Docks[Dock]):
-    """The docks as one robot meets them."""
+    """The docks for one robot."""
 
     def of_marker(self, marker_id: int) -> tuple[str, Dock] | None:
         """The dock that carries a marker."""
         return next(((name, dock) for name, dock in self.docks.items() if marker_id in dock.markers), None)
 
     def latched_wheelchair(self) -> Pose2 | None:
-        """A docked wheelchair's frame in base_link: they all hang at the same latch. None: no dock is one."""
+        """A docked wheelchair's frame in base_link: all hang at the same latch. None: no dock is a wheelchair."""
         chairs = (dock for dock in self.docks.values() if dock.kind == "wheelchair")
         return next((dock.dock_pose.pose().inverse() for dock in chairs), None)
 

@@ -103,7 +103,7 @@ class Quaternion(Vector, Protocol):
 
 
 def planar_pose(position: Vector, orientation: Quaternion) -> Pose2:
-    """What a pose in space is on the ground."""
+    """Projection of a pose in space onto the ground plane."""
     q = orientation
     return Pose2(position.x, position.y, yaw_from_quaternion(q.x, q.y, q.z, q.w))
 

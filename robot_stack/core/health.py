@@ -1,7 +1,7 @@
 """Input health: is each input there, fresh, and coming at its rate?
 
-Time is an argument (steady seconds), so the same code is tested tick by tick. A stepped wall clock cannot hide or
-invent a fault, because ages are taken from the time of reception on the steady clock.
+Time is an argument (steady seconds), so the same code is tested tick by tick. Ages are taken from the time of
+reception on the steady clock, so a step of the wall clock neither hides nor causes a fault.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-# Rates are judged over this many seconds at least: shorter windows flag the ordinary jitter of a busy machine.
+# Rates are evaluated over at least this many seconds: shorter windows flag the ordinary jitter of a busy machine.
 RATE_WINDOW_S = 2.0
 
 
@@ -26,12 +26,12 @@ class InputState:
     received: int
 
 
-# Of the keys under which a node's entry in /diagnostics tells of its inputs.
+# Prefix of the keys under which a node's entry in /diagnostics lists its inputs.
 INPUT_PREFIX = "input "
 
 
 def describe_input(item: InputState) -> str:
-    """An input as /diagnostics tells it; ``parse_input`` reads it."""
+    """An input's state as text for /diagnostics; ``parse_input`` reads it."""
     if not item.received:
         return "nothing received"
     rate = "" if math.isnan(item.rate_hz) else f", {item.rate_hz:.1f} Hz"
@@ -42,7 +42,7 @@ _DESCRIBED = re.compile(r"(\d+) received(?:, ([\d.]+) Hz)?, age (-?[\d.]+|nan|-?
 
 
 def parse_input(name: str, text: str) -> InputState | None:
-    """What ``describe_input`` was given, to its two digits; None for any other text."""
+    """Inverse of ``describe_input``, to the digits of the text; None for any other text."""
     if text == "nothing received":
         return InputState(name, math.inf, math.nan, False, 0)
     found = _DESCRIBED.fullmatch(text)
@@ -53,7 +53,7 @@ def parse_input(name: str, text: str) -> InputState | None:
 
 
 def parse_inputs(values: Iterable[tuple[str, str]]) -> Iterator[InputState]:
-    """The inputs of which a node's entry in /diagnostics tells among its keys and values."""
+    """The input states among the keys and values of a node's entry in /diagnostics."""
     for key, value in values:
         if key.startswith(INPUT_PREFIX):
             state = parse_input(key.removeprefix(INPUT_PREFIX), value)
@@ -68,11 +68,11 @@ class InputHealth:
         self._inputs: dict[str, _Input] = {}
 
     def add(self, name: str, stale_s: float | None) -> None:
-        """Watches an input; ``stale_s`` None means that its age is never held against it."""
+        """Watches an input; with ``stale_s`` None its age is not checked."""
         self._inputs[name] = _Input(stale_s)
 
     def remove(self, name: str) -> None:
-        """Nobody waits for this input any more."""
+        """Stops watching this input."""
         self._inputs.pop(name, None)
 
     def received(self, name: str, now_s: float) -> None:

@@ -1,4 +1,4 @@
-"""How fast the robot may move: what planning, drive and safety monitor tell each other."""
+"""Speed and motion limits exchanged by planning, drive and safety monitor."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robot_stack.core.robot import Motion
 
 @dataclass(frozen=True, slots=True)
 class SpeedLimit:
-    """Largest speed (norm of the planar velocity, m/s) and yaw rate (rad/s), as ``/safety/velocity_limit`` says it.
+    """Largest speed (norm of the planar velocity, m/s) and yaw rate (rad/s), as in ``/safety/velocity_limit``.
 
     NaN and negative values count as 0 (``usable``), +inf is no limit.
     """
@@ -50,7 +50,7 @@ class MotionLimits:
 
     @classmethod
     def of(cls, motion: Motion) -> MotionLimits:
-        """Those of ``config/robot.yaml``."""
+        """The limits of ``config/robot.yaml``."""
         return cls(
             motion.max_speed_mps,
             motion.max_yaw_rate_radps,

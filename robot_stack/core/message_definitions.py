@@ -1,4 +1,4 @@
-"""Message definitions as rosbag2 and Foxglove want them: the .msg text followed by the text of every type it uses.
+"""Message definitions as rosbag2 and Foxglove expect them: the .msg text followed by the text of every type it uses.
 
 Read from the installed packages' ``share/<package>/msg``. The format: after the root type's text, for each type used,
 in order of name and depth first, a line of 80 ``=``, a line ``MSG: package/Name``, and that type's text.

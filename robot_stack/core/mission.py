@@ -1,4 +1,4 @@
-"""What a mission is: named waypoints in the map, each with something to do there.
+"""The mission model: named waypoints in the map, each with an action.
 
 Lengths in m, yaw in rad, map frame. The YAML form is described in ``config/missions/README.md``.
 """
@@ -26,9 +26,9 @@ MISSION_ID_PATTERN = r"^[a-z0-9][a-z0-9_]{0,63}$"
 # Waypoints are counted in a uint8 of /mission/status, the way home included.
 MAX_WAYPOINTS = 254
 
-# A site of 20 km across; what lies outside is a typing error.
+# A site of 20 km across; a larger value is a typing error.
 Coordinate = Annotated[float, Field(strict=True, ge=-10_000.0, le=10_000.0)]
-# One full turn either way: whoever writes degrees is told so instead of being turned by 90 rad.
+# At most one full turn either way: a value in degrees is rejected instead of read as radians.
 Yaw = Annotated[float, Field(strict=True, ge=-6.2832, le=6.2832)]
 Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=64)]
 MissionId = Annotated[str, StringConstraints(pattern=MISSION_ID_PATTERN)]
@@ -85,33 +85,33 @@ class Spot(Config):
 
 
 class WaypointLabel(Config):
-    """What displays call a waypoint in a language other than English; its name where nothing is given."""
+    """Display names of a waypoint in languages other than English; the waypoint's name where none is given."""
 
     ja: Name | None = None
     zh: Name | None = None
 
 
 class Waypoint(Spot):
-    """A named pose and what happens there. name: in English, and what the waypoint is known by."""
+    """A named pose and its action. name: in English; identifies the waypoint."""
 
     name: Name
     label: WaypointLabel = WaypointLabel()
     action: Action
 
     def names(self) -> dict[str, str]:
-        """Its name in each language that the displays speak."""
+        """Its name in each display language."""
         return {"en": self.name, "ja": self.label.ja or self.name, "zh": self.label.zh or self.name}
 
     @model_serializer(mode="wrap")
     def _without_empty_label(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """As people write it: a label only where there is one."""
+        """Writes the label only if it is set, as people write the file."""
         fields: dict[str, Any] = serialize(self)
         label = {language: text for language, text in fields.pop("label").items() if text is not None}
         return {**fields, **({"label": label} if label else {})}
 
 
 class LocalName(Config):
-    """The mission's name in each language that the displays speak."""
+    """The mission's name in each display language."""
 
     en: Name
     ja: Name
@@ -140,7 +140,7 @@ class Mission(Config):
 
 
 def docking_problem(mission: Mission, docks: Mapping[str, str], passenger_attached: bool) -> tuple[int, str] | None:
-    """Index of the first waypoint at which docking, undocking or driving on cannot be, and a sentence for people.
+    """Index of the first waypoint whose docking, undocking or driving on is impossible, and a sentence for people.
 
     docks: kind of each dock by its id. passenger_attached: at the start.
     """

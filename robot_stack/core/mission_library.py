@@ -1,4 +1,4 @@
-"""The mission files of a robot, read afresh at every request: what an operator saved is what the robot drives."""
+"""The mission files of a robot, read at every request, so that a saved mission takes effect at once."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class MissionLibrary:
 
 
 def mission_library(shipped: str = "", own: str = "") -> MissionLibrary:
-    """The library of ``config/missions`` and of the missions made on this robot; names are folders instead of these."""
+    """The library of ``config/missions`` and of the missions made on this robot; arguments replace these folders."""
     return MissionLibrary(
         Path(shipped).expanduser() if shipped else config_dir() / "missions",
         Path(own).expanduser() if own else own_missions_dir(),
@@ -76,13 +76,12 @@ def read_mission(path: Path) -> Mission:
 def judge(data: Mapping[str, Any], docks: Mapping[str, str] | None = None) -> tuple[Mission | None, list[Problem]]:
     """The mission that ``data`` describes, or None, and what is wrong with it.
 
-    docks: kind of each dock by its id: where it is given, a docking that could not be, however the robot starts, is a
-    problem too.
+    docks: kind of each dock by its id: if given, a docking that is impossible from any start state is a problem too.
     """
     try:
         mission = Mission.model_validate(data)
     except ValidationError as error:
-        # Waypoints that are wrong do not count as waypoints: that there are too few then is nobody's mistake.
+        # Invalid waypoints are missing from the count, so a "too short" error that follows from them is dropped.
         found = [item for item in error.errors() if not (item["type"] == "too_short" and item["input"])]
         return None, [_problem(item, data) for item in found]
     if docks is None:
@@ -105,7 +104,7 @@ def _problem(item: Any, data: Mapping[str, Any]) -> Problem:
 
 
 def _where(loc: tuple[str | int, ...], data: Mapping[str, Any]) -> str:
-    """``waypoint 2 'bench': action`` for (waypoints, 1, action): people count from one and know the name."""
+    """``waypoint 2 'bench': action`` for (waypoints, 1, action): text for people, counted from one."""
     if len(loc) < 2 or loc[0] != "waypoints":
         return ".".join(str(part) for part in loc) or "(whole file)"
     _, index, *rest = loc

@@ -1,8 +1,8 @@
-"""What a node says about itself to this machine, in shared memory: alive, ready, being constructed, up to date.
+"""A node's state in shared memory, for this machine: alive, ready, being constructed, up to date.
 
-Seventeen heartbeats at 5 Hz to two receivers cost more by DDS than what they report on. Who is outside this machine, or
-no part of the stack, has ``/system/heartbeat``. The record of a node stays when its process dies: ``pid`` tells whose
-it is.
+Seventeen heartbeats at 5 Hz to two receivers cost more by DDS than what they report on. Receivers on other machines,
+or outside the stack, use ``/system/heartbeat``. A node's record stays when its process dies; ``pid`` identifies the
+process that wrote it.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class NodeRecord:
         self._page = SharedPage(_folder() / name, _WORDS, _SINGLES, _TEXT_BYTES, create=True)
 
     def constructing(self, text: str) -> None:
-        """Before the node's loop runs: what it is busy with."""
+        """Records what the node is busy with before its loop runs."""
         self._write(0, False, text)
         self.due(math.inf)
 
@@ -111,7 +111,7 @@ class NodeRecords:
 
 
 class Heartbeats:
-    """Which of some nodes have beaten since the last look."""
+    """Detects which of some nodes have beaten since the last call."""
 
     def __init__(self, nodes: Sequence[str]) -> None:
         self._nodes = tuple(nodes)
@@ -119,7 +119,7 @@ class Heartbeats:
         self._seen: dict[str, tuple[int, int]] = {}
 
     def new(self) -> list[str]:
-        """A node that has beaten before this was made has not beaten since: it may be long dead."""
+        """Nodes with a new beat. Beats from before this object was made do not count: such a node may be dead."""
         return [name for name in self._nodes if self._has_beaten(name)]
 
     def _has_beaten(self, name: str) -> bool:

@@ -1,4 +1,4 @@
-"""The missions that people make on this robot: files of their own folder, never overwritten unseen."""
+"""Missions that people make on this robot: files in their own folder, never overwritten without a check."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ class MissionTaken(Exception):
 
 
 class MissionChanged(Exception):
-    """The file is no longer what the editor began with: somebody else has changed or deleted it."""
+    """The file differs from what the editor opened: it was changed or deleted meanwhile."""
 
 
 class OwnMissions:
     """One file ``<id>.yaml`` each. shipped: the folder of missions that come with the software and stay as they are.
 
-    Every function raises OSError if the disk refuses.
+    Every function raises OSError if the file system fails.
     """
 
     def __init__(self, folder: Path, shipped: Path) -> None:
@@ -33,7 +33,7 @@ class OwnMissions:
         return self.folder / f"{mission_id}.yaml"
 
     def save(self, mission: Mission, was: str = "", revision: str = "") -> None:
-        """Writes a new mission, or in place of ``was``, which had ``revision`` when it was opened.
+        """Writes a new mission, or replaces ``was``, which had ``revision`` when it was opened.
 
         A mission under a new id takes the old one's place: it is renamed. Raises MissionTaken, MissionChanged.
         """
@@ -62,7 +62,7 @@ class OwnMissions:
 
 
 def revision_of(path: Path) -> str:
-    """What tells one content of a file from another; empty if there is no file."""
+    """A short hash of a file's content; empty if there is no file."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     except OSError:
@@ -70,7 +70,7 @@ def revision_of(path: Path) -> str:
 
 
 def _write(path: Path, mission: Mission, *, replace: bool) -> None:
-    """Whole or not at all, also when the power fails. Raises FileExistsError unless it is to be replaced."""
+    """Writes atomically, also if the power fails. Raises FileExistsError unless ``replace``."""
     text = yaml.safe_dump(mission.model_dump(mode="json"), allow_unicode=True, sort_keys=False, default_flow_style=None)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=".mission-")
@@ -82,7 +82,7 @@ def _write(path: Path, mission: Mission, *, replace: bool) -> None:
         if replace:
             os.replace(name, path)
         else:
-            os.link(name, path)  # which, unlike a rename, never takes the place of another file
+            os.link(name, path)  # unlike a rename, this never replaces another file
     finally:
         Path(name).unlink(missing_ok=True)
     folder = os.open(path.parent, os.O_RDONLY)

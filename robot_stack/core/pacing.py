@@ -1,8 +1,8 @@
 """Loops on absolute deadlines: which deadline is next, and a sleep that ends on it.
 
-A sleep ends late by what the system takes to wake a process: tens of microseconds, more on a virtual machine. Who needs
-less waits awake for the last part. How long that part must be, a loop learns from its own wake-ups, within limits; what
-it may cost is a budget that cannot be overdrawn, so that on a machine where waiting awake is of no use it costs little.
+A sleep ends late by the system's wake-up latency: tens of microseconds, more on a virtual machine. A loop that needs
+less jitter busy-waits for the last part. The length of that part is estimated from the loop's own wake-ups, within
+limits. Its cost has a hard budget, so that it stays small on a machine where busy-waiting does not help.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ _SLACK_NS = 1
 
 
 def sharpen_sleep() -> bool:
-    """Sleeps of the calling thread end when they are over. Linux lets them end up to 50 us later, to wake less often,
-    but for threads of a real-time priority.
+    """Makes sleeps of the calling thread end on time. By default, Linux lets them end up to 50 us later, to wake less
+    often, except for threads of a real-time priority.
 
-    False where the system has no such setting.
+    Returns False where the system has no such setting.
     """
     if not sys.platform.startswith("linux"):
         return False
@@ -33,10 +33,10 @@ def sharpen_sleep() -> bool:
 
 
 class SpinLimits(Config):
-    """What waiting awake before deadlines may cost, and what it is for.
+    """Cost limits and target of busy-waiting before deadlines.
 
-    longest_s: at most so long before one deadline. share: at most this share of a core. tolerance_s: so late a loop may
-    begin. on_time: the share of its deadlines that it wants to keep within that.
+    longest_s: at most this long before one deadline. share: at most this share of a core. tolerance_s: acceptable
+    lateness of a loop. on_time: the share of deadlines to be kept within the tolerance.
     """
 
     longest_s: Annotated[float, Field(gt=0.0, le=0.001)]
@@ -46,14 +46,14 @@ class SpinLimits(Config):
 
 
 class SpinMargin:
-    """How long before its deadline a sleep should end; learned, and kept within a budget.
+    """How long before its deadline a sleep should end; estimated, and kept within a budget.
 
-    Stochastic approximation of a quantile (Robbins and Monro, 1951): a wake-up that the margin did not cover raises it,
-    one that it did lowers it, by steps that balance where ``on_time`` of them are covered. A wake-up that no margin
-    within the limits would have covered (a busy machine, a paused one) says nothing about the margin and is left out.
+    Stochastic approximation of a quantile (Robbins and Monro, 1951): a wake-up later than the margin raises it, an
+    earlier one lowers it; the steps balance where ``on_time`` of the wake-ups are covered. A wake-up later than the
+    longest margin (a busy or paused machine) carries no information about the margin and is ignored.
 
-    The budget grows with time, up to what ``_SAVED_NS`` gives, and shrinks by the time waited awake. The margin is
-    never longer than what is left of it: the mean over any longer time stays below ``share``.
+    The budget grows with time, up to ``_SAVED_NS`` of run time, and shrinks by the time spent busy-waiting. The margin
+    is never longer than the remaining budget: the mean over any longer time stays below ``share``.
     """
 
     _STEP_NS = 2000.0
@@ -78,11 +78,11 @@ class SpinMargin:
         return int(min(self._margin_ns, self._budget_ns))
 
     def spend(self, awake_ns: int) -> None:
-        """So long it was waited awake."""
+        """Subtracts time spent busy-waiting from the budget."""
         self._budget_ns -= awake_ns
 
     def learn(self, late_ns: int) -> None:
-        """A sleep ended so long after it should have."""
+        """Updates the margin with the lateness of a sleep."""
         needed_ns = late_ns - self._tolerance_ns
         if needed_ns > self._longest_ns:
             return
@@ -93,7 +93,7 @@ class SpinMargin:
 class Sleeper:
     """Sleeps until absolute times of the monotonic clock, ns; never ends early. Belongs to one thread.
 
-    spin: the last part is waited awake, within these limits; None sleeps all the time.
+    spin: limits of the busy-waiting before a deadline; None sleeps all the time.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class Sleeper:
         self._sleep_s = sleep_s or time.sleep
 
     def until(self, due_ns: int) -> int:
-        """Returns how late it is then, ns."""
+        """Sleeps until ``due_ns``. Returns the lateness, ns."""
         margin, now_ns = self._margin, self._now_ns()
         if margin is not None:
             now_ns = self._sleep_short(due_ns, now_ns, margin)
@@ -119,7 +119,7 @@ class Sleeper:
         return now_ns - due_ns
 
     def _sleep_short(self, due_ns: int, now_ns: int, margin: SpinMargin) -> int:
-        """Sleeps until the margin before ``due_ns`` begins. Returns the time it is then."""
+        """Sleeps until the margin before ``due_ns`` begins. Returns the time then."""
         end_ns = due_ns - margin.take(now_ns)
         if now_ns < end_ns:
             self._sleep_s((end_ns - now_ns) * 1e-9)
@@ -131,13 +131,13 @@ class Sleeper:
 
 
 class Pacer:
-    """Deadlines one period apart, on a grid that holds however late one of them was kept.
+    """Deadlines one period apart, on a grid that does not shift when a deadline is missed.
 
-    A deadline that is missed by whole periods takes these with it: what is past is left out and counted, never made up
-    for in a burst. Belongs to one thread.
+    If a deadline is missed by whole periods, these are skipped and counted, never made up for in a burst. Belongs to
+    one thread.
 
-    period_ns: may be changed between two deadlines. due_ns: the deadline that was waited for last. late_ns: how long
-    after it the wait ended. missed: periods left out, in all.
+    period_ns: may be changed between two deadlines. due_ns: the last deadline. late_ns: how long after it the wait
+    ended. missed: total number of skipped periods.
     """
 
     def __init__(self, period_ns: int, sleeper: Sleeper, now_ns: Callable[[], int] | None = None) -> None:
@@ -151,7 +151,7 @@ class Pacer:
         self._kept_ns = self.due_ns
 
     def wait(self) -> None:
-        """Until the next deadline."""
+        """Waits until the next deadline."""
         self.due_ns = self._kept_ns + self.period_ns
         self.late_ns = self._sleeper.until(self.due_ns)
         missed = self.late_ns // self.period_ns

@@ -1,6 +1,6 @@
 """The layouts of point clouds: structured arrays that are also the bytes of a PointCloud2.
 
-Both are in the frame and at the stamp that whoever passes them names.
+Both are in the frame and at the stamp named by the caller.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 Points = npt.NDArray[np.void]
 
-# One return of a LiDAR. x, y, z in m, sensor frame at the moment of this very point (not de-skewed); intensity 0-255;
+# One return of a LiDAR. x, y, z in m, sensor frame at the moment of this point (not de-skewed); intensity 0-255;
 # ring: laser, 0 = lowest; time: s relative to the cloud's stamp, which is its newest point's time, so never positive.
 SWEEP = np.dtype(
     {
@@ -26,7 +26,7 @@ SWEEP = np.dtype(
 # One obstacle point, m.
 XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
 
-# One point of somebody who moves, m, and their velocity over ground along the same axes, m/s.
+# One point of a moving person or object, m, and its velocity over ground along the same axes, m/s.
 MOVING = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("vx", "<f4"), ("vy", "<f4")])
 
 

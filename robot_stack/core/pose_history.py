@@ -1,4 +1,4 @@
-"""The poses of the last seconds, to find the one that belongs to a stamp."""
+"""Poses of the last seconds, to find the pose at a stamp."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class PoseHistory:
         return self._items[-1] if self._items else None
 
     def add(self, stamp_s: float, pose: Pose2) -> bool:
-        """Takes a pose; False if it is not newer than the newest."""
+        """Appends a pose; False if it is not newer than the newest."""
         if self._items and stamp_s <= self._items[-1].stamp_s:
             return False
         self._items.append(StampedPose(stamp_s, pose))
@@ -39,7 +39,7 @@ class PoseHistory:
         self._items.clear()
 
     def at(self, stamp_s: float) -> Pose2 | None:
-        """The pose at ``stamp_s``, by a straight step between its neighbours; None outside the history."""
+        """The pose at ``stamp_s``, interpolated linearly between its neighbours; None outside the history."""
         items = self._items
         if not items or not items[0].stamp_s <= stamp_s <= items[-1].stamp_s:
             return None

@@ -1,19 +1,19 @@
-"""Whether anything is still on its way inside this process. Source: proc(5)."""
+"""Whether work is pending inside this process: running threads or unread datagrams. Source: proc(5)."""
 
 from __future__ import annotations
 
 import os
 import threading
 
-# Sleeping until something happens. Anything else runs, would run, or waits for a disk.
+# States of a thread that sleeps until an event. Any other state runs, is runnable, or waits for a disk.
 _SLEEPING = ("S", "I")
 
 
 def others_asleep() -> bool:
-    """Every other thread of this process sleeps, and none of its UDP sockets holds a datagram.
+    """True if every other thread of this process sleeps and none of its UDP sockets holds a datagram.
 
-    A datagram on the way is in a socket, a thread that has not had its turn is runnable: both at any load. One look
-    may meet a thread between two steps; ask several times in a row.
+    A datagram in flight is in a socket, a thread that waits for its turn is runnable: both at any load. One call may
+    meet a thread between two steps; call several times in a row.
     """
     return _threads_sleep() and not _datagrams_wait()
 

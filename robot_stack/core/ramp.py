@@ -1,4 +1,4 @@
-"""Braking in steps: how fast something may go that must be able to stop in time."""
+"""Braking in discrete steps: the largest rate from which a stop within a distance is possible."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A sensor that measures ranges along beams: where it sits, where it looks, how far and how often it measures."""
+"""A sensor that measures ranges along beams: its mounting, field of view, range and rate."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class RangeSensor(Config):
     """Columns of rings, evenly spaced. Sensor frame: x to azimuth 0, z its axis; columns go clockwise about z.
 
     rpy_deg: turned about base_link's fixed axes x, y, z. first_azimuth_deg: of the first column; span_deg: from there.
-    range_bias_m, elevation_bias_deg: by how much the ranges of a ring, and its elevation, are wrong at most, always the
-    same: what calibration has left, which no mean over many points takes away.
+    range_bias_m, elevation_bias_deg: largest constant error of a ring's ranges and of its elevation: the residual of
+    calibration, which a mean over many points does not remove.
     """
 
     device: str
@@ -71,7 +71,7 @@ class RangeSensor(Config):
         return float(np.radians(self.highest_deg - self.lowest_deg)) / max(1, self.rings - 1)
 
     def first_ground_m(self) -> float:
-        """How far away it sees level ground at the latest, whatever the direction, m in plan; inf: not everywhere."""
+        """Largest distance at which a column's lowest beam meets level ground, m in plan; inf: a column never does."""
         down = -self._rises().min(axis=1)
         steepest = float(np.arcsin(np.clip(down, -1.0, 1.0)).min())
         return self.xyz_m[2] / float(np.tan(steepest)) if steepest > 0.0 else float("inf")

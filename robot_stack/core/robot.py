@@ -1,4 +1,4 @@
-"""The physical truth about the robot, ``config/robot.yaml``: geometry, masses, limits, sensor mounting."""
+"""Physical parameters of the robot, ``config/robot.yaml``: geometry, masses, limits, sensor mounting."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class Mast(Config):
 
 
 class Robot(Config):
-    """Everything that is true of the machine, whoever drives it."""
+    """Physical parameters of the machine, independent of the drive software."""
 
     wheelbase_m: Positive
     track_m: Positive
@@ -152,7 +152,7 @@ class Robot(Config):
 
     @model_validator(mode="after")
     def _footprint_holds_the_robot(self) -> Robot:
-        """A robot that reaches beyond the footprint that it plans with would touch what it believes to pass."""
+        """A robot that extends beyond its planning footprint would collide where the plan shows clearance."""
         front, rear, half = self.footprint.front_m, self.footprint.rear_m, 0.5 * self.footprint.width_m
         along = max(0.5 * self.wheelbase_m + self.wheel_radius_m, 0.5 * self.chassis.length_m)
         across = max(0.5 * self.track_m + self.wheel_radius_m, 0.5 * self.chassis.width_m)
@@ -171,8 +171,8 @@ class Robot(Config):
     def sensor_frame(self, name: str) -> NDArray[np.float64]:
         """(3, 3) from the frame in which a range sensor's points are published to base_link.
 
-        The spinning LiDAR's has base_link's axes: whoever publishes its sweeps turns them by its mounting first
-        (``to_sensor_frame``), so that no user of a sweep needs to know how it is mounted.
+        The spinning LiDAR's frame has base_link's axes: the publisher of its sweeps rotates them by its mounting first
+        (``to_sensor_frame``), so that subscribers need not know the mounting.
         """
         return np.eye(3) if name == frames.LIDAR else self.range_sensors[name].rotation()
 

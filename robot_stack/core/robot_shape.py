@@ -1,4 +1,4 @@
-"""The robot as solids that turn and roll with its joints, for whoever draws it: ``config/robot_shape.yaml``."""
+"""The robot as solids that turn and roll with its joints, for drawing: ``config/robot_shape.yaml``."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Solid(Config):
 
 
 class BodyColours(Config):
-    """Of what the robot has beside wheels and mast."""
+    """Colours of the robot's parts other than wheels and mast."""
 
     body: Colour
     stripe: Colour
@@ -98,12 +98,12 @@ def placed(part: str, solids: Sequence[Solid], pose: Matrix) -> list[Placed]:
 
 
 def robot_solids(robot: Robot, shape: RobotShape, joints: Mapping[str, float]) -> list[Placed]:
-    """The robot in base_link. joints: rad by name (``fl_drive``, ``fl_steer``, ...); what is missing counts as 0."""
+    """The robot in base_link. joints: rad by name (``fl_drive``, ``fl_steer``, ...); a missing joint counts as 0."""
     parts = placed("base", (*_body(robot, shape.robot), _mast(robot, shape)), np.eye(4))
     wheel = _wheel(robot, shape)
     for module, place in zip(frames.MODULES, robot.module_positions_m(), strict=True):
         steer, drive = _angle(joints, f"{module}_steer"), _angle(joints, f"{module}_drive")
-        # A wheel that rolls ahead turns about its axle's y.
+        # Rolling forward turns a wheel about its axle's y.
         turn = transform((0.0, 0.0, 0.0), (0.0, 0.0, math.degrees(steer)))
         turn = turn @ transform((0.0, 0.0, 0.0), (0.0, math.degrees(drive), 0.0))
         axle = transform((*place, robot.wheel_radius_m)) @ turn
@@ -112,7 +112,7 @@ def robot_solids(robot: Robot, shape: RobotShape, joints: Mapping[str, float]) -
 
 
 def _body(robot: Robot, colours: BodyColours) -> list[Solid]:
-    """Chassis, LiDARs and latch in base_link, as they hide what is behind them."""
+    """Chassis, LiDARs and latch in base_link."""
     box, latch = robot.chassis, robot.latch
     x, y, z = robot.lidar_xyz_m
     middle_m, front_m, post_m = 0.5 * (box.bottom_m + box.top_m), 0.5 * box.length_m, z - 0.03 - box.top_m

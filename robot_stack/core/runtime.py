@@ -1,7 +1,7 @@
 """The runtime folder: locks, sockets, shared memory and logs of one running stack.
 
-One folder for each user and ROS domain, so that stacks in different domains never meet. It lies in memory
-(``/dev/shm``): what is in it is worth nothing after a reboot, and the shared status page must never wait for a disk.
+One folder for each user and ROS domain, so that stacks in different domains do not interfere. It lies in memory
+(``/dev/shm``): its content is worth nothing after a reboot, and the shared status page must never wait for a disk.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def only_own(status: os.stat_result) -> bool:
 
 
 def _require_own(folder: Path) -> None:
-    """Any user may create a folder in shared memory first and put a forged latch into it."""
+    """Rejects a folder of another user, which could hold a forged latch: anybody may create files in shared memory."""
     status = folder.lstat()
     if not stat.S_ISDIR(status.st_mode) or not only_own(status):
         raise ConfigError(f"{folder} belongs to another user or may be written by others: remove it and start again")
@@ -95,14 +95,14 @@ def environment_with_home(folder: Path, base: Mapping[str, str] = os.environ) ->
 
 
 def recordings_dir(chosen: str = "") -> Path:
-    """Where recordings go: the configured folder; empty: beside what else people keep."""
+    """The recordings folder: the configured one, else ``recordings`` in :func:`data_home`."""
     if chosen:
         return Path(chosen).expanduser().absolute()
     return data_home() / "recordings"
 
 
 def own_missions_dir(environment: Mapping[str, str] = os.environ) -> Path:
-    """Where missions go that are made on this robot; those of ``config/`` come with the software."""
+    """The folder of missions made on this robot; those in ``config/`` come with the software."""
     return data_home(environment) / "missions"
 
 
@@ -118,7 +118,7 @@ def _shared_memory() -> Path:
 
 
 def tell_touch_screen(url: str | None) -> None:
-    """Leaves word where the touch screen's page is served; None: no longer."""
+    """Publishes the URL of the touch screen's page in the runtime folder; None removes it."""
     path = runtime_dir() / _TOUCH_SCREEN
     if url is None:
         path.unlink(missing_ok=True)
@@ -127,7 +127,7 @@ def tell_touch_screen(url: str | None) -> None:
 
 
 def touch_screen_url() -> str | None:
-    """Where the touch screen's page is served, None if it is not, or has not said so yet."""
+    """URL of the touch screen's page; None if it is not served or not published yet."""
     try:
         return (runtime_dir() / _TOUCH_SCREEN).read_text(encoding="ascii")
     except OSError:
@@ -135,14 +135,14 @@ def touch_screen_url() -> str | None:
 
 
 def lock_path(name: str) -> Path:
-    """The file of a lock. It holds the process id of whoever took it last."""
+    """The file of a lock. It holds the process id of the last holder."""
     return runtime_dir() / "locks" / f"{name}.lock"
 
 
 def hold_lock(name: str) -> IO[str]:
-    """Takes the lock ``<name>.lock`` of the runtime folder until the process ends, however it ends.
+    """Takes the lock ``<name>.lock`` of the runtime folder. It is released when the process ends, in any way.
 
-    Returns the open file: the lock lives as long as it. Raises AlreadyRunning with the holder's process id.
+    Returns the open file, whose lifetime is the lock's. Raises AlreadyRunning with the holder's process id.
     """
     path = lock_path(name)
     path.parent.mkdir(exist_ok=True)

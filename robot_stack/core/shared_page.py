@@ -1,8 +1,8 @@
-"""A few numbers and a text that one process writes and others read, in a file of the runtime folder.
+"""A few numbers and a text, written by one process and read by others, in a file of the runtime folder.
 
-Every word is eight bytes, aligned, so that a single word is read whole. What belongs together is there twice: the
-version's lowest bit tells which of the two holds, and the other one is written meanwhile. So a writer that is held up
-in the middle, or dies, leaves readers what was before, and a reader never blocks a writer.
+Every word is eight bytes, aligned, so that a single word is read whole. Words that belong together are stored twice:
+the version's lowest bit selects the valid copy while the writer changes the other one. So if a writer pauses or dies
+in the middle, readers still get the previous values, and a reader never blocks a writer.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _WORD = 8
 
 
 class SharedPage:
-    """words: number of signed 64-bit words that belong together. singles: of those behind them that belong to no other.
+    """words: number of signed 64-bit words that are read together. singles: number of independent words behind them.
     text_bytes: room for a text in UTF-8 behind them.
     """
 
@@ -41,7 +41,7 @@ class SharedPage:
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[memoryview]:
-        """The words as they are, to be changed together. One writer at a time; an exception changes nothing."""
+        """The current words, to be changed together. One writer at a time; an exception changes nothing."""
         version = self._words[0]
         slot = self._slots[(version + 1) & 1]
         slot[:] = self._slots[version & 1]
@@ -53,12 +53,12 @@ class SharedPage:
         while True:
             version = self._words[0]
             words = tuple(self._slots[version & 1])
-            if version == self._words[0]:  # else the writer may be over this half again
+            if version == self._words[0]:  # else the writer may have reused this half
                 return words
 
     @property
     def singles(self) -> memoryview:
-        """The single words themselves; usable as long as the page."""
+        """The single words themselves; valid while the page is open."""
         return self._singles
 
     def single(self, index: int) -> int:

@@ -1,11 +1,11 @@
-"""A site's map: what localization matches against and navigation plans on. One folder with a checksum.
+"""A site's map, used by localization for matching and by navigation for planning. One folder with a checksum.
 
 Folder ``config/maps/<name>/`` (or any path):
-    map.yaml     name, frame, sizes, where it came from, drift, SHA-256 of the other files
+     map.yaml     name, frame, sizes, origin of the data, drift, SHA-256 of the other files
     cells.npz    key (n, 3) int32, mean (n, 3) m, covariance (n, 6) m2 [xx, xy, xz, yy, yz, zz], count (n,)
     grid.pgm, grid.yaml    the 2-D grid as Nav2's map_server reads it
     map.png      a picture for people
-Frame: map, z up, z = 0 where the ride began.
+Frame: map, z up, z = 0 at the start of the mapping ride.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _CELLS, _GRID, _GRID_YAML, _ABOUT = "cells.npz", "grid.pgm", "grid.yaml", "map.y
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """Voxels with at least a few points: normal distributions of where surfaces are.
+    """Voxels with a minimum number of points: normal distributions of surface points.
 
     size_m: edge of a voxel. key: (n, 3) int32, floor(mean / size_m). mean: (n, 3) m, map.
     covariance: (n, 3, 3) m2, as measured (not regularised). count: (n,) points that made it.
@@ -43,7 +43,7 @@ class Cells:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """What is known of the ground. occupancy: (rows, columns) int8, FREE, UNKNOWN or OCCUPIED, row 0 at the lowest y.
+    """Occupancy of the ground. occupancy: (rows, columns) int8, FREE, UNKNOWN or OCCUPIED, row 0 at the lowest y.
 
     origin_x_m, origin_y_m: the lower left corner of cell (0, 0) in map. The grid is not turned.
     """
@@ -56,7 +56,7 @@ class Grid:
 
 @dataclass(frozen=True, slots=True)
 class SiteMap:
-    """cells for localization, grid for planning, about: what map.yaml says beside the checksums."""
+    """cells for localization, grid for planning, about: the content of map.yaml without the checksums."""
 
     name: str
     cells: Cells
@@ -74,7 +74,7 @@ def map_folder(name: str) -> Path:
 
 
 def load_map(name: str) -> SiteMap:
-    """Reads a map and checks it. Raises ConfigError naming the file for one that is missing, damaged or changed."""
+    """Reads and verifies a map. Raises ConfigError naming the file that is missing, damaged or changed."""
     folder = map_folder(name)
     about = read_yaml(folder / _ABOUT)
     for file, expected in about.get("sha256", {}).items():
@@ -87,7 +87,7 @@ def load_map(name: str) -> SiteMap:
 
 
 def save_map(site: SiteMap, folder: Path) -> None:
-    """Writes everything but the picture; map.yaml last, so that an interrupted save is no map."""
+    """Writes everything but the picture; map.yaml last, so that an interrupted save leaves no valid map."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / _ABOUT).unlink(missing_ok=True)
     c = site.cells

@@ -1,8 +1,8 @@
-"""May this node act? The two-key rule of the emergency stop, as every node applies it.
+"""The two-key rule of the emergency stop, as every node applies it: whether this node may act.
 
-``/emergency_stop`` true stops at once. A false alone releases nothing, because another source may still be pressed: the
-safety monitor must have said in ``/safety/status`` that the emergency is over. A machine without a safety monitor has
-one key only, until a monitor speaks.
+``/emergency_stop`` true stops at once. A false alone releases nothing, because another source may still be pressed:
+``/safety/status`` must also report the end of the emergency. A machine without a safety monitor has one key only, until
+a monitor publishes.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 class StopLatch:
     """Active from the first ``true``, or emergency in the status, until the last is false and the status clean.
 
-    monitored: a safety monitor belongs to the machine, whether or not it has been heard.
+    monitored: a safety monitor belongs to the machine, whether or not its status has arrived yet.
     """
 
     def __init__(self, *, monitored: bool = True) -> None:
@@ -26,8 +26,8 @@ class StopLatch:
 
     def on_emergency_stop(self, pressed: bool) -> None:
         if pressed:
-            # The status that is on its way may have been sent before the monitor knew: wait for one that shows the
-            # emergency, and only then believe one that shows none.
+            # A status in flight may be older than the press: wait for one that shows the emergency, and accept a clean
+            # status only after it.
             self._waiting_for_status = self._monitored and not self._emergency
         self._pressed = pressed
 

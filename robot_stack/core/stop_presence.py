@@ -1,4 +1,4 @@
-"""Who presses the emergency stop, as the safety monitor tells it among the values of its entry in /diagnostics."""
+"""The pressed emergency stop sources, as values of the safety monitor's entry in /diagnostics."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _PREFIX = "emergency stop pressed by "
 
 
 class Presence(StrEnum):
-    """Whether a source that has pressed is there to release it; what is not there is cleared by an operator."""
+    """Whether a pressed source is still present to release it; the operator clears an absent one."""
 
     THERE = "there"
     GONE = "gone"
@@ -22,7 +22,7 @@ def describe_presence(sources: Mapping[str, Presence]) -> dict[str, str]:
 
 
 def parse_presence(values: Mapping[str, str]) -> dict[str, Presence]:
-    """The sources that press, by name. A value that says nothing known is a source that is there."""
+    """The pressed sources, by name. An unrecognised value counts as a source that is present."""
     known = {presence.value: presence for presence in Presence}
     return {
         key.removeprefix(_PREFIX): known.get(value, Presence.THERE)

@@ -1,4 +1,4 @@
-"""Tables of states: what leads from one to the next. A table is the single truth that a controller asks."""
+"""State transition tables: (state, trigger) to the next state. A controller takes all transitions from its table."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Limits of the body's twist: speed, acceleration, jerk, braking.
 
-All of them keep the direction of the twist: what is too fast is scaled as a whole, and a change of twist runs along the
-straight line to its target, so that vx, vy and omega arrive together and a slower robot still drives the same path.
+All of them keep the direction of the twist: a twist above a limit is scaled as a whole, and a change of twist follows
+the straight line to its target, so that vx, vy and omega arrive together and a slower robot still drives the same path.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.ramp import stoppable_rate
 
-# Beyond this, squares of commands could overflow. No robot is meant by such a number; only its direction counts.
+# Beyond this, squares of commands could overflow. No robot reaches such a value; only its direction is used.
 _HUGE = 1e6
-# A target that moves faster than this many full accelerations is a step, not a course to follow.
+# A target whose rate exceeds this many full accelerations is a step and is not tracked.
 _STEP = 1.25
 _ROUNDING = 1e-12
 
@@ -22,8 +22,8 @@ _ROUNDING = 1e-12
 def limit_speed(twist: Twist2, max_speed_mps: float, max_yaw_rate_radps: float) -> Twist2:
     """``twist`` scaled as a whole until its speed (the norm of vx, vy) and its yaw rate are within the limits.
 
-    A limit of 0 is a stop, of everything: a turn without the translation that belongs to it would be another path.
-    ``twist`` must be finite; huge values are welcome.
+    A limit of 0 stops everything: a turn without the translation that belongs to it would be another path.
+    ``twist`` must be finite and may be huge.
     """
     size = max(abs(twist.vx), abs(twist.vy), abs(twist.omega))
     if size > _HUGE:
@@ -44,9 +44,9 @@ def approach(
 
     ``acceleration`` is the one of the last step (m/s2, rad/s2). It grows and shrinks no faster than the jerk, early
     enough not to overshoot a target that stays. One exception, on the safe side: an acceleration that leads away from
-    the target is dropped at once, because a robot that is told to slow down must not speed up first.
+    the target is dropped at once, because a robot that must slow down must not speed up first.
 
-    ``target_rate`` is how the target itself moves (m/s2, rad/s2, see ``followable_rate``): a target that keeps within
+    ``target_rate`` is the rate of the target itself (m/s2, rad/s2, see ``followable_rate``). A target that keeps within
     the limits is followed without lag: the step ends where the target will be by then.
 
     Returns (twist, acceleration) after ``dt_s``.
@@ -56,7 +56,7 @@ def approach(
     dx, dy, dw = target.vx - twist.vx, target.vy - twist.vy, target.omega - twist.omega
     rx, ry, rw = acceleration.vx - ux, acceleration.vy - uy, acceleration.omega - uw
     wx = wy = ww = 0.0
-    # Measure of the way: the seconds that it takes at full acceleration.
+    # Length of the way: the seconds that it takes at full acceleration.
     seconds = max(math.hypot(dx, dy) / limits.acceleration_mps2, abs(dw) / limits.yaw_acceleration_radps2)
     if seconds > 0.0:
         nx, ny, nw = dx / seconds, dy / seconds, dw / seconds  # full acceleration along the way
@@ -71,7 +71,7 @@ def approach(
         rest_x, rest_y, rest_w = target.vx - new.vx, target.vy - new.vy, target.omega - new.omega
         if max(abs(rest_x), abs(rest_y), abs(rest_w)) < _ROUNDING:
             return target, Twist2(ax, ay, aw)
-        # Steps of uneven length may carry it a hair beyond a target that stays.
+        # Steps of uneven length may overshoot a constant target slightly.
         passed = rest_x * dx + rest_y * dy + rest_w * dw <= 0.0
         if (
             passed
@@ -85,10 +85,10 @@ def approach(
 def no_faster(
     twist: Twist2, acceleration: Twist2, before: Twist2, limits: MotionLimits, dt_s: float
 ) -> tuple[Twist2, Twist2]:
-    """A step of ``approach`` from ``before``, (twist, acceleration), without what leads beyond the speed limit.
+    """A step of ``approach`` from ``before``, (twist, acceleration), without the part beyond the speed limit.
 
-    A target that jumps while the robot speeds up leaves an acceleration that shrinks no faster than the jerk: here it
-    ends at once, on the safe side.
+    If a target jumps while the robot speeds up, the remaining acceleration shrinks no faster than the jerk allows: here
+    it ends at once, on the safe side.
     """
     speed_mps, most_mps = twist.speed(), max(limits.speed_mps, before.speed())
     if speed_mps <= most_mps:
@@ -99,7 +99,7 @@ def no_faster(
 
 
 def followable_rate(rate: Twist2, limits: MotionLimits) -> Twist2:
-    """The rate of a target that can be followed; one far beyond the accelerations is a step and counts as none."""
+    """The rate of a target that can be tracked; a rate far beyond the accelerations is a step and gives zero."""
     size = max(rate.speed() / limits.acceleration_mps2, abs(rate.omega) / limits.yaw_acceleration_radps2)
     if size > _STEP:
         return ZERO_TWIST
@@ -109,14 +109,14 @@ def followable_rate(rate: Twist2, limits: MotionLimits) -> Twist2:
 def _towards(
     ax: float, ay: float, aw: float, wx: float, wy: float, ww: float, limits: MotionLimits, dt_s: float
 ) -> tuple[float, float, float]:
-    """From the acceleration ``a`` towards the wanted ``w``, within acceleration and jerk."""
+    """From the acceleration ``a`` towards the desired ``w``, within acceleration and jerk."""
     wx, wy, ww = _at_most_full(wx, wy, ww, limits)
     jx, jy, jw = wx - ax, wy - ay, ww - aw
     needed_s = max(math.hypot(jx, jy) / limits.jerk_mps3, abs(jw) / limits.yaw_jerk_radps3)
     if needed_s <= dt_s:
         return wx, wy, ww
     part = dt_s / needed_s
-    # What was left of a dropped acceleration, or came from higher limits, may be too much in one direction.
+    # The remains of a dropped acceleration, or of higher limits, may be too much in one direction.
     return _at_most_full(ax + jx * part, ay + jy * part, aw + jw * part, limits)
 
 

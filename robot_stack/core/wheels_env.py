@@ -1,7 +1,7 @@
 """Environment variables under which the ROS 2 wheels of a virtual environment load without a second interpreter start.
 
 The wheels install a start-up hook that executes the interpreter once more with ``LD_LIBRARY_PATH`` set, unless
-``_ROS_WHEELS_BOOTSTRAP_COMPLETE`` says that this is done. Whoever starts a node process sets both and saves that start
+``_ROS_WHEELS_BOOTSTRAP_COMPLETE`` marks this as done. Setting both for a node process saves that second start
 (15 to 20 ms of CPU per process). No ROS import here: this runs before ROS can be imported.
 """
 

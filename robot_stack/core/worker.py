@@ -1,4 +1,4 @@
-"""Work beside a node's loop, as kernels and stores ask for it."""
+"""The interface to run jobs beside a node's loop, for kernels and stores."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 class Worker(Protocol):
-    """Runs jobs one after the other beside the node's tick: on ROS in a thread of its own.
+    """Runs jobs one after the other beside the node's tick: on ROS in a separate thread.
 
     On the scheduler a job runs at once and its result arrives after a simulated duration.
     """

@@ -1,7 +1,7 @@
 """The time of a simulated world, in shared memory beside ``/clock``.
 
 A ``/clock`` message costs each of a dozen processes a wake-up; at 100 Hz that is more than half a core. Here the world
-writes and a node reads when it needs the time, and sleeps by its own estimate of when a timer is due.
+writes the time, and a node reads it when needed and sleeps by its own estimate of when a timer is due.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ _PACE_PPM = 0
 _SINGLES = 1
 _PPM = 1e6
 _TEXT_BYTES = 208
-_SLOW = 0.95  # of the speed it should have: a world below that says so
-_RESTART_NS = 1_000_000_000  # a world that has begun anew is farther back than this
+_SLOW = 0.95  # of the desired speed: a slower world reports its pace
+_RESTART_NS = 1_000_000_000  # a jump back of more than this is a restarted world
 
 
 def slow_text(pace: float, speed: float = 1.0) -> str:
-    """``simulation at 0.7x`` where a world that should run at ``speed`` times real time is slower; else empty.
+    """``simulation at 0.7x`` if a world that should run at ``speed`` times real time is slower; else empty.
 
-    pace: simulated over real time; 0 where nobody has told it.
+    pace: simulated over real time; 0 before the world has written it.
     """
     return f"simulation at {pace:.1f}x" if 0.0 < pace < _SLOW * speed else ""
 
@@ -35,7 +35,7 @@ def clock_path() -> Path:
 
 
 class WorldClock:
-    """The time is 0 until a world has told its time for the first time."""
+    """The time is 0 until the world writes it for the first time."""
 
     def __init__(self, page: SharedPage) -> None:
         self._page = page
@@ -43,12 +43,12 @@ class WorldClock:
 
     @classmethod
     def make(cls) -> WorldClock:
-        """The clock of this ROS domain, for the world or for who starts it before all others."""
+        """The clock of this ROS domain, for the world or for the process that starts first."""
         return cls(SharedPage(clock_path(), _WORDS, _SINGLES, _TEXT_BYTES, create=True))
 
     @classmethod
     def find(cls) -> WorldClock | None:
-        """None where no world of this domain has one."""
+        """None if no world of this domain has a clock."""
         try:
             return cls(SharedPage(clock_path(), _WORDS, _SINGLES, _TEXT_BYTES, create=False))
         except FileNotFoundError:
@@ -71,8 +71,8 @@ class WorldClock:
         return 1e-9 * self.now_ns()
 
     def now_ns(self) -> int:
-        """Within a step it runs on by the steady clock, so that a world of long steps has no coarse clock; it
-        never passes what the next step will tell, and never goes back but with a world that begins anew.
+        """Within a step, time advances by the steady clock, so that long steps do not make the clock coarse. It never
+        passes the next step's time, and goes back only if the world restarts.
         """
         time_ns, into_step_ns = self._read()
         now_ns = time_ns + into_step_ns
@@ -82,7 +82,7 @@ class WorldClock:
         return now_ns
 
     def into_step_s(self) -> float:
-        """How far beyond what the world has told the time has run on."""
+        """Time since the last time written by the world."""
         return 1e-9 * self._read()[1]
 
     def _read(self) -> tuple[int, int]:
@@ -95,7 +95,7 @@ class WorldClock:
 
     @property
     def pace(self) -> float:
-        """Simulated over real time, as it was in the last second; 0 while nobody has told it."""
+        """Simulated over real time in the last second; 0 before the world has written it."""
         return self._page.single(_PACE_PPM) / _PPM
 
     def write_waiting_for(self, text: str) -> None:
@@ -103,10 +103,10 @@ class WorldClock:
 
     @property
     def waiting_for(self) -> str:
-        """For which nodes the world stands still, and why; empty while it does not, or not for long."""
+        """The nodes that the world waits for, and why; empty if it does not wait, or not for long."""
         return self._page.text
 
     @property
     def speed(self) -> float:
-        """1.0 while no world has told another."""
+        """1.0 unless the world has written another."""
         return self._page.read()[_SPEED_PPM] / _PPM or 1.0
