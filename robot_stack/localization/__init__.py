@@ -1,1 +1,1 @@
-"""Where the robot is: wheel odometry and gyro fused into the pose in map."""
+"""Localization: fuses wheel odometry, gyro and map matches into the pose in map."""

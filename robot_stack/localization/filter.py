@@ -2,8 +2,8 @@
 
 State: x, y (m, map), yaw (rad, map), gyro bias (rad/s), and the yaw increment of the current step (rad). The increment
 is a state for one step only: odometry gives it a value and a variance, the gyro measures increment plus bias, and so
-wheels, gyro and bias share the correction by their variances before the pose moves on. On a standing robot the wheels
-alone give the increment, and all that the gyro can show beside it is its bias (zero-velocity update).
+wheels, gyro and bias share the correction by their variances before the pose is predicted. While the robot stands, the
+wheels alone give the increment, and the gyro measures only its bias (zero-velocity update).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from robot_stack.localization.odometry import Variances
 Array = npt.NDArray[np.float64]
 _X, _Y, _YAW, _BIAS, _STEP = range(5)
 _POSE = slice(0, 3)
-# How wrong the wheels of a standing robot may be in one step, rad: below any encoder's resolution.
+# Yaw error of a standing robot's wheels in one step, rad: below any encoder's resolution.
 _STANDING_SIGMA_RAD = 1e-6
 
 
@@ -32,7 +32,7 @@ class Step:
     """One prediction: motion of base_link in its own frame at the beginning of the step.
 
     variance: of the motion (x, y, yaw), m2, m2, rad2.
-    gyro is None where no gyro covers the step; standing is True where the wheels prove that the robot stands.
+    gyro is None where no gyro covers the step; standing is True if the robot is known to stand.
     """
 
     stamp_s: float
@@ -47,7 +47,7 @@ class Step:
         return self._scaled(share, self.stamp_s - (1.0 - share) * self.dt_s)
 
     def rest(self, share: float) -> Step:
-        """What :meth:`part` leaves of the step; its motion is turned into the frame at its own beginning."""
+        """The remainder of the step after :meth:`part`, in the frame at its own beginning."""
         left = self._scaled(1.0 - share, self.stamp_s)
         return replace(left, motion=self.motion.relative_to(self.part(share).motion))
 
@@ -65,7 +65,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class FilterState:
-    """A copy of the filter's memory: mean (5) and covariance (5, 5)."""
+    """A copy of the filter's state: mean (5) and covariance (5, 5)."""
 
     mean: Array
     covariance: Array
@@ -101,7 +101,7 @@ class FilterState:
 
 
 class _Ekf(ExtendedKalmanFilter):  # type: ignore[misc]
-    """filterpy's filter with the motion model: the pose goes on by (dx, dy, yaw increment)."""
+    """filterpy's filter with the motion model: the pose advances by (dx, dy, yaw increment)."""
 
     x: Array
     P: Array
@@ -123,8 +123,8 @@ class _Ekf(ExtendedKalmanFilter):  # type: ignore[misc]
 class PoseFilter:
     """Prediction by odometry and gyro, correction by poses.
 
-    bias_sigma_radps: how far from zero a gyro's bias may be at the start; bias_walk: rad/s per sqrt(s).
-    disagreement_sigmas: beyond this many standard deviations between wheels and gyro the wheels are taken to slip.
+    bias_sigma_radps: standard deviation of the gyro's bias at the start; bias_walk: rad/s per sqrt(s).
+    disagreement_sigmas: wheels that differ from the gyro by more standard deviations are assumed to slip.
     """
 
     def __init__(
@@ -150,7 +150,7 @@ class PoseFilter:
         self._ekf.x, self._ekf.P = state.mean.copy(), state.covariance.copy()
 
     def set_pose(self, pose: Pose2, covariance: Array) -> None:
-        """Starts anew from a pose with a (3, 3) covariance; what is known of the bias stays."""
+        """Restarts from a pose with a (3, 3) covariance; the bias estimate stays."""
         self._ekf.x[_POSE] = pose.x, pose.y, pose.yaw
         self._ekf.P[_POSE, :] = 0.0
         self._ekf.P[:, _POSE] = 0.0
@@ -161,7 +161,7 @@ class PoseFilter:
         self._ekf.P[_POSE, _POSE] += np.diag(variance)
 
     def predict(self, step: Step) -> bool:
-        """Moves the pose on. Returns True if gyro and wheels disagreed so far that the wheels were taken to slip."""
+        """Predicts the pose. Returns True if gyro and wheels differ so much that the wheels are assumed to slip."""
         ekf = self._ekf
         ekf.P[_BIAS, _BIAS] += self._bias_walk**2 * step.dt_s
         ekf.x[_STEP] = step.motion.yaw
@@ -180,7 +180,7 @@ class PoseFilter:
         spread = ekf.P[_POSE, _POSE] + covariance
         if float(innovation @ np.linalg.solve(spread, innovation)) > gate_sigmas**2:
             return False
-        # The innovation is wrapped above, so the filter is given it as a measurement of zero.
+        # The innovation is wrapped above, so it is passed as a measurement of zero.
         ekf.update(innovation, lambda _: h, lambda _: np.zeros(3), R=covariance)
         return True
 
@@ -190,7 +190,7 @@ class PoseFilter:
         innovation = gyro.angle_rad - ekf.x[_STEP] - ekf.x[_BIAS] * dt_s
         spread = float((h @ ekf.P @ h.T)[0, 0]) + gyro.variance_rad2
         slipped = innovation**2 > self._disagreement_sigmas**2 * spread
-        if slipped:  # the gyro's own scatter is in its variance: what is left must be the wheels
+        if slipped:  # the gyro's scatter is in its variance: the rest is wheel slip
             ekf.P[_STEP, _STEP] += innovation**2
         ekf.update(np.array([innovation]), lambda _: h, lambda _: np.zeros(1), R=np.array([[gyro.variance_rad2]]))
         return bool(slipped)

@@ -1,8 +1,8 @@
-"""From samples of the yaw gyro to the angle turned between two moments.
+"""Integration of yaw gyro samples to the angle between two times.
 
-A sample is taken as the mean rate since the sample before, as MEMS units deliver it, so the angle is the plain sum. It
-is integrated once, without gaps, and increments are differences of it: an odometry message that comes before the gyro
-samples of its own last milliseconds is served from a held rate, and the next increment makes that good.
+A sample is the mean rate since the sample before, as MEMS units deliver it, so the angle is the plain sum. The rate is
+integrated once, without gaps, and increments are differences of the sum: an odometry message that arrives before the
+gyro samples of its last milliseconds uses a held rate, which the next increment corrects.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class _Knot:
 
 
 class GyroIntegrator:
-    """Integrates samples and hands out increments between the times asked for, one after the other."""
+    """Integrates samples and returns increments between successive query times."""
 
     def __init__(self, params: GyroParams) -> None:
         self._params = params
@@ -59,16 +59,16 @@ class GyroIntegrator:
 
     @property
     def frozen(self) -> bool:
-        """True while the sensor repeats itself to the last bit, which no living sensor does."""
+        """True while the sensor repeats the same bits, which a working sensor never does."""
         return self._repeats >= self._params.frozen_samples
 
     @property
     def noise_radps(self) -> float:
-        """Noise of one sample: the configured one, or what the samples show if that is more."""
+        """Noise of one sample: the configured one, or the observed one if that is more."""
         return max(self._params.noise_radps, math.sqrt(self._scatter_radps2))
 
     def clear(self) -> None:
-        """Forgets all samples, e.g. after a restart of the clock. The next increment needs two new ends."""
+        """Drops all samples, e.g. after a restart of the clock. The next increment needs two new ends."""
         self._knots.clear()
         self._rates.clear()
         self._taken = None
@@ -76,7 +76,7 @@ class GyroIntegrator:
         self._backward = 0
 
     def add(self, sample: ImuSample) -> str:
-        """Takes a sample; returns why it was refused, else an empty text."""
+        """Adds a sample; returns the reason if it is rejected, else an empty text."""
         if not math.isfinite(sample.stamp_s) or not math.isfinite(sample.yaw_rate_radps):
             return f"/sensors/imu angular_velocity.z is not finite: {sample.yaw_rate_radps}"
         if abs(sample.yaw_rate_radps) > self._params.max_rate_radps:
@@ -96,12 +96,12 @@ class GyroIntegrator:
         return ""
 
     def take(self, until_s: float) -> GyroIncrement | None:
-        """The angle from the last time asked for to ``until_s``; None where the samples do not cover that."""
+        """The angle from the last query time to ``until_s``; None where the samples do not cover that."""
         end = self._at(until_s)
         start, self._taken = self._taken, end
         if start is None or end is None or start.piece != end.piece:
             return None
-        # A held rate that turned out smaller can make the sum fall: an increment is never surer than one sample.
+        # A held rate that turned out smaller can make the sum fall: the variance is at least that of one sample.
         least_rad2 = (self.noise_radps * self._params.period_s) ** 2
         return GyroIncrement(end.angle_rad - start.angle_rad, max(least_rad2, end.variance_rad2 - start.variance_rad2))
 
@@ -137,7 +137,7 @@ class GyroIntegrator:
         return _Knot(stamp_s, rate_radps, angle_rad, knot.variance_rad2 + variance_rad2, knot.piece)
 
     def _forget(self, now_s: float) -> None:
-        # Odometry comes at 50 Hz: a second of knots is plenty, and bounds the memory if it falls silent.
+        # Odometry arrives at 50 Hz: a second of knots is plenty, and bounds the memory if odometry stops.
         while now_s - self._knots[0].stamp_s > 1.0:
             self._knots.popleft()
 

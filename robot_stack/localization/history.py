@@ -1,4 +1,4 @@
-"""The last second of the filter, so that a measurement that comes late is applied at the time it was true."""
+"""The last second of the filter, so that a late measurement is applied at the time of its stamp."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NO_DOUBT: Variances = (0.0, 0.0, 0.0)
 
 
 class Correction(Enum):
-    """What became of a measured pose."""
+    """The outcome of a correction."""
 
     APPLIED = "applied"
     OUTLIER = "outside the gate"
@@ -32,7 +32,7 @@ class _Entry:
 
 
 class DelayedFilter:
-    """A pose filter with a memory of ``history_s``: corrections roll it back, apply, and predict forward again."""
+    """A pose filter with a history of ``history_s``: corrections roll it back, apply, and predict forward again."""
 
     def __init__(self, pose_filter: PoseFilter, history_s: float) -> None:
         self._filter = pose_filter
@@ -48,7 +48,7 @@ class DelayedFilter:
         return self._filter.state()
 
     def start(self, stamp_s: float) -> None:
-        """Forgets the past and goes on from the present state at ``stamp_s``."""
+        """Clears the history and continues from the present state at ``stamp_s``."""
         self._entries.clear()
         self._entries.append(_Entry(stamp_s, self._filter.state(), None))
 
@@ -67,9 +67,9 @@ class DelayedFilter:
     def correct(
         self, pose: Pose2, covariance: Array, stamp_s: float, gate_sigmas: float, doubt: Variances = NO_DOUBT
     ) -> Correction:
-        """Corrects by a pose in map, (3, 3) covariance, that was true at ``stamp_s``.
+        """Corrects by a pose in map, (3, 3) covariance, at ``stamp_s``.
 
-        doubt: (x, y, yaw), m2, m2, rad2, by which the prediction up to there is less certain than it says.
+        doubt: (x, y, yaw), m2, m2, rad2, added to the covariance of the prediction at that time.
         """
         if not self._entries or stamp_s < self._entries[0].stamp_s:
             return Correction.TOO_OLD
@@ -81,7 +81,7 @@ class DelayedFilter:
         if not self._filter.correct(pose, covariance, gate_sigmas) or not self._filter.state().is_finite():
             self._restore(present, later)
             return Correction.OUTLIER
-        # What lies before a correction is of no more use: an older correction would undo this one.
+        # The history before a correction is dropped: an older correction would undo this one.
         self._entries.clear()
         self._entries.append(_Entry(stamp_s, self._filter.state(), None))
         for step in later[1]:
@@ -89,7 +89,7 @@ class DelayedFilter:
         return Correction.APPLIED
 
     def pose_at(self, stamp_s: float) -> Pose2 | None:
-        """The pose at a time inside the history, by the straight part of its step; None outside."""
+        """The pose at a time inside the history, by linear interpolation of its step; None outside."""
         if not self._entries or not self._entries[0].stamp_s <= stamp_s <= self.stamp_s:
             return None
         entries = list(self._entries)
@@ -102,7 +102,7 @@ class DelayedFilter:
         return before.state.pose.compose(Pose2(share * motion.x, share * motion.y, share * motion.yaw))
 
     def _rewind(self, stamp_s: float) -> tuple[list[_Entry], list[Step]]:
-        """Puts the filter to ``stamp_s``. Returns the entries taken off, newest first, and the steps to redo."""
+        """Rolls the filter back to ``stamp_s``. Returns the removed entries, newest first, and the steps to repeat."""
         taken: list[_Entry] = []
         while self._entries[-1].stamp_s > stamp_s:
             taken.append(self._entries.pop())

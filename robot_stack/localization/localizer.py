@@ -1,4 +1,4 @@
-"""The localization kernel: odometry and IMU in, the pose in map and its quality out.
+"""The localization kernel: computes the pose in map and its quality from odometry and IMU.
 
 Times of data are stamps on the ROS clock; ages are taken on the steady clock at reception, which the caller passes in.
 """
@@ -21,15 +21,15 @@ from robot_stack.localization.params import LocalizationParams
 from robot_stack.localization.quality import quality
 from robot_stack.localization.standstill import Standstill
 
-# x, y and yaw among the six of a message's covariance.
+# Indices of x, y and yaw in a message's covariance of six.
 PLANAR = (0, 1, 5)
-# Events that are worth telling; the others are everyday.
+# Events worth logging; the others are ordinary.
 _NOTABLE = (OdometryEvent.RESTARTED, OdometryEvent.CLOCK_RESTARTED)
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The answer at one moment.
+    """The estimate at one moment.
 
     pose: base_link in map, None while it must not be published. stamp_s: time of the newest data in it.
     covariance: (3, 3) of x, y, yaw in map, m2, m rad, rad2.
@@ -50,9 +50,9 @@ class Estimate:
 
 
 class Localizer:
-    """Fuses increments of wheel odometry with the yaw gyro from a given start pose, open to corrections by poses.
+    """Fuses increments of wheel odometry with the yaw gyro from a given start pose; accepts corrections by poses.
 
-    max_speed_mps, max_yaw_rate_radps: what the robot can do, ``config/robot.yaml``.
+    max_speed_mps, max_yaw_rate_radps: limits of the robot, ``config/robot.yaml``.
     """
 
     def __init__(self, params: LocalizationParams, max_speed_mps: float, max_yaw_rate_radps: float) -> None:
@@ -73,11 +73,11 @@ class Localizer:
         self._odometry_fault = ""
         self._imu_fault = ""
         self._slipping = False
-        # Where base_link went by wheels and gyro alone: corrections do not make it jump.
+        # Dead-reckoned path of base_link by wheels and gyro: without jumps by corrections.
         self.travelled = PoseHistory(params.history_s)
 
     def start_covariance(self) -> Array:
-        """(3, 3) covariance of x, y, yaw of a pose that somebody gives by hand."""
+        """(3, 3) covariance of x, y, yaw of a manually given pose."""
         p = self._params
         return np.diag([p.start_position_sigma_m**2, p.start_position_sigma_m**2, p.start_yaw_sigma_rad**2])
 
@@ -104,7 +104,7 @@ class Localizer:
         return increment.event
 
     def correct(self, pose: Pose2, covariance: Array, stamp_s: float, doubt: Variances = NO_DOUBT) -> Correction:
-        """Corrects by a measured pose of base_link in map, (3, 3) covariance, that was true at ``stamp_s``.
+        """Corrects by a measured pose of base_link in map, (3, 3) covariance, at ``stamp_s``.
 
         doubt: see :meth:`DelayedFilter.correct`.
         """
@@ -113,7 +113,7 @@ class Localizer:
         return self._filter.correct(pose, covariance, stamp_s, self._params.correction_gate_sigmas, doubt)
 
     def reset(self, pose: Pose2, covariance: Array, stamp_s: float) -> None:
-        """Starts anew from a pose that somebody gives: no gate, and the motion since ``stamp_s`` is added where known.
+        """Restarts from a given pose: without a gate, and with the motion since ``stamp_s`` added if known.
 
         Raises ValueError for a pose or covariance that cannot be used.
         """
@@ -128,7 +128,7 @@ class Localizer:
             self._filter.start(self._filter.stamp_s)
 
     def estimate(self, steady_s: float) -> Estimate:
-        """The pose as far as the data reach. steady_s: the steady clock now."""
+        """The pose at the time of the newest data. steady_s: the steady clock now."""
         state = self._filter.state()
         age_s = steady_s - self._odometry_received_s
         silent = not 0.0 <= age_s <= self._params.quality.odometry_silent_s

@@ -1,7 +1,7 @@
-"""Localization against a map: matches of LiDAR sweeps correct the filter of odometry and gyro, late but at their time.
+"""Localization against a map: matches of LiDAR sweeps correct the filter of odometry and gyro at their stamp.
 
-The matching itself takes milliseconds, a search seconds: ``request`` hands out what is to be computed, anywhere, and
-``answer`` takes the result.
+A match takes milliseconds, a search seconds: ``request`` returns the computation to run anywhere, and ``answer``
+processes its result.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from robot_stack.localization.odometry import OdometryEvent, OdometryReading, Va
 from robot_stack.localization.params import LocalizationParams
 
 _KNOT_S = 0.01
-# How far a refused match lets the filter doubt itself, m and rad: if the next ones insist, they are believed.
+# Added to the covariance after a rejected match, m2 and rad2: consistent matches are then accepted again.
 _DOUBT = (0.03**2, 0.03**2, 0.01**2)
 _FINGERPRINT_POINTS = 64
-# Of a pose that is not known, m2 and rad2: what the filter goes on with says nothing about where the robot is.
+# Covariance of an unknown pose, m2 and rad2.
 _UNKNOWN = np.diag([1e6, 1e6, math.pi**2])
 
 
@@ -50,7 +50,7 @@ class MapLocalizer(Localizer):
         self._repeats = 0
         self._epoch = 0
         self._searched_near = False
-        self._heading_kept = False  # matches or a person gave it, and the gyro carried it on without a gap
+        self._heading_kept = False  # from matches or an operator, then held by the gyro without a gap
         self._hypotheses: Hypotheses | None = None
         self._asked_s = -math.inf
         self._witness = SlipWitness(params.ndt.slip)
@@ -67,7 +67,7 @@ class MapLocalizer(Localizer):
         return np.diag([position, position, yaw])
 
     def on_up(self, up: Array) -> None:
-        """up: (3,) the vertical in base_link as the IMU sees it; what is not a unit vector is left out."""
+        """up: (3,) the vertical in base_link as measured by the IMU; ignored if it is not a unit vector."""
         if np.isfinite(up).all() and abs(float(up @ up) - 1.0) < 0.01 and up[2] > 0.0:
             self._up = up
 
@@ -84,28 +84,28 @@ class MapLocalizer(Localizer):
             self._localization.went(self.travelled.newest.pose.distance_to(before.pose))
             self._heading_kept = self._heading_kept and self._gyro_used
             if self.slip and reading.stamp_s - self.slip.stamp_s > self._ndt.slip.window_s:
-                self.slip = None  # no match since: nobody knows whether it goes on
+                self.slip = None  # no match since: unknown whether it continues
         return event
 
     def on_sweep(self, sweep: Points, stamp_s: float) -> None:
         """sweep: SWEEP, sensor frame, at stamp_s. The newest one waits until odometry reaches its stamp."""
-        few = sweep[:: max(1, len(sweep) // _FINGERPRINT_POINTS)]  # by fields: padding is nobody's to compare
+        few = sweep[:: max(1, len(sweep) // _FINGERPRINT_POINTS)]  # by fields: padding is undefined
         fingerprint = b"".join(few[name].tobytes() for name in ("x", "y", "z", "intensity"))
         if len(sweep) and fingerprint == self._fingerprint:
-            self._repeats += 1  # no living sensor repeats itself: nothing new was seen
+            self._repeats += 1  # a working sensor never repeats itself: not new data
             return
         self._fingerprint, self._repeats = fingerprint, 0
         if math.isfinite(stamp_s):
             self._sweep = (stamp_s, sweep)
 
     def request(self) -> MatchRequest | None:
-        """What is to be computed now; each sweep is asked about once."""
+        """The next match to compute, if any; each sweep is requested once."""
         if self._sweep is None:
             return None
         stamp_s, sweep = self._sweep
         newest = self.travelled.newest
         if newest is None or newest.stamp_s < stamp_s:
-            return None  # odometry will get there
+            return None  # odometry has not reached its stamp yet
         self._sweep = None
         travelled = self.travelled.at(stamp_s)
         if travelled is None or stamp_s <= self._asked_s:
@@ -128,14 +128,14 @@ class MapLocalizer(Localizer):
         return MatchRequest(stamp_s, sweep, motion, guess, self._up, off_m, region, travelled, self._epoch, guesses)
 
     def answer(self, answer: MatchResult, steady_s: float) -> None:
-        """Takes the answer to an earlier question. steady_s: the steady clock now."""
+        """Processes the result of an earlier request. steady_s: the steady clock now."""
         request = answer.request
         if request.epoch != self._epoch:
             return
         searched = self._localization.state is Confidence.SEARCHING
         compared = self._localization.state is Confidence.AMBIGUOUS
         if searched != (request.region is not None) or compared != bool(request.guesses):
-            return  # asked before the pose was lost
+            return  # requested before the pose was lost
         if answer.match is None:
             self._problem = answer.problem
             self._searched_near = searched
@@ -172,33 +172,33 @@ class MapLocalizer(Localizer):
         )
 
     def _take_places(self, request: MatchRequest, rivals: tuple[Match, ...]) -> None:
-        """A search of the whole map that found several places: motion will tell."""
+        """If a search of the whole map found several places, motion decides between them."""
         whole_map = request.region is not None and math.isinf(request.region.radius_m)
         if whole_map and 1 < len(rivals) <= self._ndt.hypotheses.most:
             self._hypotheses = Hypotheses(rivals, request.travelled, self._ndt.hypotheses)
             self._localization.restart(Confidence.AMBIGUOUS)
 
     def _places(self, travelled: Pose2) -> tuple[Array, ...]:
-        """(4, 4) each: where the robot is by each hypothesis."""
+        """(4, 4) each: the robot's pose by each hypothesis."""
         assert self._hypotheses is not None
         heights = ((pose, self._matcher.ground_m(pose.x, pose.y)) for pose in self._hypotheses.guesses(travelled))
         return tuple(pose_of(pose, z_m if math.isfinite(z_m) else 0.0, self._up) for pose, z_m in heights)
 
     def _compare(self, request: MatchRequest, rivals: tuple[Match, ...], steady_s: float) -> None:
-        """What a sweep says of each hypothesis; the last one left is the pose, which has to prove itself."""
+        """Scores each hypothesis by a sweep; the last one left becomes the pose, to be confirmed by matches."""
         if self._hypotheses is None or len(self._hypotheses) != len(rivals):
-            return  # asked of others
+            return  # requested for other hypotheses
         self._hypotheses.judge(rivals, request.travelled)
         alone = self._hypotheses.alone()
         if self._hypotheses.best_score() < self._ndt.search.min_score or self._hypotheses.idle():
             self._localization.restart(Confidence.SEARCHING)
-            self._searched_near = True  # nothing is known of where that would be
+            self._searched_near = True  # there is no last pose to search near
         elif alone is not None:
             self.match = alone
             self._relocalize(request, alone, steady_s)
 
     def _relocalize(self, request: MatchRequest, match: Match, steady_s: float) -> None:
-        """A search found the pose: the filter starts anew from it."""
+        """Restarts the filter from the pose found by a search."""
         search = self._ndt.search
         sigmas = [search.position_sigma_m, search.position_sigma_m, search.yaw_sigma_rad]
         newest = self.travelled.newest
@@ -207,13 +207,13 @@ class MapLocalizer(Localizer):
         if not math.isnan(self._filter.stamp_s):
             self._filter.start(self._filter.stamp_s)
         self._z_m = float(match.pose[2, 3])
-        # Of a place found by search nothing is known but that it fits: if it proves wrong, so may its heading.
+        # A pose from a search is supported only by its fit: if it proves wrong, so may its heading.
         self._searched_near, self._heading_kept, self._problem = False, False, ""
         self._forget_slip()
         self._localization.found(match, steady_s)
 
     def _judge(self, answer: MatchResult, match: Match, steady_s: float) -> None:
-        """A sweep with structure is matched; one without is no news, unless the map has structure here."""
+        """Applies the match of a sweep with structure. One without is ignored unless the map has structure here."""
         gate = self._ndt.gate
         if match.structure >= gate.min_structure_points:
             self._apply_match(answer.request, match, steady_s)
@@ -225,7 +225,7 @@ class MapLocalizer(Localizer):
             self._localization.nothing_around(steady_s)
 
     def _apply_match(self, request: MatchRequest, match: Match, steady_s: float) -> None:
-        """Corrects by a match if every gate lets it pass."""
+        """Corrects by a match that passes every gate."""
         newest, state = self.travelled.newest, self._filter.state()
         moved = IDENTITY if newest is None else request.travelled.relative_to(newest.pose)
         predicted = state.pose.compose(moved)
@@ -250,7 +250,7 @@ class MapLocalizer(Localizer):
         self._heading_kept = self._heading_kept or self._localization.state is Confidence.TRACKING
 
     def _slipped(self, match: Match, predicted: Pose2) -> Variances:
-        """While the wheels slip, what a match is off is their doing: the filter follows it at once."""
+        """The error of a match as variance for the filter to follow it at once: while the wheels slip."""
         off_m2 = match.planar.distance_to(predicted) ** 2
         return off_m2, off_m2, 0.0  # the heading is the gyro's
 
@@ -259,7 +259,7 @@ class MapLocalizer(Localizer):
         self.slip = None
 
     def _inflate_covariance(self) -> None:
-        # A good match that the filter cannot believe: the wheels may have slid further than they know.
+        # A good match outside the gate: the wheels may have slid farther than odometry measures.
         self._pose_filter.grow(_DOUBT)
         self._filter.start(self._filter.stamp_s)
 
@@ -272,7 +272,7 @@ class MapLocalizer(Localizer):
         return Region(predicted.x, predicted.y, search.near_radius_m, predicted.yaw, turn_rad)
 
     def _motion(self, stamp_s: float, at_stamp: Pose2) -> Array:
-        """(k, 4) rows of time, x, y, yaw: base_link while the sweep was measured, in base_link at its stamp."""
+        """(k, 4) rows of time, x, y, yaw: base_link during the sweep, in base_link at its stamp."""
         count = round(self._ndt.cloud.sweep_s / _KNOT_S)
         rows = []
         for k in range(-count, 1):

@@ -1,7 +1,7 @@
-"""From the poses of ``/odom`` to increments: what moved since the last message, and how far to believe it.
+"""Converts poses of ``/odom`` to increments: the motion since the last message and its variance.
 
-Odometry is a pose that integrates by itself, so lost messages cost nothing: the difference of two poses is the motion
-between them, however long it took. What must not pass as motion is a restart of the odometry frame.
+Odometry is a pose that integrates by itself, so lost messages do no harm: the difference of two poses is the motion
+between them, however long it took. A restart of the odometry frame must not be taken for motion.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class OdometryReading:
 
 
 class OdometryEvent(Enum):
-    """What a reading was taken for."""
+    """Classification of a reading."""
 
     FIRST = "first reading"
     MOTION = "motion"
@@ -72,7 +72,7 @@ class Increment:
 class OdometryIncrements:
     """Turns readings into increments.
 
-    max_speed_mps, max_yaw_rate_radps: what the robot can do; a faster increment is a restart of the odometry frame.
+    max_speed_mps, max_yaw_rate_radps: limits of the robot; a faster increment is a restart of the odometry frame.
     """
 
     def __init__(self, params: OdometryParams, max_speed_mps: float, max_yaw_rate_radps: float) -> None:
@@ -82,7 +82,7 @@ class OdometryIncrements:
         self._last: OdometryReading | None = None
 
     def take(self, reading: OdometryReading) -> Increment:
-        """The increment up to ``reading``. Readings that are late or not finite leave everything as it was."""
+        """The increment up to ``reading``. Readings that are late or not finite change nothing."""
         if reading.problem():
             return Increment(OdometryEvent.UNUSABLE, math.nan, 0.0, IDENTITY, (0.0, 0.0, 0.0))
         last = self._last
@@ -104,20 +104,20 @@ class OdometryIncrements:
     def _is_restart(self, last: OdometryReading, reading: OdometryReading, motion: Pose2, dt_s: float) -> bool:
         too_far = math.hypot(motion.x, motion.y) > self._max_speed_mps * dt_s + self._params.jump_tolerance_m
         too_much = abs(motion.yaw) > self._max_yaw_rate_radps * dt_s + self._params.jump_tolerance_rad
-        # Dead reckoning never becomes more certain by itself: a pose that does has started again.
+        # The covariance of dead reckoning never shrinks: if it does, odometry has restarted.
         return too_far or too_much or sum(reading.pose_variance) < 0.5 * sum(last.pose_variance)
 
     def _held(
         self, event: OdometryEvent, last: OdometryReading, reading: OdometryReading, unseen_s: float
     ) -> Increment:
-        """No motion known: the robot may have gone on as it went for ``unseen_s``."""
+        """Unknown motion: the robot may have continued at its last twist for ``unseen_s``."""
         distance_m, turn_rad = last.twist.speed() * unseen_s, last.twist.omega * unseen_s
         position_m2 = (distance_m + self._params.jump_tolerance_m) ** 2
         yaw_rad2 = (abs(turn_rad) + self._params.jump_tolerance_rad) ** 2
         return Increment(event, reading.stamp_s, 0.0, IDENTITY, (position_m2, position_m2, yaw_rad2))
 
     def _variance(self, last: OdometryReading, reading: OdometryReading, motion: Pose2, dt_s: float) -> Variances:
-        """Growth with the way travelled, plus what the message itself says of its twist over the interval."""
+        """Growth with the distance travelled, plus the twist's variance from the message over the interval."""
         distance_m, turn_rad = math.hypot(motion.x, motion.y), abs(motion.yaw)
         p = self._params
         position_m2 = p.position_growth_m_per_sqrt_m**2 * distance_m
@@ -128,9 +128,9 @@ class OdometryIncrements:
         return position_m2 + vx * known_s2 + x, position_m2 + vy * known_s2 + y, yaw_rad2 + omega * known_s2 + yaw
 
     def _lost_track(self, last: OdometryReading, reading: OdometryReading) -> Variances:
-        """What the pose's covariance says beyond any motion: the odometry itself does not know what happened meanwhile.
+        """Growth of the pose's covariance beyond that of the motion: the odometry itself lost track meanwhile.
 
-        Told by the yaw, whose variance only adds up; the position's also grows as the yaw swings it: no news.
+        Detected by the yaw, whose variance only adds up; the position's also grows with the yaw error and is not used.
         """
         x, y, yaw = (max(0.0, b - a) for a, b in zip(last.pose_variance, reading.pose_variance, strict=True))
         return (x, y, yaw) if yaw > self._params.jump_tolerance_rad**2 else (0.0, 0.0, 0.0)

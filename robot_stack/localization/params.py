@@ -15,7 +15,7 @@ Share = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 class OdometryParams(Config):
-    """How far the increments of ``/odom`` are believed, beside the covariance that comes with them."""
+    """Variances of the increments of ``/odom``, beside the covariance in the messages."""
 
     position_growth_m_per_sqrt_m: NotNegative
     yaw_growth_rad_per_sqrt_m: NotNegative
@@ -30,8 +30,8 @@ class OdometryParams(Config):
 class GyroParams(Config):
     """The yaw gyro.
 
-    Between samples farther apart than ``hold_s`` nothing is known of the turn; in shorter gaps, where samples were
-    lost, the rate may have changed by ``gap_acceleration_radps2``.
+    Between samples farther apart than ``hold_s`` the turn is unknown; in shorter gaps, where samples were lost, the
+    rate may have changed by ``gap_acceleration_radps2``.
     """
 
     noise_radps: Positive
@@ -46,7 +46,7 @@ class GyroParams(Config):
 
 
 class StandstillParams(Config):
-    """When the robot counts as standing, so that the gyro may only show its bias."""
+    """When the robot counts as standing, so that the gyro measures only its bias."""
 
     after_s: Positive
     max_speed_mps: Positive
@@ -71,7 +71,7 @@ class QualityParams(Config):
 
 
 class LocalizationParams(Config):
-    """Everything the node can be told.
+    """All parameters of the node.
 
     map: name of a folder in config/maps, or its path; empty: odometry and gyro alone.
     """

@@ -8,7 +8,7 @@ from robot_stack.localization.params import QualityParams
 def quality(
     position_sigma_m: float, yaw_sigma_rad: float, odometry_age_s: float, gyro_used: bool, params: QualityParams
 ) -> float:
-    """How far the pose may be relied on, in [0, 1].
+    """Reliability of the pose, in [0, 1].
 
     The smaller of 1 / (1 + (sigma / half)^2) for position and yaw, where sigma is the filter's standard deviation (of
     the position along its worst direction) and half the value at which quality is 0.5. A missing gyro multiplies it by

@@ -1,4 +1,4 @@
-"""Compiles what matching a sweep runs through, or loads it: before the first sweep instead of during it."""
+"""Compiles or loads the kernels of matching before the first sweep instead of during it."""
 
 from __future__ import annotations
 

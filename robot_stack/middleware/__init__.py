@@ -1,5 +1,5 @@
-"""What every node shares: the node base and the port through which it reaches a middleware.
+"""Code shared by all nodes: the node base and the port to the middleware.
 
-A node runs on ROS (``robot_stack.ros``) or on the deterministic scheduler of the simulation without knowing which.
+A node runs unchanged on ROS (``robot_stack.ros``) and on the deterministic scheduler of the simulation.
 Nothing here imports rclpy; the implementation of the port does.
 """

@@ -1,8 +1,7 @@
 """The clocks of a node: the system's, a simulated world's in shared memory, or ``/clock``.
 
-A node asks its clock for three things: the time that goes into stamps, the time that ages and timers are measured in,
-and how long to sleep until a timer is due. Timers live on the steady clock, so that a system clock that is set back
-stops no node.
+A clock provides three things: the time for stamps, the time that ages and timers are measured in, and the time to
+sleep until a timer is due. Timers live on the steady clock, so that setting the system clock back stops no node.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from typing import Protocol
 
 from robot_stack.core.world_clock import WorldClock
 
-# A simulated clock is asked again after so long at the least: it may come late, or stand still.
+# Minimum time between two reads of a simulated clock, which may be late or stand still.
 _LEAST_WAIT_S = 0.0005
 
 
@@ -36,7 +35,7 @@ class NodeClock(Protocol):
         ...
 
     def age_s(self, real_s: float) -> float:
-        """The age, on this clock, of what was read ``real_s`` ago by the monotonic clock."""
+        """The age, on this clock, of a value read ``real_s`` ago by the monotonic clock."""
         ...
 
     def real_wait_s(self, due_s: float) -> float:
@@ -66,7 +65,7 @@ class SystemClock:
 
 
 class SharedWorldClock:
-    """A simulated world on this machine tells its time in shared memory: it costs no message and no wake-up."""
+    """Reads a simulated world's time from shared memory of this machine, without messages or wake-ups."""
 
     simulated = True
 
@@ -83,7 +82,7 @@ class SharedWorldClock:
         return self._world.now_s()
 
     def age_s(self, real_s: float) -> float:
-        """What a world shows is as old as its last step at the most."""
+        """A world's state is at most as old as its last step."""
         return min(real_s * self._world.speed, self._world.into_step_s())
 
     def real_wait_s(self, due_s: float) -> float:
@@ -93,7 +92,7 @@ class SharedWorldClock:
 
 
 class TopicClock:
-    """``/clock`` of somebody else's simulation or recording. Each of its messages wakes the node."""
+    """``/clock`` of another simulation or of a recording. Each of its messages wakes the node."""
 
     simulated = True
 

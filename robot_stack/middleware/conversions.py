@@ -1,4 +1,4 @@
-"""Between ROS messages and the values that kernels take."""
+"""Conversions between ROS messages and the values that kernels use."""
 
 from __future__ import annotations
 

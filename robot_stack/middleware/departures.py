@@ -1,4 +1,4 @@
-"""/departure_warning: what the nodes that let the robot go tell each other of the warning before it sets out."""
+"""/departure_warning: how the nodes that start the robot share the warning before it starts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SECOND_NS = 1_000_000_000
 
 
 class DepartureWarnings:
-    """given: called when another node has given its warning in full."""
+    """given: called when another node has completed its warning."""
 
     def __init__(self, node: StackNode, given: Callable[[], None]) -> None:
         self._node, self._given = node, given
@@ -29,11 +29,11 @@ class DepartureWarnings:
 
     @property
     def heard(self) -> bool:
-        """Another node is warning people now."""
+        """True while another node is warning people."""
         return self._node.steady_s() - self._heard_s < _STALE_S
 
     def publish(self, remaining_s: float | None) -> None:
-        """remaining_s: until the robot sets out, as ``Departure.remaining_s``."""
+        """remaining_s: until the robot starts, as ``Departure.remaining_s``."""
         now_s = self._node.steady_s()
         if remaining_s is None or (remaining_s > 0.0 and now_s - self._told_s < _PERIOD_S):
             return

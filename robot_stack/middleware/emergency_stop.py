@@ -1,4 +1,4 @@
-"""One source of the emergency stop: what it says on ``/emergency_stop``, and under which name."""
+"""One source of the emergency stop: its messages on ``/emergency_stop``, and its name."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class StopSource:
         *,
         until_latched: bool = False,
     ) -> None:
-        """until_latched: its press is an event, no state: once the safety monitor has latched it, it asks no more."""
+        """until_latched: its press is an event, not a state: it ends once the safety monitor has latched it."""
         self._name, self._process_id = name, process_id
         self._stop, self._sources, self._stamp = stop, sources, stamp
         self._until_latched = until_latched
@@ -51,12 +51,12 @@ class StopSource:
             self._report()
 
     def repeat(self) -> None:
-        """Says again who it is and what it asks for."""
+        """Reports again its name and whether it is pressed."""
         with self._turn:
             self._report()
 
     def on_latched(self) -> None:
-        """The safety monitor shows the emergency stop."""
+        """Called when the safety monitor reports the emergency stop."""
         if self._until_latched and self._pressed:
             with self._turn:
                 self._pressed = False

@@ -37,7 +37,7 @@ class Input:
         health.add(topic.name, topic.stale_s)
 
     def on_message(self, message: Any, received_s: float) -> None:
-        if self.ended:  # what another thread had received before
+        if self.ended:  # received by another thread before the end
             return
         self.latest = message
         self.received += 1

@@ -1,4 +1,4 @@
-"""From the contract's type names to message classes."""
+"""Message classes for the contract's type names."""
 
 from __future__ import annotations
 

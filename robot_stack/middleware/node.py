@@ -1,6 +1,6 @@
-"""The base of every node: endpoints by contract row, validated parameters, input health, heartbeat, a safe way out.
+"""The base of every node: endpoints by contract row, validated parameters, input health, heartbeat, safe shutdown.
 
-A node reaches its middleware through a port (``robot_stack.middleware.port``) and never learns which one it is.
+A node reaches its middleware through a port (``robot_stack.middleware.port``) and is independent of the implementation.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class StackNode:
     parameters: the model of ``config/<name>.yaml``; None for a node without parameters.
 
     Raises AlreadyRunning if this domain has a node of this name, ConfigError if the parameters are wrong,
-    ContractViolation if an endpoint is asked for that the contract does not give this node.
+    ContractViolation for an endpoint that the contract does not give this node.
     """
 
     def __init__(self, name: str, parameters: type[BaseModel] | None = None) -> None:
@@ -96,7 +96,7 @@ class StackNode:
         """
         self._check(row.name, "subscribe to", row.subscribers)
         entry = Input(row, callback, self._health, self.steady_s)
-        # Without a callback only the newest message is looked at.
+        # Without a callback only the newest message is used.
         depth = row.qos.depth if callback is None else row.queue or row.qos.depth
         wakes = row.wakes_node(self.get_name())
         entry.end = self.port.subscribe(row, name or row.name, entry.on_message, depth, wakes=wakes, raw=raw).end
@@ -105,23 +105,23 @@ class StackNode:
     def listen(
         self, row: Topic, callback: Callable[[Any, int, int], None], *, raw: bool = True, wakes: bool = False
     ) -> Subscription:
-        """Subscribes to every message of a row whatever nodes it names: the recorder alone may.
+        """Subscribes to every message of any row; only the recorder may do so.
 
-        callback: see ``Port.listen``. raw: messages as the bytes that came over the wire. wakes: the node is woken for
-        them; otherwise it takes them at its next tick. Raises ContractViolation.
+        callback: see ``Port.listen``. raw: messages as the bytes received. wakes: messages wake the node;
+        otherwise it reads them at its next tick. Raises ContractViolation.
         """
         self._check(row.name, "listen to", (RECORDER,))
         return self.port.listen(row, callback, raw=raw, wakes=wakes)
 
     def unsubscribe(self, entry: Input) -> None:
-        """Ends what ``subscribe`` began: for what is needed at times only. Its silence is no fault any more."""
+        """Ends a subscription that is needed only at times. Its input health is no longer watched."""
         if not entry.ended:
             entry.ended = True
             entry.end()
             self._health.remove(entry.topic.name)
 
     def prepare_bulk(self) -> None:
-        """Makes the participant for clouds and images now: one that comes up later holds others for a moment."""
+        """Makes the participant for clouds and images now: one that starts later delays the others for a moment."""
         self.port.prepare_bulk()
 
     def serve(self, row: Service, callback: Callable[[Any, Any], Any], name: str = "") -> None:
@@ -135,7 +135,7 @@ class StackNode:
     def serve_later(
         self, row: Service, callback: Callable[[Any, Any, Callable[[Any], None]], None], name: str = ""
     ) -> None:
-        """The same for answers that take time. callback: takes request, empty response, and what sends the response."""
+        """Like ``serve`` for slow answers. callback: gets request, empty response, and the function that responds."""
         self._check(row.name, "serve", (row.server,))
         self.port.serve(row.type, name or row.name, callback)
 
@@ -143,7 +143,7 @@ class StackNode:
         return self.port.client(row.type, row.name)
 
     def serve_action(self, row: Action, on_goal: Callable[[ActionGoal], None], name: str = "") -> None:
-        """Offers a contract row's action. Every goal is accepted and handed to ``on_goal``, which ends it some time.
+        """Offers a contract row's action. Every goal is accepted and passed to ``on_goal``, which ends it later.
 
         Raises ContractViolation if the row does not name this node.
         """
@@ -167,24 +167,24 @@ class StackNode:
     def every(self, rate_hz: float, callback: Callable[[], None]) -> None:
         """Calls ``callback`` at ``rate_hz``; its duration and overruns go to /diagnostics.
 
-        On the steady clock, or on simulated time. Messages that wake nobody are taken before.
+        On the steady clock, or on simulated time. Messages that do not wake the node are read before.
         """
         loop = Loop(callback.__name__.lstrip("_"), 1.0 / rate_hz)
         self.report.loops.append(loop)
         self.create_timer(1.0 / rate_hz, loop.timed(callback, self.monotonic_s))
 
     def every_real(self, rate_hz: float, callback: Callable[[], None]) -> None:
-        """The same on the computer's clock, also where simulated time stands still: for signs of life."""
+        """Like ``every``, on the computer's clock, which also runs while simulated time stands still: heartbeats."""
         self.port.add_real_timer(1.0 / rate_hz, callback)
 
     def create_timer(self, period_s: float, callback: Callable[[], Any]) -> NodeTimer:
-        """A timer as ``every`` makes it, without statistics. ``destroy`` ends it."""
+        """A timer like that of ``every``, without statistics. ``destroy`` ends it."""
         return self.port.add_timer(period_s, callback)
 
     def call_soon(self, callback: Callable[[], None], *, wakes: bool = True) -> None:
-        """Calls ``callback`` once in the node's loop, which is woken for it; may be called from any thread.
+        """Calls ``callback`` once in the node's loop; may be called from any thread.
 
-        wakes: otherwise it is called when the loop is awake.
+        wakes: wakes the loop; otherwise the call waits for the next wake-up.
         """
         self.port.call_soon(callback, wakes=wakes)
 
@@ -193,14 +193,14 @@ class StackNode:
         return self.port.worker(name, world_waits=world_waits)
 
     def device(self, make: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
-        """Makes what connects this node to the world outside, see ``Port.device``."""
+        """Makes a connection of this node to hardware, see ``Port.device``."""
         return self.port.device(make, *arguments, **options)
 
     # --- time --------------------------------------------------------------------------------------------------------
 
     @property
     def simulated_time(self) -> bool:
-        """The node lives on simulated time."""
+        """True if the node runs on simulated time."""
         return self.port.simulated_time
 
     def now_s(self) -> float:
@@ -215,9 +215,9 @@ class StackNode:
         return Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
 
     def steady_s(self) -> float:
-        """Seconds for ages and watchdogs: never stepped, and standing still while this process was held up.
+        """Seconds for ages and watchdogs: never stepped, and stands still while this process is paused.
 
-        Where a simulated world drives, it drives here too.
+        With a simulated world, its time.
         """
         return self.port.steady_s()
 
@@ -226,24 +226,24 @@ class StackNode:
         return self.port.monotonic_s()
 
     def age_s(self, real_s: float) -> float:
-        """The age on the ROS clock of what was read ``real_s`` ago by the monotonic clock, e.g. an engine's status."""
+        """The age on the ROS clock of a value read ``real_s`` ago by the monotonic clock, e.g. an engine's status."""
         return self.port.age_s(real_s)
 
     # --- health ------------------------------------------------------------------------------------------------------
 
     @cached_property
     def robot(self) -> Robot:
-        """The physical truth, ``config/robot.yaml``."""
+        """Physical parameters, ``config/robot.yaml``."""
         return load_robot()
 
     def set_health(self, ok: bool, text: str) -> None:
-        """What /diagnostics shows, and the heartbeat as ready / waiting for."""
+        """Sets the status in /diagnostics, and in the heartbeat as ready / waiting for."""
         if (ok, text) != (self.report.ok, self.report.text):
             self.get_logger().info(text) if ok else self.get_logger().warning(text)
         self.report.ok, self.report.text = ok, text
 
     def log_throttled(self, text: str) -> None:
-        """An error that may come back with every message or tick: one line a second, whatever the texts."""
+        """Logs an error that may occur with every message or tick: at most one line a second, whatever the text."""
         self.get_logger().error(text, throttle_duration_sec=_LOG_PERIOD_S)
 
     def input_states(self) -> dict[str, InputState]:
@@ -276,7 +276,7 @@ class StackNode:
         """Called at once, in the subscription's callback, when the emergency stop becomes active."""
 
     def safe_output(self) -> None:
-        """Called on the way out (signal, exception) while publishers still work: leave the outputs safe."""
+        """Called at shutdown (signal, exception) while publishers still work: publish safe outputs here."""
 
     def _subscribe_safety(self) -> None:
         self.emergency_stop_input = self.subscribe(topics.EMERGENCY_STOP, self._on_emergency_stop)
@@ -307,7 +307,7 @@ class StackNode:
 def run(*node_classes: Callable[[], StackNode], bulk: bool = False) -> None:
     """The body of every node's ``main``: runs the nodes on ROS until a signal, then exits with its code.
 
-    bulk: they send or take clouds or images.
+    bulk: they publish or subscribe to clouds or images.
     """
     raise SystemExit(importlib.import_module("robot_stack.ros.process").run_nodes(*node_classes, bulk=bulk))
 

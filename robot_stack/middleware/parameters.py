@@ -1,8 +1,8 @@
 """Parameters: the YAML file of the node, ROS overrides on top, all of it through the node's validated model.
 
 Every field of the model is declared as a read-only ROS parameter (nested fields with dots), so that ``ros2 param``
-shows what is in force, ``-p name:=value`` and ``--params-file`` change it at start, and nothing changes it later
-unvalidated.
+shows the values in force, ``-p name:=value`` and ``--params-file`` change them at start, and nothing changes them
+later without validation.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ def load_parameters(port: Port, model: type[ModelT]) -> ModelT:
 
 
 def _empty_lists(overrides: Mapping[str, Any], values: dict[str, Any]) -> dict[str, Any]:
-    """ROS knows no type for a list without items and hands it over as no value."""
+    """ROS has no type for an empty list and passes it as no value."""
     return {
         name: [] if value is None and isinstance(values.get(name), list) else value for name, value in overrides.items()
     }
 
 
 def refuse_overrides(port: Port) -> None:
-    """For nodes without parameters: an override is a mistake. Raises ConfigError."""
+    """For nodes without parameters: an override raises ConfigError."""
     names = sorted(port.parameter_overrides())
     if names:
         raise ConfigError(f"{port.name}: {', '.join(names)}: this node has no parameters")
 
 
 def _ros_value(value: Any) -> Any:
-    """ROS arrays hold one type: mixed numbers become floats, anything nested its text."""
+    """ROS arrays hold one type: mixed numbers become floats, nested values become text."""
     if not isinstance(value, list):
         return value
     if value and all(isinstance(item, (int, float)) and not isinstance(item, bool) for item in value):

@@ -1,4 +1,4 @@
-"""PointCloud2 messages written and read without copies of what they carry."""
+"""PointCloud2 messages written and read without copying the points."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ def cloud_message(points: Points, frame_id: str) -> PointCloud2:
 def fill(message: PointCloud2, points: Points) -> None:
     """Replaces the points of a message made by ``cloud_message``."""
     data = array("B")
-    data.frombytes(np.ascontiguousarray(points).view(np.uint8).data)  # an array is taken as it is, a list byte by byte
+    data.frombytes(np.ascontiguousarray(points).view(np.uint8).data)  # an array is assigned whole, a list byte by byte
     message.width, message.row_step = len(points), points.nbytes
     message.data = data
 
 
 def points_of(message: PointCloud2 | CloudView, layout: np.dtype[np.void]) -> Points:
-    """The points as a structured array on the message's own memory, read-only in spirit.
+    """The points as a structured array on the message's own memory; do not write to it.
 
-    Fields of ``layout`` are found by name; a message that has more, or has them elsewhere, is read where it has them.
+    Fields of ``layout`` are found by name, at the offsets that the message gives; additional fields are allowed.
     Raises ValueError for a field that is missing or of another type, and for data of a wrong length.
     """
     found = {field.name: field for field in message.fields}

@@ -1,7 +1,7 @@
-"""The middleware port: everything a node asks of its middleware.
+"""The middleware port: the interface of a node to its middleware.
 
 Two implementations exist: ``robot_stack.ros.port.RosPort`` (rclpy and DDS, one process per node) and the simulated port
-of the deterministic scheduler (one process, virtual time). A node holds exactly one port and never learns which.
+of the deterministic scheduler (one process, virtual time). A node holds exactly one port, independent of which.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Publisher(Protocol):
 
 
 class Subscription(Protocol):
-    """What a node subscribed to."""
+    """A node's subscription."""
 
     def end(self) -> None:
         """No further callback is called."""
@@ -79,7 +79,7 @@ class ActionGoal(Protocol):
 
 
 class CancelAnswer(Enum):
-    """How an action server answered the request to cancel a goal."""
+    """An action server's answer to the request to cancel a goal."""
 
     ACCEPTED = auto()
     REJECTED = auto()
@@ -88,7 +88,7 @@ class CancelAnswer(Enum):
 
 
 class GoalStatus(Enum):
-    """How a goal ended, as the result request answers. UNKNOWN: the server does not know the goal."""
+    """The final status of a goal, as in the result response. UNKNOWN: the server does not have the goal."""
 
     UNKNOWN = auto()
     SUCCEEDED = auto()
@@ -97,10 +97,10 @@ class GoalStatus(Enum):
 
 
 class ClientGoal(Protocol):
-    """A goal on the client's side. It is known by its number whether or not the server's answer arrives."""
+    """A goal on the client's side. Its id is valid whether or not the server's answer arrives."""
 
     def ask_result(self, done: Callable[[GoalStatus, Any], None]) -> None:
-        """``done`` is called with the result once the goal has ended; may be asked again."""
+        """``done`` is called with the result once the goal has ended; may be called repeatedly."""
         ...
 
     def cancel(self, done: Callable[[CancelAnswer], None]) -> None: ...
@@ -114,7 +114,7 @@ class ActionClient(Protocol):
         ...
 
     def cancel_all(self, before: Any) -> None:
-        """Asks the server to cancel every goal that was accepted up to the stamp ``before``."""
+        """Requests the server to cancel every goal that was accepted up to the stamp ``before``."""
         ...
 
 
@@ -128,12 +128,12 @@ class Port(Protocol):
 
     @property
     def process_id(self) -> int:
-        """Tells one life of the node from the next, after a restart."""
+        """Differs between two runs of the node, also after a restart."""
         ...
 
     @property
     def node_record(self) -> NodeRecord:
-        """What the node reports to this machine: alive, ready, waiting for."""
+        """The node's state for this machine: alive, ready, waiting for."""
         ...
 
     # --- time --------------------------------------------------------------------------------------------------------
@@ -146,7 +146,7 @@ class Port(Protocol):
         ...
 
     def steady_s(self) -> float:
-        """For ages and watchdogs: never stepped, and standing still while this process was held up."""
+        """For ages and watchdogs: never stepped, and stands still while this process is paused."""
         ...
 
     def monotonic_s(self) -> float:
@@ -158,7 +158,7 @@ class Port(Protocol):
         ...
 
     def age_s(self, real_s: float) -> float:
-        """The age on the ROS clock of what was read ``real_s`` ago by the computer's monotonic clock."""
+        """The age on the ROS clock of a value read ``real_s`` ago by the computer's monotonic clock."""
         ...
 
     def add_timer(self, period_s: float, callback: Callable[[], Any]) -> NodeTimer:
@@ -172,7 +172,7 @@ class Port(Protocol):
     def call_soon(self, callback: Callable[[], None], *, wakes: bool = True) -> None:
         """Calls ``callback`` once in the node's loop; may be called from any thread.
 
-        wakes: the loop is woken for it; otherwise it runs at the next wake-up.
+        wakes: wakes the loop; otherwise the call waits for the next wake-up.
         """
         ...
 
@@ -184,8 +184,8 @@ class Port(Protocol):
         self, row: Topic, name: str, callback: Callable[[Any, float], None], depth: int, *, wakes: bool, raw: bool
     ) -> Subscription:
         """callback: called with the message and the steady time of its reception. Clouds and images come as views on
-        the received bytes (``robot_stack.middleware.wire``). depth: messages kept until the node takes them. wakes: a
-        message wakes the node; otherwise it is taken at the next tick. raw: the bytes instead of the message.
+        the received bytes (``robot_stack.middleware.wire``). depth: messages kept until the node reads them. wakes: a
+        message wakes the node; otherwise it is read at the next tick. raw: the bytes instead of the message.
         """
         ...
 
@@ -196,7 +196,7 @@ class Port(Protocol):
         ...
 
     def prepare_bulk(self) -> None:
-        """Makes now what subscriptions to clouds and images need later."""
+        """Makes the resources for subscriptions to clouds and images in advance."""
         ...
 
     def serve(self, type_name: str, name: str, callback: Callable[[Any, Any, Callable[[Any], None]], None]) -> None:
@@ -220,13 +220,13 @@ class Port(Protocol):
     # --- beside the loop ---------------------------------------------------------------------------------------------
 
     def worker(self, name: str, *, world_waits: bool = False) -> Worker:
-        """world_waits: a simulated world stands still while a job runs, so that its result comes after the same
-        simulated time at every speed of the machine.
+        """world_waits: a simulated world stands still while a job runs, so that its result arrives at the same
+        simulated time, independent of the speed of the machine.
         """
         ...
 
     def device(self, make: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
-        """Makes what connects the node to the world outside: ``make(*arguments, **options)``.
+        """Makes a connection of the node to hardware: ``make(*arguments, **options)``.
 
         The scheduler makes its own counterpart of ``make`` instead, e.g. an engine in the same process.
         """
@@ -235,7 +235,7 @@ class Port(Protocol):
     # --- start and end -----------------------------------------------------------------------------------------------
 
     def parameter_overrides(self) -> Mapping[str, Any]:
-        """Parameters given at the start, by dotted name, the middleware's own ones left out."""
+        """Parameters given at the start, by dotted name, without those of the middleware itself."""
         ...
 
     def show_parameters(self, values: Mapping[str, Any]) -> None:
@@ -243,22 +243,22 @@ class Port(Protocol):
         ...
 
     def follow_clock(self) -> None:
-        """Sets the middleware's own clock by the world's time in shared memory."""
+        """Sets the middleware's own clock to the world's time in shared memory."""
         ...
 
     def report_values(self) -> Mapping[str, str]:
-        """What the port adds to the node's entry in /diagnostics."""
+        """Values that the port adds to the node's entry in /diagnostics."""
         ...
 
     def wait_until(self, condition: Callable[[], bool], timeout_s: float, *, loop: bool = False) -> None:
-        """For ``safe_output`` only: asks for ``condition`` every 10 ms until it holds, at the latest until the timeout.
+        """For ``safe_output`` only: polls ``condition`` every 10 ms until it holds, at most until the timeout.
 
         loop: the node's callbacks run meanwhile.
         """
         ...
 
     def wait_delivered(self, timeout_s: float) -> None:
-        """Waits until what was published last has left the process."""
+        """Waits until the last published messages have left the process."""
         ...
 
     def close(self) -> None: ...
@@ -269,7 +269,7 @@ _open_port: list[OpenPort] = []
 
 
 def open_port(name: str) -> Port:
-    """The port of a node that is being constructed: rclpy's unless ``ports_from`` says otherwise."""
+    """The port of a node under construction: rclpy's, unless ``ports_from`` is active."""
     if _open_port:
         return _open_port[-1](name)
     port: Port = importlib.import_module("robot_stack.ros.port").RosPort(name)
@@ -278,7 +278,7 @@ def open_port(name: str) -> Port:
 
 @contextmanager
 def ports_from(open_port: OpenPort) -> Iterator[None]:
-    """Nodes constructed inside get their port from ``open_port``."""
+    """Nodes constructed in this context get their port from ``open_port``."""
     _open_port.append(open_port)
     try:
         yield

@@ -1,4 +1,4 @@
-"""What a node says about itself: its record on this machine, the heartbeat topic, its entry in ``/diagnostics``."""
+"""A node's reports: its record on this machine, the heartbeat topic, its entry in ``/diagnostics``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot_stack.contract.processes import HEARTBEAT_HZ
 from robot_stack.core.health import INPUT_PREFIX, InputState, describe_input
 from robot_stack.middleware.port import Port, Publisher
 
-# A simulated world sees who is late by a node's timers. One that works on messages looks at the clock this often.
+# A simulated world detects a late node by its timers. A node without timers reads the clock at this period.
 _LOOK_S = 0.05
 
 
@@ -42,7 +42,7 @@ class Loop:
 
 
 class ReportingNode(Protocol):
-    """What a report needs of its node."""
+    """The part of a node that a report uses."""
 
     port: Port
 
@@ -53,7 +53,7 @@ class ReportingNode(Protocol):
 
 
 class Report:
-    """Says it from the node's own loop, so that a hung node falls silent."""
+    """Reports from the node's own loop, so that a hung node stops reporting."""
 
     def __init__(self, node: ReportingNode) -> None:
         self._node = node
@@ -64,10 +64,10 @@ class Report:
         self.text = "starting"
         self.values: dict[str, str] = {}
         self.loops: list[Loop] = []
-        # More entries of a node that reports on more than itself, made when they are due.
+        # Additional entries of a node that reports on more than itself, made when they are due.
         self.more: Callable[[], Sequence[DiagnosticStatus]] = tuple
         node.every_real(HEARTBEAT_HZ, self.beat)
-        if node.port.simulated_time:  # a world faster than real time judges silence by its own time
+        if node.port.simulated_time:  # a world faster than real time measures silence by its own time
             node.port.add_timer(1.0 / HEARTBEAT_HZ, self.beat)
             node.port.add_timer(_LOOK_S, lambda: None)
         node.every_real(topics.HEARTBEAT.nominal_rate_hz, self.publish_heartbeat)
@@ -78,7 +78,7 @@ class Report:
         self._node.port.follow_clock()
 
     def publish_heartbeat(self) -> None:
-        """For who is outside this machine."""
+        """For receivers on other machines."""
         self._sequence += 1
         self._heartbeat.publish(
             Heartbeat(

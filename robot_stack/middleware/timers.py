@@ -11,9 +11,9 @@ from robot_stack.middleware.clocks import NodeClock
 
 
 class NodeTimer:
-    """Calls its callback at whole periods from the start of its schedule on, so that timers of one node come together.
+    """Calls its callback at whole periods from the start of its schedule, so that timers of one node coincide.
 
-    A call that is missed is not made up for.
+    A missed call is skipped.
     """
 
     def __init__(self, schedule: Schedule, period_s: float, callback: Callable[[], Any]) -> None:
@@ -26,7 +26,7 @@ class NodeTimer:
         self.due_s = math.inf
 
     def reset(self) -> None:
-        """Starts anew: the next call is one period from now."""
+        """Restarts the period: the next call is one period from now."""
         self.due_s = self._schedule.now_s() + self.period_s
 
     def is_canceled(self) -> bool:
@@ -39,7 +39,7 @@ class NodeTimer:
 class Schedule:
     """The timers of a node on one clock. Timers may be added and removed by any thread.
 
-    held: asked when a timer is due; as long as it says so, none is called.
+    held: checked when a timer is due; while it returns True, no timer is called.
     """
 
     def __init__(self, clock: NodeClock, held: Callable[[], bool] | None = None) -> None:
@@ -57,7 +57,7 @@ class Schedule:
         return self._start_s + period_s * (math.floor((self.now_s() - self._start_s) / period_s) + 1.0)
 
     def add(self, period_s: float, callback: Callable[[], Any]) -> NodeTimer:
-        """Raises ValueError for a period that is none."""
+        """Raises ValueError for a period that is not positive and finite."""
         if not 0.0 < period_s < math.inf:
             raise ValueError(f"a timer's period must be positive and finite, is {period_s}")
         timer = NodeTimer(self, period_s, callback)
@@ -75,13 +75,13 @@ class Schedule:
         return min((timer.due_s for timer in self._timers), default=math.inf)
 
     def wait_s(self) -> float:
-        """Real time to sleep before it is worth asking for ``due``."""
+        """Real time to sleep until the next timer may be due."""
         return self._clock.real_wait_s(self.next_due_s())
 
     def due(self) -> Iterator[Callable[[], Any]]:
         """The callbacks that are due, each once."""
         now_s = self.now_s()
-        if now_s < self._start_s:  # time began anew (a restarted simulation)
+        if now_s < self._start_s:  # time went back (a restarted simulation)
             self._start_s = now_s
             for timer in self._timers:
                 if not timer.is_canceled():

@@ -1,7 +1,7 @@
-"""Clouds and images read in place, from the bytes that came over the wire.
+"""Clouds and images read in place, from the received bytes.
 
-The middleware copies a cloud of 2.4 MB three times until Python has it as a message; here its points stay where they
-are. The bytes are OMG CDR (DDS-XTYPES 7.4), little endian; what is encoded otherwise is left to the middleware.
+The middleware copies a cloud of 2.4 MB three times until Python has it as a message; here the points are not copied.
+The bytes are OMG CDR (DDS-XTYPES 7.4), little endian; other encodings are left to the middleware.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from std_msgs.msg import Header
 
 _LITTLE_ENDIAN = b"\x00\x01"
-_PREFIX = 4  # bytes that tell the encoding; what follows is aligned from there
+_PREFIX = 4  # encoding header; alignment counts from its end
 _U32 = struct.Struct("<I")
 _STAMP = struct.Struct("<iI")
 
 
 @dataclass(frozen=True, slots=True)
 class FieldView:
-    """As PointField."""
+    """Like PointField."""
 
     name: str
     offset: int
@@ -34,7 +34,7 @@ class FieldView:
 
 @dataclass(frozen=True, slots=True)
 class CloudView:
-    """As PointCloud2; ``data`` lies in the bytes that were received."""
+    """Like PointCloud2; ``data`` lies in the bytes that were received."""
 
     header: Header
     height: int
@@ -49,7 +49,7 @@ class CloudView:
 
 @dataclass(frozen=True, slots=True)
 class ImageView:
-    """As Image; ``data`` lies in the bytes that were received."""
+    """Like Image; ``data`` lies in the bytes that were received."""
 
     header: Header
     height: int
@@ -61,7 +61,7 @@ class ImageView:
 
 
 class _Cursor:
-    """Reads one value after the other."""
+    """Reads values one after the other."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -101,10 +101,10 @@ class _Cursor:
 
 
 class _Lent:
-    """Bytes as an array without a copy, which keeps them alive.
+    """Bytes as an array without a copy; keeps them alive.
 
-    numpy would call an array on bytes read-only, for which every compiled loop would be compiled a second time. Nobody
-    writes into received messages.
+    numpy marks an array on bytes read-only, for which every compiled loop would be compiled a second time. Received
+    messages are never written to.
     """
 
     def __init__(self, data: bytes, begin: int, size: int) -> None:
@@ -128,7 +128,7 @@ def _image(data: bytes) -> ImageView:
 
 
 class UnknownEncoding(ValueError):
-    """The bytes are no little-endian CDR of the expected message."""
+    """The bytes are not little-endian CDR of the expected message."""
 
 
 def _reader(view: Callable[[bytes], Any]) -> Callable[[bytes], Any]:
@@ -147,4 +147,4 @@ READERS: Final[dict[str, Callable[[bytes], Any]]] = {
     "sensor_msgs/msg/PointCloud2": _reader(_cloud),
     "sensor_msgs/msg/Image": _reader(_image),
 }
-"""By type: what reads a message from its bytes, as a view that has the message's fields. Raises UnknownEncoding."""
+"""By type: reads a message from its bytes, as a view with the message's fields. Raises UnknownEncoding."""

@@ -1,1 +1,1 @@
-"""The corridor: what every node shares of ROS. Besides the nodes themselves, only this package imports rclpy."""
+"""The ROS layer shared by all nodes. Besides the nodes themselves, only this package imports rclpy."""

@@ -81,9 +81,9 @@ def new_goal(client: ActionClient) -> ClientGoalHandle:
 
 
 class RosActionClient:
-    """Goals are numbered here, before they are sent: a request or an answer can be lost while a new process is being
-    discovered, or is sent to one that was killed (DDS names it for 20 s more). With its number a goal can be cancelled,
-    and asked for, all the same.
+    """Goals get their id here, before they are sent: a request or an answer can be lost while a new process is being
+    discovered, or go to a killed process (DDS lists it for 20 s more). With its id a goal can be cancelled, and its
+    result requested, all the same.
     """
 
     def __init__(self, node: Node, action: Any, name: str) -> None:

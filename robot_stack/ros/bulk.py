@@ -16,7 +16,7 @@ _HIDDEN = re.compile(r"_(.+)_bulk")
 
 
 def owner_of(node: str) -> str:
-    """The node that a node of the graph belongs to: another one only for the hidden one that takes its bulk inputs."""
+    """The node that a node of the graph belongs to: differs only for the hidden node that receives its bulk inputs."""
     found = _HIDDEN.fullmatch(node)
     return found.group(1) if found else node
 
@@ -29,11 +29,10 @@ class Owner(Protocol):
 
 
 class BulkInputs:
-    """Subscriptions in a participant of their own, with shared memory, taken in a thread of their own.
+    """Subscriptions in a separate participant, with shared memory, read in a separate thread.
 
-    What they bring is handed to the callbacks in the owner's thread. Held up by a process that comes up, they delay
-    nothing but themselves (``robot_stack.ros.transport``). In the graph they belong to the hidden node
-    ``_<owner>_bulk``.
+    Their messages are passed to the callbacks in the owner's thread. A process that starts delays only this participant
+    (``robot_stack.ros.transport``). In the graph the subscriptions belong to the hidden node ``_<owner>_bulk``.
     """
 
     def __init__(self, owner: Owner) -> None:
@@ -54,9 +53,9 @@ class BulkInputs:
         *,
         wakes: bool,
     ) -> Any:
-        """Calls ``callback`` with message and info in the owner's executor; of what it has no time for, the newest
-        ``depth`` are kept. wakes: the owner is woken for it; else it takes the message when it is awake.
-        Returns what ``unsubscribe`` takes.
+        """Calls ``callback`` with message and info in the owner's executor; while it is busy, the newest ``depth``
+        messages are kept. wakes: the owner is woken; otherwise it reads the message at its next wake-up.
+        Returns the argument for ``unsubscribe``.
         """
         arrived: deque[tuple[Any, Any]] = deque(maxlen=profile.depth)
 
@@ -74,7 +73,7 @@ class BulkInputs:
         self._node.destroy_subscription(subscription)
 
     def idle(self) -> bool:
-        """Nothing has arrived that the thread has not handed over."""
+        """True if the thread has passed on everything that has arrived."""
         return self._guest.executor.idle()
 
     def close(self) -> None:

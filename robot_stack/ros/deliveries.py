@@ -1,12 +1,12 @@
-"""Counts what a node publishes and takes, and holds its timers back until it has taken what was published to it.
+"""Counts the messages a node publishes and receives, and holds its timers until it has received all sent to it.
 
 On a shared world clock only: on a robot, and on the system clock, nothing is counted and nothing waits.
 
 A timer of a node on simulated time sees every message that was published before it was due, however long the message
-lies in a socket or in a thread that gets no processor: the node is late meanwhile, and the world waits for a late node
-(``sim.nodes.world_time``). Messages that wake a node are waited for by the world itself, at every block.
+lies in a socket or in a thread without processor time: the node is late meanwhile, and the world waits for a late node
+(``sim.nodes.world_time``). The world itself waits at every block for messages that wake a node.
 
-A message that is lost, or was never for this node, is given up once nothing is on its way any more
+A message that is lost, or was never for this node, is given up once no work is pending in the process
 (``robot_stack.core.quiescence``): a criterion without a time limit, which holds at any load.
 
 Not counted: services and actions, ``listen`` (the recorder) and nodes outside the stack.
@@ -25,13 +25,13 @@ from robot_stack.core.deliveries import PUBLISHES, TAKES, WAKES, Debt, Delivery,
 from robot_stack.core.quiescence import others_asleep
 
 _LOOK_S = 0.002
-# So many looks in a row find everything asleep: a thread that waits for Python's lock sleeps too, but not for long.
+# So many looks in a row must find everything asleep: a thread that waits for the GIL sleeps too, but briefly.
 _LOOKS = 5
 _SEARCH_S = 1.0
 
 
 class NodeDeliveries:
-    """counting: the node lives on a shared world clock. bulk_idle: no cloud or image waits to be taken."""
+    """counting: the node runs on a shared world clock. bulk_idle: True if no cloud or image waits to be read."""
 
     def __init__(self, name: str, counting: bool, bulk_idle: Callable[[], bool]) -> None:
         self.counting = counting
@@ -47,7 +47,7 @@ class NodeDeliveries:
     # --- what the node's endpoints call ------------------------------------------------------------------------------
 
     def counted(self, row: Topic, publisher: Any) -> Any:
-        """The publisher; what it publishes is counted from now on."""
+        """The publisher; its messages are counted from now on."""
         number = number_of(row)
         if not self.counting or number is None:
             return publisher
@@ -63,7 +63,7 @@ class NodeDeliveries:
         return publisher
 
     def noted(self, row: Topic, callback: Callable[[Any, Any], None], wakes: bool) -> Callable[[Any, Any], None]:
-        """The callback of a subscription; what it is called with is taken. From then on the node's record says busy."""
+        """Wraps a subscription's callback: counts its messages as received and marks the node as busy."""
         number = number_of(row)
         if not self.counting or number is None:
             return callback
@@ -79,7 +79,7 @@ class NodeDeliveries:
         return note_and_call
 
     def forget(self, row: Topic) -> None:
-        """A subscription has ended: nothing of the row is owed any more."""
+        """A subscription has ended: no message of the row is outstanding any longer."""
         number = number_of(row)
         if self.counting and number is not None:
             self._own.uses[number] &= PUBLISHES
@@ -88,15 +88,15 @@ class NodeDeliveries:
             self._urgent.follow_rows()
 
     def close(self) -> None:
-        """Nobody waits for this node any more."""
+        """Clears the record, so that the world no longer waits for this node."""
         if self.counting:
             for number in range(len(self._own.uses)):
                 self._own.uses[number] = self._own.taken[number] = 0
 
-    # --- what the node's timers ask ----------------------------------------------------------------------------------
+    # --- used by the node's timers -----------------------------------------------------------------------------------
 
     def owed(self) -> bool:
-        """A timer is due: must it wait for messages? What is published meanwhile is not waited for."""
+        """True if a due timer must wait for messages. Messages published meanwhile are not waited for."""
         return self.counting and self._tick.pending(self._found_publishers())
 
     # --- a schedule of the executor: looks again while an urgent message is on its way -------------------------------
@@ -113,13 +113,13 @@ class NodeDeliveries:
         if now_s - self._searched_s > _SEARCH_S:
             self._searched_s = now_s
             self._others.search()
-            # Anew each time: a node that is there may have got another publisher.
+            # Made again each time: a known node may have a new publisher.
             self._publishers = book.publishers_by_row(self._others.pages.values())
         return self._publishers
 
 
 class _Wait:
-    """For what is owed at one moment, until it is taken or lost."""
+    """Waits for the messages outstanding at one moment, until they are received or lost."""
 
     def __init__(self, own: Delivery, use: int, idle: Callable[[], bool]) -> None:
         self._own, self._use, self._idle = own, use, idle
@@ -132,13 +132,13 @@ class _Wait:
         self._rows = book.rows_taken(self._own, self._use)
 
     def begun(self, publishers: dict[int, list[Delivery]]) -> bool:
-        """There is something to wait for."""
+        """True if there is something to wait for."""
         if not self._debts:
             self._debts, self._quiet = book.debts(self._own, self._rows, publishers), 0
         return bool(self._debts)
 
     def pending(self, publishers: dict[int, list[Delivery]]) -> bool:
-        """False once everything that was owed when it was asked first is taken or lost."""
+        """False once every message that was outstanding at the first call is received or lost."""
         if not self._debts:
             return self.begun(publishers)
         self._debts = book.open_debts(self._own, self._debts)

@@ -1,10 +1,10 @@
-"""A single-threaded executor that wakes for what is urgent and for timers, and takes the rest while it is awake.
+"""A single-threaded executor that wakes for urgent entities and timers, and reads all others at each wake-up.
 
 rclpy's own executor builds a wait set, a task and several guard-condition triggers for every callback, and rmw attaches
-every entity of the set anew at each wait: together 0.3-0.7 ms of processor time a wake-up on a small machine, several
+every entity of the set again at each wait: together 0.3-0.7 ms of processor time a wake-up on a small machine, several
 hundred times a second. This one sleeps in one ``epoll`` (``robot_stack.ros.wakeups``) until an urgent message, a
-service call, an action or the next timer is due. Messages that wake nobody (``StackNode.subscribe``) are taken then.
-Coroutines and actions still run as rclpy tasks.
+service call, an action or the next timer is due. Messages that do not wake the node (``StackNode.subscribe``) are read
+then. Coroutines and actions still run as rclpy tasks.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from rclpy.waitable import Waitable
 from robot_stack.ros.rcl_timers import RclTimers
 from robot_stack.ros.wakeups import Wakeups, can_follow
 
-# Nothing is due for so long only where there is no timer at all.
+# Longest wait, reached only without any timer.
 _LONGEST_WAIT_S = 1.0
-# A wait that ends so much later than it should tells that the process itself was held up (a busy or paused machine) and
-# could not have heard anything.
+# A wait that ends this much late indicates that the process stalled (a busy or paused machine) and could not receive
+# messages.
 _PAUSE_S = 0.03
-# While a coroutine waits for something that no entity of this executor brings, it is asked again this often.
+# Polling period of a coroutine that waits for something outside this executor's entities.
 _TASK_POLL_S = 0.02
-# What rcl cannot wake for (QoS events, goals of an action that expire) is looked at this often.
+# Period of checks for events without a wake-up in rcl (QoS events, goals of an action that expire).
 _SLOW_CHECK_S = 5.0
 
 
@@ -47,7 +47,7 @@ class LeanExecutor(Executor):
         super().__init__(context=context)
         self._tasks: list[Any] = self._tasks  # rclpy's list; declared here for the type checker
         self._entities = _Entities([])
-        # Handles that are followed stay alive until they are forgotten, even if another thread destroys their entity.
+        # Followed handles stay alive until they are released, even if another thread destroys their entity.
         self._held: dict[int, tuple[Any, ExitStack]] = {}
         self._slow_check_s = 0.0
         self._stop = self._closed = False
@@ -56,10 +56,10 @@ class LeanExecutor(Executor):
     # --- spinning ----------------------------------------------------------------------------------------------------
 
     def spin(self, should_stop: Callable[[], bool] = lambda: False) -> None:
-        """Runs callbacks until ``should_stop`` says so or ``stop`` is called. Raises ExternalShutdownException.
+        """Runs callbacks until ``should_stop`` returns True or ``stop`` is called. Raises ExternalShutdownException.
 
-        ``should_stop`` is asked after each wake-up: whoever changes its answer calls ``wake``. A ``stop`` before
-        counts: its caller cannot know whether the thread that spins has begun.
+        ``should_stop`` is called after each wake-up; call ``wake`` when its result changes. A ``stop`` before the
+        start counts: its caller cannot know whether the spinning thread has begun.
         """
         while not self._stop and not should_stop():
             self.spin_once(None)
@@ -95,7 +95,7 @@ class LeanExecutor(Executor):
         self._dispatch(ready)
 
     def idle(self) -> bool:
-        """It sleeps, and nothing has arrived that would wake it. For other threads."""
+        """True if it sleeps and nothing that would wake it has arrived. For other threads."""
         return not self._awake and not self._wakeups.pending()
 
     def add_node(self, node: Node) -> bool:
@@ -143,7 +143,7 @@ class LeanExecutor(Executor):
     # --- entities ----------------------------------------------------------------------------------------------------
 
     def _follow_changes(self) -> None:
-        """Wakes for what has been added since, no longer for what has gone."""
+        """Wakes for entities added since the last call, no longer for removed ones."""
         now = _Entities(self.get_nodes())
         if now.same(self._entities):
             return
@@ -172,7 +172,7 @@ class LeanExecutor(Executor):
     # --- callbacks ---------------------------------------------------------------------------------------------------
 
     def _dispatch(self, ready: list[tuple[Any, int]]) -> None:
-        """Messages before timers: a tick shall see what has already arrived."""
+        """Messages before timers, so that a tick uses what has already arrived."""
         for entity, count in ready:
             self._take(entity, count)
         for subscription in self._entities.polled:
@@ -201,7 +201,7 @@ class LeanExecutor(Executor):
                     pass
 
     def _take_messages(self, subscription: Any) -> None:
-        """Everything that has arrived, oldest first."""
+        """Reads all messages that have arrived, oldest first."""
         handle, raw, message_type = subscription.handle, subscription.raw, subscription.msg_type
         only_message = subscription._callback_type is Subscription.CallbackType.MessageOnly
         while True:
@@ -222,7 +222,7 @@ class LeanExecutor(Executor):
         return any(item is subscription for node in self.get_nodes() for item in node.subscriptions)
 
     def _start_ready(self, waitables: list[Waitable]) -> bool:
-        """Starts what is ready, found by a wait of no length. True if anything was."""
+        """Starts the ready entities, found by a wait of zero length. True if there were any."""
         with ExitStack() as held:
             alive = []
             for waitable in waitables:
@@ -255,7 +255,7 @@ class LeanExecutor(Executor):
             self._finish(result)
 
     def _finish(self, coroutine: Any) -> None:
-        """Runs a coroutine; one that really waits for something goes on as a task."""
+        """Runs a coroutine; one that waits continues as a task."""
         task = super().create_task(coroutine)
         task()
         if task.done() and task.exception() is not None:
@@ -277,7 +277,7 @@ class LeanExecutor(Executor):
 
 
 class _Entities:
-    """What the nodes of an executor have, as lists that stay until something is added or removed."""
+    """Entities of an executor's nodes, as lists that stay until something is added or removed."""
 
     def __init__(self, nodes: list[Node]) -> None:
         self.stack_nodes = [node for node in nodes if hasattr(node, "taken_at_tick")]

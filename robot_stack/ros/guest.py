@@ -15,9 +15,9 @@ _JOIN_S = 5.0
 
 
 class Guest:
-    """A node with a context and an executor of its own. What others would have to discover for nothing is left out.
+    """A node with its own context and executor, without the endpoints that others would discover needlessly.
 
-    Whoever makes one has applied ``robot_stack.ros.transport`` and leaves by ``close``.
+    Apply ``robot_stack.ros.transport`` before making one, and end it with ``close``.
     """
 
     def __init__(self, name: str, domain: int | None = None) -> None:
@@ -41,8 +41,8 @@ class Guest:
         self._thread.start()
 
     def close(self) -> None:
-        """A thread that has not ended in time keeps what it uses, which then goes with the process: to destroy a
-        subscription that is being taken from would crash it.
+        """A thread that does not end in time keeps its resources until the process ends: destroying a subscription
+        while it is read would crash the process.
         """
         self.executor.stop()
         if self._thread is not None:

@@ -1,4 +1,4 @@
-"""From the contract's QoS to rclpy's profiles."""
+"""Conversion of the contract's QoS to rclpy profiles."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from robot_stack.contract.model import Qos, Topic
 from robot_stack.middleware.interfaces import interface_class
 
-# Who is busy for a moment shall lose nothing: a second of every topic is kept, and some messages of the rare ones.
+# A listener that is busy for a moment loses nothing: one second of every topic is kept, at least some messages.
 _DEPTH_S = 1.0
 _LEAST_DEPTH = 10
 
@@ -24,7 +24,7 @@ def qos_profile(qos: Qos) -> QoSProfile:
 
 
 def listener_profile(row: Topic) -> QoSProfile:
-    """The row's QoS for who wants every message, deeper: depth is no matter between publisher and subscriber."""
+    """The row's QoS with a deeper history, for receiving every message; depth is not matched between endpoints."""
     profile = qos_profile(row.qos)
     profile.depth = max(row.qos.depth, _LEAST_DEPTH, math.ceil((row.rate_hz or 0.0) * _DEPTH_S))
     return profile

@@ -46,13 +46,13 @@ _WAIT_POLL_S = 0.01
 
 
 class RosPort(Node):
-    """See ``robot_stack.middleware.port.Port``. The executor asks it when it has work (``before_wait`` and so on).
+    """See ``robot_stack.middleware.port.Port``. The executor calls it when it has work (``before_wait`` and so on).
 
     Raises AlreadyRunning if this domain has a node of this name.
     """
 
     def __init__(self, name: str) -> None:
-        # Taken before the node exists: two nodes of one name in the graph would answer for each other.
+        # Locked before the node exists: two nodes of one name in the graph would answer for each other.
         self._lock: IO[str] = hold_lock(name)
         self.node_record = NodeRecord(name)
         self.node_record.constructing("construction")
@@ -64,7 +64,7 @@ class RosPort(Node):
         self._bulk: BulkInputs | None = None
         self._deliveries = NodeDeliveries(name, isinstance(self._time, SharedWorldClock), self._bulk_idle)
         self._schedule = Schedule(self._time, self._deliveries.owed if self._deliveries.counting else None)
-        # What shows that a node lives goes on where simulated time stands still.
+        # Heartbeats continue while simulated time stands still.
         self._own_schedule = Schedule(SystemClock()) if self._time.simulated else self._schedule
         self.schedules: list[Any] = [self._schedule, *([self._own_schedule] if self._time.simulated else [])]
         if self._deliveries.counting:
@@ -124,7 +124,7 @@ class RosPort(Node):
             self._wake_executor()
 
     def follow_clock(self) -> None:
-        """Sets rclpy's own clock, which stamps logs and goals, by the world's time in shared memory."""
+        """Sets rclpy's own clock, which stamps logs and goals, to the world's time in shared memory."""
         if self._time.simulated and self._world_clock is not None:
             stamp = time_from_s(self.now_ns() / NANOSECONDS)
             self._time_source.clock_callback(Clock(clock=stamp))
@@ -141,8 +141,8 @@ class RosPort(Node):
     def _received_s(self, info: Mapping[str, int]) -> float:
         """The time of a reception, which the middleware gives in system time, on the steady clock.
 
-        A message that wakes nobody lies for a while before it is taken, but never since before the last look: so a
-        system clock that is set shifts nothing by more than that.
+        A message that does not wake the node waits before it is read, but arrived after the previous read: so a step
+        of the system clock shifts nothing by more than that.
         """
         now_s = self.steady_s()
         if self._time.simulated:
@@ -150,26 +150,26 @@ class RosPort(Node):
         waited_s = (time.time_ns() - info["received_timestamp"]) / NANOSECONDS
         return now_s - min(max(waited_s, 0.0), time.monotonic() - self._taken_s)
 
-    # --- asked by the executor ---------------------------------------------------------------------------------------
+    # --- called by the executor --------------------------------------------------------------------------------------
 
     def before_wait(self) -> None:
-        """The executor is about to sleep: a simulated world waits for a node that is late with what it has to do."""
+        """The executor is about to sleep: publishes when the node has work next, for the simulated world to wait."""
         if self._time.simulated:
             self.node_record.due(min(self._schedule.next_due_s(), self._work_since_s()))
 
     def after_wait(self) -> None:
-        """The executor is awake: until it sleeps again the node has something to do."""
+        """The executor is awake: the node has work until it sleeps again."""
         if self._time.simulated:
             self.node_record.due(self._time.timer_s())
 
     def on_taken(self) -> None:
-        """The executor has taken what had arrived."""
+        """The executor has read all arrived messages."""
         self._taken_s = time.monotonic()
         while self._soon:
             self._soon.popleft()()
 
     def on_pause(self, late_s: float) -> None:
-        """The executor noticed that this process did not run for so long."""
+        """The executor detected that this process did not run for ``late_s``."""
         self._pauses += 1
         self._paused_s += self._pause_budget.excuse(late_s, time.monotonic())
         self._pause_text = {"held up": f"{self._pauses} times, last {late_s:.2f} s"}
@@ -178,7 +178,7 @@ class RosPort(Node):
         return self._pause_text
 
     def _work_since_s(self) -> float:
-        """Since when a worker computes what its loop waits for; infinite: none does."""
+        """Time since which the loop waits for a worker's result; infinite if it waits for none."""
         busy = any(worker.busy for worker in self._awaited)
         self._awaited_since_s = min(self._awaited_since_s, self._time.timer_s()) if busy else math.inf
         return self._awaited_since_s
@@ -210,7 +210,7 @@ class RosPort(Node):
             if read is not None:
                 try:
                     message = read(message)
-                except UnknownEncoding:  # left to the middleware, which says what is wrong
+                except UnknownEncoding:  # left to the middleware, which reports the error
                     message = deserialize_message(message, message_class)
             callback(message, self._received_s(info))
 
@@ -229,7 +229,7 @@ class RosPort(Node):
 
     def listen(self, row: Topic, callback: Callable[[Any, int, int], None], *, raw: bool, wakes: bool) -> _Subscription:
         def on_message(message: Any, info: Mapping[str, int]) -> None:
-            # The middleware's times are the system's; beside a simulated clock they would be of another time.
+            # The middleware's times are system times; on a simulated clock they have no meaning.
             received_ns = self.now_ns() if self._time.simulated else info["received_timestamp"]
             sent_ns = 0 if self._time.simulated else info["source_timestamp"]
             callback(message, received_ns, sent_ns or received_ns)
@@ -243,7 +243,7 @@ class RosPort(Node):
             _ = self._bulk_inputs
 
     def create_subscription(self, msg_type: Any, topic: str, *args: Any, **kwargs: Any) -> Any:
-        """As rclpy's; every message wakes the node. Not for /clock where the world's time is in shared memory."""
+        """Like rclpy's; every message wakes the node. Skips /clock if the world's time is in shared memory."""
         if topic == CLOCK_TOPIC and self._world_clock is not None:
             return None
         return super().create_subscription(msg_type, topic, *args, **kwargs)
@@ -379,7 +379,7 @@ def _is_rclpy_own(name: str) -> bool:
 
 
 def _keep_clock(parameters: list[Any]) -> SetParametersResult:
-    """A node cannot change its clock while it runs: every age and timer would jump."""
+    """Rejects a change of the node's clock while it runs: every age and timer would jump."""
     changed = any(item.name == USE_SIM_TIME_NAME for item in parameters)
     reason = f"{USE_SIM_TIME_NAME} is chosen at the start of a node" if changed else ""
     return SetParametersResult(successful=not changed, reason=reason)

@@ -1,4 +1,4 @@
-"""One process with its nodes: start, spin, and an orderly end on every path."""
+"""One process with its nodes: start, spin, and an orderly shutdown on every path."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from robot_stack.ros.executor import LeanExecutor
 
 _DELIVERY_S = 0.3
 EXIT_CRASHED = 1
-EXIT_REFUSED = 2  # a mistake in configuration or use: starting again will not help
+EXIT_REFUSED = 2  # a mistake in configuration or use: a restart does not help
 
 
 class EndingNode(Protocol):
@@ -45,7 +45,7 @@ class StopSignal:
 
     def __init__(self) -> None:
         self.received: signal.Signals | None = None
-        self.wake: Callable[[], None] = lambda: None  # who waits for it sleeps until something happens
+        self.wake: Callable[[], None] = lambda: None  # wakes the executor, which sleeps until an event
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._on_signal)
 
@@ -59,7 +59,7 @@ class StopSignal:
 
 @contextmanager
 def ros_process(*node_classes: Callable[[], NodeT], bulk: bool = False) -> Iterator[tuple[LeanExecutor, list[NodeT]]]:
-    """An executor with the nodes in it. On the way out the nodes leave their outputs safe and everything is closed."""
+    """An executor with the nodes in it. At exit the nodes publish safe outputs and everything is closed."""
     transport.apply(bulk=bulk)
     if bulk:
         transport.keep_memory()
@@ -101,7 +101,7 @@ def run_nodes(*node_classes: Callable[[], EndingNode], bulk: bool = False) -> in
 def _leave_safe(node: EndingNode) -> None:
     try:
         node.safe_output()
-        # A last message that is still on its way dies with its publisher: give it time, but never long.
+        # A last message in flight is lost with its publisher: wait for it, but only briefly.
         node.port.wait_delivered(_DELIVERY_S)
-    except Exception:  # the other nodes still have to leave theirs
+    except Exception:  # the other nodes still have to publish theirs
         traceback.print_exc()

@@ -1,4 +1,4 @@
-"""Timers of nodes that are no nodes of this stack: rcl's own."""
+"""Timers of nodes outside this stack: rcl's own."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ RCLError = _rclpy.RCLError
 
 
 class RclTimers:
-    """As ``robot_stack.middleware.timers.Schedule``, on the timers of rclpy nodes."""
+    """Like ``robot_stack.middleware.timers.Schedule``, on the timers of rclpy nodes."""
 
     def __init__(self, timers: list[Any]) -> None:
         self._timers = timers
@@ -32,7 +32,7 @@ class RclTimers:
             yield timer.callback
 
 
-# A timer on a clock that stands still says "not yet" and "now" at once.
+# A timer on a clock that stands still reports "not yet" and "now" at once.
 _LEAST_WAIT_S = 0.001
 
 

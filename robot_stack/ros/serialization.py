@@ -1,7 +1,7 @@
-"""Messages to bytes and back, the same bytes each time.
+"""Messages to bytes and back; the same message always gives the same bytes.
 
-rclpy serialises into memory as it comes from the allocator, and the padding that CDR leaves between fields keeps what
-was there before. Here the buffer is zeroed. Needs no ``rclpy.init``.
+rclpy serialises into uninitialised memory, so that the CDR padding between fields holds arbitrary bytes. Here the
+buffer is zeroed. Needs no ``rclpy.init``.
 
 Source: rmw/serialized_message.h, rcutils/types/uint8_array.h, and the capsules that rosidl_generator_py puts on the
 metaclass of a message.
@@ -45,7 +45,7 @@ class _Buffer(ctypes.Structure):
 
 
 class _Serializer:
-    """Reuses one buffer; belongs to one thread at a time, which the interpreter lock sees to."""
+    """Reuses one buffer; used by one thread at a time, which the interpreter lock ensures."""
 
     def __init__(self) -> None:
         self._rmw_serialize = ctypes.PyDLL(f"lib{get_rmw_implementation_identifier()}.so").rmw_serialize

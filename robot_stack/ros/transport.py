@@ -1,13 +1,12 @@
-"""The DDS settings of every process of the stack, in force before rclpy starts unless somebody has chosen others.
+"""The DDS settings of every process of the stack, applied before rclpy starts unless the environment has others.
 
-- Everything stays on this machine: sockets are bound to the loopback interface, so nobody on the network moves the
-  robot, whatever peers they name. Who chooses another discovery range gets sockets on every interface.
-- Processes talk by UDP. Fast DDS's shared memory is for those alone that exchange clouds and images (``bulk``):
-  whenever a participant with shared memory comes up, every other one checks its ports one by one, 0.33 s each where
-  the port is idle, and holds the lock without which it sends nothing (Fast DDS issue 6535). The chain that stops the
-  wheels must not stand still because somebody started a process.
-- By UDP, and with Fast DDS's own shared-memory segment of 512 KiB, most point clouds (2.4 MB) are lost; the profile
-  ``config/fastdds.xml`` has room for them.
+- Everything stays on this machine: sockets are bound to the loopback interface, so that a computer on the network
+cannot move the robot, whatever peers it names. Another discovery range gives sockets on every interface. - Processes
+communicate by UDP. Fast DDS's shared memory is only for those that exchange clouds and images (``bulk``): whenever a
+participant with shared memory starts, every other one checks its ports one by one, 0.33 s each where the port is idle,
+and holds the lock without which it sends nothing (Fast DDS issue 6535). The chain that stops the wheels must not stand
+still because a process starts. - By UDP, and with Fast DDS's own shared-memory segment of 512 KiB, most point clouds
+(2.4 MB) are lost; the profile ``config/fastdds.xml`` has room for them.
 """
 
 from __future__ import annotations
@@ -29,18 +28,18 @@ _LOCAL, _BY_PROFILE = "LOCALHOST", "SYSTEM_DEFAULT"
 
 
 def apply(environment: MutableMapping[str, str] = os.environ, *, bulk: bool = False) -> None:
-    """Sets what nobody has chosen. Raises ConfigError without a configuration folder.
+    """Sets the values that the environment does not. Raises ConfigError without a configuration folder.
 
-    bulk: this process sends or takes clouds or images.
+    bulk: this process publishes or subscribes to clouds or images.
     """
     own = _profiles()
-    if environment.get(PROFILE) in own:  # what a parent process has chosen for itself
+    if environment.get(PROFILE) in own:  # set by a parent process for itself
         del environment[PROFILE]
         environment[REACH] = _LOCAL if environment[REACH] == _BY_PROFILE else environment[REACH]
     reach = environment.setdefault(REACH, _LOCAL)
     if PROFILE in environment:
         return
-    # rmw adds transports of its own to every participant that it keeps on this machine: here the profile keeps it.
+    # rmw adds its own transports to every participant limited to this machine, so the profile sets that limit instead.
     if reach == _LOCAL:
         environment[PROFILE], environment[REACH] = own.shared if bulk else own.udp, _BY_PROFILE
     else:
@@ -48,9 +47,9 @@ def apply(environment: MutableMapping[str, str] = os.environ, *, bulk: bool = Fa
 
 
 def keep_memory() -> None:
-    """The C library keeps what clouds and images lay in for the next ones, in the process that asks for it.
+    """Makes the C library keep the memory of clouds and images for the next ones, in the calling process.
 
-    By default it gives each block of more than 128 KiB back to the kernel, and the next message's memory is new: it is
+    By default it returns each block of more than 128 KiB to the kernel, and the next message's memory is new: it is
     zeroed page by page, some thousand page faults a second.
     """
     libc = ctypes.CDLL(None)
@@ -66,7 +65,7 @@ def carries_bulk() -> bool:
 
 @contextmanager
 def shared_memory() -> Iterator[None]:
-    """A context that is initialised here has shared memory to receive from, whatever the process has."""
+    """A context initialised inside has shared memory for receiving, whatever the process uses."""
     before = os.environ[REACH]
     os.environ[REACH] = _LOCAL
     try:
@@ -76,7 +75,7 @@ def shared_memory() -> Iterator[None]:
 
 
 class _Profiles(NamedTuple):
-    """Files: with shared memory, without, and for who talks beyond this machine."""
+    """Profile files: with shared memory, without, and for communication beyond this machine."""
 
     shared: str
     udp: str

@@ -1,6 +1,6 @@
 """Waking a thread from the middleware's own threads, without a wait set and without Python.
 
-rmw attaches every entity anew at each wait of a wait set: 0.3 to 0.7 ms of processor time for 10 to 30 entities, each
+rmw attaches every entity again at each wait of a wait set: 0.3 to 0.7 ms of processor time for 10 to 30 entities, each
 time. Here rcl calls ``eventfd_write`` of the C library for each new message: its signature (descriptor, count) is that
 of rcl's event callback (user data, number of events). The thread then waits in one ``epoll`` for all descriptors.
 
@@ -40,7 +40,7 @@ class WakeupError(RuntimeError):
 
 
 class Wakeups:
-    """Event descriptors of entities, and of ``wake``; ``wait`` tells which of them have been written to.
+    """Event descriptors of entities, and of ``wake``; ``wait`` returns those that have been written to.
 
     One thread waits; ``wake`` may be called from any, and from a signal handler.
     """
@@ -55,8 +55,8 @@ class Wakeups:
         os.eventfd_write(self._own, 1)
 
     def wait(self, timeout_s: float) -> tuple[bool, list[tuple[Any, int]]]:
-        """Waits at most so long. Returns whether ``wake`` was called, and the entities for which something has arrived,
-        each with how many times since it was named last.
+        """Waits at most ``timeout_s``. Returns whether ``wake`` was called, and the entities with new events, each with
+        their number since it was last returned.
         """
         woken, ready = False, []
         for descriptor, _ in self._epoll.poll(timeout_s):
@@ -68,11 +68,11 @@ class Wakeups:
         return woken, ready
 
     def pending(self) -> bool:
-        """``wait`` would return at once. For any thread."""
+        """True if ``wait`` would return at once. For any thread."""
         return bool(self._epoll.poll(0.0))
 
     def follow(self, entity: Any) -> None:
-        """From now on ``wait`` names the entity when something has arrived for it, also if it already has.
+        """From now on ``wait`` returns the entity when it has new events, including those already there.
 
         The caller keeps the entity's handle alive until ``forget``. Raises WakeupError.
         """
@@ -83,7 +83,7 @@ class Wakeups:
         _set(library, handle, setters, _WRITE, descriptor)
 
     def forget(self, entities: Iterable[Any]) -> None:
-        """Ends ``follow``. No callback of the middleware may find a descriptor that is closed, or somebody else's."""
+        """Ends ``follow``. A callback of the middleware must never use a descriptor that is closed or reused."""
         gone = {id(entity) for entity in entities}
         for descriptor in [number for number, entity in self._entities.items() if id(entity) in gone]:
             self._undo.pop(descriptor)()
@@ -103,7 +103,7 @@ class Wakeups:
 
 
 def can_follow(entity: Any) -> bool:
-    """False for what rcl has no callback for: guard conditions, and waitables other than actions."""
+    """False for entities without an rcl callback: guard conditions, and waitables other than actions."""
     return isinstance(entity, Subscription | Service | Client | ActionServer | ActionClient)
 
 

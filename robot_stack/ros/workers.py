@@ -24,7 +24,7 @@ class ThreadWorker:
 
     @property
     def busy(self) -> bool:
-        """A job is queued or running, or its result has not reached the loop yet."""
+        """True while a job is queued or running, or its result has not reached the loop yet."""
         return self._unfinished > 0
 
     def submit(self, job: Callable[[], T], done: Callable[[T], None]) -> None:

@@ -1,4 +1,4 @@
-"""From a sweep as the sensor sends it to a few thousand points in base_link at the sweep's stamp."""
+"""Reduces a raw sweep to a few thousand points in base_link at the sweep's stamp."""
 
 # mypy: disable-error-code="no-untyped-def, untyped-decorator, no-any-return"
 
@@ -12,8 +12,8 @@ from robot_stack.core.point_cloud import SWEEP, Points
 
 Floats = npt.NDArray[np.float64]
 
-# A small table stays in the fast caches, and a sweep thinned for matching fits; what does not is thinned again in a
-# larger one. Beyond the largest, 65,536 voxels, further ones are left out.
+# A small table stays in the fast caches, and suffices for a sweep subsampled for matching; others are subsampled again
+# in a larger one. Beyond the largest, 65,536 voxels, further ones are left out.
 _TABLE_BITS = (14, 17)
 _WORDS = SWEEP.itemsize // 4
 
@@ -23,9 +23,9 @@ def subsample(
 ) -> Floats:
     """(m, 3) centroids of the voxels of ``sweep`` (SWEEP, sensor frame), in base_link at the sweep's stamp.
 
-    lidar_xyz_m: (3,) sensor in base_link, not turned. motion: (k, 4) rows [time s, x m, y m, yaw rad]: base_link at
+    lidar_xyz_m: (3,) sensor in base_link, not rotated. motion: (k, 4) rows [time s, x m, y m, yaw rad]: base_link at
     that time relative to the stamp, in base_link at the stamp; times rise. Points that are not finite, nearer than
-    min_range_m (in the plane: the robot itself) or farther than max_range_m are left out. A voxel's points are seen
+    min_range_m (in the plane: the robot itself) or farther than max_range_m are left out. A voxel's points are measured
     within milliseconds of each other, so its centroid is moved by its mean time instead of every point by its own.
     Raises ValueError for a sweep of another layout and for motion that is not finite.
     """
@@ -46,7 +46,7 @@ def subsample(
 
 @numba.njit(cache=True, nogil=True)
 def _most(bits):
-    """Voxels that go into a table: a fuller one would be slow."""
+    """Largest number of voxels in a table: a fuller one would be slow."""
     return 1 << (bits - 1)
 
 

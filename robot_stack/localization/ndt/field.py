@@ -1,4 +1,4 @@
-"""A map's cells laid out for matching: a dense index over the bounding box, and what each cell needs at hand."""
+"""A map's cells laid out for matching: a dense index over the bounding box, and precomputed values of each cell."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from robot_stack.core.site_map import Cells
 Floats = npt.NDArray[np.float64]
 
 # Eigenvalues below this share of the largest are raised to it (Magnusson 2009, 6.2.1 takes 0.1 %): a wall thinner than
-# the sensor's noise would be a knife's edge that the search falls off.
+# the sensor's noise has an objective too narrow for the search to converge.
 _LEAST_EIGENVALUE_RATIO = 0.01
-# Directions in which a cell is thinner than this share of its width say where the robot is; in the others a cell only
-# says that the surface goes on, whatever its normal distribution claims.
+# Directions in which a cell is thinner than this share of its width constrain the pose; along the others its surface
+# continues beyond the cell, whatever its normal distribution.
 _THIN_RATIO = 0.1
 _MAX_VOXELS = 100_000_000
 _PACKED = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
 
 
 class Field(NamedTuple):
-    """Cells in the map frame; all arrays are what the compiled kernels read.
+    """Cells in the map frame; all arrays are inputs of the compiled kernels.
 
     size_m: edge of a voxel. corner: (3,) int64, key of the voxel at index (0, 0, 0). rows: (nx, ny, nz) int32, row of
     a voxel's cell or -1. mean: (n, 3) m. inverse: (n, 6) inverse covariance [xx, xy, xz, yy, yz, zz], 1/m2. normal:
-    (n, 6) its part along the thin directions. ground: (nx, ny) m, lowest mean of the column, NaN where nothing is.
+    (n, 6) its part along the thin directions. ground: (nx, ny) m, lowest mean of the column, NaN for an empty one.
     """
 
     size_m: float
@@ -92,7 +92,7 @@ def structure_of(cells: Cells, height_m: float) -> Cells:
 def _inverses(covariance: Floats, size_m: float) -> tuple[Floats, Floats]:
     """(n, 6) each: the regularised inverse, and its part along directions much thinner than the cell."""
     value, vector = np.linalg.eigh(0.5 * (covariance + covariance.transpose(0, 2, 1)))
-    # A cell whose points sit in one place still has an extent: a thousandth of what would fill it.
+    # A cell whose points coincide still gets an extent: a thousandth of a full cell's variance.
     largest = np.maximum(value[:, 2], 1e-3 * size_m**2 / 12.0)
     value = np.maximum(value, _LEAST_EIGENVALUE_RATIO * largest[:, None])
     thin = value < _THIN_RATIO * largest[:, None]

@@ -1,4 +1,4 @@
-"""Which matches are believed, and what becomes of the confidence in the pose."""
+"""Acceptance of matches, and the resulting confidence in the pose."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from robot_stack.localization.ndt.params import EvidenceParams, GateParams, Matc
 
 
 class Confidence(Enum):
-    """SEARCHING: the pose is not known. CONFIRMING: it has to prove itself. TRACKING: matches hold it.
+    """SEARCHING: the pose is unknown. CONFIRMING: the pose waits for confirming matches. TRACKING: matches hold it.
 
-    DEAD_RECKONING: matches held it, and there is nothing around to match. AMBIGUOUS: it is one of several.
+    DEAD_RECKONING: matches held it, and there is no structure nearby. AMBIGUOUS: it is one of several.
     """
 
     SEARCHING = "searching the map"
@@ -24,7 +24,7 @@ class Confidence(Enum):
 
 
 def lack_of_evidence(match: Match, evidence: EvidenceParams) -> str:
-    """Why a match that explains little is not believed; empty if it stands out. A contrast nobody asked for is none."""
+    """Why a match that explains little is rejected; empty if it stands out. NaN contrast (not computed) is none."""
     if not match.score >= evidence.least_score:
         return f"less than {evidence.least_score}"
     if not match.contrast >= evidence.min_contrast:
@@ -44,7 +44,7 @@ def lack_of_evidence(match: Match, evidence: EvidenceParams) -> str:
 
 
 def fit_of(match: Match, gate: GateParams, quality: MatchQualityParams) -> float:
-    """How well a match holds the pose, for the quality: 0 or less is not at all, 1 or more is fully."""
+    """How well a match supports the pose, for the quality: 0 or less is not at all, 1 or more is fully."""
     by_score = (match.score - quality.zero_score) / (quality.full_score - quality.zero_score)
     if lack_of_evidence(match, gate.evidence):
         return by_score
@@ -65,7 +65,7 @@ def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigm
         return doubt
     if match.tilt_rad > gate.max_tilt_rad:
         return f"tilt of {match.tilt_rad:.2f} rad"
-    # A match that leaves one direction open still says something about the other; its covariance tells which.
+    # A match with one unconstrained direction still constrains the other; its covariance shows which.
     sigma_m = math.sqrt(match.position_variances_m2[0])
     if not sigma_m <= gate.max_sigma_m:
         return f"sigma {sigma_m:.2f} m: the surroundings do not hold the pose"
@@ -81,7 +81,7 @@ def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigm
 
 
 def _doubt(match: Match, gate: GateParams) -> str:
-    """What the score leaves open and nothing else answers. A share of rays that nobody asked for answers nothing."""
+    """What a low score leaves unproven; empty if other evidence resolves it. A NaN pierced share resolves nothing."""
     if match.score >= gate.sure_score:
         return ""
     if match.score < gate.min_score:
@@ -93,32 +93,32 @@ def _doubt(match: Match, gate: GateParams) -> str:
 
 
 class LocalizationState:
-    """Counts matches accepted and refused one after the other, and what follows from them."""
+    """Counts consecutive accepted and rejected matches, and derives the confidence."""
 
     def __init__(self, params: NdtParams) -> None:
         self._gate, self._quality, self._dead_reckoning = params.gate, params.quality, params.dead_reckoning
         self.state = Confidence.CONFIRMING
         self._accepted = self._refused = 0
-        self._heard_s = -math.inf  # the last sweep that was matched or had nothing to match
+        self._heard_s = -math.inf  # time of the last sweep that was matched or had no structure
         self._way_m = 0.0
         self._fit = 0.0
 
     @property
     def known(self) -> bool:
-        """There is one pose, be it confirmed or not."""
+        """True if there is one pose, confirmed or not."""
         return self.state not in (Confidence.SEARCHING, Confidence.AMBIGUOUS)
 
     @property
     def refused(self) -> int:
-        """Matches refused since the last accepted one."""
+        """Matches rejected since the last accepted one."""
         return self._refused
 
     def restart(self, state: Confidence) -> None:
-        """The pose was given or found anew, or is to be looked for."""
+        """A pose was given or found, or is to be searched for."""
         self.state, self._accepted, self._refused, self._way_m = state, 0, 0, 0.0
 
     def found(self, match: Match, steady_s: float) -> None:
-        """A search came up with a pose; it has to prove itself from now on."""
+        """A search found a pose; it needs confirmation by matches."""
         self.restart(Confidence.CONFIRMING)
         self._fit, self._heard_s = fit_of(match, self._gate, self._quality), steady_s
 
@@ -134,18 +134,18 @@ class LocalizationState:
             self._way_m = 0.0
 
     def nothing_around(self, steady_s: float) -> None:
-        """A sweep could neither confirm nor contradict the pose, and the map expects none that could."""
+        """A sweep could neither confirm nor contradict the pose, and the map expects no structure here."""
         if self.state in (Confidence.TRACKING, Confidence.DEAD_RECKONING):
             self.state, self._heard_s = Confidence.DEAD_RECKONING, steady_s
 
     def went(self, way_m: float) -> None:
-        """The robot moved on by ``way_m``."""
+        """The robot moved by ``way_m``."""
         self._way_m += way_m
         if self.state is Confidence.DEAD_RECKONING and self._way_m > self._dead_reckoning.max_way_m:
             self.restart(Confidence.SEARCHING)
 
     def unseen_motion(self) -> None:
-        """The robot may have moved without wheels and gyro knowing how far: there is nothing to find that out by."""
+        """The robot may have moved beyond what wheels and gyro measured, with no structure to detect it."""
         if self.state in (Confidence.DEAD_RECKONING, Confidence.AMBIGUOUS):
             self.restart(Confidence.SEARCHING)
 
@@ -157,12 +157,12 @@ class LocalizationState:
             self.restart(Confidence.SEARCHING)
 
     def factor(self, steady_s: float) -> float:
-        """By how much the matches lower the quality, in [0, 1]: fit and age of the last one, way without any."""
+        """Factor of the matches on the quality, in [0, 1]: fit and age of the last one, distance without any."""
         if not self.known:
             return 0.0
         q = self._quality
         age = (q.stale_s - (steady_s - self._heard_s)) / (q.stale_s - q.fresh_s)
-        # Each contradiction in a row counts at once; the last would make it zero.
+        # Each consecutive contradiction reduces the factor at once; the last one makes it zero.
         agreed = 1.0 - self._refused / self._gate.rejected_until_lost
         return min(1.0, max(0.0, age)) * min(1.0, max(0.0, self._fit)) * agreed * self._by_way()
 

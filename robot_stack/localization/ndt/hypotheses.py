@@ -1,4 +1,4 @@
-"""Several places that fit the same sweep: each is carried on by wheels and gyro until later sweeps tell them apart."""
+"""Several places that fit the same sweep, each tracked by wheels and gyro until later sweeps separate them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _WEIGHT = 0.3  # of a new score in the running mean
 
 @dataclass(frozen=True, slots=True)
 class _Hypothesis:
-    """match: of the newest sweep, None where that did not hold it. score: running mean.
+    """match: of the newest sweep, None if it did not fit. score: running mean.
 
     pose: base_link in map when the dead-reckoned pose was ``at``.
     """
@@ -42,30 +42,30 @@ class Hypotheses:
         return len(self._all)
 
     def guesses(self, travelled: Pose2) -> tuple[Pose2, ...]:
-        """Where the robot is by each of them."""
+        """The robot's pose by each of them."""
         return tuple(hypothesis.now(travelled) for hypothesis in self._all)
 
     def judge(self, matches: Sequence[Match], travelled: Pose2) -> None:
-        """matches: of one sweep, from each of the guesses in their order. Drops those that fit worse than the best."""
+        """matches: of one sweep, from each guess in order. Drops those that fit worse than the best."""
         self._way_m += travelled.distance_to(self._last)
         self._last, self._sweeps = travelled, self._sweeps + 1
         self._all = [self._after(old, match, travelled) for old, match in zip(self._all, matches, strict=True)]
         self._all.sort(key=lambda hypothesis: -hypothesis.score)
         self._all = self._apart()
         if self._way_m < self._params.decide_way_m:
-            return  # what looked alike still looks alike: noise must not decide
+            return  # the places still fit alike: noise must not decide
         least = self._params.dropped_ratio * self._all[0].score
         self._all = [hypothesis for hypothesis in self._all if hypothesis.score >= least]
 
     def idle(self) -> bool:
-        """The robot stands, so motion will not tell: what blurred the search may have gone away meanwhile."""
+        """True while the robot stands, so that motion cannot decide: a new search may give a clearer result."""
         return self._sweeps >= self._params.idle_sweeps and self._way_m < self._params.decide_way_m
 
     def best_score(self) -> float:
         return max((hypothesis.score for hypothesis in self._all), default=0.0)
 
     def alone(self) -> Match | None:
-        """The newest sweep's match of the only place left; None while there are several, or it does not hold it."""
+        """The newest sweep's match of the only place left; None while there are several, or it does not fit."""
         return self._all[0].match if len(self._all) == 1 else None
 
     def _after(self, old: _Hypothesis, match: Match, travelled: Pose2) -> _Hypothesis:
@@ -74,11 +74,11 @@ class Hypotheses:
         jumped = found.distance_to(guess) > self._params.max_jump_m or turn_rad > self._params.max_jump_rad
         held = match.converged and not jumped
         score = old.score + _WEIGHT * ((match.score if held else 0.0) - old.score)
-        # A place that no longer fits goes on by dead reckoning: it must not slide to one that does.
+        # A place that no longer fits continues by dead reckoning: it must not slide to one that does.
         return _Hypothesis(match if held else None, found if held else guess, travelled, score)
 
     def _apart(self) -> list[_Hypothesis]:
-        """Best first, without those that have come to where a better one is."""
+        """Best first, without those that have converged to a better one."""
         found: list[_Hypothesis] = []
         for item in self._all:
             if not any(self._same(item.pose, other.pose) for other in found):
@@ -86,6 +86,6 @@ class Hypotheses:
         return found
 
     def _same(self, one: Pose2, other: Pose2) -> bool:
-        """The same place, faced the same way: in the middle of a hall its mirror image differs by heading alone."""
+        """The same place and heading: in the middle of a hall its mirror image differs by heading alone."""
         turn_rad = abs(math.remainder(one.yaw - other.yaw, math.tau))
         return one.distance_to(other) <= self._params.merge_m and turn_rad <= self._params.max_jump_rad

@@ -3,7 +3,7 @@
 A pose moves by increments delta (6,) [translation m, rotation rad], both in the axes of map, the rotation about the
 origin of base_link: x -> exp(rotation) R x + t + translation. Derivatives are taken at delta = 0, where they are exact
 and short.
-Newton's method and what it calls live in one file: numba's cache does not notice changes in other ones.
+Newton's method and its callees live in one file: numba's cache does not detect changes in other files.
 """
 
 # mypy: disable-error-code="no-untyped-def, no-untyped-call, untyped-decorator, no-any-return"
@@ -62,7 +62,7 @@ def fill_symmetric(upper, full):
 
 @numba.njit(cache=True, nogil=True)
 def derivatives(points, rotation, position, field, d1, d2, gradient, hessian):
-    """The objective; writes its gradient (6,) and Hessian (6, 6) by the increment."""
+    """The objective; writes its gradient (6,) and Hessian (6, 6) with respect to the increment."""
     gradient[:] = 0.0
     total = 0.0
     nx, ny, nz = field.rows.shape
@@ -149,7 +149,7 @@ def turned(rotation, omega):
 
 @numba.njit(cache=True, nogil=True)
 def _tilt(rotation, up):
-    """How the measured vertical ``up`` (in base_link), turned into map, leans off z: rotation that would right it."""
+    """Tilt of the measured vertical ``up`` (in base_link), rotated into map, against z: the rotation that levels it."""
     return (
         rotation[1, 0] * up[0] + rotation[1, 1] * up[1] + rotation[1, 2] * up[2],
         -(rotation[0, 0] * up[0] + rotation[0, 1] * up[1] + rotation[0, 2] * up[2]),
@@ -158,7 +158,7 @@ def _tilt(rotation, up):
 
 @numba.njit(cache=True, nogil=True)
 def _whole(points, rotation, position, field, d1, d2, prior, gradient, hessian):
-    """The objective and what is known beforehand, with the derivatives of both."""
+    """The objective plus the prior, with the derivatives of both."""
     score = derivatives(points, rotation, position, field, d1, d2, gradient, hessian)
     tx, ty = _tilt(rotation, prior)
     dz = position[2] - prior[4]
@@ -173,7 +173,7 @@ def _whole(points, rotation, position, field, d1, d2, prior, gradient, hessian):
 
 @numba.njit(cache=True, nogil=True)
 def newton(points, rotation, position, field, d1, d2, prior, limits):
-    """Minimises the objective plus what is known beforehand; moves rotation and position in place.
+    """Minimises the objective plus the prior; moves rotation and position in place.
 
     prior: (6,) vertical in base_link (3), its weight 1/rad2, height m, its weight 1/m2. limits: [iterations, longest
     step m, longest turn rad, step m and turn rad below which it has converged]. Returns (objective, iterations,
@@ -201,7 +201,7 @@ def newton(points, rotation, position, field, d1, d2, prior, limits):
         for _ in range(6):
             new_rotation = turned(rotation, size * step[3:])
             new_position = position + size * step[:3]
-            # With its derivatives at once: nearly every first try is accepted, and then they are the next step's.
+            # With its derivatives at once: nearly every first try is accepted, and the next step needs them.
             new_score = _whole(points, new_rotation, new_position, field, d1, d2, prior, new_gradient, new_hessian)
             if new_score <= score + 1e-4 * size * slope:
                 accepted = True
@@ -209,7 +209,7 @@ def newton(points, rotation, position, field, d1, d2, prior, limits):
             # The lowest point of the parabola through both scores and the slope (Nocedal and Wright 2006, 3.5).
             curve = new_score - score - size * slope
             size = min(max(-0.5 * slope * size * size / max(curve, 1e-12), 0.1 * size), 0.5 * size)
-        if not accepted:  # no step goes down any more: this is the lowest that can be reached
+        if not accepted:  # no step descends any more: converged
             small = np.linalg.norm(step[:3]) < 10.0 * limits[3] and np.linalg.norm(step[3:]) < 10.0 * limits[4]
             return score, iteration + 1, small, reversals
         rotation[:] = new_rotation

@@ -1,4 +1,4 @@
-"""Registration of a subsampled sweep against a map, coarse to fine, with score, covariance and what went wrong."""
+"""Registration of a subsampled sweep against a map, coarse to fine, with score, covariance and diagnostics."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from robot_stack.localization.ndt.skyline import Skyline
 
 Floats = npt.NDArray[np.float64]
 
-# How well a cell knows its surface's normal, rad: so much of what holds across a surface seems to hold along it too.
+# Accuracy of a cell's normal, rad: this share of the information across a surface leaks into the direction along it.
 _NORMAL_RAD = 0.05
 _DIRECTIONS = 8
 
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """What came out.
+    """The result of a match.
 
     pose: (4, 4) base_link in map. covariance: (6, 6) of [translation m, rotation rad] in the axes of map; 1 m and more
-    where nothing holds the pose. score: share of the points above the ground that the map explains, 0 with fewer than
+    in unconstrained directions. score: share of the points above the ground that the map explains, 0 with fewer than
     one. structure: how many such points. converged: the last, finest level did. reversals: steps of it that went back
-    against the one before: the search swings between two answers. residual: mean squared distance of explained points
-    across their surfaces, in variances; about 1 at the right place, 3 where chance put them near a surface, NaN without
-    one. agreement: as score, of the points alone in columns where the map has anything at all. contrast, pierced: see
-    :meth:`NdtMatcher.weighed`, NaN where nobody asked.
+    against the one before: the search oscillates between two solutions. residual: mean squared distance of explained
+    points across their surfaces, in variances; about 1 at the right place, 3 for points near a surface by chance, NaN
+    without any. agreement: like score, only of the points in columns where the map is not empty. contrast, pierced: see
+    :meth:`NdtMatcher.weighed`, NaN if not computed.
     """
 
     pose: Floats
@@ -59,7 +59,7 @@ class Match:
 
     @property
     def position_variances_m2(self) -> tuple[float, float]:
-        """In the direction that holds the robot best, and in the one that holds it worst."""
+        """In the best and in the worst constrained direction."""
         best, worst = np.linalg.eigvalsh(self.planar_covariance[:2, :2])
         return float(best), float(worst)
 
@@ -110,15 +110,15 @@ class NdtMatcher:
 
     @property
     def wide(self) -> Field:
-        """The coarsest level but one: what a search correlates with."""
+        """The level that a search correlates with: the coarsest but one."""
         return self.levels[min(1, len(self.levels) - 1)]
 
     def standing(self, points: Floats, up: Floats) -> Floats:
-        """The points (n, 3) that stand above the ground that base_link stands on."""
+        """The points (n, 3) above the ground on which base_link stands."""
         return np.ascontiguousarray(points[points @ up > self._params.structure_height_m])
 
     def ground_m(self, x_m: float, y_m: float) -> float:
-        """Height of the ground in the map, NaN where it knows none."""
+        """Height of the ground in the map, NaN where it is unknown."""
         field = self.fine
         ix = math.floor(x_m / field.size_m) - int(field.corner[0])
         iy = math.floor(y_m / field.size_m) - int(field.corner[1])
@@ -136,7 +136,7 @@ class NdtMatcher:
         first = max((i for i, level in enumerate(p.levels) if level.reach_m >= off_m), default=0)
         standing = self.standing(points, guess[2, :3])
         for level, field, (d1, d2) in list(zip(p.levels, self.levels, self._mixture, strict=True))[first:]:
-            loose = 1.0 if field is self.fine else 10.0  # a coarse level only has to come near
+            loose = 1.0 if field is self.fine else 10.0  # a coarse level needs less precision
             prior = np.array([*up, 1.0 / p.tilt_sigma_rad**2, guess[2, 3], level.structure / p.height_sigma_m**2])
             limits = np.array(
                 [p.max_iterations, p.max_step_m, p.max_turn_rad, loose * p.converged_m, loose * p.converged_rad]
@@ -148,11 +148,11 @@ class NdtMatcher:
         return self._judged(points, rotation, position, bool(converged), iterations, int(reversals))
 
     def weighed(self, points: Floats, match: Match, lidar: Floats) -> Match:
-        """``match`` with what else speaks for it, for the gate to judge where the score says little.
+        """``match`` with further evidence, for the gate to evaluate at a low score.
 
-        points: those that were matched. lidar: (3,) sensor in base_link. contrast: how many times the structure that
-        the match explains is what the best of the poses beside it explains, in eight directions and turned to both
-        sides. pierced: share of the rays that pass through something that the map has. Neither with too few points.
+        points: the matched points. lidar: (3,) sensor in base_link. contrast: ratio of the structure that the match
+        explains to that of the best pose beside it, in eight directions and turned to both sides. pierced: share of the
+        rays that pass through an occupied cell of the map. Neither with too few points.
         """
         p = self._params.beside
         standing = self.standing(points, match.pose[2, :3])
@@ -179,11 +179,11 @@ class NdtMatcher:
         return replace(match, contrast=contrast, pierced=float(pierced))
 
     def _beside(self, match: Match) -> list[Floats]:
-        """(4, 4) each: poses that a sweep would tell from ``match``, over the ground as high as it is."""
+        """(4, 4) each: poses that a sweep should distinguish from ``match``, at the same height over the ground."""
         p, here, found = self._params.beside, match.planar, []
         ground_m = self.ground_m(here.x, here.y)
         for away_m in p.away_m:
-            for k in range(_DIRECTIONS):  # one of them is ahead: streets and corridors repeat themselves along the way
+            for k in range(_DIRECTIONS):  # one is straight ahead: streets and corridors repeat along the way
                 angle = here.yaw + k * math.tau / _DIRECTIONS
                 pose = match.pose.copy()
                 pose[:2, 3] += away_m * math.cos(angle), away_m * math.sin(angle)
@@ -223,7 +223,7 @@ class NdtMatcher:
         p = self._params
         leaked = _NORMAL_RAD**2 * float(np.trace(information[:3, :3]))
         value, vector = np.linalg.eigh(information - np.diag([leaked, leaked, 0.0, 0.0, 0.0, 0.0]))
-        # Directions that nothing holds get 1 m, 1 rad: more would spill into the others, whose axes are not exact.
+        # Unconstrained directions get 1 m, 1 rad: more would leak into the others, whose axes are not exact.
         spread = vector @ np.diag(1.0 / np.maximum(value, 1.0)) @ vector.T
         least = np.array([p.position_sigma_m] * 3 + [p.yaw_sigma_rad] * 3) ** 2
         covariance: Floats = p.covariance_scale**2 * 0.5 * (spread + spread.T) + np.diag(least)

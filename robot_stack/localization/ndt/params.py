@@ -16,7 +16,7 @@ Count = Annotated[int, Field(ge=1)]
 
 
 class CloudParams(Config):
-    """What of a sweep is matched. sweep_s: how long before its stamp a sweep may have begun."""
+    """Selection of a sweep's points. sweep_s: longest time from a sweep's begin to its stamp."""
 
     voxel_m: Positive
     min_range_m: Positive
@@ -29,8 +29,8 @@ class LevelParams(Config):
     """One resolution of the map.
 
     cell_m: edge of its cells, those of the map are merged to it. blur_m: added to every cell's spread, so that thin
-    walls pull from afar. reach_m: how far off a guess may be. structure: only what stands above the ground is matched,
-    and the height is held: ground says nothing about x, y and yaw, but outnumbers what does.
+    walls attract from afar. reach_m: largest error of a guess. structure: only points above the ground are matched,
+    and the height is held: ground does not constrain x, y and yaw, but outnumbers the points that do.
     """
 
     cell_m: Positive
@@ -40,10 +40,10 @@ class LevelParams(Config):
 
 
 class BesideParams(Config):
-    """Poses beside a match that must explain much less than it: so far away, and turned so far to both sides.
+    """Poses beside a match, at these distances and turns to both sides, that must explain much less than it.
 
-    points: of those that stand above the ground, so many are looked at; with fewer than min_points none. A ray passes
-    through what stands in the map if it comes within pierced_sigmas of it, pierced_margin_m and more from its ends.
+    points: number of points above the ground to use; with fewer than min_points there is no result. A ray passes
+    through a cell of the map if it comes within pierced_sigmas of it, pierced_margin_m and more from its ends.
     """
 
     points: Count
@@ -58,8 +58,8 @@ class MatchParams(Config):
     """The objective and Newton's method.
 
     levels: coarse to fine, with falling reach; a match begins where the guess is within reach, and ends at the last.
-    covariance_scale: by how much the errors found are larger than those of independent points (standard deviations);
-    the sigmas are the least that a match is trusted to.
+    covariance_scale: ratio of the measured errors to those of independent points (standard deviations);
+    the sigmas are lower bounds of a match's.
     """
 
     levels: Annotated[list[LevelParams], Field(min_length=1)]
@@ -90,13 +90,13 @@ class MatchParams(Config):
 
 
 class EvidenceParams(Config):
-    """What a match must show that explains less than min_score of the structure, because map or world have gaps.
+    """Evidence required of a match that explains less than min_score of the structure, where map or world have gaps.
 
-    least_score: the share that it must explain all the same; min_agreement: of what lies where the map knows anything.
-    max_pierced: the share of rays that pass through what the map has, over the agreement: what contradicts over what
-    agrees. min_contrast: how many times that of the poses beside it,
-    and, in a search, of every other place. max_residual: of the explained points, in variances. held_sigma_m,
-    held_sigma_rad: the most in x, y and yaw: all three must be held.
+    least_score: the share that it must explain all the same; min_agreement: the share in known parts of the map.
+    max_pierced: the share of rays that pass through the map's structure, over the agreement. min_contrast: least ratio
+    of its explained structure to that of the poses beside it and, in a search, of every other place.
+    max_residual: of the explained points, in variances. held_sigma_m, held_sigma_rad: largest sigmas in x, y and yaw:
+    all three must be constrained.
     """
 
     least_score: Share
@@ -111,15 +111,15 @@ class EvidenceParams(Config):
 class GateParams(Config):
     """Which matches correct the pose, and when the pose is given up.
 
-    A match that explains sure_score of the structure needs nothing beside it; one that explains min_score must not have
-    more than max_pierced of its rays pass through what the map has; one that explains less needs evidence.
+    A match that explains sure_score of the structure needs no further evidence; for one that explains min_score, at
+    most max_pierced of its rays may pass through the map's structure; one that explains less needs evidence.
 
     reach_sigmas: how many standard deviations of the prediction the first level of a match must reach; the yaw's count
     at reach_radius_m.
-    rejected_until_lost: matches refused one after the other. accepted_until_sure: matches accepted one after the other
-    before a pose found anew counts; sure_position_m, sure_yaw_rad: how little they may correct then.
-    A sweep of fewer than min_structure_points says nothing, unless the map has something within expected_range_m in
-    expected_directions of 36 directions, and more than max_unseen_share of them show nothing: then it contradicts.
+    rejected_until_lost: consecutive rejected matches. accepted_until_sure: consecutive accepted matches before a found
+    pose counts as confirmed; sure_position_m, sure_yaw_rad: largest corrections by them.
+    A sweep of fewer than min_structure_points is ignored, unless the map has structure within expected_range_m in
+    expected_directions of 36, and more than max_unseen_share of them are empty in the sweep: then it contradicts.
     """
 
     min_score: Share
@@ -151,10 +151,10 @@ class GateParams(Config):
 
 
 class SearchParams(Config):
-    """Looking for the pose when it is lost: first near the last one, then in the whole map.
+    """Search for the pose when it is lost: first near the last one, then in the whole map.
 
-    near_turn_rad: near the last pose, headings so far from the last one; every heading once the gyro was missed.
-    near_ratio: a pose found among those must explain so much of what the best of the whole map explains.
+    near_turn_rad: near the last pose, largest heading difference to it; all headings if the gyro had a gap.
+    near_ratio: least ratio of such a pose's score to that of the best of the whole map.
     """
 
     near_radius_m: Positive
@@ -173,12 +173,12 @@ class SearchParams(Config):
 
 
 class HypothesisParams(Config):
-    """Several places that fit: which motion decides between.
+    """Several places that fit; motion decides between them.
 
-    most: with more of them, so many things look alike that the right place may be missing. decide_way_m: nothing is
-    decided before the robot has gone so far. dropped_ratio: of the best one's score, below which a place is dropped.
-    idle_sweeps: without that way, after so many sweeps the map is searched anew.
-    max_jump_m, max_jump_rad: a match farther from where wheels and gyro put the place is of another one. merge_m:
+    most: with more of them, so much looks alike that the right place may be missing. decide_way_m: least distance
+    travelled before a decision. dropped_ratio: share of the best score below which a place is dropped.
+    idle_sweeps: without that distance, the map is searched again after so many sweeps.
+    max_jump_m, max_jump_rad: a match farther from the dead-reckoned place belongs to another one. merge_m:
     places nearer than that are one.
     """
 
@@ -192,9 +192,9 @@ class HypothesisParams(Config):
 
 
 class DeadReckoningParams(Config):
-    """Going on by wheels and gyro where nothing stands around.
+    """Continuing by wheels and gyro where there is no structure.
 
-    max_way_m: since the last match that counted; then the pose is lost. least_factor: on the quality, at that way.
+    max_way_m: since the last counted match; then the pose is lost. least_factor: on the quality, at that distance.
     """
 
     max_way_m: Positive
@@ -202,10 +202,10 @@ class DeadReckoningParams(Config):
 
 
 class SlipParams(Config):
-    """When the way between two matches says that the wheels slipped.
+    """Detection of wheel slip by the distance between two matches.
 
-    window_s: the two are so far apart at most; a slip is told so long. least_m: ways that are less apart say nothing;
-    share: of the way besides, what wheels and gyro are off without slipping; sigmas: of both matches' positions.
+    window_s: largest time between the two; a slip is reported for as long. least_m: smaller differences are ignored;
+    share: of the distance besides, the error of wheels and gyro without slip; sigmas: of both matches' positions.
     """
 
     window_s: Positive
@@ -215,11 +215,11 @@ class SlipParams(Config):
 
 
 class MatchQualityParams(Config):
-    """What matches do to ``/localization/quality``.
+    """Effect of matches on ``/localization/quality``.
 
-    The score (explained share of the structure) counts 0 at zero_score, 1 at full_score; of a match that stands out by
-    its evidence the contrast does, 0 at zero_contrast, 1 at full_contrast, if that is more. The age of the last
-    accepted match counts 1 up to fresh_s, 0 from stale_s on. unsure: the most while a pose found anew is not confirmed.
+    The score (explained share of the structure) counts 0 at zero_score, 1 at full_score; for a match accepted by
+    evidence the contrast counts, 0 at zero_contrast, 1 at full_contrast, if that is more. The age of the last
+    accepted match counts 1 up to fresh_s, 0 from stale_s on. unsure: upper limit while a found pose is not confirmed.
     """
 
     zero_score: Share
@@ -242,7 +242,7 @@ class MatchQualityParams(Config):
 
 
 class NdtParams(Config):
-    """start_position_sigma_m, start_yaw_sigma_rad: how far off the start pose may be where there is a map."""
+    """start_position_sigma_m, start_yaw_sigma_rad: standard deviations of the start pose if there is a map."""
 
     start_position_sigma_m: Positive
     start_yaw_sigma_rad: Positive

@@ -1,4 +1,4 @@
-"""Compiled judgement of poses: how well one explains a sweep, how firmly it is held, which places may be right."""
+"""Compiled evaluation of poses: how well one explains a sweep, how well it is constrained, candidate places."""
 
 # mypy: disable-error-code="no-untyped-def, no-untyped-call, untyped-decorator, no-any-return"
 
@@ -12,7 +12,7 @@ from robot_stack.localization.ndt.kernels import DX, DY, DZ, add_turned, fill_sy
 
 @numba.njit(cache=True, nogil=True)
 def judge(points, rotation, position, field, above_ground_m, explained2, information):
-    """How well the pose explains the points that stand above the ground; adds up the information on the pose (6, 6).
+    """How well the pose explains the points above the ground; adds up the information on the pose (6, 6).
 
     Returns (structure points, explained ones, known ones, residual). A point stands where it is above_ground_m over the
     lowest cell of its column, or over base_link where the column is empty. It is explained within a squared Mahalanobis
@@ -112,11 +112,11 @@ def shares(points, rotations, positions, field, explained2, found):
 
 @numba.njit(cache=True, nogil=True)
 def pierced(points, rotation, position, lidar, field, above_ground_m, margin_m, within2):
-    """Share of the rays to points (n, 3) in base_link that pass through what stands in the map.
+    """Share of the rays to points (n, 3) in base_link that pass through structure of the map.
 
     A ray passes through where, more than margin_m from both its ends, it comes within a squared Mahalanobis distance of
-    within2 of the cell it is in: what the sensor stands beside may share its cell. lidar: (3,) sensor in base_link.
-    Rays too short to say are left out; NaN without any.
+    within2 of the cell it is in: an obstacle next to the sensor may share its cell. lidar: (3,) sensor in base_link.
+    Rays too short for that are left out; NaN without any.
     """
     nx, ny, nz = field.rows.shape
     scale, step = 1.0 / field.size_m, 0.25 * field.size_m

@@ -1,4 +1,4 @@
-"""Looking for the pose in a region of the map or all of it: correlate, match the best places, ask if one is alone."""
+"""Search for the pose in a region of the map or all of it: correlate, match the best places, test for uniqueness."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """Where to look: within radius_m of (x_m, y_m), with headings within turn_rad of yaw_rad.
+    """The search region: within radius_m of (x_m, y_m), with headings within turn_rad of yaw_rad.
 
     An infinite radius is the whole map, pi every heading.
     """
@@ -36,7 +36,7 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Poses that are apart from each other, best first."""
+    """Distinct poses, best first."""
 
     matches: tuple[Match, ...]
 
@@ -49,18 +49,18 @@ class Found:
         return self.matches[1] if len(self.matches) > 1 else None
 
     def rivals(self, params: SearchParams) -> tuple[Match, ...]:
-        """The best and all that explain nearly as much, if the best is good; else none."""
+        """The best and all that explain nearly as much, if the best is good enough; else none."""
         if self.best is None or self.best.score < params.min_score:
             return ()
         return tuple(match for match in self.matches if match.score >= params.ambiguous_ratio * self.best.score)
 
     def clear(self, params: SearchParams) -> bool:
-        """Is the best good, and no other nearly as good?"""
+        """True if the best is good enough, and no other nearly as good."""
         return len(self.rivals(params)) == 1
 
 
 def search(matcher: NdtMatcher, points: Floats, up: Floats, region: Region, params: SearchParams) -> Found:
-    """points: (n, 3) in base_link; up: (3,) vertical in base_link. Takes as long as the region is large."""
+    """points: (n, 3) in base_link; up: (3,) vertical in base_link. The duration grows with the region."""
     standing = matcher.standing(points, up)
     places = _places(matcher, region, params.step_m)
     if len(standing) < 3 or not len(places):
@@ -74,7 +74,7 @@ def search(matcher: NdtMatcher, points: Floats, up: Floats, region: Region, para
     for k, a in _peaks(scores, places, yaws, params):
         guess = pose_of(Pose2(places[k, 0], places[k, 1], float(yaws[a])), float(places[k, 2]), up)
         matches.append(matcher.match(points, guess, up, params.step_m))
-    # A match may turn by half a step beyond what was looked at.
+    # A match may turn by half a step beyond the searched headings.
     inside = replace(region, turn_rad=region.turn_rad + math.pi / params.yaw_steps)
     usable = [match for match in matches if match.converged and inside.has(match.planar.yaw)]
     usable.sort(key=lambda match: -match.score)
@@ -82,7 +82,7 @@ def search(matcher: NdtMatcher, points: Floats, up: Floats, region: Region, para
 
 
 def distinct(matches: Sequence[Match], params: SearchParams) -> list[Match]:
-    """Of the matches, best first, those that are apart from every better one."""
+    """The matches, best first, that are distinct from every better one."""
     found: list[Match] = []
     for match in matches:
         if all(_apart(match, other, params) for other in found):

@@ -1,4 +1,4 @@
-"""What the map says must be seen from a place: a sweep that shows nothing there contradicts it."""
+"""The structure that a sweep must show at a place of the map: an empty sweep there contradicts the place."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from robot_stack.core.site_map import Cells
 Floats = npt.NDArray[np.float64]
 
 _SECTORS = 36
-# Nearer things may stand under the lowest or above the highest ring, higher ones hang above it.
+# Nearer structure may lie below the lowest or above the highest ring, higher structure hangs above it.
 _NEAREST_M, _HIGHEST_M = 3.0, 2.0
-# A cell's things may stand so far from its mean, and the pose so far from the truth.
+# Largest offset of structure from its cell's mean, and of the pose from the true one.
 _MARGIN_M = 2.0
 
 
 class Skyline:
-    """The things of a map that stand above its ground. cells: those alone."""
+    """The structure of a map above its ground. cells: those alone."""
 
     def __init__(self, cells: Cells, min_points: int) -> None:
         self._mean = cells.mean[cells.count >= min_points]
 
     def unseen_share(self, pose: Floats, standing: Floats, range_m: float, least: int) -> float:
-        """Share of the directions in which the map has something within ``range_m``, and the sweep shows nothing there.
+        """Share of the directions in which the map has structure within ``range_m``, and the sweep is empty there.
 
         pose: (4, 4) base_link in map. standing: (n, 3) points of the sweep that stand above the ground, in base_link.
-        Something nearer counts as seen: it may hide what the map has. 0 if the map has something in fewer than
+        A nearer point counts as seen: it may hide the map's structure. 0 if the map has structure in fewer than
         ``least`` of 36 directions.
         """
         local = self._mean - pose[:3, 3]
@@ -43,7 +43,7 @@ class Skyline:
 
 
 def _nearest(points: Floats) -> Floats:
-    """(36,) distance of the nearest point in each direction, infinite where there is none."""
+    """(36,) distance of the nearest point in each direction, infinite without one."""
     nearest = np.full(_SECTORS, np.inf)
     sector = np.floor((np.arctan2(points[:, 1], points[:, 0]) / math.tau + 0.5) * _SECTORS).astype(np.intp) % _SECTORS
     np.minimum.at(nearest, sector, np.hypot(points[:, 0], points[:, 1]))

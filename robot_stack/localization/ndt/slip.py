@@ -1,4 +1,4 @@
-"""Wheels that slip, told by the surroundings: the way between two matches beside the way of wheels and gyro."""
+"""Detection of wheel slip: the distance between two matches against the distance by wheels and gyro."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from robot_stack.localization.ndt.params import SlipParams
 
 @dataclass(frozen=True, slots=True)
 class Slip:
-    """Ways in m over ``over_s``, up to ``stamp_s``: as the matches see it, and as wheels and gyro tell it.
+    """Distances in m over ``over_s``, up to ``stamp_s``: by the matches, and by wheels and gyro.
 
-    rate_mps: how fast they part, on the whole or from the last match to this one, whichever is faster.
+    rate_mps: rate of their divergence, over the whole window or from the last match to this one, whichever is more.
     """
 
     stamp_s: float
@@ -25,7 +25,7 @@ class Slip:
     rate_mps: float
 
     def off_m(self, stamp_s: float) -> float:
-        """How far off dead reckoning from this match to ``stamp_s`` is, if the wheels go on slipping as they did."""
+        """Error of dead reckoning from this match to ``stamp_s`` if the slip continues at the same rate."""
         return self.rate_mps * max(0.0, stamp_s - self.stamp_s)
 
     def __str__(self) -> str:
@@ -41,8 +41,8 @@ class _Sight:
 
 
 class SlipWitness:
-    """Takes matches in the order of their stamps. Poses are compared over ``window_s``, not from one match to the next:
-    the noise of two matches stays the same, a slip grows.
+    """Compares matches in the order of their stamps. Poses are compared over ``window_s``, not between successive
+    matches: the noise of two matches stays the same, a slip grows.
     """
 
     def __init__(self, params: SlipParams) -> None:
@@ -50,7 +50,7 @@ class SlipWitness:
         self._sights: deque[_Sight] = deque()
 
     def clear(self) -> None:
-        """The pose was found anew, or the way between is not known."""
+        """The pose was found by a search, or the motion in between is unknown."""
         self._sights.clear()
 
     def see(self, stamp_s: float, match: Match, travelled: Pose2) -> Slip | None:
@@ -73,5 +73,5 @@ class SlipWitness:
 
 
 def _apart_m(old: _Sight, new: _Sight) -> float:
-    """Between where a match and where wheels and gyro put the robot, as seen from an earlier match."""
+    """Distance between the matched and the dead-reckoned position, relative to an earlier match."""
     return new.matched.relative_to(old.matched).distance_to(new.travelled.relative_to(old.travelled))

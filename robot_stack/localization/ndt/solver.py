@@ -1,4 +1,4 @@
-"""One sweep's question and its answer: values that pass between the localizer and the thread that computes."""
+"""Request and result of matching one sweep: values exchanged between the localizer and the computing thread."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class MatchRequest:
-    """Where was base_link at ``stamp_s``?
+    """Request for the pose of base_link at ``stamp_s``.
 
     sweep: SWEEP, sensor frame. motion: (k, 4), see :func:`robot_stack.localization.ndt.cloud.subsample`. guess: (4, 4).
-    up: (3,) vertical in base_link. off_m: how far off the guess may be. region: look there instead of at the guess.
+    up: (3,) vertical in base_link. off_m: largest error of the guess. region: searched instead of the guess.
     guesses: (4, 4) each, several places instead of one.
-    travelled: the dead-reckoned pose at the stamp. epoch: questions of another one are no longer of interest.
+    travelled: the dead-reckoned pose at the stamp. epoch: requests of an earlier one are obsolete.
     """
 
     stamp_s: float
@@ -44,7 +44,7 @@ class MatchRequest:
 
 @dataclass(frozen=True, slots=True)
 class MatchResult:
-    """match: None where there is none, and problem says why. points: how many were matched.
+    """match: None if there is none, and problem gives the reason. points: number of matched points.
 
     unseen: of a sweep with too little structure, see :meth:`Skyline.unseen_share`.
     rivals: of a search, two or more places that fit alike; of guesses, the match from each.
@@ -59,7 +59,7 @@ class MatchResult:
 
 
 class SweepSolver:
-    """Answers questions about one map. Without memory: any thread may ask.
+    """Computes requests on one map. Stateless: usable from any thread.
 
     lidar_xyz_m: sensor in base_link. Raises ValueError for a map that cannot be matched against.
     """
@@ -85,12 +85,12 @@ class SweepSolver:
             return self._compare(request, points)
         match = self.matcher.match(points, request.guess, request.up, request.off_m)
         gate = self._params.gate
-        if gate.evidence.least_score <= match.score < gate.sure_score:  # only then does anybody look at it
+        if gate.evidence.least_score <= match.score < gate.sure_score:  # only then the gate uses it
             match = self.matcher.weighed(points, match, self._lidar)
         return MatchResult(request, match, len(points), "", self._unseen(request, match, points))
 
     def _unseen(self, request: MatchRequest, match: Match, points: Floats) -> float:
-        """At the guess, not at the match: without structure nothing keeps a match from sliding away."""
+        """At the guess, not at the match: without structure a match may slide away."""
         gate = self._params.gate
         if match.structure >= gate.min_structure_points:
             return 0.0
@@ -100,7 +100,7 @@ class SweepSolver:
         )
 
     def _standing_out(self, region: Region, points: Floats, found: Found) -> Match | None:
-        """Of a search of the whole map: the best place, if it explains little but every other one next to nothing."""
+        """Of a search of the whole map: the best place, if it explains little but every other one far less."""
         evidence, best, second = self._params.gate.evidence, found.best, found.second
         if best is None or math.isfinite(region.radius_m) or best.score < evidence.least_score:
             return None
@@ -110,7 +110,7 @@ class SweepSolver:
         return None if lack_of_evidence(weighed, evidence) else weighed
 
     def _fits_nowhere_better(self, request: MatchRequest, points: Floats, near: Match) -> bool:
-        """The known heading decides between places that fit alike, but for none against a better one."""
+        """The known heading selects between places that fit alike, but a better fit elsewhere overrules it."""
         everywhere = Region(0.0, 0.0, math.inf)
         best = search(self.matcher, points, request.up, everywhere, self._params.search).best
         return best is None or near.score >= self._params.search.near_ratio * best.score

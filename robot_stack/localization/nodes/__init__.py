@@ -1,1 +1,1 @@
-"""What the localization node needs beside its kernels."""
+"""The localization node and its message conversions."""

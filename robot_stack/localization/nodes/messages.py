@@ -1,4 +1,4 @@
-"""Between the messages of localization and the values of its kernels."""
+"""Conversions between localization messages and the values of its kernels."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def imu_sample(message: Imu) -> ImuSample:
 
 
 def up_of(message: Imu) -> Array | None:
-    """(3,) the unit vector upwards in base_link; None of a unit without an orientation."""
-    if not message.orientation_covariance[0] >= 0.0:  # negative: the unit has none
+    """(3,) the unit vector upwards in base_link; None from an IMU without an orientation."""
+    if not message.orientation_covariance[0] >= 0.0:  # negative: no orientation
         return None
     q = message.orientation
     up = (2.0 * (q.x * q.z - q.w * q.y), 2.0 * (q.y * q.z + q.w * q.x), 1.0 - 2.0 * (q.x * q.x + q.y * q.y))
@@ -51,14 +51,14 @@ def _planar_variances(covariance: list[float]) -> Variances:
 
 
 def sweep_of(message: CloudView) -> Points:
-    """The points, nothing copied where they are laid out as ``SWEEP``. Raises ValueError of what is no sweep."""
+    """The points, without a copy if laid out as ``SWEEP``. Raises ValueError for another message."""
     sweep = points_of(message, SWEEP)
     same_layout = sweep.dtype.fields == SWEEP.fields and sweep.dtype.itemsize == SWEEP.itemsize
     return sweep if same_layout else sweep.astype(SWEEP)
 
 
 def given_pose(message: PoseWithCovarianceStamped) -> tuple[Pose2, str]:
-    """The pose and why it cannot be used, an empty text if it can."""
+    """The pose and why it cannot be used; an empty text if it can."""
     pose = pose_from_msg(message.pose.pose)
     q = message.pose.pose.orientation
     norm2 = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w

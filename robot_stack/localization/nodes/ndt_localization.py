@@ -1,6 +1,6 @@
-"""ndt_localization: /odom, /sensors/imu and, where there is a map, /sensors/lidar/points to the pose in map.
+"""ndt_localization: estimates the pose in map from /odom, /sensors/imu and, with a map, /sensors/lidar/points.
 
-Out come /current_pose, /localization/pose, /localization/quality and the transform map -> odom.
+Publishes /current_pose, /localization/pose, /localization/quality and the transform map -> odom.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from robot_stack.middleware.node import StackNode, run
 from robot_stack.middleware.wire import CloudView
 from tf2_msgs.msg import TFMessage
 
-_END_S = 2.0  # a match under way is waited for so long
+_END_S = 2.0  # longest wait for a running match at the end
 
 
 class NdtLocalizationNode(StackNode):
@@ -94,7 +94,7 @@ class NdtLocalizationNode(StackNode):
         self._match()
 
     def _match(self) -> None:
-        """Starts to match the newest sweep unless one is being matched."""
+        """Starts to match the newest sweep unless a match is running."""
         if self._map is None or self._matching:
             return
         request = self._map.request()
@@ -114,7 +114,7 @@ class NdtLocalizationNode(StackNode):
             self.get_logger().error(f"/initialpose refused: {problem}")
             return
         covariance = planar_covariance(message.pose.covariance)
-        if not usable_covariance(covariance):  # a tool that leaves it zero, or writes nonsense
+        if not usable_covariance(covariance):  # zero or invalid, as some tools send it
             covariance = self._localizer.start_covariance()
         self._localizer.reset(pose, covariance, time_to_s(message.header.stamp))
         self.get_logger().info(f"/initialpose taken: x {pose.x:.2f} m, y {pose.y:.2f} m, yaw {pose.yaw:.3f} rad")
