@@ -1,1 +1,1 @@
-"""From a recorded ride to a site's map."""
+"""Map building: computes a site's map from a recorded ride."""

@@ -1,4 +1,4 @@
-"""From a ride to a map: the whole way, one step after the other."""
+"""The complete map build from a ride, one step after the other."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from robot_stack.mapping.refinement import map_of, onto_map, thinned
 from robot_stack.mapping.ride import Ride, RideError, driven
 from robot_stack.mapping.trajectory import Knowledge
 
-# (what is done, how much of it, of how much)
+# (step, items done, items in all)
 Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Built:
-    """A map and how it came about: poses (n, 4, 4) of base_link in map at stamps_s by the map, by wheels, by LiDAR."""
+    """A map and its source: poses (n, 4, 4) of base_link in map at stamps_s by the map, by wheels, by LiDAR."""
 
     cells: Cells
     grid: Grid
@@ -62,7 +62,7 @@ def build_map(ride: Ride, params: MappingParams, robot: Robot, origin: Pose2 | N
 
 
 def begun_at(poses: Floats, start: Pose2) -> Floats:
-    """The same way, begun at ``start``; its slopes stay as they are."""
+    """The same path, begun at ``start``; its slopes stay as they are."""
     first = planar(poses[0, 0, 3], poses[0, 1, 3], float(yaw_of(poses[:1])[0]))
     return planar(start.x, start.y, start.yaw) @ inverse(first) @ poses
 
@@ -76,7 +76,7 @@ def _closed(
     params: MappingParams,
     progress: Progress,
 ) -> tuple[Floats, list[Loop]]:
-    """Poses with loops closed. Twice: after the first round places are known to be near that did not seem to be."""
+    """Poses with loops closed. Two rounds: corrected poses show further places that are near each other."""
     loops: list[Loop] = []
     poses = knowledge.solve(poses, start, [])
     for turn in ("loops", "loops again"):
@@ -108,7 +108,7 @@ def _refined(
 def _fits_begun_at(start: Floats, fits: Edges) -> Edges:
     """The same fits, all moved so that the first sweep's is at ``start`` in place and heading.
 
-    They hold each other firmly: one sweep alone, held at the start, could not pull the others to where it fits.
+    They constrain each other firmly: one sweep alone, held at the start, could not pull the others to its fit.
     """
     if not len(fits.second) or fits.second[0] != 0:
         return fits
@@ -121,7 +121,7 @@ def _fits_begun_at(start: Floats, fits: Edges) -> Edges:
 def _static(
     sweeps: list[Floats], poses: Floats, robot: Robot, params: MappingParams, progress: Progress
 ) -> tuple[list[Floats], float]:
-    """(sweeps without what moved, share of points left out)."""
+    """(sweeps without moving objects, share of points left out)."""
     surface = _surface(sweeps, poses, params)
     tick = _ticks(progress, "finding what moved", len(sweeps))
     votes = votes_of(sweeps, poses, np.asarray(robot.lidar_xyz_m), params.movers, tick)
@@ -131,7 +131,7 @@ def _static(
         height = there[:, 2] - surface.below(there)
         high = height > params.movers.above_ground_m
         gone = high & votes.moved(there)
-        # Feet go where the rest went: near the ground rays prove nothing.
+        # Feet are removed with the body above: near the ground rays prove nothing.
         columns = np.concatenate([there[:, :2] / params.movers.voxel_m, np.zeros((len(there), 1))], axis=1)
         around = _widened(columns[gone])
         feet = ~high & (height > params.grid.ground_band_m * 0.5)

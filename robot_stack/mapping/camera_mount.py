@@ -1,7 +1,7 @@
-"""How a camera is mounted, by a ride before markers that stand still: its way beside that of the LiDAR.
+"""Mounting of a camera, from a ride before markers that stand still: its motion compared with that of the LiDAR.
 
-The camera sees base_link move about the markers, the LiDAR sees it move about everything else; only the right mount
-lets both agree (hand-eye calibration, Tsai and Lenz, 1989; here as one least-squares problem over all views).
+The camera measures base_link's motion relative to the markers, the LiDAR relative to everything else; both agree only
+with the right mounting (hand-eye calibration, Tsai and Lenz, 1989; here as one least-squares problem over all views).
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from robot_stack.mapping.params import CameraMount as Settings
 from robot_stack.mapping.poses import Floats, inverse, rotation_of, vector_of, yaw_of
 from robot_stack.mapping.ride import RideError
 
-# How far LiDAR and camera differ: 2 mm, and in the camera's frame half a mrad but for the board's yaw, which few
-# markers tell worse. Estimated from the residuals instead, one of the six would take all the weight.
+# Deviations between LiDAR and camera: 2 mm, and in the camera's frame half a mrad except for the board's yaw, which few
+# markers measure worse. If they were estimated from the residuals, one of the six would take all the weight.
 _SPREAD = np.array([2e-3, 2e-3, 2e-3, 5e-4, 2e-3, 5e-4])
 _OUTLIER = 3.0  # deviations beyond which a view counts less
-_GROUPS = 10  # of views one after the other, whose errors may be alike
+_GROUPS = 10  # of consecutive views, whose errors may be correlated
 _ANGLES, _PLACE = slice(0, 3), slice(3, 5)
-_UNKNOWN = 11  # the camera but for its height, and where the board stands
+_UNKNOWN = 11  # the camera pose without its height, and the board pose
 
 
 @dataclass(frozen=True, slots=True)
 class CameraMountFound:
     """pose: (4, 4) optical frame in base_link. angle_deviation_rad: (3,) about base_link's axes; place_deviation_m:
-    (2,) x, y. residuals: (n, 6) from the board as it is seen to where the LiDAR expects it, in the camera: m, rad.
+    (2,) x, y. residuals: (n, 6) from the measured board to the one expected by the LiDAR, in the camera: m, rad.
     """
 
     pose: Floats
@@ -39,10 +39,10 @@ class CameraMountFound:
 
 def camera_mount_of(base: Floats, seen: Floats, nominal: Floats, settings: Settings) -> CameraMountFound:
     """base: (n, 4, 4) base_link in a frame that stands still, by the LiDAR. seen: (n, 4, 4) board in the camera at the
-    same moments. nominal: (4, 4) camera in base_link as it is believed.
+    same moments. nominal: (4, 4) assumed pose of the camera in base_link.
 
-    A robot that stays on its plane tells nothing of the camera's height, which remains as it is believed.
-    Raises RideError saying what the views cannot tell.
+    The camera's height is not observable on a plane and stays nominal.
+    Raises RideError naming what the views do not determine.
     """
     if len(base) < settings.fewest_views:
         raise RideError(f"only {len(base)} views of the board, at least {settings.fewest_views} are needed")
@@ -84,8 +84,8 @@ def _fitted(base: Floats, seen: Floats, nominal: Floats, board: Floats) -> Float
 
 
 def _deviation(base: Floats, seen: Floats, nominal: Floats, board: Floats) -> Floats:
-    """(11,) of the unknowns, by leaving out one group of views after the other (jackknife): views that follow each
-    other are off alike, which a deviation by the residuals' size would not know.
+    """(11,) of the unknowns, by leaving out one group of views after the other (jackknife): errors of consecutive
+    views are correlated, which a deviation from the size of the residuals would miss.
     """
     groups = np.array_split(np.arange(len(base)), _GROUPS)
     kept = [np.setdiff1d(np.arange(len(base)), group) for group in groups]
@@ -95,7 +95,7 @@ def _deviation(base: Floats, seen: Floats, nominal: Floats, board: Floats) -> Fl
 
 
 def _mounted(nominal: Floats, unknown: Floats) -> Floats:
-    """Turned about base_link's axes where it stands, then moved in x and y."""
+    """Rotated in place about base_link's axes, then moved in x and y."""
     pose = nominal.copy()
     pose[:3, :3] = rotation_of(unknown[_ANGLES]) @ nominal[:3, :3]
     pose[:2, 3] += unknown[_PLACE]

@@ -18,7 +18,7 @@ _SUMS = 9
 
 
 def voxel_keys(points: Floats, size_m: float) -> npt.NDArray[np.int64]:
-    """(n,) packed keys of the voxels that (n, 3) points lie in. Raises ValueError for what is not finite or too far."""
+    """(n,) packed keys of the voxels of (n, 3) points. Raises ValueError for points that are not finite or too far."""
     if points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f"points must be (n, 3), are {points.shape}")
     if not size_m > 0.0:
@@ -53,7 +53,7 @@ class CellAccumulator:
         self._sums: Floats = np.empty((0, _SUMS))
 
     def add(self, points: Floats) -> None:
-        """Takes (n, 3) points, m. Raises ValueError for what is not finite."""
+        """Adds (n, 3) points, m. Raises ValueError for points that are not finite."""
         given = np.asarray(points, np.float64)
         keys, group = np.unique(voxel_keys(given, self._size_m), return_inverse=True)
         offset = given - (unpack_keys(keys)[group] + 0.5) * self._size_m
@@ -81,7 +81,7 @@ class CellAccumulator:
 
 
 def cells_of(points: Floats, size_m: float, min_points: int) -> Cells:
-    """The cells of one cloud: (n, 3) points in m. Raises ValueError for what is not finite."""
+    """The cells of one cloud: (n, 3) points in m. Raises ValueError for points that are not finite."""
     accumulator = CellAccumulator(size_m)
     accumulator.add(points)
     return accumulator.cells(min_points)

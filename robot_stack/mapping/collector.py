@@ -1,4 +1,4 @@
-"""Messages of a recording, in the order in which they came, made into a ride."""
+"""Converts the messages of a recording, in order of arrival, to a ride."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot_stack.mapping.params import Sweeps as Settings
 from robot_stack.mapping.poses import Floats
 from robot_stack.mapping.ride import Ride, RideError, Sweep, Track, deskewed, track
 
-# Of odometry, for one sweep: readings at 50 Hz over its 0.1 s and what came in meanwhile.
+# Odometry readings kept for one sweep: at 50 Hz over its 0.1 s, and those that arrived meanwhile.
 _RECENT = 250
 # A sweep waits this long for the odometry that was measured with it.
 MOST_WAITING = 20
@@ -24,7 +24,7 @@ _AROUND_S = 1.0
 
 
 class Collector:
-    """Feed it with everything, then ``finish``. Sweeps are thinned as they come: a ride of an hour fits into memory."""
+    """Call for every message, then ``finish``. Sweeps are thinned at once: a ride of an hour fits into memory."""
 
     def __init__(self, settings: Settings, robot: Robot) -> None:
         self._settings = settings
@@ -77,16 +77,16 @@ class Collector:
         return len(self._sweeps)
 
     def newest(self, count: int) -> Ride:
-        """The ride of the newest ``count`` sweeps that are kept, with what was read around them. Nothing is checked.
+        """The ride of the newest ``count`` kept sweeps, with the readings around them. Without checks.
 
-        Sensors' readings are in the order in which they came, give or take less than ``_AROUND_S``.
+        Readings must be in order of their stamps to within ``_AROUND_S``.
         """
         sweeps = self._sweeps[-count:]
         since_s = sweeps[0].stamp_s - _AROUND_S if sweeps else math.inf
         return self._ride(sweeps, _begin(self._stamps, since_s), _begin(self._imu_stamps, since_s))
 
     def _ride(self, sweeps: Sequence[Sweep], odometry: int, imu: int) -> Ride:
-        """Readings from these places in their lists on."""
+        """The ride of ``sweeps``; odometry, imu: index of the first reading in their lists."""
         felt = np.asarray(self._imu[imu:], np.float64).reshape(-1, 3)
         stamps = self._imu_stamps[imu:]
         return Ride(
@@ -137,7 +137,7 @@ class Collector:
 
 
 def _begin(stamps_s: list[float], since_s: float) -> int:
-    """Where in stamps that grow the readings since ``since_s`` begin."""
+    """Index of the first reading since ``since_s`` in ascending stamps."""
     begin = len(stamps_s)
     while begin and stamps_s[begin - 1] >= since_s:
         begin -= 1

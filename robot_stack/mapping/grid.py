@@ -1,4 +1,4 @@
-"""The 2-D grid for planning: ground that can be driven, what stands on it, steps, and what nobody saw."""
+"""The 2-D grid for planning: drivable ground, structure on it, steps, and unobserved cells."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MEDIAN = 3
 
 
 def grid_of(bins: Bins, surface: Surface, driven: Mask, settings: GridSettings) -> Grid:
-    """driven: cells of the surface that the robot stood on, so that nothing can be in them."""
+    """driven: cells of the surface that the robot stood on, which must be free."""
     middles: Floats = (bins.column.astype(np.float64) + 0.5) * bins.resolution_m
     above: Floats = bins.height_m - surface.below(middles)
     i, j = (bins.column - surface.first).T
@@ -29,7 +29,7 @@ def grid_of(bins: Bins, surface: Surface, driven: Mask, settings: GridSettings) 
     count = np.zeros(shape, np.int64)
     np.add.at(count, (i[standing], j[standing]), bins.count[standing])
     structure = count >= settings.fewest_structure_points
-    # Seen, but no way leads there: a kerb's top, the floor of a pit.
+    # Observed but not reachable: a kerb's top, the floor of a pit.
     seen = np.zeros(shape, bool)
     off = (np.abs(above) > settings.step_m) & (above <= settings.structure_to_m)
     seen[i[off], j[off]] = True
@@ -43,7 +43,7 @@ def grid_of(bins: Bins, surface: Surface, driven: Mask, settings: GridSettings) 
 
 
 def _in_groups(found: Mask, settings: GridSettings) -> Mask:
-    """Cells that others touch: a kerb is never alone, noise is."""
+    """Cells in connected groups: a kerb always covers several cells, noise does not."""
     groups, _ = label(found, np.ones((3, 3)))
     large = np.bincount(groups.ravel()) >= settings.fewest_cells
     large[0] = False
@@ -54,7 +54,7 @@ def _in_groups(found: Mask, settings: GridSettings) -> Mask:
 def steps(surface: Surface, settings: GridSettings) -> Mask:
     """Cells in the middle of a step: higher on one side than on the other by more than the slope around explains.
 
-    What few points say has to be a higher step.
+    Heights from few points need a higher step.
     """
     height = np.where(surface.reached, surface.height_m, np.nan)
     variance = settings.noise_m**2 / np.maximum(surface.points, 1)
@@ -65,7 +65,7 @@ def steps(surface: Surface, settings: GridSettings) -> Mask:
         outer = np.stack([_shifted(height, direction, _OUTER) - ahead, behind - _shifted(height, direction, -_OUTER)])
         known = np.isfinite(outer)
         slopes = np.where(known, outer, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-        # Without a slope to compare with, what the robot may drive is no step.
+        # Without a slope to compare with, a height that the robot may drive is no step.
         least = np.where(known.any(axis=0), settings.step_m, settings.step_m + settings.slope * run_m)
         noise = np.sqrt(_shifted(variance, direction, 1) + _shifted(variance, direction, -1))
         climb = settings.slope * run_m
@@ -76,7 +76,7 @@ def steps(surface: Surface, settings: GridSettings) -> Mask:
 
 
 def bumps(bins: Bins, surface: Surface, settings: GridSettings) -> Mask:
-    """Columns with a good share of points above the ground around them: kerbs too narrow to have a top of their own."""
+    """Columns with a good share of points above the ground around them: kerbs without a top surface of their own."""
     size = 2 * round(0.5 * settings.bump_width_m / surface.resolution_m) + 1
     around = grey_opening(median_filter(surface.height_m, _MEDIAN), size=(size, size))
     i, j = (bins.column - surface.first).T

@@ -1,4 +1,4 @@
-"""The ground of a site: what is connected with the driven way without a step. Heights on a 2-D grid."""
+"""The ground of a site: the surface connected with the driven path without a step. Heights on a 2-D grid."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class Bins:
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """height_m: (columns of x, columns of y) of the ground, everywhere. reached: seen there, and a way leads to it.
+    """height_m: (columns of x, columns of y) of the ground, everywhere. reached: observed and connected to the path.
 
-    points: how many made each height; 0 where only the driven way tells it. first: (2,) column of entry (0, 0).
+    points: number of points of each height; 0 where it comes from the driven path. first: (2,) column of entry (0, 0).
     """
 
     resolution_m: float
@@ -49,7 +49,7 @@ class Surface:
     points: Indices
 
     def below(self, points: Floats) -> Floats:
-        """(n,) height of the ground under (n, >= 2) points; that of the border outside."""
+        """(n,) height of the ground under (n, >= 2) points; outside the grid that of its border."""
         index = np.floor(points[:, :2] / self.resolution_m).astype(np.int64) - self.first
         index = np.clip(index, 0, np.array(self.height_m.shape) - 1)
         found: Floats = self.height_m[index[:, 0], index[:, 1]]
@@ -112,7 +112,7 @@ def _surfaces(
 
 @numba.njit(cache=True)
 def _flood(height, chosen, starts, surfaces, seeds, seed_heights, climb):  # type: ignore[no-untyped-def]
-    """Fills ``height`` from the seeds on, column to column, as long as the next surface is within ``climb``."""
+    """Fills ``height`` from the seeds, column by column, as long as the next surface is within ``climb``."""
     nx, ny = height.shape
     queue = np.empty(nx * ny, np.int64)
     head = tail = 0
@@ -120,7 +120,7 @@ def _flood(height, chosen, starts, surfaces, seeds, seed_heights, climb):  # typ
         i, j = seeds[n, 0], seeds[n, 1]
         if np.isnan(height[i, j]):
             best = _nearest(surfaces, starts[i * ny + j], starts[i * ny + j + 1], seed_heights[n])
-            # Where the robot drove there is ground, seen or not.
+            # Where the robot drove there is ground, observed or not.
             if best >= 0 and abs(surfaces[best] - seed_heights[n]) <= climb:
                 height[i, j], chosen[i, j] = surfaces[best], best
             else:

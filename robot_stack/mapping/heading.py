@@ -1,4 +1,4 @@
-"""How a LiDAR is turned about the robot's z axis, by the way it moves beside the way that the wheels drive."""
+"""Yaw of the LiDAR's mounting, from its motion compared with that of the wheels."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ _LEVER_M = 1.0  # an error of the turn weighs as one of the way at this distance
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """yaw_rad: turns the sensor's points into base_link. scale: of the LiDAR's way over the wheels'. turn_radpm: by so
-    much the wheels turn too little on each metre. residuals_m: (n, 2) of the steps, along and across the way.
+    """yaw_rad: rotates the sensor's points into base_link. scale: ratio of the LiDAR's distance to the wheels'.
+    turn_radpm: turn missing in the wheels' per metre. residuals_m: (n, 2) of the steps, along and across the path.
     """
 
     yaw_rad: float
@@ -28,7 +28,7 @@ class Heading:
 
 
 def steps_of(driven: Floats, step_m: float) -> list[tuple[int, int]]:
-    """Pairs of poses (n, 4, 4) that lie ``step_m`` apart, one after the other."""
+    """Consecutive pairs of poses (n, 4, 4) that lie ``step_m`` apart."""
     pairs, begin = [], 0
     for index in range(1, len(driven)):
         if np.linalg.norm(driven[index, :2, 3] - driven[begin, :2, 3]) >= step_m:
@@ -38,11 +38,11 @@ def steps_of(driven: Floats, step_m: float) -> list[tuple[int, int]]:
 
 
 def heading_of(seen: Floats, driven: Floats, sensor_m: Floats, pairs: list[tuple[int, int]]) -> Heading:
-    """seen, driven: (n, 4, 4) poses of base_link by LiDAR and by wheels. sensor_m: (2,) where the sensor sits in it.
+    """seen, driven: (n, 4, 4) poses of base_link by LiDAR and by wheels. sensor_m: (2,) the sensor in base_link.
 
-    A sensor that is turned by an angle about itself sees base_link turn about itself too: the step that it sees is the
-    driven one, brought into that turned frame. Wheels that turn too little bend the way by half of it; the LiDAR's own
-    turn tells how much that is.
+    A sensor mounted with a yaw error measures base_link rotated by it: the measured step is the driven one in that
+    rotated frame. If the wheels measure too little turn, their path bends by half of it; the LiDAR's own turn gives the
+    amount.
     """
     first, last = (np.array([pair[k] for pair in pairs], np.intp) for k in (0, 1))
     own, wheels = inverse(seen[first]) @ seen[last], inverse(driven[first]) @ driven[last]

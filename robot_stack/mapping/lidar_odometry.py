@@ -1,7 +1,7 @@
-"""Poses of sweeps by KISS-ICP, from wheel odometry's guess on.
+"""Poses of sweeps by KISS-ICP, with wheel odometry as the initial guess.
 
-Vizzo et al., KISS-ICP: In Defense of Point-to-Point ICP, 2023. Only what stands above the ground is registered: the
-rings on the ground move with the sensor and drag a point-to-point match along.
+Vizzo et al., KISS-ICP: In Defense of Point-to-Point ICP, 2023. Only points above the ground are registered: the
+rings on the ground move with the sensor and bias a point-to-point match.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from kiss_icp.voxelization import voxel_down_sample
 from robot_stack.mapping.params import LidarOdometry as Settings
 from robot_stack.mapping.poses import Floats, inverse
 
-# As KISS-ICP has them: the map gets finer points than the match.
+# As in KISS-ICP: the map gets finer points than the match.
 _MAP_SHARE, _SOURCE_SHARE = 0.5, 1.5
 _CONVERGED = 1e-4
 
 
 class LidarOdometry:
-    """Feed it with sweeps in order."""
+    """Processes sweeps in order."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -47,9 +47,9 @@ class LidarOdometry:
 
 
 def lidar_odometry(sweeps: list[Floats], driven: Floats, settings: Settings) -> tuple[Floats, np.ndarray]:
-    """((n, 4, 4) poses, (n,) which of them were matched to the one before) of sweeps in base_link.
+    """((n, 4, 4) poses, (n,) True if matched to the sweep before) of sweeps in base_link.
 
-    driven: (n, 4, 4) poses by wheel odometry; the first is where the result begins.
+    driven: (n, 4, 4) poses by wheel odometry; the first is the start of the result.
     """
     odometry = LidarOdometry(settings)
     poses, matched = driven.copy(), np.zeros(len(sweeps), bool)

@@ -1,4 +1,4 @@
-"""Loop closure: places that the robot came back to, measured by laying one visit's sweeps onto the other's."""
+"""Loop closure: places visited again, measured by registration of one visit's sweeps to the other's."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Loop:
 
 
 def candidates(poses: Floats, stamps_s: Floats, settings: Settings) -> list[tuple[int, int]]:
-    """(earlier, later) pairs to try: near each other, long apart, one search per ``every_m`` of the way."""
+    """(earlier, later) pairs to try: near in space, far apart in time, one search per ``every_m`` of the path."""
     places = poses[:, :2, 3]
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
     found, searched_m = [], -np.inf
@@ -55,7 +55,7 @@ def close_loops(
     settings: Settings,
     tick: Callable[[], None],
 ) -> list[Loop]:
-    """The pairs that fit, measured. sweeps: (n, 3) points in base_link each; poses: as good as known so far."""
+    """The pairs that fit, measured. sweeps: (n, 3) points in base_link each; poses: the best estimate so far."""
     loops = []
     for earlier, later in pairs:
         targets = _place(sweeps, poses, earlier, settings)

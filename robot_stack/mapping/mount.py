@@ -1,4 +1,4 @@
-"""How the LiDAR is mounted, by a recorded ride: tilt and height by the ground, heading by the way it moves."""
+"""Mounting of the LiDAR from a recorded ride: tilt and height by the ground, heading by the motion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robot_stack.mapping.tilt import Tilt, ground_plane, tilt_of
 
 @dataclass(frozen=True, slots=True)
 class MountFound:
-    """rotation: (3, 3) by which the sensor's points have to be turned. yaw_rad: (n,) headings of the sweeps used."""
+    """rotation: (3, 3) to be applied to the sensor's points. yaw_rad: (n,) headings of the sweeps used."""
 
     rotation: Floats
     tilt: Tilt
@@ -28,14 +28,14 @@ class MountFound:
     sweeps: int
 
     def rpy_deg(self, before_deg: tuple[float, float, float]) -> tuple[float, float, float]:
-        """The mount, about fixed axes x, y, z, of clouds that were turned by ``before_deg`` when they were recorded."""
+        """The mount, about fixed axes x, y, z, for clouds that were recorded with a rotation by ``before_deg``."""
         before = Rotation.from_euler("xyz", before_deg, degrees=True)
         roll, pitch, yaw = (Rotation.from_matrix(self.rotation) * before).as_euler("xyz", degrees=True)
         return float(roll), float(pitch), float(yaw)
 
 
 def mount_of(ride: Ride, params: MappingParams, robot: Robot) -> MountFound:
-    """Raises RideError saying what the ride cannot tell."""
+    """Raises RideError naming what the ride does not determine."""
     settings, sensor = params.mount, np.asarray(robot.lidar_xyz_m, np.float64)
     stamps = np.array([sweep.stamp_s for sweep in ride.sweeps])
     poses = ride.odometry.at(stamps)

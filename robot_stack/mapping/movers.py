@@ -1,4 +1,4 @@
-"""What did not stay: voxels that sweeps looked through more often than they hit something in them."""
+"""Moving objects: voxels that rays passed more often than they hit something in them."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from robot_stack.mapping.poses import Floats, transform
 
 
 class Votes:
-    """One vote per sweep and voxel: something was hit in it, or else rays went through it."""
+    """One vote per sweep and voxel: a hit, or else rays passed through it."""
 
     def __init__(self, low: Floats, high: Floats, settings: Settings) -> None:
-        """low, high: (3,) corners of the box that is judged, map."""
+        """low, high: (3,) corners of the evaluated box, map."""
         self._settings = settings
         self._low = low - settings.voxel_m
         shape = np.ceil((high - self._low) / settings.voxel_m).astype(np.int64) + 2
@@ -57,7 +57,7 @@ def votes_of(
 
 @numba.njit(cache=True)
 def _vote(start, ends, margin, reach, mark, hits, through):  # type: ignore[no-untyped-def]
-    """Amanatides and Woo's walk through the voxels of each ray; lengths in voxels."""
+    """Voxel traversal of each ray (Amanatides and Woo); lengths in voxels."""
     nx, ny, nz = mark.shape
     cell, step, until, delta = np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(3), np.zeros(3)
     mark[:] = 0

@@ -25,7 +25,7 @@ class Sweeps(Config):
 
 
 class LidarOdometry(Config):
-    """KISS-ICP on what stands above the ground."""
+    """KISS-ICP on the points above the ground."""
 
     voxel_m: Positive
     max_range_m: Positive
@@ -41,7 +41,7 @@ class LidarOdometry(Config):
 
 
 class WheelOdometry(Config):
-    """How far wheel odometry, gyro and the attitude's horizon are believed from one sweep to the next."""
+    """Deviations of wheel odometry, gyro and attitude between two sweeps."""
 
     deviation_m: Positive
     deviation_share: Positive
@@ -112,7 +112,7 @@ class GridSettings(Config):
 
 
 class Mount(Config):
-    """How the LiDAR's mount is found, ``robot-stack calibrate lidar``."""
+    """Estimation of the LiDAR's mounting, ``robot-stack calibrate lidar``."""
 
     nearest_m: Positive
     farthest_m: Positive
@@ -126,7 +126,7 @@ class Mount(Config):
 
 
 class CameraMount(Config):
-    """How a camera's mount is found, ``robot-stack calibrate extrinsics``."""
+    """Estimation of a camera's mounting, ``robot-stack calibrate extrinsics``."""
 
     fewest_views: Annotated[int, Field(ge=10)]
     least_turn_deg: Positive
@@ -140,7 +140,7 @@ class CameraMount(Config):
 
 
 class Teach(Config):
-    """What ``robot-stack map teach`` waits for, shows and warns of."""
+    """Timeouts, display and warnings of ``robot-stack map teach``."""
 
     points_within_s: Positive
     silent_s: Positive

@@ -1,4 +1,4 @@
-"""Poses from what is known between them: a graph in SE(3), solved by Gauss-Newton on its sparse normal equations.
+"""Pose graph optimisation in SE(3), by Gauss-Newton on the sparse normal equations.
 
 Grisetti, Kuemmerle, Stachniss, Burgard: A Tutorial on Graph-Based SLAM, 2010. Robust weights after Cauchy.
 """
@@ -16,14 +16,14 @@ from robot_stack.mapping.poses import Floats, moved, skew, vector_of
 
 Indices = npt.NDArray[np.int64]
 _SMALL_STEP = 1e-6
-_EPSILON = 1e-9  # keeps what nothing holds where it is
+_EPSILON = 1e-9  # keeps unconstrained poses in place
 
 
 @dataclass(frozen=True, slots=True)
 class Edges:
-    """What measures pose ``second`` from pose ``first``: measured (n, 4, 4), weight (n, 6) in 1/deviation.
+    """Measurements of pose ``second`` relative to pose ``first``: measured (n, 4, 4), weight (n, 6) in 1/deviation.
 
-    first = -1: measured in the frame of the map. robust: deviations beyond which an edge loses its say; inf: never.
+    first = -1: measured in the frame of the map. robust: deviations beyond which an edge loses weight; inf: never.
     """
 
     first: Indices
@@ -43,7 +43,7 @@ class Levels:
 
 
 def solve(poses: Floats, edges: list[Edges], levels: Levels, most_iterations: int = 20) -> Floats:
-    """(n, 4, 4) poses that agree best with everything, from the given ones on."""
+    """(n, 4, 4) poses that agree best with all measurements, starting at the given ones."""
     for _ in range(most_iterations):
         system = _System(len(poses))
         for group in edges:
@@ -57,7 +57,7 @@ def solve(poses: Floats, edges: list[Edges], levels: Levels, most_iterations: in
 
 
 def errors(poses: Floats, edges: Edges) -> Floats:
-    """(n, 6) translation m and rotation rad by which the poses miss the edges, in the measured frames."""
+    """(n, 6) errors of the edges, translation m and rotation rad, in the measured frames."""
     return _linear(poses, edges)[0]
 
 
@@ -95,7 +95,7 @@ class _System:
 
 
 def _linear(poses: Floats, edges: Edges) -> tuple[Floats, Floats, Floats]:
-    """(residuals (n, 6), Jacobians (n, 6, 6) by the steps of first and of second)."""
+    """(residuals (n, 6), Jacobians (n, 6, 6) with respect to the steps of first and of second)."""
     fixed = edges.first < 0
     origin = np.where(fixed[:, None, None], np.eye(4), poses[edges.first])
     ri, rj, rz = origin[:, :3, :3], poses[edges.second, :3, :3], edges.measured[:, :3, :3]

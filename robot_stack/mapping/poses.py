@@ -51,7 +51,7 @@ def inverse(poses: Floats) -> Floats:
 
 
 def transform(pose: Floats, points: Floats) -> Floats:
-    """(n, 3) points through one pose."""
+    """(n, 3) points transformed by one pose."""
     moved: Floats = points @ pose[:3, :3].T + pose[:3, 3]
     return moved
 

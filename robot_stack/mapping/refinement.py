@@ -1,4 +1,4 @@
-"""Sweeps laid onto the map of all of them: what takes the last centimetres out of the poses."""
+"""Registers each sweep to the map of all sweeps, which corrects the poses by the last centimetres."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def map_of(sweeps: Sequence[Floats], poses: Floats, settings: Settings) -> list[
 def onto_map(
     thin: Sequence[Floats], poses: Floats, targets: Sequence[Target], settings: Settings, tick: Callable[[], None]
 ) -> Edges:
-    """Poses of the sweeps in the map by their match with it; a sweep that fits badly has none."""
+    """Poses of the sweeps matched to the map; a sweep that fits badly has none."""
     index, measured = [], []
     for i, points in enumerate(thin):
         result = align(points, targets, poses[i])

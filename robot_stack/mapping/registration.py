@@ -1,6 +1,6 @@
-"""A sweep laid onto voxel distributions: points to distributions, by Gauss-Newton with a robust weight.
+"""Registration of a sweep to voxel distributions: points to distributions, by Gauss-Newton with a robust weight.
 
-Each point is drawn to the distribution of the voxel it falls into, weighed by its inverse covariance, so that a wall
+Each point is attracted by the distribution of its voxel, weighted by its inverse covariance, so that a wall
 holds a point across and lets it slide along. Magnusson, The Three-Dimensional Normal-Distributions Transform, 2009;
 the robust weight is Geman-McClure's.
 """
@@ -17,16 +17,16 @@ from robot_stack.core.site_map import Cells
 from robot_stack.mapping.cells import voxel_keys
 from robot_stack.mapping.poses import Floats, difference, moved, transform
 
-# A surface is thinner than what the sensor resolves: smaller deviations are not believed. m.
+# Lower bound of a surface's deviation, below the sensor's resolution, m.
 _THINNEST_M = 0.02
-_ROBUST = 3.0  # deviations at which a point loses half its say
+_ROBUST = 3.0  # deviations at which a point loses half its weight
 _SMALL_STEP = 2e-5  # m and rad
 _INLIER = 9.0  # squared deviations
 
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Distributions to lay sweeps onto: packed voxel keys (sorted), means (n, 3), inverse covariances (n, 3, 3)."""
+    """Distributions to register sweeps to: packed voxel keys (sorted), means (n, 3), inverse covariances (n, 3, 3)."""
 
     size_m: float
     keys: np.ndarray
@@ -38,7 +38,7 @@ class Target:
 class Alignment:
     """pose: (4, 4). information: (6, 6) of translation and rotation in the pose's own frame.
 
-    share: [0, 1] of the points that lie within three deviations of a distribution. found: share that met one at all.
+    share: [0, 1] of the points within three deviations of a distribution. found: share in a voxel with a distribution.
     """
 
     pose: Floats
@@ -90,7 +90,7 @@ def _voxels(target: Target, points: Floats) -> np.ndarray:
 
 @numba.njit(cache=True)
 def _accumulate(points, at, rotation, index, mean, information):  # type: ignore[no-untyped-def]
-    """((6, 6) normal matrix, (6,) pull, points within three deviations) of one Gauss-Newton step."""
+    """((6, 6) normal matrix, (6,) gradient, points within three deviations) of one Gauss-Newton step."""
     normal, pull, inside = np.zeros((6, 6)), np.zeros(6), 0
     jacobian = np.zeros((3, 6))
     for n in range(len(points)):

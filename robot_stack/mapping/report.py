@@ -1,4 +1,4 @@
-"""How far odometry drifted on a ride and what is left of it in the map."""
+"""Drift of odometry on a ride and the remaining error in the map."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def distance_m(poses: Floats) -> float:
 
 
 def drift(built: Built) -> dict[str, object]:
-    """What loops and the end of the ride say about the drift, for map.yaml: plain numbers."""
+    """Drift at loops and at the end of the ride, for map.yaml: plain numbers."""
 
     def misses(poses: Floats) -> list[tuple[float, float]]:
         found = []

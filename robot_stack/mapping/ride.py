@@ -1,4 +1,4 @@
-"""A recorded ride as the map builder takes it: sweeps freed of the robot's motion, wheel odometry, inertial unit."""
+"""A recorded ride as input of the map builder: de-skewed sweeps, wheel odometry, inertial unit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot_stack.mapping.poses import Floats, from_angles, inverse, pose_of
 
 
 class RideError(Exception):
-    """The ride makes no map. The message is one line for people."""
+    """No map can be built from the ride. The message is one line for people."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,18 +25,18 @@ class Track:
     values: Floats
 
     def at(self, stamp_s: Floats) -> Floats:
-        """(m, k) values at the stamps, straight between neighbours, held beyond the ends."""
+        """(m, k) values at the stamps, interpolated linearly, constant beyond the ends."""
         return np.stack([np.interp(stamp_s, self.stamp_s, column) for column in self.values.T], axis=1)
 
     def covers(self, begin_s: float, end_s: float, slack_s: float) -> bool:
-        """Readings from ``begin_s`` to ``end_s`` without a gap longer than ``slack_s``."""
+        """True for readings from ``begin_s`` to ``end_s`` without a gap longer than ``slack_s``."""
         inside = self.stamp_s[(self.stamp_s > begin_s - slack_s) & (self.stamp_s < end_s + slack_s)]
         return bool(len(inside)) and bool(np.diff(np.concatenate([[begin_s], inside, [end_s]])).max() <= slack_s)
 
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """points: (n, 3) float32 m in base_link at ``stamp_s``, as if all had been measured at that moment."""
+    """points: (n, 3) float32 m in base_link at ``stamp_s``, de-skewed to that moment."""
 
     stamp_s: float
     points: npt.NDArray[np.float32]
@@ -56,7 +56,7 @@ class Ride:
 
 
 def track(stamps_s: list[float], values: list[tuple[float, ...]], angles: tuple[int, ...] = ()) -> Track:
-    """A track of readings in any order; a stamp that comes twice counts once, what is not finite does not count."""
+    """A track of readings in any order, without duplicate stamps and values that are not finite."""
     stamp = np.asarray(stamps_s, np.float64)
     table = np.asarray(values, np.float64).reshape(len(stamp), -1)
     good = np.isfinite(stamp) & np.isfinite(table).all(axis=1)
@@ -68,10 +68,10 @@ def track(stamps_s: list[float], values: list[tuple[float, ...]], angles: tuple[
 
 
 def deskewed(points: Points, stamp_s: float, odometry: Track, robot: Robot, nearest_m: float, voxel_m: float) -> Sweep:
-    """A sweep (n,) of layout SWEEP in base_link at its stamp: each point is moved by what the robot drove since.
+    """A sweep (n,) of layout SWEEP in base_link at its stamp: each point is corrected by the robot's motion since.
 
-    Left out: what is not finite, nearer than ``nearest_m`` to the sensor, or within the robot's own outline. Of each
-    voxel of ``voxel_m`` in base_link one point stays: the first, not their mean, which would blur edges.
+    Left out: points that are not finite, nearer than ``nearest_m`` to the sensor, or within the robot's own outline. Of
+    each voxel of ``voxel_m`` in base_link the first point stays, not the mean, which would blur edges.
     """
     xyz = xyz_of(points).astype(np.float64)
     good = np.isfinite(xyz).all(axis=1) & (np.einsum("ij,ij->i", xyz, xyz) > nearest_m * nearest_m)
@@ -89,9 +89,9 @@ def deskewed(points: Points, stamp_s: float, odometry: Track, robot: Robot, near
 
 
 def driven(ride: Ride) -> Floats:
-    """(n, 4, 4) base_link at each sweep by wheel odometry alone, on the slopes that the inertial unit feels.
+    """(n, 4, 4) base_link at each sweep by wheel odometry alone, on the slopes measured by the inertial unit.
 
-    Begins at z = 0 with odometry's own x, y, yaw. Between two sweeps the robot moves in the plane of its wheels.
+    Begins at z = 0 with odometry's x, y, yaw. Between two sweeps the robot moves in the plane of its wheels.
     """
     stamps = np.array([sweep.stamp_s for sweep in ride.sweeps])
     planar = ride.odometry.at(stamps)
@@ -110,12 +110,12 @@ def driven(ride: Ride) -> Floats:
 
 
 def rotation_step(flat: Floats, i: int) -> Floats:
-    """Turns a vector of the frame before a step into the frame after it."""
+    """Rotates a vector from the frame before a step into the frame after it."""
     turn: Floats = flat[i + 1, :3, :3].T @ flat[i, :3, :3]
     return turn
 
 
 def _inside(x: Floats, y: Floats, outline: Footprint) -> npt.NDArray[np.bool_]:
-    margin_m = 0.10  # a shell or a rider's feet stick out a little
+    margin_m = 0.10  # for parts that stick out: a shell, a rider's feet
     along = (x > outline.rear_m - margin_m) & (x < outline.front_m + margin_m)
     return along & (np.abs(y) < 0.5 * outline.width_m + margin_m)

@@ -1,4 +1,4 @@
-"""What staff see while they drive a map's ride by hand: the way so far, what was seen beside it, what is wrong."""
+"""The display for staff during a mapping ride by hand: the path, the mapped area beside it, warnings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robot_stack.mapping.params import MappingParams, Teach
 from robot_stack.mapping.poses import Floats, inverse, transform, yaw_of
 from robot_stack.mapping.ride import Ride, driven
 
-# So many sweeps without odometry are a start, or a moment.
+# So many sweeps without odometry are tolerated, as at the start.
 _FEW, _FEW_SHARE = 5, 0.1
 
 Cells = npt.NDArray[np.int32]
@@ -24,7 +24,7 @@ Cells = npt.NDArray[np.int32]
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """What has come so far: ages of the newest messages, s; messages lost because the disk was too slow."""
+    """Input statistics so far: ages of the newest messages, s; messages lost because the disk was too slow."""
 
     sweeps: int
     without_odometry: int
@@ -35,7 +35,7 @@ class Inputs:
 
 
 class Motion:
-    """Speed and standing by wheel odometry. Times are odometry's stamps."""
+    """Speed and standstill by wheel odometry. Times are odometry's stamps."""
 
     def __init__(self, settings: Teach) -> None:
         self._settings = settings
@@ -46,7 +46,7 @@ class Motion:
 
     def update(self, stamp_s: float, vx_mps: float, vy_mps: float, omega_radps: float) -> None:
         self.speed_mps, self.turn_radps = math.hypot(vx_mps, vy_mps), abs(omega_radps)
-        # What is not finite stands for nothing; a clock that begins anew neither.
+        # Values that are not finite do not count as standing; a clock that restarts begins a new standstill.
         still = self.speed_mps <= self._settings.standing_mps and self.turn_radps <= self._settings.standing_radps
         if not still or self._still_since_s is None or not stamp_s >= self._still_since_s:
             self._still_since_s = stamp_s if still else None
@@ -57,7 +57,7 @@ class Motion:
 class GrowingMap:
     """The ride by LiDAR odometry and by the wheels, and what was seen as near as the grid takes it in.
 
-    It is odometry: no loop is closed and nothing that moved is taken out before the map is built. origin: base_link in
+    This is odometry: loops are closed and moving objects removed only when the map is built. origin: base_link in
     map at the first sweep; None: the map begins there.
     """
 
@@ -72,7 +72,7 @@ class GrowingMap:
         self._ground = self._structure = np.empty(0, np.int64)
 
     def add(self, ride: Ride, fresh: int) -> None:
-        """ride: the newest sweeps, as ``Collector.newest`` gives them: the last ``fresh`` and the one before them."""
+        """ride: the newest sweeps, from ``Collector.newest``: the last ``fresh`` and the one before them."""
         wheels = begun_at(driven(ride), self._start)
         for i in range(len(wheels) - fresh, len(wheels)):
             points = ride.sweeps[i].points.astype(np.float64)
@@ -82,7 +82,7 @@ class GrowingMap:
                 guess = self.by_lidar[-1] @ inverse(wheels[i - 1]) @ wheels[i]
                 by_wheels = self.by_wheels[-1] @ inverse(wheels[i - 1]) @ wheels[i]
             pose, matched = self._odometry.add(points, guess)
-            # The first sweep has nothing before it to be matched with.
+            # The first sweep has no earlier one to match.
             self.matched = matched or not self.by_lidar
             if self.by_lidar:
                 self.driven_m += float(np.linalg.norm((pose - self.by_lidar[-1])[:3, 3]))
@@ -104,17 +104,17 @@ class GrowingMap:
 
     @property
     def seen(self) -> Cells:
-        """(n, 2) cells of the grid's resolution, floor(x / resolution), in which anything was seen."""
+        """(n, 2) observed cells of the grid's resolution, floor(x / resolution)."""
         return unpack_keys(self._ground)[:, :2]
 
     @property
     def structure(self) -> Cells:
-        """(n, 2) those in which something stands above the ground."""
+        """(n, 2) cells with structure above the ground."""
         return unpack_keys(self._structure)[:, :2]
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Along x and y of map, of what was seen."""
+        """Size of the observed area along x and y of map."""
         seen = self.seen
         if not len(seen):
             return 0.0, 0.0
@@ -123,7 +123,7 @@ class GrowingMap:
 
     @property
     def apart(self) -> tuple[float, float]:
-        """(m, rad) between where LiDAR odometry and the wheels have the robot now."""
+        """(m, rad) between the present poses of LiDAR odometry and wheels."""
         if not self.by_lidar:
             return 0.0, 0.0
         lidar, wheels = self.by_lidar[-1], self.by_wheels[-1]
@@ -132,7 +132,7 @@ class GrowingMap:
 
     @property
     def from_begin_m(self) -> float:
-        """From where the ride began, in plan."""
+        """Distance to the start of the ride, in plan."""
         return float(np.linalg.norm((self.by_lidar[-1] - self.by_lidar[0])[:2, 3])) if self.by_lidar else 0.0
 
 
@@ -147,7 +147,7 @@ def status_line(growing: GrowingMap) -> str:
 
 
 def warnings_of(inputs: Inputs, motion: Motion, growing: GrowingMap, settings: Teach) -> list[str]:
-    """What the driver or who looks after the robot should do something about, a line each."""
+    """Warnings that the driver should act on, a line each."""
     s = settings
     found = []
     if inputs.points_age_s > s.silent_s:

@@ -1,7 +1,7 @@
-"""How a LiDAR is tilted and how high it sits, by the ground it sees from many headings.
+"""Tilt and height of the LiDAR's mounting, from the ground at many headings.
 
-Ground that slopes turns about in the robot's frame as the robot turns, the mount's own tilt does not: so one is told
-from the other by a ride that turns. The ground is taken for one plane; ramps are outliers.
+Sloping ground rotates in the robot's frame as the robot turns, the mounting's tilt does not: so a ride with turns
+separates the two. The ground is modelled as one plane; ramps are outliers.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _MAD = 1.4826
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """normal: (3,) unit, upwards. offset_m: normal @ point of the plane. rms_m: of the points it was made from."""
+    """normal: (3,) unit, upwards. offset_m: normal @ point of the plane. rms_m: residual of its points."""
 
     normal: Floats
     offset_m: float
@@ -31,8 +31,8 @@ class Plane:
 class Tilt:
     """rotation: (3, 3) that levels the sensor's points. height_m: of the sensor above the ground.
 
-    vectors: (n, 2) rotation about x and y, rad, by which each plane alone would be levelled; fitted: what the mount and
-    the slope of the ground explain of it.
+    vectors: (n, 2) rotation about x and y, rad, that would level each plane alone; fitted: the part explained by the
+    mounting and the slope of the ground.
     """
 
     rotation: Floats
@@ -45,7 +45,7 @@ class Tilt:
 
 
 def ground_plane(points: Floats, settings: Settings) -> Plane | None:
-    """Of (n, 3) points in base_link, of a sensor that is tilted a little; None where too little is like ground.
+    """Fits (n, 3) points in base_link of a slightly tilted sensor; None with too few ground points.
 
     From near points to far ones, so that a tilt does not lift the far ground out of the band.
     """
@@ -70,7 +70,7 @@ def ground_plane(points: Floats, settings: Settings) -> Plane | None:
 def tilt_of(planes: list[Plane], yaw_rad: Floats, places: float, sensor_m: Floats) -> Tilt:
     """The tilt that explains the planes (n,) seen at headings ``yaw_rad`` (n,) in odom. sensor_m: (3,) in base_link.
 
-    places: so many of them are independent of each other. Raises LinAlgError for headings that tell nothing.
+    places: number of independent ones among them. Raises LinAlgError if the headings do not determine the tilt.
     """
     normals = np.array([plane.normal for plane in planes])
     design = _design(yaw_rad)
@@ -100,7 +100,7 @@ def tilt_of(planes: list[Plane], yaw_rad: Floats, places: float, sensor_m: Float
 
 
 def _design(yaw_rad: Floats) -> Floats:
-    """(2 n, 4): what the mount's two angles and the ground's slope in odom do to the levelling of each plane."""
+    """(2 n, 4): effect of the mounting's two angles and the ground's slope in odom on the levelling of each plane."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     design = np.zeros((len(yaw_rad), 2, 4))
     design[:, 0, 0] = design[:, 1, 1] = 1.0

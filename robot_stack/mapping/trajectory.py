@@ -1,4 +1,4 @@
-"""The way of the ride: wheel odometry, gyro, LiDAR odometry, loops and the horizon, made to agree."""
+"""The trajectory of the ride: fuses wheel odometry, gyro, LiDAR odometry, loops and the horizon."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from robot_stack.mapping.pose_graph import Edges, Levels, solve
 from robot_stack.mapping.poses import Floats, from_angles, inverse, pose_of
 from robot_stack.mapping.ride import Ride
 
-# Deviations that say: this sensor knows nothing about it. m, rad.
+# Deviations of unmeasured components. m, rad.
 _UNKNOWN_M, _UNKNOWN_RAD = 1.0, 0.1
 _ANCHOR = 1e4
 
 
 class Knowledge:
-    """Everything that is known of the poses but what the map itself says."""
+    """All measurements of the poses except the matches to the map."""
 
     def __init__(self, ride: Ride, driven: Floats, lidar: Floats, matched: np.ndarray, params: MappingParams) -> None:
         self._params = params
@@ -31,7 +31,7 @@ class Knowledge:
         self.levels = _levels(ride, stamps, params.wheel_odometry)
 
     def solve(self, poses: Floats, start: Floats, loops: Sequence[Loop], more: Sequence[Edges] = ()) -> Floats:
-        """Poses from the given ones on; the first stays at ``start`` in place and heading."""
+        """Poses optimised from the given ones; the first stays at ``start`` in place and heading."""
         edges = [_anchor(start), *self._chain, *more]
         if loops:
             edges.append(loop_edges(loops, self._params.loops))
@@ -54,7 +54,7 @@ def _steps(poses: Floats) -> tuple[np.ndarray, np.ndarray, Floats]:
 
 
 def _anchor(start: Floats) -> Edges:
-    """Place and heading; roll and pitch are the horizon's business."""
+    """Anchors place and heading; roll and pitch come from the horizon."""
     weight = np.full((1, 6), _ANCHOR)
     weight[0, 3:5] = 1e-3
     return Edges(np.array([-1]), np.array([0]), start[None], weight)
@@ -75,12 +75,12 @@ def _lidar_edges(lidar: Floats, matched: np.ndarray, params: MappingParams) -> E
     first, second, steps = _steps(lidar)
     deviation = [s.deviation_m, s.deviation_m, _UNKNOWN_M, _UNKNOWN_RAD, _UNKNOWN_RAD, s.deviation_rad]
     used = matched[1:]
-    # A step that KISS-ICP lost somewhere shall not bend the rest.
+    # Robust, so that a step lost by KISS-ICP does not bend the rest.
     return Edges(first[used], second[used], steps[used], np.tile(1.0 / np.array(deviation), (int(used.sum()), 1)), 3.0)
 
 
 def _gyro_edges(ride: Ride, stamps: Floats, s: WheelOdometry) -> Edges | None:
-    """Changes of heading by the gyro, if the ride has a standstill that shows its bias."""
+    """Changes of heading by the gyro, if the ride has a standstill from which its bias is measured."""
     gyro = ride.turn_rate
     standing = _standing(ride, gyro.stamp_s, s)
     if len(gyro.stamp_s) < 2 or not standing.any():
@@ -98,7 +98,7 @@ def _gyro_edges(ride: Ride, stamps: Floats, s: WheelOdometry) -> Edges | None:
 
 
 def _standing(ride: Ride, stamps: Floats, s: WheelOdometry) -> np.ndarray:
-    """(n,) at these stamps the wheels had not moved for ``standing_s``."""
+    """(n,) True at stamps where the wheels had not moved for ``standing_s``."""
     if not len(stamps):
         return np.zeros(0, bool)
     before, now = ride.odometry.at(stamps - s.standing_s), ride.odometry.at(stamps)

@@ -1,4 +1,4 @@
-"""Compiles what building a map runs through, or loads it."""
+"""Compiles or loads the kernels of map building."""
 
 from __future__ import annotations
 

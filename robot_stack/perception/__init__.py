@@ -1,1 +1,1 @@
-"""From LiDAR sweeps to obstacles: crop, de-skew, ground removal, filtering."""
+"""Perception: computes obstacles from LiDAR sweeps by crop, de-skew, ground removal and filtering."""

@@ -1,13 +1,13 @@
-"""Returns too few to be a thing: drops, flakes and dust in the air, and single returns of whatever else.
+"""Removes returns too few to be an obstacle: drops, flakes and dust in the air, and other single returns.
 
-A drop returns once. How often a thing returns follows from its size, its distance and the angles between the sensor's
-beams: near the robot, where most of what is in the air is seen, a thing as small as a fist returns hundreds of times.
-So a point is believed if its column holds as many as the smallest thing of interest would return from there: radius
-outlier removal with a number that goes with the distance (Charron et al. 2018 let the radius do so), in a grid, not in
-a search tree. They must hang together: what the sun strews over the column's height is no thing, so those count that
-are few rings above or below, as the returns of a low stump are. It asks neither for intensity, which no two devices
-tell alike and a black coat has none of, nor for the sweep before: what is believed is so at once. What is too little
-to be a thing, but not by far, keeps what was there.
+A drop returns once. The number of returns of an object follows from its size, its distance and the angles between the
+sensor's beams: near the robot, where most airborne particles are measured, a fist-sized object returns hundreds of
+times. So a point is kept if its column holds as many returns as the smallest relevant object would give there: radius
+outlier removal with a count that depends on the distance (Charron et al. 2018 vary the radius instead), on a grid
+instead of a search tree. Sun returns scattered over the column's height are not obstacles, so only returns a few rings
+above or below count, as those of a low stump. The filter uses no intensity, which differs between devices and is near
+zero for a black coat, and no earlier sweep: a point is accepted at once. A column with somewhat fewer returns does
+not add an obstacle, but keeps an existing one.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from robot_stack.perception.params import ObstacleParams
 from robot_stack.perception.voxel import whole_below
 
 Float = NDArray[np.float32]
-_FULL = 250  # a cell counts no further; more than anything asks for
-_PLENTY = 4  # so many times what is asked for are a thing at whatever heights: a leg of 5 cm has six times
+_FULL = 250  # a cell counts no further; more than any required number
+_PLENTY = 4  # times the required number count at any height: a leg of 5 cm has six times
 _ASKED, _CHAINED = 1, 2
 
 
 @dataclass(frozen=True, slots=True)
 class Crowd:
-    """How many returns make a thing, for one sensor.
+    """Number of returns that make an obstacle, for one sensor.
 
-    sensor_m: (3,) base_link. returns_m2: so many at 1 m. They are sought in a column of cell_m x cell_m and the eight
-    around it, no more than rise_rad above or below as seen from the sensor; least, most: whatever the distance. doubt:
-    share of them, at any height, that may be a thing of which little returns.
+    sensor_m: (3,) base_link. returns_m2: required number at 1 m. They are counted in a column of cell_m x cell_m and
+    the eight around it, at most rise_rad above or below as seen from the sensor; least, most: bounds at any distance.
+    doubt: share of them, at any height, that keeps an existing obstacle.
     range_m: from base_link in plan, farther points are left out.
     """
 
@@ -50,7 +50,7 @@ class Crowd:
     range_m: float
 
     def split(self, xyz: Float) -> tuple[Float, Float]:
-        """Of the points (n, 3), base_link, within the range: those that are things, and those that may be."""
+        """Splits points (n, 3), base_link, within the range: obstacles, and possible obstacles."""
         side = 2 * math.ceil(self.range_m / self.cell_m) + 3
         things, doubtful = np.empty_like(xyz), np.empty_like(xyz)
         sizes = (
@@ -65,7 +65,7 @@ class Crowd:
 
 
 def crowd_of(sensor: RangeSensor, params: ObstacleParams, range_m: float) -> Crowd:
-    """The smallest thing is ``smallest_m2`` towards the sensor, which has a beam for each so much of its view."""
+    """The smallest object shows ``smallest_m2`` to the sensor; its returns follow from the solid angle of a beam."""
     beam_sr = sensor.ring_spacing_rad * math.radians(sensor.span_deg) / sensor.columns
     mount = np.array(sensor.xyz_m, np.float32)
     few, many = params.neighbours_min, params.neighbours_max
@@ -155,9 +155,9 @@ def _together(
     most: int,
     marks: NDArray[np.uint8],
 ) -> NDArray[np.bool_]:
-    """Which of the points have as many as are asked for about their own height.
+    """Keeps the points with the required number of returns near their own height.
 
-    unsure: (k,) rows of xyz. lowest: of what counts as about it, m. marks: a grid whose contents are of no more use.
+    unsure: (k,) rows of xyz. lowest: height range of the counted returns, m. marks: a grid to be overwritten.
     """
     middle = len(marks) // 2
     marks[:] = 0

@@ -10,9 +10,9 @@ _UNIT_TOLERANCE = 0.01
 
 
 def attitude_of(x: float, y: float, z: float, w: float) -> Attitude | None:
-    """Roll and pitch of a quaternion, base_link to an upright frame; None if it is no unit quaternion.
+    """Roll and pitch of a quaternion, base_link to an upright frame; None if it is not a unit quaternion.
 
-    A sensor without orientation sends zeros, and one that is broken NaN.
+    A sensor without orientation sends zeros, a broken one NaN.
     """
     norm2 = x * x + y * y + z * z + w * w
     if not abs(norm2 - 1.0) < _UNIT_TOLERANCE:

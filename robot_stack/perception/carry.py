@@ -1,4 +1,4 @@
-"""What the sweep before showed, where this one did not look."""
+"""Obstacle points of the sweep before, in directions that this sweep does not cover."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Float = NDArray[np.float32]
 
 
 def carried(xyz: Float, step: Pose2, sensor_xy_m: tuple[float, float], covered: NDArray[np.bool_]) -> Float:
-    """(m, 3) points of a frame at ``step``, in the frame ``step`` is given in: those that lie where nothing is covered.
+    """(m, 3) points of a frame at ``step``, in the frame ``step`` is given in: those outside the covered directions.
 
     covered: (sectors,) directions around the sensor, which is at sensor_xy_m in the frame ``step`` is given in.
     """

@@ -1,4 +1,4 @@
-"""What a cell of the profile is, and what a point is."""
+"""Labels of the profile's cells and of points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What does not belong to the world: invalid returns, the robot itself, the chair it carries."""
+"""Removes points that are not environment: invalid returns, the robot itself, the chair it carries."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Float = NDArray[np.float32]
 
 
 def boxes(robot: Robot, params: CropParams, chair: bool) -> Float:
-    """(k, 6) of x0 x1 y0 y1 z0 z1, m, base_link: what is cut out. The robot is as high as its highest sensor."""
+    """(k, 6) of x0 x1 y0 y1 z0 z1, m, base_link: boxes to cut out. The robot is as high as its highest sensor."""
     highest_m = max(sensor.xyz_m[2] for sensor in robot.range_sensors.values())
     items = [_box(robot.footprint, params, max(params.robot_height_m, highest_m + params.mast_margin_m))]
     if chair:
@@ -34,7 +34,7 @@ def _box(footprint: Footprint, params: CropParams, height_m: float, from_m: floa
 def crop(
     points: Points, lidar_xyz_m: Float, cut: Float, range_m: tuple[float, float], turned: Float | None = None
 ) -> tuple[Float, Float, int]:
-    """The points that belong to the world.
+    """The points of the environment.
 
     points: (n,) with x, y, z, time, sensor frame, m, s; read where they are, not copied.
     lidar_xyz_m: (3,) sensor in base_link. cut: (k, 6) as ``boxes`` gives. range_m: least and greatest range.
@@ -52,9 +52,9 @@ def crop(
 
 
 def beside_mast(xyz: Float, sensor_xy_m: tuple[float, float], mast: Mast, margin_rad: float) -> NDArray[np.bool_]:
-    """(n,) points (n, 3), base_link, that lie behind the mast or right beside it, as the sensor sees them.
+    """(n,) True for points (n, 3), base_link, behind the mast or right beside it, as seen from the sensor.
 
-    A beam that meets the mast's edge reports a range between the mast and what is behind it, where nothing is.
+    A beam that hits the mast's edge reports a range between the mast and the background, where there is nothing.
     """
     away = np.array([mast.x_m - sensor_xy_m[0], mast.y_m - sensor_xy_m[1]])
     distance = float(np.hypot(*away))
@@ -69,7 +69,7 @@ def beside_mast(xyz: Float, sensor_xy_m: tuple[float, float], mast: Mast, margin
 
 
 def readable(points: Points, *names: str) -> list[Float]:
-    """Columns of points as compiled loops take them: where they lie, copied only if they cannot be read there."""
+    """Columns of points for compiled loops: without a copy unless they are unaligned or read-only."""
     columns = [points[name] for name in names]
     if all(column.flags.aligned and column.flags.writeable for column in columns):
         return columns

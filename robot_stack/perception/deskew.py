@@ -1,4 +1,4 @@
-"""The motion during a sweep taken out: every point as if seen at the newest point's moment."""
+"""Removes the motion during a sweep: every point as if measured at the newest point's time."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ LEVEL = Attitude(0.0, 0.0)
 
 
 class Motion:
-    """Where base_link was in the last second: odometry in the plane, roll and pitch from the inertial unit."""
+    """Poses of base_link of the last second: odometry in the plane, roll and pitch from the inertial unit."""
 
     def __init__(self, params: DeskewParams) -> None:
         self._params = params
@@ -47,18 +47,18 @@ class Motion:
         self._attitudes: deque[tuple[float, Attitude]] = deque()
 
     def on_odometry(self, stamp_s: float, pose: Pose2, twist: Twist2) -> str:
-        """Takes a reading; why not, an empty text if it did."""
+        """Adds a reading; returns the reason if it is rejected, else an empty text."""
         if not (math.isfinite(stamp_s) and pose.is_finite() and twist.is_finite()):
             return "/odom is not finite"
         newest = self._poses.newest
         if newest is not None and newest.stamp_s - stamp_s > self._params.history_s:
-            self._poses.clear()  # the clock was started anew
+            self._poses.clear()  # the clock was restarted
         if self._poses.add(stamp_s, pose):
             self._twist = twist
         return ""
 
     def on_attitude(self, stamp_s: float, attitude: Attitude) -> None:
-        """Takes a reading that is newer than the newest; one that is not finite or older is left out."""
+        """Adds a reading that is newer than the newest; ignores one that is not finite or older."""
         if not all(map(math.isfinite, (stamp_s, attitude.roll_rad, attitude.pitch_rad))):
             return
         items = self._attitudes
@@ -70,7 +70,7 @@ class Motion:
             items.popleft()
 
     def problem(self, stamp_s: float) -> str:
-        """Why the motion at ``stamp_s`` is not known; empty if it is."""
+        """Why the motion at ``stamp_s`` is unknown; empty if it is known."""
         newest = self._poses.newest
         if newest is None:
             return "no /odom yet"
@@ -80,7 +80,7 @@ class Motion:
         return ""
 
     def pose_at(self, stamp_s: float) -> Pose2:
-        """base_link in odom; beyond the readings the newest twist goes on. Needs a reading."""
+        """base_link in odom; extrapolated by the newest twist. Needs a reading."""
         newest = self._poses.newest
         if newest is None:
             return IDENTITY
@@ -90,7 +90,7 @@ class Motion:
         return newest.pose.compose(exp_se2(self._twist, stamp_s - newest.stamp_s)) if pose is None else pose
 
     def attitude_at(self, stamp_s: float) -> Attitude | None:
-        """Interpolated; the newest holds for ``attitude_silent_s``. None if it is not known."""
+        """Interpolated; the newest holds for ``attitude_silent_s``. None if unknown."""
         items = self._attitudes
         if not items or abs(stamp_s - items[-1][0]) > max(self._params.attitude_silent_s, self._params.longest_s):
             return None
@@ -150,7 +150,7 @@ def _deskew(xyz: Float, times: Float, steps: Float, step_s: Any, moved: Float) -
     last = len(steps) - 1
     matrix, known_s = np.empty((3, 4), np.float32), np.float32(np.nan)
     for i in range(len(xyz)):
-        if times[i] != known_s:  # the points of a column come one after the other, and have one time
+        if times[i] != known_s:  # the points of a column are consecutive and have one time
             known_s = times[i]
             at = min(max(-known_s / step_s, np.float32(0.0)), np.float32(last))
             k = min(int(at), last - 1)

@@ -1,9 +1,9 @@
-"""Which points are ground: a profile of each direction, followed outwards from the wheels.
+"""Classification of ground points: a profile of each direction, followed outwards from the wheels.
 
 Ground is what can be reached from the wheels without climbing or falling more steeply than a ramp. Every direction
-keeps a cone of heights that this allows: it opens with the distance and closes on each cell of ground found in it. A
-cell above the cone is a step or an obstacle, whatever its height: so a kerb of 5 cm is seen where its cells are short
-enough to make it steeper than a ramp. A cell below the cone is ground that has fallen away. Heights are along gravity.
+keeps a cone of heights that this allows: it widens with the distance and narrows at each cell of ground found in it. A
+cell above the cone is a step or an obstacle, whatever its height: so a kerb of 5 cm is detected where its cells are
+short enough to make it steeper than a ramp. A cell below the cone is ground that falls away. Heights are along gravity.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _IN_RANGE = 0.8  # of the ground that a sensor sees: there the second next ring 
 class Profile:
     """kind: (sectors, rings) of the cells' kinds; covered: (sectors,) directions in which any cell holds points.
 
-    free_m: (sectors,) distance from the sensor to which ground was seen without a gap or an obstacle, 0: not at all.
+    free_m: (sectors,) distance from the sensor of ground observed without a gap or an obstacle, 0: none.
     drop_m: (sectors,) distance from the sensor to the edge of a drop-off, 0: none; drop_height_m: the ground before it.
     """
 
@@ -46,11 +46,11 @@ class Profile:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """What follows from a sensor's mounting: first_ground_m: the first ring of ground must be nearer than this;
+    """Values from a sensor's mounting. first_ground_m: the first ring of ground must be nearer than this;
     ring_spacing_rad: between its rings; edge_m: beyond this a ramp down hides itself as a drop-off does, or the next
     rings of ground are out of range.
 
-    range_bias_m, elevation_bias_rad: by how much two of its rings may be wrong against each other.
+    range_bias_m, elevation_bias_rad: largest errors of two of its rings against each other.
     """
 
     first_ground_m: float
@@ -141,7 +141,7 @@ def follow(
 def classify(
     points: Sorted, profile: Profile, sensor_height_m: float, params: GroundParams, reach: Reach
 ) -> tuple[Bytes, Float]:
-    """(n,) what each point is, and (n,) its height above the local ground, m."""
+    """(n,) the label of each point, and (n,) its height above the local ground, m."""
     labels, height = np.empty(len(points.cell), np.uint8), np.empty(len(points.cell), np.float32)
     numbers = np.array(
         [
@@ -181,12 +181,12 @@ def _follow(
     first_ground, spacing, gap_factor, gap, sensor, bias, tilt = p[11], p[12], p[13], p[14], p[15], p[16], p[17]
     zero = np.float32(0.0)
     upper, lower = seed_z.copy(), seed_z.copy()  # the cone, at the radius ``at``
-    firm = seed_z.copy()  # lower, but of cells with enough points: single ones may be in the air above the ground
+    firm = seed_z.copy()  # like lower, from cells with enough points: single points may be airborne
     at = seed_d.copy()
     last_z, last_d = seed_z.copy(), seed_d.copy()  # the last ground
     seen = np.zeros(sectors, np.bool_)  # ground beyond the seed
     open_way = np.ones(sectors, np.bool_)
-    fallen = np.zeros(sectors, np.int32)  # points below the cone, not believed yet
+    fallen = np.zeros(sectors, np.int32)  # points below the cone, not confirmed yet
     fallen_z, fallen_d = np.zeros(sectors, np.float32), np.zeros(sectors, np.float32)
     anything = np.zeros(sectors, np.bool_)  # any point beyond the last ground
     for k in range(rings):
@@ -209,8 +209,8 @@ def _follow(
             if upper[s] - lower[s] > lateral:
                 _ask_neighbours(s, sectors, upper, lower, firm, at, seed_d, slope * width)
             z, d = cells[s, k, HEIGHT], cells[s, k, DISTANCE]
-            # Range errors seen at the angle of incidence: along the ray, so little of them is height. A slope adds its
-            # own share. Noise averages out over a cell's points; what is a ring's own does not.
+            # Range errors at the angle of incidence: along the ray, so only a small part is height. A slope adds its
+            # own share. Noise averages out over a cell's points; the bias of a ring does not.
             incline = abs(sensor - z) / max(d, np.float32(0.5)) + abs(z - seed_z[s]) / max(
                 d - seed_d[s], np.float32(0.5)
             )
@@ -225,7 +225,7 @@ def _follow(
                 open_way[s] = False
                 continue
             if below > drop_tolerance + noise:
-                # The first cell below is remembered; the second one beside it is believed.
+                # The first cell below is a candidate; a second one beside it confirms the drop.
                 kind[s, k] = DROP
                 if fallen[s] == 0 or abs(z - fallen_z[s]) > slope * (d - fallen_d[s]) + np.float32(0.1):
                     if fallen[s] == 0:
@@ -257,8 +257,8 @@ def _follow(
             seen[s] = True
             fallen[s] = 0
             anything[s] = False
-    # Ground that ends near the robot with nothing at all behind it: no sensor loses all of that. A sector alone at the
-    # border of what a half sweep covered says nothing: turned back to the stamp, its last column lies in two sectors.
+    # Ground that ends near the robot with nothing at all behind it: no sensor loses all of that. A single sector at the
+    # border of a half sweep does not count: rotated back to the stamp, its last column lies in two sectors.
     ended = seen & ~anything & open_way & (last_d < edge_range)
     for s in active:
         if ended[s] and (ended[s - 1] or ended[(s + 1) % sectors]):
@@ -273,7 +273,7 @@ def _follow(
 def _ask_neighbours(
     s: int, sectors: int, upper: Float, lower: Float, firm: Float, at: Float, seed_d: Float, rise: Any
 ) -> None:
-    """Where a sector has not seen ground for long, its neighbours' ground narrows the cone."""
+    """In a sector without recent ground, the neighbours' ground narrows the cone."""
     for step in (-1, 1):
         other = (s + step) % sectors
         if at[other] <= seed_d[other]:
@@ -288,7 +288,7 @@ def _ask_neighbours(
 
 @numba.njit(cache=True, error_model="numpy")
 def _edge(last_d: Any, last_z: Any, d: Any, z: Any, sensor: Any, seen: bool) -> Any:
-    """Where the ground ends between the last ground and the first point below: the ray to that passed over the edge.
+    """Edge between the last ground and the first point below: the ray to that point passed over the edge.
 
     At the latest where the ray crosses the ground's level; if ground was seen just before, there.
     """

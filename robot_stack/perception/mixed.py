@@ -1,8 +1,8 @@
-"""Returns between two surfaces: a beam that meets the chair's edge and what is behind it measures a range in between.
+"""Mixed pixels: a beam that hits the chair's edge and the background measures a range between the two surfaces.
 
-Nothing is there. Such points are single, anywhere between both surfaces, while a thing that stands beside the chair
-returns many beams from one place. Nor are they to be remembered: they lie behind the chair's edge, where no ray will
-ever pass and show that the place is empty.
+There is no object. Such points are single, anywhere between both surfaces, while an object beside the chair
+returns many beams from one place. They must not be stored either: they lie behind the chair's edge, where no ray
+ever passes to show that the place is empty.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Float = NDArray[np.float32]
 
 
 class ChairEdges:
-    """Directions from one sensor in or right beside which something of the attached chair returned.
+    """Directions from one sensor at or right beside a return of the attached chair.
 
     mount: (3,) sensor in base_link; turned: (3, 3) from the sensor's axes to base_link's, None if they are the same.
     box: (6,) x0 x1 y0 y1 z0 z1 of the chair, base_link. spacing_rad: between neighbouring beams, across and along the
@@ -50,12 +50,12 @@ class ChairEdges:
         return found
 
     def without(self, view: View) -> View:
-        """A look without what lies beside the chair: no place is remembered for it, neither thing nor ground."""
+        """A view without the points beside the chair: they are stored neither as obstacle nor as ground."""
         hits, floor = view.hits[~self.beside(view.hits)], view.floor[~self.beside(view.floor[:, :3])]
         return replace(view, hits=hits, floor=floor)
 
     def believed(self, xyz: Float, params: MixedParams, points_min: int) -> Float:
-        """(k, 3) of obstacle points (n, 3): without those beside the chair that are too few to be a thing."""
+        """(k, 3) of obstacle points (n, 3): without those beside the chair that are too few to be an object."""
         kept = ~self.beside(xyz)
         reach_m = np.float32(self._box[1] + params.beyond_m)
         _keep_dense(np.ascontiguousarray(xyz), reach_m, np.float32(params.cell_m), points_min, kept)
@@ -97,7 +97,7 @@ def _find(xyz: Float, mount: Float, own: Any, found: Any) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def _keep_dense(xyz: Float, reach: Any, cell: Any, least: int, kept: Any) -> None:
-    """Keeps also those that have ``least`` points in their cell and the eight beside it, in plan, or that are far."""
+    """Also keeps points with ``least`` points in their cell and the eight beside it, in plan, and far points."""
     size = int(np.float32(2.0) * reach / cell) + 1
     counts = np.zeros((size + 2, size + 2), np.int32)
     for i in range(len(xyz)):

@@ -1,4 +1,4 @@
-"""Obstacles that the overhead LiDAR shows: near the robot, and where the wheelchair hides them from the other one."""
+"""Obstacles from the overhead LiDAR: near the robot, and where the wheelchair hides them from the spinning LiDAR."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _NOTHING: Float = np.empty((0, 3), np.float32)
 
 
 class Overhead:
-    """The newest frame's obstacles, moved on by what the robot has driven since."""
+    """The newest frame's obstacles, moved by the robot's motion since."""
 
     def __init__(self, robot: Robot, params: PerceptionParams, motion: Motion) -> None:
         self._params, self._motion = params, motion
@@ -48,7 +48,7 @@ class Overhead:
     def take(self, points: Points, stamp_s: float, chair: bool) -> View:
         """A frame: points (n,) in the sensor's frame, m, times relative to the stamp, s. Needs the motion there.
 
-        Returns its look for the model of the space: without the obstacles beside the chair, see ``mixed``.
+        Returns its view for the model of the space: without the obstacles beside the chair, see ``mixed``.
         """
         xyz, _ = self._view.points(points, stamp_s, self._motion, chair)
         seen = self._view.segment(xyz, self._motion.attitude_at(stamp_s))

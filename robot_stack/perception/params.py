@@ -14,7 +14,7 @@ Count = Annotated[int, Field(ge=1)]
 
 
 class CropParams(Config):
-    """What is cut away: invalid ranges, the robot itself, the attached chair with its passenger."""
+    """Removal of invalid ranges, the robot itself, the attached chair with its passenger."""
 
     range_min_m: Positive
     range_max_m: Positive
@@ -93,10 +93,9 @@ class GroundParams(Config):
 class ObstacleParams(Config):
     """Thinning of the obstacle points.
 
-    A point is believed if cells of neighbourhood_m around it hold as many as a thing of smallest_m2 would return from
-    there, at least neighbours_min, no more than neighbours_max being asked for; of them those count that are up to
-    neighbour_rings above or below it, or as far as a cell is wide. With doubt_share of them, at any height, it is no
-    thing, but keeps one that was there.
+    A point is kept if cells of neighbourhood_m around it hold as many returns as an object of smallest_m2 would give
+    there, at least neighbours_min, at most neighbours_max; returns count up to neighbour_rings above or below it, or as
+    far as a cell is wide. With doubt_share of them, at any height, it adds no obstacle, but keeps an existing one.
     """
 
     range_m: Positive
@@ -118,7 +117,7 @@ class ObstacleParams(Config):
 
 
 class FreeSpaceParams(Config):
-    """How far the ground counts as seen."""
+    """How far the ground counts as observed."""
 
     first_ground_factor: Annotated[float, Field(ge=1.0)]
     gap_factor: Annotated[float, Field(ge=1.0)]
@@ -126,7 +125,7 @@ class FreeSpaceParams(Config):
 
 
 class WatchParams(Config):
-    """When a sweep cannot be trusted."""
+    """Rejection of sweeps."""
 
     stamp_future_s: Positive
     stamp_old_s: Positive
@@ -150,17 +149,17 @@ class WatchParams(Config):
 
 
 class OverheadParams(Config):
-    """What is taken from the overhead LiDAR, and how long it is shown again."""
+    """Selection of the overhead LiDAR's points, and how long they are published again."""
 
     range_m: Positive
     keep_s: Positive
 
 
 class MixedParams(Config):
-    """Which points beside the attached chair are a thing, and no range between its edge and what is behind.
+    """Filter of mixed pixels between the attached chair's edge and the background.
 
     points_min, overhead_points_min: in a cell and the eight beside it, of a half sweep and of the overhead LiDAR's
-    frame. beyond_m: of the chair's box; farther from base_link along x and y nothing is mixed with the chair.
+    frame. beyond_m: of the chair's box; farther from base_link along x and y no pixel is mixed with the chair.
     """
 
     beyond_m: Positive
@@ -170,24 +169,24 @@ class MixedParams(Config):
 
 
 class OutputParams(Config):
-    """When full sweeps are taken instead of halves, and how long the other half is shown again."""
+    """When full sweeps replace halves, and how long the other half is published again."""
 
     full_sweep_after_s: Positive
     keep_s: Positive
 
 
 class MoverParams(Config):
-    """Who moves: what came to places that were seen free, followed from look to look of one sensor.
+    """Tracking of moving objects: returns in places that were free before, tracked from view to view of one sensor.
 
-    A return came to its place if that was free ``new_s`` ago, and nothing that stands longer is within ``apart_m``.
-    Returns within ``link_m`` of each other are one body, if they are at least ``points_min`` and no more than
-    ``widest_m`` apart; one that returns less than the share ``whole`` of what it did is being hidden. A body is
-    sought within ``gate_m`` of where it is expected, and expected for ``coast_s`` after it was seen last, but only
-    ``missed_s`` where rays pass below its top; who moves is taken to have gone on so long, up to ``beside_m`` before
-    the robot, where nobody looks. place_sigma_m, acceleration_mps2: of its place, and of what it does. It moves if it
-    has been followed for ``follow_s`` and over ``distance_m``, is faster than ``slowest_mps`` and than ``sure`` times
-    what its speed may be wrong by, and no more than the share ``vacated_share`` of its points of ``vacated_s`` ago has
-    one within ``same_m`` now; later on, no more than that share of those that its way should have left.
+    A return is new if its place was free ``new_s`` ago, and no older obstacle is within ``apart_m``.
+    Returns within ``link_m`` of each other are one object, if they are at least ``points_min`` and no more than
+    ``widest_m`` apart; one with less than the share ``whole`` of its earlier returns is becoming hidden. An object is
+    associated within ``gate_m`` of its prediction, and predicted for ``coast_s`` after its last detection, but only
+    ``missed_s`` where rays pass below its top; a moving one is assumed to continue for that time, up to ``beside_m``
+    before the robot, in unobserved space. place_sigma_m, acceleration_mps2: noise of measurement and motion. It moves
+    if it was tracked for ``follow_s`` and over ``distance_m``, is faster than ``slowest_mps`` and than ``sure`` times
+    the deviation of its speed, and at most the share ``vacated_share`` of its points of ``vacated_s`` ago has one
+    within ``same_m`` now; later on, at most that share of the points that its motion should have left.
     """
 
     new_s: Positive
@@ -215,13 +214,13 @@ class MoverParams(Config):
 class SpaceParams(Config):
     """The model of the space around the robot.
 
-    passes: looks whose rays pass through an occupied cell until it is not any more, at least ``top_margin_m`` below
+    passes: views whose rays must pass through an occupied cell to free it, at least ``top_margin_m`` below
     its top; or, if that is no higher than ``low_m``, that show ground in its place. A return within ``thing_m`` of a
-    higher one is part of the same thing. free_below_m: a ray so low makes an
+    higher one is part of the same object. free_below_m: a ray this low makes an
     unseen cell free; rays lower than the LiDAR keep it free. ``fade_s`` after the last of them it is unseen again,
-    if somebody can have come there: from another such place, or from where something was seen within ``enter_m`` of it.
-    memory_m: of driving, a turn counting by ``lever_m``, after which the place of what was not seen since is not
-    trusted.
+    if a person could have entered it: from another such place, or from returns within ``enter_m`` of it.
+    memory_m: motion, a turn counting by ``lever_m``, after which the place of an obstacle not observed since is no
+    longer reliable.
     """
 
     size_m: Annotated[float, Field(ge=2.0, le=50.0)]
@@ -241,7 +240,7 @@ class SpaceParams(Config):
 
     @property
     def reach_m(self) -> float:
-        """How far from a sensor rays are looked at: the corners are farther than the sides."""
+        """Largest distance of evaluated rays from a sensor: the corners are farther than the sides."""
         return 0.75 * self.size_m
 
 
@@ -249,10 +248,10 @@ class FootingParams(Config):
     """Where the ground falls.
 
     An edge is where it falls by more than ``fall_m`` from one patch of 0.15 m to the next, and by ``more_m`` more than
-    before or behind it; or by more than ``steep_m``. Where what is behind is hidden, ramps of ``slope_deg`` may explain
-    the rest, up to ``gap_m`` away. sigma_m: of one return's height, three times; returns_max: so many of the last ones
-    make a cell's height. range_m: around base_link, where edges are sought. reach_m: so far beyond known footing begins
-    what is none.
+    before or behind it; or by more than ``steep_m``. Across hidden ground, ramps of ``slope_deg`` may explain the fall,
+    up to ``gap_m`` away. sigma_m: of one return's height, three times; returns_max: number of latest returns in a
+    cell's height. range_m: around base_link, where edges are searched. reach_m: distance beyond known footing from
+    which ground counts as missing.
     """
 
     fall_m: Positive
@@ -267,7 +266,7 @@ class FootingParams(Config):
 
 
 class PerceptionParams(Config):
-    """Everything the node can be told."""
+    """All parameters of the node."""
 
     crop: CropParams
     deskew: DeskewParams

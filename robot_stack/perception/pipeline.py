@@ -1,4 +1,4 @@
-"""From a sweep to obstacles and the model of the space: the stages in their order."""
+"""The stages from a sweep to obstacles and the model of the space, in their order."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ _NOTHING: Float = np.empty((0, 3), np.float32)
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Points (n, 3) in base_link at stamp_s: obstacles, seen and remembered; unseen: where known space ends;
+    """Points (n, 3) in base_link at stamp_s: obstacles, observed and stored; unseen: where known space ends;
     no_ground: where known footing ends.
 
-    moving: (n, 5) points of who moves, and their velocity over ground in base_link's axes: x, y, z, vx, vy.
+    moving: (n, 5) points of moving objects and their velocity over ground in base_link's axes: x, y, z, vx, vy.
     """
 
     stamp_s: float
@@ -49,7 +49,7 @@ class Scene:
 
 
 class Pipeline:
-    """Everything but the inputs' health. Needs the motion to be known at the stamps it is given."""
+    """Everything but the inputs' health. The motion must be known at the given stamps."""
 
     def __init__(self, robot: Robot, params: PerceptionParams) -> None:
         self._robot, self._params = robot, params
@@ -72,7 +72,7 @@ class Pipeline:
         self.chair = False
 
     def forget(self) -> None:
-        """Nothing was seen before the next sweep."""
+        """Clears all stored observations."""
         self._last = None
         self.space.forget()
         self.footing.forget()
@@ -82,15 +82,15 @@ class Pipeline:
             self._overhead.forget()
 
     def overhead(self, points: Points, stamp_s: float) -> None:
-        """A frame of the overhead LiDAR: its obstacles belong to the scenes that follow, its rays to the space."""
+        """A frame of the overhead LiDAR: adds its obstacles to the next scenes and its rays to the space model."""
         if self._overhead is not None:
             look = self._overhead.take(points, stamp_s, self.chair)
             self._observe(look, self.motion.pose_at(stamp_s), self._movers_above)
 
     def scene(self, points: Points, stamp_s: float, obstructed: NDArray[np.bool_] | None = None) -> Scene:
-        """What the points show and what is remembered: the model of the space takes every sweep.
+        """Obstacles of the points and of the model of the space, which every sweep updates.
 
-        obstructed: (DIRECTIONS,) of the ``Watch``: an obstacle stands there, close to the robot, as long as it is so.
+        obstructed: (DIRECTIONS,) of the ``Watch``: adds an obstacle close to the robot in these directions.
         """
         xyz, broken = self.points(points, stamp_s)
         seen = self.segment(xyz, self.motion.attitude_at(stamp_s))
@@ -98,7 +98,7 @@ class Pipeline:
         obstacles, specks = self._crowd.split(raised(seen.xyz, seen.labels))
         close = self._outlines[self.chair][np.zeros(DIRECTIONS, np.bool_) if obstructed is None else obstructed]
         if self.chair:
-            # Most of what is beside the chair is hidden by it: little of it returns, see ``mixed``.
+            # The chair hides most of an object beside it, so that few returns remain, see ``mixed``.
             self._chair_edges.look(points)
             obstacles = np.concatenate([obstacles, specks[self._chair_edges.beside(specks)]])
             obstacles = self._chair_edges.believed(obstacles, self._params.mixed, self._params.mixed.points_min)
@@ -116,12 +116,12 @@ class Pipeline:
         return Scene(stamp_s, obstacles, self.space.frontier(pose), self.footing.ends(pose), moving, broken)
 
     def grid(self) -> SpaceGrid:
-        """The space as it is now, edges among what is occupied."""
+        """The present grid of the space, with drop-off edges as occupied."""
         known = self.space.grid()
         return replace(known, state=np.where(self.footing.drop, OCCUPIED, known.state))
 
     def _observe(self, look: View, pose: Pose2, movers: Movers) -> None:
-        """movers: those that the same sensor has shown."""
+        """movers: the tracker of the same sensor."""
         self.space.chair(self.chair)
         self.space.observe(look, pose)
         own = self._robot.footprint_with_chair if self.chair else self._robot.footprint
@@ -134,11 +134,11 @@ class Pipeline:
         return self._view.points(points, stamp_s, self.motion, self.chair)
 
     def segment(self, xyz: Float, attitude: Attitude | None = None) -> Segmented:
-        """Ground and the rest of the spinning LiDAR's points (n, 3), base_link."""
+        """Ground and other points of the spinning LiDAR, (n, 3), base_link."""
         return self._view.segment(xyz, attitude)
 
     def _from_above(self, stamp_s: float) -> Float:
-        """(k, 3) obstacle points that the overhead LiDAR has shown lately."""
+        """(k, 3) recent obstacle points of the overhead LiDAR."""
         return _NOTHING if self._overhead is None else self._overhead.at(stamp_s)
 
     def _outline(self, chair: bool) -> Float:

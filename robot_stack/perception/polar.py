@@ -1,6 +1,6 @@
-"""Cells around the sensor: points sorted by direction and distance, and what each cell holds.
+"""Polar grid around the sensor: points sorted by direction and distance, and the statistics of each cell.
 
-A sensor that spins sees ground in rings: radial cells, short near it and long far away, hold about one ring each, and
+A spinning sensor sees ground in rings: radial cells, short near it and long far away, hold about one ring each, and
 the cells of one direction in order of distance are a profile of the ground.
 """
 
@@ -20,12 +20,12 @@ Float = NDArray[np.float32]
 Int = NDArray[np.int32]
 
 TABLE_STEP_M = 0.05
-# What a cell holds, beside each other in memory: its points come together, and so do the loops that judge it.
+# The values of a cell, adjacent in memory: they are written and evaluated together.
 # LOWEST, SECOND, TOP: heights of the two lowest points and the highest. COUNT: points of the lowest band, whose means
 # HEIGHT and DISTANCE are. GROUND_M: height of the ground there. RISE: how far it stands above the ground before it.
 LOWEST, SECOND, TOP, COUNT, HEIGHT, DISTANCE, GROUND_M, RISE = range(8)
 _COLUMNS = 8
-_BLOCK = 256  # points taken together: their coordinates stay in the fastest cache
+_BLOCK = 256  # points per block: their coordinates stay in the fastest cache
 _NONE = np.float32(np.inf)
 PI = np.float32(math.pi)
 HALF_PI = np.float32(0.5 * math.pi)
@@ -45,7 +45,7 @@ class PolarGrid:
 
 
 def make_grid(params: GroundParams, reach_m: float = math.inf) -> PolarGrid:
-    """reach_m: farther cells are left out, but for what is left of their kind."""
+    """reach_m: farther cells are left out, except for the rest of their kind."""
     edges = [0.0]
     for bins in params.bins:
         if edges[-1] >= reach_m:
@@ -60,7 +60,7 @@ def make_grid(params: GroundParams, reach_m: float = math.inf) -> PolarGrid:
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """What lies in the cells; heights and distances in m, levelled frame.
+    """Statistics of the cells; heights and distances in m, levelled frame.
 
     values: (sectors, rings, 8), columns LOWEST to RISE; an empty cell has COUNT 0. sectors: (k,) directions that hold
     points, and two on each side of them: values of all others are not set. A half sweep shows half of them.
@@ -114,7 +114,7 @@ def angle_of(y: Any, x: Any) -> Any:
 
 @numba.njit(cache=True, error_model="numpy")
 def _empty_direction(rings: int) -> Float:
-    """(rings * 8,) what the cells of a direction without points hold."""
+    """(rings * 8,) values of the cells of a direction without points."""
     empty = np.zeros((rings, _COLUMNS), np.float32)
     empty[:, LOWEST] = empty[:, SECOND] = _NONE
     empty[:, TOP] = -_NONE
@@ -143,7 +143,7 @@ def _place(
     height: Float,
     distance: Float,
 ) -> None:
-    """Direction, distance, height and cell of every point, and what is lowest and highest in each cell."""
+    """Direction, distance, height and cell of every point, and the lowest and highest of each cell."""
     sectors, rings = values.shape[0], values.shape[1]
     cells = values.reshape((sectors * rings, _COLUMNS))
     flat, empty = values.ravel(), _empty_direction(rings)
@@ -152,8 +152,8 @@ def _place(
     b0, b1, b2 = level[1, 0], level[1, 1], level[1, 2]
     c0, c1, c2 = level[2, 0], level[2, 1], level[2, 2]
     outside = np.float32(len(table))
-    # x, y and z one after the other, and so sector and slot: of more arrays the compiler would not know that they lie
-    # apart, and make no vector code.
+    # x, y and z in one array, and sector and slot too: with more arrays the compiler could not exclude that they
+    # overlap, and would not vectorise.
     place, found = np.empty(3 * _BLOCK, np.float32), np.empty(2 * _BLOCK, np.int32)
     for begin in range(0, len(xyz), _BLOCK):
         size = min(_BLOCK, len(xyz) - begin)
@@ -183,7 +183,7 @@ def _place(
             cell[begin + i] = number
             c = np.uint32(number)  # unsigned: no wrap-around to look after
             z = high[i]
-            # Without branches: which way they go is chance, and a wrong guess costs more than three writes.
+            # Without branches: they are unpredictable, and a misprediction costs more than three writes.
             first, second, top = cells[c, LOWEST], cells[c, SECOND], cells[c, TOP]
             higher = first if z < first else z
             cells[c, LOWEST] = z if z < first else first

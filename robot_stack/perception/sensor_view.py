@@ -1,4 +1,4 @@
-"""One range sensor's points in base_link, and what of them is ground: all that depends on how it is mounted."""
+"""One range sensor's points in base_link and their ground: all that depends on its mounting."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ class Segmented:
 
 
 class SensorView:
-    """name: of the range sensor. range_m: least and greatest range that is used. mast: what it sees of its own mast.
+    """name: of the range sensor. range_m: least and greatest used range. mast: the mast in its view.
 
     mount: (3,) base_link. turned: (3, 3) from the axes of its frame to base_link's, None if they are the same. cut:
-    with and without a chair, (k, 6) boxes of what is the robot's own, the chair last.
+    with and without a chair, (k, 6) boxes of the robot itself, the chair last.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class SensorView:
         self._margin_rad = params.crop.mast_columns * math.radians(sensor.span_deg) / sensor.columns
 
     def views(self, reach_m: float) -> SweepViews:
-        """What makes looks of its sweeps, no farther than ``reach_m``."""
+        """Makes views of its sweeps, up to ``reach_m``."""
         up, slope_deg = self._sensor.highest_slope(), self._params.ground.max_slope_deg
         return SweepViews(self.grid, reach_m, self._reach.ring_spacing_rad, slope_deg, up)
 
@@ -80,7 +80,7 @@ class SensorView:
         return deskew(xyz, times, steps, self._params.deskew.step_s, out=xyz), broken
 
     def segment(self, xyz: Float, attitude: Attitude | None = None) -> Segmented:
-        """Ground and the rest. xyz: (n, 3) base_link; attitude None: the robot's own plane is taken for level."""
+        """Ground and other points. xyz: (n, 3) base_link; attitude None: the robot's own plane is assumed level."""
         params, level = self._params.ground, (attitude or LEVEL).matrix()
         x, y, z = (float(value) for value in level @ self.mount)
         points = sort_points(xyz, level.astype(np.float32), (x, y), self.grid, params.low_band_m, params.outlier_gap_m)

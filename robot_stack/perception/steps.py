@@ -1,10 +1,10 @@
-"""A second look at the profiles: kerbs between rings that lie too far apart for the cone, and decks seen from outside.
+"""A second pass over the profiles: kerbs between rings too far apart for the cone, and decks seen from outside.
 
-Between two rings half a metre apart a kerb of 5 cm rises no more steeply than a ramp. But a ramp goes on rising, and a
-kerb does not: a cell that stands above the line of the ground before it, where the ground behind it rises less, is a
-step. A deck is the opposite: cells above the cone that make one smooth surface of some length are ground on another
-level, and what leads up to them is the obstacle. And a slope too steep to climb is ground nevertheless: it leaves the
-cone by and by, so that noise alone would say which of its cells is a step; but nowhere is it off its own line.
+Between two rings half a metre apart a kerb of 5 cm rises no more steeply than a ramp. But a ramp keeps rising, and a
+kerb does not: a cell above the line of the ground before it, where the ground behind it rises less, is a
+step. A deck is the opposite: cells above the cone that form one smooth surface of some length are ground on another
+level, and the rise up to them is the obstacle. A slope too steep to climb is still ground: it leaves the cone
+gradually, so that noise alone would decide which of its cells is a step; but no cell is off its own line.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ Int = NDArray[np.int32]
 Bytes = NDArray[np.uint8]
 _LINE_M = 0.3  # of ground before a step, at least; farther out three rings
 _RINGS_IN_LINE = 3
-_KNOWN_M = 0.2  # shorter lines say nothing of a slope
-_AHEAD = 8  # cells looked at behind the last ground
-_CONTINUES = 0.45  # of the least slope that a ramp would need: it goes on rising
+_KNOWN_M = 0.2  # shorter lines give no slope
+_AHEAD = 8  # cells evaluated behind the last ground
+_CONTINUES = 0.45  # of the least slope that a ramp would need to keep rising
 _NEAR_M = 1.8  # from the wheels
-_WITNESSES = 2  # of the four directions beside it that show something raised too
-_GO_ON_M = 0.2  # looked at behind a rise, at least
+_WITNESSES = 2  # of the four directions beside it that must have a raised cell too
+_GO_ON_M = 0.2  # evaluated behind a rise, at least
 _SMOOTH_M = 0.06
 _EVEN_SHARE = 0.8  # of the steepest ramp's slope, that a steep slope has at least: a kerb's line is flatter, or off
 _EVEN_CELLS = 6
@@ -40,7 +40,7 @@ _EVEN_GAP_M = 0.2  # between two of its cells
 
 @dataclass(frozen=True, slots=True)
 class RingErrors:
-    """By how much two rings may be wrong against each other; sensor_height_m: above base_link."""
+    """Largest errors of two rings against each other; sensor_height_m: above base_link."""
 
     sensor_height_m: float
     range_m: float
@@ -86,10 +86,10 @@ def _find_steps(
     seed_d: Float,
     seed_z: Float,
 ) -> None:
-    """Notes in RISE how far a cell stands above the ground before it, 0 where it is no step.
+    """Writes to RISE how far a cell stands above the ground before it, 0 where it is no step.
 
-    sensor: height; bias: by how much range (m) and angle (rad) of two rings may be wrong against each other. The first
-    is seen at the angle of incidence; both look like a rise.
+    sensor: height; bias: largest errors of range (m) and angle (rad) of two rings against each other. The range error
+    acts at the angle of incidence; both look like a rise.
     """
     rings = cells.shape[1]
     node = np.empty(rings, np.int64)
@@ -114,16 +114,16 @@ def _find_steps(
             length = max(np.float32(_LINE_M), np.float32(_RINGS_IN_LINE) * spacing * (d0 * d0 + np.float32(0.5)) * 1.4)
             middle_d, middle_z, tilt, known = _line(row, i, node, length, slope)
             if known < np.float32(_KNOWN_M) and middle_d - seed_d[s] < np.float32(_NEAR_M):
-                # The first rings: the wheels stand on the other end of this line.
+                # The first rings: this line begins at the wheels.
                 tilt = (middle_z - seed_z[s]) / max(middle_d - seed_d[s], np.float32(0.2))
                 tilt, known = min(max(tilt, -slope), slope), np.float32(_LINE_M)
             off = row[k, HEIGHT] - (middle_z + tilt * (d0 - middle_d))
-            if known < np.float32(_KNOWN_M) or off > np.float32(0.5) * rise:  # it stands above that line already
+            if known < np.float32(_KNOWN_M) or off > np.float32(0.5) * rise:  # already above that line
                 continue
             for ahead in range(i + 1, min(i + 1 + _AHEAD, count)):
                 m = node[ahead]
                 away = row[m, DISTANCE] - d0
-                if away > min(max_gap, np.float32(1.2) * known):  # a line is not believed far beyond what it is made of
+                if away > min(max_gap, np.float32(1.2) * known):  # a line is not extrapolated far beyond its points
                     break
                 over = row[m, HEIGHT] - (middle_z + tilt * (row[m, DISTANCE] - middle_d))
                 error = bias[0] * min(sensor / max(row[m, DISTANCE], np.float32(0.5)), np.float32(1.0))
@@ -137,7 +137,7 @@ def _find_steps(
 
 @numba.njit(cache=True, error_model="numpy")
 def _may_rise(row: Float, back: int, i: int, count: int, node: Any, rise: Any, gap: Any) -> bool:
-    """A quick look, with half of the rise and a slope from two cells, that spares most of the work on even ground."""
+    """A fast test, with half of the rise and a slope from two cells, that skips most even ground."""
     k = node[i]
     d0, z0 = row[k, DISTANCE], row[k, HEIGHT]
     before = node[back]
@@ -192,7 +192,7 @@ def _goes_on(
     slope: Any,
     gap: Any,
 ) -> bool:
-    """True if the ground behind rises on as a ramp does that explains what was seen, or if nothing is seen behind."""
+    """True if the ground behind keeps rising like a ramp that explains the points, or if there are no points behind."""
     m = node[at]
     for after in range(at + 1, count):
         n = node[after]
@@ -208,7 +208,7 @@ def _goes_on(
 
 @numba.njit(cache=True, error_model="numpy")
 def _take_steps(cells: Float, active: Int, kind: Bytes, free: Float) -> None:
-    """Steps are believed if a direction beside them shows something raised there too."""
+    """Accepts steps with a raised cell in a direction beside them."""
     sectors, rings = kind.shape
     for s in active:
         for k in range(rings):
@@ -228,7 +228,7 @@ def _take_steps(cells: Float, active: Int, kind: Bytes, free: Float) -> None:
             if not believed and kind[s, k] == STEP:
                 kind[s, k], cells[s, k, GROUND_M] = FLOOR, cells[s, k, HEIGHT]
             elif believed and cells[s, k, RISE] > np.float32(0.0):
-                # What was judged by the cone keeps its height above the last ground.
+                # A cell classified by the cone keeps its height above the last ground.
                 if kind[s, k] == FLOOR:
                     cells[s, k, GROUND_M] = cells[s, k, GROUND_M] - cells[s, k, RISE]
                     kind[s, k] = STEP
@@ -238,7 +238,7 @@ def _take_steps(cells: Float, active: Int, kind: Bytes, free: Float) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def _find_slopes(cells: Float, active: Int, slope: Any, steep: Any, length: Any, off: Any, kind: Bytes) -> None:
-    """What stands above the cone, but lies on an even slope together with the cells before or behind it, is ground."""
+    """Cells above the cone that lie on an even slope with the cells before or behind them become ground."""
     rings = kind.shape[1]
     node, even = np.empty(rings, np.int64), np.empty(rings, np.bool_)
     for s in active:
@@ -267,7 +267,7 @@ def _find_slopes(cells: Float, active: Int, slope: Any, steep: Any, length: Any,
 def _is_even(
     row: Float, at: int, count: int, node: Any, share: Any, slope: Any, steep: Any, length: Any, off: Any
 ) -> bool:
-    """Do the cells of a window make one steep line? share: of the window's length, that lies before the cell ``at``."""
+    """True if the cells of a window form one steep line. share: of the window's length before the cell ``at``."""
     begin, end = row[node[at], DISTANCE] - share * length, row[node[at], DISTANCE] + (np.float32(1.0) - share) * length
     first, last = at, at
     while first > 0 and row[node[first - 1], DISTANCE] >= begin:

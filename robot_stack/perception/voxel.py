@@ -1,4 +1,4 @@
-"""Obstacle points made few: gathered in voxels."""
+"""Reduction of obstacle points: centroids of voxels."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def raised(xyz: Float, labels: NDArray[np.uint8]) -> Float:
 
 @numba.njit(cache=True, inline="always")
 def whole_below(value: Any) -> Any:
-    """The whole number below, as an int64: a call of libm's floor for each coordinate took half of the time."""
+    """floor() as an int64: libm's floor for each coordinate took half of the time."""
     number = np.int64(value)
     return number - np.int64(value < number)
 

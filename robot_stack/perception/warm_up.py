@@ -1,4 +1,4 @@
-"""Compiles what a sweep runs through, or loads it: before the first sweep instead of during it."""
+"""Compiles or loads the kernels of a sweep before the first one instead of during it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _COLUMNS = 360
 
 
 def warm_up() -> None:
-    """Two sweeps of flat ground around a robot that stands, by both LiDARs: one of them is mounted turned."""
+    """Two sweeps of flat ground around a standing robot, by both LiDARs: one of them is mounted rotated."""
     params = load(PerceptionParams, "perception_pipeline")
     points = np.zeros(_COLUMNS, SWEEP)
     angles = np.linspace(-np.pi, np.pi, _COLUMNS)

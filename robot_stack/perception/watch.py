@@ -1,4 +1,4 @@
-"""Can this sweep be trusted? Frozen, covered, blind, or stamped with a time that cannot be."""
+"""Plausibility of a sweep: detects a frozen, covered or blind sensor, and an invalid stamp."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from robot_stack.perception.params import WatchParams
 from robot_stack.perception.polar import angle_of
 
 Int = NDArray[np.int32]
-DIRECTIONS = 360  # in which low beams are missed one by one
-_BLOCK = 256  # points taken together: their coordinates stay in the fastest cache
+DIRECTIONS = 360  # in which missing low beams are detected
+_BLOCK = 256  # points per block: their coordinates stay in the fastest cache
 
 
 class Watch:
-    """Looks at every sweep before it is used. height_m: of the sensor above the ground."""
+    """Checks every sweep before it is used. height_m: of the sensor above the ground."""
 
     def __init__(self, params: WatchParams, height_m: float) -> None:
         self._params = params
         self._stamp_s = -math.inf
         self._prints: deque[int] = deque(maxlen=params.remembered)
-        self._seen_s = np.full(params.sectors, math.nan)  # when each direction was seen last
+        self._seen_s = np.full(params.sectors, math.nan)  # time of the last return in each direction
         self._judged_s = -math.inf
         self._low_seen_s = np.full(DIRECTIONS, math.nan)  # when a low beam of each fine direction returned last
         self._low_slope = np.float32(height_m / params.low_beam_m)
         self.blind_sectors = np.zeros(params.sectors, np.bool_)  # directions that are blind now
-        self.obstructed = np.zeros(DIRECTIONS, np.bool_)  # where something stands that is too near to be seen, or dirt
+        self.obstructed = np.zeros(DIRECTIONS, np.bool_)  # covered by dirt or an object too near to be measured
 
     def stamp_problem(self, stamp_s: float, now_s: float) -> str:
         """Why a stamp cannot be used, empty if it can. It must be newer than the last one that could."""
@@ -45,14 +45,14 @@ class Watch:
         if age_s > params.stamp_old_s:
             return f"stamp is {age_s:.2f} s old, limit {params.stamp_old_s} s"
         if self._stamp_s - now_s > params.stamp_future_s:
-            self._stamp_s = -math.inf  # the clock was set back
+            self._stamp_s = -math.inf  # clock set back
         if stamp_s <= self._stamp_s:
             return f"stamp does not go on: {stamp_s:.3f} s after {self._stamp_s:.3f} s"
         self._stamp_s = stamp_s
         return ""
 
     def frozen(self, points: Points) -> bool:
-        """True if these very points came before: the noise of a living sensor never repeats."""
+        """True if the same points came before: the noise of a working sensor never repeats."""
         sample = points[:: self._params.sample]
         fingerprint = len(points)
         for name in ("x", "y", "z"):
@@ -62,7 +62,7 @@ class Watch:
         return known and len(points) > 0
 
     def blind(self, points: Points, stamp_s: float, excused: NDArray[np.bool_] | None = None) -> str:
-        """Why the sensor does not see, empty if it does. points: one half or full sweep in the sensor frame, m.
+        """Why the sensor is blind, empty if it is not. points: one half or full sweep in the sensor frame, m.
 
         A half sweep shows half of the directions, and a message may be lost: a direction is blind when it has shown
         nothing for ``sector_silent_s``. Up to ``blind_sectors_max`` of them are no reason but ``blind_sectors``: a

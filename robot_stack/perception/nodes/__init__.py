@@ -1,1 +1,1 @@
-"""The node of the perception pipeline, and what only it needs."""
+"""The node of the perception pipeline and its helpers."""

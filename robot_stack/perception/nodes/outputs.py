@@ -1,4 +1,4 @@
-"""What the perception pipeline publishes: obstacles, ends of what was seen and of ground, what moves, and the space."""
+"""Publishers of the perception pipeline: obstacles, ends of observed space and of ground, moving objects, the grid."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from robot_stack.middleware.point_cloud import cloud_message, fill
 from robot_stack.perception.pipeline import Scene
 from robot_stack.perception.space.space import SpaceGrid
 
-# A grid follows the sweep that is due, not a timer: the one whose stamp is nearest to a period after the last grid's.
+# A grid follows a sweep, not a timer: the sweep whose stamp is nearest to one period after the last grid's.
 _SPACE_DUE_S = 1.0 / topics.SPACE.nominal_rate_hz - 0.5 / topics.OBSTACLES.nominal_rate_hz
 
 
 class PerceptionOutputs:
-    """Publishers of the node ``perception_pipeline``. grid: makes the one of the space as it is now."""
+    """Publishers of the node ``perception_pipeline``. grid: returns the present grid of the space."""
 
     def __init__(self, node: StackNode, grid: Callable[[], SpaceGrid]) -> None:
         self._grid = grid
@@ -39,11 +39,11 @@ class PerceptionOutputs:
         self._repeat.cancel()
 
     def hold_back(self) -> None:
-        """Another sweep has come: what the last one showed is not sent a second time."""
+        """A new sweep has arrived: cancels the second publication of the last one."""
         self._repeat.cancel()
 
     def publish(self, scene: Scene, stamp: Time, *, twice: bool) -> None:
-        """twice: once more when the next half sweep would be due, for a full sweep takes the time of two."""
+        """twice: again when the next half sweep would be due, because a full sweep takes the time of two."""
         fill(self._cloud, points_from_xyz(scene.obstacles))
         fill(self._ends, points_from_xyz(scene.unseen))
         fill(self._no_ground, points_from_xyz(scene.no_ground))

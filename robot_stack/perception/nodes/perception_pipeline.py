@@ -1,4 +1,4 @@
-"""perception_pipeline: /sensors/lidar/half_sweep to /perception/obstacles, unseen and space."""
+"""perception_pipeline: computes /perception/obstacles, unseen and space from /sensors/lidar/half_sweep."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from robot_stack.perception.watch import Watch, too_near
 
 
 class PerceptionPipelineNode(StackNode):
-    """Publishes with every half sweep, and nothing at all while what it would publish could be wrong."""
+    """Publishes with every half sweep; publishes nothing while its inputs may be wrong."""
 
     def __init__(self) -> None:
         super().__init__("perception_pipeline", PerceptionParams)
@@ -60,7 +60,7 @@ class PerceptionPipelineNode(StackNode):
             self._pipeline.motion.on_attitude(time_to_s(message.header.stamp), attitude)
 
     def _on_latch(self, message: LatchStatus) -> None:
-        """Where no wheelchair is held, what stands before the robot is an obstacle."""
+        """Without a latched wheelchair, points in front of the robot are obstacles."""
         self._pipeline.chair = message.closed
 
     def _on_half_sweep(self, message: CloudView) -> None:
@@ -70,7 +70,7 @@ class PerceptionPipelineNode(StackNode):
         self._take(message, full=True)
 
     def _on_overhead(self, message: CloudView) -> None:
-        """What it shows goes out with the next half sweep. That it shows nothing is the safety monitor's to judge."""
+        """Its obstacles are published with the next half sweep. Missing data is detected by the safety monitor."""
         stamp_s = time_to_s(message.header.stamp)
         points, problem = self._look(message, frames.OVERHEAD_LIDAR, self._overhead_watch)
         if points is not None:
@@ -115,7 +115,7 @@ class PerceptionPipelineNode(StackNode):
         }
 
     def _tick(self) -> None:
-        """What no message tells: silence, a driver without half sweeps."""
+        """Handles missing messages: silence, and a driver without half sweeps."""
         silent = not self._halves.fresh()
         if silent and self._fulls is None and self._only_full_sweeps_come():
             self._fulls = self.subscribe(topics.LIDAR_POINTS, self._on_full_sweep)
@@ -127,7 +127,7 @@ class PerceptionPipelineNode(StackNode):
             self.set_health(False, "the LiDAR is silent")
 
     def _only_full_sweeps_come(self) -> bool:
-        """Full sweeps are 36 MB/s: they are received only while nothing else is to be had."""
+        """Full sweeps are 36 MB/s: they are subscribed to only if there are no half sweeps."""
         if not self.count_publishers(topics.LIDAR_POINTS.name):
             self._driver_since_s = math.inf
             return False

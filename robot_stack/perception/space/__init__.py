@@ -1,1 +1,1 @@
-"""What is seen, unseen and remembered around the robot: one grid for everybody who must not drive into anything."""
+"""The space around the robot: observed, unseen and stored cells in one grid, shared by all users."""

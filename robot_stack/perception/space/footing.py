@@ -1,9 +1,9 @@
-"""Where the ground is that wheels and castors may stand on: its height around the robot, and the edges where it falls.
+"""Footing for wheels and castors: the height of the ground around the robot, and the edges where it falls.
 
-Every sensor lays the ground that it has seen into one grid in odom, in heights above the plane on which the robot
-began. A height stays until it is measured anew: the ground does not leave. An edge is where the mean height of a patch
-of cells falls by more than a ramp explains, and by more than beside it: a slope falls on, a crest and a foot bend.
-Ground that was neither seen nor stood on is no footing, whatever rays have passed above it.
+Every sensor adds its ground points to one grid in odom, as heights above the plane on which the robot started. A
+height stays until it is measured again, because ground does not move. An edge is where the mean height of a patch
+of cells falls by more than a ramp explains, and by more than beside it: a slope falls evenly, a crest and a foot bend.
+Ground that was neither observed nor driven on is no footing, whatever rays have passed above it.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _LIMIT_M, _MORE_M, _STEEP_M, _SLOPE, _SIGMA_M, _GAP, _MOST = range(7)
 
 
 class Footing:
-    """Feed it the floor of every look, then ask. Poses are base_link in odom."""
+    """Call ``observe`` with the floor of every view, then query. Poses are base_link in odom."""
 
     def __init__(self, params: FootingParams, space: SpaceParams) -> None:
         self._params, self._cell_m, self._jump_m = params, space.cell_m, space.jump_m
@@ -63,7 +63,7 @@ class Footing:
         )
 
     def forget(self) -> None:
-        """Nothing is known any more."""
+        """Clears all heights."""
         self._returns[:], self._known[:], self._drop[:] = 0.0, False, False
         self._pose, self._up_m = None, 0.0
 
@@ -73,7 +73,7 @@ class Footing:
         self._move_to(pose, tilt)
         at = _array(pose)
         if own is not self._own:
-            # Of what was seen there before the chair was taken, some was the chair.
+            # Heights measured there before the chair was attached may be of the chair.
             if self._own is not None:
                 _fill(self._returns, self._corner, self._cell_m, at, _rectangle(own, self._margin_m), np.float32(0.0))
             self._own = own
@@ -93,12 +93,12 @@ class Footing:
 
     @property
     def drop(self) -> Mask:
-        """(rows, columns) the cells of ``edges``, as it was asked for last."""
+        """(rows, columns) the cells of the last call of ``edges``."""
         return self._drop
 
     def ends(self, pose: Pose2) -> Float:
-        """(n, 3) base_link at ``pose``: where known footing ends, z 0, ``reach_m`` beyond it: what is smaller than
-        twice that is no hole."""
+        """(n, 3) base_link at ``pose``: where known footing ends, z 0, ``reach_m`` beyond it: gaps smaller than
+        twice that are no hole."""
         found = np.zeros_like(self._known)
         _find_ends(self._known, round(self._params.reach_m / self._cell_m), found)
         return self._listed(found, pose)
@@ -113,7 +113,7 @@ class Footing:
     def _move_to(self, pose: Pose2, tilt: tuple[float, float]) -> None:
         before = self._pose
         if before is not None and pose.distance_to(before) > self._jump_m:
-            self.forget()  # another odometry began
+            self.forget()  # odometry restarted
         elif before is not None:
             step = pose.relative_to(before)
             self._up_m += tilt[0] * step.x + tilt[1] * step.y
@@ -152,7 +152,7 @@ def _lay(
     floor: Float,
     most: Any,
 ) -> None:
-    """Means of what has been measured, the last ``most`` returns counting."""
+    """Running means of the measured heights, over the last ``most`` returns."""
     rows, columns = ground.shape
     for i in range(len(floor)):
         x, y = floor[i, 0], floor[i, 1]
@@ -186,9 +186,9 @@ def _fill(cells: Any, corner: Corner, cell_m: float, pose: Floats, rect: Floats,
 
 @numba.njit(cache=True, error_model="numpy")
 def _patches(ground: Float, returns: Float, mean: Float, count: Float) -> None:
-    """Of the 3 x 3 cells around each: mean height and number of returns; too few cells make no patch.
+    """Mean height and number of returns of the 3 x 3 cells around each; too few cells make no patch.
 
-    Cells far from the median are left out: at its edges the chair mixes with the ground behind it.
+    Cells far from the median are left out: at the chair's edges its points mix with the ground behind it.
     """
     rows, columns = ground.shape
     sorted_m = np.empty(9, np.float32)
@@ -218,7 +218,7 @@ def _patches(ground: Float, returns: Float, mean: Float, count: Float) -> None:
 
 @numba.njit(cache=True, error_model="numpy")
 def _median(ground: Float, returns: Float, row: int, column: int, sorted_m: Float) -> Any:
-    """Of the heights that are known in the 3 x 3 cells around one; sorted_m: (9,) memory."""
+    """Median of the known heights in the 3 x 3 cells around one; sorted_m: (9,) memory."""
     known = 0
     for r in range(row - 1, row + 2):
         for c in range(column - 1, column + 2):
@@ -285,7 +285,7 @@ def _falls(
 
 @numba.njit(cache=True, error_model="numpy")
 def _step(mean: Float, count: Float, r0: int, c0: int, r1: int, c1: int) -> Any:
-    """How far the ground falls from one patch to another, 0 where it rises or either is not known."""
+    """Fall of the ground from one patch to another, 0 where it rises or either is unknown."""
     rows, columns = mean.shape
     inside = min(r0, r1, c0, c1) >= 0 and max(r0, r1) < rows and max(c0, c1) < columns
     if not inside or count[r0, c0] < _LEAST or count[r1, c1] < _LEAST:

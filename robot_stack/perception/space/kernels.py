@@ -1,4 +1,4 @@
-"""Compiled loops over the cells of the space. They live in one file: numba's cache looks at one file only.
+"""Compiled loops over the cells of the space. They live in one file: numba's cache tracks changes of one file only.
 
 Grids are (rows, columns), row 0 at the lowest y. ``corner`` (2,) names the cell of row 0, column 0 by the integers
 floor(x / cell) and floor(y / cell) in odom. ``pose`` (4,): x, y, cos and sin of the yaw of base_link in odom.
@@ -22,10 +22,10 @@ Float = NDArray[np.float32]
 Corner = NDArray[np.int64]
 
 UNSEEN, FREE, OCCUPIED = np.int8(-1), np.int8(0), np.int8(100)
-# Of ``limits``, what ``look`` judges by.
+# Indices in ``limits``, used by ``look``.
 PASSES, MARGIN_M, FREE_BELOW_M, WATCHED_BELOW_M, MEMORY_M, LOW_M = range(6)
-_ALIKE_M = np.float32(0.02)  # rays of two looks of a sensor that are the same but for noise
-_SPECK = 3  # an unseen cell with fewer unseen ones around it is a hole in the rays, no place to hide in
+_ALIKE_M = np.float32(0.02)  # difference by noise between the same rays of two views
+_SPECK = 3  # fewer unseen cells around an unseen one: a gap between rays, too small for a person
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -50,11 +50,11 @@ def mark(
     now_s: float,
     travel_m: float,
 ) -> None:
-    """Makes the cells of what returned occupied.
+    """Makes the cells of returns occupied.
 
-    since_s: (rows, columns) when a cell became occupied. found: it was unseen: what is there may have stood there.
-    last: (rows, columns, 3) the highest return of the last view that met the cell: where in the cell, and its height
-    above the ground. thing_m: of the thing it is a part of: the highest return within ``thing_cells``, because a foot
+    since_s: (rows, columns) when a cell became occupied. found: it was unseen before: the object may have stood there.
+    last: (rows, columns, 3) the highest return of the last view that hit the cell: place in the cell, and height
+    above the ground. thing_m: of the object it is part of: the highest return within ``thing_cells``, because a foot
     belongs to the body above it. under_m: the lowest such return since the cell became occupied.
     """
     rows, columns = state.shape
@@ -112,13 +112,13 @@ def come(
     after_s: float,
     out: Floats,
 ) -> int:
-    """Of what returned, what came to its place after ``after_s``, and nothing that stands within ``apart`` cells of it.
+    """Returns in cells that became occupied after ``after_s``, without older obstacles within ``apart`` cells.
 
-    ``mark`` comes before it. hits: (n, 3) base_link. out: (n, 5) of each cell the middle of what returned, x and y in
-    odom and z, 1 where it was free before and 0 where it was unseen, and of how many. Returns how many cells.
+    Call ``mark`` first. hits: (n, 3) base_link. out: (n, 5) of each cell the mean return, x and y in
+    odom and z, 1 if the cell was free before and 0 if unseen, and the number of returns. Returns the number of cells.
     """
     rows, columns = state.shape
-    count, told = 0, np.zeros((rows, columns), np.int32)  # of a cell, its number in out from 1 on, -1: it has not come
+    count, told = 0, np.zeros((rows, columns), np.int32)  # index of a cell in out, from 1, -1: not new
     for i in range(len(hits)):
         x, y = hits[i, 0], hits[i, 1]
         if not math.isfinite(x + y):
@@ -190,9 +190,9 @@ def stand(
 
 @numba.njit(cache=True, error_model="numpy")
 def hold(state: Cells, passes: Any, corner: Corner, cell_m: float, pose: Floats, specks: Float) -> None:
-    """Rays have not passed through an occupied cell for good while anything returns from there or right beside it.
+    """Resets the passes through an occupied cell while there are returns from it or right beside it.
 
-    ``look`` comes after it. specks: (n, 3) base_link, m."""
+    Call after ``look``. specks: (n, 3) base_link, m."""
     rows, columns = state.shape
     for i in range(len(specks)):
         x, y = specks[i, 0], specks[i, 1]
@@ -231,13 +231,13 @@ def look(
     now_s: float,
     travel_m: float,
 ) -> None:
-    """What the rays of one view make of the cells: ``mark`` comes before it, ``fade`` after it.
+    """Updates the cells by the rays of one view; call ``mark`` before and ``fade`` after it.
 
-    ray_m, ray_s: (rows, columns) height of the lowest ray that passed lately, for ``lasts_s``, and when, of any sensor.
+    ray_m, ray_s: (rows, columns) height of the lowest recent ray, for ``lasts_s``, and its time, of any sensor.
 
-    own: rear, front, half width of what stands there, m: the robot's own place is free. up, ground, passed, bare: as in
-    ``View``. No ray passes below the top of what is hardly higher than the ground. It is gone where ground is seen in
-    its place. Where the sensor's highest beam is lower than a thing, rays that pass below it leave it where it is.
+    own: rear, front, half width of the robot's own place, m, which is free. up, ground, passed, bare: as in
+    ``View``. No ray passes below the top of an object hardly higher than the ground: ground observed in its place
+    frees it. Where the sensor's highest beam is lower than an object, rays below its top do not free it.
     """
     rows, columns = state.shape
     directions, bins = passed.shape
@@ -257,13 +257,13 @@ def look(
             away, at = aways[column], ats[column]
             b, s = int(away * np.float32(1.0 / BIN_M)), min(int(at), directions - 1)
             if b >= bins or math.isnan(passed[s, 0]):
-                continue  # out of reach, or the sensor did not look there
-            # Every direction that meets the cell must have passed it: beside a pole one sees past it.
+                continue  # out of reach, or not covered by the sensor
+            # Every direction that meets the cell must have passed it: rays pass beside a pole.
             wide = half_m / max(away, half_m) * per_rad
             least = np.float32(-1.0)
             for i in range(math.floor(at - wide), math.floor(at + wide) + 1):
                 height = passed[i - directions if i >= directions else i, b]
-                if height > least:  # false where the sensor did not look
+                if height > least:  # false where the sensor has no coverage
                     least = height
                 if least == np.inf:
                     break
@@ -304,7 +304,7 @@ def _bearings(
     ats: Float,
     aways: Float,
 ) -> None:
-    """Of the middles of a row's cells: x and y in base_link; direction around the sensor, in steps, and distance.
+    """Bearings of a row's cell centres: x and y in base_link; direction around the sensor, in steps, and distance.
 
     Arithmetic alone, for vector code.
     """
@@ -322,10 +322,10 @@ def _bearings(
 
 @numba.njit(cache=True, error_model="numpy")
 def fade(state: Cells, watched_s: Floats, enter_cells: int, fade_s: float, now_s: float, stack: Corner) -> None:
-    """What was free and is watched no more becomes unseen, if anybody can have got there.
+    """Makes free cells unseen if no ray passes them any longer and a person could have entered them.
 
-    Who enters a place that no ray watches comes from such a place, from beyond the grid, or was seen beside it, at most
-    ``enter_cells`` away: a hollow within watched space, as before the knees of a passenger, stays free until then.
+    A person enters such a cell from another unseen one, from beyond the grid, or from returns beside it, at most
+    ``enter_cells`` away: a hollow within observed space, as before a passenger's knees, stays free until then.
     stack: (rows * columns,) memory.
     """
     rows, columns = state.shape
@@ -365,7 +365,7 @@ def fade(state: Cells, watched_s: Floats, enter_cells: int, fade_s: float, now_s
 def remembered(
     state: Cells, last: Float, hit_s: Floats, corner: Corner, cell_m: float, pose: Floats, before_s: float, out: Float
 ) -> int:
-    """Occupied cells that were hit last before ``before_s``: (n, 3) base_link, that hit. Returns how many."""
+    """Occupied cells whose last hit is before ``before_s``: (n, 3) base_link, that hit. Returns their number."""
     rows, columns = state.shape
     count = 0
     for row in range(rows):
@@ -382,7 +382,7 @@ def remembered(
 
 @numba.njit(cache=True, error_model="numpy")
 def frontier(state: Cells, corner: Corner, cell_m: float, pose: Floats, radius_m: float, out: Float) -> int:
-    """Unseen cells beside free ones: (n, 3) base_link, z 0. Returns how many."""
+    """Unseen cells beside free ones: (n, 3) base_link, z 0. Returns their number."""
     rows, columns = state.shape
     count = 0
     for row in range(1, rows - 1):
@@ -413,7 +413,7 @@ def frontier(state: Cells, corner: Corner, cell_m: float, pose: Floats, radius_m
 
 @numba.njit(cache=True, error_model="numpy")
 def make_unseen(state: Cells, corner: Corner, cell_m: float, pose: Floats, rect: Floats) -> None:
-    """Nobody knows any more what is within a rectangle: rear, front, half width in base_link, m."""
+    """Makes the cells of a rectangle unseen: rear, front, half width in base_link, m."""
     rows, columns = state.shape
     for row in range(rows):
         dy = (row + corner[1] + 0.5) * cell_m - pose[1]

@@ -1,8 +1,8 @@
-"""Who moves: bodies that came to places seen free a moment ago, followed from look to look with their velocity.
+"""Tracking of moving objects: returns in places that were free a moment ago, tracked over views with a velocity.
 
-What stands never comes to a free place but by noise, odometry's error or being noticed late: it appears, and stays
-where it is. So a body counts as moving only once it has been followed over a way, at a speed that its own uncertainty
-cannot explain, and is no more seen where it was. One ``Movers`` per sensor: two sensors see different sides of a body.
+A static object appears in a free place only by noise, odometry error or late detection: it appears and stays. So an
+object counts as moving only after it was tracked over a distance, at a speed that exceeds its uncertainty, and has
+left its former place. One ``Movers`` per sensor: two sensors observe different sides of an object.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from robot_stack.core.geometry import Pose2
 from robot_stack.perception.params import MoverParams
 
 Floats = NDArray[np.float64]
-_SHOWN = 24  # points of a body that are told
-_MOST = 300  # cells that are looked at: more than a dozen people beside the robot show
+_SHOWN = 24  # points published per object
+_MOST = 300  # largest number of evaluated cells: a dozen people beside the robot give fewer
 NOBODY: NDArray[np.float32] = np.empty((0, 5), np.float32)
 
 
 @dataclass(slots=True)
 class Track:
-    """One body in odom: where its visible points' middle is, m, and its velocity, m/s, at ``at_s``.
+    """One object in odom: the centre of its visible points, m, and its velocity, m/s, at ``at_s``.
 
-    count: of the returns it has shown lately. p11, p12, p22: covariance of place and velocity, alike along both axes.
-    shape: (n, 3) points about the middle. before: its points in odom in the last moments, and when. hid: since it was
-    seen last it has been expected where nobody looks.
+    count: of its recent returns. p11, p12, p22: covariance of place and velocity, equal along both axes.
+    shape: (n, 3) points about the centre. before: its recent points in odom, with times. hid: since its last
+    detection its predicted place was unobserved.
     """
 
     at_s: float
@@ -76,38 +76,38 @@ class Track:
 
     @property
     def course(self) -> Floats:
-        """(2,) unit vector, of a body that moves."""
+        """(2,) unit vector of the velocity of a moving object."""
         return np.array([self.vx, self.vy]) / self.speed_mps
 
     def places(self, dt_s: float) -> list[tuple[float, float, float]]:
-        """Its middle and its front, each with its height, so much later: half hidden it may show too little."""
+        """Its predicted centre and front after ``dt_s``, each with its height: a half hidden one returns little."""
         x, y, top_m = self.x + dt_s * self.vx, self.y + dt_s * self.vy, float(self.shape[:, 2].max())
         front = self.shape[np.argmax(self.shape[:, :2] @ np.array([self.vx, self.vy]))]
         return [(x, y, top_m), (x + float(front[0]), y + float(front[1]), top_m)]
 
     def ends_m(self, body: Floats) -> tuple[float, float]:
-        """How far its rear and its front are ahead of where they are expected, along its course, by what is seen."""
+        """Offsets of its observed rear and front against the prediction, along its course."""
         seen = (body[:, :2] - (self.x, self.y)) @ self.course
         own = self.shape[:, :2] @ self.course
         return float(seen.min() - own.min()), float(seen.max() - own.max())
 
     def by_one_end(self, body: Floats) -> tuple[float, float]:
-        """Where its middle is by that end, front or rear, that is nearer to where it is expected.
+        """Its centre by the end, front or rear, whose observation is nearer to the prediction.
 
-        Of the other one less is seen, or more: a front gets hidden, a rear is taken for what stands, somebody else is
-        beside it."""
+        The other end is observed too short or too long: a front gets hidden, a rear merges with a static object,
+        another person is beside it."""
         ahead_m = min(self.ends_m(body), key=abs)
         return self.x + ahead_m * float(self.course[0]), self.y + ahead_m * float(self.course[1])
 
     def stand_in(self, x: float, y: float, body: Floats, sigma_m: float) -> None:
-        """Its place is that of other points of it from now on; what it does is not changed by that."""
+        """Moves the track to other points of the object; the velocity does not change."""
         self.x, self.y, self.p11, self.p12 = x, y, sigma_m * sigma_m, 0.0
         self.shape = body[:, :3] - (x, y, 0.0)
         self.before.clear()
 
 
 class Movers:
-    """Feed it what came (``Space.come``) at every look of one sensor. Stamps in s, one clock, odom."""
+    """Call with new returns (``Space.come``) of every view of one sensor. Stamps in s, one clock, odom."""
 
     def __init__(self, params: MoverParams) -> None:
         self._params = params
@@ -119,9 +119,9 @@ class Movers:
     def look(
         self, points: Floats, stamp_s: float, would_see: Callable[[float, float, float], bool]
     ) -> list[tuple[Floats, float, float]]:
-        """points: (n, 5) as of ``Space.come``. would_see: whether rays pass at a place in odom, x, y, below a height.
+        """points: (n, 5) from ``Space.come``. would_see: whether rays pass at a place in odom, x, y, below a height.
 
-        Returns who has disappeared where nobody looks: (n, 3) points where they were, vx, vy."""
+        Returns objects that disappeared into unobserved space: (n, 3) points at their last place, vx, vy."""
         p = self._params
         there, lost = list[Track](), list[Track]()
         for track in self._tracks:
@@ -130,7 +130,7 @@ class Movers:
             if missed_s > p.missed_s:
                 gone = all(would_see(*place) for place in track.places(dt))
                 if gone and not track.hid:
-                    continue  # they have stopped, or gone elsewhere
+                    continue  # stopped, or moved elsewhere
                 track.hid = True
             (there if 0.0 <= missed_s <= p.coast_s and not gone else lost).append(track)
         self._tracks = there
@@ -145,10 +145,10 @@ class Movers:
                 if nearest.moves and self._goes_out_of_sight(nearest, body, would_see):
                     self._follow_one_end(nearest, body)
                     continue
-                if count < p.whole * before:  # most of it is hidden by now: its rest's middle says little
+                if count < p.whole * before:  # mostly hidden: the centre of the rest is no measurement
                     nearest.correct(x, y, p.place_sigma_m + 0.5 * _width_m(nearest.shape))
                     continue
-                if p.whole * count > before:  # somebody has come beside it: their common middle is elsewhere
+                if p.whole * count > before:  # merged with another object: the common centre is elsewhere
                     nearest.stand_in(x, y, body, p.place_sigma_m)
                     continue
                 if nearest.moves and abs(np.subtract(*nearest.ends_m(body))) > p.link_m:
@@ -158,7 +158,7 @@ class Movers:
                 nearest.correct(x, y, p.place_sigma_m + 0.5 * (1.0 - less / more) * _width_m(body))
                 nearest.shape = body[:, :3] - (x, y, 0.0)
                 nearest.moves = self._moves(nearest) and self._has_left(nearest, body[:, :2])
-            elif body[:, 3] @ body[:, 4] >= p.points_min:  # what was only found may have stood there
+            elif body[:, 3] @ body[:, 4] >= p.points_min:  # returns in unseen cells only may be static
                 shape, sigma_m = body[:, :3] - (x, y, 0.0), p.place_sigma_m
                 begin = (x, y)
                 track = Track(stamp_s, stamp_s, stamp_s, begin, x, y, shape, sigma_m**2, p.fastest_mps**2 / 4.0)
@@ -167,7 +167,7 @@ class Movers:
         return [(self._points(track, track.seen_s)[:, :3], track.vx, track.vy) for track in lost if track.moves]
 
     def _matched(self, bodies: list[Floats]) -> list[tuple[Floats, Track | None]]:
-        """Each body, with the track that it goes on: of all pairs within the gate the nearest first."""
+        """Assigns each body to a track or None: of all pairs within the gate, nearest first."""
         pairs = list[tuple[float, int, int]]()
         for i, body in enumerate(bodies):
             x, y = _middle(body)
@@ -181,7 +181,7 @@ class Movers:
         return [(body, found.get(i)) for i, body in enumerate(bodies)]
 
     def at(self, stamp_s: float, pose: Pose2) -> NDArray[np.float32]:
-        """(n, 5) x, y, z, vx, vy in base_link at ``pose``, m, m/s: points of who moves, where they are by then."""
+        """(n, 5) x, y, z, vx, vy in base_link at ``pose``, m, m/s: points of moving objects, predicted to the stamp."""
         found = [self._points(track, stamp_s) for track in self._tracks if track.moves and self._there(track, stamp_s)]
         if not found:
             return NOBODY
@@ -210,7 +210,7 @@ class Movers:
         return followed and (gone or track.moves) and sure and speed_mps <= p.fastest_mps
 
     def _has_left(self, track: Track, places: Floats) -> bool:
-        """It is no more where it was: a wall's end of which more and more is seen seems to move, and is still there."""
+        """True if it has left its former place: a wall's end coming into view seems to move, but is still there."""
         p, before = self._params, track.before
         before.append((track.at_s, places))
         while before[0][0] < track.at_s - p.vacated_s:
@@ -220,10 +220,10 @@ class Movers:
         still = float(np.mean(gaps <= p.same_m))
         if still <= p.vacated_share or not track.moves:
             return still <= p.vacated_share
-        # Of a long body, or a moment later, more is still where it was: half of what its way would leave must be left.
+        # A long object partly overlaps its former place: half of what its motion would vacate must be vacated.
         way_m = (track.at_s - since_s) * track.speed_mps - p.same_m
         if way_m < 2.0 * p.same_m:
-            return True  # nobody can say yet
+            return True  # not decidable yet
         left = min(way_m / max(float(np.ptp(was @ track.course)), p.same_m), 1.0)
         return still <= 1.0 - left * (1.0 - p.vacated_share)
 
@@ -232,7 +232,7 @@ class Movers:
         track.moves = track.speed_mps >= self._params.slowest_mps
 
     def _goes_out_of_sight(self, track: Track, body: Floats, would_see: Callable[[float, float, float], bool]) -> bool:
-        """Nobody would see its front, were it any farther: what is seen of it ends there, whatever it does."""
+        """True if its front would be hidden a little farther on: then the observed front does not move with it."""
         front = int(np.argmax(body[:, :2] @ track.course))
         x, y = body[front, :2] + self._params.link_m * track.course
         return not would_see(float(x), float(y), float(body[:, 2].max()))
@@ -252,13 +252,13 @@ def _middle(body: Floats) -> tuple[float, float]:
 
 
 def _width_m(body: Floats) -> float:
-    """Of the rectangle along the axes that holds it."""
+    """Diagonal of the axis-aligned rectangle around it."""
     return float(np.hypot(*np.ptp(body[:, :2], axis=0)))
 
 
 @numba.njit(cache=True)
 def _clusters(points: Floats, link_m: float, labels: Any) -> int:
-    """Numbers the points (n, 3) by what they hang together with in plan. Returns how many there are."""
+    """Labels the points (n, 3) by connected cluster in plan. Returns the number of clusters."""
     stack = np.empty(len(points), np.int64)
     count = 0
     for first in range(len(points)):

@@ -11,7 +11,7 @@ NumberT = TypeVar("NumberT", bound=np.generic)
 
 
 def rolled(cells: NDArray[NumberT], rows: int, columns: int, fill: float) -> NDArray[NumberT]:
-    """The cells of a window that has moved by that many rows and columns."""
+    """The cells of the window after moving it by ``rows`` and ``columns``; new cells get ``fill``."""
     out = np.full_like(cells, fill)
     height, width = cells.shape[:2]
     if abs(rows) >= height or abs(columns) >= width:

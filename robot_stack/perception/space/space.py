@@ -1,9 +1,9 @@
 """The model of the space around the robot. Stamps in s, one clock; poses are base_link in odom.
 
-A cell is FREE only where a ray passed since it was not, and as long as nobody could have stepped there unseen. It is
-OCCUPIED from a return on until a ray of a sensor that sees as high passes below its top, or until ground is seen in the
-place of what was hardly higher: whatever hides it, and however long. Only the robot's own motion ages it, because it
-makes the place doubtful. All else is UNSEEN.
+A cell is FREE only if a ray has passed it, and while no person could have entered it unobserved. It is
+OCCUPIED from a return on until a ray of a sensor with a high enough field of view passes below its top, or until ground
+is observed in the place of a low object; a hidden object stays, for any time. Only the robot's own motion ages it,
+because it makes the place uncertain. All else is UNSEEN.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class SpaceGrid:
 
 
 class Space:
-    """Feed it every look of every sensor in the order of arrival. before_s and stamps: as the looks'."""
+    """Call ``observe`` for every view of every sensor in the order of arrival. before_s and stamps: as the views'."""
 
     def __init__(self, params: SpaceParams, robot: Robot) -> None:
         self._params, self._robot = params, robot
@@ -68,8 +68,8 @@ class Space:
         self._stack = np.empty(count * count, np.int64)
 
     def chair(self, attached: bool) -> None:
-        """The footprint in force. What was seen of the chair is no obstacle once it is attached; what it hides beneath
-        itself is unknown once it is gone."""
+        """Sets the footprint in force. Cells occupied by the chair are freed once it is attached; the area hidden
+        beneath it becomes unseen once it is gone."""
         if attached == self._chair:
             return
         self._chair = attached
@@ -79,15 +79,15 @@ class Space:
             kernels.make_unseen(self._state, self._corner, self._params.cell_m, _array(self._pose), rect)
 
     def forget(self) -> None:
-        """Nothing is known any more."""
+        """Makes all cells unseen."""
         self._state[:] = UNSEEN
         self._pose, self._newest_s = None, -math.inf
 
     def observe(self, view: View, pose: Pose2) -> None:
-        """Takes a look of a sensor; base_link was at ``pose`` at its stamp.
+        """Adds a view of a sensor; base_link was at ``pose`` at its stamp.
 
-        A look that is a little older than another sensor's newest one counts as of that moment. One that is older by
-        more than what is seen lasts comes from a clock that was set back: nothing is known any more.
+        A view slightly older than another sensor's newest one counts as of that time. One older by more than
+        ``fade_s`` comes from a clock that was set back: all cells become unseen.
         """
         if view.stamp_s < self._newest_s - self._params.fade_s:
             self.forget()
@@ -141,14 +141,14 @@ class Space:
         kernels.fade(self._state, self._watched_s, enter_cells, p.fade_s, now_s, self._stack)
 
     def remembered(self, pose: Pose2, before_s: float) -> Float:
-        """(n, 3) base_link at ``pose``: what is there and was hit last before ``before_s``; z above ground."""
+        """(n, 3) base_link at ``pose``: occupied cells with the last hit before ``before_s``; z above ground."""
         cells = (self._state, self._last, self._hit_s, self._corner, self._params.cell_m)
         count = kernels.remembered(*cells, _array(pose), before_s, self._points)
         return self._points[:count].copy()
 
     def come(self, view: View, pose: Pose2) -> Floats:
-        """(n, 5) of each cell where nothing was a moment ago, with nothing that stands right beside it, the middle of
-        what returned: x, y in odom, z, 1 if it was seen free and 0 if unseen, of how many. ``observe`` comes first."""
+        """(n, 5) of each newly occupied cell without an older obstacle right beside it, the mean return:
+        x, y in odom, z, 1 if it was free and 0 if unseen, number of returns. Call ``observe`` first."""
         p = self._params
         hits, out = np.ascontiguousarray(view.hits, np.float32), np.empty((len(view.hits), 5))
         cells = (self._state, self._since_s, self._found, self._corner, p.cell_m)
@@ -156,7 +156,7 @@ class Space:
         return out[: kernels.come(*cells, _array(pose), hits, apart, after_s, out)]
 
     def would_see(self, x_m: float, y_m: float, top_m: float) -> bool:
-        """Rays pass so low at that place in odom that who is there, of such a height, would be seen."""
+        """True if rays at that place in odom are low enough to detect an object of height ``top_m``."""
         cell_m, count = self._params.cell_m, len(self._state)
         column, row = math.floor(x_m / cell_m) - self._corner[0], math.floor(y_m / cell_m) - self._corner[1]
         inside = 0 <= row < count and 0 <= column < count
@@ -165,9 +165,9 @@ class Space:
         return bool(self._ray_m[row, column] <= self._shows_m(top_m))
 
     def go_on(self, body: Floats, vx_mps: float, vy_mps: float, pose: Pose2) -> None:
-        """Who was seen last as ``body``, (n, 3) x, y in odom, z, and moved, is remembered where they may have gone to.
+        """Marks where a moving object, last observed as ``body``, (n, 3) x, y in odom, z, may have gone as occupied.
 
-        That is on their course, up to the robot, or to where one would see them again."""
+        That is along its course, up to the robot, or to where it would be observed again."""
         p, footprint = self._params, self._robot.footprint_with_chair if self._chair else self._robot.footprint
         rear, front, half = _rectangle(footprint, p.movers.beside_m)
         x, y, c, s = _array(pose)
@@ -197,24 +197,24 @@ class Space:
         )
 
     def _shows_m(self, top_m: float) -> float:
-        """How low a ray must pass to show somebody so high: lower than their top, and than the LiDAR."""
+        """Height below which a ray detects an object that high: lower than its top, and than the LiDAR."""
         return min(top_m - self._params.top_margin_m, float(self._limits[kernels.WATCHED_BELOW_M]))
 
     def frontier(self, pose: Pose2) -> Float:
-        """(n, 3) base_link at ``pose``: where the seen and remembered space ends, z 0."""
+        """(n, 3) base_link at ``pose``: where the observed and stored space ends, z 0."""
         cells = (self._state, self._corner, self._params.cell_m)
         count = kernels.frontier(*cells, _array(pose), 0.5 * self._params.size_m, self._points)
         return self._points[:count].copy()
 
     def grid(self) -> SpaceGrid:
-        """As it is now; the array changes with the next look."""
+        """The present grid; the array changes with the next view."""
         x, y = (float(self._corner[axis] * self._params.cell_m) for axis in (0, 1))
         return SpaceGrid(self._state, (x, y), self._params.cell_m)
 
     def _move_to(self, pose: Pose2) -> None:
         before = self._pose
         if before is not None and pose.distance_to(before) > self._params.jump_m:
-            self.forget()  # another odometry began
+            self.forget()  # odometry restarted
         elif before is not None:
             turned_m = abs(wrap_angle(pose.yaw - before.yaw)) * self._params.lever_m
             self._travel_m += pose.distance_to(before) + turned_m
@@ -222,7 +222,7 @@ class Space:
         self._centre_on(pose)
 
     def _centre_on(self, pose: Pose2) -> None:
-        """Rolls so that ``pose`` is in the middle. What leaves the grid is forgotten, what enters it is unseen."""
+        """Rolls so that ``pose`` is in the middle. Cells that leave the grid are dropped, new cells are unseen."""
         half, cell_m = len(self._state) // 2, self._params.cell_m
         corner = np.array([math.floor(pose.x / cell_m) - half, math.floor(pose.y / cell_m) - half], np.int64)
         columns, rows = (int(step) for step in corner - self._corner)

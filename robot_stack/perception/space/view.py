@@ -1,8 +1,8 @@
-"""One look of one sensor, as the model of the space takes it: what returned, and where its rays have passed.
+"""One view of one sensor, as input of the model of the space: returns, and the free space along its rays.
 
-Rays are kept by direction around the sensor and by distance: of all that passed a place on their way to a return, the
-height of the lowest. A beam that returned nothing has passed nowhere, unless its sensor vouches for it: what is too
-near, black or made of glass returns nothing either.
+Rays are stored by direction around the sensor and by distance: the height of the lowest ray that passed a place on its
+way to a return. A beam without a return has passed nowhere, unless its sensor guarantees it: objects that are too
+near, black or of glass return nothing either.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ Mask = NDArray[np.bool_]
 _NOTHING: Float = np.empty((0, 3), np.float32)
 _NO_FLOOR: Float = np.empty((0, 4), np.float32)
 _MOST_FLOOR = 60_000
-_RINGS = np.float32(2.2)  # one ring of ground is missing
-RISE_M = 0.10  # that a thing is taken to be higher than where a single beam met it
-_FLAT_M = np.float32(0.06)  # cells of ground are no higher, but with something on them
-_BELOW_M = np.float32(0.15)  # a ray farther than this below the ground has been mirrored by it
+_RINGS = np.float32(2.2)  # allows for one missing ring of ground
+RISE_M = 0.10  # assumed height of an object above the hit of a single beam
+_FLAT_M = np.float32(0.06)  # highest cell of bare ground
+_BELOW_M = np.float32(0.15)  # a ray farther than this below the ground is a reflection
 
 
 @dataclass(frozen=True, slots=True)
 class View:
     """base_link at stamp_s, m.
 
-    origin_m: x, y, z of the sensor. hits: (n, 3) tops of what returned and is neither ground nor the robot. passed_m:
-    (directions, bins) height above the ground of the lowest ray that passed the bin, inf where none did, NaN where the
-    sensor did not look; direction i is -pi + (i + 0.5) * 2 pi / directions, bin k from k * BIN_M on. ground_m:
-    (directions, bins) height of the ground. specks: (n, 3) returns that may be too few to be a thing: what was a
-    thing before is still there. bare: (directions, bins) ground returned from there, and nothing above it. floor:
-    (k, 4) x, y, z of ground, base_link levelled, and of how many returns, 0 between two rings. tilt: by how much
+    origin_m: x, y, z of the sensor. hits: (n, 3) tops of returns that are neither ground nor the robot. passed_m:
+    (directions, bins) height above the ground of the lowest ray that passed the bin, inf where none did, NaN without
+    coverage of the sensor; direction i is -pi + (i + 0.5) * 2 pi / directions, bin k from k * BIN_M on. ground_m:
+    (directions, bins) height of the ground. specks: (n, 3) returns that may be too few for an object: they keep an
+    existing one. bare: (directions, bins) ground returned from there, and nothing above it. floor:
+    (k, 4) x, y, z of ground, base_link levelled, and its number of returns, 0 between two rings. tilt: by how much
     base_link's x and y axes rise. up: slope of the sensor's highest beam; inf where that does not matter.
     """
 
@@ -65,11 +65,11 @@ def view_of_beams(
     reach_m: float,
     directions: int = 360,
 ) -> View:
-    """The look of a sensor with few beams: a planar scanner, an array of ranges.
+    """The view of a sensor with few beams: a planar scanner, an array of ranges.
 
-    ends: (n, 3) base_link, where each beam ended: at its return, or, for a beam that returned nothing, as far as the
-    sensor vouches that it would have; less than ``BIN_M`` away if it vouches for nothing. returned: (n,). own: (n,)
-    what belongs to the robot or its chair: it hides, and is no obstacle. The ground is taken for level.
+    ends: (n, 3) base_link, end of each beam: at its return, or, without a return, at the distance for which the
+    sensor guarantees one; less than ``BIN_M`` away if it guarantees none. returned: (n,). own: (n,)
+    returns of the robot or its chair: they hide, and are no obstacle. The ground is assumed level.
     """
     finite = np.isfinite(ends).all(axis=1)
     bins = math.ceil(reach_m / BIN_M)
@@ -82,7 +82,7 @@ def view_of_beams(
 
 
 class SweepViews:
-    """Looks of a spinning sensor, from the cells that its points were sorted into to find the ground."""
+    """Views of a spinning sensor, from the cells of its sorted points."""
 
     def __init__(self, grid: PolarGrid, reach_m: float, spacing_rad: float, slope_deg: float, up: float) -> None:
         """spacing_rad: between its rings. slope_deg: of the steepest ramp. up: as in ``View``."""
@@ -129,7 +129,7 @@ class SweepViews:
 
 
 def _looked_at(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(directions,) all between two that returned something, unless they are as far apart as a sensor's halves."""
+    """(directions,) covered ones and all between two of them, unless they are as far apart as a sensor's halves."""
     found = np.flatnonzero(covered)
     looked = covered.copy()
     widest = len(covered) // 8
@@ -153,7 +153,7 @@ def _pass_sweep(
     bare: Mask,
 ) -> None:
     rings, bins = cells.shape[1], passed.shape[1]
-    lowest = np.empty(rings + 1, np.float32)  # of all rays that returned from a ring or beyond it: their slope
+    lowest = np.empty(rings + 1, np.float32)  # slope of the lowest ray that returned from a ring or beyond it
     for s in active:
         if math.isnan(passed[s, 0]):
             continue
@@ -167,7 +167,7 @@ def _pass_sweep(
         for b in range(bins):
             begin = np.float32(b * BIN_M)
             if np.float32(0.0) < drop_m[s] <= begin:
-                break  # what a ray passes there is no ground that leads on from the wheels
+                break  # beyond here the ground is not connected with the wheels
             while k < rings and edges[k] <= begin:
                 if cells[s, k, COUNT] > np.float32(0.0) and kind[s, k] != EMPTY:
                     height = cells[s, k, GROUND_M]
@@ -186,8 +186,8 @@ def _pass_sweep(
 
 @numba.njit(cache=True, error_model="numpy")
 def _floor(cells: Float, active: Any, kind: Any, drop_m: Float, p: Float, floor: Float) -> int:
-    """Cells of ground with nothing on them, also of ground that has fallen away; and, of no returns, the places between
-    two of them that one missing ring explains. Returns how many.
+    """Cells of bare ground, also of ground that has fallen away; and, with 0 returns, the places between
+    two of them that one missing ring explains. Returns their number.
 
     p: x, y, z of the sensor, levelled, greatest distance, angle between rings, slope.
     """
@@ -229,7 +229,7 @@ def _floor(cells: Float, active: Any, kind: Any, drop_m: Float, p: Float, floor:
 
 @numba.njit(cache=True, error_model="numpy")
 def _beside_a_thing(cells: Float, kind: Any, s: int, k: int) -> bool:
-    """Something stands in the cell or in one of those around it: what is low there may be its foot."""
+    """True if an object stands in the cell or in one around it: low points there may be its foot."""
     sectors, rings = kind.shape
     for i in range(s - 1, s + 2):
         t = i % sectors
