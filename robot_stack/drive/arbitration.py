@@ -1,7 +1,7 @@
-"""Who holds the drive: of the sources that command it, the highest one that has spoken lately.
+"""Arbitration of the drive: the highest-priority source with a fresh command controls it.
 
-The end of an emergency stop starts no motion (ISO 13850): every source must ask for standstill after it, and then ask
-anew. Silence is not enough: a planner that pauses, or a stick whose messages have gaps, would move the robot by itself.
+The end of an emergency stop starts no motion (ISO 13850): every source must request standstill after it, and then a new
+motion. A timeout is not enough: a pausing planner, or a stick whose messages have gaps, would restart the robot.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from robot_stack.core.geometry import ZERO_TWIST, Twist2
 
 
 class Source(IntEnum):
-    """Sources of velocity commands, by their rank in the contract: the greater number goes first."""
+    """Sources of velocity commands, by their rank in the contract: the greater number has priority."""
 
     NAVIGATION = DRIVE_COMMANDS.index(CMD_VEL)
     DOCKING = DRIVE_COMMANDS.index(DOCKING_CMD_VEL)
@@ -45,7 +45,7 @@ _SILENT = (-math.inf, ZERO_TWIST, ZERO_TWIST)
 
 
 class Arbiter:
-    """The newest command of every source, and who holds the drive."""
+    """The newest command of every source, and the source in control."""
 
     def __init__(self) -> None:
         # time of reception, twist, rate
@@ -55,13 +55,13 @@ class Arbiter:
         self._released_s = -math.inf
 
     def command(self, source: Source, twist: Twist2, now_s: float, sent_ago_s: float = 0.0) -> str | None:
-        """Takes a command (m/s, rad/s, base_link) received at ``now_s``, steady seconds.
+        """Accepts a command (m/s, rad/s, base_link) received at ``now_s``, steady seconds.
 
-        sent_ago_s: by its stamp; without a stamp the time of reception has to do. A command that is too old already is
-        refused, and the one before stands.
+        sent_ago_s: age by its stamp; 0 without a stamp. A command that is already too old is rejected, and the previous
+        one stays.
 
-        A command that is not finite is refused: the source then asks for standstill, so that a broken joystick stops
-        the robot instead of handing it to the next source. Returns the reason of the refusal, None if it was taken.
+        A command that is not finite is rejected: the source then counts as requesting standstill, so that a broken
+        joystick stops the robot instead of handing it to the next source. Returns the reason of a rejection, else None.
         """
         if sent_ago_s > source.timeout_s:
             return f"{source.name.lower()} command refused: {sent_ago_s:.2f} s old, at most {source.timeout_s} s"
@@ -78,20 +78,20 @@ class Arbiter:
         return None
 
     def stopped(self) -> None:
-        """An emergency stop is in force: after it every source must ask for standstill before it is obeyed.
+        """An emergency stop is active: every source must request standstill after it before its commands count.
 
-        Call at every tick as long as it is, and ``released`` at every other.
+        Call in every tick while it is active, and ``released`` in every other.
         """
         self._stopped = True
         self._must_rest = set(Source)
 
     def released(self, now_s: float) -> None:
-        """No emergency stop is in force: a standstill that is asked for from now on counts."""
+        """No emergency stop is active: a request for standstill counts from now on."""
         if self._stopped:
             self._stopped, self._released_s = False, now_s
 
     def must_rest(self, source: Source | None) -> bool:
-        """True while a source has not asked for standstill since the emergency stop."""
+        """True until the source has requested standstill after the emergency stop."""
         return source in self._must_rest
 
     def holder(self, now_s: float) -> Source | None:
@@ -102,7 +102,7 @@ class Arbiter:
         return None
 
     def requested(self, now_s: float) -> tuple[Source | None, Command]:
-        """(holder, its command); (None, standstill) when nobody holds the drive."""
+        """(source in control, its command); (None, standstill) without any."""
         source = self.holder(now_s)
         if source is None:
             return None, NO_COMMAND

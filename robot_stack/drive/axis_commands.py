@@ -1,10 +1,10 @@
-"""Moves of the axes as commands to the motion engine.
+"""Axis moves as commands to the motion engine.
 
-A wheel that is to turn is given a timed velocity: the engine itself stops it when the time is over and no other
-command came, whatever has become of who commands (WMX3 API reference, Velocity::StartVel of a TimedVelCommand). That is
-the dead-man of the drive. The engine's watchdog is none: a library thread feeds it, and its end closes the device and
-stops no axis (page_WMXDOC_FUNC_WATCHDOG_BASIC). A timed velocity takes the profiles by times only; its run time counts
-from when the velocity is reached. A wheel that is to stand needs no time, and a heading is a position, which the engine
+A wheel in motion gets a timed velocity: the engine itself stops it at the end of the time unless another command
+arrives, even if the client has died (WMX3 API reference, Velocity::StartVel of a TimedVelCommand). This is the dead-man
+of the drive. The engine's watchdog is not: a library thread feeds it, and its timeout closes the device without
+stopping an axis (page_WMXDOC_FUNC_WATCHDOG_BASIC). A timed velocity accepts only profiles by time; its run time counts
+from when the velocity is reached. A wheel at rest needs no time, and a heading is a position, which the engine
 reaches and holds.
 """
 

@@ -22,9 +22,9 @@ from robot_stack.drive.swerve_drive import DriveOutput, SwerveDrive
 
 
 class SwerveController:
-    """Node, rig and benchmarks run this: ``observe`` at the rate of the encoders, ``step`` at that of the commands.
+    """The drive kernel for node, rig and benchmarks: ``observe`` at the encoder rate, ``step`` at the command rate.
 
-    Times are s on any clock that goes on. The first step takes no time.
+    Times are s on any steady clock. The first step has no duration.
     """
 
     def __init__(self, params: SwerveControllerParams, robot: Robot) -> None:
@@ -43,7 +43,7 @@ class SwerveController:
 
     @property
     def set_point(self) -> Twist2:
-        """What twist the robot tries to have now, base_link."""
+        """The present set point of the twist, base_link."""
         return self._drive.twist
 
     @property
@@ -56,7 +56,7 @@ class SwerveController:
         return self.odometry
 
     def standing(self) -> bool:
-        """By the wheels."""
+        """True if the wheels stand."""
         twist, limit = self.odometry.twist, self._standing
         return twist.speed() <= limit.speed_mps and abs(twist.omega) <= limit.yaw_rate_radps
 
@@ -73,10 +73,10 @@ class SwerveController:
         )
 
     def begin_braking(self, limits: MotionLimits, period_s: float, now_s: float) -> DriveOutput | None:
-        """The set points of a hard stop that begins between two steps; None where the robot stands or brakes already.
+        """The set points of a hard stop that begins between two steps; None if the robot stands or brakes already.
 
-        Set points are reached one ``period_s`` after they are commanded, so that this one lies so far ahead. The next
-        ``step`` goes on from here.
+        Set points are reached one ``period_s`` after their command, so this one lies that far ahead. The next
+        ``step`` continues from here.
         """
         if not self._drive.may_brake:
             return None

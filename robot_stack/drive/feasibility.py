@@ -1,6 +1,6 @@
-"""What the modules can really do in one step: steering rate and acceleration, wheel acceleration, slip.
+"""Feasibility of a step for the modules: steering rate and acceleration, wheel acceleration, slip.
 
-A twist asks every module for a heading and a speed. A module whose heading cannot follow rubs its wheel sideways over
+A twist requires a heading and a speed of every module. A module whose heading lags drags its wheel sideways over
 the ground: speed times the sine of the heading's error. A step of the twist is feasible if every module keeps that slip
 within a tolerance and its wheel within its acceleration; otherwise a smaller part of the step is taken. Near
 standstill, where directions change fastest, the tolerance lets the modules turn while the robot creeps; at standstill
@@ -24,11 +24,11 @@ _NO_SPEED_MPS = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class ModuleLimits:
-    """What one module can do.
+    """Limits of one module.
 
     max_wheel_speed_mps, max_wheel_acceleration_mps2: at the ground, along the heading.
     max_steering_rate_radps, max_steering_acceleration_radps2: of the heading's set point.
-    slip_tolerance_mps: sideways speed at the ground that is let pass.
+    slip_tolerance_mps: accepted sideways speed at the ground.
     reversal_hysteresis_rad: see ``kinematics.turn_to``.
     """
 

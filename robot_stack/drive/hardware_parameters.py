@@ -1,4 +1,4 @@
-"""Parameters of the hardware interface, ``config/swerve_hardware_interface.yaml``, and what becomes of them."""
+"""Parameters of the hardware interface, ``config/swerve_hardware_interface.yaml``, and the settings made of them."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class SessionParams(Config):
 
 
 class SwerveHardwareParams(Config):
-    """``config/swerve_hardware_interface.yaml``. command_lifetime_s: the engine itself stops wheels that get no other
-    command for so long. softest_slowing_mps2: see ``AxisSettings``. end_timeout_s: how long the end waits for the
-    wheels to stand.
+    """``config/swerve_hardware_interface.yaml``. command_lifetime_s: timeout after which the engine itself stops wheels
+    without a new command. softest_slowing_mps2: see ``AxisSettings``. end_timeout_s: longest wait for standstill at
+    the end.
     """
 
     max_wheel_acceleration_mps2: Positive

@@ -45,10 +45,10 @@ class Curvature:
 
 
 def curvature(interval: Interval, previous: Interval | None, max_acceleration_radps2: float) -> Curvature | None:
-    """How speeds changed since the ``previous`` interval; None if that is unknown.
+    """Second difference of the speeds since the ``previous`` interval; None if unknown.
 
-    A heading whose rate changed by more than ``max_acceleration_radps2`` allows was started or stopped in between: no
-    parabola runs through its readings, so that its change counts as none.
+    A heading whose rate changed by more than ``max_acceleration_radps2`` allows started or stopped in between: a
+    parabola does not fit its readings, so its change counts as zero.
     """
     if previous is None:
         return None

@@ -69,7 +69,7 @@ def x_lock_angles(positions: Positions) -> Four:
 def turn_to(
     direction_rad: float, angle_rad: float, wheel_direction: float, hysteresis_rad: float
 ) -> tuple[float, float]:
-    """How far a module at heading ``angle_rad`` has to turn for its wheel to move along ``direction_rad``.
+    """The turn after which the wheel of a module at heading ``angle_rad`` moves along ``direction_rad``.
 
     wheel_direction: +1 if the wheel has been rolling forward along its heading, -1 if backward. It is kept
     unless the turn would exceed 90 degrees by more than the hysteresis, so that a direction that hovers at 90

@@ -30,15 +30,15 @@ _HUGE_VARIANCE = 1e6
 class OdometrySettings:
     """wheel_radius_m: rolling radius.
 
-    max_wheel_speed_mps, max_steering_rate_radps: an encoder that claims more than twice as much has jumped.
+    max_wheel_speed_mps, max_steering_rate_radps: an encoder that reports more than twice as much has jumped.
     max_steering_acceleration_radps2: see ``interval.curvature``.
-    shortest_interval_s: plausibility and speeds are judged over this time at least, because stamps jitter.
-    longest_gap_s: after a longer silence the distance is not believed, because the encoders may have been reset.
+    shortest_interval_s: plausibility and speeds are computed over at least this time, because stamps jitter.
+    longest_gap_s: after a longer gap the distance is rejected, because the encoders may have been reset.
     substep_s, substep_turn_rad: longer intervals and larger turns of a module are cut into even parts.
-    slip_speed_mps, slip_share: wheels contradict each other if they differ by more than this speed plus this share of
-        the fastest wheel's.
+    slip_speed_mps, slip_share: wheels are inconsistent if they differ by more than this speed plus this share of
+    the fastest wheel's.
     deviation_per_sqrt_m, yaw_deviation_per_sqrt_m, yaw_deviation_per_sqrt_rad: growth of the standard deviations, m and
-        rad; slip_factor: their growth while wheels contradict each other, times this.
+        rad; slip_factor: multiplies their growth while wheels are inconsistent.
     twist_deviation_mps, twist_deviation_radps: standard deviations of a twist that all wheels agree on.
     calibration: see ``self_calibration``.
     """
@@ -78,8 +78,8 @@ class Encoders:
 class Odometry:
     """pose: base_link in odom. twist: base_link, mean over the last interval, or over the last few where readings come
     within ``shortest_interval_s``. Covariances 3 x 3, row-major: of (x, y,
-    yaw) in odom, of (vx, vy, omega) in base_link. used: modules that were believed. slipping: wheels contradict each
-    other. faults: what was wrong with the last reading, one sentence each.
+    yaw) in odom, of (vx, vy, omega) in base_link. used: modules with plausible readings. slipping: wheels are
+    inconsistent. faults: errors of the last reading, one sentence each.
     """
 
     pose: Pose2 = IDENTITY
@@ -100,7 +100,7 @@ class SwerveOdometry:
         self._last: Encoders | None = None
         self._previous: Interval | None = None
         self._odometry = Odometry()
-        self._unread = (ZERO_TWIST, 0.0)  # motion and time since the twist was last told
+        self._unread = (ZERO_TWIST, 0.0)  # motion and time since the last update of the twist
         self.calibration = WheelCalibration(positions, settings.calibration)
 
     def reset(self) -> None:
@@ -110,7 +110,7 @@ class SwerveOdometry:
         self._unread = (ZERO_TWIST, 0.0)
 
     def update(self, reading: Encoders) -> Odometry:
-        """The odometry after ``reading``. What cannot be believed moves nothing and is named in ``faults``."""
+        """The odometry after ``reading``. Implausible values are ignored and named in ``faults``."""
         if not reading.is_finite():
             self._odometry = replace(self._odometry, twist=ZERO_TWIST, faults=("encoder reading is not finite",))
             return self._odometry
@@ -154,7 +154,7 @@ class SwerveOdometry:
         return self._result(pose, motion, twist, fit.rms_m / interval.elapsed_s, fit, tuple(faults))
 
     def _twist(self, motion: Twist2, elapsed_s: float) -> Twist2:
-        """The mean since the twist was last told, once that is ``shortest_interval_s`` ago; until then the last one."""
+        """The mean since the twist's last update, once that is ``shortest_interval_s`` ago; until then the last one."""
         shortest_s = self._settings.shortest_interval_s
         before, before_s = self._unread
         if elapsed_s <= 0.0:  # a clock that was set back, or stands
@@ -180,7 +180,7 @@ class SwerveOdometry:
         return Interval(elapsed_s, four(headings), four(turns), four(ways))
 
     def _plausible(self, interval: Interval) -> tuple[list[int], list[str]]:
-        """(modules that can be believed, what the others claim)."""
+        """(modules with plausible readings, errors of the others)."""
         s, elapsed_s = self._settings, interval.elapsed_s
         most_m, most_rad = 2.0 * s.max_wheel_speed_mps * elapsed_s, 2.0 * s.max_steering_rate_radps * elapsed_s
         believed, faults = [], []
@@ -279,7 +279,7 @@ def _sum(a: Matrix3, b: Matrix3) -> Matrix3:
 
 
 def planar_covariance(covariance: Matrix3) -> list[float]:
-    """A covariance of (x, y, yaw) as the row-major 6 x 6 of a message: what wheels cannot tell has a huge variance."""
+    """A covariance of (x, y, yaw) as the row-major 6 x 6 of a message; unmeasured components have a huge variance."""
     full = [0.0] * 36
     for row, i in enumerate(_PLANAR):
         for column, j in enumerate(_PLANAR):

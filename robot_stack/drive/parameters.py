@@ -1,4 +1,4 @@
-"""Parameters of the swerve controller, ``config/swerve_controller.yaml``, and what the kernels make of them and of
+"""Parameters of the swerve controller, ``config/swerve_controller.yaml``, and the kernel settings made of them and of
 ``config/robot.yaml``.
 """
 
@@ -80,7 +80,7 @@ class OdometryParams(Config):
 
 
 class SwerveControllerParams(Config):
-    """``config/swerve_controller.yaml``. assume_passenger: what holds until ``/passenger_attached`` has said it."""
+    """``config/swerve_controller.yaml``. assume_passenger: value until ``/passenger_attached`` is received."""
 
     assume_passenger: bool
     module: ModuleParams

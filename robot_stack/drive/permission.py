@@ -1,6 +1,6 @@
-"""What the drive may do now: the rules of stopping, strongest first.
+"""The stopping rules of the drive, strongest first.
 
-Silence is a stop, and stop wins over everything.
+A missing input stops the robot, and a stop overrides everything.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class SafetyLimit(SpeedLimit):
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What is known at one tick. speed_limit: None before the first one. passenger: the slower limits apply.
-    must_rest: the holder has not asked for standstill since an emergency stop.
+    """Inputs of one tick. speed_limit: None before the first one. passenger: the slower limits apply.
+    must_rest: the source in control has not requested standstill since an emergency stop.
     """
 
     emergency_stop: bool
@@ -75,7 +75,7 @@ def permit(situation: Situation, empty: MotionLimits, with_passenger: MotionLimi
         return Permission(Action.BRAKE, NO_COMMAND, limits, False, _silent(topics.JOINT_STATES))
     if limit is None:
         return Permission(Action.DRIVE, NO_COMMAND, limits, False, f"waiting for {topics.VELOCITY_LIMIT.name}")
-    # A monitor that is dead or hangs sees nothing any more: every metre until standstill is driven blind.
+    # Without a running monitor nothing is monitored: every metre until standstill is driven blind.
     for fresh, topic in (
         (situation.speed_limit_fresh, topics.VELOCITY_LIMIT),
         (situation.safety_status_fresh, topics.SAFETY_STATUS),

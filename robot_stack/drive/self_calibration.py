@@ -1,10 +1,10 @@
-"""What distinguishes this machine from its drawing, learnt while it rides: wheel radii and steering zeros.
+"""Online calibration of wheel radii and steering zeros against their nominal values.
 
-Four wheels report eight rows of which a rigid body needs three, so that five rows are left to tell which wheel is
-greater than the others and which points beside its heading: d = (1 - e) R(z) d' for a wheel whose radius is greater by
-the share e and whose steering encoder shows z too much. A recursive least squares over those five rows finds the
-differences between the wheels, as far as the riding shows them: straight rides alone leave a turn open, rides in
-several directions nothing. What all wheels have in common they cannot know of each other, and it is held at zero.
+Four wheels give eight rows, a rigid body needs three: the other five show which wheel is larger than the others and
+which heading is off: d = (1 - e) R(z) d' for a wheel whose radius is larger by the share e and whose steering encoder
+reads z too much. A recursive least squares over those five rows estimates the differences between the wheels, as far
+as the motion excites them: straight motion alone leaves a turn open, motion in several directions nothing. Errors
+common to all wheels are not observable and are held at zero.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from robot_stack.drive.kinematics import ZEROS, Four, Positions
 _MODULES = 4
 _UNKNOWN = 2 * _MODULES
 _SPARE = 5  # rows of a reading that a rigid motion leaves
-# Standard deviation of what all wheels have in common: none.
+# Prior standard deviation of the error common to all wheels: held at zero.
 _COMMON = 1e-6
 # An estimate further out than this many standard deviations of the prior is no tolerance.
 _BOUND = 4.0
@@ -43,9 +43,9 @@ class CalibrationSettings:
 
 @dataclass(frozen=True, slots=True)
 class Learnt:
-    """What a ride has taught, with standard deviations. radius_*: relative. readings: that were used.
+    """The calibration of a ride, with standard deviations. radius_*: relative. readings: number of used ones.
 
-    unlike_m, left_m: rms of what no rigid motion explains of a wheel's displacement, without and with the correction.
+    unlike_m, left_m: rms residual of a wheel's displacement against a rigid motion, without and with the correction.
     """
 
     radius_errors: Four
@@ -58,8 +58,8 @@ class Learnt:
 
 
 class WheelCalibration:
-    """The present estimate. radius_errors: relative, positive for a greater wheel. zero_errors_rad: what the steering
-    encoders show too much.
+    """The present estimate. radius_errors: relative, positive for a larger wheel. zero_errors_rad: offset of the
+    steering encoders.
     """
 
     def __init__(self, positions: Positions, settings: CalibrationSettings) -> None:
@@ -80,7 +80,7 @@ class WheelCalibration:
         if np.abs(rows).max() < self._settings.least_way_m:
             return
         effect = self._projector @ _effects(rows)
-        # What would be seen without the present correction.
+        # The rows without the present correction.
         seen = self._projector @ rows + effect @ self._estimate
         weight = self._settings.noise_m**-2
         self._information += weight * (effect.T @ effect)
@@ -91,7 +91,7 @@ class WheelCalibration:
             self._solve()
 
     def learnt(self) -> Learnt:
-        """Of all readings so far."""
+        """The calibration from all readings so far."""
         self._solve()
         deviations = np.sqrt(np.diagonal(np.linalg.inv(self._information))).tolist()
         weight, e = self._settings.noise_m**-2, self._estimate
@@ -118,7 +118,7 @@ class WheelCalibration:
 
 
 def _beside_rigid_motion(positions: Positions) -> NDArray[np.float64]:
-    """(8, 8) projector of the wheels' rows onto what no rigid motion explains."""
+    """(8, 8) projector of the wheels' rows onto the complement of rigid motions."""
     rigid = np.array([row for x, y in positions for row in ((1.0, 0.0, -y), (0.0, 1.0, x))])
     return np.asarray(np.eye(_UNKNOWN) - rigid @ np.linalg.pinv(rigid))
 

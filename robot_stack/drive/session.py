@@ -1,8 +1,8 @@
-"""The drive's session with the motion engine: from no engine at all to servos that are on, and back when it is lost.
+"""The drive's session with the motion engine: from no connection to enabled servos, and back if the engine is lost.
 
-``poll`` is called often and never waits: it looks at the engine's status and asks for the next thing that is missing.
-What it finds broken while the drives were ready trips: the engine's emergency stop, until somebody has gone through the
-release of an emergency stop. A servo is switched on only with permission.
+``poll`` is called often and never blocks: it reads the engine's status and requests the next missing step. A fault
+found while the drives were ready triggers the engine's emergency stop, until the release procedure of an emergency
+stop is complete. A servo is switched on only with permission.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _ESTOP, _RELEASE, _STEERING, _DRIVING = "emergency stop", "release", "steering",
 
 
 class Stage(Enum):
-    """How far the session is."""
+    """Progress of the session."""
 
     CONNECTING = "connecting"
     COMMUNICATION = "starting communication"
@@ -58,7 +58,7 @@ class SessionSettings:
 
 @dataclass(frozen=True, slots=True)
 class AxisMoves:
-    """What the engine carries out."""
+    """Moves that the engine executes."""
 
     drives: tuple[DriveMove, ...] = ()
     steers: tuple[SteerMove, ...] = ()
@@ -78,8 +78,8 @@ class DriveSession:
         *,
         opener: Callable[[OpenEngine], DeviceOpener] = PromptOpener,
     ) -> None:
-        """open_engine, opener: see ``EngineSession``. axes: how set points become moves; among it how long the
-        engine lets a wheel turn that gets no other command.
+        """open_engine, opener: see ``EngineSession``. axes: how set points become moves, including the time
+        after which the engine stops a wheel without a new command.
         """
         self._engine = EngineSession(open_engine, settings.connection, opener=opener)
         self._group = AxisGroup(self._engine, dict(enumerate(JOINTS)), settings.request_pause_s)
@@ -105,7 +105,7 @@ class DriveSession:
     # --- the next step -----------------------------------------------------------------------------------------------
 
     def poll(self, now_s: float, *, stop: bool, may_switch_on: bool) -> SessionState[Stage]:
-        """Looks, and asks for what is missing.
+        """Reads the status and requests the next missing step.
 
         stop: an emergency stop is in force. may_switch_on: servos may come on.
         """
@@ -129,15 +129,15 @@ class DriveSession:
         if self._stop:
             if not snapshot.emergency_stop:
                 self.emergency_stop()
-            self._clear_alarms(snapshot, now_s)  # they are what the release waits for
+            self._clear_alarms(snapshot, now_s)  # the release waits for them
             return Stage.STOPPED, "emergency stop"
         if not snapshot.emergency_stop:
             if self._stopped:
                 self._stopped = self._was_ready = False
                 self._tripped = ""
             return None
-        # Released by the safety monitor. One that was found here and that this session has not heard of is somebody's:
-        # a session that starts anew holds no key to it.
+        # Released by the safety monitor. A stop from before this session may belong to another client and is never
+        # released.
         if self._stopped:
             if not self._may_switch_on:
                 return Stage.STOPPED, "emergency stop, waiting for the safety monitor"
@@ -195,7 +195,7 @@ class DriveSession:
         )
 
     def stop_wheels(self, snapshot: StatusSnapshot) -> AppliedMoves:
-        """Wheels that nobody commands any more come to rest; headings stay."""
+        """Stops wheels without commands; headings stay."""
         velocities = _wheel_speeds_radps(snapshot)
         if not self.ready or not any(velocities):
             return Applied(None)

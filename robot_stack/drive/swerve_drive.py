@@ -1,7 +1,7 @@
-"""The drive's set point: what twist the robot tries to have now, and what each module does for it.
+"""The drive's set point: the twist to command now, and the module set points for it.
 
-Every step goes from the last set point towards the requested: speed limits, jerk and acceleration, feasibility,
-desaturation. The set point is the only memory; sensors only tell where the modules stand, never how fast to go.
+Every step goes from the last set point towards the requested one: speed limits, jerk and acceleration, feasibility,
+desaturation. The set point is the only state; sensors give only the module headings, never the speed.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from robot_stack.drive.kinematics import (
 
 
 class DriveState(Enum):
-    """What the drive is doing."""
+    """State of the drive."""
 
     DRIVING = "driving"
     ALIGNING = "aligning the modules"
@@ -63,7 +63,7 @@ class DriveSettings:
 
 @dataclass(frozen=True, slots=True)
 class DriveOutput:
-    """twist: the set point of the body, base_link. modules: what to command. stuck: modules whose heading keeps the
+    """twist: the set point of the body, base_link. modules: their set points. stuck: modules whose heading keeps the
     robot from starting.
     """
 
@@ -141,7 +141,7 @@ class SwerveDrive:
         return self._output(measured_rad)
 
     def _target(self, requested: Command, limits: MotionLimits) -> tuple[Twist2, Twist2]:
-        """(what to reach now, how that moves). A command that grows is carried on to now, since commands are
+        """(target now, its rate). A growing command is extrapolated to now, since commands are
         samples."""
         if not requested.twist.is_finite():
             return ZERO_TWIST, ZERO_TWIST
@@ -179,7 +179,7 @@ class SwerveDrive:
     def _start(
         self, target: Twist2, rate: Twist2, limits: MotionLimits, dt_s: float, measured_rad: Four | None
     ) -> None:
-        """From standstill: the headings first, then the wheels."""
+        """Starts from standstill: first the headings, then the wheels."""
         self._rest_s = 0.0
         directions = tuple(
             math.atan2(vy, vx) if vx or vy else None for vx, vy in wheel_velocities(self._positions, target)

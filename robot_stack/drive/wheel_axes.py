@@ -1,7 +1,7 @@
-"""From wheel set points to moves of the engine's axes, in rad at the wheel and at the steering axis.
+"""Converts wheel set points to moves of the engine's axes, in rad at the wheel and at the steering axis.
 
-Set points come in steps. An axis is given just the speed of change that brings it to the next set point when that
-arrives, so that wheels and headings move evenly instead of leaping and waiting; harder changes are spread over the time
+Set points come in steps. An axis gets the acceleration with which it reaches the next set point when that arrives, so
+that wheels and headings move evenly; changes beyond the limits are spread over the time
 they need, the same for all four wheels.
 """
 
@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from robot_stack.contract.frames import DRIVE_AXES, MODULES, STEER_AXES
 from robot_stack.drive.kinematics import Four, ModuleSetPoints, nearest_equivalent
 
-# The engine takes no change in zero time and no motion at zero speed.
+# The engine rejects a change in zero time and motion at zero speed.
 _LEAST_ACCELERATION_RADPS2 = 0.5
 _LEAST_RATE_RADPS = 0.05
-# Of the softest slowing: what changes less keeps its speed, and a jolt of it is none that anybody feels.
+# Of the softest slowing: a wheel with a smaller change keeps its speed; the jolt is imperceptible.
 _STEADY = 0.25
 # Headings come as float64 of an angle wrapped in float64: rounding only.
 _ANGLE_SLACK_RAD = 1e-9
@@ -32,8 +32,8 @@ class AxisSettings:
     """period_s: between set points. steering_periods: in how many of them a heading reaches its set point; more than
     one keeps a steadily turning axis from stopping between set points. max_wheel_acceleration_mps2: of ordinary
     changes. stop_deceleration_mps2: of a command of zero for all wheels, and of wheels whose commands have ended.
-    command_lifetime_s: a wheel that got no other command for so long is stopped by the engine. softest_slowing_mps2: of
-    wheels that slow down, and of their stop where the commands end just then.
+    command_lifetime_s: timeout after which the engine stops a wheel without a new command. softest_slowing_mps2: of
+    decelerating wheels, and of their stop if the commands end just then.
     """
 
     wheel_radius_m: float
@@ -79,7 +79,7 @@ def checked_set_points(
     angles_rad: Sequence[float],
     max_wheel_speed_mps: float,
 ) -> ModuleSetPoints:
-    """The set points in module order. Raises BadWheelCommands for what cannot or must not be done."""
+    """The set points in module order. Raises BadWheelCommands for invalid ones."""
     if sorted(module_ids) != list(range(len(MODULES))):
         raise BadWheelCommands(f"module_id must be 0..3, each once, is {', '.join(map(str, module_ids)) or 'empty'}")
     speeds, angles = [0.0] * len(MODULES), [0.0] * len(MODULES)
@@ -98,10 +98,10 @@ def drive_moves(speeds_mps: Four, velocities_radps: Sequence[float], settings: A
     """Moves from the axes' present commanded ``velocities_radps`` to ``speeds_mps``, all arriving together: with the
     next set point, or as soon as the limits allow. Zero for all wheels is a stop and may be harder.
 
-    A change that would outlast the command's life goes as far as it gets within it: a wheel that is on its way up when
-    the commands end must not go on speeding up. A wheel that slows down would be stopped at the same rate, because to
-    the engine they are one: it slows down no more softly than ``softest_slowing_mps2``, and then is there before the
-    next set point. One that keeps its speed or gains some would be stopped at the stop deceleration.
+    A change longer than the command's lifetime ends early: an accelerating wheel must not keep accelerating after the
+    commands end. The engine stops a decelerating wheel at the same rate, because both use one profile: so it
+    decelerates at no less than ``softest_slowing_mps2``, and may arrive before the
+    next set point. A wheel that keeps or gains speed is stopped at the stop deceleration.
     """
     if not any(speeds_mps):
         return stop_moves(velocities_radps, settings, settings.period_s)
@@ -121,7 +121,7 @@ def drive_moves(speeds_mps: Four, velocities_radps: Sequence[float], settings: A
 
 
 def stop_moves(velocities_radps: Sequence[float], settings: AxisSettings, least_s: float = 0.0) -> list[DriveMove]:
-    """Moves of all wheels to standstill, at the stop deceleration whenever they are asked for anew. They stand
+    """Moves of all wheels to standstill, at the stop deceleration at every call. They stop
     together, after ``least_s`` at the earliest.
     """
     hardest_radps2 = settings.stop_deceleration_mps2 / settings.wheel_radius_m

@@ -22,7 +22,7 @@ _FEWEST_TO_AGREE = 3
 
 @dataclass(frozen=True, slots=True)
 class WheelFit:
-    """motion: displacement of the body (m, m, rad), base_link. used: modules that were believed. rms_m: residual of
+    """motion: displacement of the body (m, m, rad), base_link. used: modules of the fit. rms_m: residual of
     those. consistent: the used modules agree within the tolerance.
     """
 
@@ -55,7 +55,7 @@ def fit(positions: Positions, displacements: Vectors, modules: Sequence[int] = _
 
 
 def residuals(positions: Positions, displacements: Vectors, motion: Twist2) -> list[float]:
-    """How far each module's displacement is from that of ``motion``, m."""
+    """Distance of each module's displacement from that of ``motion``, m."""
     return [
         math.hypot(dx - motion.vx + motion.omega * y, dy - motion.vy - motion.omega * x)
         for (x, y), (dx, dy) in zip(positions, displacements, strict=True)
@@ -65,11 +65,11 @@ def residuals(positions: Positions, displacements: Vectors, motion: Twist2) -> l
 def robust_fit(
     positions: Positions, displacements: Vectors, tolerance_m: float, believed: Sequence[int] = _ALL
 ) -> WheelFit:
-    """The fit of those modules that agree within ``tolerance_m``.
+    """The fit of the modules that agree within ``tolerance_m``.
 
-    If the believed modules do not agree and leaving one of them out makes the others agree, it is left out. If no such
+    If the given modules disagree and leaving one of them out makes the others agree, it is left out. If no such
     module exists, all are used and the result is marked inconsistent: more than one wheel slips. At least two modules
-    must be believed.
+    must be given.
     """
     best = _fit(positions, displacements, tuple(believed), tolerance_m)
     if best.consistent or len(believed) <= _FEWEST_TO_AGREE:

@@ -1,6 +1,6 @@
-"""Which state of the external display (EHMIState.state_num) goes with what the mission manager does.
+"""Selects the state of the external display (EHMIState.state_num) from the mission manager's state.
 
-The mission manager speaks for docking too, with a mission or without one, so that the display hears one voice.
+The mission manager also shows docking, with a mission or without one, so that the display has one source.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ _ALIGNING = frozenset({"SEARCH", "SERVOING", "FINE_ALIGN"})
 
 @dataclass(frozen=True, slots=True)
 class Docking:
-    """What the display needs to know about docking.
+    """The docking inputs of the display.
 
-    task: of the current waypoint, None if it has none. state: of the present call's feedback, empty before any.
+    task: of the current waypoint, None if it has none. state: from the feedback of the present goal, empty before any.
     """
 
     task: Task | None = None
@@ -40,7 +40,7 @@ class Announcements:
         self._shown_s = 0.0
 
     def say(self, *displays: Display) -> None:
-        """Replaces what is still to be shown."""
+        """Replaces the announcements still to be shown."""
         self._queue, self._shown_s = deque(displays if self._each_s > 0.0 else ()), 0.0
 
     def elapse(self, dt_s: float) -> None:
@@ -55,9 +55,9 @@ class Announcements:
 
 
 def announced_at_end_of(task: Task, docking_state: str) -> tuple[Display, ...]:
-    """What a task that succeeded is worth telling. docking_state: of the last feedback."""
+    """Announcements for a task that succeeded. docking_state: of the last feedback."""
     if task.kind is Kind.DOCK:
-        # "Docking complete" has been shown already since the docking controller said DOCKED.
+        # "Docking complete" is already shown since the docking controller reported DOCKED.
         complete = () if docking_state == "DOCKED" and task.carried else (Display.DOCKING_COMPLETE,)
         return (*complete, Display.PASSENGER_ONBOARD) if task.carried else complete
     return (Display.PASSENGER_DISEMBARK,) if task.carried else ()
@@ -80,11 +80,11 @@ def display_of(
     awake: bool = True,
     announced: Display | None = None,
 ) -> Display:
-    """What the display shows now.
+    """The state that the display shows now.
 
-    setting_out: people are being warned that the robot is about to move: then it shows what it will do.
-    waiting: it has stood for a while, whatever keeps it. moving: its wheels turn.
-    awake: pose and safety have been known once. announced: see Announcements.
+    setting_out: people are being warned of a start: the display shows the coming motion.
+    waiting: the robot has stood for a while, for any reason. moving: its wheels turn.
+    awake: pose and safety have been received once. announced: see Announcements.
     """
     if emergency:
         return Display.EMERGENCY_STOP
@@ -93,7 +93,7 @@ def display_of(
     if record.state in UNDER_WAY:
         if setting_out:
             return _under_way(record, docking)
-        # Docking stands for moments between its steps; an obstacle beside it has nothing to do with that.
+        # Docking pauses between its steps; these are not obstacle stops.
         stands = waiting if record.state in AT_DOCK else not moving
         hindrance = _hindrance(record, inputs, stands) or _standing(record, inputs, announced)
         if hindrance is None and waiting and not docking.state and record.state is not State.WAITING:
@@ -115,17 +115,17 @@ def display_of(
 def _hindrance(record: Record, inputs: Inputs, stands: bool) -> Display | None:
     stopping = set(stopping_faults(inputs)) - {"LOCALIZATION_LOST"}
     lost = inputs.pose is None or "LOCALIZATION_LOST" in inputs.faults
-    # At a dock the robot goes by the dock's markers.
+    # At a dock the robot navigates by the dock's markers.
     if lost and record.state not in AT_DOCK:
         return Display.LOCALIZATION_LOST
-    # One that only slows the robot down is no reason to say that it waits.
+    # A fault that only slows the robot down does not show waiting.
     if "COLLISION_IMMINENT" in inputs.faults or ("OBSTACLE_NEAR" in inputs.faults and stands):
         return Display.OBSTACLE
     return Display.ERROR if stopping or not inputs.safety_known else None
 
 
 def _standing(record: Record, inputs: Inputs, announced: Display | None) -> Display | None:
-    """What is worth telling of a robot that stands: the light of driving is for what moves, or is about to."""
+    """The display of a standing robot: the driving light is for motion, present or imminent."""
     if announced is not None or record.state is not State.WAITING:
         return announced
     if inputs.charging:
@@ -149,7 +149,7 @@ def _under_way(record: Record, docking: Docking) -> Display:
 
 
 def _by_hand(record: Record, inputs: Inputs, *, setting_out: bool, waiting: bool, moving: bool) -> Display | None:
-    """Without a mission the robot may still drive by itself: an operator has asked for a docking, or given a goal."""
+    """Without a mission the robot may still move autonomously: by an operator's docking request or goal."""
     aboard = record.passenger_attached
     if inputs.docking_state == "APPROACH" or inputs.docking_state in _ALIGNING:
         if aboard:  # it backs off from the wheelchair

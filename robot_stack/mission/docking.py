@@ -25,16 +25,16 @@ from robot_stack.mission.params import MissionParams
 from robot_stack.mission.record import Record
 
 _SERVER = "docking_controller"
-# States of /docking/status in which somebody else's goal moves the robot.
+# States of /docking/status in which another client's goal moves the robot.
 _BUSY = frozenset({"APPROACH", "SEARCH", "SERVOING", "FINE_ALIGN"})
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What is asked of the docking controller at a waypoint.
+    """The docking controller's task at a waypoint.
 
     kind: DOCK or UNDOCK. dock_id: empty = undock wherever the robot is docked.
-    carried: the dock is a wheelchair, so that /passenger_attached tells whether the task is fulfilled.
+    carried: the dock is a wheelchair, so that /passenger_attached shows whether the task is fulfilled.
     """
 
     kind: Kind
@@ -48,14 +48,14 @@ class Task:
         return f"undocking from {self.dock_id}" if self.dock_id else "undocking"
 
     def fulfilled(self, attached: bool) -> bool:
-        """True if the robot says that this has been done. Never known for a station: it has no latch."""
+        """True if the robot's state shows that this is done. Never for a station: it has no latch."""
         return self.carried and attached == (self.kind is Kind.DOCK)
 
 
 def task_of(record: Record, docks: Mapping[str, str]) -> Task | None:
-    """The task of the record's waypoint, None if it asks for none. ``docks``: kind of each dock by its id.
+    """The task of the record's waypoint, None without one. ``docks``: kind of each dock by its id.
 
-    A dock that is not known any more is taken for a wheelchair: its outcome must then be seen.
+    An unknown dock counts as a wheelchair: its outcome must then be observed.
     """
     current = record.current
     if current is None or current.action.kind not in (Kind.DOCK, Kind.UNDOCK):
@@ -115,7 +115,7 @@ class DockingCalls:
         return self._phase is Phase.ENDED and self._end.success
 
     def on_event(self, event: DockingEvent) -> None:
-        """What is told of a goal that is not the present one only says when that one is over."""
+        """Handles an event. Of an earlier goal only its end counts."""
         if isinstance(event, DockingEnded) and event.call == self._open:
             self._open = None
         if event.call != self._number or self._phase not in (Phase.SENT, Phase.ACCEPTED):
@@ -132,7 +132,7 @@ class DockingCalls:
     def idle(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         """A tick without a task: a goal that was given up is cancelled until it has ended."""
         if not inputs.docking_served:
-            self._open = None  # it died with whoever served it
+            self._open = None  # it ended with its action server
         if self._open is None:
             return ()
         self._since_cancel_s += dt_s
@@ -144,7 +144,7 @@ class DockingCalls:
     def tick(
         self, task: Task, inputs: Inputs, attached: bool, held: str, dt_s: float
     ) -> tuple[tuple[Effect, ...], Outcome | None]:
-        """What to do now, and how the task ended if it did.
+        """The effects now, and the outcome of the task if it ended.
 
         attached: a wheelchair is latched. held: why the robot may not move now, empty if it may.
         """
@@ -213,6 +213,6 @@ class DockingCalls:
         if self._end.success:
             self._say(task, "waiting for /passenger_attached")
             return f"it succeeded, but /passenger_attached stayed {str(attached).lower()}" if late else None
-        # An emergency stop may be heard after the result that it caused: then the mission is stopped, not failed.
+        # An emergency stop may arrive after the result that it caused: then the mission is stopped, not failed.
         self._say(task, self._end.reason)
         return None if self._end.safety_stop and not late else self._end.reason or "no reason given"

@@ -1,4 +1,4 @@
-"""What happens to the mission manager (events, inputs) and what it wants done (effects)."""
+"""Events and inputs of the mission manager, and the effects of its decisions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COMMANDS = (START_MISSION, PAUSE, RESUME, ABORT, EMERGENCY_STOP)
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """What the robot looks like when an event happens.
+    """The robot's state at an event.
 
     pose: base_link in map; None while stale or never received.
     twist: wheel odometry in base_link; None while stale.
@@ -27,12 +27,12 @@ class Inputs:
     faults: active fault codes of /safety/status.
     battery: state of charge [0, 1]; NaN = unknown.
     plan_end: last pose of the navigation controller's newest plan; None = it has no goal.
-    docking_served: somebody offers the docking actions.
+    docking_served: a server offers the docking actions.
     docking_state: state of /docking/status, empty while stale.
-    navigation_text: what navigation says of itself, for people; nothing is decided by it.
+    navigation_text: navigation's status text, for people; not used for decisions.
     charging: the battery is being charged. manual: a person drives, by /teleop/cmd_vel.
-    setting_out: navigation or docking is warning people, because it is about to let the robot go.
-    detour_m: by how much the way along that plan is longer than the straight line.
+    setting_out: navigation or docking is warning people of a start.
+    detour_m: length of that plan minus the straight line.
     """
 
     pose: Pose2 | None
@@ -53,7 +53,7 @@ class Inputs:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A person's command. START_MISSION carries the mission of the asked id, or the problem with it."""
+    """An operator's command. START_MISSION carries the mission of the requested id, or the problem with it."""
 
     name: str
     mission: Mission | None = None
@@ -72,7 +72,7 @@ class PassengerChanged:
 
 @dataclass(frozen=True, slots=True)
 class NavigationAppeared:
-    """A navigation controller that knows no goal of ours yet has begun to listen."""
+    """A navigation controller that has no goal of ours yet has subscribed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ class DockingFeedback:
 
 @dataclass(frozen=True, slots=True)
 class DockingEnded:
-    """The goal of StartDocking number ``call`` exists no more: succeeded, failed, cancelled, rejected or forgotten.
+    """The goal of StartDocking number ``call`` has ended: succeeded, failed, cancelled, rejected or unknown.
 
     reason: the failure in words. safety_stop: it failed because the robot had to stand.
     """
@@ -122,7 +122,7 @@ Event = Command | EmergencyStopBegan | PassengerChanged | NavigationAppeared | D
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """Content of /mission/status, and what the external display shows."""
+    """Content of /mission/status, and the state of the external display."""
 
     state: str
     mission: Mission | None
@@ -159,9 +159,9 @@ class CancelGoal:
 
 @dataclass(frozen=True, slots=True)
 class StartDocking:
-    """Give the docking controller a goal.
+    """Sends a goal to the docking controller.
 
-    call: number of this goal, told back in its events. kind: DOCK or UNDOCK.
+    call: number of this goal, repeated in its events. kind: DOCK or UNDOCK.
     dock_id: key in config/docks.yaml; empty = undock wherever the robot is docked.
     """
 
@@ -172,9 +172,9 @@ class StartDocking:
 
 @dataclass(frozen=True, slots=True)
 class CancelDocking:
-    """Take the docking controller's goal away: it brings the robot to rest and then ends the goal.
+    """Cancels the docking controller's goal: it stops the robot and then ends the goal.
 
-    everything: all goals from before this moment, whoever gave them: they may be those of a mission manager that died.
+    everything: all goals from before now, of any client: they may be those of a mission manager that crashed.
     """
 
     everything: bool = False

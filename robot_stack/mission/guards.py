@@ -1,4 +1,4 @@
-"""What speaks against going: each function answers with a sentence for people, empty if nothing does."""
+"""Conditions against driving: each function returns a sentence for people, empty if there is none."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def battery_low(inputs: Inputs, minimum: float) -> str:
 
 
 def held_by(inputs: Inputs) -> str:
-    """Why the robot cannot be expected to move although the mission is under way."""
+    """Why the robot cannot move at present although the mission is active."""
     if inputs.pose is None:
         return "waiting for pose: no fresh /current_pose"
     if not inputs.pose.is_finite():

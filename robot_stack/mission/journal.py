@@ -1,4 +1,4 @@
-"""The journal in SQLite: one current record, and the history of records for whoever asks what happened.
+"""The journal in SQLite: one current record, and the history of records for diagnosis.
 
 Write-ahead log with ``synchronous=FULL``: when ``save`` returns, the record has been flushed to the disk; a process
 killed or a machine switched off at any moment leaves the record before or the record after, never half of one.
@@ -96,7 +96,7 @@ class SqliteJournal:
         return self._connection
 
     def _move_aside(self, error: Exception) -> JournalDamaged | JournalError:
-        """Keeps the damaged files for whoever wants to look, and makes room for a new journal."""
+        """Keeps the damaged files for inspection, and makes room for a new journal."""
         self.close()
         suffix = time.strftime(".damaged-%Y%m%d-%H%M%S", time.gmtime())
         target = self.path.with_name(self.path.name + suffix)
@@ -114,7 +114,7 @@ class SqliteJournal:
 
 
 class _Nonsense(Exception):
-    """The database can be read, but what is in it is no journal of ours."""
+    """The database is readable, but its content is not a valid journal."""
 
 
 # OperationalError: locked, read-only, full, cannot be opened. Its base DatabaseError: not a database, malformed.

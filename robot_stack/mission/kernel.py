@@ -1,7 +1,7 @@
 """The mission manager's decisions: events and time in, effects out.
 
-The order of effects is the rule about power loss: what lets the robot go is journaled first (SaveRecord, SendGoal);
-what makes it stand never waits for a disk (CancelGoal, SaveRecord), because an unfinished mission comes back PAUSED.
+The order of effects is the rule about power loss: effects that start motion are journaled first (SaveRecord, SendGoal);
+effects that stop it never wait for a disk (CancelGoal, SaveRecord), because an unfinished mission returns as PAUSED.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from robot_stack.mission.states import ACTIVE, AT_DOCK, UNDER_WAY, State, Trigge
 
 # A tick may be late by this much and count in full; more is a clock that jumped or a process that was stopped.
 _LONGEST_STEP_S = 1.0
-# Whatever somebody sends as a command is shown to people, but not at any length.
+# An unknown command's name is shown to people, up to this length.
 _LONGEST_NAME = 64
 _BEGIN_DOCKING = {Kind.DOCK: Trigger.DOCK_HERE, Kind.UNDOCK: Trigger.UNDOCK_HERE}
 _RESUME_DOCKING = {Kind.DOCK: Trigger.RESUME_DOCKING, Kind.UNDOCK: Trigger.RESUME_UNDOCKING}
@@ -46,8 +46,8 @@ class MissionKernel:
     """State machine of one mission at a time.
 
     params: tolerances and times. departure: of the warning before the robot sets out.
-    record: what the journal kept; an active mission comes up PAUSED.
-    problem: what was wrong with the journal, shown as the reason in /mission/status.
+    record: the record from the journal; an active mission is restored as PAUSED.
+    problem: error of the journal, shown as the reason in /mission/status.
     docks: kind of each dock by its id.
     """
 
@@ -85,15 +85,15 @@ class MissionKernel:
         return self._record
 
     def start_up(self, inputs: Inputs) -> tuple[Effect, ...]:
-        """The effects of coming up: stand, journal what the restart made of the mission, say so."""
+        """The effects at start-up: stop, journal the restored state, publish it."""
         report = self._report(inputs, 0.0, forced=True)
         if self._record.state is not State.PAUSED:
             return report
-        # Navigation and docking may still be at what the mission manager that died had asked for.
+        # Navigation and docking may still execute goals of a mission manager that crashed.
         return (CancelGoal(), CancelDocking(everything=True), SaveRecord(self._record), *report)
 
     def step(self, event: Event, inputs: Inputs, now_s: float) -> tuple[Effect, ...]:
-        """What to do about ``event``, in this order. ``now_s``: steady seconds; a jump either way harms nothing."""
+        """The effects of ``event``, in order. ``now_s``: steady seconds; a jump either way is harmless."""
         dt_s = self._elapsed(now_s)
         self._departure.elapse(inputs.twist, dt_s)
         self._answering = isinstance(event, ev.Command) or (self._answering and isinstance(event, ev.JournalFailed))
@@ -217,7 +217,7 @@ class MissionKernel:
         return self._save()
 
     def _save(self) -> SaveRecord:
-        # Believed to work until JournalFailed says otherwise.
+        # Assumed to work until a JournalFailed event.
         self._unsaved, self._journal_problem, self._since_retry_s = False, "", 0.0
         return SaveRecord(self._record)
 
@@ -282,7 +282,7 @@ class MissionKernel:
         if self._leg.goal_due:
             return self._set_out(current.pose, dt_s)
         if self._departure.due:
-            # Navigation would go on whenever it can: it gets its goal back after a warning.
+            # Navigation would continue by itself: it gets its goal back after a warning.
             self._leg.goal_due = True
             return (CancelGoal(),)
         if pose is not None:
@@ -294,7 +294,7 @@ class MissionKernel:
         return (SendGoal(current.pose),) if self._leg.unconfirmed(self._is_planned(current.pose, inputs), dt_s) else ()
 
     def _set_out(self, goal: Pose2, dt_s: float) -> tuple[Effect, ...]:
-        if self._held:  # a warning long before the motion warns nobody
+        if self._held:  # a warning long before the motion has no effect
             self._departure.drop()
             return ()
         if not self._departure.cleared(dt_s):
@@ -380,7 +380,7 @@ class MissionKernel:
         return (CancelGoal(), self._change(Trigger.TRY_FAILED, record, reason, goal_due=True))
 
     def _rest(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
-        """In PAUSED and STOPPED nobody drives: a plan that is still there is taken away again."""
+        """In PAUSED and STOPPED the robot does not drive: an existing plan is cancelled again."""
         if self._record.state not in ACTIVE:
             return ()
         return (CancelGoal(),) if self._leg.unconfirmed(inputs.plan_end is None, dt_s) else ()

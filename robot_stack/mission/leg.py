@@ -1,6 +1,6 @@
-"""One try to reach one waypoint: has it arrived, does it make progress, does the navigation controller know?
+"""One try to reach one waypoint: arrival, progress, and whether the navigation controller has the goal.
 
-All times are sums of the ticks' steps, so that a clock that jumps neither ends a wait nor fails a try.
+All times are sums of tick steps, so that a clock jump neither ends a wait nor fails a try.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Leg:
         if not route.standing(inputs.twist, self._params):
             self.settled_s = -1.0
             return False
-        # The first tick that sees it stand starts the time: what was before that tick is not known.
+        # The first tick at standstill starts the time: the state before that tick is unknown.
         self.settled_s = 0.0 if self.settled_s < 0.0 else self.settled_s + dt_s
         return self.settled_s >= self._params.settle_s
 
@@ -60,7 +60,7 @@ class Leg:
         """
         remaining_m = route.effort_m(pose, goal, self._params) + detour_m
         if abs(remaining_m - self._remaining_m) > _NEW_PLAN_M:
-            # No robot moves so far in a tick: the plan or the pose is another. That is no progress, and no loss either.
+            # A larger step than the robot can move is a new plan or pose: neither progress nor loss.
             self._best_m += remaining_m - self._remaining_m
         self._remaining_m = remaining_m
         if remaining_m < self._best_m - self._params.progress_min_m:

@@ -1,4 +1,4 @@
-"""Carries out what the kernel decides, through ports: the one place where the order of effects becomes real."""
+"""Executes the kernel's effects through ports, in their order."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class JournalError(Exception):
 
 
 class JournalDamaged(Exception):
-    """The journal's content makes no sense. It has been moved aside; the message says where to."""
+    """The journal's content is invalid. It has been moved aside; the message names the new place."""
 
 
 class Journal(Protocol):
@@ -46,7 +46,7 @@ class Journal(Protocol):
 
 
 class Outputs(Protocol):
-    """What the mission manager does to the world. None of these fails."""
+    """Outputs of the mission manager. None of these fails."""
 
     def send_goal(self, pose: Pose2) -> None: ...
     def cancel_goal(self) -> None: ...

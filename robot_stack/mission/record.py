@@ -1,4 +1,4 @@
-"""What the mission manager must not forget: the content of its journal."""
+"""The mission manager's persistent state: the content of its journal."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _SERVED_IN = {State.DOCKING: Kind.DOCK, State.UNDOCKING: Kind.UNDOCK}
 class Record:
     """The mission manager's state as journaled.
 
-    mission: as it was when it started, whatever became of its file; None in IDLE.
+    mission: as it was at its start, independent of its file; None in IDLE.
     waypoint: index of the waypoint being driven to or served; equal to the number of stops once COMPLETED.
     failed_tries: tries of this waypoint that made no progress.
     homeward: the way home follows the mission's own waypoints.
     start: pose at which the mission was started, map frame; None until a pose was known.
-    reason: why the state is what it is, for people.
+    reason: cause of the state, for people.
     docking_begun: the docking or undocking of this waypoint was begun and has not succeeded.
     """
 
@@ -53,7 +53,7 @@ class Record:
 
 
 def problem_of(record: Record) -> str:
-    """Why a record cannot be, empty if it can: a journal is only believed when it makes sense."""
+    """Why a record is invalid, empty if it is valid: an invalid journal is not used."""
     if record.state in ACTIVE and record.mission is None:
         return f"state {record.state.value} without a mission"
     if record.state in ACTIVE and not 0 <= record.waypoint < len(record.stops):
@@ -67,7 +67,7 @@ def problem_of(record: Record) -> str:
 
 
 def restored(record: Record) -> Record:
-    """What a restart makes of the journal: an active mission comes back PAUSED, one that ended does not come back."""
+    """The record after a restart: an active mission becomes PAUSED, one that ended is dropped."""
     if record.state not in ACTIVE:
         return Record(passenger_attached=record.passenger_attached)
     target = target_of(State.IDLE, Trigger.RESTORED)

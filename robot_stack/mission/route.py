@@ -1,4 +1,4 @@
-"""How far along its route the robot is: arrival, progress and time to go.
+"""Progress along the route: arrival, remaining distance and time.
 
 Lengths in m along straight lines between waypoints, which is what a holonomic robot drives in free space.
 """
@@ -33,7 +33,7 @@ def at_waypoint(pose: Pose2, stops: tuple[Waypoint, ...], index: int, params: Mi
 
 
 def standing(twist: Twist2 | None, params: MissionParams) -> bool:
-    """True if the wheels say that the robot stands. Unknown is not standing."""
+    """True if the wheels stand. Unknown is not standing."""
     return (
         twist is not None
         and twist.is_finite()
@@ -43,12 +43,12 @@ def standing(twist: Twist2 | None, params: MissionParams) -> bool:
 
 
 def effort_m(pose: Pose2, goal: Pose2, params: MissionParams) -> float:
-    """How much is left to the goal, the turn counted as length: what must shrink for the robot to make progress."""
+    """Remaining distance to the goal, with the turn weighted as length: it must shrink for progress."""
     return pose.distance_to(goal) + params.yaw_weight_m_per_rad * abs(wrap_angle(pose.yaw - goal.yaw))
 
 
 def detour_m(pose: Pose2, plan: NDArray[np.float64]) -> float:
-    """By how much the way along a plan (n, 2) m, from where it passes nearest, is longer than the straight line."""
+    """Length of a plan (n, 2) m from its point nearest to the pose, minus the straight line, m."""
     if len(plan) < 2:
         return 0.0
     from_here = plan[int(np.argmin(np.hypot(plan[:, 0] - pose.x, plan[:, 1] - pose.y))) :]

@@ -1,6 +1,6 @@
-"""The states of the mission manager and every way from one to the next.
+"""The states of the mission manager and all transitions between them.
 
-The table is the single truth: the kernel asks it, the tests walk it, and ``docs/mission_states.md`` is drawn from it.
+The kernel uses this table, the tests walk it, and ``docs/mission_states.md`` is drawn from it.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ class State(Enum):
     WAITING = "WAITING"  # standing at a waypoint for its waiting time
     DOCKING = "DOCKING"  # at a waypoint whose dock is being docked to
     UNDOCKING = "UNDOCKING"  # at a waypoint where the robot is being undocked
-    PAUSED = "PAUSED"  # standing until a person says RESUME
-    STOPPED = "STOPPED"  # standing after an emergency stop, until it is released and a person says RESUME
+    PAUSED = "PAUSED"  # standing until RESUME
+    STOPPED = "STOPPED"  # standing after an emergency stop, until it is released and RESUME is received
     COMPLETED = "COMPLETED"  # the last waypoint was reached
     ABORTED = "ABORTED"  # a person ended the mission
     FAILED = "FAILED"  # the mission ended itself
@@ -25,7 +25,7 @@ class State(Enum):
 
 # The docking controller moves the robot.
 AT_DOCK = frozenset({State.DOCKING, State.UNDOCKING})
-# The robot may be moved by the mission, or will be without anybody asking.
+# The mission may move the robot, or will without a further command.
 UNDER_WAY = frozenset({State.RUNNING, State.WAITING}) | AT_DOCK
 ACTIVE = UNDER_WAY | {State.PAUSED, State.STOPPED}
 

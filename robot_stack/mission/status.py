@@ -1,4 +1,4 @@
-"""What the mission manager tells: the content of /mission/status, and when it has to be sent."""
+"""The content of /mission/status, and when it must be published."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from robot_stack.mission.guards import finite
 from robot_stack.mission.record import Record
 from robot_stack.mission.states import ACTIVE, UNDER_WAY, State
 
-# Below this mean speed an ETA would be a guess: about an obstacle, or about a robot that has only begun to move.
+# Below this mean speed the ETA is unreliable: at an obstacle, or just after the start.
 _SLOWEST_ETA_MPS = 0.1
 
-# What has no constant of its own in MissionStatus; the reason tells the difference.
+# States without a constant in MissionStatus; the reason shows the difference.
 _SHOWN_AS = {State.STOPPED: State.PAUSED, State.DOCKING: State.RUNNING, State.UNDOCKING: State.RUNNING}
 
 

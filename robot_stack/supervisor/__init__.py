@@ -1,9 +1,9 @@
-"""From the process table to running, healthy processes.
+"""Starts and supervises the processes of the process table.
 
-profile     which processes run together, and with which parameters
-lifecycle   when one process is started, judged hung, restarted or given up (pure)
+profile     selects the processes and their parameters
+lifecycle   decides when a process is started, counts as hung, is restarted or given up (pure)
 fleet       the operating-system processes, forked from a preloaded server
-orphans     what an earlier, killed supervisor left behind
+orphans     processes left by an earlier, killed supervisor
 segments    shared memory of killed processes
-control     the socket that ``robot-stack status``, ``down`` and ``restart`` ask
+control     the socket used by ``robot-stack status``, ``down`` and ``restart``
 """

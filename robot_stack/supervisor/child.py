@@ -1,4 +1,4 @@
-"""What happens in a forked process before its node's ``main`` runs."""
+"""Set-up of a forked process before its node's ``main`` runs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robot_stack.core.node_record import NodeRecord
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NAME = 15
-# mlockall(2): what is mapped now and later, each page from when it is first touched.
+# mlockall(2): present and future mappings, each page from its first access.
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 
 
@@ -27,7 +27,7 @@ _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 class Start:
     """How to start one process.
 
-    niceness: as in nice(2). realtime_priority: of SCHED_RR, 0 for none. lock_memory: no page of it is given up.
+    niceness: as in nice(2). realtime_priority: of SCHED_RR, 0 for none. lock_memory: its pages stay in memory.
     stop_grace_s: time between SIGINT and SIGKILL when the supervisor has died.
     """
 
@@ -61,7 +61,7 @@ def run(start: Start) -> None:
     except KeyboardInterrupt:  # interrupted before the node had its own handler
         raise SystemExit(128 + signal.SIGINT) from None
     finally:
-        if orphaned.is_set():  # else the supervisor sees to what this process has started
+        if orphaned.is_set():  # else the supervisor ends this process's children
             os.killpg(0, signal.SIGKILL)
 
 
@@ -72,15 +72,15 @@ def go_first(niceness: int, realtime_priority: int = 0) -> None:
             os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(realtime_priority))
     with contextlib.suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, niceness)
-    # Where the kernel groups processes by session (sched(7), autogroup), nice values count inside a session only.
+    # Where the kernel groups processes by session (sched(7), autogroup), nice values apply only within a session.
     with contextlib.suppress(OSError):
         Path("/proc/self/autogroup").write_text(str(niceness), encoding="ascii")
 
 
 def _keep_in_memory() -> None:
-    """A kernel that reclaims memory nobody has used for a while would make the next use of it wait for a disk.
+    """Locks the memory: otherwise the kernel may reclaim unused pages, and the next access waits for a disk.
 
-    Without the privilege (CAP_IPC_LOCK or LimitMEMLOCK) that stays so.
+    Without the privilege (CAP_IPC_LOCK or LimitMEMLOCK) nothing changes.
     """
     ctypes.CDLL(None).mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT)
 
@@ -90,7 +90,7 @@ def die_with_the_forkserver() -> None:
 
 
 def _follow_the_supervisor(orphaned: threading.Event, grace_s: float) -> None:
-    """A supervisor that was killed leaves nobody to restart or stop this process, so it ends too, in its safe way."""
+    """Ends this process in its safe way after its supervisor was killed: it could not be restarted or stopped."""
     supervisor = parent_process()
     if supervisor is None:
         return

@@ -25,17 +25,17 @@ from robot_stack.supervisor.params import load_params
 
 LOCK_NAME = "supervisor_process"
 _POLL_S = 0.05
-_ANSWER_S = 1.0  # then it is asked again, so that an interruption is heard
-_STOP_MARGIN_S = 5.0  # beside the time that the stopping processes are given
+_ANSWER_S = 1.0  # timeout of one poll, so that an interruption takes effect
+_STOP_MARGIN_S = 5.0  # added to the grace time of stopping processes
 
 
 class StartError(Exception):
-    """The stack did not come up. The message says what is missing."""
+    """The stack did not become ready. The message names what is missing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Launch:
-    """What ``up`` was asked for; see supervisor.profile.load_plan.
+    """The arguments of ``up``; see supervisor.profile.load_plan.
 
     home: the folder for the state and data of the stack (latched stop, journal, corrections, logs, missions,
     recordings); None for the user's own.
@@ -50,7 +50,7 @@ class Launch:
     home: Path | None = None
 
     def environment(self) -> dict[str, str]:
-        """Of the supervisor: with the ROS wheels on its paths, so that no process starts twice."""
+        """The supervisor's environment: with the ROS wheels on its paths, so that no process starts twice."""
         own = {**os.environ, **ros_environment()}
         return own if self.home is None else environment_with_home(self.home, own)
 
@@ -85,10 +85,10 @@ def start(
 ) -> dict[str, Any]:
     """Starts a supervisor in the background and waits until every process is ready. Returns its status.
 
-    The deadline counts from when nothing is being constructed any more: compiling and loading take what they take.
+    The deadline counts from the end of all construction: compiling and loading may take any time.
 
-    Raises StartError if the domain has one already, if it ends, or if the deadline passes; then it goes on trying.
-    Interrupted, it stops what it has started.
+    Raises StartError if the domain has one already, if it ends, or if the deadline passes; then the start continues.
+    If interrupted, it stops what it has started.
     """
     refuse_second()
     supervisor = subprocess.Popen(
@@ -107,7 +107,7 @@ def start(
             return status
         signal.raise_signal(signal.SIGINT)  # to the caller's own handler
         raise KeyboardInterrupt
-    except KeyboardInterrupt:  # who gives up waiting does not want it any more
+    except KeyboardInterrupt:  # an interrupted start is undone
         supervisor.send_signal(signal.SIGINT)
         with contextlib.suppress(subprocess.TimeoutExpired):
             supervisor.wait(load_params().terminate_s + _STOP_MARGIN_S)
@@ -161,7 +161,7 @@ def _wait_ready(
 
 
 def not_ready(status: dict[str, Any]) -> str:
-    """What keeps a stack from being ready, one line per process."""
+    """Processes that are not ready, one line each, with the reason."""
     if not status:
         return "the supervisor does not answer"
     lines = [
@@ -211,7 +211,7 @@ def _supervisor() -> psutil.Process | None:
     path = lock_path(LOCK_NAME)
     with contextlib.suppress(OSError, ValueError, psutil.Error):
         process = psutil.Process(int(path.read_text(encoding="ascii")))
-        # Ids are given again: after a crash the number in the file may be somebody else's.
+        # Process ids are reused: after a crash the id in the file may belong to another process.
         if "robot_stack.supervisor" in process.cmdline() and process.status() != psutil.STATUS_ZOMBIE:
             return process
     return None

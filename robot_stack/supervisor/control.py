@@ -1,8 +1,8 @@
-"""The control socket: one JSON line asked, one JSON line answered.
+"""The control socket: one JSON line as request, one JSON line as response.
 
     {"verb": "status"}                     -> the state of every process
     {"verb": "restart", "process": NAME}   -> {"ok": true}
-    {"verb": "down"}                       -> answered when everything has stopped
+    {"verb": "down"}                       -> response once everything has stopped
 
 It lies in the runtime folder, which only its user may enter.
 """
@@ -60,7 +60,7 @@ class ControlServer:
         self._handle = handle
         self._path = socket_path()
         with contextlib.suppress(FileNotFoundError):
-            self._path.unlink()  # of a killed supervisor: the lock is ours, so nobody listens there
+            self._path.unlink()  # of a killed supervisor: this process holds the lock, so the socket is unused
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._listener.bind(str(self._path))
         self._path.chmod(0o600)
@@ -77,7 +77,7 @@ class ControlServer:
     def _accept(self) -> None:
         try:
             connection, _ = self._listener.accept()
-        except OSError:  # the client has gone again
+        except OSError:  # the client has disconnected
             return
         connection.setblocking(False)
         received = bytearray()

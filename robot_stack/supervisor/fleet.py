@@ -67,13 +67,13 @@ class Fleet:
         return {int(forked.sentinel): name for name, forked in self._processes.items()}
 
     def collect(self, name: str) -> int | None:
-        """The exit code of a process that has ended (negative: the signal), which is then forgotten. None: it runs."""
+        """The exit code of an ended process (negative: the signal), which is then dropped. None: still running."""
         forked = self._processes[name]
         code = forked.exitcode
         if code is None:
             return None
         assert forked.pid is not None
-        # What it has started itself goes with it.
+        # Its own children end with it.
         _signal_group(forked.pid, signal.SIGKILL)
         forked.close()
         del self._processes[name]

@@ -1,9 +1,9 @@
 """The operator's two keys of the emergency stop, behind the control socket.
 
-{"verb": "estop"}    -> published: {"ok", "listeners", "received"}; whether it took effect is for "safety" to say
-{"verb": "release"}  -> published, as far as this operator is concerned
+{"verb": "estop"}    -> published: {"ok", "listeners", "received"}; "safety" shows whether it took effect
+{"verb": "release"}  -> published, for this operator's source only
 {"verb": "reset"}    -> the safety monitor's answer: {"ok", "granted", "reason"}
-{"verb": "safety"}   -> what the safety monitor said last
+{"verb": "safety"}   -> the last state from the safety monitor
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _DEAF = {"ok": False, "error": "the supervisor has no node in the graph"}
 
 
 class Keys:
-    """Served from the supervisor's loop; ``tick`` answers what has to wait for the safety monitor."""
+    """Served from the supervisor's loop; ``tick`` sends responses that depend on the safety monitor."""
 
     def __init__(self, thread: NodeThread) -> None:
         self._thread = thread

@@ -1,7 +1,7 @@
-"""When one process is started, judged hung, restarted or given up. Pure: time and events in, orders out.
+"""Decides when a process is started, counts as hung, is restarted or given up. Pure: time and events in, orders out.
 
-A process is restarted after a waiting time that grows with each crash. Who crashes more than ``max_restarts`` times in
-a minute, or refuses its configuration, is given up: it stays down, visibly, until an operator asks for it.
+A process is restarted after a back-off that grows with each crash. A process that crashes more than ``max_restarts``
+times in a minute, or rejects its configuration, is given up: it stays down, visibly, until an operator restarts it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class State(Enum):
     WAITING = "waiting"  # alive, but an input or condition is missing
     READY = "ready"
     HUNG = "hung"  # silent for too long; being ended
-    RESTARTING = "restarting"  # being ended because an operator wants it anew
+    RESTARTING = "restarting"  # ending for an operator's restart
     BACKOFF = "backoff"  # ended; will be started again
     FAILED = "failed"  # given up
     STOPPED = "stopped"  # not to run
@@ -87,7 +87,7 @@ class Lifecycle:
         self._started_s, self._heard_s, self._been_ready, self._starved_s = now_s, None, False, 0.0
 
     def constructing(self, text: str) -> None:
-        """The process says what its construction is busy with."""
+        """The process reports the present step of its construction."""
         if self.state is State.STARTING:
             self.reason = text
 
@@ -133,20 +133,20 @@ class Lifecycle:
         self.state, self.reason = State.STOPPED, "stopped"
 
     def forgive(self, silence_s: float) -> None:
-        """Takes a time in which nobody could be heard (this computer slept) out of the judgement."""
+        """Excludes a time without any reception (this computer was suspended) from all timeouts."""
         self._started_s += silence_s
         if self._heard_s is not None:
             self._heard_s += silence_s
 
     def starved(self, starved_s: float) -> None:
-        """Of its silence so far it has waited for a processor for so long: who gets none does not hang."""
+        """Excludes time spent waiting for a processor from the silence: a starved process is not hung."""
         self._starved_s = starved_s
 
     def silent(self, now_s: float) -> bool:
-        """True if the running process has not spoken for longer than it may.
+        """True if the running process has been silent for longer than its timeout.
 
-        Before it has been ready for the first time it may be busy with compiling, loading or connecting, in its
-        constructor or in a first callback: then the limit of the construction holds.
+        Before it has been ready for the first time it may be compiling, loading or connecting, in its
+        constructor or in a first callback: then the timeout of the construction applies.
         """
         if self.state not in (State.STARTING, State.WAITING, State.READY):
             return False
@@ -157,7 +157,7 @@ class Lifecycle:
         return self._limits.hang_after_s if self._been_ready else self._limits.construction_limit_s
 
     def order(self, now_s: float, judge: bool = True) -> Order:
-        """What to do now. ``judge`` False: silence is not held against the process at the moment."""
+        """The order for this tick. ``judge`` False: silence does not count at present."""
         if self.state is State.BACKOFF and now_s >= self._due_s:
             if self.last_exit is not None:
                 self.restarts += 1
@@ -178,20 +178,20 @@ class Lifecycle:
 
 
 def judged(silent: dict[str, bool]) -> frozenset[str]:
-    """Whose silence counts. silent: running process -> has it fallen silent.
+    """Processes whose silence counts. silent: running process -> True if silent.
 
-    If all fall silent at once, it is not everybody who hangs: this computer was stopped.
+    If all are silent at once, none hangs: this computer was suspended.
     """
     return frozenset() if len(silent) > 1 and all(silent.values()) else frozenset(silent)
 
 
 @dataclass(frozen=True, slots=True)
 class StartQueue:
-    """Who waits with its first start: all at once take the processor from each other.
+    """Queue of first starts: starting all processes at once starves each of them.
 
-    at_once: so many may be on their way to their first heartbeat.
-    clock_sources: processes that publish the time, where nodes live on it. Without them nobody becomes ready, so these
-        wait for nobody.
+    at_once: largest number of processes before their first heartbeat.
+    clock_sources: processes that publish the time of a simulated world. No process becomes ready without them, so these
+    do not wait.
     """
 
     at_once: int

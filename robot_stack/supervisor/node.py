@@ -1,6 +1,6 @@
-"""The node ``supervisor``: holds the operator's keys of the emergency stop and hears the safety monitor.
+"""The node ``supervisor``: holds the operator's keys of the emergency stop and subscribes to the safety status.
 
-A new node needs 0.1 to 2.5 s until everybody has discovered it, too long for ``robot-stack estop``. This one is known.
+Discovery of a new node takes 0.1 to 2.5 s, too long for ``robot-stack estop``. This node is already discovered.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class SupervisorNode(StackNode):
         self.every(_LET_GO_RATE_HZ, self._let_go)
         self.set_health(True, "supervising")
 
-    # --- what the supervisor's other thread asks for -----------------------------------------------------------------
+    # --- called by the supervisor's other thread ---------------------------------------------------------------------
 
     def publish_stop(self, active: bool) -> int:
         """Returns how many listen."""
@@ -56,7 +56,7 @@ class SupervisorNode(StackNode):
         return answer
 
     def safety(self) -> Safety | None:
-        """What the safety monitor said last; None if it has said nothing yet."""
+        """The last state from the safety monitor; None before the first."""
         heard = self.safety_status_input
         if heard.latest is None:
             return None
@@ -74,13 +74,13 @@ class SupervisorNode(StackNode):
         self._in_force = True
 
     def _let_go(self) -> None:
-        """After a stop that somebody else has released: a node that starts later must not find our old ``true``."""
+        """Publishes false after another source's release: a node that starts later must not get our old ``true``."""
         if self._holding and self._in_force and not self.emergency_stop:
             self.publish_stop(False)
 
 
 def run(made: Callable[[SupervisorNode, Callable[[], None]], None], stop: Callable[[], bool]) -> None:
-    """Runs the node until ``stop``; hands it to ``made`` first, with what makes ``stop`` be asked."""
+    """Runs the node until ``stop`` returns True; first passes it to ``made``, with a function that wakes the loop."""
     with ros_process(SupervisorNode) as (executor, nodes):
         made(nodes[0], executor.wake)
         executor.spin(stop)

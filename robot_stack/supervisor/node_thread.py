@@ -14,7 +14,7 @@ _JOIN_S = 2.0
 
 
 class NodeThread:
-    """``node`` is None until it is up. ``error`` tells why there is none; None while there is."""
+    """``node`` is None until it is ready. ``error``: why there is none; None while there is."""
 
     def __init__(self) -> None:
         self.node: SupervisorNode | None = None

@@ -1,7 +1,7 @@
-"""What an earlier supervisor left behind: processes it had started, and sockets nobody listens on any more.
+"""Leftovers of an earlier supervisor: processes it had started, and stale sockets.
 
-Process ids are kept together with the start time of the process, so that a number that was given to somebody else since
-is never taken for ours.
+Process ids are stored with the start time of the process, so that a reused id is never
+mistaken for ours.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def find() -> list[psutil.Process]:
 
 
 def end(processes: Iterable[psutil.Process], patience_s: float) -> list[int]:
-    """Interrupts the processes, kills what is left after ``patience_s``. Returns the ids of all of them."""
+    """Interrupts the processes, kills the remaining ones after ``patience_s``. Returns the ids of all of them."""
     left = list(processes)
     ids = [process.pid for process in left]
     for process in left:
@@ -75,10 +75,10 @@ def end(processes: Iterable[psutil.Process], patience_s: float) -> list[int]:
 
 
 def wait_ended(processes: Iterable[psutil.Process], timeout_s: float) -> list[psutil.Process]:
-    """Returns those that have not ended by then.
+    """Returns the processes still running after the timeout.
 
-    A process that has ended stays as a zombie until its parent collects it. Where that is the container's first
-    process, it may be late, or never come.
+    An ended process stays as a zombie until its parent collects it. If the parent is the container's first
+    process, this may take long or never happen.
     """
     until_s = time.monotonic() + timeout_s
     return [process for process in processes if not _has_ended(process, until_s - time.monotonic())]
@@ -97,7 +97,7 @@ def _has_ended(process: psutil.Process, timeout_s: float) -> bool:
 
 
 def remove_stale_sockets() -> list[Path]:
-    """Deletes the Unix sockets of the runtime folder on which nobody listens. Returns them."""
+    """Deletes the Unix sockets of the runtime folder without a server. Returns them."""
     return [path for path in _sockets(runtime_dir()) if _is_stale(path) and _unlink(path)]
 
 

@@ -25,13 +25,13 @@ class Backoff(Config):
 class SupervisorParams(Config):
     """hang_after_s: a process that has been ready and is silent for this long is hung.
     construction_limit_s: the same before it has been ready for the first time.
-    start_at_once: so many may be on their way to their first heartbeat when another is started for the first time.
-    stable_after_s: a process that ran this long starts its back-off anew.
+    start_at_once: largest number of processes before their first heartbeat when another is started for the first time.
+    stable_after_s: a process that ran this long resets its back-off.
     interrupt_s, terminate_s: after SIGINT at 0, the times at which ``down`` sends SIGTERM and SIGKILL.
     hung_kill_s: time a hung process has between SIGTERM and SIGKILL.
     keep_runs: log folders kept; older ones are deleted at the next start.
     niceness: of the processes by criticality, as in nice(2); below 0 needs a privilege and is left out without it.
-    own_niceness: of the supervisor itself: one that is starved takes live processes for hung.
+    own_niceness: of the supervisor itself: a starved supervisor takes live processes for hung.
     realtime_priority: by process, of SCHED_RR; others have none. Left out without the privilege.
     lock_memory: by criticality: its pages stay in memory, as in mlockall(2). Left out without the privilege.
     """

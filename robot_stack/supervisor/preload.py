@@ -1,7 +1,7 @@
-"""Imported by the forkserver, before the first fork: everything that all node processes share.
+"""Imported by the forkserver before the first fork: modules shared by all node processes.
 
 What is imported here costs its time once and its memory once. Only imports without side effects may be here: no thread,
-no rclpy context. A module that cannot be imported is left to the process that needs it, whose log then tells why.
+no rclpy context. An import error is left to the process that needs the module; its log shows the error.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ def preload(modules: Iterable[str]) -> None:
         _prepare_numba()
     # rclpy looks up the module of a log line; the first time this goes through all modules: 0.04 s in each process.
     inspect.getmodule(sys._getframe())
-    # The collector would write into every shared page; what is here lives as long as the processes anyway.
+    # The garbage collector would write into every shared page; these objects live as long as the processes anyway.
     gc.collect()
     gc.freeze()
 
 
 def _prepare_numba() -> None:
-    """Numba learns the types and functions it knows at its first use: half a second in each process with loops."""
+    """Initialises numba, which builds its type and function tables at first use: half a second per process."""
     if "numba" not in sys.modules:
         return
     target = importlib.import_module("numba.core.registry").cpu_target

@@ -1,4 +1,4 @@
-"""Profiles: ``config/profiles/<name>.yaml`` says which processes of the contract run together, and how."""
+"""Profiles: ``config/profiles/<name>.yaml`` selects the processes of the contract that run together."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _EXPECTED = "expected_processes"
 
 
 class Machine(Enum):
-    """What a profile can run; the simulation belongs to either."""
+    """The machine of a profile; the simulation belongs to either."""
 
     ROBOT = System.ROBOT.value
     WMX = System.WMX.value
 
 
 class ExtraProcess(Config):
-    """A process that a profile brings along itself, e.g. the driver of a sensor that this stack does not know."""
+    """A process defined by a profile, e.g. the driver of a sensor that is not part of this stack."""
 
     module: str
     criticality: Criticality
@@ -71,9 +71,9 @@ class ProfileFile(Config):
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What a supervisor runs: the profile after all overrides.
+    """The processes to run: the profile after all overrides.
 
-    processes: in the order of their start, which none of them relies on. parameters: node name -> values, of the nodes
+    processes: in the order of their start, on which none depends. parameters: node name -> values, of the nodes
     in ``processes`` only.
     missing: named by the profile, but not built.
     """
@@ -91,7 +91,7 @@ class Plan:
 
 
 def profile_path(name: str) -> Path:
-    """A profile by name, or by path where ``name`` looks like one. Raises ConfigError that lists what there is."""
+    """A profile by name, or by path if ``name`` looks like one. Raises ConfigError that lists the profiles."""
     if name.endswith((".yaml", ".yml")):
         return Path(name)
     folder = config_dir() / "profiles"
@@ -113,10 +113,10 @@ def load_plan(
     """A profile with the operator's overrides on top.
 
     settings: ``node.parameter=value``, the value in YAML. only: the processes to run, all if empty.
-    speed: speed of the simulated world. system_time: nodes live on the system clock although the world is simulated:
-        it waits for nobody then, as a real one.
+    speed: speed of the simulated world. system_time: nodes run on the system clock although the world is simulated:
+    then it does not wait for nodes, like the real one.
 
-    Raises ConfigError in one line that names file, field and what would be right.
+    Raises ConfigError in one line that names file, field and the accepted values.
     """
     path = profile_path(name)
     data = _with_speed(read_yaml(path), speed, path)
@@ -142,7 +142,7 @@ def load_plan(
 
 
 def _tell_monitors(parameters: dict[str, dict[str, Any]], chosen: Sequence[Process]) -> None:
-    """They must miss what runs here, and nothing else."""
+    """Sets the monitors' lists to the processes that run here."""
     known = [process.name for process in chosen if process.name in BY_NAME]
     for monitor in (_SAFETY_MONITOR, _SYSTEM_MONITOR):
         expected = [name for name in known if name != monitor]

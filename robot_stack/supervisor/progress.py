@@ -1,4 +1,4 @@
-"""What a start still waits for, in one line for people."""
+"""The processes that a start still waits for, in one line for people."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 
 from robot_stack.core.world_clock import slow_text
 
-# Where nobody watches a line that changes, a new one is written this often.
+# Period of new lines if the output is not a terminal.
 _TELL_EVERY_S = 5.0
 
 
 def waiting_for(status: dict[str, Any]) -> str:
-    """Who is not ready yet and what each is busy with; empty if all are."""
+    """Processes that are not ready, with their present step; empty if all are ready."""
     return ", ".join(
         f"{item['name']} ({item['reason']})" if item["reason"] else item["name"]
         for item in status["processes"]
@@ -24,7 +24,7 @@ def waiting_for(status: dict[str, Any]) -> str:
 
 
 def pace_text(status: dict[str, Any]) -> str:
-    """``simulation at 0.7x`` where the simulated world is slower than it should be, and for whom it stands still."""
+    """``simulation at 0.7x`` if the simulated world is slower than it should be, and the nodes it waits for."""
     pace = status.get("sim_pace")
     slow = "" if pace is None else slow_text(pace, status["sim_speed"])
     waits_for = status.get("sim_waits_for")

@@ -1,4 +1,4 @@
-"""What the supervisor knows of the safety state."""
+"""The safety state in the supervisor."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Safety:
-    """What the safety monitor said last, ``age_s`` ago; ``received`` counts its messages."""
+    """The last status of the safety monitor, ``age_s`` ago; ``received`` counts its messages."""
 
     state: str
     emergency: bool

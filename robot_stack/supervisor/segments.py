@@ -1,9 +1,9 @@
-"""Shared memory that killed processes leave behind.
+"""Removes shared memory of killed processes.
 
 Fast DDS keeps a segment (35 MB with this stack's transport profile) in /dev/shm for each process that exchanges clouds
 or images, and deletes it when the process ends in order. A killed process cannot; with restarts that would fill the
-memory. Beside each segment lies a file ``<segment>_el`` on which its owner holds a lock for as long as it lives, which
-tells the dead ones.
+memory. Beside each segment lies a file ``<segment>_el`` that its owner keeps locked while it lives, which
+identifies dead owners.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How long processes that have fallen silent have waited for a processor: a busy machine looks like a hung process."""
+"""Waiting time of silent processes for a processor: on a busy machine a starved process looks hung."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-# Silence that is worth a look: some heartbeats are missing.
+# Silence from which waiting time is measured: some missing heartbeats.
 SUSPICIOUS_S = 0.6
 
 
 @dataclass(frozen=True, slots=True)
 class Turns:
-    """Of a process's main thread. waited_s: ready to run without a processor, up to its last turn. count: turns it had.
-    runnable: it would run now.
+    """Scheduling of a process's main thread. waited_s: time runnable without a processor, up to its last turn. count:
+    number of turns. runnable: it is runnable now.
     """
 
     waited_s: float
@@ -22,7 +22,7 @@ class Turns:
 
 
 def turns(pid: int) -> Turns | None:
-    """None where the kernel does not tell, or the process is gone. Source: proc(5), the kernel's sched-stats."""
+    """None if the kernel does not report it, or the process has ended. Source: proc(5), the kernel's sched-stats."""
     folder = Path(f"/proc/{pid}")
     try:
         _, waited_ns, count = (folder / "schedstat").read_text(encoding="ascii").split()
@@ -34,14 +34,14 @@ def turns(pid: int) -> Turns | None:
 
 
 class Starvation:
-    """What silent processes have waited since their silence was first looked at. read: of a process, as ``turns``."""
+    """Waiting time of silent processes since the first measurement of their silence. read: see ``turns``."""
 
     def __init__(self, read: Callable[[int], Turns | None] = turns) -> None:
         self._read = read
         self._first: dict[str, tuple[float, Turns]] = {}
 
     def of_silence(self, name: str, pid: int, silence_s: float | None, now_s: float) -> float:
-        """To be asked again and again [s]. silence_s: since the last heartbeat, None before the first."""
+        """Call repeatedly [s]. silence_s: since the last heartbeat, None before the first."""
         if silence_s is None or silence_s < SUSPICIOUS_S:
             self._first.pop(name, None)
             return 0.0

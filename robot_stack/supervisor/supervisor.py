@@ -1,4 +1,4 @@
-"""The supervisor's loop: hears, judges, starts, ends, answers."""
+"""The supervisor's loop: reads heartbeats, applies timeouts, starts and ends processes, answers requests."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _ABSENT_S = 1.0
 
 
 class Supervisor:
-    """Runs the plan until told to stop."""
+    """Runs the plan until stopped."""
 
     def __init__(self, plan: Plan, params: SupervisorParams, run_dir: Path) -> None:
         self._plan = plan
@@ -102,7 +102,7 @@ class Supervisor:
     def _hear(self) -> None:
         for name, pid in self._fleet.pids().items():
             said = self._records.read(name)
-            # A dying process may still speak after its successor has started.
+            # An ending process may still report after its successor has started.
             if said is None or said.pid != pid or self._heard.get(name) == (pid, said.beats, said.text):
                 continue
             self._heard[name] = pid, said.beats, said.text
@@ -235,7 +235,7 @@ class Supervisor:
         return {"ok": True}
 
     def status(self) -> dict[str, Any]:
-        """The answer to ``status``: everything an operator wants to know, ready for JSON."""
+        """The response to ``status``: the complete state for an operator, ready for JSON."""
         now_s = time.monotonic()
         pids = self._fleet.pids()
         node = self._node_thread.node

@@ -1,4 +1,4 @@
-"""Between the drive's messages and the values that its kernels take."""
+"""Conversions between the drive's messages and the values of its kernels."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def wheel_commands(modules: ModuleSetPoints, stamp: Time) -> SwerveModuleCommand
 
 
 def joint_states(snapshot: StatusSnapshot, nm_per_percent: Sequence[float], stamp: Time) -> JointState:
-    """nm_per_percent: by joint, what a percent of the axis' rated torque is."""
+    """nm_per_percent: torque per percent of the axis' rated torque, by joint."""
     message = JointState(name=list(frames.JOINTS))
     message.header.stamp, message.header.frame_id = stamp, frames.BASE_LINK
     n = len(frames.JOINTS)

@@ -26,7 +26,7 @@ _PERIOD_S = 1.0 / topics.WHEEL_COMMANDS.nominal_rate_hz
 
 
 class SwerveControllerNode(StackNode):
-    """Stores what arrives; one tick decides and commands. Odometry runs with every joint state."""
+    """Stores inputs; one tick decides and commands. Odometry runs with every joint state."""
 
     def __init__(self) -> None:
         super().__init__("swerve_controller", SwerveControllerParams)
@@ -133,7 +133,7 @@ class SwerveControllerNode(StackNode):
     def _publish_commands(self, output: DriveOutput) -> None:
         stamp = self.stamp()
         self._limited.publish(twist_stamped(output.twist, frames.BASE_LINK, stamp))
-        # Where nobody knows where the modules point, any angle would turn them.
+        # Without measured module headings, any commanded angle would turn the modules.
         if self._controller.measured_rad is not None:
             self._commands.publish(wheel_commands(output.modules, stamp))
 

@@ -98,7 +98,7 @@ class SwerveHardwareInterfaceNode(StackNode):
         return 0.0 <= self.steady_s() - self._commanded_at_s <= _COMMAND_STALE_S
 
     def _age_s(self, snapshot: StatusSnapshot) -> float:
-        """How long ago the engine took the reading."""
+        """Age of the engine's reading, s."""
         return self.age_s(snapshot.age_s(round(1e9 * self.monotonic_s())))
 
     def _report_state(self, state: SessionState[Stage]) -> None:

@@ -1,1 +1,1 @@
-"""What the mission manager's node is made of beside the node itself."""
+"""The mission manager's node and its parts."""

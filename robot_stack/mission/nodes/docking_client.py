@@ -1,4 +1,4 @@
-"""The mission manager as a client of the docking actions: one goal at a time, told as events with the goal's number."""
+"""The mission manager's client of the docking actions: one goal at a time, reported as events with its number."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from robot_stack.mission.events import DockingAccepted, DockingEnded, DockingEve
 _SAFETY_STOPS = {Kind.DOCK: Dock.Result.SAFETY_STOP, Kind.UNDOCK: Undock.Result.SAFETY_STOP}
 _IDLE = "IDLE"  # of /docking/status
 _RESULTS = {Kind.DOCK: Dock.Result, Kind.UNDOCK: Undock.Result}
-# A goal in doubt is asked for this often: a request can be lost while a new process is being discovered.
+# Period of result requests for an unconfirmed goal: a request can be lost while a new process is being discovered.
 _ASK_S = 1.0
-# A goal may be on its way for so long before nobody's knowing it means that it was lost.
+# An unknown goal counts as lost after this time; before, it may still be in transit.
 _ON_THE_WAY_S = 2.0
 _FORGOTTEN = "docking_controller does not know the goal: was it restarted?"
 
@@ -40,7 +40,7 @@ class _Goal:
 
 
 class DockingClient:
-    """Callbacks run in the node's thread; ``report`` hears what becomes of the goals."""
+    """Callbacks run in the node's thread; ``report`` receives the goals' events."""
 
     def __init__(self, node: StackNode, report: Callable[[DockingEvent], None]) -> None:
         self._node = node
@@ -51,7 +51,7 @@ class DockingClient:
         }
         self._goal: _Goal | None = None
         self._now_s = math.nan
-        # Time until which goals that others gave are still to be cancelled, once somebody serves the action.
+        # Goals accepted before this time are still to be cancelled, once a server offers the action.
         self._cancel_before: dict[Kind, Any] = {}
         self._heard = True
         self._doubted = False
@@ -69,7 +69,7 @@ class DockingClient:
         )
 
     def cancel(self) -> None:
-        """Cancels the goal, and once more when it is accepted after that. May be repeated."""
+        """Cancels the goal, also if it is accepted later. May be repeated."""
         goal = self._goal
         if goal is None or goal.ended:
             return
@@ -77,15 +77,15 @@ class DockingClient:
         goal.handle.cancel(partial(self._on_cancel_answer, goal))
 
     def cancel_everything(self) -> None:
-        """Cancels all goals of both actions from before now, as soon as somebody serves them."""
+        """Cancels all goals of both actions from before now, as soon as a server offers them."""
         self.cancel()
         self._cancel_before = {kind: self._node.stamp() for kind in self._clients}
 
     def poll(self, state: str, now_s: float) -> None:
-        """To be called at every tick. state: of /docking/status, empty while stale.
+        """Call in every tick. state: of /docking/status, empty while stale.
 
-        Who speaks again after a silence, or says it is idle while it should be at a goal, may be a new process. Then it
-        does not know the goal, and answers so when it is asked.
+        A server that publishes again after a silence, or reports idle during a goal, may be a new process. Then it
+        does not have the goal, and reports so when its result is requested.
         """
         self._now_s = now_s
         for kind, stamp in list(self._cancel_before.items()):
@@ -122,7 +122,7 @@ class DockingClient:
 
     def _on_feedback(self, goal: _Goal, feedback: Any) -> None:
         self._doubted = False
-        self._on_accepted(goal)  # also where the answer that said so was lost
+        self._on_accepted(goal)  # also if the acceptance was lost
         tries = feedback.tries if goal.kind is Kind.DOCK else 0
         self._report(DockingFeedback(goal.call, feedback.state, tries))
 

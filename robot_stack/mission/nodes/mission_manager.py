@@ -36,7 +36,7 @@ class MissionManagerNode(StackNode):
     def __init__(self) -> None:
         super().__init__("mission_manager", MissionParams)
         self._docking = DockingClient(self, self._handle)
-        # Its own warnings need nobody else's: it takes the goal away before it gives one.
+        # Its warnings do not depend on other nodes': it cancels the goal before it sends a new one.
         self._departures = DepartureWarnings(self, given=lambda: None)
         self._outputs = MissionOutputs(self, self.params, self._docking, self._departures)
         self._pose = self.subscribe(topics.CURRENT_POSE)
@@ -93,7 +93,7 @@ class MissionManagerNode(StackNode):
         self.set_health(not missing, ", ".join(missing) if missing else "ready for commands")
 
     def _watch_subscribers(self) -> None:
-        """Goals are not latched: who begins to listen has to be told."""
+        """Sends the goal again to new subscribers, because goals are not latched."""
         before, self._navigators = self._navigators, self._outputs.navigators
         if before and self._navigators != before:
             self._plan.latest = None  # the plan of one that is gone
@@ -130,7 +130,7 @@ class MissionManagerNode(StackNode):
         )
 
     def _charge(self) -> float:
-        """[0, 1], NaN = unknown. What the robot's summary says counts where the battery itself is not heard."""
+        """[0, 1], NaN = unknown. From the robot's summary if the battery's topic is stale."""
         if self._battery.fresh():
             return float(self._battery.latest.percentage)
         return float(self._robot_status.latest.battery_percent) / 100.0 if self._robot_status.fresh() else math.nan

@@ -1,4 +1,4 @@
-"""What the mission manager does to the world: goals, dockings, the emergency stop, its status, the external display."""
+"""Outputs of the mission manager: goals, dockings, the emergency stop, its status, the external display."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class MissionOutputs:
 
     @property
     def navigators(self) -> int:
-        """Who listens to goals."""
+        """Number of subscribers to goals."""
         return int(self._goal.get_subscription_count())
 
     def send_goal(self, pose: Pose2) -> None:
@@ -89,7 +89,7 @@ class MissionOutputs:
         self._ehmi.publish(message)
 
     def show_newcomers(self) -> None:
-        """A display that begins to listen is told what it shall show: that is not latched."""
+        """Sends the state to a new display, because it is not latched."""
         before, self._displays = self._displays, self._ehmi.get_subscription_count()
         if self._displays > before and self._display is not None:
             self.show(self._display)
