@@ -1,1 +1,1 @@
-"""The external display (eHMI): what it shows for each state, its line protocol, and the node that speaks it."""
+"""The external display (eHMI): its pattern for each state, its line protocol, and its node."""

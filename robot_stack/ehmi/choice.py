@@ -1,8 +1,8 @@
-"""Which state the display shows, from what was asked and from what the bridge knows itself.
+"""Selects the state of the display from the requested state and the bridge's own inputs.
 
-What is asked is believed as long as nothing contradicts it: a stop, a silent safety monitor, a passenger on board.
-While nobody asks (the bridge has just started, or who asked is gone) the state follows from mission, docking and
-passenger.
+The requested state applies unless an input contradicts it: a stop, a silent safety monitor, a passenger on board.
+Without a request (the bridge has just started, or the requesting node is gone) the state follows from mission,
+docking and passenger.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from robot_stack.contract.display import Display
 
 
 class Safety(Enum):
-    """What is known of the safety monitor."""
+    """State of the safety monitor."""
 
     UNKNOWN = "never heard"
     FRESH = "fresh"
@@ -23,7 +23,7 @@ class Safety(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """emergency: the stop latch of the node. asked: the last state asked for, None if nobody does.
+    """emergency: the stop latch of the node. asked: the last requested state, None without one.
 
     mission, docking: states of /mission/status and of /docking/status, empty while unknown.
     """
@@ -36,7 +36,7 @@ class Situation:
     docking: str = ""
 
 
-# Nobody shall be told that a robot with a passenger is empty.
+# The display must not show a robot with a passenger as empty.
 _WITH_PASSENGER = {
     Display.IDLE: Display.PASSENGER_ONBOARD,
     Display.NAVIGATING: Display.TRANSPORT,

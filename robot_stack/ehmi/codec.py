@@ -34,7 +34,7 @@ class Kind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One command. value: what stands behind the keyword, empty for PING."""
+    """One command. value: the part after the keyword, empty for PING."""
 
     kind: Kind
     value: str = ""
@@ -56,19 +56,19 @@ class Ok:
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """The display did not understand a line, or cannot do what it asks."""
+    """The display rejected a line: unknown, or not executable."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """The display has started and knows nothing that was told before."""
+    """The display has started and has lost all earlier settings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Something in the display is broken; an empty code says that it is over."""
+    """A fault of the display; an empty code means that it is over."""
 
     code: str
 
@@ -82,7 +82,7 @@ def state_command(state: int) -> Command:
 
 
 def language_command(language: str) -> Command:
-    """Raises ValueError for a language that the display does not speak."""
+    """Raises ValueError for a language that the display does not have."""
     return _checked(Command(Kind.LANGUAGE, language))
 
 
@@ -98,7 +98,7 @@ def _checked(command: Command) -> Command:
 
 
 def encode(text: str, *, checksum: bool = True) -> bytes:
-    """The bytes of one line. Raises ValueError for what cannot be a line."""
+    """The bytes of one line. Raises ValueError for invalid text."""
     body = text.encode("ascii")
     if not body or b"*" in body or any(byte not in _PRINTABLE for byte in body):
         raise ValueError(f"cannot be sent as a line: {text!r}")
@@ -114,7 +114,7 @@ def xor(body: bytes) -> int:
 
 
 def parse_command(text: str) -> Command | None:
-    """The command that a line asks for, None if it is none: numbers have one way to be written, nothing is repaired."""
+    """The command in a line, None if it is invalid: numbers have one notation, errors are not corrected."""
     keyword, separator, value = text.partition(" ")
     if text == Kind.PING.value:
         return PING
@@ -130,13 +130,13 @@ def parse_command(text: str) -> Command | None:
 
 
 def _number(text: str) -> int:
-    """-1 for what is not exactly a number of two digits at most."""
+    """-1 unless the text is a number of at most two digits."""
     is_number = text.isascii() and text.isdigit() and len(text) <= 2
     return int(text) if is_number and str(int(text)) == text else -1
 
 
 def parse_answer(text: str) -> Answer | None:
-    """What a line from the display says, None if it says nothing that is known."""
+    """The answer in a line from the display, None if it is unknown."""
     keyword, _, rest = text.partition(" ")
     match keyword:
         case "OK":
@@ -152,9 +152,9 @@ def parse_answer(text: str) -> Answer | None:
 
 
 class Decoder:
-    """Bytes to lines, however the bytes are cut. What is no proper line is counted in ``rejected`` and left out.
+    """Splits a byte stream into lines. Invalid lines are counted in ``rejected`` and dropped.
 
-    checksum: every line must carry its own. Else one that carries none is taken, a wrong one is still refused.
+    checksum: every line must carry its own. Otherwise a line without one is accepted; a wrong one is still rejected.
     """
 
     def __init__(self, *, checksum: bool = True) -> None:
@@ -164,7 +164,7 @@ class Decoder:
         self.rejected: Counter[str] = Counter()
 
     def reset(self) -> None:
-        """Forgets a line that has begun: what comes next is from another connection."""
+        """Drops an incomplete line: the next bytes are from another connection."""
         self._buffer.clear()
         self._overlong = False
 

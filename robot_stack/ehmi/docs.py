@@ -1,4 +1,4 @@
-"""The table of docs/ehmi.md from config/ehmi_patterns.yaml: ``python -m robot_stack.ehmi.docs`` writes it anew."""
+"""The table of docs/ehmi.md from config/ehmi_patterns.yaml: ``python -m robot_stack.ehmi.docs`` updates it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def table(patterns: Patterns) -> str:
 
 
 def render(document: str, patterns: Patterns) -> str:
-    """``document`` with its generated part anew. Raises ValueError if it has no place for it."""
+    """``document`` with its generated part replaced. Raises ValueError without a place for it."""
     before, begin, rest = document.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:

@@ -1,7 +1,7 @@
-"""The link to the display: what to send when, and whether it is there. Pure; times are steady seconds.
+"""The link to the display: schedules commands and monitors the connection. Pure; times are steady seconds.
 
-One command is on its way at a time; only a state that changed meanwhile does not wait for its answer. What the display
-was told is what it echoed last: an echo of something else than was asked is asked again.
+One command is in flight at a time; only a new state does not wait for the answer to the previous one. The display's
+setting is its last echo: an echo that differs from the command is sent again.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from robot_stack.ehmi.codec import Command, Decoder, Kind
 from robot_stack.ehmi.params import LinkParams
 
 _STOP = codec.state_command(Display.EMERGENCY_STOP)
-# What is told first, so that a state is announced in its language and at its volume; but nothing goes before a stop.
+# Order of sending, so that a state is announced in its language and at its volume; a stop precedes all.
 _ORDER = (Kind.LANGUAGE, Kind.VOLUME, Kind.STATE)
 _STOP_ORDER = (Kind.STATE, Kind.LANGUAGE, Kind.VOLUME)
 
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """What the display shall show. state: EHMIState.state_num; language: en, ja, zh; volume: 0-10."""
+    """Settings of the display. state: EHMIState.state_num; language: en, ja, zh; volume: 0-10."""
 
     state: int
     language: str
     volume: int
 
     def commands(self) -> dict[Kind, Command]:
-        """Raises ValueError if the display cannot be told so."""
+        """Raises ValueError for a setting that the display does not have."""
         return {
             Kind.STATE: codec.state_command(self.state),
             Kind.LANGUAGE: codec.language_command(self.language),
@@ -53,7 +53,7 @@ class LinkStatus:
 
 @dataclass(frozen=True, slots=True)
 class PortOrder:
-    """What to do with the port, in this order: close it, open it, write these bytes."""
+    """Actions on the port, in this order: close it, open it, write these bytes."""
 
     close: bool = False
     open: bool = False
@@ -71,7 +71,7 @@ class _Sent:
 
 
 class Link:
-    """Told what happens by ``opened``, ``lost`` and ``received``; ``step`` says what to do."""
+    """Events come by ``opened``, ``lost`` and ``received``; ``step`` returns the actions."""
 
     def __init__(self, params: LinkParams, wanted: Shown) -> None:
         self._params = params
@@ -83,7 +83,7 @@ class Link:
         self._state_sent_s = self._probed_s = self._open_due_s = -math.inf
         self._silent_since_s = math.inf
         self._pause_s = params.back_off_s
-        # open: the port. talking: the display has said that it is there. linked: and it acknowledges.
+        # open: the port. talking: the display has sent a line. linked: it acknowledges commands.
         self._open = self._opening = self._talking = self._linked = False
         self._flush_due = self._probe_by_state = False
         self._fault, self._problem = "", "the port has not been opened yet"
@@ -92,7 +92,7 @@ class Link:
 
     @property
     def rejected(self) -> dict[str, int]:
-        """How many lines of the display were refused, by the reason."""
+        """Number of rejected lines of the display, by reason."""
         return dict(self._decoder.rejected)
 
     @property
@@ -101,10 +101,10 @@ class Link:
         text = text or "the display acknowledges"
         return LinkStatus(self._linked, self._acknowledged, self._fault, text, self._state_to_ack_s)
 
-    # --- what happens ------------------------------------------------------------------------------------------------
+    # --- events ------------------------------------------------------------------------------------------------------
 
     def show(self, wanted: Shown, now_s: float) -> None:
-        """Raises ValueError if the display cannot be told so; then it goes on with what it was told before."""
+        """Raises ValueError for an invalid setting; the previous one then stays."""
         commands = wanted.commands()
         if commands[Kind.STATE] != self._wanted[Kind.STATE] or math.isnan(self._wanted_s):
             self._wanted_s, self._state_to_ack_s = now_s, math.nan
@@ -152,7 +152,7 @@ class Link:
                     self._decoder.rejected["unknown answer"] += 1
 
     def _forget(self) -> None:
-        """The display knows nothing any more, or may not."""
+        """The display has lost its settings, or may have."""
         self._told.clear()
         self._refused_s.clear()
         self._sent = None
@@ -174,7 +174,7 @@ class Link:
         if self._sent is not None:
             self._sent.refusal, self._sent.due_s = text or "no reason given", now_s
 
-    # --- what to do --------------------------------------------------------------------------------------------------
+    # --- actions -----------------------------------------------------------------------------------------------------
 
     def step(self, now_s: float) -> PortOrder:
         """To be called whenever something has happened, and at ``next_due_s``."""
@@ -185,7 +185,7 @@ class Link:
             return PortOrder(open=True)
         command = self._retry(now_s)
         if not self._talking and now_s - self._silent_since_s >= self._params.reopen_s:
-            # What hangs in an adapter is cured by nothing else.
+            # A hanging adapter recovers only when reopened.
             self.lost(f"the display has been silent for {self._params.reopen_s:g} s", now_s)
             return PortOrder(close=True)
         command = self._overtaking(now_s) or command
@@ -194,7 +194,7 @@ class Link:
         return PortOrder(data=self._send(command, now_s)) if command is not None else PortOrder()
 
     def next_due_s(self) -> float:
-        """When ``step`` has something to do again if nothing happens before; infinite while an open is under way."""
+        """Time of the next ``step`` if nothing happens before; infinite while an open is in progress."""
         if self._opening:
             return math.inf
         if not self._open:
@@ -208,7 +208,7 @@ class Link:
         return min(*again_s, *self._refused_s.values(), math.inf) + self._params.repeat_s
 
     def _retry(self, now_s: float) -> Command | None:
-        """The command that went unanswered, as it is wanted by now; None if there is none, or if it was given up."""
+        """The unanswered command with its present value; None if there is none, or if it was given up."""
         sent = self._sent
         if sent is None or now_s < sent.due_s:
             return None
@@ -218,7 +218,7 @@ class Link:
         self._sent = None
         if probing:
             return None
-        if sent.refusal:  # it is there, but does not understand
+        if sent.refusal:  # connected, but it rejects the command
             self._refused_s[sent.command.kind] = now_s
             self._problem = f"the display refuses {sent.command.text!r}: {sent.refusal}"
             return None
@@ -229,7 +229,7 @@ class Link:
         return None
 
     def _overtaking(self, now_s: float) -> Command | None:
-        """A new state goes out at once instead of one that waits for its answer; a stop instead of any command."""
+        """A new state is sent at once instead of one that waits for its answer; a stop instead of any command."""
         wanted, sent = self._wanted[Kind.STATE], self._sent
         if sent is None or not self._talking or sent.command == wanted or not self._is_due(Kind.STATE, now_s):
             return None
@@ -239,7 +239,7 @@ class Link:
         return next((self._wanted[kind] for kind in self._order if self._is_due(kind, now_s)), None)
 
     def _probe(self, now_s: float) -> Command | None:
-        """PING and the state in turn: a display that hears but is not heard shall show what is true."""
+        """PING and the state in turn: a display that only receives must still show the right state."""
         if now_s < self._probed_s + self._params.probe_s:
             return None
         self._probed_s = now_s

@@ -14,9 +14,9 @@ Seconds = Annotated[float, Field(gt=0.0, le=60.0)]
 class LinkParams(Config):
     """Times of the line.
 
-    acknowledge_s: within which the display answers; tries: how often a command is sent before the link counts as lost.
-    repeat_s: the state is sent again after it. probe_s: pause between PINGs to a display that does not answer.
-    reopen_s: silent for so long, the port is closed and opened anew. back_off_s: first pause after an open that failed;
+    acknowledge_s: timeout of an answer; tries: number of times a command is sent before the link counts as lost.
+    repeat_s: period of repeating the state. probe_s: period of PINGs to a display that does not answer.
+    reopen_s: silence after which the port is closed and reopened. back_off_s: first pause after a failed open;
     it doubles up to back_off_limit_s.
     """
 
@@ -31,7 +31,7 @@ class LinkParams(Config):
 
 
 class EhmiParams(Config):
-    """port: a device; a relative name lies in the runtime folder. language, volume: until somebody asks for others."""
+    """port: a device; a relative name lies in the runtime folder. language, volume: until others are requested."""
 
     port: Annotated[str, Field(min_length=1)]
     baud_rate: Literal[9600, 19200, 38400, 57600, 115200, 230400]

@@ -37,9 +37,9 @@ def disk_use(folder: Path) -> float:
 
 
 class BackgroundWriter:
-    """Takes messages without waiting; one thread writes them, flushes, and watches the disk.
+    """Accepts messages without blocking; one thread writes them, flushes, and monitors the disk.
 
-    max_disk_use: share of the disk in use at which writing ends; the recording is completed and ``problem`` says why.
+    max_disk_use: share of the disk in use at which writing ends; the recording is completed and ``problem`` is set.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class BackgroundWriter:
 
     @property
     def problem(self) -> str:
-        """Why nothing more is written, empty while all is well."""
+        """Why writing has ended, empty while there is no problem."""
         return self._problem
 
     def counts(self) -> Counts:
@@ -80,7 +80,7 @@ class BackgroundWriter:
             self._bytes += len(data)
 
     def close(self) -> None:
-        """Writes what is queued and completes the recording."""
+        """Writes the queue and completes the recording."""
         with self._wake:
             self._closing = True
             self._wake.notify()

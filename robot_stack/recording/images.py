@@ -1,4 +1,4 @@
-"""When camera images are recorded: two cameras make 18 MB/s, which tell something only while the robot docks."""
+"""Selects when camera images are recorded: two cameras make 18 MB/s, which are useful only during docking."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _AT_REST = frozenset({"IDLE", "DOCKED", "FAILED"})
 
 @dataclass(slots=True)
 class DockingWatch:
-    """Is a docking under way, or ended less than ``tail_s`` ago? A silent controller ends it as well."""
+    """True during a docking and until ``tail_s`` after it. A silent controller ends it as well."""
 
     tail_s: float
     _last_active_s: float = -math.inf

@@ -101,12 +101,12 @@ def bag_metadata(files: Sequence[FileInfo], topics: Sequence[TopicInfo]) -> dict
 
 
 def metadata_text(files: Sequence[FileInfo], topics: Sequence[TopicInfo]) -> str:
-    """The same as YAML, for the metadata record inside a file."""
+    """The metadata as YAML, for the metadata record inside a file."""
     return _dump(bag_metadata(files, topics))
 
 
 def write_metadata(folder: Path, files: Sequence[FileInfo], topics: Sequence[TopicInfo]) -> None:
-    """Replaces the folder's ``metadata.yaml`` in one step: whoever reads it sees the old one or the new one."""
+    """Replaces the folder's ``metadata.yaml`` atomically."""
     temporary = folder / f".{METADATA_FILE}.new"
     with open(temporary, "w", encoding="utf-8") as file:
         file.write(_dump({"rosbag2_bagfile_information": bag_metadata(files, topics)}))

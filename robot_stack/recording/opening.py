@@ -1,4 +1,4 @@
-"""A new recording: room for it on the disk, and what an earlier recorder left behind completed."""
+"""Prepares a new recording: checks the disk space and completes recordings of an earlier recorder."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robot_stack.recording.writer import BagWriter, Format, topic_info
 
 
 def prepare_folder(output: Path, max_disk_use: float) -> list[str]:
-    """Makes the folder and completes what an earlier recorder left behind. Raises ConfigError if there is no room."""
+    """Makes the folder and completes recordings of an earlier recorder. Raises ConfigError if there is no room."""
     need_room(output, max_disk_use)
     try:
         return recover_all(output)

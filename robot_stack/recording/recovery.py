@@ -1,7 +1,7 @@
-"""Completes recordings that were cut off: ``python -m robot_stack.recording.recovery FOLDER``.
+"""Completes interrupted recordings: ``python -m robot_stack.recording.recovery FOLDER``.
 
-In place: what follows the last complete chunk is cut away, that chunk's message index is written again, and the summary
-and the footer are put behind it. Neither time nor disk space for a copy is needed, however large the file is.
+In place: the data after the last complete chunk is cut off, that chunk's message index is written again, and summary
+and footer are appended. It needs neither time nor disk space for a copy, however large the file is.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ from robot_stack.recording import metadata
 from robot_stack.recording.metadata import FileInfo, TopicInfo
 from robot_stack.recording.writer import LIBRARY, PROFILE
 
-_RECORD_HEADER = struct.Struct("<BQ")  # opcode, length of what follows
+_RECORD_HEADER = struct.Struct("<BQ")  # opcode, length of the content
 _INDEX_HEADER = struct.Struct("<HI")  # channel, length of the entries
 _INDEX_ENTRY_BYTES = 16
-# What reading a damaged chunk can raise.
+# Exceptions from reading a damaged chunk.
 _DAMAGED = (CRCValidationError, McapError, ValueError, struct.error, zstandard.ZstdError)
 
 
@@ -60,7 +60,7 @@ class InUse(Exception):
 
 @dataclass(slots=True)
 class _Found:
-    """What stands in a file up to its last complete chunk."""
+    """The content of a file up to its last complete chunk."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
@@ -97,7 +97,7 @@ def recover_file(path: Path) -> int:
 
 
 def recover_folder(folder: Path) -> list[str]:
-    """Completes a recording's files and its ``metadata.yaml``. Returns what was done, a line each.
+    """Completes a recording's files and its ``metadata.yaml``. Returns the actions, a line each.
 
     Raises InUse if a recorder is writing it, OSError.
     """
@@ -225,7 +225,7 @@ def _note_index(file: BinaryIO, found: _Found, start: int, length: int) -> None:
 
 
 def _settle_last(file: BinaryIO, found: _Found, start: int, length: int) -> None:
-    """Nobody can tell whether the last chunk's index is complete: it is made again, if the chunk itself is sound."""
+    """Rebuilds the last chunk's index, which may be incomplete, if the chunk itself is intact."""
     chunk = found.chunks[-1]
     for channel, offset in chunk.message_index_offsets.items():
         file.seek(offset + _RECORD_HEADER.size)

@@ -1,4 +1,4 @@
-"""Which topics are recorded."""
+"""Selection of the recorded topics."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robot_stack.recording.params import RecorderParams
 def selected(params: RecorderParams) -> list[Topic]:
     """The rows to record. Raises ConfigError for a pattern that fits no topic, and if none is left."""
     rows = topics.of_system(*params.systems)
-    # What another machine has may be left out here as well.
+    # Topics of another machine may be excluded here as well.
     for field, known in (("include", rows), ("exclude", topics.TOPICS)):
         for pattern in getattr(params, field):
             if not any(fnmatchcase(row.name, pattern) for row in known):

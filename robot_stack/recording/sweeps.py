@@ -1,4 +1,4 @@
-"""Which of the LiDARs' sweeps are recorded: all of them make 40 MB/s, a map needs two a second."""
+"""Selection of the recorded LiDAR sweeps: all of them make 40 MB/s, a map needs two a second."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class SweepChoice:
         self._thinning = Thinning(rate_hz)
 
     def subscribes(self, row: Topic) -> bool:
-        """False for sweeps that nobody would write: receiving them would cost as much."""
+        """False for sweeps that are not recorded: receiving them costs as much as writing."""
         return self._mode != "never" or row not in _ROWS
 
     def thins(self, row: Topic) -> bool:
-        """True if ``wants`` decides about this row's messages."""
+        """True if ``wants`` selects this row's messages."""
         return self._mode == "thinned" and row in _ROWS
 
     def wants(self, topic: str, now_s: float) -> bool:

@@ -1,7 +1,7 @@
 """Writes a recording: a folder with MCAP files and ``metadata.yaml``.
 
-Messages collect in a chunk; a chunk goes to the file when it is full or flushed, with the index of its messages behind
-it. So a file that was cut off is complete up to its last chunk, and ``recovery`` gives it the end that is missing.
+Messages collect in a chunk; a chunk goes to the file when it is full or flushed, followed by the index of its
+messages. So an interrupted file is complete up to its last chunk, and ``recovery`` adds the missing end.
 https://mcap.dev/spec
 """
 
@@ -29,7 +29,7 @@ LIBRARY = "robot_stack recorder"
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """How files are written: sizes in bytes, a chunk's uncompressed."""
+    """Format of the files: sizes in bytes, a chunk's uncompressed."""
 
     split_bytes: int
     chunk_bytes: int
@@ -37,7 +37,7 @@ class Format:
 
 
 def topic_info(row: Topic) -> TopicInfo:
-    """What a recording says about a contract topic. Raises DefinitionMissing."""
+    """The recording's metadata of a contract topic. Raises DefinitionMissing."""
     return TopicInfo(row.name, row.type, type_hash(row.type), metadata.offered_qos(row.qos))
 
 
@@ -68,7 +68,7 @@ class BagWriter:
         self._file.write(topic, log_ns, publish_ns, data)
 
     def flush(self) -> None:
-        """Brings everything written so far to the disk: it survives a killed process and a power cut."""
+        """Flushes all messages to the disk: they survive a killed process and a power cut."""
         self._file.flush()
 
     def close(self) -> None:
@@ -93,7 +93,7 @@ class BagWriter:
 
 
 class _BagFile:
-    """One MCAP file under construction, locked for as long as it is."""
+    """One MCAP file under construction, locked until it is complete."""
 
     def __init__(self, path: Path, topics: Sequence[TopicInfo], definitions: dict[str, bytes], form: Format) -> None:
         self.name = path.name
@@ -133,7 +133,7 @@ class _BagFile:
         os.fdatasync(self._stream.fileno())
 
     def finish(self, serialized_metadata: str) -> None:
-        # What rosbag2 looks for in a file that is without its metadata.yaml. Metadata records stand between chunks.
+        # rosbag2 reads this from a file without its metadata.yaml. Metadata records stand between chunks.
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._writer.add_metadata("rosbag2", {"serialized_metadata": serialized_metadata})
         self._writer.finish()  # type: ignore[no-untyped-call]
@@ -142,7 +142,7 @@ class _BagFile:
         self._stream.close()
 
     def abandon(self) -> None:
-        with suppress(OSError):  # closing tries once more to write what the disk had no room for; it closes anyway
+        with suppress(OSError):  # closing retries writes to a full disk; it closes anyway
             self._stream.close()
 
 

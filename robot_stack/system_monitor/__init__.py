@@ -1,1 +1,1 @@
-"""What the robot and its computer are doing: ``/robot_status``, diagnostics as a tree, the graph."""
+"""State of the robot and its computer: ``/robot_status``, diagnostics as a tree, the graph."""

@@ -1,4 +1,4 @@
-"""The system clock against the steady one: what ages, logs and stamps of other machines would suffer from."""
+"""Monitors steps and drift of the system clock against the steady one, which affect ages, logs and stamps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The computer's figures from what the kernel counts. NaN = unknown, never 0 for it."""
+"""The computer's load and memory from the kernel's counters. NaN = unknown, never 0."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class CpuUsage:
         if times is None:
             return math.nan
         self._samples.append((now_s, times))
-        # Of the samples before the window one is kept: the window begins there.
+        # One sample before the window is kept: the window begins there.
         while len(self._samples) > 1 and now_s - self._samples[1][0] >= self._window_s - 1e-6:
             self._samples.popleft()
         since_s, first = self._samples[0]
@@ -48,7 +48,7 @@ class CpuUsage:
 
 
 def hottest(zones: Mapping[str, float]) -> tuple[str, float]:
-    """Name and temperature of the hottest zone, degrees Celsius; ("", NaN) where no zone tells a number."""
+    """Name and temperature of the hottest zone, degrees Celsius; ("", NaN) without a valid zone."""
     known = {name: celsius for name, celsius in zones.items() if math.isfinite(celsius)}
     if not known:
         return "", math.nan
@@ -57,7 +57,7 @@ def hottest(zones: Mapping[str, float]) -> tuple[str, float]:
 
 
 def pressure_avg10(text: str) -> float:
-    """``avg10`` of the line ``some`` of a /proc/pressure file, %: share of 10 s in which somebody had to wait."""
+    """``avg10`` of the line ``some`` of a /proc/pressure file, %: share of 10 s in which a task had to wait."""
     for line in text.splitlines():
         kind, *fields = line.split()
         if kind == "some":
@@ -69,7 +69,7 @@ def pressure_avg10(text: str) -> float:
 
 
 def celsius_of(text: str) -> float:
-    """A thermal zone's ``temp``, which is in thousandths of a degree; NaN for what is no number."""
+    """A thermal zone's ``temp``, in thousandths of a degree; NaN for invalid text."""
     return _number(text.strip()) / 1000.0
 
 
@@ -91,7 +91,7 @@ class ProcessFigures:
 
 
 def describe_process(figures: ProcessFigures) -> str:
-    """One line for people; what is unknown says so."""
+    """One line for people; unknown values are shown as such."""
     parts = (("cpu", figures.cpu_percent, "%"), ("rss", figures.rss_mb, "MB"), ("pss", figures.pss_mb, "MB"))
     return ", ".join(f"{name} {describe(value, unit)}" for name, value, unit in parts)
 

@@ -2,7 +2,7 @@
 
 Every entry becomes ``<base>/<group>/<name>`` with the slashes of its name as blanks; every group and the base get an
 entry that names their children. A group has the worst level of its children; it is stale only if all of them are, and
-with one stale child among others it has an error. An expected node that has said nothing is there as "Missing".
+with one stale child among others it has an error. An expected node without an entry is shown as "Missing".
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ MISSING = "Missing"
 
 
 class Level(IntEnum):
-    """Of diagnostic_msgs/DiagnosticStatus."""
+    """As in diagnostic_msgs/DiagnosticStatus."""
 
     OK = 0
     WARN = 1
@@ -32,7 +32,7 @@ _TEXT = {Level.OK: "OK", Level.WARN: "Warning", Level.ERROR: "Error", Level.STAL
 class Entry:
     """One entry of the tree.
 
-    children: name and message of each, of a group. payload: what ``heard`` was given, of a leaf that has been heard.
+    children: name and message of each, of a group. payload: argument of ``heard``, of a leaf with an entry.
     """
 
     path: str
@@ -66,7 +66,7 @@ class DiagnosticsTree:
         self._heard: dict[str, _Heard] = {}
 
     def heard(self, name: str, level: int, message: str, payload: Any, now_s: float) -> None:
-        """An entry of /diagnostics. ``name`` is that of a node, or "node: what it reports on"."""
+        """Adds an entry of /diagnostics. ``name``: a node, or "node: item"."""
         known = Level(level) if level in tuple(Level) else Level.ERROR
         self._heard[name] = _Heard(now_s, known, message, payload)
 

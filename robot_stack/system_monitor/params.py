@@ -14,7 +14,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 
 
 class SystemMonitorParams(Config):
-    """proc_folder, thermal_folder: where the kernel tells. disk_folder: empty = where recordings go by default.
+    """proc_folder, thermal_folder: folders of the kernel. disk_folder: empty = the default folder of recordings.
     A relative folder lies in the runtime folder.
 
     cpu_window_s: time over which the processor's use is averaged. rate_tolerance: relative.

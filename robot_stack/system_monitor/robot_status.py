@@ -9,7 +9,7 @@ from robot_stack.contract.model import SafetyState
 
 # States of /mission/status in which there is a mission.
 _ACTIVE = frozenset({"RUNNING", "WAITING", "PAUSED"})
-# What /robot_status calls the states of /safety/status: it has no COLLISION_AVOIDANCE.
+# Names in /robot_status of the states of /safety/status: it has no COLLISION_AVOIDANCE.
 _SHOWN = {state.name: state.name for state in SafetyState} | {
     SafetyState.COLLISION_AVOIDANCE.name: SafetyState.DEGRADED.name
 }
@@ -37,7 +37,7 @@ class Safety:
 
     @property
     def shown(self) -> str:
-        """The state as /robot_status calls it; empty for one that nobody knows."""
+        """The state's name in /robot_status; empty for an unknown one."""
         return _SHOWN.get(self.state, "")
 
 
@@ -52,7 +52,7 @@ class Mission:
 
 
 def current_mission(state: str, mission: Mission) -> Mission:
-    """``mission`` while /mission/status shows ``state`` of a mission that goes on, else none."""
+    """``mission`` while /mission/status shows ``state`` of an active mission, else none."""
     return mission if state in _ACTIVE else Mission()
 
 

@@ -1,6 +1,6 @@
-"""Rate and age of every topic, as its subscribers tell them in /diagnostics: nobody has to receive it once more.
+"""Rate and age of every topic, from its subscribers' entries in /diagnostics, without another subscription.
 
-A subscriber that only looks at the newest message counts too few: of several the one that counted most is believed.
+A subscriber that reads only the newest message counts too few: of several the highest count is used.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from robot_stack.core.health import InputState, parse_inputs
 
 @dataclass(frozen=True, slots=True)
 class TopicFigures:
-    """rate_hz: NaN until somebody has counted for long enough. age_s: infinite before the first message."""
+    """rate_hz: NaN until a subscriber has counted for long enough. age_s: infinite before the first message."""
 
     rate_hz: float
     age_s: float
@@ -34,7 +34,7 @@ class TopicHealth:
             self._told.setdefault(state.name, {})[node] = now_s, state
 
     def figures(self, topic: str, now_s: float) -> TopicFigures | None:
-        """None while no subscriber tells of the topic."""
+        """None while no subscriber reports the topic."""
         told = self._told.get(topic, {})
         states = [state for at_s, state in told.values() if 0.0 <= now_s - at_s <= self._stale_after_s]
         if not states:
@@ -44,7 +44,7 @@ class TopicHealth:
 
 
 def judge_topic(row: Topic, figures: TopicFigures | None, nodes: Collection[str], tolerance: float) -> str:
-    """What is wrong with the traffic of a row, empty if nothing is or nobody could know.
+    """The fault of a row's traffic, empty if there is none or it cannot be determined.
 
     nodes: the nodes that run here. tolerance: relative error of a rate that is still right.
     """
@@ -74,5 +74,5 @@ def describe_topic(row: Topic, figures: TopicFigures | None) -> str:
 
 
 def topics_of(rows: Sequence[Topic], nodes: Collection[str]) -> tuple[Topic, ...]:
-    """The rows that somebody publishes here."""
+    """The rows with a publisher here."""
     return tuple(row for row in rows if EVERY_NODE in row.publishers or set(row.publishers) & set(nodes))

@@ -1,4 +1,4 @@
-"""Who may do what: riders by default, staff after the PIN, for a while. Times are steady seconds."""
+"""Roles and rights: riders by default, staff for a time after the PIN. Times are steady seconds."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class Access:
         return Role.RIDER
 
     def expires_s(self, client: int, now_s: float) -> float:
-        """Seconds until the session ends if nobody touches the page; 0 without one."""
+        """Seconds until the session ends without input on the page; 0 without one."""
         session = self._sessions.get(client)
         if session is None or now_s < session.used_s:  # time that ran backwards ends a session
             return 0.0

@@ -1,4 +1,4 @@
-"""The audit log: who did what, when, and what came of it. One JSON object a line."""
+"""The audit log of operator actions: user, action, time and outcome. One JSON object a line."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _LENGTH_MAX = 200
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """at: UTC, ISO 8601. who: page, its address and role. what: the action. outcome: ``ok`` or why not."""
+    """at: UTC, ISO 8601. who: page, its address and role. what: the action. outcome: ``ok`` or the reason."""
 
     at: str
     who: str

@@ -1,4 +1,4 @@
-"""What a page has not been told yet: changed sections only, at most so often. Times are steady seconds."""
+"""Updates for a page: changed sections only, at a limited rate. Times are steady seconds."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 class Changes:
-    """The sections of one page. ``offer`` what is, ``take`` what to send."""
+    """The sections of one page: ``offer`` the present state, ``take`` the update to send."""
 
     def __init__(self, rate_hz: float) -> None:
         self._period_s = 1.0 / rate_hz
@@ -17,7 +17,7 @@ class Changes:
         self._sent_s = -math.inf
 
     def offer(self, sections: Mapping[str, Any]) -> None:
-        """The newest of each section is kept; one that is again as the page knows it is forgotten."""
+        """Keeps the newest of each section; one that equals the page's state again is dropped."""
         for name, value in sections.items():
             if name in self._sent and self._sent[name] == value:
                 self._waiting.pop(name, None)
@@ -31,7 +31,7 @@ class Changes:
         return min(self._period_s, max(0.0, self._sent_s + self._period_s - now_s))
 
     def take(self, now_s: float) -> dict[str, Any]:
-        """What to send now; empty if nothing changed or it is too early."""
+        """The update to send now; empty if nothing changed or it is too early."""
         if self.wait_s(now_s) > 0.0:
             return {}
         taken, self._waiting = self._waiting, {}
@@ -40,6 +40,6 @@ class Changes:
         return taken
 
     def forget(self, name: str) -> None:
-        """The page has dropped a section: it is told anew when it comes again."""
+        """The page has dropped a section: it is sent again when it is next offered."""
         self._sent.pop(name, None)
         self._waiting.pop(name, None)

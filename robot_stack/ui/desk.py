@@ -1,4 +1,4 @@
-"""The desk: every message of every page comes here, and what may be done is handed on. Times are steady seconds."""
+"""Handles every message of every page and passes on the permitted ones. Times are steady seconds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _STAFF_ONLY = (p.Reset, p.ClearStop, p.Pad, p.Pose, p.Goal, p.CancelGoal, *_EDIT
 
 @dataclass(frozen=True, slots=True)
 class Ruling:
-    """What becomes of a message. effect: the message, if it is to be carried out; why: the key of a refusal."""
+    """The decision on a message. effect: the message, if it is to be executed; why: the key of a refusal."""
 
     effect: p.ClientMessage | None
     why: str = OK
@@ -39,7 +39,7 @@ class Desk:
         self._budgets: dict[int, tuple[float, float]] = {}
 
     def take(self, client: int, message: p.ClientMessage, now_s: float) -> Ruling:
-        """The stop is never refused, whoever asks and however often."""
+        """The stop is never refused, for any client at any rate."""
         within = self._within_budget(client, now_s)
         if isinstance(message, p.Stop):
             return Ruling(message, audit="emergency stop")
@@ -100,14 +100,14 @@ class Desk:
 
 
 def _by_staff(message: p.ClientMessage) -> bool:
-    """Riders see what riders need: what is behind the PIN is not told to them either."""
+    """True for messages that need the PIN; their data is not sent to riders either."""
     if isinstance(message, p.CallStaff):
         return not message.on
     return isinstance(message, p.Show) and any(layer is not p.Layer.PLAN for layer in message.layers)
 
 
 def named(message: p.ClientMessage) -> str:
-    """What the audit log calls it; empty for what no operator does."""
+    """Its name in the audit log; empty for messages that are no operator actions."""
     match message:
         case p.Start():
             return f"start mission {message.mission}"

@@ -1,4 +1,4 @@
-"""What nodes tell on /diagnostics: rate and age of every topic, who presses the emergency stop. Times are steady
+"""Data from /diagnostics: rate and age of every topic, pressed emergency stop sources. Times are steady
 seconds."""
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from robot_stack.contract.model import Topic
 from robot_stack.core.health import InputState, parse_inputs
 from robot_stack.core.stop_presence import Presence, parse_presence
 
-# A node that has said nothing for so long tells nothing any more.
+# The data of a node that has been silent for this long is dropped.
 NODE_SILENT_S = 5.0
 
 
@@ -28,14 +28,14 @@ class Diagnostics:
         self._nodes[node] = (now_s, level, text, {state.name: state for state in parse_inputs(values.items())})
 
     def stop_sources(self, now_s: float) -> dict[str, Any]:
-        """Whose emergency stop stands, as far as a safety monitor that is heard knows it."""
+        """The pressed emergency stop sources, from the safety monitor's entry while it is fresh."""
         heard = self._nodes.get(_MONITOR)
         known = heard is not None and 0.0 <= now_s - heard[0] <= NODE_SILENT_S
         sources = self._stop_sources if known else {}
         return {"list": [{"name": name, "presence": presence.value} for name, presence in sources.items()]}
 
     def section(self, topics: Iterable[Topic], now_s: float) -> dict[str, Any]:
-        """Nodes, and a row a topic: of its consumers the one that heard it last."""
+        """Nodes, and a row per topic, from its subscriber with the newest message."""
         alive = {name: item for name, item in self._nodes.items() if 0.0 <= now_s - item[0] <= NODE_SILENT_S}
         return {
             "nodes": [

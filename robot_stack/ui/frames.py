@@ -1,4 +1,4 @@
-"""Heavy data as binary frames, little endian. Byte 0: the layer's number, 1-3: zero, then as each function says."""
+"""Heavy data as binary frames, little endian. Byte 0: the layer's number, 1-3: zero, then the function's layout."""
 
 from __future__ import annotations
 

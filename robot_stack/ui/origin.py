@@ -1,4 +1,4 @@
-"""Which hosts and origins a request may name: a page of somebody else must not reach the robot through its browser."""
+"""Hosts and origins that a request may name: a foreign web page must not reach the robot through its browser."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Gate:
         return host is not None and host.lower() in self._hosts
 
     def origin(self, origin: str | None, host: str | None) -> bool:
-        """Of a WebSocket: the origin is ours, and the page's own host."""
+        """For a WebSocket: True if the origin is ours and equals the page's own host."""
         if origin is None or not self.host(host):
             return False
         return origin.lower() in self._origins and origin.lower().partition("://")[2] == (host or "").lower()

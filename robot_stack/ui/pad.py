@@ -1,4 +1,4 @@
-"""The dead-man pad: a finger that drives as long as it says so, in time. Times are steady seconds."""
+"""The dead-man pad: drives while a page sends finger positions in time. Times are steady seconds."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from robot_stack.core.geometry import Twist2
 from robot_stack.ui.params import PadParams
 
 STILL = Twist2(0.0, 0.0, 0.0)
-# After an emergency stop a finger begins with so long a standstill [s], which the drive waits for: two messages.
+# After an emergency stop a finger starts with a standstill this long [s], which the drive requires: two messages.
 _STILL_FIRST_S = 0.1
 # Two clocks drift apart, by far less than this [s/s]; a link that stalls for a second gains a millisecond.
 _DRIFT = 1e-3
 
 
 class DeadManPad:
-    """One page drives at a time. Silence, a late message, a lifted finger and a page that goes are a stop.
+    """One page drives at a time. Silence, a late message, a lifted finger and a closed page stop the robot.
 
-    How late a message is: by how much more its arrival lies behind the page's own clock than that of the page's
-    fastest message so far. Messages that a stalled link delivers in a bunch are then no fresh commands.
+    Lateness of a message: its delay between the page's clock and its arrival, minus the smallest delay of the page
+    so far. So messages that a stalled link delivers in a burst do not count as fresh commands.
     """
 
     def __init__(self, params: PadParams) -> None:
@@ -36,7 +36,7 @@ class DeadManPad:
         return self._holder
 
     def press(self, client: int, x: float, y: float, turn: float, at_s: float, now_s: float) -> bool:
-        """Deflections [-1, 1]; at_s: when the page says it sent this. False: another page drives."""
+        """Deflections [-1, 1]; at_s: time of sending by the page's clock. False: another page drives."""
         if self._holder not in (None, client) and self._fresh(now_s):
             return False
         if self._late_s(client, at_s, now_s) > self._params.stale_s:
@@ -62,7 +62,7 @@ class DeadManPad:
         self._still_first_s = _STILL_FIRST_S
 
     def command(self, now_s: float) -> Twist2 | None:
-        """What to publish now: a twist while the finger is there, one standstill after it, then None."""
+        """The twist to publish now: a twist while the finger is down, one standstill after it, then None."""
         if self._holder is not None and not self._fresh(now_s):
             self._end()
         if self._holder is not None:

@@ -11,12 +11,12 @@ from robot_stack.core.config import Config
 
 Positive = Annotated[float, Field(gt=0.0)]
 Language = Literal["en", "ja", "zh"]
-# Shorter tokens can be guessed by whoever is on the same network.
+# Shorter tokens can be guessed from the same network.
 TOKEN_LENGTH_MIN = 32
 
 
 class ServerParams(Config):
-    """Where the page is served. ``address`` that is no loopback needs certificate, key and token."""
+    """The web server. An ``address`` other than loopback needs certificate, key and token."""
 
     address: str
     port: Annotated[int, Field(ge=0, le=65_535)]
@@ -52,7 +52,7 @@ class ServerParams(Config):
 
 
 class AccessParams(Config):
-    """Staff: PIN and sessions. pin_hash empty: nobody becomes staff."""
+    """Staff: PIN and sessions. pin_hash empty: staff login is disabled."""
 
     pin_hash: Annotated[str, StringConstraints(pattern=r"^(\$argon2id\$.+)?$")]
     tries: Annotated[int, Field(ge=1, le=20)]
@@ -72,7 +72,7 @@ class PadParams(Config):
 
 
 class PagesParams(Config):
-    """How often pages are told something, and what they are told about this site."""
+    """Update rates of pages, and the site data for them."""
 
     state_hz: Annotated[float, Field(gt=0.0, le=5.0)]
     image_hz: Annotated[float, Field(gt=0.0, le=10.0)]
@@ -90,7 +90,7 @@ class PagesParams(Config):
 
 
 class ResetParams(Config):
-    """A reset is asked for again while the safety monitor has not seen the release yet."""
+    """A reset is requested again while the safety monitor has not received the release yet."""
 
     tries: Annotated[int, Field(ge=1, le=20)]
     pause_s: Annotated[float, Field(ge=0.05, le=1.0)]

@@ -1,7 +1,7 @@
-"""What a page may say: JSON objects with a type ``t``, everything else is refused.
+"""Messages that a page may send: JSON objects with a type ``t``; everything else is rejected.
 
-Numbers are finite, strings are short, unknown fields are an error. A message may carry a number ``id`` (0 if it wants
-no answer); the answer repeats it.
+Numbers are finite, strings are short, unknown fields are an error. A message may carry a number ``id`` (0 for no
+response); the response repeats it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Pin = Annotated[str, StringConstraints(pattern=r"^[0-9]{4,12}$")]
 
 
 class Layer(StrEnum):
-    """What only some pages show; it is taken from the robot while one does."""
+    """Data shown by only some pages; subscribed to while such a page is open."""
 
     PLAN = "plan"
     PEOPLE = "people"
@@ -78,13 +78,13 @@ class Stop(Message):
 
 
 class Reset(Message):
-    """Takes this screen's emergency stop back and asks the safety monitor to release the robot."""
+    """Releases this screen's emergency stop and requests the safety monitor to release the robot."""
 
     t: Literal["reset"]
 
 
 class ClearStop(Message):
-    """Somebody has looked: what pressed the emergency stop and is gone, or unknown, asks for it no longer."""
+    """Clears pressed emergency stop sources that are gone or unknown, after a check on site."""
 
     t: Literal["clear_stop"]
     source: Annotated[str, StringConstraints(min_length=1, max_length=128)]
@@ -149,21 +149,21 @@ class CancelGoal(Message):
 
 
 class CallStaff(Message):
-    """A rider asks for staff (on), or staff have come (off)."""
+    """A rider calls staff (on), or staff have arrived (off)."""
 
     t: Literal["call"]
     on: bool
 
 
 class CheckMission(Message):
-    """What would be wrong with this mission? It is judged as the mission manager judges its file."""
+    """Requests the errors of a mission, by the mission manager's rules for its file."""
 
     t: Literal["mission_check"]
     mission: dict[str, JsonValue]
 
 
 class SaveMission(Message):
-    """Keeps a mission: a new one, or in place of ``was``, of which the page knows the content by its ``revision``."""
+    """Saves a mission: a new one, or in place of ``was``, whose content the page read at ``revision``."""
 
     t: Literal["mission_save"]
     mission: dict[str, JsonValue]

@@ -1,4 +1,4 @@
-"""What the node knows of the robot, as plain values. None: never heard, or too old to be believed."""
+"""The robot's state in the node, as plain values. None: never received, or stale."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robot_stack.core.geometry import Pose2
 
 @dataclass(frozen=True, slots=True)
 class Safety:
-    """As /safety/status. obstacle_m: +inf nothing seen, NaN unknown."""
+    """As in /safety/status. obstacle_m: +inf nothing detected, NaN unknown."""
 
     state: str
     faults: tuple[str, ...]
@@ -19,7 +19,7 @@ class Safety:
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """As /safety/velocity_limit."""
+    """As in /safety/velocity_limit."""
 
     linear_mps: float
     angular_radps: float
@@ -28,7 +28,7 @@ class Limit:
 
 @dataclass(frozen=True, slots=True)
 class Ride:
-    """As /mission/status."""
+    """As in /mission/status."""
 
     state: str
     mission_id: str
@@ -45,7 +45,7 @@ class Ride:
 
 @dataclass(frozen=True, slots=True)
 class Docking:
-    """As /docking/status."""
+    """As in /docking/status."""
 
     state: str
     position_m: float
@@ -68,7 +68,7 @@ class Marker:
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """One of /navigation/people: kind (walking, person, object), in map, m, m/s; what does not walk has no speed."""
+    """One of /navigation/people: kind (walking, person, object), in map, m, m/s; only a walking one has a speed."""
 
     kind: str
     x_m: float
@@ -80,7 +80,7 @@ class Person:
 
 @dataclass(frozen=True, slots=True)
 class ExternalDisplay:
-    """As /ehmi/status: state is the one that the display has acknowledged last, None before any."""
+    """As in /ehmi/status: state is the last one acknowledged by the display, None before any."""
 
     linked: bool
     state: int | None
@@ -89,7 +89,7 @@ class ExternalDisplay:
 
 @dataclass(frozen=True, slots=True)
 class Computer:
-    """Of /robot_status; NaN unknown."""
+    """From /robot_status; NaN unknown."""
 
     cpu_pct: float
     memory_pct: float
@@ -98,7 +98,7 @@ class Computer:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """battery: charge [0, 1], NaN unknown. speed: (m/s, rad/s) really asked of the wheels. quality: of the pose [0, 1].
+    """battery: charge [0, 1], NaN unknown. speed: (m/s, rad/s) commanded to the wheels. quality: of the pose [0, 1].
 
     plan: (x, y) in map, m. emergency_stop: from the first /emergency_stop true until both keys have released it.
     """

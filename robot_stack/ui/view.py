@@ -1,4 +1,4 @@
-"""From a snapshot to what pages show: sections of JSON values, rounded to what an eye can tell apart."""
+"""Converts a snapshot to sections of JSON values for pages, rounded to visible differences."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def sections(snapshot: Snapshot) -> dict[str, Section]:
 
 
 def plan_section(snapshot: Snapshot) -> Section:
-    """The plan in map, m, thinned to what a screen can draw; its last point stays."""
+    """The plan in map, m, thinned for a screen; its last point stays."""
     points = snapshot.plan
     step = max(1, math.ceil(len(points) / _PLAN_POINTS_MAX))
     thinned = [*points[::step], *([points[-1]] if points and (len(points) - 1) % step else [])]
@@ -54,7 +54,7 @@ def marker_section(snapshot: Snapshot) -> Section:
 
 
 def people_section(snapshot: Snapshot) -> Section:
-    """Who and what is near, in map, m, m/s."""
+    """People and objects nearby, in map, m, m/s."""
     return {
         "near": [
             {
@@ -69,7 +69,7 @@ def people_section(snapshot: Snapshot) -> Section:
 
 
 def display_section(snapshot: Snapshot) -> Section:
-    """What the external display shows: nobody knows while it does not answer."""
+    """The state of the external display; unknown while it does not answer."""
     display = snapshot.display
     if display is None:
         return {"known": False, "linked": False, "state": None, "fault": ""}
@@ -78,9 +78,9 @@ def display_section(snapshot: Snapshot) -> Section:
 
 
 def standing_reasons(snapshot: Snapshot) -> list[str]:
-    """Why the robot stands or may not move, the gravest first; empty if nothing holds it.
+    """Why the robot stands or may not move, most severe first; empty if there is no reason.
 
-    Keys of texts: fault codes, and what is no fault.
+    Keys of texts: fault codes, and other reasons.
     """
     if snapshot.safety is None:
         return ["NO_SAFETY"]
@@ -99,7 +99,7 @@ def standing_reasons(snapshot: Snapshot) -> list[str]:
 
 
 def _held(safety: Safety, limit: Limit | None) -> list[str]:
-    """Codes that stop the robot. What only slows it down is no reason to stand."""
+    """Codes that stop the robot. Those that only slow it down are left out."""
     emergency = safety.state == SafetyState.EMERGENCY_STOP.name
     stopped = limit is not None and limit.linear_mps <= 0.0
     if not emergency and not stopped:
@@ -156,7 +156,7 @@ def _ride(ride: Ride | None) -> Section:
 
 
 def _eta(eta_s: float) -> int | None:
-    """In steps that a person waiting cares for: a number that changes each second tells nothing more."""
+    """The ETA in coarse steps, so that it does not change every second."""
     if not math.isfinite(eta_s) or eta_s < 0.0:
         return None
     step_s = 5 if eta_s < 60.0 else 15
@@ -202,5 +202,5 @@ def _percent(share: float | None) -> float | None:
 
 
 def _rounded(value: float | None, digits: int) -> float | None:
-    """None for what is unknown or infinite: JSON has neither."""
+    """None for values that are unknown or infinite: JSON has neither."""
     return round(float(value), digits) if value is not None and math.isfinite(value) else None

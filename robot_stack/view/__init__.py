@@ -1,1 +1,1 @@
-"""The live view: the contract's topics for Foxglove and others that speak its websocket protocol."""
+"""The live view: the contract's topics for Foxglove and other clients of its websocket protocol."""

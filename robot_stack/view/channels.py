@@ -1,4 +1,4 @@
-"""What is offered to viewers: each topic of a machine once, and the model that is made from some of them."""
+"""Channels for viewers: each topic of a machine once, and the model made from some of them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robot_stack.contract.model import EVERY_NODE, System, Topic
 MODEL = "/view/robot"
 """The robot's model as foxglove.SceneUpdate. It is no topic of the graph."""
 
-# What the model is made from.
+# Inputs of the model.
 MODEL_INPUTS = (topics.JOINT_STATES, topics.PASSENGER_ATTACHED, topics.EHMI_STATUS)
 
 

@@ -40,7 +40,7 @@ class DisplayPanel:
         self._strokes = {name: strokes(path) for name, path in picture.PICTOGRAMS.items()}
 
     def entity(self, state: int | None, t_s: float, now_ns: int) -> SceneEntity:
-        """What it shows ``t_s`` seconds after the state began. state None: nobody knows what it shows."""
+        """The display ``t_s`` seconds after the state began. state None: unknown."""
         panel = self._cube((0.0, 0.0, picture.WIDTH, picture.HEIGHT), picture.PANEL, 1.0, 0.0)
         if state is None or state not in self._patterns.states:
             unknown = self._text(self._params.unknown, 0.5 * picture.WIDTH, 0.5 * picture.HEIGHT, 30)

@@ -30,7 +30,7 @@ from robot_stack.core.robot import Footprint, Robot
 from robot_stack.core.robot_shape import Matrix, Placed, RobotShape, placed, planar, quaternion_of, robot_solids
 
 _NANOSECONDS = 1_000_000_000
-_LIFETIME = Duration(sec=2, nsec=0)  # a model whose source has gone disappears
+_LIFETIME = Duration(sec=2, nsec=0)  # a model without a source disappears
 _FOOTPRINT_COLOUR = Color(r=0.12, g=0.72, b=0.68, a=1.0)
 _FOOTPRINT_PX = 2.0
 
@@ -58,9 +58,9 @@ class Model:
     def update(
         self, joints: Mapping[str, float], attached: bool, now_ns: int, others: Sequence[SceneEntity] = ()
     ) -> SceneUpdate:
-        """Everything anew: a viewer that has just come needs nothing of before. now_ns: for the entities' stamps.
+        """A complete update: a new viewer needs no earlier one. now_ns: for the entities' stamps.
 
-        others: what else is shown.
+        others: additional entities.
         """
         solids = self.solids(joints, attached)
         parts = [
@@ -81,7 +81,7 @@ def corners(footprint: Footprint) -> list[tuple[float, float]]:
 
 
 def joint_angles(names: Sequence[str], positions: Sequence[float]) -> dict[str, float]:
-    """rad by name; what has no position, or one that is not finite, is left out."""
+    """rad by name; joints without a finite position are left out."""
     return {name: angle for name, angle in zip(names, positions, strict=False) if np.isfinite(angle)}
 
 

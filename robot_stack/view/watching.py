@@ -1,4 +1,4 @@
-"""Who looks at what: a topic is subscribed to only while somebody does."""
+"""Tracks the viewers' subscriptions: a topic is subscribed to only while a viewer uses it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robot_stack.view.channels import MODEL, MODEL_INPUTS
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """Subscriptions to end and to begin, in this order. A topic in both begins anew."""
+    """Subscriptions to end and to begin, in this order. A topic in both is renewed."""
 
     end: tuple[str, ...] = ()
     begin: tuple[str, ...] = ()
@@ -42,11 +42,11 @@ class Watching:
             for name in self._sources(channel)
             if name not in change.begin and self._rows[name].qos.durability is Durability.TRANSIENT_LOCAL
         )
-        # What was latched before this client came is heard again by a new subscription only.
+        # Latched messages from before this client are received again only by a new subscription.
         return Change((*change.end, *latched), (*change.begin, *latched))
 
     def end(self, client: int, channel: str) -> Change:
-        """A client looks at a channel no longer, or has gone."""
+        """A client unsubscribes from a channel or disconnects."""
         self._viewers.get(channel, set()).discard(client)
         return self._settle()
 

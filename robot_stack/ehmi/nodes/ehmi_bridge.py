@@ -30,7 +30,7 @@ class EhmiBridgeNode(StackNode):
         self._mission = self.subscribe(topics.MISSION_STATUS)
         self.subscribe(topics.EHMI_STATE_COMMAND, self._on_command)
         self._shown = self._wanted()
-        # An absolute path is taken as it is.
+        # An absolute path replaces the runtime folder.
         self._port_path = str(runtime_dir() / self.params.port)
         self._port = self.device(SerialPort, self._port_path, self.params.baud_rate, self.params.link, self._shown)
         self.every(self.params.tick_rate_hz, self._tick)
@@ -58,7 +58,7 @@ class EhmiBridgeNode(StackNode):
         self._report(link)
 
     def _watch_mission_manager(self) -> None:
-        """What was asked by one that died is not true any more; its OFF was its last word."""
+        """Drops the request of a mission manager that has ended."""
         before, self._mission_managers = self._mission_managers, self.count_publishers(topics.MISSION_STATUS.name)
         if before and not self._mission_managers and self._asked != Display.OFF:
             self._asked = None
@@ -109,7 +109,7 @@ class EhmiBridgeNode(StackNode):
         }
 
     def safe_output(self) -> None:
-        """The display goes dark with the robot, if it can still be told."""
+        """Switches the display off with the robot, if the link still works."""
         self._leaving = True
         self._show()
         self.port.wait_until(lambda: self._port.status().acknowledged_state == Display.OFF, _LAST_WORD_S)

@@ -1,6 +1,6 @@
-"""The thread that owns the serial port: it opens, reads and writes as the link says. Nobody else ever waits for it.
+"""The thread that owns the serial port: it opens, reads and writes as the link commands. No other thread blocks on it.
 
-It lives on the machine's steady clock, also where the nodes live on simulated time: the display does too.
+It runs on the machine's steady clock, also if the nodes run on simulated time: the display does too.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class SerialPort:
         self._thread.start()
 
     def show(self, wanted: Shown) -> None:
-        """Raises ValueError if the display cannot be told so."""
+        """Raises ValueError for a setting that the display does not have."""
         with self._turn:
             self._link.show(wanted, time.monotonic())
         self._wake()
@@ -49,7 +49,7 @@ class SerialPort:
             return self._link.status
 
     def rejected(self) -> dict[str, int]:
-        """How many lines of the display were refused, by the reason."""
+        """Number of rejected lines of the display, by reason."""
         with self._turn:
             return self._link.rejected
 
@@ -83,7 +83,7 @@ class SerialPort:
             self._open()
         if order.data and self._serial is not None:
             try:
-                # What a full line does not take is lost, as on a wire; the link asks again.
+                # Bytes beyond a full output buffer are lost, as on a wire; the link sends again.
                 self._serial.write(order.data)
             except (OSError, serial.SerialException) as error:
                 self._lost(error)

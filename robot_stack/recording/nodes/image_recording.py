@@ -17,9 +17,9 @@ Write = Callable[[str, bytes, int, int], None]
 
 
 class ImageRecording:
-    """Subscribes to images only while they are recorded: receiving what nobody writes would cost as much.
+    """Subscribes to images only while they are recorded: receiving them costs as much as writing.
 
-    write: takes topic, bytes and the times in ns at which a message was received and sent.
+    write: called with topic, bytes and the times in ns at which a message was received and sent.
     """
 
     def __init__(self, node: StackNode, rows: list[Topic], params: RecorderParams, write: Write) -> None:

@@ -1,4 +1,4 @@
-"""Node ``recorder``: every topic of the contract, as it is on the wire, into a recording."""
+"""Node ``recorder``: records every topic of the contract as received bytes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class RecorderNode(StackNode):
             self.listen(row, partial(self._on_sweep if self._sweeps.thins(row) else self._on_message, row.name))
             for row in rows
         ]
-        self.every(_TAKE_HZ, lambda: None)  # what has come is taken before
+        self.every(_TAKE_HZ, lambda: None)  # the tick reads the queued messages
         self.every(1.0, self._watch)
         self._watch()
 

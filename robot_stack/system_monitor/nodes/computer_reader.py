@@ -1,4 +1,4 @@
-"""The computer's figures as the kernel tells them, by psutil and the files of thermal zones and pressure."""
+"""Reads the kernel's figures of the computer, by psutil and the files of thermal zones and pressure."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PRESSURES = ("cpu", "io", "memory")
 
 
 class ComputerReader:
-    """What cannot be read is NaN or missing, whatever the reason. disk_folder need not exist yet."""
+    """Unreadable values are NaN or missing, for any reason. disk_folder need not exist yet."""
 
     def __init__(self, proc_folder: Path, thermal_folder: Path, disk_folder: Path) -> None:
         self._proc, self._thermal = proc_folder, thermal_folder
@@ -41,7 +41,7 @@ class ComputerReader:
         return math.nan
 
     def disk_percent(self) -> float:
-        """Of what ordinary users may fill."""
+        """Usage of the space available to ordinary users."""
         with suppress(OSError):
             usage = psutil.disk_usage(str(self._disk))
             return float(usage.percent) if usage.total else math.nan
@@ -62,7 +62,7 @@ class ComputerReader:
         return found
 
     def pressure(self) -> dict[str, float]:
-        """% of the last 10 s in which somebody waited for it; empty on a kernel that does not count it."""
+        """% of the last 10 s in which a task waited for it; empty on a kernel without this statistic."""
         found = {}
         for name in PRESSURES:
             with suppress(OSError):
@@ -76,7 +76,7 @@ def configured_reader(params: SystemMonitorParams) -> ComputerReader:
 
 
 def _folder(name: str) -> Path:
-    """An absolute path is taken as it is."""
+    """An absolute path replaces the runtime folder."""
     return runtime_dir() / Path(name).expanduser()
 
 
@@ -111,7 +111,7 @@ class ProcessReader:
         return [figures for name, pid in self._pids().items() if (figures := self._read(name, pid)) is not None]
 
     def read_pss(self) -> None:
-        """Proportional memory: what is shared counts by its users. Costs ten times the rest."""
+        """Proportional memory: shared pages are divided among their users. Costs ten times the rest."""
         self._pss_mb = {}
         for process in self._processes.values():
             with suppress(psutil.Error, OSError):

@@ -23,7 +23,7 @@ _ROWS = topics.of_system(System.ROBOT, System.SIMULATION)
 
 
 class Entries:
-    """usage, zones: what the node has read last. system_s: the system clock."""
+    """usage, zones: the node's last readings. system_s: the system clock."""
 
     def __init__(
         self,
@@ -91,7 +91,7 @@ class Entries:
         return status("system_monitor: topics", _warning(wrong), "; ".join(wrong) or "as in the contract", values)
 
     def _graph_entry(self) -> DiagnosticStatus:
-        """The same as before while the graph has not changed."""
+        """Cached while the graph has not changed."""
         if self._judged_graph != self._graph.version:
             self._judged_graph, self._differences = self._graph.version, self._judge_graph()
         wrong = [f"{name} {problem}" for name, problem in self._differences]

@@ -1,4 +1,4 @@
-"""Who publishes and subscribes to the contract's topics in the live graph."""
+"""Publishers and subscribers of the contract's topics in the live graph."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class GraphReader:
         self.doubles = doubles
 
     def publishers(self, name: str) -> int:
-        """How many publish a topic, at the last look."""
+        """Number of publishers of a topic at the last update."""
         return self._counts.get(name, (0, 0))[0]
 
     def _count(self, name: str) -> tuple[int, int]:

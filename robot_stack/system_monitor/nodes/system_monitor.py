@@ -63,7 +63,7 @@ class SystemMonitorNode(StackNode):
         self._quality = self.subscribe(topics.LOCALIZATION_QUALITY)
         self._pose = self.subscribe(topics.CURRENT_POSE)
         self._mission = self.subscribe(topics.MISSION_STATUS)
-        # What they tell is in this node's own entry of /diagnostics: rate and age.
+        # Only their rate and age are used, in this node's own entry of /diagnostics.
         self.subscribe(topics.EHMI_STATUS)
         self.subscribe(topics.UI_HEARTBEAT)
         self.subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
@@ -127,7 +127,7 @@ class SystemMonitorNode(StackNode):
 
     def _publish_tree(self) -> None:
         if not self._agg.get_subscription_count():
-            return  # sixty entries that nobody takes
+            return  # no subscriber for the sixty entries
         message = DiagnosticArray(status=[tree_status(entry) for entry in self._tree.entries(self.monotonic_s())])
         message.header.stamp = self.stamp()
         self._agg.publish(message)

@@ -1,1 +1,1 @@
-"""Node ``touch_ui``, its web server and what they read and write."""
+"""Node ``touch_ui``, its web server, inputs and outputs."""

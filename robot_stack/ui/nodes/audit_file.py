@@ -19,7 +19,7 @@ _OLD_FILES = 4
 
 
 class AuditFile:
-    """Five files of 2 MB at most. Raises ConfigError if it cannot be opened: what operators do must be on record."""
+    """At most five files of 2 MB. Raises ConfigError if it cannot be opened: operator actions must be recorded."""
 
     def __init__(self, entries: int) -> None:
         self.path = state_dir() / _FILE

@@ -1,6 +1,6 @@
-"""The pages: what each has said, may do, and has not been told yet. Everything here runs in the server's loop.
+"""The pages: their state, rights and pending updates. Everything here runs in the server's loop.
 
-A stop and the pad are carried out from here, without waiting for the node's own loop; all else is handed to it.
+A stop and the pad are executed from here, without waiting for the node's own loop; all else is passed to it.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from robot_stack.ui.pad import DeadManPad
 from robot_stack.ui.params import TouchUiParams
 from robot_stack.ui.pin import verify_pin
 
-# What shows a page that its link is alive.
+# Period of messages that show a page that its link is alive.
 TICK_S = 1.0
 PAD_PERIOD_S = 0.05
-# A page that says so much that is no message is broken or hostile.
+# A page with this many invalid messages is broken or hostile.
 REFUSED_MAX = 20
 _FLOOD_MAX = 200
 WRONG_PIN = "answer.wrong_pin"
 
 
 class Robot(Protocol):
-    """What the hub asks of the node; each may be called from the hub's thread and returns at once."""
+    """The hub's interface to the node; each may be called from the hub's thread and returns at once."""
 
     def stop(self) -> None: ...
     def drive(self, twist: Twist2) -> None: ...
@@ -89,11 +89,11 @@ class Hub:
         self._pages[page.number] = page
         self.pages = len(self._pages)
         self._tell_access(page)
-        self._robot.want(self._wanted)  # which makes it tell what it has kept to itself while nobody listened
+        self._robot.want(self._wanted)  # makes it send what was held back without a page
         return page
 
     def leave(self, page: Page) -> None:
-        """What the page held is let go, what it showed is no longer asked for."""
+        """Releases the page's pad and drops its layers."""
         self._desk.leave(page.number)
         self._pages.pop(page.number, None)
         self.pages = len(self._pages)
@@ -153,7 +153,7 @@ class Hub:
         self._look()
 
     def _allowed(self, page: Page) -> frozenset[p.Layer]:
-        """The layers of a page, while it may see them."""
+        """The layers of a page that its role permits."""
         staff = self._desk.access.role(page.number, self._now_s()) is Role.STAFF
         return page.layers if staff else page.layers & {p.Layer.PLAN}
 
@@ -243,7 +243,7 @@ class Hub:
         )
 
     def _look(self) -> None:
-        """Which layers are shown, and waited for, and how many pages are there, has perhaps changed."""
+        """Updates the shown and awaited layers and the number of pages."""
         now_s = self._now_s()
         allowed = {number: self._allowed(page) for number, page in self._pages.items()}
         self.awaited = frozenset(layer for page in self._pages.values() for layer in page.ready & allowed[page.number])
@@ -254,13 +254,13 @@ class Hub:
             self._wanted = wanted
             self._robot.want(wanted)
 
-    # --- what takes time ---------------------------------------------------------------------------------------------
+    # --- slow operations ---------------------------------------------------------------------------------------------
 
     def _begin_check(self, page: Page, message: p.Login) -> None:
         self._spawn(self._check_pin(page, message))
 
     async def _check_pin(self, page: Page, message: p.Login) -> None:
-        """In a thread: the stop of another page does not wait for it."""
+        """In a thread, so that it does not delay the stop of another page."""
         right = False
         try:
             right = await asyncio.to_thread(verify_pin, self._params.access.pin_hash, message.pin)

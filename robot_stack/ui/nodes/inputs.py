@@ -1,4 +1,4 @@
-"""What the touch screen takes from the robot, as plain values."""
+"""Inputs of the touch screen from the robot, as plain values."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robot_stack.ui.diagnostics import Diagnostics
 from robot_stack.ui.protocol import Layer
 from robot_stack.ui.snapshot import Computer, Docking, ExternalDisplay, Limit, Marker, Person, Ride, Safety, Snapshot
 
-# What only some pages show is subscribed to while one does.
+# Topics shown by only some pages are subscribed to while such a page is open.
 _BY_LAYER: dict[Layer, tuple[Topic, ...]] = {
     Layer.COSTMAP: (topics.LOCAL_COSTMAP, topics.ODOM),
     Layer.OBSTACLES: (topics.OBSTACLES,),
@@ -31,14 +31,14 @@ _BY_LAYER: dict[Layer, tuple[Topic, ...]] = {
     Layer.FRONT_IMAGE: (topics.FRONT_IMAGE,),
     Layer.REAR_IMAGE: (topics.REAR_IMAGE,),
 }
-# What lies beneath a picture may be this old: it is taken when the node wakes, five times a second, before or after it.
+# Largest age of data shown below a picture: it is read at the node's wake-ups, five times a second.
 _PICTURE_AGE_S = 1.0
-# Without these a rider is told nothing true.
+# Without these inputs the display for riders would be wrong.
 _NEEDED = (topics.SAFETY_STATUS, topics.MISSION_STATUS, topics.CURRENT_POSE, topics.BATTERY_STATE)
 
 
 class RobotInputs:
-    """callbacks: what takes the messages of topics whose every message counts, by name."""
+    """callbacks: by name, for topics of which every message counts."""
 
     def __init__(self, node: StackNode, callbacks: dict[str, Callable[[Any], None]]) -> None:
         self._node = node
@@ -58,7 +58,7 @@ class RobotInputs:
         self._at_times: dict[str, Input] = {}
 
     def want(self, layers: frozenset[Layer]) -> None:
-        """Takes from now on what these layers show, and no more."""
+        """Subscribes to the topics of these layers, and to no others."""
         rows = {row.name: row for layer in layers for row in _BY_LAYER.get(layer, ())}
         for name in self._at_times.keys() - rows.keys():
             self._node.unsubscribe(self._at_times.pop(name))
@@ -202,7 +202,7 @@ def _markers(m: Any) -> tuple[Marker, ...]:
 
 
 def _people(m: Any, odom: Pose2 | None) -> tuple[Person, ...]:
-    """Cylinders are who and what is there; the arrow of the same number leads to where it will be in a second."""
+    """Cylinders are people and objects; the arrow with the same number points to the position in one second."""
     if m is None or odom is None:
         return ()
     arrows = {item.id: item.points for item in m.markers if item.type == MarkerMessage.ARROW and len(item.points) == 2}

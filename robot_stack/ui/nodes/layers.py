@@ -24,7 +24,7 @@ _XY = np.dtype([("x", "<f4"), ("y", "<f4")])
 
 
 class Layers:
-    """wanted: the layers whose next frame some page waits for. send: takes a frame."""
+    """wanted: layers whose next frame a page waits for. send: sends a frame."""
 
     def __init__(
         self,

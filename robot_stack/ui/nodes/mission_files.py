@@ -1,4 +1,4 @@
-"""The mission files, as pages show and edit them. What is a mission, the mission manager's own rules say."""
+"""The mission files, for display and editing by pages. The mission manager's rules validate them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PROBLEMS_MAX, _TEXT_MAX = 20, 200
 
 @dataclass(frozen=True, slots=True)
 class EditAnswer:
-    """why: key of a text, empty if it is done. detail: the disk's own words. problems: what is wrong, where."""
+    """why: key of a text, empty if it is done. detail: the file system's message. problems: errors and their places."""
 
     why: str = ""
     detail: str = ""
@@ -54,11 +54,11 @@ class MissionFiles:
         self._found: list[tuple[Path, Mission | None, str]] = []
 
     def section(self) -> dict[str, Any]:
-        """What riders choose from: missions that can be driven."""
+        """The choice for riders: valid missions."""
         return {"list": [_choice(mission) for _, mission, _ in self._read() if mission is not None]}
 
     def files_section(self) -> dict[str, Any]:
-        """What staff edit. Missions that come with the software have no revision: they stay as they are."""
+        """The missions for staff to edit. Missions shipped with the software have no revision and are read-only."""
         return {
             "folder": str(self._own.folder),
             "list": [self._file(*item) for item in self._read()],
@@ -70,7 +70,7 @@ class MissionFiles:
         }
 
     def edit(self, message: p.CheckMission | p.SaveMission | p.DeleteMission) -> EditAnswer:
-        """Carries out what staff ask for."""
+        """Executes a request of staff."""
         try:
             if isinstance(message, p.DeleteMission):
                 self._own.delete(message.mission, message.revision)
@@ -89,7 +89,7 @@ class MissionFiles:
         return EditAnswer()
 
     def _read(self) -> Sequence[tuple[Path, Mission | None, str]]:
-        """File, its mission and what is wrong with it."""
+        """File, its mission and its error."""
         paths = self._library.paths()
         seen = [(path, path.stat().st_mtime_ns) for path in paths if path.is_file()]
         if seen != self._seen:

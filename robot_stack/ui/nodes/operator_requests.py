@@ -1,4 +1,4 @@
-"""What staff ask of the safety monitor: the second key of the release, and a press that nobody can release."""
+"""Requests of staff to the safety monitor: the second key of the release, and clearing an absent stop source."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.timers import NodeTimer
 from robot_stack.ui.params import ResetParams
 
-# (granted, why not as a key of a text, the safety monitor's own words)
+# (granted, key of the refusal's text, the safety monitor's own text)
 Answer = Callable[[bool, str, str], None]
 NO_MONITOR, REFUSED, BUSY = "answer.no_monitor", "answer.reset_refused", "answer.reset_busy"
 
 
 class OperatorRequest:
-    """One at a time. Every way out answers once. A refusal is asked again, ``tries`` times in all."""
+    """One at a time. Every path responds exactly once. A refused request is repeated, ``tries`` times in all."""
 
     def __init__(self, node: StackNode, params: ResetParams, row: Service, tries: int) -> None:
         self._node, self._params, self._tries_max = node, params, tries
@@ -38,7 +38,7 @@ class OperatorRequest:
             return
         self._answer, self._fields, self._tries = answer, fields, self._tries_max
         self._after(self._params.timeout_s, lambda: self._end(False, NO_MONITOR, ""))
-        # The safety monitor wants the release to last a moment before it grants a reset.
+        # The safety monitor requires the release to last a moment before it grants a reset.
         self._after(self._params.pause_s, self._call)
 
     def _call(self) -> None:

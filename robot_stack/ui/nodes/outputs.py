@@ -1,4 +1,4 @@
-"""What the touch screen publishes. ``stop`` and ``drive`` may be called from any thread, and wait for none."""
+"""Publishers of the touch screen. ``stop`` and ``drive`` may be called from any thread and do not block."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.middleware.conversions import pose_stamped, pose_to_msg, twist_stamped
 from robot_stack.middleware.node import StackNode
 
-# Of a pose that a finger drags: half a metre and 15 degrees, as RViz says of its own tool.
+# Deviations of a pose dragged by finger: half a metre and 15 degrees, as in RViz's tool.
 _POSITION_M2 = 0.25
 _YAW_RAD2 = 0.0685
 
@@ -27,12 +27,12 @@ class Outputs:
         self._heartbeat = node.advertise(topics.UI_HEARTBEAT)
 
     def stop(self) -> None:
-        """To everyone, and to the mission manager as a command: its mission then knows why it stands."""
+        """Publishes the stop, and a command to the mission manager, which records the cause for its mission."""
         self._stop.publish(True)
         self.command(UICommand.EMERGENCY_STOP)
 
     def ask_release(self) -> None:
-        """A request: whoever is still pressed stays so, and the safety monitor alone grants it."""
+        """A request: other pressed sources stay pressed, and only the safety monitor grants it."""
         self._stop.publish(False)
 
     def drive(self, twist: Twist2) -> None:

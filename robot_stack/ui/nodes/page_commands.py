@@ -1,4 +1,4 @@
-"""What pages ask for, carried out: rides, poses and goals, edited missions, what only the safety monitor may grant."""
+"""Executes page requests: rides, poses and goals, edited missions, requests to the safety monitor."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _RIDE_COMMANDS = {"pause": "PAUSE", "resume": "RESUME", "abort": "ABORT"}
 
 
 class PageCommands:
-    """In the node's own loop. Each is answered once; who may ask for what, the desk has ruled before."""
+    """Runs in the node's own loop. Each request gets one response; the desk has checked the rights before."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""What pages are told: the robot's state, the layers that somebody looks at, answers."""
+"""Data for pages: the robot's state, the layers in use, responses."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ENDS = ("COMPLETED", "ABORTED", "FAILED")
 
 
 class Pages:
-    """All pages alike, from the node's own loop; the server's thread passes on what is pushed.
+    """Sends to all pages alike, from the node's own loop; the server's thread forwards the data.
 
     staff_called: a rider has called staff.
     """
@@ -67,7 +67,7 @@ class Pages:
         self._server.call(self._hub.push, view.sections(snapshot), layers)
 
     def _note_ride(self) -> None:
-        """The history knows how rides ended as well as who asked for them."""
+        """Records in the history how rides ended."""
         ride = self._inputs.ride()
         state = ride.state if ride else ""
         if ride and state != self._ride_state and state in _ENDS and self._ride_state:

@@ -61,7 +61,7 @@ class WebServer:
         self.port = int(self._socket.getsockname()[1])
         self._params, self.hub, self._extra = params, hub, extra
         self._gate = Gate(params, self.port)
-        # The only paths that exist: what a request names is looked up here, never on the disk.
+        # The only valid paths: a request's path is looked up here, never on the disk.
         self._files = {f"/{path.relative_to(WEB).as_posix()}": path for path in WEB.rglob("*") if path.suffix in _TYPES}
         self._loop: asyncio.AbstractEventLoop | None = None
         self._started = threading.Event()
@@ -89,7 +89,7 @@ class WebServer:
         self.call(self.hub.frame, layer, data)
 
     def close(self) -> None:
-        self._server.should_exit = self._server.force_exit = True  # pages see their link end; nobody is waited for
+        self._server.should_exit = self._server.force_exit = True  # pages lose their link; no waiting
         self._thread.join(_JOIN_S)
         self._socket.close()
 
@@ -196,7 +196,7 @@ class WebServer:
 
 
 def _ends_quietly(app: ASGIApp) -> ASGIApp:
-    """Whoever sends a broken body has been answered 400 by the server itself: there is nobody left to answer."""
+    """Suppresses the error after a broken body: the server itself has answered 400 already."""
 
     async def call(scope: Scope, receive: Receive, send: Send) -> None:
         async def answer(message: Message) -> None:

@@ -1,4 +1,4 @@
-"""What pages know of this site: its map, its cameras, its recordings."""
+"""Site data for pages: its map, its cameras, its recordings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _UNKNOWN_BGR = (226, 218, 209)
 
 
 class Site:
-    """What does not change while the node runs, but for the folder of the recordings. Raises ConfigError.
+    """Data that is constant while the node runs, except the recordings. Raises ConfigError.
 
     pictures: see ``pictures``.
     """
@@ -70,7 +70,7 @@ def background(name: str) -> tuple[dict[str, Any] | None, bytes]:
 
 
 def pictures(map_png: bytes) -> dict[str, tuple[str, bytes]]:
-    """What is served beside the page's own files, path -> (type, bytes): the map, and what the external display shows
+    """Pictures served beside the page's own files, path -> (type, bytes): the map, and the external display
     in each state and language. Raises ConfigError.
     """
     patterns = load_patterns()
@@ -83,7 +83,7 @@ def pictures(map_png: bytes) -> dict[str, tuple[str, bytes]]:
 
 
 def cameras() -> dict[str, dict[str, float]]:
-    """Of each camera what puts a marker's place into its image. Raises ConfigError."""
+    """For each camera the parameters that project a marker into its image. Raises ConfigError."""
     found = {}
     for frame in (FRONT_CAMERA, REAR_CAMERA):
         k = load_intrinsics(camera_file(frame))

@@ -1,4 +1,4 @@
-"""Node ``touch_ui``: a web page for riders and staff. Commands in, what they should know out."""
+"""Node ``touch_ui``: a web page for riders and staff. Receives commands, sends the state."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robot_stack.ui.nodes.server import WebServer
 from robot_stack.ui.nodes.site import Site
 from robot_stack.ui.params import TouchUiParams
 
-# Files and folders are looked at less often than topics.
+# Files and folders are polled less often than topics.
 _SLOW_HZ = 0.5
 _DIAGNOSTICS_HZ = 1.0
 
@@ -51,7 +51,7 @@ class TouchUiNode(StackNode):
         self.every(topics.UI_HEARTBEAT.nominal_rate_hz, self._beat)
         self._beat()
 
-    # --- asked by pages, in the server's thread ----------------------------------------------------------------------
+    # --- called by pages, in the server's thread ---------------------------------------------------------------------
 
     def stop(self) -> None:
         self._outputs.stop()
@@ -77,7 +77,7 @@ class TouchUiNode(StackNode):
         self._server.frame(layer, data)
 
     def _beat(self) -> None:
-        """The safety monitor takes its absence for a screen that nobody can use."""
+        """The safety monitor takes a missing beat for an unusable screen."""
         pages = self._hub.connected
         if pages:
             self._outputs.beat()

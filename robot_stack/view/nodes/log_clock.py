@@ -17,7 +17,7 @@ class LogClock:
         self._lookup_s = 0.0
 
     def now_ns(self) -> int:
-        if time.monotonic() >= self._lookup_s:  # a stack that starts anew has a new clock
+        if time.monotonic() >= self._lookup_s:  # a restarted stack has a new clock
             self._lookup_s = time.monotonic() + _CLOCK_LOOKUP_S
             self._world = WorldClock.find()
         return time.time_ns() if self._world is None else self._world.now_ns()

@@ -22,11 +22,11 @@ from robot_stack.view.display import DisplayPanel
 from robot_stack.view.params import ViewParams
 from robot_stack.view.scene import Model, joint_angles
 
-_SILENT_S = 1.0  # a robot whose joints have been silent for so long is not drawn
+_SILENT_S = 1.0  # timeout of the joint states, after which the robot is not drawn
 
 
 class RobotModel:
-    """The robot's model from the newest joint angles, and above it what its display says that it shows."""
+    """The robot's model from the newest joint angles, and above it the state of its display."""
 
     def __init__(self, context: foxglove.Context, params: ViewParams) -> None:
         self._channel = SceneUpdateChannel(MODEL, context=context)

@@ -1,4 +1,4 @@
-"""Foxglove's websocket server: what it offers, and what its viewers look at."""
+"""Foxglove's websocket server: its channels and the subscriptions of its viewers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot_stack.view.params import ViewParams
 
 
 class ViewError(Exception):
-    """The server cannot start. The message says why."""
+    """The server cannot start. The message gives the reason."""
 
 
 class Event(NamedTuple):
@@ -35,7 +35,7 @@ class Listener(ServerListener):
         self._events.put(Event(client.id, channel.topic, looks=True))
 
     def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:
-        """Also when the client has gone."""
+        """Also called when the client disconnects."""
         self._events.put(Event(client.id, channel.topic, looks=False))
 
 

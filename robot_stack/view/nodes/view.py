@@ -1,6 +1,6 @@
-"""The live view: hands the bytes of the topics that somebody looks at to Foxglove's websocket server, as they are.
+"""The live view: forwards the raw bytes of subscribed topics to Foxglove's websocket server.
 
-A tool of its own in the graph, no process of a profile: it publishes nothing and takes nothing from its viewers.
+A separate tool in the graph, not a process of a profile: it publishes nothing and accepts nothing from its viewers.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class View:
         self._params = params
         self._clock = LogClock()
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
-        # Kept: channels whose context has gone are not advertised.
+        # Kept: channels of a deleted context are not advertised.
         self._context = context = foxglove.Context()
         self._channels = {row.name: channel_of(row, context) for row in rows.values()}
         self._model = RobotModel(context, params) if has_model(machine) else None
@@ -61,7 +61,7 @@ class View:
         return int(self._server.port)
 
     def run(self, stopped: Callable[[], bool] = lambda: False) -> None:
-        """Until ``stopped``, asked after each look; it sleeps while nobody looks at anything."""
+        """Runs until ``stopped`` returns True, checked after each wake-up; sleeps without subscriptions."""
         period_s = 1.0 / self._params.take_hz
         due_s = time.monotonic()
         while not stopped():
@@ -71,7 +71,7 @@ class View:
                 self._take()
 
     def wake(self) -> None:
-        """Has ``stopped`` asked; from any thread."""
+        """Triggers a check of ``stopped``; from any thread."""
         self._events.put(Event(-1, "", looks=False))
 
     def _follow(self, timeout_s: float | None) -> None:
