@@ -9,7 +9,7 @@ from robot_stack.docking.params import ContactParams
 
 
 def push_n(torques_nm: Iterable[float], headings_rad: Iterable[float], wheel_radius_m: float) -> float:
-    """What the wheels push along base_link's x, N: each by the torque of its drive and the heading of its module."""
+    """Force of the wheels along base_link's x, N: each by the torque of its drive and the heading of its module."""
     pairs = zip(torques_nm, headings_rad, strict=True)
     return sum(torque * math.cos(heading) for torque, heading in pairs) / wheel_radius_m
 
@@ -17,7 +17,7 @@ def push_n(torques_nm: Iterable[float], headings_rad: Iterable[float], wheel_rad
 class ContactWatch:
     """Compares the wheels' force along the approach with that of free rolling just before.
 
-    Free rolling includes the slope and the drives' friction, so what is watched is only what the dock adds.
+    Free rolling includes the slope and the drives' friction, so that only the force of the dock remains.
     """
 
     def __init__(self, params: ContactParams) -> None:

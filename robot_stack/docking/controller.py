@@ -1,7 +1,7 @@
-"""The docking controller: asked to dock or undock, it says at every tick what the robot shall do.
+"""The docking controller: executes a docking or undocking, one output per tick.
 
-Which state follows which is in ``states``; what is done in a state is one class of ``phases``; what must be watched in
-every state is in ``guard``.
+The transitions are in ``states``; each state is one class of ``phases``; the conditions monitored in
+every state are in ``guard``.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from robot_stack.docking.situation import Output, Situation, Step, View
 from robot_stack.docking.states import State, Trigger, target_of
 
 _WAYS = {"front": 1.0, "rear": -1.0}
-# What moves a robot that may have stood. FINE_ALIGN goes on from SERVOING, so slowly that it looks like standing.
+# States that start motion from standstill. FINE_ALIGN continues SERVOING, so slowly that it looks like standing.
 _MOVING = (Search, Servoing, BackToStaging, BackingOff)
 _LET_GO = "the latch has let go of the wheelchair by itself"
 
@@ -47,7 +47,7 @@ class Phase(Protocol):
 
 
 class _Idle:
-    """No job. ``text`` says how the last one ended."""
+    """No job. ``text``: how the last one ended."""
 
     def __init__(self, text: str = "idle") -> None:
         self._text = text
@@ -59,8 +59,8 @@ class _Idle:
 class DockingController:
     """One job at a time. Times are ROS time.
 
-    mountings: (4, 4) optical frame in base_link by camera frame. departure: knows whether people expect the robot to
-    move. corrections: by dock id, as learnt before.
+    mountings: (4, 4) optical frame in base_link by camera frame. departure: tracks whether a warning must precede
+    motion. corrections: by dock id, from earlier dockings.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class DockingController:
 
     @property
     def attached(self) -> bool | None:
-        """A wheelchair is attached, or has come loose and not been undocked from. None while nobody knows."""
+        """A wheelchair is attached, or has come loose and not been undocked from. None while unknown."""
         return self._keeper.attached
 
     @property
@@ -168,10 +168,10 @@ class DockingController:
         self._enter(Trigger.CANCELLED, self._resting_phase("cancelled"))
         return self._result(code, "cancelled", None)
 
-    # --- what arrives ------------------------------------------------------------------------------------------------
+    # --- inputs ------------------------------------------------------------------------------------------------------
 
     def on_odometry(self, stamp_s: float, pose: Pose2) -> None:
-        """Takes base_link in odom, which must be finite."""
+        """Adds base_link in odom, which must be finite."""
         self.tracker.on_odometry(stamp_s, pose)
 
     def on_markers(self, markers: Sequence[Marker]) -> None:

@@ -1,4 +1,4 @@
-"""What docking has seen: sightings and odometry, brought together in the dock's estimated pose."""
+"""Fuses sightings and odometry into the dock's estimated pose."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robot_stack.docking.target import DockTarget, Estimate, Seen
 
 
 class DockTracker:
-    """Looks for one dock at a time. mountings: (4, 4) optical frame in base_link by camera frame."""
+    """Tracks one dock at a time. mountings: (4, 4) optical frame in base_link by camera frame."""
 
     def __init__(self, params: TargetParams, mountings: Mapping[str, NDArray[np.float64]]) -> None:
         self._mountings = mountings
@@ -37,7 +37,7 @@ class DockTracker:
         self.visible_markers = 0
 
     def look_for(self, dock: Dock, correction: Correction) -> None:
-        """A new job: nothing is known of this dock yet. ``correction``: see :mod:`robot_stack.docking.learning`."""
+        """Starts a new job without earlier sightings. ``correction``: see :mod:`robot_stack.docking.learning`."""
         self._dock, self._correction = dock, correction
         self.forget()
 
@@ -67,7 +67,7 @@ class DockTracker:
         return self._target.estimate
 
     def dock_pose_in_odom(self) -> Pose2 | None:
-        """Where base_link has to be, None while the dock has not been seen."""
+        """The docked pose of base_link in odom, None before the first sighting of the dock."""
         estimate = self._target.estimate
         if estimate is None or self._dock is None:
             return None

@@ -1,4 +1,4 @@
-"""What must be watched whatever docking is doing: safety, cameras, odometry, time."""
+"""Conditions monitored in every state of docking: safety, cameras, odometry, time."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from robot_stack.docking.results import DockCode, Failure, UndockCode
 from robot_stack.docking.situation import Situation
 from robot_stack.docking.states import State
 
-# An odometry that stays away for this many of its time-outs will not come back soon.
+# Odometry that is silent for this many of its timeouts counts as lost.
 _LOST_FACTOR = 5.0
 _SEEING = (State.SEARCH, State.SERVOING, State.FINE_ALIGN)
 
 
 class Guard:
-    """Ends a docking or undocking that must not go on. One object lasts for one job."""
+    """Ends a docking or undocking whose conditions are violated. One object lasts for one job."""
 
     def __init__(self, params: DockingParams, *, undocking: bool) -> None:
         self._params = params

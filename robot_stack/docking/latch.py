@@ -1,4 +1,4 @@
-"""The latch: what is commanded, what its inputs say, and whether it did as told."""
+"""The latch: its commands, its inputs, and whether a command succeeded."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class LatchMotion:
         return inputs.open and not inputs.closed
 
     def problem(self, inputs: LatchInputs) -> str:
-        """Why it failed, in words."""
+        """The reason of the failure, in words."""
         verb = "close" if self._wanted is LatchCommand.CLOSE else "open"
         if not inputs.known:
             return f"the latch did not {verb}: the engine's inputs cannot be read"
@@ -71,9 +71,9 @@ class LatchMotion:
 
 
 class LatchKeeper:
-    """Whether a wheelchair is attached, by what the inputs have said.
+    """Tracks from the inputs whether a wheelchair is attached.
 
-    A closed latch attaches. It is the backing off that detaches: until the robot is clear, the passenger counts.
+    A closed latch attaches. Only backing off detaches: until the robot is clear, the passenger counts.
     """
 
     def __init__(self) -> None:
@@ -81,7 +81,7 @@ class LatchKeeper:
         self.holding = False  # as the inputs said last
 
     def recall(self, attached: bool) -> None:
-        """What was known before a restart. A chair that the latch does not hold any more has been let go since."""
+        """Restores the state from before a restart. A chair no longer held by the latch was released meanwhile."""
         if attached:
             self.attached = self.holding = True
 
@@ -90,7 +90,7 @@ class LatchKeeper:
         self.attached = False
 
     def update(self, inputs: LatchInputs, *, may_open: bool) -> bool:
-        """Follows the inputs. Returns True, once, if the latch lets go although nobody asked it to.
+        """Updates from the inputs. Returns True, once, if the latch opens without a command.
 
         may_open: the robot is undocking, or a latch that was not confirmed is opened again.
         """

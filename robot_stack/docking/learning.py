@@ -1,7 +1,7 @@
-"""What a closed latch teaches: there the robot stands exactly at the dock pose, whatever the camera says.
+"""Correction of sightings from latched dockings: at a closed latch the robot stands exactly at the dock pose.
 
-Mounting errors of camera and board, and what is left in the intrinsics, show as a sighting that differs from the dock
-pose. The difference, learnt while the robot stands at the closed latch, is taken off the sightings from then on.
+Mounting errors of camera and board, and errors of the intrinsics, show as a sighting that differs from the dock
+pose. The difference, measured while the robot stands at the closed latch, is subtracted from later sightings.
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ class Correction:
 def learnt(
     before: Correction, sighted: Sequence[Pose2], dock_pose: Pose2, share: float, largest_m: float, largest_rad: float
 ) -> Correction | str:
-    """The correction after one more latched docking, or why nothing can be learnt.
+    """The correction after one more latched docking, or the reason why there is none.
 
-    sighted: the dock in base_link as seen, uncorrected, while standing at the closed latch. dock_pose: base_link in the
-    dock frame. share: of the new finding; the first counts in full. largest_*: more is no calibration error.
+    sighted: measured dock in base_link, uncorrected, while standing at the closed latch. dock_pose: base_link in the
+    dock frame. share: weight of the new measurement; the first counts in full. largest_*: limits of a calibration
+    error.
     """
     if not sighted:
         return "the board was not seen at the closed latch"

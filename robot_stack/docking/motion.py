@@ -1,10 +1,10 @@
-"""Jerk-limited references of the approach, and the command that keeps the robot on them.
+"""Jerk-limited references of the approach, and the tracking command.
 
 All poses here are base_link in the frame of the dock pose: x = 0, y = 0, yaw = 0 is docked. ``approach_sign`` is +1
 for a robot that docks forwards (it comes from negative x) and -1 for one that docks backwards.
 
 Each reference is one or two ruckig trajectories, so that position, speed and acceleration are continuous from the first
-movement to standstill: the robot neither stops nor goes in between.
+movement to standstill: the robot does not stop in between.
 """
 
 from __future__ import annotations
@@ -66,10 +66,10 @@ def approach(start: Point, approach_sign: float, params: MotionParams) -> Refere
 
 
 def _slow_enough(start: Point, approach_sign: float, distance_m: float, params: MotionParams) -> Point:
-    """``start`` no faster towards the dock than what slows down to ``final_mps`` within ``distance_m``.
+    """``start``, its speed towards the dock limited to slow down to ``final_mps`` within ``distance_m``.
 
-    A faster robot would be brought back to the gate by a reference that keeps its acceleration: it would enter the last
-    centimetres too fast. A reference that begins slower than the robot is left to the drive, whose own limits brake it
+    For a faster robot, a reference that keeps its acceleration would return to the gate and enter the last
+    centimetres too fast. If the reference begins slower than the robot, the drive's own limits brake it
     several times as hard.
     """
     velocity = start.velocity

@@ -14,7 +14,7 @@ Share = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 class TargetParams(Config):
-    """How sightings and odometry become the dock's pose in odom."""
+    """Fusion of sightings and odometry to the dock's pose in odom."""
 
     history_s: Positive
     start_sigma_m: Positive

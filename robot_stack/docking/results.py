@@ -1,4 +1,4 @@
-"""How docking and undocking end. Codes as in Dock.action and Undock.action."""
+"""Results of docking and undocking. Codes as in Dock.action and Undock.action."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ Code = DockCode | UndockCode
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Why a try ended. final: another try would not help."""
+    """The reason of a failed try. final: another try would not help."""
 
     code: Code
     reason: str

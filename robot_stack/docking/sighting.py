@@ -1,4 +1,4 @@
-"""From marker poses in a camera to the dock's pose seen from the robot."""
+"""The dock's pose relative to the robot, from marker poses in a camera."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ class Marker:
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """The dock as one image shows it: its pose in base_link, standard deviation of the position, m.
+    """The dock in one image: its pose in base_link, standard deviation of the position, m.
 
-    yaw_known is False where the board is so far or frontal that its orientation is ambiguous.
+    yaw_known is False if the board is so far or frontal that its orientation is ambiguous.
     """
 
     stamp_s: float

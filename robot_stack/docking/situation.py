@@ -1,4 +1,4 @@
-"""What the docking controller knows at a tick, and what it wants done."""
+"""Inputs of the docking controller at a tick, and its outputs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot_stack.docking.target import Estimate
 
 @dataclass(frozen=True, slots=True)
 class Safety:
-    """What the safety monitor says. stopped: no motion is allowed, without being an emergency."""
+    """The safety monitor's state. stopped: no motion is allowed, without being an emergency."""
 
     known: bool = False
     emergency: bool = False
@@ -45,11 +45,11 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A situation as a phase sees it.
+    """A situation as input of a phase.
 
     base: base_link in the frame of the dock pose by the present estimate, None without one or without odometry.
-    seen_ago_s: since the image of the last accepted sighting. sightings: the dock in base_link, as accepted since the
-    phase began, oldest first. board: the dock in base_link as the newest image shows it, None without a recent one.
+    seen_ago_s: since the image of the last accepted sighting. sightings: the dock in base_link, accepted since the
+    phase began, oldest first. board: the dock in base_link in the newest image, None without a recent one.
     moved: the dock was found elsewhere. approach_sign: +1 docks forwards, -1 backwards. docked_m: from the dock's
     origin to base_link when docked. commanded: the last command, base_link.
     """
@@ -69,7 +69,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What a phase wants.
+    """Output of a phase.
 
     twist: command in base_link; None: docking does not own the motion. trigger: the phase is over. failure: why, for
     TRY_FAILED and GAVE_UP. goal: staging pose to send to navigation now. latch: outputs.
@@ -87,7 +87,7 @@ class Step:
 class Output:
     """One tick of the controller.
 
-    attached: what /passenger_attached must say; None while nothing is known. cancel_goal: navigation shall have no
+    attached: content of /passenger_attached; None while unknown. cancel_goal: navigation must have no
     goal. result: of the docking or undocking that has just ended. emergency: the robot must stop for good.
     """
 

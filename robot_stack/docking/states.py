@@ -1,4 +1,4 @@
-"""The states of docking and every way from one to the next: the single truth that the controller asks."""
+"""The states of docking and all transitions between them, as used by the controller."""
 
 from __future__ import annotations
 

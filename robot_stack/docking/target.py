@@ -1,4 +1,4 @@
-"""Where the dock is in odom: sightings and odometry fused, with the images' true delay."""
+"""The dock's pose in odom: sightings and odometry fused, with the images' true delay."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robot_stack.docking.sighting import Sighting
 
 
 class Seen(Enum):
-    """What became of a sighting."""
+    """Classification of a sighting."""
 
     ACCEPTED = "accepted"
     JUMPED = "refused: it jumps against odometry"

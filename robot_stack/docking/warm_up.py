@@ -1,4 +1,4 @@
-"""Compiles what a marker in an image runs through, or loads it: before the first image instead of during it."""
+"""Compiles or loads the kernels of marker detection before the first image instead of during it."""
 
 from __future__ import annotations
 

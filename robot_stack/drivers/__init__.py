@@ -1,1 +1,1 @@
-"""Drivers of real devices: what arrives on a wire, or from another vendor's driver, as the contract's topics."""
+"""Drivers of real devices: convert device data, or another vendor's driver, to the contract's topics."""

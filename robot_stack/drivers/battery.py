@@ -1,4 +1,4 @@
-"""What the drivers of batteries share: a reading, and between what it can be true."""
+"""Shared parts of the battery drivers: a reading, and its plausible range."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ class Reading:
 
 
 class PackParams(Config):
-    """What the battery is, and between what its measurements can be true. idle_current_a: neither charging nor not.
+    """Data of the battery and plausible ranges of its measurements. idle_current_a: smaller currents count as idle.
 
-    stale_s: what was told longer ago tells nothing any more.
+    stale_s: age after which data is dropped.
     """
 
     capacity_ah: Annotated[float, Field(gt=0.0, le=2000.0)]
@@ -68,7 +68,7 @@ class PackParams(Config):
 
 
 def implausible(voltage_v: float, current_a: float, temperature_c: float | None, limits: PackParams) -> str:
-    """Why these cannot have been measured; empty if they can. temperature_c: None where there is none."""
+    """Why these measurements are implausible; empty if they are plausible. temperature_c: None where there is none."""
     if not limits.voltage_min_v <= voltage_v <= limits.voltage_max_v:
         between = f"{limits.voltage_min_v} to {limits.voltage_max_v} V"
         return f"the voltage is {voltage_v} V, expected {between}"

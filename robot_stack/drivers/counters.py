@@ -1,4 +1,4 @@
-"""How often what has happened to a device's data: lost, doubled, corrupt, refused."""
+"""Counters of a device's data errors: lost, doubled, corrupt, rejected."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import Counter
 
 
 class Counters:
-    """Counts by name, told in the order of their first occurrence. Names are for people: "lost sweeps"."""
+    """Counts by name, in the order of their first occurrence. Names are for people: "lost sweeps"."""
 
     def __init__(self, *names: str) -> None:
         self._counts: Counter[str] = Counter(dict.fromkeys(names, 0))

@@ -1,8 +1,8 @@
-"""A device's clock to this computer's, by the lower hull of what arrived when.
+"""Converts a device's clock to this computer's, by the lower convex hull of the delays.
 
-Nothing arrives before it is sent. Of all (device time, arrival) pairs the fastest lie on the lower convex hull of the
-delays, and the hull's edge over the middle of the window is the clocks' offset and drift, free of the jitter of lines,
-buffers and schedulers, which only ever adds.
+No data arrives before it is sent. Of all (device time, arrival) pairs the fastest lie on the lower convex hull of the
+delays, and the hull's edge over the middle of the window gives the clocks' offset and drift, without the jitter of
+lines, buffers and schedulers, which only adds delay.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from robot_stack.core.config import Config
 
 
 class DeviceClockParams(Config):
-    """window_s: of the pairs looked at. drift_max_ppm: of the two clocks against each other.
+    """window_s: of the pairs used. drift_max_ppm: of the two clocks against each other.
 
-    jump_s: a pair that lies so far off means that one of the clocks was set or began anew; late ones only if they keep
-    coming for confirm_s: a line may be held up.
+    jump_s: a pair this far off means that one of the clocks was set or restarted; late pairs only if they continue
+    for confirm_s, because a line may stall.
     """
 
     window_s: Annotated[float, Field(ge=5.0, le=600.0)]
@@ -57,7 +57,7 @@ class DeviceClock:
         return device_s + self._delay(device_s)
 
     def restart(self) -> None:
-        """Forgets what was: the device was plugged in anew."""
+        """Clears all pairs: the device was reconnected."""
         self._hull.clear()
         self._late_since_s, self._newest_s, self._drift = None, None, 0.0
 
@@ -103,7 +103,7 @@ def _bends_up(first: tuple[float, float], second: tuple[float, float], third: tu
 
 
 class Unwrapped:
-    """A counter of a device without its overflows, counted on from the first. ticks: after so many it begins at 0."""
+    """A device counter without its overflows, counted from the first value. ticks: its range."""
 
     def __init__(self, ticks: int) -> None:
         self._range = ticks
@@ -111,7 +111,7 @@ class Unwrapped:
         self._total = 0
 
     def update(self, ticks: int) -> int:
-        """The count; one that lies less than half the range behind the last has gone back."""
+        """The count; a value less than half the range behind the last has gone back."""
         if self._last is None:
             self._total = ticks
         else:

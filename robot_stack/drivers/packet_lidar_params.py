@@ -1,4 +1,4 @@
-"""What drivers of LiDARs that send their packets by UDP share."""
+"""Shared parameters of the drivers of LiDARs that send packets by UDP."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 
 
 class PacketLidarParams(Config):
-    """bind_address, port: where packets are listened for. device_ip: whose alone are taken.
+    """bind_address, port: of the socket. device_ip: the only accepted sender.
 
-    rpy_deg: what the LiDAR sends in its own axes, turned about the fixed ones; its mounting is in
+    rpy_deg: rotation of the LiDAR's data in its own axes, about the fixed ones; its mounting is in
     ``config/robot.yaml``.
-    latency_s: from a packet's time to its arrival, at best. silence_s: without a sweep: called silent.
+    latency_s: least time from a packet's stamp to its arrival. silence_s: timeout of sweeps.
     """
 
     bind_address: IPvAnyAddress

@@ -1,4 +1,4 @@
-"""What drivers on a serial line share."""
+"""Shared parameters of drivers on a serial line."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from robot_stack.core.config import Config
 
 
 class SerialParams(Config):
-    """port: a device; a relative name lies in the runtime folder. reopen_s: pause after an open that failed.
+    """port: a device; a relative name lies in the runtime folder. reopen_s: pause after a failed open.
 
-    silent_s: without a byte for so long the port is closed and opened anew: some adapters hang without an error.
+    silent_s: silence after which the port is closed and reopened: some adapters hang without an error.
     """
 
     port: Annotated[str, Field(min_length=1)]

@@ -1,4 +1,4 @@
-"""What a driver of a LiDAR makes of its packets, and how it turns the points."""
+"""Builds a LiDAR's sweeps from its packets, and rotates the points."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class Sweep:
 
 
 def turning(rpy_deg: tuple[float, float, float], mounted: F64 | None) -> NDArray[np.float32] | None:
-    """(3, 3) from what the device sends to the frame in which its points are published; None if nothing turns.
+    """(3, 3) from the device's data to the frame in which its points are published; None without rotation.
 
-    rpy_deg: what the device sends in the sensor's own axes, about its fixed x, y, z. mounted: (3, 3) from the sensor's
-    own axes to those of that frame, ``Robot.to_sensor_frame``; None if they are the same.
+    rpy_deg: rotation of the device's data in the sensor's axes, about its fixed x, y, z. mounted: (3, 3) from the
+    sensor's own axes to those of that frame, ``Robot.to_sensor_frame``; None if they are the same.
     """
     own: F64 = Rotation.from_euler("xyz", rpy_deg, degrees=True).as_matrix()
     turned = own if mounted is None else mounted @ own

@@ -27,7 +27,7 @@ _CAMERAS = {
     frames.FRONT_CAMERA: (topics.FRONT_IMAGE, topics.FRONT_CAMERA_INFO),
     frames.REAR_CAMERA: (topics.REAR_IMAGE, topics.REAR_CAMERA_INFO),
 }
-# How often it is looked whether an image has waited long enough: the delay with one camera dead grows by this at most.
+# Rate of checks whether an image has waited long enough: with one camera dead the delay grows by at most a period.
 _LOOK_HZ = 20.0
 
 
@@ -116,7 +116,7 @@ class ArucoDetectorNode(StackNode):
         self._report_state(alive, output, sum(seen.item.taken_ms for seen in exposures))
 
     def _note(self, about: str, text: str) -> None:
-        """What is wrong about something, for the health; empty: nothing any more."""
+        """Sets the problem of an item for the health; empty: clears it."""
         if text:
             self._complaints[about] = text
         else:

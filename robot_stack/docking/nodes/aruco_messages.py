@@ -1,4 +1,4 @@
-"""Between camera messages and the marker detector's values."""
+"""Conversions between camera messages and the marker detector's values."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robot_stack.middleware.wire import ImageView
 
 
 class Seen(NamedTuple):
-    """What one image showed."""
+    """The detections of one image."""
 
     stamp: Time
     detections: list[ArucoDetection]

@@ -1,4 +1,4 @@
-"""Whether a wheelchair was attached, on file, so that a restarted controller knows what the latch should be holding."""
+"""Stores whether a wheelchair is attached, for the controller after a restart."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class AttachedFile:
         return text != _FREE
 
     def save(self, attached: bool) -> str:
-        """To the disk, if it is not there yet. Returns what went wrong, else an empty text."""
+        """Writes to the disk if changed. Returns the error, else an empty text."""
         if attached == self._stored:
             return ""
         draft = self._path.with_name(f"{self._path.name}.new")
@@ -44,5 +44,5 @@ class AttachedFile:
         return ""
 
     def forget(self) -> None:
-        """A world that begins anew has no past: its latch is as it is."""
+        """Deletes the file: a restarted world begins without a history."""
         self._path.unlink(missing_ok=True)

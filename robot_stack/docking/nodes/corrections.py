@@ -1,4 +1,4 @@
-"""Keeps what latched dockings taught, one entry per dock, in a YAML file."""
+"""Stores the corrections from latched dockings, one entry per dock, in a YAML file."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class CorrectionsFile:
         self._path = Path(path) if path else state_dir() / "docking_corrections.yaml"
 
     def load(self) -> tuple[dict[str, Correction], str]:
-        """(corrections by dock id, what is wrong with the file). A file that is wrong teaches nothing."""
+        """(corrections by dock id, error of the file). An invalid file gives no corrections."""
         if not self._path.exists():
             return {}, ""
         try:
@@ -45,7 +45,7 @@ class CorrectionsFile:
         return {name: Correction(Pose2(e.x_m, e.y_m, e.yaw_rad), e.dockings) for name, e in entries}, ""
 
     def save(self, corrections: Mapping[str, Correction]) -> str:
-        """Replaces the file as a whole. Returns what went wrong, else an empty text."""
+        """Replaces the whole file. Returns the error, else an empty text."""
         entries = {
             name: {"x_m": item.pose.x, "y_m": item.pose.y, "yaw_rad": item.pose.yaw, "dockings": item.dockings}
             for name, item in corrections.items()

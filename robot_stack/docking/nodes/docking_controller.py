@@ -29,7 +29,7 @@ _TICKS_PER_STATUS = round(_TICK_HZ / topics.DOCKING_STATUS.nominal_rate_hz)
 
 
 class DockingControllerNode(StackNode):
-    """Stores inputs in callbacks; one tick asks the kernel and does what it says."""
+    """Stores inputs in callbacks; one tick runs the kernel and executes its output."""
 
     def __init__(self) -> None:
         super().__init__("docking_controller", DockingParams)
@@ -51,7 +51,7 @@ class DockingControllerNode(StackNode):
         self._actions = DockingActions(self, self._begin_dock, self._begin_undock)
         self.every(_TICK_HZ, self._tick)
 
-    # --- asked for ---------------------------------------------------------------------------------------------------
+    # --- requests ----------------------------------------------------------------------------------------------------
 
     def _on_safety_status(self, message: SafetyStatus) -> None:
         was_stopped = self.emergency_stop
@@ -94,13 +94,13 @@ class DockingControllerNode(StackNode):
         self._end_jobs(output)
 
     def _recall(self, situation: Situation) -> None:
-        """Once the latch can be read: then whoever has made the world is there, and has said if it is a new one."""
+        """Restores the state once the latch can be read: by then a simulated world is known to be new or not."""
         if situation.latch.known and not self._recalled:
             self._recalled = True
             self._controller.recall(self._attached.load())
 
     def _publish_latch(self, inputs: LatchInputs) -> None:
-        """Before the latch is commanded: whoever sees it open shall know of the undocking."""
+        """Published before the latch is commanded, so that subscribers know of the undocking before the latch opens."""
         attached = self._controller.attached
         if attached is not None:
             due = self._ticks % _TICKS_PER_LATCH_STATUS == 0

@@ -1,4 +1,4 @@
-"""What the docking controller hears, as the situation that its kernel judges."""
+"""Inputs of the docking controller, as the situation of its kernel."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robot_stack.middleware.node import StackNode
 
 
 class DockingInputs:
-    """Subscriptions of the node ``docking_controller``. Odometry and markers go to the kernel as they come."""
+    """Subscriptions of the node ``docking_controller``. Odometry and markers go to the kernel at once."""
 
     def __init__(self, node: StackNode, params: DockingParams, controller: DockingController) -> None:
         self._node, self._params, self._controller = node, params, controller
@@ -76,7 +76,7 @@ class DockingInputs:
 
 
 def _speed_limit_mps(message: VelocityLimit | None, fresh: bool) -> float:
-    """Silence of whoever limits the speed is a stop."""
+    """A stale speed limit is a stop."""
     if message is None:
         return math.inf
     return float(message.max_linear_velocity) if fresh else 0.0

@@ -14,7 +14,7 @@ _UNKNOWN = LatchInputs()
 
 
 class LatchIo:
-    """``inputs`` are the newest; ``command`` is what the outputs shall be, repeated until the engine has it."""
+    """``inputs`` are the newest; ``command`` sets the outputs, repeated until the engine has them."""
 
     def __init__(self, node: StackNode, poll_hz: float) -> None:
         self._latch: Latch = node.robot.latch
@@ -32,7 +32,7 @@ class LatchIo:
 
     @property
     def problem(self) -> str:
-        """What the engine answered to the last command that it refused, else an empty text."""
+        """The engine's answer to the last rejected command, else an empty text."""
         with self._turn:
             return self._problem
 
@@ -41,7 +41,7 @@ class LatchIo:
             self._command = command
 
     def close(self) -> None:
-        """Leaves the latch as it is and gives the device back."""
+        """Leaves the latch unchanged and closes the device."""
         self.command(LatchCommand.HOLD)
         self._view.close()
 
@@ -64,7 +64,7 @@ class LatchIo:
         )
 
     def _write(self, status: StatusSnapshot, command: LatchCommand) -> str:
-        """Sets what differs. Off before on: never are both on, not even for a cycle."""
+        """Sets the outputs that differ. Off before on: both are never on, not even for a cycle."""
         engine, latch = self._view.engine, self._latch
         if engine is None:
             return ""

@@ -1,4 +1,4 @@
-"""Between the messages of docking and the values of its kernels."""
+"""Conversions between the messages of docking and the values of its kernels."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robot_stack.docking.sighting import Marker
 from robot_stack.docking.situation import Output, Safety
 from robot_stack.middleware.conversions import time_to_s
 
-# A speed limit below this is a stop, as navigation takes it.
+# A speed limit below this is a stop, as in navigation.
 _STOP_BELOW_MPS = 0.02
 
 
@@ -50,7 +50,7 @@ def _rotation(x: float, y: float, z: float, w: float) -> NDArray[np.float64]:
 
 
 def wheel_force(message: JointState | None, wheel_radius_m: float) -> float:
-    """What the four wheels push along base_link's x, N; NaN if the message does not tell."""
+    """Force of the four wheels along base_link's x, N; NaN if the message lacks the values."""
     if message is None or len(message.effort) != len(message.name) or len(message.position) != len(message.name):
         return math.nan
     index = {name: i for i, name in enumerate(message.name)}
@@ -62,11 +62,11 @@ def wheel_force(message: JointState | None, wheel_radius_m: float) -> float:
 
 
 def safety(message: SafetyStatus | None, fresh: bool, emergency: bool, speed_limit_mps: float) -> Safety:
-    """emergency: by the two-key rule, which knows of a stop before the status does."""
+    """emergency: by the two-key rule, which is active before the status shows a stop."""
     if message is None:
         return Safety(emergency=emergency)
     faults: Sequence[str] = message.active_faults
-    # A row's action is its most severe: whether it stops now, the speed limit tells.
+    # A row's action is its most severe; the speed limit shows whether it stops now.
     stops = speed_limit_mps < _STOP_BELOW_MPS
     emergency = emergency or message.safety_state == SafetyState.EMERGENCY_STOP.name
     emergency = emergency or any(

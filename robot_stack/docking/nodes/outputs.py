@@ -1,4 +1,4 @@
-"""What the docking controller publishes: motion, goals, status, the passenger, and what people are told."""
+"""Publishers of the docking controller: motion, goals, status, the passenger, and the external display."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _DISPLAYS = {
 
 
 class DockingOutputs:
-    """Publishers of the node ``docking_controller``, and what they have said last."""
+    """Publishers of the node ``docking_controller``, with their last messages."""
 
     def __init__(self, node: StackNode, params: DockingParams) -> None:
         self._node, self._params = node, params
@@ -62,7 +62,7 @@ class DockingOutputs:
             self._stop.publish(True)
 
     def publish_status(self, output: Output, visible_markers: int) -> None:
-        """/docking/status, and the external display where no mission manager speaks to it: it shall hear one voice."""
+        """/docking/status, and the external display without a mission manager, so that the display has one source."""
         stamp = self._node.stamp()
         self._status.publish(status(output, visible_markers, stamp))
         display = _DISPLAYS.get(output.state)
@@ -75,7 +75,7 @@ class DockingOutputs:
             self._ehmi.publish(message)
 
     def latch(self, closed: bool, attached: bool, undocking: bool, *, due: bool) -> None:
-        """/docking/latch, if it is due or says something new."""
+        """Publishes /docking/latch, if it is due or has changed."""
         state = (closed, attached, undocking)
         if not due and state == self._latch_state:
             return
@@ -85,9 +85,9 @@ class DockingOutputs:
         self._latch.publish(message)
 
     def target(self, state: State, dock: Estimate | None, base: Pose2 | None) -> None:
-        """The dock's frame as it is seen from base_link now, while the robot moves into the dock.
+        """Publishes the dock's present frame in base_link while the robot moves into the dock.
 
-        dock, base: both in odom; None while nobody knows.
+        dock, base: both in odom; None while unknown.
         """
         if state in (State.SERVOING, State.FINE_ALIGN) and dock is not None and base is not None:
             pose = dock.pose.relative_to(base)

@@ -1,4 +1,4 @@
-"""At the dock pose: closing the latch, learning from it, opening it again, and backing off."""
+"""At the dock pose: closing the latch, updating the correction, opening it again, and backing off."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Latching:
 
 
 class LookingOnce:
-    """Standing at the closed latch the board is looked at once more: see :mod:`robot_stack.docking.learning`."""
+    """One more sighting of the board at the closed latch: see :mod:`robot_stack.docking.learning`."""
 
     def __init__(self, params: LatchParams) -> None:
         self._params = params

@@ -1,4 +1,4 @@
-"""Looking for the dock's markers: first straight ahead, then all around, not beside the dock."""
+"""Search for the dock's markers: first straight ahead, then all around, not beside the dock."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robot_stack.docking.states import Trigger
 
 
 class Search:
-    """last_dock_pose: of base_link in odom, as last believed; None if the dock was never seen."""
+    """last_dock_pose: last estimate of the docked base_link in odom; None without a sighting."""
 
     def __init__(self, last_dock_pose: Pose2 | None, search: SearchParams, motion: MotionParams) -> None:
         self._frame = last_dock_pose
@@ -36,7 +36,7 @@ class Search:
         return backing or self._turn(view, twist)
 
     def _back_off(self, view: View, odom: Pose2) -> Step | None:
-        """A robot that turns beside the dock would hit it with its corners."""
+        """Backs off from the dock before turning: beside it the robot's corners would hit it."""
         if self._frame is None:
             return None
         pose = odom.relative_to(self._frame)

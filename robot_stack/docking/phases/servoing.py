@@ -14,7 +14,7 @@ from robot_stack.docking.states import Trigger
 
 
 class Servoing:
-    """To ``final_m`` before the dock pose, on pose where the yaw is trusted, else on bearing and range."""
+    """To ``final_m`` before the dock pose: pose-based if the yaw is known, else by bearing and range."""
 
     def __init__(self, params: DockingParams) -> None:
         self._params = params
@@ -127,7 +127,7 @@ class FineAlign:
 
 
 def _interrupted(view: View, params: DockingParams) -> Step | None:
-    """What keeps the robot from going on: no odometry, a dock that was moved, markers out of sight."""
+    """Why the robot cannot continue: no odometry, a moved dock, no markers in view."""
     if view.situation.odom is None:
         return Step("waiting for odometry", ZERO_TWIST)
     if view.moved:

@@ -41,7 +41,7 @@ class DriveToStaging:
         return math.hypot(off.x, off.y) <= self._params.arrival_m and abs(off.yaw) <= self._params.arrival_rad
 
     def _goal(self, plan_end: Pose2 | None) -> Pose2 | None:
-        """The goal, unless navigation's plan already ends there or it was asked a moment ago."""
+        """The goal, unless navigation's plan already ends there or the goal was sent a moment ago."""
         known = plan_end is not None and plan_end.distance_to(self._staging) < 1e-3
         if known or self._since_goal_s < self._params.goal_every_s:
             return None
@@ -50,7 +50,7 @@ class DriveToStaging:
 
 
 class BackToStaging:
-    """Backwards along the dock's axis on odometry, in the frame of the dock pose as it was believed at the start."""
+    """Backs along the dock's axis by odometry, in the frame of the dock pose estimated at the start."""
 
     def __init__(self, dock_pose_in_odom: Pose2, staging: StagingParams, motion: MotionParams) -> None:
         self._frame = dock_pose_in_odom

@@ -1,4 +1,4 @@
-"""The overview of a dock's board: where each marker's centre goes, as seen by the robot that approaches."""
+"""The overview of a dock's board: the place of each marker's centre, seen from the approaching robot."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def board_page(name: str, dock: Dock, size_m: float, paper: Paper) -> Page:
 
 
 def describe(marker_id: int, place: MarkerPlace) -> str:
-    """A marker's place in words; left and right as the approaching robot sees them."""
+    """A marker's place in words; left and right from the approaching robot."""
     across_mm, height_mm, depth_mm = -1000.0 * place.y_m, 1000.0 * place.z_m, -1000.0 * place.x_m
     side = "in the middle" if round(across_mm, 1) == 0.0 else f"{abs(across_mm):.4g} mm to the {_side(across_mm)}"
     parts = [f"marker {marker_id}: centre {side}, {height_mm:.4g} mm above the ground"]

@@ -50,7 +50,7 @@ class Waits:
 
 
 class Collector:
-    """Feed it every message of ``TOPICS`` in the order of reception, then ask for ``finish``."""
+    """Pass every message of ``TOPICS`` in the order of reception, then call ``finish``."""
 
     def __init__(self, waits: Waits) -> None:
         self._waits = waits
@@ -96,7 +96,7 @@ class Collector:
         self._open = None
         self._images = {}  # images are recorded only while the robot docks: the next docking has its own
 
-    # --- what decides about beginning and end
+    # --- begin and end of a docking
 
     def _on_status(self, _: str, at_s: float, decode: Decode) -> None:
         message = decode()
@@ -127,7 +127,7 @@ class Collector:
     def _begin(self, at_s: float, before: str) -> None:
         if self._open is not None:
             self._close()
-        # Who was heard before and falls silent is missed from the start on.
+        # A source that published before and is silent now counts as missing from the start.
         trace = Trace(at_s, before, lenses=self._lenses, seen={source: [] for source in self._sources})
         trace.safety += [self._safety] if self._safety else []
         trace.limits += [self._limit] if self._limit else []
@@ -153,7 +153,7 @@ class Collector:
             trace.latched = True
             self._end(trace, _DOCKED, at_s)
 
-    # --- what belongs to it
+    # --- its data
 
     def _photograph(self, why: str, at_s: float) -> None:
         for camera, (received_s, decode) in self._images.items():

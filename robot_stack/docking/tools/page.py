@@ -1,4 +1,4 @@
-"""What stands on a printed page, in millimetres from its lower left corner."""
+"""Elements of a printed page, in millimetres from its lower left corner."""
 
 from __future__ import annotations
 

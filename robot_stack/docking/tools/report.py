@@ -15,7 +15,7 @@ from robot_stack.docking.tools.verdict import Finding, Limits, judge
 
 
 def numbers(trace: Trace, limits: Limits, docks: Docks) -> dict[str, Any]:
-    """Everything the report says, in SI units; times in s since the docking's start, None where unknown."""
+    """All numbers of the report, in SI units; times in s since the docking's start, None if unknown."""
     verdict = judge(trace, limits)
     return {
         "start_s": trace.start_s,
@@ -158,7 +158,7 @@ def _most(values: Iterable[float]) -> float | None:
 
 
 def _spell(trace: Trace, spell: Spell, name: str) -> dict[str, Any]:
-    # What lasted before the docking began is told from its start on.
+    # A condition from before the docking is shown from its start.
     from_s = max(0.0, spell.start_s - trace.start_s)
     to_s = spell.end_s - trace.start_s
     return {name: spell.value, "from_s": _round(from_s), "to_s": _round(to_s), "duration_s": _round(to_s - from_s)}

@@ -52,7 +52,7 @@ def speed_of(at_s: float, twist: Any) -> Speed:
 
 
 def effort_of(at_s: float, message: Any) -> Effort | None:
-    """None where the drives tell no effort."""
+    """None if the drives report no effort."""
     efforts = [abs(float(value)) for value in message.effort]
     return Effort(at_s, max(efforts)) if efforts else None
 

@@ -1,4 +1,4 @@
-"""Camera images of a docking: kept small while reading, shown with what the detector saw in them."""
+"""Camera images of a docking: kept small while reading, shown with the detections in them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class ShotAlbum:
 
 
 def jpeg_of(message: Any) -> bytes | None:
-    """A sensor_msgs/Image as JPEG; None if it is of another encoding or shorter than it says."""
+    """A sensor_msgs/Image as JPEG; None for another encoding or missing data."""
     channels = _CHANNELS.get(str(message.encoding), 0)
     height, width, step = int(message.height), int(message.width), int(message.step)
     data = np.frombuffer(bytes(message.data), np.uint8)

@@ -6,7 +6,7 @@ import math
 
 
 def describe(state: str, error_m: float, yaw_rad: float, visible: int, progress: float) -> str:
-    """What is not known is left out."""
+    """Unknown values are left out."""
     parts = [state]
     if math.isfinite(error_m):
         parts.append(f"{1000.0 * error_m:.1f} mm")

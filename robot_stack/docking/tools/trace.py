@@ -1,4 +1,4 @@
-"""What a recording tells of one docking, as values. Times in s since the epoch of the recorder's clock."""
+"""The data of one docking in a recording. Times in s since the epoch of the recorder's clock."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Effort:
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A camera image of a moment worth seeing, as JPEG. at_s: the moment, stamp_s: the exposure, why: what happened."""
+    """A camera image at an event, as JPEG. at_s: the event, stamp_s: the exposure, why: the event in words."""
 
     at_s: float
     stamp_s: float
@@ -101,10 +101,10 @@ class Spell:
 
 @dataclass(slots=True)
 class Trace:
-    """One docking: from the first state that is no rest to the one that ended it.
+    """One docking: from the first active state to the final one.
 
-    before: state before the first, empty if the recording begins in the middle. after: the state that ended it, empty
-    if the recording ends before. seen: times at which each source (a camera's frame, or the detector) was heard.
+    before: state before the first, empty if the recording begins in the middle. after: the final state, empty
+    if the recording ends before. seen: reception times of each source (a camera's frame, or the detector).
     """
 
     start_s: float
@@ -129,7 +129,7 @@ class Trace:
         return [spell for spell in spells(self.statuses, lambda item: item.state, self.end_s) if spell.duration_s > 0.0]
 
     def camera(self) -> str:
-        """Frame of the camera that saw most markers; empty if none did."""
+        """Frame of the camera with most markers; empty without markers."""
         frames = [marker.camera for marker in self.markers]
         return max(sorted(set(frames)), key=frames.count, default="")
 

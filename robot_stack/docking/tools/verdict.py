@@ -1,4 +1,4 @@
-"""Why a docking ended as it did, in words."""
+"""Explains in words how a docking ended."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _CAMERA_TIMEOUT = "CAMERA_TIMEOUT"
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What counts as wrong: the docking controller's limits and the contract's ages.
+    """Limits for findings: the docking controller's limits and the contract's ages.
 
     aligned_*: the errors at which a docking is done. lost_s: without a marker. jump_m: of the error between two states.
-    at_end_s: a finding that lasted until so long before the end can have caused it.
+    at_end_s: a finding that lasted until this long before the end can be a cause.
     """
 
     aligned_m: float
@@ -43,7 +43,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """text: one sentence. causes: what was wrong at the end, likeliest first. others: what was wrong before."""
+    """text: one sentence. causes: findings at the end, likeliest first. others: earlier findings."""
 
     success: bool
     text: str
@@ -137,7 +137,7 @@ def _unlatched(trace: Trace, _: Limits) -> list[Finding]:
 
 
 def _moved(trace: Trace, limits: Limits) -> list[Finding]:
-    """The error grew by a jump while the robot was aligning: the dock moved, or another pose was believed."""
+    """The error jumped while the robot was aligning: the dock moved, or another pose was accepted."""
     aligning = (State.SERVOING.value, State.FINE_ALIGN.value)
     found = []
     for before, after in pairwise(trace.statuses):

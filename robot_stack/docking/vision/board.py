@@ -1,4 +1,4 @@
-"""What the marker detector knows of boards: which markers belong together, and where their corners are."""
+"""Boards in the marker detector: the markers of each board, and the places of their corners."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When markers are looked for: the cameras' images are searched for docking alone."""
+"""Enables marker detection: the cameras' images are searched only during docking."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _SEARCHING = (State.APPROACH.value, State.SEARCH.value, State.SERVOING.value, St
 
 
 class DetectionDemand:
-    """linger_s: so long markers are still wanted after docking has reached DOCKED."""
+    """linger_s: markers are still detected for this long after docking has reached DOCKED."""
 
     def __init__(self, linger_s: float) -> None:
         self._linger_s = linger_s

@@ -54,7 +54,7 @@ class _Known:
 
 @dataclass(slots=True)
 class _Track:
-    """What the last images of one camera showed. sides_px: the smallest marker's side, px."""
+    """State from the last images of one camera. sides_px: the smallest marker's side, px."""
 
     region: Region | None = None
     side_px: float = 0.0
@@ -67,7 +67,7 @@ class MarkerDetector:
     """Keeps, for each camera, the part of the image where its markers were, and their last orientation."""
 
     def __init__(self, docks: Docks, params: DetectorParams) -> None:
-        """Raises ValueError for a dictionary that OpenCV does not know."""
+        """Raises ValueError for a dictionary that OpenCV does not have."""
         edges = params.edges
         self._params = params
         self._boards = Boards(docks)
@@ -89,7 +89,7 @@ class MarkerDetector:
         self._tracks.clear()
 
     def warm_up(self) -> None:
-        """Compiles what is compiled at the first use, so that the first image is not late by seconds."""
+        """Compiles functions before their first use, so that the first image is not delayed by seconds."""
         blank = np.zeros((64, 64), np.uint8)
         square = np.array([[[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]])
         blank[:] = 255
@@ -107,9 +107,9 @@ class MarkerDetector:
     ) -> tuple[MarkerObservation, ...]:
         """The markers in an image (height, width) of grey levels, in order of their ids.
 
-        stamp_s: time of the middle row's exposure. With it the motion since the last image is known, and what a
-        rolling shutter makes of it is undone; poses are those at the stamp.
-        Raises ValueError, naming what is wrong, for an image or intrinsics that cannot be used.
+        stamp_s: time of the middle row's exposure. It gives the motion since the last image, with which rolling
+        shutter is corrected; poses are those at the stamp.
+        Raises ValueError, naming the error, for an invalid image or invalid intrinsics.
         """
         _check(image, intrinsics, stamp_s)
         if not image.flags.carray:  # padded rows or read-only: compiled code is made for one kind of array (0.1 ms)
@@ -198,7 +198,7 @@ class MarkerDetector:
         )
 
     def _follow(self, image: Image, track: _Track, camera: Array, known: dict[str, _Known]) -> None:
-        """Where to look in the next image: around all markers of the boards that were seen."""
+        """The search region of the next image: around all markers of the detected boards."""
         search = self._params.search
         if not known:
             track.misses += 1

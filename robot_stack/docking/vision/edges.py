@@ -1,15 +1,15 @@
 """Sides of square markers, fitted as straight lines to sub-pixel edge positions.
 
 Lens distortion bends straight lines, so a side is a line only in undistorted, normalised coordinates (x/z, y/z). Points
-along the presumed side are projected into the image; there the step from black to white is found on the image's own
-normal; its position goes back to normalised coordinates, where a robust line is fitted. Neighbouring lines meet in the
-corners, and the whole is done again from there.
+along the presumed side are projected into the image; there the step from black to white is found along the image's own
+normal; its position is converted back to normalised coordinates, where a robust line is fitted. Neighbouring lines
+intersect in the corners, and the whole is repeated from there.
 
 The position of a step within a window is taken from its area: with plateaus D (black) and B (white) at the two ends,
 sum((I - D) / (B - D)) is the length of the white part. Bilinear samples spaced 1 / n pixel make this sum exact for any
 position of an edge along the pixel grid, so that frontal markers show no pixel-phase bias.
 
-All compiled functions that call each other live in this file: numba's cache looks at one file only.
+All compiled functions that call each other live in this file: numba's cache tracks changes of one file only.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _compiled(function: Any) -> Any:
 
 
 def camera_vector(intrinsics: Intrinsics) -> Array:
-    """(9,) fx, fy, cx, cy, k1, k2, p1, p2, k3: what the compiled functions take."""
+    """(9,) fx, fy, cx, cy, k1, k2, p1, p2, k3: input of the compiled functions."""
     return np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy, *intrinsics.distortion])
 
 

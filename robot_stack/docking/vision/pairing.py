@@ -1,4 +1,4 @@
-"""Which images belong together, and which of them are worth a search."""
+"""Pairs images of the cameras, and selects the images to search."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _CLOCK_RESTART_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Exposure(Generic[ItemT]):
-    """One image: camera, time of exposure, time of reception (steady) and what was made of it."""
+    """One image: camera, time of exposure, time of reception (steady) and the result."""
 
     camera: str
     stamp_s: float
@@ -23,14 +23,14 @@ class Exposure(Generic[ItemT]):
 
 
 class ExposureSets(Generic[ItemT]):
-    """Gathers one image of each camera; each image leaves once, or is replaced by its camera's next.
+    """Collects one image of each camera; each image is returned once, or is replaced by its camera's next.
 
-    One camera leads: its image is kept waiting only for others that are due. So cameras that are triggered together
-    leave together, and with cameras at other phases the leading one's image leaves at once, beside the others' newest.
+    One camera leads: its image waits only for others that are due. So images of cameras triggered together are returned
+    together; with cameras at other phases the leading one's image is returned at once, with the newest others.
     """
 
     def __init__(self, cameras: tuple[str, ...], period_s: float, wait_s: float) -> None:
-        """period_s: of the cameras. wait_s: the leading camera's image waits no longer."""
+        """period_s: of the cameras. wait_s: longest wait of the leading camera's image."""
         self._cameras = cameras
         self._period_s = period_s
         self._wait_s = wait_s
@@ -52,7 +52,7 @@ class ExposureSets(Generic[ItemT]):
         if not self._pending:
             return ()
         lead = self._pending.get(leading if leading in alive else next(iter(self._pending)))
-        if lead is None:  # not dead yet: nobody waits for it more than once
+        if lead is None:  # not dead yet: it is waited for only once
             due = now_s - self._taken_s >= self._period_s + self._wait_s
         else:
             due = alive <= self._pending.keys() or now_s - lead.received_s >= self._wait_s
@@ -65,7 +65,7 @@ class ExposureSets(Generic[ItemT]):
 
 
 class Attention:
-    """Which camera matters: the one that shows markers. Others are searched less often meanwhile."""
+    """Selects the camera to search: the one with markers. Others are searched less often meanwhile."""
 
     def __init__(self, cameras: tuple[str, ...], idle_every: int) -> None:
         self._idle_every = idle_every

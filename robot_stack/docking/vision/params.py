@@ -44,8 +44,8 @@ class EdgeParams(Config):
 
     window_px: widest half window, coarse then fine. min_contrast: grey levels. min_contrast_share: of the side's median
     contrast. min_samples_share: of the samples taken along a side. end_share: of a side, left out at each end, where
-    the corner rounds the edge. scatter_floor_px: no side's samples are believed to scatter less. systematic_px: what no
-    averaging takes away from a side (lens model, print, neighbouring edges).
+    the corner rounds the edge. scatter_floor_px: lower bound of a side's scatter. systematic_px: error of a side that
+    averaging does not reduce (lens model, print, neighbouring edges).
     """
 
     coarse_window_px: Annotated[float, Field(ge=2.0, le=16.0)]
@@ -74,11 +74,11 @@ class ShutterParams(Config):
 class PoseParams(Config):
     """Pose of a board.
 
-    outlier_sigmas: a marker this far from where the others put it is left out, if that lowers the rest's mean square
+    outlier_sigmas: a marker this far from the others' prediction is left out, if that lowers the rest's mean square
     error by outlier_gain; so is a side, if enough others are left. ambiguous_cost: two poses whose squared errors, in
-    variances, differ by less cannot be told apart. ambiguous_sigma_rad: neither can an orientation known no better than
-    this. quality_half_sigma_m: standard deviation of the position at quality 0.5. ambiguous_quality: the most an
-    ambiguous pose gets.
+    variances, differ by less are ambiguous. ambiguous_sigma_rad: so is an orientation with a larger standard deviation.
+    quality_half_sigma_m: standard deviation of the position at quality 0.5. ambiguous_quality: upper limit of an
+    ambiguous pose's quality.
     """
 
     outlier_sigmas: Positive
@@ -90,7 +90,7 @@ class PoseParams(Config):
 
 
 class DetectorParams(Config):
-    """Everything the detector can be told."""
+    """All parameters of the detector."""
 
     search: SearchParams
     edges: EdgeParams
@@ -99,11 +99,11 @@ class DetectorParams(Config):
 
 
 class ArucoDetectorParams(Config):
-    """Everything the node can be told.
+    """All parameters of the node.
 
-    always_on: detects whatever docking does. linger_s: so long also after DOCKED was reached, when the board is looked
-    at once more to learn from it. pair_wait_s: the image of the camera that shows markers waits no longer for the
-    other's. idle_camera_every: while the other camera sees markers, one without is searched in every so manieth image.
+    always_on: detects independent of docking. linger_s: detection continues this long after DOCKED, for one more look
+    at the board for its correction. pair_wait_s: longest wait of the image of the camera with markers for the other's.
+    idle_camera_every: while the other camera has markers, only every n-th image of one without is searched.
     """
 
     always_on: bool

@@ -49,7 +49,7 @@ class MarkerSearch:
     """OpenCV's detector with one threshold window; corners are good to a pixel or two."""
 
     def __init__(self, dictionary: str, params: SearchParams) -> None:
-        """Raises ValueError for a dictionary that OpenCV does not know."""
+        """Raises ValueError for a dictionary that OpenCV does not have."""
         number = getattr(cv2.aruco, dictionary, None)
         if number is None:
             raise ValueError(f"dictionary: OpenCV knows no {dictionary}")
@@ -83,7 +83,7 @@ class MarkerSearch:
         windows = self._params.threshold_windows_px
         window = windows[attempt % len(windows)]
         self._settings.adaptiveThreshWinSizeMin = self._settings.adaptiveThreshWinSizeMax = window
-        # OpenCV wants the least perimeter as a share of the image's longer side.
+        # OpenCV takes the least perimeter as a share of the image's longer side.
         self._settings.minMarkerPerimeterRate = 4.0 * self._params.smallest_side_px / longer_px
         self._detector.setDetectorParameters(self._settings)
 

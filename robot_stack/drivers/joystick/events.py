@@ -12,7 +12,7 @@ _BUTTON, _AXIS, _INITIAL = 0x01, 0x02, 0x80
 
 
 class EventRefused(Exception):
-    """What came is no event. The message is one line."""
+    """The data is not an event. The message is one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Decoder:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Event]:
-        """The events that are whole now. Raises EventRefused, after which the device is to be opened anew."""
+        """The complete events. Raises EventRefused; then reopen the device."""
         data = self._rest + data
         whole = len(data) - len(data) % _EVENT.size
         self._rest = data[whole:]

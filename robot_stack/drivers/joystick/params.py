@@ -21,9 +21,9 @@ class JoystickAxis(Config):
 class JoystickDriverParams(Config):
     """device: of the kernel's joystick interface; a relative name lies in the runtime folder.
 
-    dead_man_button: held while the robot may move. dead_zone: of an axis, a share of its way. quiet_s: without any
-    event for so long the hand is taken for gone: a radio that is out of reach tells nothing. zero_s: how long zero is
-    commanded after a release, before the drive is left to others. reopen_s: pause after an open that failed.
+    dead_man_button: held while the robot may move. dead_zone: share of an axis' range. quiet_s: timeout without events,
+    after which the joystick counts as released: a radio out of reach sends nothing. zero_s: duration of zero
+    commands after a release, before the drive is left to others. reopen_s: pause after a failed open.
     """
 
     device: Annotated[str, Field(min_length=1)]

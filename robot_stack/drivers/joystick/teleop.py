@@ -1,4 +1,4 @@
-"""What the hand on the joystick commands: nothing unless the dead-man button is held, by a hand that is felt."""
+"""The joystick's command: zero unless the dead-man button is held and events arrive."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class Grip(Enum):
 
 
 class Teleop:
-    """Feed it with every event. Times are plain steady seconds.
+    """Call for every event. Times are plain steady seconds.
 
-    The button counts when it goes down while the sticks are centred. One that was down when the device was opened or
-    when a stop came, or that went down with a stick out, must be released first.
+    The button counts when it is pressed while the sticks are centred. If it was down when the device was opened or
+    at a stop, or was pressed with a stick deflected, it must be released first.
     """
 
     def __init__(self, params: JoystickDriverParams) -> None:
@@ -47,7 +47,7 @@ class Teleop:
         self._let_go(Grip.RELEASED, now_s)
 
     def stopped(self, now_s: float) -> None:
-        """An emergency stop: whatever is held now moves nothing until it is pressed anew."""
+        """An emergency stop: a held button has no effect until it is pressed again."""
         if self._grip is Grip.HELD:
             self._let_go(Grip.REFUSED, now_s)
 
@@ -78,6 +78,6 @@ class Teleop:
         return all(self._scaled(axis) == 0.0 for axis in axes)
 
     def _scaled(self, axis: JoystickAxis) -> float:
-        """From zero at the edge of the dead zone to the whole at the end."""
+        """From 0 at the edge of the dead zone to 1 at the end."""
         value, zone = self._axes.get(axis.number, 0.0), self._params.dead_zone
         return math.copysign(max(0.0, abs(value) - zone) / (1.0 - zone), value) * axis.full

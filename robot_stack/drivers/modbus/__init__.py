@@ -1,1 +1,1 @@
-"""A battery monitor that is asked over Modbus."""
+"""A battery monitor on Modbus."""

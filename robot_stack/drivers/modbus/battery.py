@@ -1,4 +1,4 @@
-"""The battery: what its registers say together, as long as they are not old."""
+"""The battery's state from its registers, while they are fresh."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ALARMS = {
 
 
 class Block(NamedTuple):
-    """Registers that follow each other and are asked for together."""
+    """Consecutive registers that are requested together."""
 
     first: int
     size: int
@@ -34,7 +34,7 @@ class Block(NamedTuple):
 
 
 def blocks(addresses: Iterable[int]) -> tuple[Block, ...]:
-    """No block spans a register that nobody wants: a device refuses all of one that holds a register it lacks."""
+    """No block spans an unused register: a device rejects a block with a register that it lacks."""
     found: list[Block] = []
     for address in sorted(set(addresses)):
         if found and address == found[-1].first + found[-1].size:
@@ -57,14 +57,14 @@ class ModbusBattery:
         self.counters = Counters(TAKEN, REFUSED)
 
     def blocks(self) -> tuple[Block, ...]:
-        """What to ask for."""
+        """The blocks to request."""
         rows = (getattr(self._registers, name) for name in RegistersParams.model_fields)
         alarms = (address for addresses in self._alarms.values() for address in addresses)
         return blocks([*(row.address for row in rows if row is not None), *alarms])
 
     def received(self, raw: Mapping[int, int], now_s: float) -> Reading | None:
-        """raw: the registers that were answered, by their addresses; the device lacks those that are not there. None if
-        they cannot be true: the reading before grows old.
+        """raw: the received registers, by address; missing ones are not in the device. None if
+        they are implausible: the reading before becomes stale.
         """
         self._missing = tuple(
             address for first, count in self.blocks() for address in range(first, first + count) if address not in raw
@@ -111,13 +111,13 @@ class ModbusBattery:
         return next((health for name, health in _ALARMS.items() if name in self._complaints), Health.GOOD)
 
     def reading(self, now_s: float) -> Reading | None:
-        """The newest; None while it is old: see ``problem``."""
+        """The newest reading; None if it is stale: see ``problem``."""
         if self._reading is None or not 0.0 <= now_s - self._reading.time_s <= self._pack.stale_s:
             return None
         return self._reading
 
     def problem(self, now_s: float) -> str:
-        """Why there is no reading, or what the battery complains of; empty if nothing is wrong."""
+        """Why there is no reading, or the battery's alarms; empty without a problem."""
         if self.reading(now_s) is None:
             why = f", the last was refused: {self.refusal}" if self.refusal else ""
             return f"no answer of use for {self._pack.stale_s:g} s{why}"

@@ -14,7 +14,7 @@ Address = Annotated[int, Field(ge=0, le=65535)]
 
 class ModbusParams(Config):
     """transport: ``tcp`` to host and port, or ``rtu`` on a serial line; a relative serial_port lies in the runtime
-    folder. unit: of the device. poll_s: how often it is asked. timeout_s: how long an answer is waited for.
+    folder. unit: of the device. poll_s: polling period. timeout_s: of a response.
 
     reopen_s: pause after a connection that failed or was lost.
     """
@@ -46,8 +46,8 @@ class RegisterParams(Config):
 
 
 class RegistersParams(Config):
-    """Where the measurements are: V, A (positive while charging), percent, degrees Celsius, percent of the capacity of
-    a new one. null: the device does not have it.
+    """Addresses of the measurements: V, A (positive while charging), percent, degrees Celsius, percent of the capacity
+    of a new battery. null: the device does not have it.
     """
 
     voltage: RegisterParams
@@ -58,7 +58,7 @@ class RegistersParams(Config):
 
 
 class AlarmsParams(Config):
-    """Registers that are 0 while nothing is wrong, by what they tell."""
+    """Registers that are nonzero in an alarm, by alarm."""
 
     failure: tuple[Address, ...]
     too_hot: tuple[Address, ...]

@@ -1,4 +1,4 @@
-"""The thread that owns a V4L2 camera: it opens, sets, reads, and opens anew when the cable comes back."""
+"""The thread that owns a V4L2 camera: it opens, configures, reads, and reopens it after a disconnection."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from robot_stack.drivers.v4l2.params import V4l2CameraDriverParams
 
 _MANUAL = 1  # V4L2_EXPOSURE_MANUAL
 _EXPOSURE_UNIT_S = 1e-4  # of V4L2_CID_EXPOSURE_ABSOLUTE
-_FAILURES = 3  # in a row, each after a second of silence or at once: the device is opened anew
+_FAILURES = 3  # consecutive, each after a second of silence or at once: the device is reopened
 
 
 class CameraReader:
     """Starts at once; ``close`` ends it. Callbacks come from its thread.
 
-    wants: asked with each frame's timestamp (monotonic, s); only those it wants are copied. on_frame: (bytes,
-    timestamp). on_opened: before the first frame. ``state`` says in words what the device is doing, ``exposure`` what
-    the camera made of the exposure it was asked for.
+    wants: called with each frame's timestamp (monotonic, s); only frames for which it returns True are copied.
+    on_frame: (bytes, timestamp). on_opened: before the first frame. ``state`` describes the device's state,
+    ``exposure`` the camera's response to the exposure setting.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class CameraReader:
             capture.release()
 
     def _set(self, capture: cv2.VideoCapture) -> str:
-        """What the camera does not do as asked; empty if it does."""
+        """Settings that the camera does not apply; empty if it applies all."""
         code = cv2.VideoWriter.fourcc(*self._params.pixel_format)
         capture.set(cv2.CAP_PROP_FOURCC, code)
         capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._width)

@@ -1,4 +1,4 @@
-"""The thread that owns a CAN interface: it opens, reads, keeps the device awake, and opens anew when it is gone."""
+"""The thread that owns a CAN interface: it opens, reads, keeps the device awake, and reopens it if lost."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class CanReader:
     def _next(self, bus: can.BusABC) -> can.Message | None:
         try:
             return bus.recv(timeout=_POLL_S)
-        except (ValueError, IndexError):  # what an adapter on a serial line has garbled
+        except (ValueError, IndexError):  # corrupted by an adapter on a serial line
             self.corrupt += 1
             bus.flush() if hasattr(bus, "flush") else None
             return None

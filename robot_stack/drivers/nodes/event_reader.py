@@ -1,4 +1,4 @@
-"""The thread that owns a device file of events: it opens, reads, and opens anew when the device comes back."""
+"""The thread that owns a device file of events: it opens, reads, and reopens it after a disconnection."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CHUNK = 4096
 class EventReader:
     """Starts at once; ``close`` ends it. Callbacks come from its thread.
 
-    on_bytes: what was read at once. on_lost: the device was open, and is gone.
+    on_bytes: the bytes of one read. on_lost: the open device was disconnected.
     """
 
     def __init__(
@@ -27,7 +27,7 @@ class EventReader:
         self._thread.start()
 
     def open_anew(self) -> None:
-        """What comes makes no sense."""
+        """Reopens the device: its data is invalid."""
         os.write(self._wake_write, b"\0")
 
     def close(self) -> None:
@@ -51,7 +51,7 @@ class EventReader:
                 os.read(self._wake_read, _CHUNK)
 
     def _read(self, file: int) -> None:
-        """Until the device is gone, or is to be opened anew."""
+        """Reads until the device is lost or is to be reopened."""
         self.state = f"{self._device} is open"
         while not self._closing:
             woken, _, _ = select.select([self._wake_read, file], [], [])

@@ -23,7 +23,7 @@ class JoystickDriverNode(StackNode):
         self._teleop, self._decoder = Teleop(self.params), Decoder()
         self._problem = ""
         self._commands = self.advertise(topics.TELEOP_CMD_VEL)
-        # An absolute path is taken as it is.
+        # An absolute path replaces the runtime folder.
         device = str(runtime_dir() / self.params.device)
         self.set_health(False, f"waiting for the joystick {device}")
         self._reader = EventReader(device, self.params.reopen_s, self._on_bytes, self._on_lost)

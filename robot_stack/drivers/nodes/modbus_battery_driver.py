@@ -16,14 +16,14 @@ _WATCH_HZ = 2.0
 
 
 class ModbusBatteryDriverNode(StackNode):
-    """Publishes with each answer that comes, and only then: what is not heard again is not said again."""
+    """Publishes each received measurement once; old values are never repeated."""
 
     def __init__(self) -> None:
         super().__init__("modbus_battery_driver", ModbusBatteryDriverParams)
         params = self.params
         self._battery = ModbusBattery(params.registers, params.alarms, params.pack)
         self._state = self.advertise(topics.BATTERY_STATE)
-        serial_port = str(runtime_dir() / params.modbus.serial_port)  # an absolute path is taken as it is
+        serial_port = str(runtime_dir() / params.modbus.serial_port)  # an absolute path replaces the folder
         self._reader = ModbusReader(params.modbus, serial_port, self._battery.blocks(), self._on_registers)
         self.set_health(False, f"waiting for the battery on {self._reader.where}")
         self.every(_WATCH_HZ, self._watch)

@@ -1,4 +1,4 @@
-"""The thread that asks a Modbus device: it connects, asks regularly, and connects anew when the device is gone."""
+"""The thread that polls a Modbus device: it connects, polls regularly, and reconnects if the device is lost."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ _ILLEGAL_ADDRESS = 2  # MODBUS application protocol 1.1b3, section 7
 
 
 class _LastWords(logging.Handler):
-    """pymodbus says why a device cannot be opened to its log alone."""
+    """Keeps pymodbus's last log message: it reports the reason of a failed open only in its log."""
 
     def __init__(self) -> None:
         super().__init__(logging.ERROR)
         self.text = ""
         log = logging.getLogger("pymodbus.logging")
-        log.propagate = False  # not to the console each time: ``state`` tells it
+        log.propagate = False  # not to the console each time: ``state`` shows it
         log.addHandler(self)
 
     def emit(self, record: logging.LogRecord) -> None:
-        if not record.getMessage().startswith("Repeating"):  # which is what it makes of the same once more
+        if not record.getMessage().startswith("Repeating"):  # its form of a repeated message
             self.text = record.getMessage()
 
 
@@ -37,9 +37,9 @@ class _Lost(Exception):
 
 
 class ModbusReader:
-    """Starts at once; ``close`` ends it. ``on_registers`` comes from its thread with what was answered, by address.
+    """Starts at once; ``close`` ends it. ``on_registers`` is called from its thread with the values by address.
 
-    where: the device in words. serial_port: the path, where the transport is ``rtu``.
+    where: the device in words. serial_port: the path, if the transport is ``rtu``.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class ModbusReader:
         while not self._closing.wait(max(0.0, next_s - time.monotonic())):
             next_s = max(next_s + self._params.poll_s, time.monotonic())
             answers = {block: self._ask(client, block) for block in wanted}
-            # A device refuses all of a block that holds one register it lacks: from then on each is asked for alone.
+            # A device rejects a whole block with one register that it lacks: from then on each is requested separately.
             wanted = [one for block, answer in answers.items() for one in ([block] if answer else block.singles())]
             self._on_registers({address: value for answer in answers.values() for address, value in answer.items()})
 

@@ -1,4 +1,4 @@
-"""Where a sensor sits, as its driver tells it on /tf_static."""
+"""A sensor's mounting, published by its driver on /tf_static."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from robot_stack.drivers.ouster.params import OusterDriverParams
 
 
 def load_metadata(params: OusterDriverParams) -> tuple[Metadata, str]:
-    """And the file's name, for whoever refuses what is in it. Raises ConfigError."""
+    """The metadata and the file's name, for error messages. Raises ConfigError."""
     path = config_dir() / params.metadata_file
     try:
         text = path.read_text(encoding="utf-8")
@@ -20,7 +20,7 @@ def load_metadata(params: OusterDriverParams) -> tuple[Metadata, str]:
 
 
 def check(metadata: Metadata, source: str, sensor: RangeSensor) -> None:
-    """That the sensor is the one of ``config/robot.yaml``. Raises ConfigError."""
+    """Checks that the sensor is the one of ``config/robot.yaml``. Raises ConfigError."""
     if metadata.pixels_per_column > sensor.rings:
         beams = f"{metadata.pixels_per_column} beams"
         raise ConfigError(f"{source}: the sensor has {beams}, expected at most {sensor.rings} (config/robot.yaml)")

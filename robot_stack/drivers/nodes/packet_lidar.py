@@ -1,4 +1,4 @@
-"""What the drivers of LiDARs that send packets share: packets in, the contract's sweeps out, silence said."""
+"""Shared part of the packet LiDAR drivers: converts packets to the contract's sweeps and reports silence."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class PacketLidarNode(StackNode):
         self.every(1.0 / params.silence_s, self._watch)
 
     def builder(self, sensor: RangeSensor) -> Builder:
-        """Of the vendor's packets. Raises ConfigError."""
+        """The builder of sweeps from the vendor's packets. Raises ConfigError."""
         raise NotImplementedError
 
     def _open(self, name: str) -> PacketReader:
@@ -82,7 +82,7 @@ class PacketLidarNode(StackNode):
         self.report.values["points"] = str(len(sweep.points))
 
     def _watch(self) -> None:
-        """Silence is said, and never filled with what came before."""
+        """Reports silence; old sweeps are never repeated."""
         builder = self._builder
         silent = self.steady_s() - self._published_s > self.params.silence_s
         why = builder.problem or f"the {self._device} is silent"

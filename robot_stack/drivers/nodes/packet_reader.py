@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 
 _WAIT_S = 0.2
-_BUFFER_BYTES = 4 * 2**20  # a third of a second and more, should the thread be held up
+_BUFFER_BYTES = 4 * 2**20  # at least a third of a second, if the thread stalls
 _LONGEST = 65536  # an Ouster of 128 beams sends 33 kB at once
 
 

@@ -17,14 +17,14 @@ _WATCH_HZ = 2.0
 
 
 class PylontechDriverNode(StackNode):
-    """Publishes with each measurement that comes, and only then: what is not heard again is not said again."""
+    """Publishes each received measurement once; old values are never repeated."""
 
     def __init__(self) -> None:
         super().__init__("pylontech_driver", PylontechDriverParams)
         self._pack = Pack(self.params.pack)
         self._state = self.advertise(topics.BATTERY_STATE)
         can = self.params.can
-        # An absolute path is taken as it is; a network interface has none.
+        # An absolute path replaces the runtime folder; a network interface has none.
         channel = str(runtime_dir() / can.channel) if can.interface == "slcan" else can.channel
         self.set_health(False, f"waiting for the battery on {channel}")
         self._reader = CanReader(channel, can, (KEEP_ALIVE, bytes(8)), self._on_frame)

@@ -1,4 +1,4 @@
-"""The thread that owns a serial port: it opens, reads, and opens anew when the cable comes back."""
+"""The thread that owns a serial port: it opens, reads, and reopens it after a disconnection."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _CHUNK = 4096
 class SerialReader:
     """Starts at once; ``close`` ends it. Callbacks come from its thread.
 
-    port: device path. greeting: sent whenever the port has been opened. on_opened: before the first byte of a line.
-    on_bytes: what was read at once. ``state`` says in words what the port is doing.
+    port: device path. greeting: sent after each open. on_opened: before the first byte of a line.
+    on_bytes: the bytes of one read. ``state`` describes the port's state.
     """
 
     def __init__(

@@ -49,7 +49,7 @@ class V4l2CameraDriverNode(StackNode):
         return mounting(frame, (x, y, z), pose[:3, :3], self.stamp())
 
     def _watch(self) -> None:
-        """Silence is said, and never filled with an image from before."""
+        """Reports silence; old images are never repeated."""
         now_s = self.steady_s()
         problems = [camera.problem(now_s) for camera in self._cameras.values()]
         self.set_health(not any(problems), "; ".join(filter(None, problems)) or "images arrive")
@@ -79,7 +79,7 @@ class _Camera:
         self._reader = CameraReader(device, size, node.params, self._chooser.begin_anew, self._wants, self._on_frame)
 
     def problem(self, now_s: float) -> str:
-        """Why no images come; empty while they do."""
+        """Why no images arrive; empty while they do."""
         if now_s - self._published_s <= self._node.params.silence_s:
             return ""
         return f"no images of the {self._name} camera: {self._chooser.problem or self._reader.state}"
@@ -101,7 +101,7 @@ class _Camera:
             self._node.call_soon(partial(self._publish, picture))
 
     def _publish(self, picture: Picture) -> None:
-        # The monotonic clock and the system's tell the same time apart at this moment.
+        # The difference of the monotonic and the system clock at this moment.
         stamp = time_from_s(self._node.now_s() - (time.monotonic() - picture.time_s))
         self._image.header.stamp = self._info.header.stamp = stamp
         self._image.data = array("B", picture.pixels.tobytes())

@@ -1,4 +1,4 @@
-"""What the adapters of both LiDARs share: another vendor's cloud in, the contract's out, silence said."""
+"""Shared part of the adapters of both LiDARs: converts another vendor's cloud to the contract's, reports silence."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class VendorCloudNode(StackNode):
         }
 
     def _watch(self) -> None:
-        """Silence is said, and never filled with what came before."""
+        """Reports silence; old clouds are never repeated."""
         self.report.values |= self._adapter.counters.values()
         if self._clouds.received and self._clouds.age_s() > self.params.silence_s:
             self.set_health(False, f"{self.params.topic} is silent")

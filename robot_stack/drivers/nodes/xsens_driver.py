@@ -29,10 +29,10 @@ class XsensDriverNode(StackNode):
         self._samples = self.advertise(topics.IMU)
         self._sampled_s = -math.inf
         self._tf = self.advertise(topics.TF_STATIC)
-        # What is published is in base_link's axes already, whatever the unit is turned by.
+        # Published data is in base_link's axes, whatever the unit's mounting rotation.
         upright = Rotation.identity().as_matrix()
         self._tf.publish(TFMessage(transforms=[mounting(frames.IMU, self.robot.imu_xyz_m, upright, self.stamp())]))
-        # An absolute path is taken as it is.
+        # An absolute path replaces the runtime folder.
         port = str(runtime_dir() / self.params.serial.port)
         self.set_health(False, f"waiting for the inertial unit on {port}")
         self._reader = SerialReader(

@@ -36,7 +36,7 @@ class Frame:
 
     @property
     def packets(self) -> int:
-        """Of a whole frame: those that the window has columns in."""
+        """Number of packets of a whole frame: those with columns in the window."""
         return int(self._expected.sum())
 
     def begin(self) -> None:
@@ -69,7 +69,7 @@ class Frame:
 
     @property
     def spanned(self) -> float:
-        """From the first packet that came to the last, as a share of a whole frame's."""
+        """Span from the first to the last received packet, as a share of a whole frame's."""
         seen = np.flatnonzero(self._seen & self._expected)
         if not len(seen):
             return 0.0

@@ -1,7 +1,7 @@
-"""Where a beam's range ends: Ouster Firmware User Manual, "Coordinate Frames and XYZ Calculation".
+"""End point of a beam's range: Ouster Firmware User Manual, "Coordinate Frames and XYZ Calculation".
 
-The head turns clockwise. Seen from the head, beam i leaves the point ``origin`` in the direction of its azimuth and
-altitude, and its range is counted from the axis: the way to ``origin`` is in it. So a return at range r lies at
+The head turns clockwise. In the head's frame, beam i starts at ``origin`` in the direction of its azimuth and
+altitude, and its range is counted from the axis, including the distance to ``origin``. So a return at range r lies at
 ``direction * r + offset`` in the head, which is turned by the encoder's angle, 360 deg less a step for each column.
 """
 

@@ -38,7 +38,7 @@ class Pixel(NamedTuple):
         )
 
 
-# Of two returns the first is taken, which is the stronger one by the sensor's default.
+# Of two returns the first is used, which is the stronger one by the sensor's default.
 PIXELS: Final = {
     LEGACY: Pixel(12, "<u4", 0xFFFFF, 1, "<u2", 4),
     "RNG19_RFL8_SIG16_NIR16": Pixel(12, "<u4", 0x7FFFF, 1, "<u1", 4),
@@ -71,7 +71,7 @@ def layout_of(metadata: Metadata, source: str) -> Layout:
 
 
 def resembles(size: int, columns_per_packet: int) -> str:
-    """Whose packets have ``size`` bytes, for people; empty: nobody's."""
+    """The sensors whose packets have ``size`` bytes, for people; empty without any."""
     found = (
         f"{profile} of {beams} beams"
         for profile in PIXELS

@@ -1,4 +1,4 @@
-"""What an Ouster sensor says of itself: the JSON of ``GET /api/v1/sensor/metadata``, or that of firmware before 3.
+"""Metadata of an Ouster sensor: the JSON of ``GET /api/v1/sensor/metadata``, or that of firmware before 3.
 
 Meaning of the fields: Ouster Firmware User Manual, "Sensor Metadata".
 """
@@ -14,7 +14,7 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_v
 
 from robot_stack.core.config import Config, ConfigError, validate
 
-# Firmware 3 and later tells the same names in sections.
+# Firmware 3 and later has the same names in sections.
 _SECTIONS: Final = (
     "sensor_info",
     "lidar_data_format",
@@ -33,8 +33,8 @@ Matrix = Annotated[tuple[float, ...], Field(min_length=16, max_length=16)]
 class Metadata(Config):
     """Angles in degrees, lengths in mm, matrices 4 x 4 by rows; of each beam from row 0, the highest, on.
 
-    Firmware before 2.2 does not tell the profile of its packets, the window and beam_to_lidar_transform: it knew one
-    profile, no window, and no beam that lies above or below the origin.
+    Firmware before 2.2 lacks the profile of its packets, the window and beam_to_lidar_transform: it has one
+    profile, no window, and no beam that starts above or below the origin.
     """
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
@@ -94,7 +94,7 @@ class Metadata(Config):
         return 1.0 / float(self.lidar_mode.rpartition("x")[2])
 
     def beam_origin_mm(self) -> tuple[float, float]:
-        """Where the beams begin when the head looks at encoder angle 0: x and z in the lidar frame."""
+        """Origin of the beams at encoder angle 0: x and z in the lidar frame."""
         if self.beam_to_lidar_transform is None:
             return self.lidar_origin_to_beam_origin_mm, 0.0
         return self.beam_to_lidar_transform[3], self.beam_to_lidar_transform[11]
@@ -104,7 +104,7 @@ class Metadata(Config):
 
 
 def parse(text: str, source: str) -> Metadata:
-    """Raises ConfigError that names ``source`` and what it lacks."""
+    """Raises ConfigError that names ``source`` and the missing field."""
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -116,7 +116,7 @@ def parse(text: str, source: str) -> Metadata:
 
 def _flat(data: dict[str, Any]) -> dict[str, Any]:
     flat = {name: value for name, value in data.items() if name not in _SECTIONS}
-    for name in reversed(_SECTIONS):  # the configuration that was asked for never hides what is in force
+    for name in reversed(_SECTIONS):  # the requested configuration never hides the active one
         section = data.get(name)
         if isinstance(section, dict):
             flat |= section

@@ -1,4 +1,4 @@
-"""Lidar data packets as values; what cannot be one, or is not of the sensor that the metadata describes, is refused."""
+"""Lidar data packets as values; rejects packets that are invalid or from another sensor than the metadata's."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SPAN: Final = 2  # times as long as a packet takes, its columns may not lie apa
 
 
 class PacketRefused(Exception):
-    """A packet cannot be used. The message is one line: what was seen and what was expected."""
+    """An invalid packet. The message is one line: what was found and what was expected."""
 
 
 class OtherSensor(PacketRefused):
@@ -30,7 +30,7 @@ class OtherSensor(PacketRefused):
 class Packet:
     """first: its first column's place in the frame. times_ns: (n,) of the columns, by the sensor's clock.
 
-    valid: (n,) columns that were measured. initialization: another after each start of the sensor; None: not told.
+    valid: (n,) columns that were measured. initialization: changes at each start of the sensor; None: not sent.
     """
 
     frame: int
@@ -95,7 +95,7 @@ def _first(places: NDArray[np.uint16], metadata: Metadata) -> int:
 
 
 def _check_encoder(ticks: NDArray[np.uint32], first: int, valid: NDArray[np.bool_], metadata: Metadata) -> None:
-    """Its place in the turn tells the mode of a sensor whose packets do not: 512, 1024 or 2048 columns."""
+    """Determines the mode from its place in the turn, for sensors that do not send it: 512, 1024 or 2048 columns."""
     step = ENCODER_TICKS // metadata.columns_per_frame
     off = (ticks.astype(np.int64) - step * (first + np.arange(len(ticks))))[valid]
     off = (off + ENCODER_TICKS // 2) % ENCODER_TICKS - ENCODER_TICKS // 2

@@ -12,7 +12,7 @@ from robot_stack.drivers.packet_lidar_params import PacketLidarParams
 class OusterDriverParams(PacketLidarParams):
     """A packet's time is that of its last column.
 
-    metadata_file: what the sensor says of itself, in the folder of this configuration.
+    metadata_file: the sensor's metadata, in the folder of this configuration.
     """
 
     metadata_file: Annotated[str, Field(min_length=1)]

@@ -18,7 +18,7 @@ _RING = 8  # and of two
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Of ranges, both included: in the steps of the packets' layout. step_m: of one."""
+    """Range limits, both included: in the steps of the packets' layout. step_m: of one."""
 
     least: int
     most: int

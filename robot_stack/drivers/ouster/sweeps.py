@@ -20,9 +20,9 @@ from robot_stack.drivers.sweep import F64, Sweep
 LOST, DOUBLED, OUT_OF_ORDER, CORRUPT = "packets lost", "packets doubled", "packets out of order", "packets corrupt"
 OTHERS, JUMPS, STARTS = "packets not as by the metadata", "clock jumps", "starts of the sensor"
 INCOMPLETE, EMPTY = "sweeps incomplete", "sweeps without a return"
-_FRAMES = 1 << 16  # after so many the sensor counts from 0
-_LATE_FRAMES = 2  # a packet that lies further back is no late one: the sensor has begun anew
-_GAP_S = 2.0  # a longer one is a sensor that was silent, or whose clock was set: nobody knows what was lost
+_FRAMES = 1 << 16  # number of frames after which the sensor counts from 0
+_LATE_FRAMES = 2  # a packet further back is not late: the sensor has restarted
+_GAP_S = 2.0  # longer: the sensor was silent or its clock was set; the loss is unknown
 _WHOLE = 0.9  # of a frame's packets: a sweep that spans less began or ended elsewhere
 
 
@@ -57,7 +57,7 @@ class SweepBuilder:
 
     @property
     def problem(self) -> str:
-        """Why the newest packet was refused, or the newest sweep was of no use; empty if neither was."""
+        """Why the newest packet or sweep was rejected; empty if neither was."""
         return self._refused or self._empty
 
     def received(self, data: bytes, arrival_s: float) -> Sweep | None:
@@ -74,14 +74,14 @@ class SweepBuilder:
         return self._add(packet)
 
     def _begin_anew(self) -> None:
-        """What is there of a frame is not continued."""
+        """Drops an incomplete frame."""
         self._numbers = Unwrapped(_FRAMES)
         self._number: int | None = None
         self._first, self._done = True, False
         self._frame.begin()
 
     def _see_start(self, packet: Packet) -> None:
-        """A sensor that started anew tells a new number of initialization, and counts its time from anywhere."""
+        """Handles a restart: the sensor has a new initialization number, and its time starts anywhere."""
         before, self._initialization = self._initialization, packet.initialization
         if before is not None and before != packet.initialization:
             self.counters.add(STARTS)
@@ -90,7 +90,7 @@ class SweepBuilder:
             self._begin_anew()
 
     def _see_time(self, packet: Packet, arrival_s: float) -> None:
-        """The clocks' offset by the newest column; late packets tell nothing of it."""
+        """Updates the clocks' offset by the newest column; late packets do not count."""
         if not packet.valid.any():
             return
         device_s = 1e-9 * float(packet.times_ns[packet.valid][-1])

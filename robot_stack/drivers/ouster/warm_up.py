@@ -1,4 +1,4 @@
-"""Compiles what a sweep runs through, or loads it: before the first sweep instead of during it."""
+"""Compiles or loads the kernels of a sweep before the first one instead of during it."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class Sweep:
 
 
 class PointCloudAdapter:
-    """period_s, rings: the sensor's, of ``config/robot.yaml``. Holds what clouds have told about the driver so far.
+    """period_s, rings: the sensor's, of ``config/robot.yaml``. Keeps what earlier clouds have shown of the driver.
 
     mounted: (3, 3) from the sensor's own axes to those of the frame that its points are published in, None if they are
     the same.
@@ -126,7 +126,7 @@ class PointCloudAdapter:
 
 
 def _times(layout: Layout, field: NDArray[np.generic]) -> tuple[NDArray[np.float64], PointTimes]:
-    """(n,) s and their ends. Points without a return count: the first and the last column may see nothing but sky."""
+    """(n,) s and their ends. Points without a return count: the first and last column may have no returns."""
     values = field.astype(np.float64)
     finite = values[np.isfinite(values)]
     if not len(finite):

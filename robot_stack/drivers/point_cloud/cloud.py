@@ -1,4 +1,4 @@
-"""A PointCloud2 as values, and its points where they lie. What cannot be read is refused with what was seen."""
+"""A PointCloud2 as values, its points without a copy. An unreadable cloud is rejected with a reason."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ TYPES: Final[dict[int, np.dtype[np.generic]]] = {
 
 
 class CloudRefused(Exception):
-    """A cloud cannot be used. The message is one line: what was seen and what was expected."""
+    """An invalid cloud. The message is one line: what was found and what was expected."""
 
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """As PointField."""
+    """As in PointField."""
 
     name: str
     offset: int
@@ -41,7 +41,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """As PointCloud2. data: (n,) bytes. stamp_s: of the header, by the clock of whoever stamped it."""
+    """As in PointCloud2. data: (n,) bytes. stamp_s: of the header, by the clock of its sender."""
 
     frame_id: str
     stamp_s: float
@@ -60,8 +60,8 @@ class Cloud:
 def columns_at(cloud: Cloud, fields: dict[str, Field]) -> dict[str, NDArray[Any]]:
     """(n,) each: the given fields of the points of ``cloud``, under the keys' names and in the fields' own types.
 
-    An organised cloud comes column by column: those of one column were measured together, whatever its rows are.
-    Raises CloudRefused for a cloud whose bytes are not what its header says.
+    An organised cloud is read column by column: the points of a column are measured together, whatever its rows are.
+    Raises CloudRefused for a cloud whose bytes do not match its header.
     """
     _check(cloud)
     layout = np.dtype(
@@ -79,7 +79,7 @@ def columns_at(cloud: Cloud, fields: dict[str, Field]) -> dict[str, NDArray[Any]
 
 
 def _row_bytes(cloud: Cloud) -> int:
-    """Of a single row some drivers do not tell the length."""
+    """Some drivers omit the length of a single row."""
     return cloud.row_step if cloud.height != 1 or cloud.row_step else cloud.width * cloud.point_step
 
 

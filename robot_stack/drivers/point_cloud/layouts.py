@@ -22,9 +22,9 @@ _LATEST_SECONDS = 1e11
 class Layout:
     """One vendor's points.
 
-    intensity, ring: the fields' names, the first that is there. time, time_type: the field of each point's time and its
+    intensity, ring: the fields' names, the first that exists. time, time_type: the field of each point's time and its
     PointField type. unit_s: of that field; absolute: it counts from the epoch of the sensor's clock, else from the
-    moment that the header's stamp tells. mark: a field that tells this layout from another with the same time field.
+    header's stamp. mark: a field that distinguishes this layout from another with the same time field.
     """
 
     name: str
@@ -60,7 +60,7 @@ NAMES: Final = tuple(dict.fromkeys(layout.name for layout in LAYOUTS))
 def recognise(cloud: Cloud, wanted: str = AUTO) -> tuple[Layout, dict[str, Field]]:
     """The layout of a cloud and its fields under the contract's names: x, y, z, intensity, ring, time.
 
-    wanted: a layout's name, or AUTO for whichever fits. Raises CloudRefused that names the fields seen and expected.
+    wanted: a layout's name, or AUTO for whichever fits. Raises CloudRefused that names the fields found and expected.
     """
     candidates = [layout for layout in LAYOUTS if wanted in (AUTO, layout.name)]
     there = {field.name: field for field in cloud.fields}

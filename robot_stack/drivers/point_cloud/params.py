@@ -16,7 +16,7 @@ class PointCloudAdapterParams(Config):
 
     rpy_deg: the vendor's frame in the sensor's own axes, turned about the fixed x, y, z; how that is
     mounted is in ``config/robot.yaml``.
-    silence_s: without a cloud for so long the vendor's driver is called silent.
+    silence_s: timeout of the vendor driver's clouds.
     """
 
     topic: Annotated[str, Field(pattern=r"^(/[A-Za-z][A-Za-z0-9_]*)+$")]

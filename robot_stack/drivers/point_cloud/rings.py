@@ -20,7 +20,7 @@ class RingOrder(Enum):
 
 
 def ring_order(xyz: NDArray[np.float32], rings: NDArray[np.uint16]) -> RingOrder | None:
-    """By the rings' mean elevations. None if fewer than two rings were seen often enough.
+    """The order by the rings' mean elevations. None if fewer than two rings have enough points.
 
     xyz: (n, 3) m, sensor frame; rings: (n,).
     """

@@ -1,7 +1,7 @@
-"""What moment the header's stamp of another driver's cloud tells, and from it the newest point's time.
+"""Determines the reference point of the header's stamp of another driver's cloud, and the newest point's time.
 
 Vendors stamp a sweep at its first point, at its last, or at a trigger in between; the contract's stamp is the newest
-point's. A stamp that is taken for another makes the motion of a whole sweep disappear from, or appear in, its points.
+point's. A wrong reference removes the motion of a whole sweep from its points, or adds it.
 """
 
 from __future__ import annotations
@@ -55,17 +55,17 @@ def check_span(times: PointTimes, limits: Limits) -> None:
 
 
 def stamp_at(times: PointTimes, stamp_s: float, arrival_s: float, configured: StampAt, limits: Limits) -> StampAt:
-    """FIRST, LAST or TRIGGER: as configured, if the points do not contradict, else as they tell.
+    """FIRST, LAST or TRIGGER: the configured one, unless the points contradict it, else the one they show.
 
-    Raises CloudRefused where they contradict, or where nothing tells it.
+    Raises CloudRefused for a contradiction, or if it cannot be determined.
     """
     found = (
         _absolute(times, stamp_s, configured, limits) if times.absolute else _offset(times, stamp_s, arrival_s, limits)
     )
     if configured is StampAt.AUTO:
         return found
-    # Offsets from the first point below a stamp of the last: nothing but the configuration, or a cloud that would
-    # otherwise come from the future, tells it.
+    # Offsets from the first point with a stamp of the last: detected only by the configuration, or by a cloud that
+    # would otherwise come from the future.
     counted_from_first = not times.absolute and found is StampAt.FIRST and configured is StampAt.LAST
     if found is configured or counted_from_first:
         return configured
@@ -102,7 +102,7 @@ def _absolute(times: PointTimes, stamp_s: float, configured: StampAt, limits: Li
         return StampAt.TRIGGER
     near = times.first_s - limits.period_s < stamp_s < times.last_s + limits.period_s
     if configured in (StampAt.FIRST, StampAt.LAST) and not near:
-        return configured  # another clock: the points tell the sweep's length only
+        return configured  # another clock: the points give only the sweep's length
     before = stamp_s < times.first_s
     apart_s = times.first_s - stamp_s if before else stamp_s - times.last_s
     where = "before the first" if before else "after the newest"
@@ -118,5 +118,5 @@ def _offset(times: PointTimes, stamp_s: float, arrival_s: float, limits: Limits)
         raise CloudRefused(
             f"the first point comes {times.first_s:.3f} s after the stamp, expected within a sweep of it"
         )
-    # Counted from the first point: were the stamp the first one's too, the newest would not have been measured yet.
+    # Counted from the first point: if the stamp were the first one's too, the newest would not have been measured yet.
     return StampAt.LAST if stamp_s + times.last_s > arrival_s + limits.future_s else StampAt.FIRST

@@ -1,1 +1,1 @@
-"""Batteries that speak Pylontech's CAN protocol for inverters, which many others speak too."""
+"""Batteries with Pylontech's CAN protocol for inverters, which many other vendors use too."""

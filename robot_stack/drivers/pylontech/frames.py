@@ -12,7 +12,7 @@ MEASURED: Final = 0x356
 PROTECTION: Final = 0x359
 REQUESTS: Final = 0x35C
 MANUFACTURER: Final = 0x35E
-KEEP_ALIVE: Final = 0x305  # from who uses the battery: some fall silent without
+KEEP_ALIVE: Final = 0x305  # sent by the battery's user: some batteries stop sending without it
 _SIZES: Final = {LIMITS: 6, CHARGE: 4, MEASURED: 6, PROTECTION: 4, REQUESTS: 1, MANUFACTURER: 1}
 _FULL_PERCENT = 100
 
@@ -30,12 +30,12 @@ _PLACES: Final = {
 
 
 class FrameRefused(Exception):
-    """A frame cannot be used. The message is one line: what was seen and what was expected."""
+    """An invalid frame. The message is one line: what was found and what was expected."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the battery allows at the moment: V and A, both currents positive."""
+    """Present limits of the battery: V and A, both currents positive."""
 
     charge_voltage_v: float
     charge_current_a: float
@@ -44,7 +44,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Charge:
-    """[0, 1] of what the battery holds now, and of what it held when it was new."""
+    """[0, 1] state of charge, and state of health relative to a new battery."""
 
     charge: float
     health: float
@@ -69,7 +69,7 @@ class Protection:
 
 @dataclass(frozen=True, slots=True)
 class Requests:
-    """What the battery allows and asks for."""
+    """Permissions and requests of the battery."""
 
     may_charge: bool
     may_discharge: bool

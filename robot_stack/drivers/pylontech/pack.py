@@ -1,4 +1,4 @@
-"""The battery: what its frames say together, as long as they are not old."""
+"""The battery's state from its frames, while they are fresh."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TAKEN, REFUSED, OTHERS = "frames", "frames refused", "frames of others"
 FrameT = TypeVar("FrameT", bound=Frame)
 
 
-# What the battery complains of, the worst first.
+# Alarms of the battery, most severe first.
 _HEALTH = {
     "system error": Health.FAILURE,
     "over temperature": Health.HOT,
@@ -59,7 +59,7 @@ class Pack:
         return frame
 
     def reading(self, now_s: float) -> Reading | None:
-        """None while charge or measurement is missing or old: see ``problem``."""
+        """None if charge or measurement is missing or stale: see ``problem``."""
         measured, charge = self._fresh(Measured, now_s), self._fresh(Charge, now_s)
         if measured is None or charge is None:
             return None
@@ -75,7 +75,7 @@ class Pack:
         )
 
     def problem(self, now_s: float) -> str:
-        """Why there is no reading, or what the battery complains of; empty if nothing is wrong."""
+        """Why there is no reading, or the battery's alarms; empty without a problem."""
         missing = [
             name
             for kind, name in ((Measured, "0x356 (voltage, current)"), (Charge, "0x355 (charge)"))

@@ -13,8 +13,8 @@ from robot_stack.drivers.battery import PackParams
 class CanParams(Config):
     """interface: of python-can. channel: a network interface, or for slcan a device; relative: in the runtime folder.
 
-    reopen_s: pause after an open that failed. silent_s: without a frame for so long it is closed and opened anew.
-    keep_alive_s: how often the battery is told that somebody listens; null: never.
+    reopen_s: pause after a failed open. silent_s: silence after which it is closed and reopened.
+    keep_alive_s: period of keep-alive frames; null: never.
     """
 
     interface: Literal["socketcan", "slcan"]

@@ -1,1 +1,1 @@
-"""Cameras by Video4Linux: what their buffers hold, and whose moment they show."""
+"""Cameras by Video4Linux: content and time of exposure of their buffers."""

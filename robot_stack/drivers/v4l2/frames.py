@@ -20,7 +20,7 @@ _START, _END = b"\xff\xd8", b"\xff\xd9"
 
 
 class BadFrame(ValueError):
-    """The buffer holds no whole image. The message says what is wrong with it."""
+    """The buffer holds no complete image. The message gives the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ def _jpeg(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 class FrameChooser:
-    """Which frames of one camera become images, and what is said of the others. Times are monotonic, in s."""
+    """Selects the frames of a camera that become images, and counts the others. Times are monotonic, in s."""
 
     def __init__(self, params: V4l2CameraDriverParams, height: int, width: int) -> None:
         self._params, self._height, self._width = params, height, width

@@ -12,7 +12,7 @@ from robot_stack.core.config import Config
 
 
 class PixelFormat(StrEnum):
-    """Of the buffers, by its V4L2 name."""
+    """Pixel format of the buffers, by its V4L2 name."""
 
     MJPG = "MJPG"
     GREY = "GREY"
@@ -58,7 +58,7 @@ class V4l2CameraDriverParams(Config):
 
     @property
     def middle_s(self) -> float:
-        """From a buffer's timestamp to the middle of the exposure of the middle row."""
+        """Time from a buffer's timestamp to the middle of the exposure of the middle row."""
         half_s = 0.5 * (self.readout_s + self.exposure_s)
         return half_s if self.stamp_at is StampAt.START_OF_EXPOSURE else -half_s
 

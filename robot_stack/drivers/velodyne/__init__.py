@@ -1,1 +1,1 @@
-"""Velodyne LiDARs by their UDP packets; velodyne-decoder knows their geometry and timing."""
+"""Velodyne LiDARs by their UDP packets; velodyne-decoder implements their geometry and timing."""

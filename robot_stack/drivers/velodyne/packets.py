@@ -1,4 +1,4 @@
-"""Data packets of a VLP-16 (Velodyne, VLP-16 User Manual 63-9243): what is checked before a decoder sees them."""
+"""Data packets of a VLP-16 (Velodyne, VLP-16 User Manual 63-9243): checks before decoding."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _FIRINGS, _FIRING_S = 24, 55.296e-6
 
 
 class PacketRefused(Exception):
-    """A packet cannot be used. The message is one line: what was seen and what was expected."""
+    """An invalid packet. The message is one line: what was found and what was expected."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,8 @@ from robot_stack.drivers.velodyne.params import VelodyneDriverParams
 
 LOST, DOUBLED, OUT_OF_ORDER, CORRUPT = "packets lost", "packets doubled", "packets out of order", "packets corrupt"
 JUMPS, INCOMPLETE = "clock jumps", "sweeps incomplete"
-_LATE_PACKETS = 100  # a packet that lies further back is no late one: the LiDAR has begun anew
-_GAP_S = 2.0  # a longer one is a LiDAR that was silent, or whose clock was set: nobody knows what was lost
+_LATE_PACKETS = 100  # a packet further back is not late: the LiDAR has restarted
+_GAP_S = 2.0  # longer: the LiDAR was silent or its clock was set; the loss is unknown
 _WHOLE = 0.9  # of a period: a sweep that spans less began or ended elsewhere
 
 
@@ -61,11 +61,11 @@ class SweepBuilder:
         return self._sweep(*found) if found is not None else None
 
     def _begin(self) -> Any:
-        """A decoder that knows nothing: what it has of a sweep is not continued."""
+        """A new decoder: an incomplete sweep is not continued."""
         return velodyne_decoder.StreamDecoder(self._config)
 
     def _follows(self, packet: Packet, device_s: float) -> bool:
-        """False for a packet that came before, or late. One far back begins anew."""
+        """False for a packet that is old or late. One far back is a restart."""
         before_s, self._before_s = self._before_s, device_s
         if before_s is None:
             return True

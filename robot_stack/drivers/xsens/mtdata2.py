@@ -1,4 +1,4 @@
-"""What an MTData2 message measures. Packets: identifier (2 bytes), size (1 byte), data; all big endian."""
+"""Measurements of an MTData2 message. Packets: identifier (2 bytes), size (1 byte), data; all big endian."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Vector = tuple[float, float, float]
 
 
 class MeasurementRefused(Exception):
-    """A measurement cannot be used. The message is one line: what was seen and what was expected."""
+    """An invalid measurement. The message is one line: what was found and what was expected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class Measurement:
 
 
 def measurement(data: bytes) -> Measurement:
-    """Of the data of an MTData2 message. Raises MeasurementRefused."""
+    """The measurement in the data of an MTData2 message. Raises MeasurementRefused."""
     packets = _packets(data)
     missing = [f"{name} (0x{number:04X})" for number, name in _NAMES.items() if number not in packets]
     if missing:
@@ -77,7 +77,7 @@ def measurement(data: bytes) -> Measurement:
 
 
 def _packets(data: bytes) -> dict[int, tuple[int, bytes]]:
-    """Kind -> identifier with its format, data. Kinds that nobody knows are left where they are."""
+    """Kind -> identifier with its format, data. Unknown kinds are ignored."""
     found: dict[int, tuple[int, bytes]] = {}
     at = 0
     while at < len(data):
@@ -99,7 +99,7 @@ def _unsigned(packets: dict[int, tuple[int, bytes]], kind: int, size: int) -> in
 def _numbers(packets: dict[int, tuple[int, bytes]], kind: int, count: int) -> tuple[float, ...]:
     number, data = packets[kind]
     system = _SYSTEMS.get(number & _SYSTEM, "of an unknown frame")
-    # The frame is that of orientations; NWU too has its z up, but another zero of the heading, which nobody uses.
+    # The frame is that of orientations; NWU has z up too, but another zero of the heading, which is not used.
     if kind == QUATERNION and system not in ("ENU", "NWU"):
         raise MeasurementRefused(f"the orientation is {system}, expected ENU: set the unit's outputs")
     values = _decoded(number & _PRECISION, data, number)

@@ -41,7 +41,7 @@ class Sample:
 
 
 class Unit:
-    """problem: why the newest message was no sample; empty if it was. settled: the unit trusts its orientation."""
+    """problem: why the newest message gave no sample; empty if it did. settled: the unit's orientation is valid."""
 
     def __init__(self, params: XsensDriverParams) -> None:
         self._latency_s = params.latency_s
@@ -60,7 +60,7 @@ class Unit:
         return self._clock.drift_ppm
 
     def opened(self) -> None:
-        """The line is open, for the first time or again: what was half sent, and when, tells nothing any more."""
+        """The line has been opened or reopened: incomplete data and its time are dropped."""
         self._decoder.restart()
         self._clock.restart()
         self._ticks, self._counter = Unwrapped(_TICKS), None
@@ -103,7 +103,7 @@ class Unit:
         if step == 0:
             self.counters.add(DOUBLED)
             return False
-        if step < _COUNTER_RANGE // 2:  # else the unit counts anew
+        if step < _COUNTER_RANGE // 2:  # else the unit's counter restarted
             self.counters.add(LOST, step - 1)
         return True
 

@@ -60,7 +60,7 @@ class Decoder:
         start = buffer.find(PREAMBLE)
         self._skip(len(buffer) if start < 0 else start)
         if len(buffer) < 4:
-            # Two bytes tell already that this is no frame.
+            # Two bytes are enough to see that this is no frame.
             return self._skip(1) if len(buffer) >= 2 and buffer[1] != BUS else False
         extended = buffer[3] == _EXTENDED
         if buffer[1] != BUS or (extended and len(buffer) >= 6 and not _fits(buffer)):
