@@ -18,7 +18,7 @@ def bench(
         list[str] | None, typer.Option("--option", "-o", metavar="NAME=VALUE", help="An option of the benchmark.")
     ] = None,
 ) -> None:
-    """Run a benchmark and print its figures, with the aims beside them."""
+    """Run a benchmark and print its figures and aims."""
     from robot_stack.bench import framework
 
     if name is None:

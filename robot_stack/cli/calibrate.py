@@ -63,7 +63,7 @@ def extrinsics(
     frame: Annotated[str, typer.Option(help="Camera: front_camera or rear_camera.")] = "front_camera",
     picture: Annotated[Path | None, typer.Option(help="Draw what is left into this PNG.")] = None,
 ) -> None:
-    """Find how a camera is mounted beside the LiDAR, by a ride to and fro before markers that stand still."""
+    """Find a camera's mounting relative to the LiDAR, by a ride to and fro before markers that stand still."""
     from robot_stack.cli.calibrate_extrinsics import calibrate_extrinsics
 
     calibrate_extrinsics(recording, frame, picture)

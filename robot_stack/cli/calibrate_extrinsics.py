@@ -1,4 +1,4 @@
-"""What ``robot-stack calibrate extrinsics`` does: how the camera sees the robot move beside how the LiDAR does."""
+"""``robot-stack calibrate extrinsics``: compares the robot's motion measured by a camera and by the LiDAR."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def read_views(recording: Path, frame: str, progress: Callable[[int, int], None]
     images = 0
     for item in messages(recording, (IMAGES[frame],), progress):
         if isinstance(item, str):
-            continue  # told with the sweeps, which are in the same files
+            continue  # reported with the sweeps, from the same files
         message = item.decode()
         images += 1
         stamp_s = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
@@ -128,7 +128,7 @@ def places(ride: Ride, views: Views, settings: CameraMount) -> list[tuple[int, i
 
 
 def _standing(ride: Ride, stamps_s: Floats, settings: CameraMount) -> NDArray[np.bool_]:
-    """(n,) where the robot has stood for ``stand_s`` and goes on standing a little."""
+    """(n,) True where the robot has stood for ``stand_s`` and stands a little longer."""
     before, after = (ride.odometry.at(stamps_s + offset) for offset in (-settings.stand_s, 0.5 * settings.stand_s))
     return _within(after - before, settings.stand_m, settings.stand_deg)
 
@@ -183,7 +183,7 @@ def lines_of(found: CameraMountFound, frame: str, nominal: Floats, views: Views)
 
 
 def draw(found: CameraMountFound, file: Path) -> None:
-    """What is left of each view, in plan and in angle. Raises CommandError."""
+    """Draws the residual of each view, in plan and in angle. Raises CommandError."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -1,4 +1,4 @@
-"""What ``robot-stack calibrate lidar`` does: read a ride, find the mount, draw, print what belongs into the files."""
+"""``robot-stack calibrate lidar``: reads a ride, estimates the mounting, draws it, prints the values for the files."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def lines_of(found: MountFound, before_deg: Angles, sensor_m: tuple[float, float
 
 
 def draw_mount(found: MountFound, file: Path) -> None:
-    """Left the tilt that each sweep's ground shows, by heading, with what mount and slope explain; right the steps.
+    """Left each sweep's tilt against the ground, by heading, with the fit of mounting and slope; right the steps.
 
     Raises CommandError.
     """

@@ -1,4 +1,4 @@
-"""What ``robot-stack calibrate wheels`` does: a ride's joint states through the odometry that learns from them."""
+"""``robot-stack calibrate wheels``: runs a ride's joint states through the self-calibrating odometry."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robot_stack.drive.odometry import SwerveOdometry
 from robot_stack.drive.parameters import SwerveControllerParams, module_positions, odometry_settings
 from robot_stack.drive.self_calibration import CalibrationSettings, Learnt
 
-# An estimate that is hardly surer than the prior has been told nothing.
+# An estimate whose deviation is hardly below the prior's was not observed.
 _TOLD = 0.3
 
 
@@ -50,7 +50,7 @@ def calibrate_wheels(recording: Path, picture: Path | None) -> None:
 
 
 def untold(learnt: Learnt, settings: CalibrationSettings) -> str:
-    """Why the ride tells nothing of the wheels; empty if it does."""
+    """Why the ride does not determine the wheels' errors; empty if it does."""
     if not learnt.readings:
         return f"there is no motion in {topics.JOINT_STATES.name}"
     if max(learnt.radius_deviations) > _TOLD * settings.radius_deviation:

@@ -22,7 +22,7 @@ _SMALLEST_SPREAD = 0.25  # of the picture's width and height that the corners of
 
 
 class CalibrationError(Exception):
-    """The pictures cannot calibrate a camera. The message says why."""
+    """The pictures cannot calibrate a camera. The message gives the reason."""
 
 
 class CharucoParams(Config):
@@ -54,8 +54,8 @@ class CharucoParams(Config):
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What the pictures say. errors_px: root mean square by picture. sigmas: standard deviations of fx, fy, cx, cy,
-    k1, k2, p1, p2, k3."""
+    """The result from the pictures. errors_px: root mean square by picture. sigmas: standard deviations of fx, fy, cx,
+    cy, k1, k2, p1, p2, k3."""
 
     intrinsics: Intrinsics
     error_px: float

@@ -1,4 +1,4 @@
-"""What ``robot-stack doctor`` looks at. Each check returns findings; none of them changes anything."""
+"""The checks of ``robot-stack doctor``. Each check returns findings; none of them changes anything."""
 
 from __future__ import annotations
 
@@ -204,7 +204,7 @@ def display() -> Iterable[Finding]:
 
 
 def robot_devices() -> Iterable[Finding]:
-    """Of the real robot; a computer that simulates it has none of them, and misses nothing."""
+    """Devices of the real robot; a computer that simulates it needs none of them."""
     from robot_stack.cli.devices import devices
 
     for device in devices():

@@ -1,4 +1,4 @@
-"""coverage: what the range sensors see around the robot, as figures and as maps."""
+"""coverage: the field of view of the range sensors around the robot, as figures and as maps."""
 
 from __future__ import annotations
 

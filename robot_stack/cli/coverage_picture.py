@@ -1,4 +1,4 @@
-"""Maps of what is seen, as people look at them."""
+"""Maps of the observed area."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def colours(grid: Grid, points: NDArray[np.int64], points_min: int) -> NDArray[n
 
 
 def outline(item: Placed) -> NDArray[np.float64]:
-    """(k, 2) m, what a solid covers from above."""
+    """(k, 2) m, outline of a solid from above."""
     from scipy.spatial import ConvexHull
 
     half = 0.5 * np.array(item.solid.size_m)

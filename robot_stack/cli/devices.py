@@ -34,7 +34,7 @@ _ARPHRD_CAN = "280"  # linux/if_arp.h
 
 
 class Device(NamedTuple):
-    """driver: its node. there: found as configured. what: of it, in words. advice: what to do where it is not."""
+    """driver: its node. there: found as configured. what: its description. advice: what to do if it is missing."""
 
     driver: str
     there: bool
@@ -43,7 +43,7 @@ class Device(NamedTuple):
 
 
 def devices() -> Iterable[Device]:
-    """Of each driver in the profile of the real robot. Raises ConfigError."""
+    """The device of each driver in the real robot's profile. Raises ConfigError."""
     for name in read_yaml(config_dir() / "profiles" / f"{_PROFILE}.yaml").get("processes", []):
         look = _LOOKS.get(name)
         if look is not None:
@@ -176,7 +176,7 @@ def _ports() -> list[str]:
 
 
 def _description(path: Path) -> str:
-    """What the adapter calls itself."""
+    """The adapter's own name."""
     from serial.tools.list_ports import comports
 
     found = {item.device: item for item in comports()}.get(str(path))

@@ -1,4 +1,4 @@
-"""What ``robot-stack docking replay`` does: read, judge, print, draw."""
+"""``robot-stack docking replay``: reads, evaluates, prints, draws."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _DPI = 120
 
 
 def replay_recording(recording: Path, output: Path | None, json_file: Path | None) -> None:
-    """Raises CommandError if there is nothing to tell or no place for the pictures."""
+    """Raises CommandError without a docking or a place for the pictures."""
     params = load(DockingParams, "docking_controller")
     files = recording_files(recording)
     folder = output if output is not None else Path(f"docking_{recording.absolute().stem}")
@@ -50,7 +50,7 @@ def replay_recording(recording: Path, output: Path | None, json_file: Path | Non
 def collect(files: Sequence[Path], params: DockingParams) -> tuple[list[Trace], list[str]]:
     """(dockings, damages of files). Raises CommandError without any docking."""
     latch = params.latch
-    # The controller closes the latch, waits for its contact, and looks at the board once more.
+    # The controller closes the latch, waits for its contact, and takes one more sighting of the board.
     collector = Collector(Waits(latch_s=latch.confirm_timeout_s + latch.learn_s + 1.0))
     damages = []
     with _Progress(files) as progress:

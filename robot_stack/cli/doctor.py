@@ -1,4 +1,4 @@
-"""doctor: is this machine fit for the stack, and what to do where it is not."""
+"""doctor: checks whether this machine is ready for the stack, and prints what to do if not."""
 
 from __future__ import annotations
 

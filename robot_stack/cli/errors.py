@@ -1,4 +1,4 @@
-"""How a verb fails: one clear line and an exit code."""
+"""Errors of verbs: one clear line and an exit code."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def film(
 ) -> None:
     """Draw a recorded ride as a film: robot, wheelchair, people, plan and the site's map. Needs no display and no GPU.
 
-    People are drawn where a simulation recorded them; of a real ride, what perception saw.
+    People come from the simulation's ground truth if recorded; for a real ride, from perception.
     """
     from robot_stack.core.config import load
     from robot_stack.film.params import FilmParams
@@ -60,7 +60,7 @@ def make_film(
     map_name: str | None,
     report: Callable[[str], Any] = typer.echo,
 ) -> None:
-    """Writes the files and says where they are. Raises CommandError, ConfigError."""
+    """Writes the files and prints their paths. Raises CommandError, ConfigError."""
     from robot_stack.cli.film_recording import read_story
 
     with _progress("reading") as show:

@@ -40,10 +40,10 @@ class Lettering:
 
 
 def save_gif(path: Path, pictures: list[Picture], frame_hz: float, colours: int) -> None:
-    """One palette for all pictures, and no dithering: what stands still stays the same byte for byte."""
+    """One palette for all pictures, and no dithering: static parts stay the same byte for byte."""
     palette = _palette(pictures, colours)
     frames = [Image.fromarray(item).quantize(palette=palette, dither=Image.Dither.NONE) for item in pictures]
-    hundredths = max(2, round(100.0 / frame_hz))  # what a GIF counts in
+    hundredths = max(2, round(100.0 / frame_hz))  # the unit of a GIF
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=10 * hundredths, loop=0, optimize=False)
 
 

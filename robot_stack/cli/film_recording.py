@@ -1,4 +1,4 @@
-"""Reads what a film shows out of a recording."""
+"""Reads the data of a film from a recording."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from robot_stack.film.captions import caption
 from robot_stack.film.frames import WHEELCHAIR
 from robot_stack.film.tracks import Story, Track, carried
 
-# Of these as many messages as a film needs, of the others every one.
+# Topics of which only as many messages as a film needs are used; of the others every one.
 _OFTEN = (topics.SIM_BODIES, topics.CURRENT_POSE, topics.JOINT_STATES, topics.OBSTACLES)
 _MOST_OBSTACLES = 400
 _OBSTACLES_HZ = 2.0
-_AHEAD = Pose2(1.0, 0.0, 0.0)  # a wheelchair of which no dock tells
+_AHEAD = Pose2(1.0, 0.0, 0.0)  # a wheelchair without a dock in the recording
 
 
 def read_story(path: Path, sample_hz: float, progress: Callable[[int, int], None]) -> tuple[Story, list[str]]:
-    """(the ride, what was wrong with the files). progress: bytes read, of how many. Raises CommandError."""
+    """(the ride, errors of the files). progress: bytes read, of how many. Raises CommandError."""
     reader = _Reader(sample_hz)
     warnings: list[str] = []
     files = recording_files(path)
@@ -81,7 +81,7 @@ class _Reader:
         self._take[item.topic](item.at_s, item.decode())
 
     def story(self, path: Path) -> Story:
-        """Raises CommandError if the recording does not tell where the robot was."""
+        """Raises CommandError if the recording lacks the robot's pose."""
         truth = self._tracks.pop(frames.BASE_LINK, [])
         robot = truth or self._believed
         if len(robot) < 2:
@@ -140,7 +140,7 @@ class _Reader:
             self._captions.append((at_s, text))
 
     def _obstacle_points(self, at_s: float, message: Any) -> None:
-        """Kept in the frame they come in, base_link or odom's; see ``_placed_obstacles``."""
+        """Kept in their own frame, base_link or odom; see ``_placed_obstacles``."""
         if message.header.frame_id != frames.BASE_LINK:
             return
         offsets = {field.name: field.offset for field in message.fields}
@@ -150,7 +150,7 @@ class _Reader:
         self._obstacles.append((at_s, points[:: -(-len(points) // _MOST_OBSTACLES) or 1]))
 
     def _placed_obstacles(self, track: Track) -> list[tuple[float, NDArray[np.float64]]]:
-        """In map, by where the robot was."""
+        """Transformed to map, by the robot's pose."""
         placed = []
         for at_s, points in self._obstacles:
             pose = track.at(at_s)

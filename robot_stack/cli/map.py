@@ -47,7 +47,7 @@ def teach(
         typer.Option(help="PNG of the growing map, drawn anew every 2 s; by default growing.png in the recording."),
     ] = None,
 ) -> None:
-    """Teach a map: drive by hand and see it grow; Ctrl-C builds it.
+    """Teach a map: drive by hand while the map grows; Ctrl-C builds it.
 
     This only listens to the running stack and records: drive the robot with
     joystick, stick or touch pad. Stand still for 3 s first, pass within 12 m of
@@ -69,7 +69,7 @@ def show(
     name: Annotated[str, typer.Argument(help="Name in config/maps, or a folder.")],
     picture: Annotated[Path | None, typer.Option(help="Draw the map into this PNG file.")] = None,
 ) -> None:
-    """What a map holds and where it came from."""
+    """Show a map's content and origin."""
     from robot_stack.cli.map_build import lines_of
     from robot_stack.core.site_map import load_map
 

@@ -1,4 +1,4 @@
-"""What ``robot-stack map build`` does: read, build, save, draw, report."""
+"""``robot-stack map build``: reads, builds, saves, draws, reports."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def build_from_recording(
 
 
 def wanted(name: str, output: Path | None, origin: tuple[float, float, float] | None) -> tuple[Path, Pose2 | None]:
-    """(folder of the map, where it begins). Raises CommandError for what cannot be."""
+    """(folder of the map, its origin). Raises CommandError for invalid arguments."""
     if not _NAME.fullmatch(name):
         raise CommandError(f"name {name!r}: letters, digits and _ . - only", WRONG_USE)
     if origin is not None and not np.isfinite(origin).all():
@@ -125,7 +125,7 @@ def lines_of(site: SiteMap) -> list[str]:
 
 
 def problems_of(site: SiteMap) -> list[str]:
-    """What makes a map useless although its files are whole, and what its map.yaml lacks."""
+    """Defects that make a map with intact files useless, and missing entries of its map.yaml."""
     problems = []
     if not len(site.cells.count):
         problems.append(f"{site.name}: there is no cell in it")

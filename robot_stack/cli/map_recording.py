@@ -1,4 +1,4 @@
-"""Reads what a map is built from out of a recording: MCAP of the recorder, or any rosbag2."""
+"""Reads the data of a map from a recording: MCAP of the recorder, or any rosbag2."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _TYPES = {7: "<f4", 8: "<f8", 4: "<u2", 2: "<u1", 6: "<u4"}
 def read_ride(
     path: Path, settings: Sweeps, robot: Robot, progress: Callable[[int, int], None]
 ) -> tuple[Ride, list[str]]:
-    """(the ride, what was wrong with the files). progress: bytes read, of how many. Raises CommandError."""
+    """(the ride, errors of the files). progress: bytes read, of how many. Raises CommandError."""
     collector = Collector(settings, robot)
     warnings: list[str] = []
     counts = dict.fromkeys(TOPICS, 0)
@@ -55,7 +55,7 @@ def read_ride(
 
 
 def messages(path: Path, names: Collection[str], progress: Callable[[int, int], None]) -> Iterator[Recorded | str]:
-    """Those of the topics ``names``, and what was wrong with the files as text. Raises CommandError."""
+    """Messages of the topics ``names``, and errors of the files as text. Raises CommandError."""
     if _is_sqlite(path):
         yield from _rosbag(path, names, progress)
         return
@@ -91,7 +91,7 @@ def _rosbag(path: Path, names: Collection[str], progress: Callable[[int, int], N
                 progress(done, total)
     except (AnyReaderError, OSError) as error:
         raise CommandError(f"{path} cannot be read as a rosbag2: {error}", WRONG_USE) from None
-    except Exception as error:  # rosbags names no common base of what a damaged file raises
+    except Exception as error:  # rosbags has no common base class for errors of damaged files
         yield f"{path} is damaged ({type(error).__name__}: {error})"
 
 
@@ -103,7 +103,7 @@ def feed(collector: Collector, item: Recorded) -> None:
         pose = planar_pose(message.pose.pose.position, message.pose.pose.orientation)
         collector.odometry(stamp_s, pose.x, pose.y, pose.yaw)
     elif item.topic == topics.IMU.name:
-        # REP 145: -1 in the first place of the covariance says that there is no orientation.
+        # REP 145: -1 in the first element of the covariance means no orientation.
         there = message.orientation_covariance[0] != -1.0
         roll, pitch = _tilt(message.orientation) if there else (math.nan, math.nan)
         collector.imu(stamp_s, roll, pitch, message.angular_velocity.z)

@@ -1,4 +1,4 @@
-"""What ``robot-stack map teach`` does: listen while staff drive, record, show the map growing, build it at the end."""
+"""``robot-stack map teach``: listens while staff drive, records, shows the map growing, builds it at the end."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from robot_stack.supervisor.control import NotRunning, ask
 Origin = tuple[float, float, float]
 
 _LOOK_S = 0.1
-# Without a supervisor somebody may run nodes one by one: they are discovered within this time.
+# Without a supervisor nodes may have been started one by one: they are discovered within this time.
 _DISCOVERY_S = 5.0
 _SAFETY_S, _SAFETY_TIMEOUT_S = 2.0, 0.3
 _WARN_AGAIN_S = 10.0
-_NICE = 10  # the stack goes on beside the build
+_NICE = 10  # the stack runs during the build
 _INTERRUPTED = 130
 _PICTURE = "growing.png"
 # Sweeps that wait to be shown.
@@ -82,7 +82,7 @@ def teach_map(
         os.nice(_NICE)
         build_from_recording(target, name, output, origin, plot=True)
     except KeyboardInterrupt:
-        # What an interrupted build has written of the map is none without its map.yaml.
+        # An interrupted build leaves an incomplete map, which is invalid without its map.yaml.
         raise CommandError(f"interrupted; the map of this ride: {finish}", _INTERRUPTED) from None
     except CommandError as error:
         raise CommandError(f"{error}; the recording stays in {target}", error.code) from None
@@ -92,7 +92,7 @@ def teach_map(
 
 
 def _need_writable(folder: Path) -> None:
-    """Told before somebody drives round a site. Raises CommandError."""
+    """Checked before the ride. Raises CommandError."""
     existing = next(parent for parent in folder.absolute().parents if parent.exists())
     if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
         raise CommandError(f"{folder} cannot be written: no right to write into {existing}")
@@ -108,7 +108,7 @@ def _recording_folder(name: str, chosen: Path | None, recorder: RecorderParams) 
 
 
 def _make_room(target: Path, recorder: RecorderParams, *, own: bool) -> None:
-    """own: among the recorder's recordings, where what an earlier one left behind is completed. Raises ConfigError."""
+    """own: in the recorder's folder, where recordings of an earlier recorder are completed. Raises ConfigError."""
     if not own:
         need_room(target.parent, recorder.max_disk_use)
         return
@@ -117,7 +117,7 @@ def _make_room(target: Path, recorder: RecorderParams, *, own: bool) -> None:
 
 
 def _build_command(recording: Path, name: str, output: Path | None, origin: Origin | None) -> str:
-    """What makes the same map of what was recorded."""
+    """The command that builds the same map from the recording."""
     words = ["robot-stack", "map", "build", str(recording), "--name", name]
     words += ["--output", str(output.absolute())] if output is not None else []
     words += ["--origin", *map(str, origin)] if origin is not None else []
@@ -200,7 +200,7 @@ def _watch(
 
 
 def _add(ride: TaughtRide, growing: GrowingMap, longest_s: float) -> None:
-    """What has been kept since, as far as the time allows."""
+    """Adds the sweeps kept since, within the time limit."""
     end_s = time.monotonic() + longest_s
     with contextlib.suppress(Empty):
         while time.monotonic() < end_s:
@@ -208,7 +208,7 @@ def _add(ride: TaughtRide, growing: GrowingMap, longest_s: float) -> None:
 
 
 def _draw(growing: GrowingMap, params: MappingParams, picture: Path) -> list[str]:
-    """Why there is no picture: no reason to end a ride."""
+    """Returns why there is no picture; this does not end a ride."""
     try:
         write_picture(taught_picture(growing, params.grid.resolution_m, params.teach.picture_px), picture)
     except CommandError as error:
@@ -217,7 +217,7 @@ def _draw(growing: GrowingMap, params: MappingParams, picture: Path) -> list[str
 
 
 def _held_by_safety() -> list[str]:
-    """Why the robot does not obey whoever drives it, as far as the stack's supervisor has heard."""
+    """Why the robot does not move, from the supervisor's safety status."""
     try:
         safety = ask("safety", timeout_s=_SAFETY_TIMEOUT_S).get("safety")
     except (NotRunning, TimeoutError):
@@ -232,9 +232,9 @@ def _held_by_safety() -> list[str]:
 
 
 class _Ending:
-    """The first Ctrl-C asks for the end of the ride; what comes after the block takes Ctrl-C as everybody does.
+    """The first Ctrl-C ends the ride; after the block Ctrl-C works as usual.
 
-    SIGTERM, and a second Ctrl-C before the recording is complete, end it for good: no map is built.
+    SIGTERM, or a second Ctrl-C before the recording is complete, ends the program: no map is built.
     """
 
     def __init__(self) -> None:

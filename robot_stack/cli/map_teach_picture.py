@@ -1,4 +1,4 @@
-"""The map as it grows, from above: what was seen, what stands, the way, the robot."""
+"""The growing map from above: observed area, structure, path, robot."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def taught_picture(growing: GrowingMap, resolution_m: float, longest_px: int) ->
 
 
 def write_picture(picture: Image, file: Path) -> None:
-    """In one step: whoever looks sees the old one or the new one. Raises CommandError."""
+    """Replaces the file atomically. Raises CommandError."""
     whole, data = cv2.imencode(".png", picture)
     assert whole, "an image of three channels is a PNG"
     temporary = file.with_name(f".{file.name}.new")

@@ -1,4 +1,4 @@
-"""The ride while it is taught: what comes is recorded and collected at once, in a thread that nothing else holds up."""
+"""The ride during teaching: records and collects messages at once, in a thread without other work."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class _Cloud(NamedTuple):
 
 class TaughtRide:
     """A context manager. ``kept``: for each time that sweeps were kept, the ride of those and the one before them, and
-    how many they are. ``problem``: why nothing more is heard.
+    their number. ``problem``: why reception has ended.
 
-    Of the sweeps those are recorded that the collector keeps, each before the odometry that decided about it: whoever
-    reads the recording collects the same ride.
+    Only sweeps that the collector keeps are recorded, each before the odometry that decided on it: a reader of the
+    recording collects the same ride.
     """
 
     def __init__(
@@ -62,13 +62,13 @@ class TaughtRide:
         self.end()
 
     def end(self) -> None:
-        """Takes what has come until now; after it nothing more."""
+        """Processes all messages received until now, and no more."""
         self._ending.set()
         self._thread.join()
 
     @property
     def sweeps(self) -> int:
-        """That are kept, and recorded."""
+        """Number of kept and recorded sweeps."""
         return self._collector.kept
 
     def inputs(self, lost: int) -> Inputs:
@@ -87,7 +87,7 @@ class TaughtRide:
             while not self._ending.wait(_TAKE_S):
                 self._take()
             self._take()
-        except Exception as error:  # told by who waits for the end of the ride
+        except Exception as error:  # reported by the thread that waits for the end
             self.problem = error
 
     def _take(self) -> None:
@@ -121,14 +121,14 @@ class TaughtRide:
             wanted = {sweep.stamp_s for sweep in ride.sweeps[-fresh:]}
             self._seen += fresh
             self.kept.put((ride, fresh))
-        # As the collector does: the newest odometry decides about every sweep until its time.
+        # As in the collector: the newest odometry decides on every sweep until its time.
         while self._waiting and self._waiting[0].stamp_s <= stamp_s:
             cloud = self._waiting.popleft()
             if cloud.stamp_s in wanted:
                 self._write(cloud.taken)
 
     def _write(self, taken: Taken) -> None:
-        # As the recorder: beside a simulated clock the middleware's times would be of another time.
+        # As in the recorder: on a simulated clock the middleware's system times have no meaning.
         if self._world is not None:
             log_ns = sent_ns = self._world.now_ns()
         else:

@@ -32,7 +32,7 @@ def record(
     parameters |= {"name": name} if name else {}
     parameters |= {"include": include} if include else {}
     parameters |= {"exclude": exclude} if exclude else {}
-    # JSON is YAML, which is what ROS reads parameter values as.
+    # JSON is YAML, in which ROS parses parameter values.
     arguments = [part for key, value in parameters.items() for part in ("-p", f"{key}:={json.dumps(value)}")]
     command = [
         sys.executable,
@@ -45,7 +45,7 @@ def record(
 
 
 def _running() -> dict[str, Any]:
-    """What the recorder must know of the stack that runs."""
+    """The recorder's settings for the running stack."""
     try:
         status = ask("status")
     except (NotRunning, TimeoutError):
@@ -93,6 +93,6 @@ def simulate(
     flags = {"light": light, "shrink": shrink, "serial": serial, "no-plots": no_plots}
     arguments = [part for name, value in values.items() if value is not None for part in (f"--{name}", str(value))]
     arguments += [f"--{name}" for name, chosen in flags.items() if chosen]
-    # exec: Ctrl-C goes to the simulation alone.
+    # exec: Ctrl-C reaches only the simulation.
     command = [sys.executable, "-m", _SIMULATION, *arguments, "--", scenario]
     os.execve(command[0], command, {**os.environ, **ros_environment()})

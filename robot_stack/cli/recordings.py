@@ -18,7 +18,7 @@ from mcap_ros2.decoder import DecoderFactory
 from robot_stack.cli.errors import WRONG_USE, CommandError
 from robot_stack.recording.recovery import recorded_files
 
-# What reading a file that was cut off or damaged can raise.
+# Exceptions from reading an incomplete or damaged file.
 _DAMAGED = (McapError, ValueError, EOFError, struct.error, zstandard.ZstdError)
 
 
@@ -48,14 +48,14 @@ def recording_files(path: Path) -> list[Path]:
 def read_messages(path: Path, topics: Collection[str], progress: Callable[[int], None]) -> Iterator[Recorded | str]:
     """Messages of ``topics`` in one file, in order of reception; a text at last if the file is cut off or damaged.
 
-    progress: told how many bytes of the file are read, now and then.
+    progress: called with the number of bytes read, from time to time.
     """
     factory = DecoderFactory()
     schemas: dict[int, Schema] = {}
     wanted: dict[int, tuple[str, Callable[[bytes], Any]]] = {}
     with open(path, "rb") as file:
         try:
-            # Chunks' checksums tell a damaged file from a strange message.
+            # The chunks' checksums distinguish a damaged file from an unknown message.
             for count, record in enumerate(StreamReader(file, validate_crcs=True).records):
                 if isinstance(record, Message) and record.channel_id in wanted:
                     topic, decoder = wanted[record.channel_id]

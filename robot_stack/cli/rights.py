@@ -1,4 +1,4 @@
-"""The rights a user needs for what ``config/supervisor.yaml`` asks for, and which are missing."""
+"""User rights required by ``config/supervisor.yaml``, and the missing ones."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _NICE_CEILING = 20
 
 @dataclass(frozen=True, slots=True)
 class Right:
-    """needed, allowed: of the resource limit, as in setrlimit(2). item, value: what grants it in limits.conf(5).
-    purpose: what goes wrong without it, on a busy machine.
+    """needed, allowed: of the resource limit, as in setrlimit(2). item, value: its entry in limits.conf(5).
+    purpose: the effect of its absence on a busy machine.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Right:
 
 
 def rights(params: SupervisorParams) -> tuple[Right, ...]:
-    """What the stack asks for, beside what this process may."""
+    """The rights required by the stack, and those of this process."""
     priority = max(params.realtime_priority.values(), default=0)
     niceness = min(params.own_niceness, 0, *params.niceness.values())
     return (

@@ -1,7 +1,7 @@
 """estop and reset: the two keys of the emergency stop.
 
-Through the supervisor, whose node everybody knows already; where it does not answer, through a node of their own, which
-takes the others up to a few seconds to discover.
+They use the supervisor, whose node is already discovered; without a supervisor, a new node, which takes up to a few
+seconds to discover the others.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _CLEAR_HINT = "; a source that is gone or unknown is cleared by name: robot-stac
 # A supervisor that takes longer is not waited for.
 _SUPERVISOR_S = 0.5
 _POLL_S = 0.02
-# The safety monitor wants the release to last a moment before it grants a reset.
+# The safety monitor requires the release to last a moment before it grants a reset.
 _RESET_TRIES = 8
 _RESET_PAUSE_S = 0.1
 
@@ -53,14 +53,14 @@ def estop(timeout_s: Timeout = 5.0) -> None:
 def reset(timeout_s: Timeout = 5.0, clear: Clear = None) -> None:
     """Release the emergency stop. The safety monitor refuses while a source is pressed or the robot moves.
 
-    Nothing moves by it: who wants the robot to drive asks for it again, after the release.
+    The robot stays at rest: motion needs a new command after the release.
     """
     answer = None
     if clear:
         _release_by_supervisor()
     else:
         answer = _reset_by_supervisor()
-    # A press of this tool outlives it: whoever resets with it takes that back.
+    # A press of this tool outlives its process: a reset by this tool clears it.
     if answer is None or (not answer[0] and topics.OPERATOR_TOOL in answer[1]):
         from robot_stack.cli.nodes.operator_commands import reset as ask_for_reset
 
@@ -94,13 +94,13 @@ def _stop_by_supervisor(end_s: float) -> bool | None:
 
 
 def _release_by_supervisor() -> None:
-    """The supervisor's own press ends, if it can; whoever clears others asks for the reset by a node of its own."""
+    """Releases the supervisor's own press, if possible; clearing others uses a new node for the reset."""
     with contextlib.suppress(NotRunning, TimeoutError):
         ask("release", timeout_s=_SUPERVISOR_S)
 
 
 def _reset_by_supervisor() -> tuple[bool, str] | None:
-    """(granted, reason), or None if the supervisor cannot ask."""
+    """(granted, reason), or None if the supervisor cannot call the reset."""
     try:
         if not ask("release", timeout_s=_SUPERVISOR_S)["ok"]:
             return None

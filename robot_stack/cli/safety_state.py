@@ -1,4 +1,4 @@
-"""What `up` says about safety when all is running: an emergency of before is still latched, and somebody must know."""
+"""The safety lines of `up` once all is running: an earlier emergency is still latched, and people must see it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _POLL_S = 0.05
 
 
 def settled_safety(deadline_s: float) -> dict[str, Any] | None:
-    """What the supervisor has heard from the safety monitor once nothing is wrong or something is latched, else at the
-    deadline: right after a start some inputs have only begun to come. None if there is nothing by then.
+    """The supervisor's safety status once nothing is wrong or something is latched, else at the
+    deadline: right after a start some inputs are still missing. None without a status by then.
     """
     end_s = time.monotonic() + deadline_s
     safety: dict[str, Any] | None = None
@@ -30,7 +30,7 @@ def settled_safety(deadline_s: float) -> dict[str, Any] | None:
 
 
 def safety_lines(safety: dict[str, Any] | None) -> list[str]:
-    """The state, and if the robot may not move: what holds it and what releases it."""
+    """The state, and if the robot may not move: the cause and its release."""
     if safety is None:
         return ["safety: the safety monitor says nothing"]
     faults = list(safety["faults"])

@@ -18,7 +18,7 @@ from robot_stack.core.runtime import touch_screen_url
 from robot_stack.supervisor.control import NotRunning, ask
 
 _MONITOR = "safety_monitor"
-_SAFETY_S = 5.0  # it speaks ten times a second, but a new subscription takes a moment
+_SAFETY_S = 5.0  # the status comes at 10 Hz, but a new subscription takes a moment
 
 Profile = Annotated[
     str,
@@ -56,7 +56,7 @@ def up(
     from robot_stack.supervisor.profile import load_plan
 
     launch = client.Launch(profile, settings or (), only or (), speed, log_dir, system_time)
-    # Read here too: a mistake shall be told at once.
+    # Read here too, to report an error at once.
     plan = load_plan(profile, settings=launch.settings, only=launch.only, speed=speed, system_time=system_time)
     try:
         if foreground:
@@ -125,7 +125,7 @@ def run(
     context: typer.Context,
     node: Annotated[str, typer.Argument(help="Name of the process, as in docs/interfaces.md.")],
 ) -> None:
-    """Run one process of the stack in this terminal. What follows its name goes to it, e.g. --ros-args -p a:=1."""
+    """Run one process of the stack in this terminal. Arguments after its name go to it, e.g. --ros-args -p a:=1."""
     from robot_stack.core.wheels_env import ros_environment
 
     command = [sys.executable, "-m", "robot_stack.ros.main", node, *context.args]

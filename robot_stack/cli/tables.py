@@ -1,4 +1,4 @@
-"""What the tables of the command line have in common: they fit into 100 columns, and what is long stands below them."""
+"""Shared layout of the tables of the command line: at most 100 columns wide, long texts below them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def console() -> Console:
 
 
 def table(title: str, columns: Sequence[Column]) -> Table:
-    """Without rows yet. Where it is too wide, cells go on in the next line: nothing is cut."""
+    """A table without rows. If it is too wide, cells wrap: nothing is cut."""
     made = Table(title=Text(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
     for name, justify in columns:
         made.add_column(name, justify=justify, overflow="fold")
@@ -29,7 +29,7 @@ def table(title: str, columns: Sequence[Column]) -> Table:
 
 
 def notes(entries: Iterable[tuple[str, str]], style: str = "") -> Table:
-    """Subjects and what there is to say about them, wrapped."""
+    """Subjects and notes on them, wrapped."""
     made = Table.grid(padding=(0, 2))
     made.add_column(overflow="fold", style=style)
     made.add_column(overflow="fold")

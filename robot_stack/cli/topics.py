@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from robot_stack.bench.nodes.meter import Meter
     from robot_stack.supervisor.profile import Plan
 
-# One row's rate is right within this; benchmarks measure longer and ask for more.
+# Relative tolerance of one row's rate; benchmarks measure longer and are stricter.
 TOLERANCE = 0.1
 
 
@@ -30,7 +30,7 @@ def topics(
 ) -> None:
     """Compare every topic of the contract with the graph: type, QoS, rate, age; name what is missing or different.
 
-    Exit code 1 (with --once or --json) if something is.
+    Exit code 1 (with --once or --json) if something is missing or different.
     """
     plan = _plan(profile)
     rows = _rows(plan)

@@ -1,4 +1,4 @@
-"""What ``robot-stack topics`` shows."""
+"""The output of ``robot-stack topics``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _STYLES = {"ok": "", "quiet": "", "not run": "dim", "wrong": "red"}
 
 
 def topics_table(profile: str, findings: Sequence[Finding], unknown: Sequence[str]) -> Group:
-    """The contract's topics, and below them what differs from the contract. unknown: topics that it does not have."""
+    """The contract's topics, and below them the deviations. unknown: topics outside the contract."""
     shown = table(f"topics, profile {profile}", _COLUMNS)
     for finding in findings:
         shown.add_row(*_cells(finding), style=_STYLES[finding.verdict.value])
@@ -43,6 +43,6 @@ def _cells(finding: Finding) -> list[str]:
 
 
 def _rate(finding: Finding) -> str:
-    """As measured, of the contract's."""
+    """Measured rate and that of the contract."""
     measured = "-" if finding.seen.traffic.age_s is None else f"{finding.seen.traffic.rate_hz:.1f}"
     return "event" if finding.expected_hz is None else f"{measured} of {finding.expected_hz:g} Hz"

@@ -19,7 +19,7 @@ def view(
     """Show the running robot live in Foxglove: every topic of the contract, tf, and a model that turns its modules.
 
     Until Ctrl-C. Only this machine may connect; from elsewhere: ssh -L 8765:localhost:8765 ROBOT. A layout to load into
-    the viewer is config/foxglove_layout.json. What nobody looks at costs nothing.
+    the viewer is config/foxglove_layout.json. Topics without a viewer cost nothing.
     """
     from robot_stack.core.config import config_dir, load
     from robot_stack.view.nodes.server import ViewError
@@ -42,7 +42,7 @@ def view(
 
 
 def _machine() -> System:
-    """Of the stack that runs; without one, the robot."""
+    """The machine of the running stack; without one, the robot."""
     from robot_stack.supervisor.control import NotRunning, ask
 
     try:

@@ -1,4 +1,4 @@
-"""An operator's docking goal: sent, followed, cancelled when asked to."""
+"""An operator's docking goal: sent, monitored, cancelled on request."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def follow_action(
     timeout_s: float,
     end: Callable[[Any], Ended] | None = None,
 ) -> Ended:
-    """Sends a goal, calls ``report`` with each feedback, and returns its end, as ``end`` reads it from the answer.
+    """Sends a goal, calls ``report`` with each feedback, and returns its end, which ``end`` reads from the result.
 
-    KeyboardInterrupt cancels the goal; then its end is waited for, at most ``timeout_s`` from the interrupt on.
-    Raises TimeoutError if nobody offers the action within ``timeout_s``, does not answer, or does not end it.
+    KeyboardInterrupt cancels the goal; then its end is awaited for at most ``timeout_s``.
+    Raises TimeoutError if no server offers the action within ``timeout_s``, responds, or ends the goal.
     """
     if topics.OPERATOR_TOOL not in row.clients:
         raise ContractViolation(f"{topics.OPERATOR_TOOL} may not ask for {row.name}")
@@ -49,7 +49,7 @@ def follow_action(
             try:
                 return _follow(operator, row, answer, timeout_s, end or _end)
             except TimeoutError:
-                handle.cancel_goal_async()  # nobody follows it any more
+                handle.cancel_goal_async()  # it is no longer monitored
                 raise
         finally:
             client.destroy()

@@ -1,4 +1,4 @@
-"""The operator's node: publishes commands, hears answers, calls services, for as long as one verb runs."""
+"""The operator's node: publishes commands, receives answers, calls services, while one verb runs."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Operator:
         return True
 
     def deliver(self, publisher: Publisher, timeout_s: float) -> bool:
-        """Waits until a subscriber is there and every one has acknowledged what was published."""
+        """Waits for a subscriber and for the acknowledgement of all messages by every one."""
         end_s = time.monotonic() + timeout_s
         if not self.wait(lambda: publisher.get_subscription_count() > 0, timeout_s):
             return False

@@ -1,4 +1,4 @@
-"""What an operator may ask for: emergency stop, its release, and missions; each waits for the answer."""
+"""An operator's commands: emergency stop, its release, and missions; each waits for the response."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from custom_msgs.msg import MissionStatus, SafetyStatus, UICommand
 from robot_stack.cli.nodes.operator import Operator
 from robot_stack.contract import services, topics
 
-# How often a refused reset is asked for again: the monitor may not have seen the released button yet.
+# Period of repeating a refused reset: the monitor may not have received the released button yet.
 _RESET_TRIES = 5
 _RESET_PAUSE_S = 0.1
 
@@ -20,7 +20,7 @@ _RESET_PAUSE_S = 0.1
 def emergency_stop(timeout_s: float) -> float | None:
     """Publishes the emergency stop. Returns the seconds until the safety monitor showed it; None if it did not.
 
-    The message goes out at once and again whenever somebody new listens, whether or not anybody answers.
+    The message is sent at once and again for every new subscriber, independent of any response.
     """
     begun_s = time.monotonic()
     shown: list[float] = []
@@ -35,7 +35,7 @@ def emergency_stop(timeout_s: float) -> float | None:
         operator.subscribe(topics.SAFETY_STATUS, on_status)
         delivered = operator.deliver(stop, timeout_s)
         if operator.wait(lambda: reports.get_subscription_count() > 0, timeout_s - (time.monotonic() - begun_s)):
-            source.repeat()  # the stop is retained for who listens later, its report is not
+            source.repeat()  # late subscribers get the latched stop, but not its report
             operator.deliver(reports, timeout_s - (time.monotonic() - begun_s))
         if not operator.wait(lambda: shown, timeout_s - (time.monotonic() - begun_s)) or not delivered:
             return None
@@ -43,7 +43,7 @@ def emergency_stop(timeout_s: float) -> float | None:
 
 
 def reset(timeout_s: float, clear: Sequence[str] = ()) -> tuple[bool, str]:
-    """Releases this operator's emergency stop and asks the safety monitor to leave it: (granted, reason).
+    """Releases this operator's emergency stop and requests the reset from the safety monitor: (granted, reason).
 
     clear: sources whose press is cleared first, because they cannot release it themselves. A press of this tool is
     always cleared: the process that pressed has ended.

@@ -1,4 +1,4 @@
-"""Takes what a map is made from out of the running stack, as bytes, for ``robot-stack map teach``."""
+"""Receives the topics of a map from the running stack, as bytes, for ``robot-stack map teach``."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROWS = (topics.IMU, topics.LIDAR_POINTS, topics.ODOM)
 
 
 class Taken(NamedTuple):
-    """A message as it came. received_ns, sent_ns: system time; sent_ns is 0 where the middleware does not tell."""
+    """A received message. received_ns, sent_ns: system time; sent_ns is 0 if the middleware does not provide it."""
 
     row: Topic
     data: bytes
