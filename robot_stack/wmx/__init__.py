@@ -32,8 +32,8 @@ def load_library(config: ClientConfig) -> Library:
 def connect(name: str, config: ClientConfig | None = None, timeout_s: float | None = None) -> MotionEngine:
     """A device called ``name`` on the configured engine. Raises EngineError.
 
-    Waits for an engine that does not run yet and for others who create devices at the same moment, up to ``timeout_s``
-    (by default the configured one). 0 tries once and does not block, so that a node can try again from a timer.
+    Waits for an engine that does not run yet and for concurrent device creations, up to ``timeout_s``
+    (by default the configured one). 0 tries once and does not block, so that a node can retry from a timer.
     """
     config = config or load_client_config()
     library = load_library(config)

@@ -75,15 +75,15 @@ N_FLAGS = len(Flag)
 
 
 UNTOLD = -1
-"""``engine_error`` of an engine whose status does not say what took it out of communication."""
+"""``engine_error`` of an engine whose status lacks the cause of its lost communication."""
 
 
 @dataclass(frozen=True, slots=True)
 class StatusSnapshot:
-    """The engine at one cycle. Arrays of length ``n_axes`` are views into one private copy: keep them as you like.
+    """The engine at one cycle. Arrays of length ``n_axes`` are views into one private copy and may be kept.
 
     ``epoch`` changes when the engine is stopped; devices do not outlive one. ``stamp_ns`` is the system's monotonic
-    clock at publication, so that any process can tell the age; ``engine_time_s`` counts cycles and stands still with
+    clock at publication, so that any process can compute the age; ``engine_time_s`` counts cycles and stands still with
     them.
     """
 
@@ -158,7 +158,7 @@ class StatusSnapshot:
 
     @property
     def servo_requested(self) -> BoolRow:
-        """A client asked for on; with ``servo_on`` false that is a drive still switching or one that dropped out."""
+        """A client requested servo on; with ``servo_on`` false the drive is still switching, or has dropped out."""
         return self._flag(Flag.SERVO_REQUESTED)
 
     @property
@@ -210,7 +210,7 @@ class StatusSnapshot:
 
 
 class AxisFeedback(NamedTuple):
-    """What the drives measure at one cycle, for who reads it hundreds of times a second: a twentieth of a snapshot, in
+    """The drives' measurements at one cycle, for readers at several hundred Hz: a twentieth of a snapshot's cost, in
     plain numbers, because making arrays of a page costs more than reading it. One value per axis, user units.
     """
 
@@ -228,7 +228,7 @@ class AxisFeedback(NamedTuple):
 
 
 def axis_feedback(snapshot: StatusSnapshot) -> AxisFeedback:
-    """The same out of a snapshot."""
+    """The axis feedback of a snapshot."""
     return AxisFeedback(
         snapshot.communicating,
         snapshot.epoch,
@@ -241,7 +241,7 @@ def axis_feedback(snapshot: StatusSnapshot) -> AxisFeedback:
 
 
 def empty_snapshot(n_axes: int = 0) -> StatusSnapshot:
-    """What is known without an engine: nothing. State Unknown, age infinite, servos offline."""
+    """The snapshot without an engine: state Unknown, age infinite, servos offline."""
     flags = np.zeros((N_FLAGS, n_axes), np.int64)
     flags[Flag.SERVO_OFFLINE] = 1
     return StatusSnapshot(

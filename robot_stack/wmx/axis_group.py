@@ -1,4 +1,4 @@
-"""Axes that a session brings up together: what stands in their way, and what is asked for it."""
+"""Axes that a session brings up together: their obstacles, and the requests to remove these."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SERVO_ON, CLEARING = "servo on", "clearing alarms"
 
 
 class AxisGroup:
-    """Asks at most once in every ``request_pause_s`` for what has not been fulfilled."""
+    """Repeats an unfulfilled request at most once per ``request_pause_s``."""
 
     def __init__(self, session: EngineSession, names: Mapping[int, str], request_pause_s: float) -> None:
         """names: of the axes by their numbers, as faults name them."""
@@ -31,7 +31,7 @@ class AxisGroup:
         return ", ".join([*texts, *(f"{self._names[axis]} following error" for axis in following)])
 
     def clear_alarms(self, snapshot: StatusSnapshot, now_s: float) -> None:
-        """Asks the drives to forget their alarms. Only for axes that stand; nothing moves by it: the servos are off."""
+        """Clears the drives' alarms. Only for standing axes; it moves nothing: the servos are off."""
         amplifier, following = self.where(snapshot.amp_alarm), self.where(snapshot.following_error_alarm)
         if not (amplifier or following) or not self._session.due(CLEARING, now_s, self._pause_s):
             return

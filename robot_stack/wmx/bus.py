@@ -1,8 +1,8 @@
-"""The fieldbus port: what the engine exchanges with its servo drives and I/O once per cycle.
+"""The fieldbus port: the engine's exchange with its servo drives and I/O, once per cycle.
 
 The engine owns both records and reuses them: a bus reads ``DriveCommands`` and fills ``DriveFeedback`` in place during
 ``exchange`` and keeps no reference to either. All values are in drive units (encoder counts); user units, polarity and
-home offsets are the engine's business.
+home offsets are handled by the engine.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class DriveFeedback:
     """Drives to engine; arrays of length ``n_axes``, except ``inputs``. ``alarm_code`` 0 means no alarm.
 
     ``torque_percent`` is in percent of rated torque, positive in the drive's positive direction. Switches are as wired:
-    True is a high signal; a drive says with the ``has_`` arrays which sensors it has.
+    True is a high signal; the ``has_`` arrays show which sensors a drive has.
     """
 
     position_counts: NDArray[np.int64]
@@ -85,7 +85,7 @@ class DriveFeedback:
         )
 
     def forget_sensors(self) -> None:
-        """As without any sensor: what the drives last said of them is not true for ever."""
+        """Sets all sensors to absent."""
         for sensor in (self.positive_limit, self.negative_limit, self.home_switch):
             sensor.fill(False)
         for present in (self.has_limit_switches, self.has_home_switch):

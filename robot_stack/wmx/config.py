@@ -22,9 +22,9 @@ from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
 ENGINE_VARIABLE = "ROBOT_STACK_WMX_ENGINE"
 """Set by a profile: the engine belongs to the machine that runs, the file to the installation."""
 ENGINE_CONFIG_VARIABLE = "ROBOT_STACK_WMX_ENGINE_CONFIG"
-"""Which file of config/ describes the simulated engine's axes: a machine's own, by its name without .yaml."""
+"""The file of config/ with the simulated engine's axes: a machine's own, by its name without .yaml."""
 STALE_VARIABLE = "ROBOT_STACK_WMX_STATUS_STALE_S"
-# Where /clock drives, an engine that is held up holds the time up as well: its status ages on the system's clock alone.
+# On /clock, a paused engine pauses the time as well: its status ages by the system's clock alone.
 HELD_UP_STALE_S = 2.0
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -33,7 +33,7 @@ Bit = Annotated[int, Field(ge=0, lt=8)]
 
 
 class FollowingError(Config):
-    """When command and feedback part. A width of 0 switches that check off; ``quick_stop`` false only reports."""
+    """Limits of the difference of command and feedback. 0 switches a check off; ``quick_stop`` false only reports."""
 
     moving_rad: NotNegative
     stopped_rad: NotNegative
@@ -58,7 +58,7 @@ class SoftLimits(Config):
 
 
 class LimitSwitches(Config):
-    """What the engine does when an axis runs into one of its drive's limit switches."""
+    """The engine's response when an axis runs into a limit switch of its drive."""
 
     action: Literal["none", "servo_off", "dec_servo_off", "dec", "slow_dec_servo_off", "slow_dec"]
     dec_radps2: Positive
@@ -74,7 +74,7 @@ class Homing(Config):
 
 
 class Switches(Config):
-    """Where the switches of a simulated drive lie, from its encoder's zero, in its encoder's direction. null: none."""
+    """Positions of a simulated drive's switches, from its encoder's zero, in its encoder's direction. null: none."""
 
     positive_limit_rad: float | None
     negative_limit_rad: float | None
@@ -145,7 +145,7 @@ class EStopSignal(Config):
 
 
 class Timing(Config):
-    """How long the engine takes over things, in cycles."""
+    """Durations of the engine's operations, in cycles."""
 
     servo_on_delay_cycles: Annotated[int, Field(ge=0)]
     clear_alarm_cycles: Annotated[int, Field(ge=1)]
@@ -225,7 +225,7 @@ def load_engine_config() -> EngineConfig:
 
 
 def read_engine_config(path: Path) -> EngineConfig:
-    """One file that describes an engine; what ``robot_motor`` stands for is taken from ``config/robot.yaml``.
+    """One file that describes an engine; values for ``robot_motor`` come from ``config/robot.yaml``.
 
     Raises ConfigError.
     """
@@ -237,7 +237,7 @@ def read_engine_config(path: Path) -> EngineConfig:
 
 
 def _of_robot(kind: Any, source: str) -> Any:
-    """A kind of axis with what follows from ``config/robot.yaml``, if it says which of the robot's motors it is."""
+    """A kind of axis, completed from ``config/robot.yaml`` if it names one of the robot's motors."""
     if not isinstance(kind, dict) or "robot_motor" not in kind:
         return kind
     own = {name: value for name, value in kind.items() if name != "robot_motor"}

@@ -12,11 +12,11 @@ from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot, axis_feedback
 
 _CLOSE_POLL_S: Final = 0.02
 _CLOSE_TRIES: Final = 20
-"""While others close theirs. Whoever is not let in leaves it to the engine, which sees the process end."""
+"""Timeout while other devices are closing. After it the engine cleans up, which detects the end of the process."""
 
 
 class EngineError(Exception):
-    """The engine refused; ``code`` is its error code, ``text`` what that means."""
+    """The engine rejected a request; ``code`` is its error code, ``text`` its meaning."""
 
     def __init__(self, what: str, code: int, text: str) -> None:
         super().__init__(f"{what}: {text} ({error_name(code)}, error {code})")
@@ -29,9 +29,9 @@ FeedbackReader = Callable[[], AxisFeedback | None]
 
 @dataclass(frozen=True, slots=True)
 class Library:
-    """The constructors of one implementation, and how it reads the status as arrays.
+    """The constructors of one implementation, and its reader of the status as arrays.
 
-    ``feedback_reader`` makes what reads the feedback of one device; None: it is taken from the status.
+    ``feedback_reader`` makes a reader of the feedback of one device; None: it is taken from the status.
     """
 
     WMX3Api: Callable[[], port.WMX3Api]
@@ -46,8 +46,8 @@ class Library:
 class MotionEngine:
     """An open device with its API objects. Belongs to one thread; a context manager that closes the device.
 
-    ``read_feedback()`` is the little of the status that tells where the axes are, for who asks hundreds of times a
-    second; None where ``read_status`` has another code than 0.
+    ``read_feedback()`` reads only the axis positions of the status, for readers at several hundred Hz;
+    None where ``read_status`` has another code than 0.
     """
 
     def __init__(self, library: Library, api: port.WMX3Api) -> None:
@@ -69,7 +69,7 @@ class MotionEngine:
         return None if code else axis_feedback(snapshot)
 
     def close(self) -> int:
-        """Gives the device back; the engine's code. What it set in motion goes on: stop it before."""
+        """Closes the device; returns the engine's code. Motion that it started continues: stop it before."""
         code = self.api.CloseDevice()
         for _ in range(_CLOSE_TRIES):
             if code != ErrorCode.CloseDeviceLockError:

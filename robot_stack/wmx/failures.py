@@ -1,4 +1,4 @@
-"""What the engine's codes mean for a client's device: the same for everybody who opens one and has to keep it."""
+"""The meaning of the engine's codes for a client's device, shared by all clients."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from typing import Final
 from robot_stack.wmx.api import ErrorCode
 
 BUSY: Final = frozenset({ErrorCode.CreateDeviceLockError, ErrorCode.StartProcessLockError})
-"""Another process creates a device, or starts the engine, at this moment: wait and ask again."""
+"""Another process creates a device, or starts the engine, at this moment: retry."""
 
 ABSENT: Final = BUSY | {
     ErrorCode.IMLibIsNotRunning,
     ErrorCode.EngineNotStartedInSpecifiedTime,
     ErrorCode.SystemInitializationNotDone,
 }
-"""There is no engine to work with yet: waited for in silence, it has refused nothing. A creation of a device that is
-given a time to see the engine in order, and does not, answers the last of these (WMX3Api::CreateDevice).
+"""No engine to work with yet: waited for silently, because it has rejected nothing. A device creation with a timeout
+in which the engine does not become ready returns the last of these (WMX3Api::CreateDevice).
 """
 
 LOST: Final = frozenset({ErrorCode.IMLibIsNotRunning, ErrorCode.DeviceIsNull, ErrorCode.APIChannelError})
-"""The device is worth nothing any more: the engine has ended, was stopped by somebody, or has closed the device."""
+"""The device is no longer valid: the engine has ended, was stopped, or has closed the device."""
 
 PASSING: Final = ABSENT | {ErrorCode.APIChannelTimeOut}
-"""Of a device's creation: goes away by waiting."""
+"""Of a device's creation: resolved by waiting."""

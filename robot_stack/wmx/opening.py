@@ -1,4 +1,4 @@
-"""How devices are opened: at once, or in a thread, because the vendor's library may take seconds."""
+"""Opening of devices: at once, or in a thread, because the vendor's library may take seconds."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class DeviceOpener(Protocol):
     def under_way(self) -> bool: ...
 
     def __call__(self) -> MotionEngine | None:
-        """The device once it is open, None before. Raises what opening it has raised."""
+        """The device once it is open, None before. Raises the exception of its opening."""
         ...
 
     def abandon(self) -> None:
@@ -54,7 +54,7 @@ class ThreadedOpener:
         return self._attempt is not None
 
     def __call__(self) -> MotionEngine | None:
-        """The device once it is open, None before. Raises what opening it has raised."""
+        """The device once it is open, None before. Raises the exception of its opening."""
         if self._attempt is None:
             self._attempt = _Attempt(self._open_engine)
         if not self._attempt.ended.is_set():

@@ -1,8 +1,8 @@
-"""A client's session with the motion engine: found, kept alive, lost and found again, the same for whoever has one.
+"""A client's session with the motion engine, shared by all clients: connects, monitors, and reconnects after a loss.
 
-Requests are asked for by name; the reason of a refused one is kept under its name until it succeeds. Nothing here
-waits, but for the opening of a device, which the vendor's library may take seconds for: whoever has no thread for that
-lets the session have one. What is asked of a new device, and in which order, are the steps of ``start_up``.
+Requests have a name; the reason of a rejected one is kept under its name until it succeeds. Nothing here
+blocks except the opening of a device, which may take seconds in the vendor's library: without its own thread, a client
+uses the session's. The requests to a new device, and their order, are the steps of ``start_up``.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ SetPointsT = TypeVar("SetPointsT")
 
 @dataclass(frozen=True, slots=True)
 class Patience:
-    """retry_s: between looks for an engine that does not run. attempts, attempt_pause_s: of opening a device that the
-    engine refuses; after so many it is told, and goes on. probe_period_s: how often an engine is asked whether it is
-    there: a dead one leaves a status that only grows old. waited_for: the codes of an engine that does not run.
+    """retry_s: between attempts while no engine runs. attempts, attempt_pause_s: of opening a device that the
+    engine rejects; reported after that many, retries continue. probe_period_s: period of probing the engine:
+    the status of a dead one only ages. waited_for: the codes of an engine that does not run.
     """
 
     retry_s: float
@@ -40,12 +40,12 @@ class Patience:
 
 
 def _nothing(*_: Any) -> None:
-    """Nobody wants to know."""
+    """Default callback."""
 
 
 @dataclass(frozen=True, slots=True)
 class Events:
-    """What becomes of the device, for who has to know at once. refused: with the failures in a row, this included."""
+    """Callbacks on changes of the device. refused: with the number of consecutive failures, this one included."""
 
     opened: Callable[[MotionEngine], None] = _nothing
     refused: Callable[[EngineError, int], None] = _nothing
@@ -53,7 +53,7 @@ class Events:
 
 
 class Applied(NamedTuple, Generic[SetPointsT]):
-    """What the engine has taken over of set points, None for nothing; and why it is not all of them, else empty."""
+    """The set points that the engine has accepted, None for none; and why not all of them, else empty."""
 
     set_points: SetPointsT | None
     problem: str = ""
@@ -84,7 +84,7 @@ class EngineSession:
     # --- the device --------------------------------------------------------------------------------------------------
 
     def poll(self, now_s: float) -> bool:
-        """Looks for an engine, or asks the one there is whether it still is. True while there is one."""
+        """Searches for an engine, or probes the present one. True while there is one."""
         return self.connect(now_s) if self.engine is None else self.probe(now_s)
 
     def connect(self, now_s: float) -> bool:
@@ -111,7 +111,7 @@ class EngineSession:
             self.engine = engine
             self.connections += 1
             self._failures, self.text = 0, "connected"
-            self._pauses.clear()  # what was asked of an engine before this one does not count
+            self._pauses.clear()  # requests to an earlier engine do not count
             self._refusals.clear()
             self._events.opened(engine)
         return None
@@ -138,7 +138,7 @@ class EngineSession:
         return self.engine is not None
 
     def close(self) -> int:
-        """Gives the device back; the engine's code. What it set in motion goes on: stop it before."""
+        """Closes the device; returns the engine's code. Motion that it started continues: stop it before."""
         self._opener.abandon()
         if self.engine is None:
             return ErrorCode.DeviceIsNull
@@ -148,11 +148,11 @@ class EngineSession:
     # --- requests ----------------------------------------------------------------------------------------------------
 
     def read(self) -> StatusSnapshot | None:
-        """The status at this moment, None if it cannot be trusted."""
+        """The status at this moment, None if it is invalid."""
         return self.status()[1]
 
     def status(self) -> tuple[int, StatusSnapshot | None]:
-        """(0, the status at this moment), or (why it cannot be trusted, None)."""
+        """(0, the status at this moment), or (the error code, None)."""
         if self.engine is None:
             return ErrorCode.DeviceIsNull, None
         code, snapshot = self.engine.read_status()
@@ -163,11 +163,11 @@ class EngineSession:
         return ErrorCode.DeviceIsNull if self.engine is None else self.check_code(int(request(self.engine)))
 
     def ask(self, what: str, request: Callable[[MotionEngine], int]) -> bool:
-        """One request to the engine; False if there is none, or if it refused, see ``refusal``."""
+        """Sends one request to the engine; False without an engine, or if it was rejected, see ``refusal``."""
         return self.engine is not None and self._succeeded(what, request(self.engine))
 
     def refusal(self, what: str, otherwise: str) -> str:
-        """Why the last request of this name was refused, ``otherwise`` if it was not."""
+        """Why the last request of this name was rejected, ``otherwise`` if it was not."""
         return self._refusals.get(what, otherwise)
 
     @property
@@ -190,7 +190,7 @@ class EngineSession:
         return True
 
     def check_code(self, code: int) -> int:
-        """The code, after what it means for the device."""
+        """Handles the code's effect on the device and returns it."""
         if code in LOST and self.engine is not None:
             self.text = _ENDED
             self._refusals.clear()

@@ -11,12 +11,12 @@ from robot_stack.wmx.session import EngineSession
 
 StageT = TypeVar("StageT")
 Step = Callable[[StatusSnapshot, float], "tuple[StageT, str] | None"]
-"""(status, now) -> where it stands and why, after asking the engine for what is missing; None if nothing is."""
+"""(status, now) -> (stage, reason), after requesting the missing step; None if nothing is missing."""
 
 
 @dataclass(frozen=True, slots=True)
 class SessionState(Generic[StageT]):
-    """snapshot: the engine's present status, None while there is none that can be trusted."""
+    """snapshot: the engine's present status, None without a valid one."""
 
     stage: StageT
     text: str
@@ -24,9 +24,9 @@ class SessionState(Generic[StageT]):
 
 
 class StartUp(Generic[StageT]):
-    """A list of start-up steps, gone through at every look: the first that is not fulfilled says where it stands.
+    """A list of start-up steps, checked at every poll: the first unfulfilled one gives the stage.
 
-    What was reached and is lost again is asked for again, by the same steps. connected: called for every new device.
+    A step that is lost again is requested again. connected: called for every new device.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class StartUp(Generic[StageT]):
         self._connection = 0
 
     def poll(self, now_s: float) -> SessionState[StageT]:
-        """Looks, and asks for what is missing."""
+        """Reads the status and requests the next missing step."""
         session = self._session
         session.poll(now_s)
         if session.connections != self._connection:

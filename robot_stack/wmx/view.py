@@ -14,19 +14,19 @@ from robot_stack.wmx import MotionEngine, connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.session import EngineSession, Patience
 
-# A process that was held up runs its threads in any order: so long the executor lets this one go first.
+# After a pause a process runs its threads in any order: for this time the executor lets this one go first.
 _CATCH_UP_S = 0.005
-# A thread that did not run for so long was held up, and with it perhaps the whole machine: the engine's status is then
-# as old as the pause, until the engine has run again. So long it is given before it counts as silent.
+# If a thread did not run for this long, it was paused, perhaps with the whole machine: the engine's status is then
+# as old as the pause, until the engine has run again. The engine gets this time before it counts as silent.
 _HELD_UP_S = 0.03
 _PATIENCE_S = 0.05
-# A device that cannot be opened or read is tried anew this often: no call is made that could tell whether it is lost.
+# Retry period of a device that cannot be opened or read: no call is made that could show whether it is lost.
 RETRY_S = 0.2
 PATIENCE = Patience(retry_s=RETRY_S, attempts=5, attempt_pause_s=RETRY_S, probe_period_s=math.inf)
 
 
 class EngineView:
-    """Calls ``on_status`` at ``poll_hz`` in its thread: the present status, or None while there is none to trust.
+    """Calls ``on_status`` at ``poll_hz`` in its thread: the present status, or None without a valid one.
 
     ``engine`` is for calls from within ``on_status``; the device belongs to that thread.
     """
@@ -50,7 +50,7 @@ class EngineView:
         self._thread.start()
 
     def catch_up(self) -> None:
-        """Lets the thread read the status if it is behind: what is late here must not look like an engine that is."""
+        """Lets the thread read the status if it is behind: its delay must not count as the engine's."""
         if time.monotonic() - self._polled_at_s > 2.0 * self._period_s:
             self._polled.clear()
             self._awaited = True

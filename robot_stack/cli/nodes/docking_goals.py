@@ -34,7 +34,7 @@ def follow_action(
     """Sends a goal, calls ``report`` with each feedback, and returns its end, which ``end`` reads from the result.
 
     KeyboardInterrupt cancels the goal; then its end is awaited for at most ``timeout_s``.
-    Raises TimeoutError if no server offers the action within ``timeout_s``, responds, or ends the goal.
+    Raises TimeoutError without a server, an answer or an end within ``timeout_s``.
     """
     if topics.OPERATOR_TOOL not in row.clients:
         raise ContractViolation(f"{topics.OPERATOR_TOOL} may not ask for {row.name}")

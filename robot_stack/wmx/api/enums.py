@@ -23,7 +23,7 @@ class EngineState(IntEnum):
 
 
 class OperationState(IntEnum):
-    """What an axis is doing; it concerns the command, the feedback may still settle in Idle."""
+    """State of an axis' command; the feedback may still settle in Idle."""
 
     Idle = 0
     Pos = 1
@@ -87,7 +87,7 @@ class EStopLevel(IntEnum):
 
 
 class HomeState(IntEnum):
-    """What a homing motion is looking for."""
+    """The present search of a homing motion."""
 
     Idle = 0
     ZPulseSearch = 1
@@ -168,7 +168,7 @@ class Config_LimitSwitchDirection(IntEnum):
 
 
 class Config_LimitSwitchType(IntEnum):
-    """What a limit does to the axis that runs into it."""
+    """Effect of a limit on the axis that runs into it."""
 
     PyNone = 0
     ServoOff = 1
@@ -180,7 +180,7 @@ class Config_LimitSwitchType(IntEnum):
 
 
 class Config_ProhibitOvertravelType(IntEnum):
-    """What a new target too near to stop for does: overshoot and return, brake harder, or step the velocity down."""
+    """Response to a new target too near to stop for: overshoot and return, brake harder, or step the velocity down."""
 
     Disabled = 0
     ChangeDeceleration = 1

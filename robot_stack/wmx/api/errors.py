@@ -194,7 +194,7 @@ Codes = type[IntEnum]
 
 
 def error_text(code: int, *modules: Codes) -> str:
-    """The meaning of ``code`` for an API module that knows the given enumerations; "not defined" for a foreign code."""
+    """The meaning of ``code`` for an API module with the given enumerations; "not defined" for a foreign code."""
     for module in modules:
         try:
             name = module(code).name
@@ -205,7 +205,7 @@ def error_text(code: int, *modules: Codes) -> str:
 
 
 def error_name(code: int) -> str:
-    """The vendor's name of ``code``, whichever module it belongs to; the number as text where no module knows it."""
+    """The vendor's name of ``code`` in any module; the number as text for an unknown code."""
     modules: tuple[Codes, ...] = (ErrorCode, CoreMotionErrorCode, EcErrorCode, AdvancedMotionErrorCode)
     for module in modules:
         try:

@@ -35,7 +35,7 @@ class Config_FeedbackParam:
 
 @dataclass(slots=True)
 class Config_HomeParam:
-    """How an axis looks for its home position. Speeds in user units per second, all above zero.
+    """Parameters of homing. Speeds in user units per second, all above zero.
 
     ``homeShiftDistance`` counts in the homing direction. ``maxLSReverseDistance`` and ``maxHSOnAtStartReverseDistance``
     of 0 set no limit.

@@ -1,12 +1,12 @@
 """The engine port: the vendor library's surface as protocols.
 
 Commands return a code; getters return ``(code, value[, value])``, with zero values on failure; setters of parameter
-blocks return ``(code, block)`` where the block is the one given. A code of 0 (``ErrorCode.PyNone``) is success. Nothing
-raises for what the engine refuses. Overloads of the C++ library carry suffixes, as in the vendor's Python module:
+blocks return ``(code, block)`` where the block is the one given. A code of 0 (``ErrorCode.PyNone``) is success. A
+rejected call raises nothing. Overloads of the C++ library carry suffixes, as in the vendor's Python module:
 ``_AxisSel`` takes an AxisSelection. Calls that start motion take one command, or
 a count and a list of commands, which is all-or-nothing.
 
-An object belongs to one thread at a time. What is a call and what it takes is said once more as data, in ``surface``.
+An object belongs to one thread at a time. ``surface`` lists all calls and their arguments as data.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ class WMX3Api(Protocol):
         """Opens a device; the engine leaves Idle with its first one. May block for seconds (WMX3Api::CreateDevice).
 
         CreateDeviceLockError while another is created, StartProcessLockError while another process starts the engine:
-        ask again. With a time to see the engine in order, and in vain: SystemInitializationNotDone.
+        retry. SystemInitializationNotDone if the engine is not ready within a given time.
         """
         ...
 
     def CloseDevice(self) -> int:
-        """Gives the device back; axes that it commanded go on. The last device ends the engine, whatever moves.
+        """Closes the device; axes that it commanded continue. Closing the last device ends the engine, even in motion.
 
         With CloseDeviceLockError it stays open: try again.
         """
@@ -54,7 +54,7 @@ class WMX3Api(Protocol):
 
     def IsDeviceValid(self) -> bool: ...
     def StopEngine(self, waitTimeMilliseconds: int = 0) -> int:
-        """Ends the engine for everybody; all devices become invalid, parameters and outputs are reset."""
+        """Ends the engine for all clients; all devices become invalid, parameters and outputs are reset."""
         ...
 
     def StartCommunication(self, waitTimeMilliseconds: int = 0) -> int:
@@ -79,7 +79,7 @@ class AxisControl(Protocol):
 
     def SetServoOn_AxisSel(self, axisSelection: AxisSelection, newStatus: int) -> int: ...
     def ClearAmpAlarm(self, axis: int) -> int:
-        """A request: the drive's alarm goes, if its cause is gone, some cycles later."""
+        """A request: the drive's alarm clears some cycles later, if its cause is gone."""
         ...
 
     def ClearAmpAlarm_AxisSel(self, axisSelection: AxisSelection) -> int: ...
@@ -109,7 +109,7 @@ class Motion(Protocol):
         ...
 
     def Stop(self, axis: int) -> int:
-        """Decelerates as the running command's profile says. No error on an idle axis."""
+        """Decelerates by the running command's profile. No error on an idle axis."""
         ...
 
     def Stop_AxisSel(self, axisSelection: AxisSelection) -> int:
@@ -133,8 +133,8 @@ class Velocity(Protocol):
     def StartVel_TimedVel(
         self, command: TimedVelCommands, commands: Sequence[Velocity_TimedVelCommand] | None = None
     ) -> int:
-        """As StartVel, and decelerates by itself when it has run at the velocity for the time. Profiles by times only
-        (TimeAcc..); the time to its velocity and that to rest are besides the run time.
+        """Like StartVel, and decelerates by itself after running at the velocity for the time. Profiles by times only
+        (TimeAcc..); the times to reach the velocity and to stop are additional to the run time.
         """
         ...
 
@@ -182,7 +182,7 @@ class Config(Protocol):
         ...
 
     def GetAndExportAll(self, filePath: str) -> int:
-        """Writes all parameters as the vendor's XML; what ImportAndSetAll reads back unchanged."""
+        """Writes all parameters as the vendor's XML, which ImportAndSetAll reads back unchanged."""
         ...
 
 

@@ -9,7 +9,7 @@ from robot_stack.wmx.api.enums import DeviceType, EngineState
 
 @dataclass(slots=True)
 class EngineStatus:
-    """``error`` is the code of what last took the engine out of communication by itself, 0 for none."""
+    """``error`` is the code of the last unrequested end of communication, 0 for none."""
 
     state: int = EngineState.Unknown
     error: int = 0

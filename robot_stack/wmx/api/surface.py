@@ -1,7 +1,7 @@
-"""The surface of the engine as tables, one per object of the vendor's module: what every call takes and answers.
+"""The surface of the engine as tables, one per object of the vendor's module: arguments and results of every call.
 
-The protocols of ``port`` say the same to a type checker. The client of the simulated engine, the requests that its
-server knows and the vendor adapter are made from these tables; so are the tests' vendor module and their call lists.
+The protocols of ``port`` declare the same for a type checker. The client of the simulated engine, the requests of its
+server and the vendor adapter are made from these tables; so are the tests' vendor module and their call lists.
 """
 
 from __future__ import annotations
@@ -60,18 +60,18 @@ class Listed:
 
 
 Kind = Plain | Commands | Listed | type
-"""How one argument looks: plain, commands, an enumeration, or a record."""
+"""The kind of an argument: plain, commands, an enumeration, or a record."""
 
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """takes: the arguments; the last ``optional`` of them may be left out. values: the types of what is answered beside
-    a code; on failure they are zero values. plain: it answers a value and no code. echo: the last argument is answered,
+    """takes: the arguments; the last ``optional`` of them may be left out. values: the types of the results beside
+    a code; on failure they are zero values. plain: it returns a value and no code. echo: the last argument is returned,
     too. also: names of the call in other versions. unfit: the code for a number that the argument's type cannot hold.
 
-    needed: the vendor's library is refused without it when it is loaded; any other call that a version lacks answers
-    NoSupportedFunction. bus: it is no use without communication. own: the client of the simulated engine does more than
-    ask for it.
+    needed: the vendor's library is rejected at loading without it; any other call that a version lacks returns
+    NoSupportedFunction. bus: it needs communication. own: the client of the simulated engine implements it
+    itself.
     """
 
     takes: tuple[Kind, ...] = ()
@@ -218,4 +218,4 @@ SURFACE: Final[Mapping[str, Table]] = {
     "Io": IO,
     "Ecat": ECAT,
 }
-"""By the names of the vendor's classes and of their members."""
+"""By the names of the vendor's classes and their members."""

@@ -1,8 +1,8 @@
 """Command values of the engine, by the vendor's names.
 
 Positions are in user units (rad for the robot), velocities per second, accelerations per second squared, times in
-milliseconds. They are plain mutable records, as with the vendor: a caller fills the fields it needs. Nothing is checked
-here; the engine checks what it is given and answers with a code.
+milliseconds. They are plain mutable records, as in the vendor's library: a caller fills the fields it needs. Nothing is
+checked here; the engine checks its arguments and returns a code.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ INFINITE = 0xFFFFFFFF
 
 @dataclass(slots=True)
 class Profile:
-    """How a motion reaches its velocity and leaves it.
+    """How a motion reaches its velocity and stops.
 
     Trapezoidal uses ``acc`` and ``dec``; TimeAccTrapezoidal uses the two times: to its velocity, and from that to rest,
-    which is also the rate at which it slows down to its velocity. Starting and end velocities other than zero are
-    refused by the simulated engine.
+    which is also the rate at which it slows down to its velocity. The simulated engine rejects starting and end
+    velocities other than zero.
     """
 
     type: int = ProfileType.Trapezoidal
@@ -69,7 +69,7 @@ class Profile:
 
 @dataclass(slots=True)
 class AxisSelection:
-    """Which axes a call concerns: the first ``axisCount`` entries of a list that grows as it is written."""
+    """The axes of a call: the first ``axisCount`` entries of a list that grows as it is written."""
 
     axisCount: int = 0
     axis: list[int] = field(default_factory=list)
@@ -104,7 +104,7 @@ class Motion_PosCommand:
 
 @dataclass(slots=True)
 class Velocity_VelCommand:
-    """Run in velocity mode at the signed ``profile.velocity`` until told otherwise."""
+    """Run in velocity mode at the signed ``profile.velocity`` until another command."""
 
     axis: int = 0
     profile: Profile = field(default_factory=Profile)
@@ -141,7 +141,7 @@ class AdvMotion_SplinePoint:
 
 @dataclass(slots=True)
 class AdvMotion_PointTimeSplineCommand:
-    """Which axis each dimension of a spline is."""
+    """The axis of each dimension of a spline."""
 
     dimensionCount: int = 0
     axis: list[int] = field(default_factory=list)

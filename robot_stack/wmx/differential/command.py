@@ -1,8 +1,8 @@
-"""What the base is asked to do: the newest twist, as long as it is young.
+"""The command of the base: the newest twist, until its timeout.
 
-Whenever the drive becomes able to move (at the start, after a fault, after an emergency stop) it must first see the
-command at rest, zero or silent. A sender that never noticed the stop would else set the base in motion by itself.
-Silence counts from when rest is demanded: a node that was held up has heard nothing, which says nothing of the sender.
+Whenever the drive becomes able to move (at the start, after a fault, after an emergency stop) the command must first be
+zero or silent. Otherwise a sender that missed the stop would restart the base.
+Silence counts from the demand for rest: while a node is paused it receives nothing, whatever the sender does.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class OldTwist(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """linear_mps, angular_radps: what to drive now. text: why it is rest although something else was commanded.
-    blocked: the command must be at rest before it is obeyed again.
+    """linear_mps, angular_radps: to drive now. text: why it is rest although something else was commanded.
+    blocked: the command must be at rest before it counts again.
     """
 
     linear_mps: float
@@ -66,11 +66,11 @@ class TwistCommand:
         return 0.0 <= now_s - self._received_s <= self._timeout_s
 
     def demand_rest(self, now_s: float) -> None:
-        """From now on nothing is obeyed until the command has been at rest."""
+        """Ignores commands until the command has been at rest."""
         self._rested, self._demanded_s = False, now_s
 
     def requested(self, now_s: float) -> Command:
-        """What to drive at ``now_s``."""
+        """The command at ``now_s``."""
         if not self.fresh(now_s):
             known = self._received_s > -math.inf or now_s >= self._heard_from_s
             self._rested = self._rested or (known and now_s - self._demanded_s > self._timeout_s)

@@ -30,13 +30,13 @@ class WheelPair:
 
     @property
     def largest(self) -> float:
-        """Of the two magnitudes."""
+        """The larger of the two magnitudes."""
         return max(abs(self.left), abs(self.right))
 
 
 @dataclass(frozen=True, slots=True)
 class WheelAxes:
-    """Which axes of the engine the wheels are. polarity: -1 of one that turns backwards where its wheel drives on."""
+    """The engine's axes of the wheels. polarity: -1 for an axis that turns backwards when its wheel drives forward."""
 
     left: int
     right: int
@@ -48,7 +48,7 @@ class WheelAxes:
         return self.turned(WheelPair(float(of_axes[self.left]), float(of_axes[self.right])))
 
     def turned(self, pair: WheelPair) -> WheelPair:
-        """Between wheels that drive forward and axes that turn, either way."""
+        """Converts between wheel direction and axis direction, either way."""
         return WheelPair(pair.left * self.left_polarity, pair.right * self.right_polarity)
 
 

@@ -62,7 +62,7 @@ class WheelOdometry:
         self._odometry = Odometry()
 
     def update(self, reading: WheelReading) -> Odometry:
-        """The odometry after ``reading``. A way that cannot be believed moves nothing and is named in ``fault``."""
+        """The odometry after ``reading``. An implausible motion is ignored and named in ``fault``."""
         if not all(map(math.isfinite, (reading.stamp_s, reading.angles.left, reading.angles.right))):
             self._odometry = replace(self._odometry, fault="encoder reading is not finite")
             return self._odometry
@@ -74,7 +74,7 @@ class WheelOdometry:
         return self._odometry
 
     def _doubt(self, last: WheelReading, reading: WheelReading) -> str:
-        """Why the way between two readings is not known; empty if it is."""
+        """Why the motion between two readings is unknown; empty if it is known."""
         settings = self._settings
         elapsed_s = reading.stamp_s - last.stamp_s
         if reading.generation != last.generation or elapsed_s < 0.0:

@@ -1,4 +1,4 @@
-"""Parameters of the differential drive, ``config/diff_drive_controller.yaml``, and what becomes of them.
+"""Parameters of the differential drive, ``config/diff_drive_controller.yaml``, and the settings made of them.
 
 The names without a unit are those of the interface documents.
 """
@@ -26,7 +26,7 @@ Polarity = Literal[1, -1]
 _UNSET = "no_param"
 _PLANAR, _UNMEASURED = (0, 1, 5), (2, 3, 4)  # x, y, yaw; z, roll, pitch
 _HUGE_VARIANCE = 1e6
-_UNLIMITED = 1e6  # m/s2, rad/s3 and the like: within one step whatever is asked for
+_UNLIMITED = 1e6  # m/s2, rad/s3 and the like: any command is reached within one step
 
 
 class OdometryParams(Config):
@@ -40,7 +40,7 @@ class OdometryParams(Config):
 
 
 class LimitParams(Config):
-    """Of the body: joined, so that a change of twist keeps its curve. 0 is no limit."""
+    """Limits of the body, combined so that a change of twist keeps its curve. 0 is no limit."""
 
     linear_acceleration_mps2: NotNegative
     angular_acceleration_radps2: NotNegative
@@ -167,7 +167,7 @@ def session_settings(params: DiffDriveParams, config_folder: Path) -> SessionSet
 
 
 def pose_covariance(planar: Matrix3) -> list[float]:
-    """6 x 6, row-major, of a covariance of (x, y, yaw). What a planar base does not measure is unknown: huge."""
+    """6 x 6, row-major, of a covariance of (x, y, yaw). Unmeasured components have a huge variance."""
     full = [0.0] * 36
     for index in _UNMEASURED:
         full[7 * index] = _HUGE_VARIANCE

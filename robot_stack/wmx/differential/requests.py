@@ -1,4 +1,4 @@
-"""Requests about one axis, as the session asks them of the engine."""
+"""Requests of the session for one axis of the engine."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ def rest(axis: int, within_s: float) -> Velocity_VelCommand:
 def run_at(
     axis: int, now_radps: float, speed_radps: float, within_s: float, stop_s: float, lifetime_s: float
 ) -> Velocity_TimedVelCommand:
-    """From the present to another speed within a time, as far as the life of a command goes; after that the engine
+    """From the present to another speed within a time, limited by the lifetime of a command; after that the engine
     stops the axis, from its speed in ``stop_s``.
 
-    A timed velocity takes profiles by times only, its run time counts from when its speed is reached, and it slows down
+    A timed velocity takes profiles by times only, its run time counts from reaching its speed, and it slows down
     at the rate at which it stops (WMX3 API reference, Velocity::StartVel).
     """
     change = (speed_radps - now_radps) * min(1.0, lifetime_s / within_s)

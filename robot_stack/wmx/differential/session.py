@@ -1,9 +1,9 @@
-"""Two wheels on the motion engine: from no engine at all to servos that are on, and back whenever something is lost.
+"""Two wheels on the motion engine: from no connection to enabled servos, and back after a loss.
 
-``poll`` is called often and never waits: it looks at the engine's status once and asks for the next thing that is
-missing. What breaks while the wheels were ready stops both of them at the engine's quick-stop deceleration. An alarm or
-a servo that dropped out then waits for whoever clears it and switches it on again, or for an emergency stop and its
-release; a lost engine or bus is gone through from the start.
+``poll`` is called often and never blocks: it reads the engine's status once and requests the next missing step. A fault
+while the wheels were ready stops both of them at the engine's quick-stop deceleration. An alarm or a dropped servo then
+waits until a client clears it and switches it on again, or for an emergency stop and its
+release; a lost engine or bus restarts the sequence.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _MODE = "velocity mode"
 _DRIVING, _QUICK_STOP = "driving", "quick stop"
 _BY_HAND = "needs clear_alarm and set_on, or an emergency stop and its release"
 _NO_BUS_YET = "the engine does not communicate yet"
-# Of the life of a command: then it is sent again.
+# Share of a command's lifetime after which it is sent again.
 _RENEWED = 1.0 / 3.0
 _SHORTEST_RAMP_S = 1e-3
 _HALTING = (DetailOperationState.Stop_QStop, DetailOperationState.Stop_EStop)
@@ -75,7 +75,7 @@ class WheelSession:
     # --- the next step -----------------------------------------------------------------------------------------------
 
     def poll(self, now_s: float, *, stop: bool) -> SessionState[Stage]:
-        """Looks, and asks for what is missing. stop: an emergency stop is in force."""
+        """Reads the status and requests the next missing step. stop: an emergency stop is active."""
         self._stop = stop
         self.state = self._start.poll(now_s)
         self._was_ready = self._was_ready or self.ready
@@ -162,10 +162,10 @@ class WheelSession:
     # --- motion ------------------------------------------------------------------------------------------------------
 
     def follow(self, speeds: WheelPair, now_s: float, ramp_s: float | None = None) -> Applied[WheelPair]:
-        """Has both wheels at speeds of their axes (rad/s), or neither. ramp_s: in which they get there, where not the
-        settings say it.
+        """Drives both wheels at speeds of their axes (rad/s), or neither. ramp_s: time to reach them, None for the
+        settings' value.
 
-        Wheels that turn are commanded again well within the life of their command: that is what keeps them turning.
+        Turning wheels are commanded again well within the lifetime of their command, which keeps them turning.
         """
         snapshot = self.state.snapshot
         if not self.ready or snapshot is None:
@@ -188,15 +188,15 @@ class WheelSession:
         return applied
 
     def _ramp_s(self, now: float, wanted: float) -> float:
-        """How long a change of speed takes; through zero it falls first and grows then."""
+        """Duration of a change of speed; through zero it falls first and then grows."""
         settings = self._settings
         if now * wanted < 0.0:
             return settings.dec_time_s + settings.acc_time_s
         return settings.acc_time_s if abs(wanted) > abs(now) else settings.dec_time_s
 
     def _drive(self, seen: StatusSnapshot, speeds: WheelPair, now_s: float) -> Applied[WheelPair]:
-        """The wheels as they were seen are what is commanded. Who was held up since, longer than the engine lets them
-        turn without a command, would set stopped wheels in motion again.
+        """Commands the wheels as of the status ``seen``. After a pause longer than the command's lifetime
+        this would restart stopped wheels, so it is rejected.
         """
         if speeds != REST and self._held_up(seen):
             return Applied(None, _HELD_UP)
@@ -220,14 +220,14 @@ class WheelSession:
             return code or (velocity.StartVel_TimedVel(len(turning), turning) if turning else 0)
 
         self._sent, self._sent_s = speeds if self._engine.ask(_DRIVING, drive) else None, now_s
-        if turning and self._held_up(seen):  # not even the call itself may take so long
+        if turning and self._held_up(seen):  # the call itself must not take that long either
             self._sent = None
             self.quick_stop()
             return Applied(None, _HELD_UP)
         return Applied(self._sent, "" if self._sent is not None else self._engine.refusal(_DRIVING, self._engine.text))
 
     def _held_up(self, seen: StatusSnapshot) -> bool:
-        """By the engine's own time, in which its wheels turn and stop."""
+        """True if the command's lifetime has passed, by the engine's own time, in which its wheels turn and stop."""
         now = self._engine.read()
         return now is None or now.engine_time_s - seen.engine_time_s > self._settings.follow_s
 

@@ -1,7 +1,7 @@
-"""From the twist that is asked for to the speeds of the wheels, within limits of acceleration and jerk of the body.
+"""Converts the commanded twist to wheel speeds, within acceleration and jerk limits of the body.
 
-Without limits the engine shapes a change by itself, in the documented acc_time and dec_time. With limits the speeds of
-each tick are a step towards those that are asked for, and the engine only smooths from one step to the next.
+Without limits the engine shapes a change by itself, in the documented acc_time and dec_time. With limits each tick
+gives a step towards the commanded speeds, and the engine only smooths between the steps.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from robot_stack.core.twist_limits import approach
 from robot_stack.wmx.differential.command import Command
 from robot_stack.wmx.differential.kinematics import REST, BaseGeometry, WheelPair, body_twist, wheel_speeds
 
-# More time than this since the last step is no step: then it begins from what the wheels do.
+# A longer time since the last step restarts the shaping from the wheels' present speeds.
 _LONGEST_STEP_S = 0.1
 
 
@@ -29,8 +29,8 @@ class WheelCommand:
 
 
 class TwistShaper:
-    """Belongs to one thread. Times are the engine's own, in which the wheels move: one that is held up is not hurried
-    afterwards. limits: None where there are none.
+    """Belongs to one thread. Times are the engine's own, in which the wheels move: after a pause it does not catch up.
+    limits: None without limits.
     """
 
     def __init__(

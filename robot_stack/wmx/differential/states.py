@@ -1,4 +1,4 @@
-"""Stages of the session with the engine, and what it is told at its start."""
+"""Stages of the session with the engine, and its settings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class Stage(Enum):
-    """How far the session is."""
+    """Progress of the session."""
 
     CONNECTING = "connecting"
     COMMUNICATION = "starting communication"
@@ -24,10 +24,10 @@ class SessionSettings:
     """left_axis, right_axis: of the engine. acc_time_s, dec_time_s: how long a change of velocity takes.
     parameter_file: the engine's parameter XML, empty for none.
 
-    communication_retry_s, request_pause_s: between repetitions of a request that has not been fulfilled. follow_s: so
-    long after a command a wheel must be in velocity motion, and so old may the status be that a command is made of,
-    both in the engine's time. standstill_radps: a slower wheel stands. command_lifetime_s: the engine itself stops
-    wheels that get no other command for so long.
+    communication_retry_s, request_pause_s: between repetitions of an unfulfilled request. follow_s: time after
+    a command in which a wheel must reach velocity motion, and largest age of the status for a command,
+    both in the engine's time. standstill_radps: a slower wheel stands. command_lifetime_s: timeout after which the
+    engine itself stops wheels without a new command.
     """
 
     left_axis: int

@@ -1,1 +1,1 @@
-"""The general node's rules: what it publishes of the axes, what it lets through to the engine, what it answers."""
+"""Rules of the general node: its published axis states, its checks of commands, its service responses."""

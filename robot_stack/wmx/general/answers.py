@@ -1,4 +1,4 @@
-"""What services answer: success and a text of the documented form."""
+"""Service responses: success and a text of the documented form."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The services of axes: what each asks of the engine, waits for, and answers.
+"""The axis services: the requests to the engine, the waiting and the response of each.
 
-Every axis is tried, whatever became of the ones before it. A request that is wrong as a whole touches none.
+Every axis is tried, even if an earlier one failed. A request that is invalid as a whole changes no axis.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from robot_stack.wmx.general.worker import Job
 
 _MODES: Final = {0: "Position", 1: "Velocity"}
 _OK: Final = int(ErrorCode.PyNone)
-# Of a motion at velocity zero that has been told to end: it is at rest already, only its state has to follow.
+# Of a motion at velocity zero that was ended: it is at rest already, only its state must follow.
 _REST_S: Final = 0.5
 
 Steps = Generator[None, None, Answer]
 
 
 class AxisServices:
-    """Jobs of one device. ``stopped`` tells whether an emergency stop forbids what sets in motion."""
+    """Jobs of one device. ``stopped`` returns whether an emergency stop forbids motion."""
 
     def __init__(self, device: Device, waits: Waits, params: GeneralParams, stopped: Callable[[], bool]) -> None:
         self._device, self._waits, self._params, self._stopped = device, waits, params, stopped
@@ -43,7 +43,7 @@ class AxisServices:
     # --- jobs --------------------------------------------------------------------------------------------------------
 
     def set_on(self, index: Sequence[int], data: Sequence[int]) -> Job:
-        """Servos on (1) or off (0); answers when the drives have reported it. All are asked, then all waited for."""
+        """Servos on (1) or off (0); responds when the drives have reported it. All are requested, then all awaited."""
         refusal = _refusal(index, {"data": data})
         if refusal:
             return refusal

@@ -30,7 +30,7 @@ _REALS: Final = {
 def axis_state(snapshot: StatusSnapshot, axis_count: int, rated_torque_nm: Sequence[float]) -> dict[str, Column]:
     """The fields of the message, each with ``axis_count`` entries; flags 0 or 1, user units.
 
-    rated_torque_nm: per axis; the engine tells percent of it.
+    rated_torque_nm: per axis; the engine reports percent of it.
     """
     fields: dict[str, Column] = {}
     for name, flag in _FLAGS.items():

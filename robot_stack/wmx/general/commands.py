@@ -57,12 +57,12 @@ class CommandLimits:
 
 
 def unknown_profile(profile: str) -> bool:
-    """The reserved field asks for something that will not happen."""
+    """True for a value of the reserved field that is not supported."""
     return profile.strip().lower() not in _TRAPEZOIDAL
 
 
 def check_order(order: AxisOrder, limits: CommandLimits) -> None:
-    """What can be told from the message alone. Raises Refused."""
+    """Checks that need only the message. Raises Refused."""
     fields = {"velocity": order.velocity, "acc": order.acc, "dec": order.dec}
     if order.target is not None:
         fields = {"target": order.target, **fields}
@@ -80,7 +80,7 @@ def check_order(order: AxisOrder, limits: CommandLimits) -> None:
 
 
 def check_ready(index: Sequence[int], mode: AxisCommandMode, snapshot: StatusSnapshot) -> None:
-    """Whether the axes can obey now. Raises Refused."""
+    """Checks that the axes can execute commands now. Raises Refused."""
     check_axes(index, snapshot.n_axes)
     if not snapshot.communicating:
         raise Refused(f"the engine does not communicate with the drives: it is {snapshot.engine_state.name}")
@@ -93,18 +93,18 @@ def check_ready(index: Sequence[int], mode: AxisCommandMode, snapshot: StatusSna
 
 
 def velocity_commands(order: AxisOrder) -> list[Velocity_VelCommand]:
-    """Of a checked order: run until told otherwise."""
+    """Commands of a checked order, without an end."""
     return [Velocity_VelCommand(axis, profile) for axis, profile in _profiles(order)]
 
 
 def timed_velocity_commands(
     order: AxisOrder, snapshot: StatusSnapshot, lifetime_s: float
 ) -> tuple[list[Velocity_TimedVelCommand], list[Velocity_VelCommand]]:
-    """Of a checked order: axes that are to turn, which the engine slows down again after ``lifetime_s`` without
-    anybody's help, and axes that are to stand, which need no end.
+    """Commands of a checked order: turning axes, which the engine itself slows down again after ``lifetime_s``, and
+    standing axes, which need no end.
 
-    The vendor takes timed velocities with profiles by times only, whose run time counts from when the velocity is
-    reached (WMX3 API reference, Velocity::StartVel). What cannot be reached within the time is not aimed at.
+    The vendor takes timed velocities with profiles by times only, whose run time counts from reaching the velocity
+    (WMX3 API reference, Velocity::StartVel). A velocity out of reach within the time is reduced.
     """
     turning, resting = [], []
     for axis, profile in _profiles(order):
@@ -133,7 +133,7 @@ def _timed(axis: int, wanted: Profile, now: float, lifetime_s: float) -> Velocit
 
 
 def position_commands(order: AxisOrder) -> list[Motion_PosCommand]:
-    """Of a checked order with targets."""
+    """Commands of a checked order with targets."""
     assert order.target is not None
     return [
         Motion_PosCommand(axis, target, profile)
@@ -142,10 +142,10 @@ def position_commands(order: AxisOrder) -> list[Motion_PosCommand]:
 
 
 def from_present(order: AxisOrder, snapshot: StatusSnapshot) -> AxisOrder | None:
-    """A relative order with an axis that moves, as an absolute one; None if all of its axes stand.
+    """A relative order with a moving axis, as an absolute one; None if all of its axes stand.
 
-    The engine takes a relative motion over a running one as relative to that one's target. Documented is the present
-    position: the commanded one at the time of the order, from which the engine also counts for an axis that stands.
+    The engine counts a relative motion during another from that one's target. The documents specify the present
+    position: the commanded one at the time of the order, from which the engine also counts for a standing axis.
     """
     assert order.target is not None
     if not any(snapshot.op_state[axis] for axis in order.index):

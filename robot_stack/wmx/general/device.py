@@ -24,7 +24,7 @@ OpenEngine = Callable[[str | None, str], MotionEngine]
 # A command shows in the status in the next cycle; one more, because the status may be of the cycle before.
 SETTLED_CYCLES: Final = 2
 
-# The installation roots of the documents: whoever names one means the engine of this machine.
+# The installation roots of the documents: they mean the engine of this machine.
 _INSTALLATION_ROOTS: Final = ("", "/opt/lmx", "/opt/wmx3")
 
 
@@ -40,7 +40,7 @@ class Device:
     def __init__(
         self, name: str, open_engine: OpenEngine, log: Log, attempts: int, retry_s: float, probe_period_s: float
     ) -> None:
-        """attempts, retry_s, probe_period_s: see ``Patience``; whatever refuses a device counts as an attempt."""
+        """attempts, retry_s, probe_period_s: see ``Patience``; any rejection of a device counts as an attempt."""
         self.wanted = True
         self.name = name
         self.path: str | None = None
@@ -63,7 +63,7 @@ class Device:
         return self._session.engine
 
     def poll(self, now_s: float) -> None:
-        """Opens the device if it is wanted and due; asks the engine, now and then, whether it is still there."""
+        """Opens the device if it is wanted and due; probes the engine at intervals."""
         if self.engine is not None or self.wanted:
             self._session.poll(now_s)
 
@@ -77,7 +77,7 @@ class Device:
         return error
 
     def close(self) -> int:
-        """Stops what still moves, quickly, and gives the device back: the engine would let it go on. Its code."""
+        """Stops remaining motion quickly and closes the device, because the engine would continue. Returns its code."""
         _, snapshot = self.read()
         if snapshot is not None and snapshot.communicating:
             self.stop(self.moving(snapshot), snapshot, quick=True)
@@ -93,7 +93,7 @@ class Device:
         return code
 
     def is_at(self, path: str | None) -> bool:
-        """Whether ``path`` names the engine that this device is on, or would be on by configuration."""
+        """True if ``path`` names the engine of this device, or the configured one."""
         return path is None or _place(path) == _place(self.path or "")
 
     def _on_opened(self, engine: MotionEngine) -> None:
@@ -130,11 +130,11 @@ class Device:
         return self._session.call(request)
 
     def read(self) -> tuple[int, StatusSnapshot | None]:
-        """(0, the present status), or the code of what is wrong and None."""
+        """(0, the present status), or the error code and None."""
         return self._session.status()
 
     def check_code(self, code: int) -> int:
-        """The code, after what it means for the device."""
+        """Handles the code's effect on the device and returns it."""
         return self._session.check_code(code)
 
     def base_text(self, code: int) -> str:
@@ -147,7 +147,7 @@ class Device:
             return error_text(code, CoreMotionErrorCode, ErrorCode)
         return self.engine.core_motion.ErrorToString(code)
 
-    # --- what moves --------------------------------------------------------------------------------------------------
+    # --- motion ------------------------------------------------------------------------------------------------------
 
     def moved(self, axes: Sequence[int], snapshot: StatusSnapshot) -> None:
         """This device has set ``axes`` in motion; ``snapshot`` was read just before."""
@@ -159,7 +159,7 @@ class Device:
         self._doubtful.update(axes)
 
     def settle_doubts(self, snapshot: StatusSnapshot) -> None:
-        """Stops the axes in doubt, once the engine answers again: it takes requests in their order."""
+        """Stops the axes with an uncertain state once the engine responds again: it executes requests in order."""
         for axis, code in self.stop(sorted(self._doubtful), snapshot).items():
             if code != ErrorCode.APIChannelTimeOut:
                 self._doubtful.discard(axis)
@@ -169,7 +169,7 @@ class Device:
         """The axes that this device set in motion and that have not come to rest; others may have taken over since."""
         for axis, since in list(self._moved.items()):
             settled = snapshot.cycle_counter > since + SETTLED_CYCLES
-            owner = int(snapshot.flags[Flag.OWNER, axis])  # 0 where the engine does not tell
+            owner = int(snapshot.flags[Flag.OWNER, axis])  # 0 if the engine does not report it
             at_rest = snapshot.op_state[axis] == OperationState.Idle
             if settled and (at_rest or owner not in (0, self._device_id)):
                 del self._moved[axis]

@@ -13,12 +13,12 @@ from robot_stack.wmx.general.parameters import GeneralParams
 from robot_stack.wmx.general.waiting import Clock, Waits
 from robot_stack.wmx.general.worker import Job
 
-# What goes away by waiting: somebody else creates a device, or the engine has not shown itself for a moment.
+# Resolved by waiting: another client creates a device, or the engine is not ready for a moment.
 _PASSING = ABSENT - {ErrorCode.IMLibIsNotRunning}
 
 
 class EngineServices:
-    """Jobs of one device. ``stopped`` tells whether an emergency stop is in force."""
+    """Jobs of one device. ``stopped`` returns whether an emergency stop is active."""
 
     def __init__(
         self, device: Device, waits: Waits, params: GeneralParams, clock: Clock, stopped: Callable[[], bool], log: Log

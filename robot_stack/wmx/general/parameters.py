@@ -14,7 +14,7 @@ NotNegative = Annotated[float, Field(ge=0.0)]
 
 
 class GeneralParams(Config):
-    """What each number does stands beside it in the file."""
+    """The file documents each number."""
 
     axis_count: Annotated[int, Field(ge=1, le=MAX_AXES)]
     rated_torque_nm: tuple[Positive, ...]

@@ -1,4 +1,4 @@
-"""What of a service request is wrong as a whole, before any axis is touched."""
+"""Checks of a whole service request, before any axis is changed."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from robot_stack.wmx.general.worker import EngineWorker
 
 _END_POLL_S = 0.005
 _END_CALLS_S = 3.0
-# A refusal that differs from the one before in measured values only is told again after so long.
+# Reporting period of a refusal that differs from the one before in measured values only.
 _REPEATED_S = 1.0
 _FRACTIONS = re.compile(r"\d+\.\d+")
 
@@ -28,10 +28,10 @@ Move = Callable[[AxisOrder], None]
 
 
 class GeneralSession:
-    """Device, services and motion of the general node, in a thread of their own.
+    """Device, services and motion of the general node, in a separate thread.
 
-    on_status: called in that thread, ``rate_hz`` times per second: from the first tick on with servos that are off,
-    until there is a status, and then as long as that can be trusted. Callbacks of the node use ``worker`` to get at the
+    on_status: called in that thread, ``rate_hz`` times per second: from the first tick on with servos off,
+    until there is a status, and then while it is valid. Callbacks of the node use ``worker`` for the
     rest, and ``stop`` and ``release`` directly.
     """
 
@@ -65,7 +65,7 @@ class GeneralSession:
     # --- from the node's callbacks -----------------------------------------------------------------------------------
 
     def move(self, topic: str, move: Move, order: AxisOrder) -> None:
-        """Carries an order out as soon as the engine's thread gets to it; a refusal is told."""
+        """Executes an order in the engine's thread; a refusal is reported."""
         asked_s = time.monotonic()
         self.worker.order(lambda: self._move(topic, move, order, asked_s))
 
@@ -82,7 +82,7 @@ class GeneralSession:
         return self._stopped
 
     def end(self) -> None:
-        """Stops what this node moves and gives the device back."""
+        """Stops this node's motion and closes the device."""
         self.worker.end(self._params.end_timeout_s + _END_CALLS_S)
 
     # --- in the engine's thread --------------------------------------------------------------------------------------
@@ -105,7 +105,7 @@ class GeneralSession:
             moving = [axis for axis in self.device.moving(snapshot) if not _stopping(snapshot, axis)]
             self._stop_moving(snapshot, moving)
         cycle = (snapshot.epoch, snapshot.cycle_counter)
-        if cycle != self._published:  # an engine that hangs is no news
+        if cycle != self._published:  # an unchanged cycle is not published
             self._published = cycle
             self._report(snapshot)
 

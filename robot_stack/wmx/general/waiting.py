@@ -1,4 +1,4 @@
-"""Waiting for the drives without holding anybody up: generators that look at the status at every step."""
+"""Waiting for the drives without blocking: generators that read the status at every step."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Waits:
     def engine(
         self, reached: Callable[[StatusSnapshot], bool], timeout_s: float, late: int
     ) -> Generator[None, None, int]:
-        """0 once the engine's state is ``reached``, ``late`` if that takes too long, or why it cannot be told."""
+        """0 once the engine's state is ``reached``, ``late`` on a timeout, or the code of a read error."""
         deadline_s = self._clock() + timeout_s
         while True:
             code, snapshot = self._device.read()

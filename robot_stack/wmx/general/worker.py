@@ -1,7 +1,7 @@
 """The thread that owns the engine: no callback waits for an engine that is slow, starts or hangs.
 
-Orders run at once and in their order, between the ticks. A job is a generator: it does what it can, yields while it
-waits for the drives, and returns its answer; it goes on at every tick, so that a long one holds up nobody.
+Orders run at once and in their order, between the ticks. A job is a generator: it makes its requests, yields while it
+waits for the drives, and returns its response; it continues at every tick, so that a long one blocks no other.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class EngineWorker:
         self.order(lambda: self._begin(_Running(job(), done)))
 
     def end(self, timeout_s: float) -> None:
-        """Ends the thread after its present call and ``close``; gives up waiting after ``timeout_s``."""
+        """Ends the thread after its present call and ``close``; stops waiting after ``timeout_s``."""
         with self._wake:
             self._end.set()
             self._wake.notify()

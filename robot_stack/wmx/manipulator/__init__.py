@@ -1,1 +1,1 @@
-"""The manipulator: bringing its joints up, and telling where they are."""
+"""The manipulator: bring-up of its joints, and their feedback."""

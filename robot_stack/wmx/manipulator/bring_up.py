@@ -1,8 +1,8 @@
-"""The manipulator's session with the engine: from no engine to joints whose servos are on, and back when it is lost.
+"""The manipulator's session with the engine: from no connection to enabled servos, and back after a loss.
 
-``poll`` is called from one thread and never waits for an effect: it reads the status, and asks for the step that is
-due. ``look`` is for the time between polls, in which nothing changes but the joints. Calls themselves are round
-trips to the engine; once everything is up there are none, only the status is read.
+``poll`` is called from one thread and never waits for an effect: it reads the status, and requests the step that is
+due. ``look`` is for the time between polls, in which only the joints change. Requests are round
+trips to the engine; once everything is ready there are none, only the status is read.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ _PROBE_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class BringUpSettings:
-    """n_joints: joint j is axis j. parameter_file: empty for none. stale_s: cycles that stand still for so long are no
-    status. rules: one for each step.
+    """n_joints: joint j is axis j. parameter_file: empty for none. stale_s: timeout of the cycle counter, after which
+    the status is invalid. rules: one for each step.
     """
 
     n_joints: int
@@ -56,7 +56,7 @@ class BringUp:
 
     def __init__(self, open_engine: OpenEngine, settings: BringUpSettings) -> None:
         """open_engine: opens a device, waiting shortly at most; raises EngineError."""
-        # How often a device is tried is a matter of the rule for that step: the session is asked to open one.
+        # The rule of that step sets how often a device is tried: the session opens one on request.
         patience = Patience(retry_s=0.0, attempts=1, attempt_pause_s=0.0, probe_period_s=_PROBE_S)
         self._session = EngineSession(open_engine, patience, Events(lost=self._begin_anew))
         self._settings = settings
@@ -72,9 +72,9 @@ class BringUp:
     # --- the next step -----------------------------------------------------------------------------------------------
 
     def poll(self, now_s: float, stopped: Callable[[], bool]) -> StatusSnapshot | None:
-        """The present status if the joints are where it says: the bus runs, parameters are set, cycles go on.
+        """The present status while the joints are valid: the bus runs, parameters are set, cycles continue.
 
-        stopped: whether an emergency stop is in force, in which no servo comes on.
+        stopped: whether an emergency stop is active, during which no servo is switched on.
         """
         engine = self._session.engine
         if engine is None:
@@ -98,7 +98,7 @@ class BringUp:
         return snapshot
 
     def look(self, now_s: float) -> AxisFeedback | None:
-        """Where the joints are if everything is as the last ``poll`` saw it; None: it has to look again itself."""
+        """The joints' feedback while everything is as in the last ``poll``; None: ``poll`` again."""
         engine = self._session.engine
         if not self._up or engine is None:
             return None
@@ -145,8 +145,8 @@ class BringUp:
         return True
 
     def _on_silence(self, snapshot: StatusSnapshot) -> None:
-        """The bus does not run. Lost by itself, it is started again; stopped by somebody, it is theirs to start. An
-        engine that does not tell which, as the vendor's, has lost it.
+        """The bus does not run. Lost by itself, it is restarted; stopped by a client, only that client restarts it. An
+        engine that does not distinguish the two, as the vendor's, counts as lost.
         """
         self.status_problem = "no communication with the drives"
         if not is_past(self.progress.step, Step.COMMUNICATION):
@@ -189,8 +189,8 @@ class BringUp:
         if line is not None:
             self._report(line)
         if before is Step.COMMUNICATION and self.progress.step is not before and self._was_ready:
-            # The engine still has its parameters. Servos that a fault or somebody switched off stay off: a start
-            # switches them on, not a cable that has contact again.
+            # The engine still has its parameters. Servos that a fault or a client switched off stay off: only a start
+            # switches them on, not a restored cable contact.
             self.progress = Progress(Step.READY)
         self._was_ready = self._was_ready or self.progress.step is Step.READY
 
@@ -209,9 +209,9 @@ class BringUp:
     # --- the end -----------------------------------------------------------------------------------------------------
 
     def end(self, hurry: bool) -> bool:
-        """Gives back what this session took: servos off once their joints stand, the bus, the device. True when done.
+        """Undoes this session's steps: servos off once their joints stand, the bus, the device. True when done.
 
-        hurry: servos go off even if joints still move.
+        hurry: switches servos off even if joints still move.
         """
         engine = self._session.engine
         if engine is None or self._asker is None:

@@ -40,7 +40,7 @@ def read(feedback: AxisFeedback, settings: JointSettings) -> tuple[tuple[float, 
 
 
 def faults(snapshot: StatusSnapshot, settings: JointSettings, servos: bool) -> str:
-    """Alarms and, if ``servos`` are to be on, those that are off, as one text; empty if there are none."""
+    """Alarms and, if ``servos`` must be on, those that are off, as one text; empty if there are none."""
     names, n = settings.names, settings.n_joints
     alarms = [
         f"{names[axis]} amplifier alarm {int(snapshot.amp_alarm_code[axis])}"

@@ -1,8 +1,8 @@
-"""Joint messages as the bytes that go over the wire, made once; a tick only puts its numbers in.
+"""Joint messages as serialised bytes, made once; a tick only fills in its numbers.
 
-The bytes are OMG CDR (DDS-RTPS 2.3, 10.5: plain CDR, little endian), what rmw_serialize gives for the same message but
-for the contents of its padding. Only stamp and float64 values change from one tick to the next, at fixed places:
-filling them in and publishing the bytes spares building, converting and serialising a message at every tick.
+The bytes are OMG CDR (DDS-RTPS 2.3, 10.5: plain CDR, little endian), equal to rmw_serialize's for the same message
+except for its padding. Only stamp and float64 values change between ticks, at fixed offsets:
+filling them in and publishing the bytes avoids building, converting and serialising a message at every tick.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Parameters of manipulator_state, ``config/manipulator_state.yaml``, and what becomes of them."""
+"""Parameters of manipulator_state, ``config/manipulator_state.yaml``, and the settings made of them."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ class ManipulatorStateParams(Config):
     """``config/manipulator_state.yaml``. A topic or path that is empty or ``no_param`` is not set.
 
     isaacsim_stamp: the Isaac Sim topic carries the stamp too. auto_servo_on: alarms are cleared and servos switched on
-    at the start. status_stale_s: an engine whose cycles stand still for so long has nothing to tell.
-    stop_communication: at the end, if this node started it and no other device is open. end_timeout_s: how long the end
-    waits for joints in motion to stand.
+    at the start. status_stale_s: timeout of the engine's cycle counter, after which its status is invalid.
+    stop_communication: at the end, if this node started it and no other device is open. end_timeout_s: longest
+    wait for moving joints to stop at the end.
     """
 
     joint_number: Annotated[int, Field(ge=1, le=MAX_AXES)]

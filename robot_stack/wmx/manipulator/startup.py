@@ -1,8 +1,8 @@
-"""How far the manipulator's start is: the steps in their order, how often and after which pause each is tried again.
+"""Progress of the manipulator's start: the steps in their order, with retries and back-off.
 
-A step asks the engine for something and then looks until it has come about. Pure: outcomes and times in, progress and
-lines for the log out. A step that keeps failing is never given up: after its attempts it is tried more and more seldom,
-and what comes after it (the servos, above all) waits.
+A step sends a request and then waits for its effect. Pure: outcomes and times in, progress and log lines
+out. A failing step is never given up: after its attempts it is retried with growing pauses, and
+the later steps (the servos, above all) wait.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from enum import Enum, auto
 
 
 class Step(Enum):
-    """In the order of the start."""
+    """The steps in the order of the start."""
 
     DEVICE = "device"
     SCAN = "network scan"
@@ -40,7 +40,7 @@ class Result(Enum):
     DONE = auto()
     ASKED = auto()  # not refused; whether it has come about is to be looked at
     REFUSED = auto()
-    HELD = auto()  # may not be asked for now, through no fault of this step's
+    HELD = auto()  # not permitted now, not a failure of this step
 
 
 class Level(Enum):
@@ -51,7 +51,7 @@ class Level(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What came of asking or looking. ``level`` is that of the line about a step that is done."""
+    """The outcome of a request or a check. ``level``: log level of a finished step."""
 
     result: Result
     text: str = ""
@@ -60,8 +60,8 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """attempts: after so many it is told as an error. pause_s: between two, doubled with each further one up to
-    longest_pause_s. limit_s: what was asked for has to come about within it.
+    """attempts: number of failures before an error is logged. pause_s: between two, doubled with each further one up to
+    longest_pause_s. limit_s: timeout of the request's effect.
     """
 
     attempts: int
@@ -70,7 +70,7 @@ class Rule:
     limit_s: float
 
     def pause_after(self, failures: int) -> float:
-        """Seconds to the next attempt after so many failed ones."""
+        """Seconds to the next attempt after ``failures``."""
         doublings = min(max(0, failures - self.attempts), 30)
         return min(self.pause_s * 2.0**doublings, max(self.pause_s, self.longest_pause_s))
 
@@ -83,7 +83,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """asked_s: since when its effect is waited for, NaN before it was asked for. text: what stands in the way."""
+    """asked_s: time of the request, NaN before. text: the present obstacle."""
 
     step: Step
     failures: int = 0
@@ -97,13 +97,13 @@ class Progress:
         return not math.isnan(self.asked_s)
 
     def due(self, now_s: float) -> bool:
-        """To be asked for now."""
+        """True if the step is to be requested now."""
         return self.step is not Step.READY and not self.waiting and now_s >= self.due_s
 
 
 START = Progress(Step.DEVICE)
 HOLD_S = 0.1
-"""What may not be asked for now is looked at again after this."""
+"""Period of checks of a step that is not permitted."""
 
 
 def back_to(step: Step, text: str) -> Progress:
@@ -114,7 +114,7 @@ def back_to(step: Step, text: str) -> Progress:
 def advance(
     progress: Progress, outcome: Outcome, now_s: float, rules: Mapping[Step, Rule]
 ) -> tuple[Progress, Line | None]:
-    """The progress after ``outcome`` at ``now_s``, and what is to be told about it."""
+    """The progress after ``outcome`` at ``now_s``, and the log line about it."""
     match outcome.result:
         case Result.DONE:
             line = Line(outcome.level, f"{progress.step.value}: {outcome.text}") if outcome.text else None

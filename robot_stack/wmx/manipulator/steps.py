@@ -1,4 +1,4 @@
-"""What each step of the manipulator's start asks of the engine, and how its effect shows in the status."""
+"""The request of each step of the manipulator's start, and the check of its effect in the status."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _DONE = Outcome(Result.DONE)
 
 
 class StartupRequests:
-    """Asks one engine; remembers what it has switched on and started, which is what its end takes back.
+    """Sends requests to one engine; records what it has switched on and started, to be undone at its end.
 
-    tell: takes lines for the log. names: of the joints; joint j is axis j.
+    tell: logs lines. names: of the joints; joint j is axis j.
     """
 
     def __init__(
@@ -34,8 +34,8 @@ class StartupRequests:
     # --- asking ------------------------------------------------------------------------------------------------------
 
     def scan(self, snapshot: StatusSnapshot) -> Outcome:
-        """A network that runs is not scanned: it would be disturbed, and is known already. A scan that fails is only
-        told: communication is started by what the network was configured as.
+        """A running network is not scanned, because that would disturb it and it is known already. A failed scan is
+        only logged: communication starts with the configured network.
         """
         if snapshot.communicating:
             return Outcome(Result.DONE, "left out, the network runs")
@@ -67,7 +67,7 @@ class StartupRequests:
         return Outcome(Result.DONE, f"set from {path}")
 
     def report_axes(self) -> Outcome:
-        """One line per joint. What cannot be read is no reason to stop."""
+        """Logs one line per joint. A read error does not stop the start."""
         code, param = self._engine.core_motion.config.GetAxisParam()
         if code:
             refusal = self._refusal(code, self._engine.core_motion.ErrorToString)
@@ -84,7 +84,7 @@ class StartupRequests:
         return _DONE
 
     def clear_alarms(self, snapshot: StatusSnapshot, wanted: bool, stop: bool) -> Outcome:
-        """Alarms are told before they are cleared."""
+        """Logs alarms before they are cleared."""
         if not wanted:
             return _DONE
         if stop:
@@ -116,7 +116,7 @@ class StartupRequests:
     # --- looking -----------------------------------------------------------------------------------------------------
 
     def look(self, step: Step, snapshot: StatusSnapshot) -> Outcome:
-        """Whether what ``step`` asked for has come about."""
+        """Checks the effect of ``step``'s request."""
         match step:
             case Step.COMMUNICATION:
                 return Outcome(Result.DONE, "started") if snapshot.communicating else _still("not started")
@@ -133,7 +133,7 @@ class StartupRequests:
     # --- the end -----------------------------------------------------------------------------------------------------
 
     def switch_off(self, snapshot: StatusSnapshot, hurry: bool) -> bool:
-        """Servos that were switched on here go off, joints in motion are stopped before. True once asked for."""
+        """Switches off the servos switched on here, after stopping moving joints. True once requested."""
         moving = [axis for axis in sorted(self._switched_on) if snapshot.op_state[axis] != OperationState.Idle]
         if moving and not hurry:
             if not self._stopping:
@@ -145,7 +145,7 @@ class StartupRequests:
         return True
 
     def stop_communication(self) -> None:
-        """Only a bus that was started here and that nobody else has a device on."""
+        """Stops the bus only if it was started here and no other client has a device."""
         code, devices = self._engine.api.GetAllDevices()
         if self._started_bus and not code and devices.count <= 1:
             self._engine.api.StopCommunication(0)

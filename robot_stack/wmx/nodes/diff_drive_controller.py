@@ -31,7 +31,7 @@ from robot_stack.wmx.nodes.diff_drive_outputs import DiffDriveOutputs
 from robot_stack.wmx.opening import ThreadedOpener
 from robot_stack.wmx.session import EngineSession
 
-# So long a sender that was there before may need to be discovered (config/fastdds.xml).
+# Discovery time of a sender that started earlier (config/fastdds.xml).
 _DISCOVERY_S = 2.5
 _END_POLL_S = 0.02
 
@@ -131,7 +131,7 @@ class DiffDriveControllerNode(StackNode):
     # --- end ---------------------------------------------------------------------------------------------------------
 
     def safe_output(self) -> None:
-        """Wheels to a stop, servos off, device given back. The bus is left to those who still use it."""
+        """Stops the wheels, switches servos off and closes the device. The bus is left to its other users."""
         self.port.wait_until(self._switched_off, self.params.end_timeout_s)
         self._engine.close()
 

@@ -1,4 +1,4 @@
-"""What the differential drive publishes: the command it took, the speeds of its wheels, odometry and its transform."""
+"""Publishers of the differential drive: the accepted command, the wheel speeds, odometry and its transform."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class DiffDriveOutputs:
             self._speeds.publish(Float64MultiArray(data=[speeds.left, speeds.right]))
 
     def odometry(self, twist: tuple[float, float], odometry: Odometry | None, stamp: Time) -> None:
-        """twist: forward speed in m/s and turning rate in rad/s. odometry: None where no pose is to be told."""
+        """twist: forward speed in m/s and turning rate in rad/s. odometry: None while the pose is not published."""
         message = self._measured
         message.header.stamp = stamp
         message.twist.twist.linear.x, message.twist.twist.angular.z = twist

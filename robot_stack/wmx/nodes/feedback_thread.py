@@ -15,20 +15,20 @@ from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot, axis_feedback
 from robot_stack.wmx.manipulator.bring_up import BringUp
 from robot_stack.wmx.manipulator.startup import Step
 
-# A thread that wants the interpreter asks for it after this long; callbacks of the node's executor take longer.
+# Switch interval of the interpreter for this thread; callbacks of the node's executor take longer.
 _SWITCH_INTERVAL_S = 0.0002
 _END_POLL_S = 0.02
-# Between two looks at the whole status, those at the joints alone have to do.
+# Period of reading the whole status; in between only the joints are read.
 _STATUS_PERIOD_S = 0.05
 _JOIN_MARGIN_S = 1.0
 
 
 class FeedbackThread:
-    """Brings the manipulator up and, while that holds, publishes where the joints are once per period.
+    """Brings the manipulator up and, while it is valid, publishes the joints' feedback once per period.
 
-    publish: called in the thread with fresh feedback; False if it was not fit to be published. stopped: an emergency
-    stop is in force. Counters are for whoever reports: ``skipped`` those periods after the start that had nothing to
-    publish, for the ``reason`` of the last; ``failure`` is the traceback of a thread that ended by an exception.
+    publish: called in the thread with fresh feedback; False if it was invalid. stopped: an emergency
+    stop is active. For reports: ``skipped`` counts the periods after the start without a message,
+    ``reason`` is that of the last one; ``failure`` is the traceback of a thread that ended by an exception.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class FeedbackThread:
             pacer.period_ns = self._period_ns if ready else self._poll_ns
             if not frozen and self.published:
                 gc.collect()
-                gc.freeze()  # what is there now stays: spare the ticks the search for garbage in it
+                gc.freeze()  # present objects stay: exclude them from garbage collection during ticks
                 frozen = True
             pacer.wait()
             self.worst_late_ns = max(self.worst_late_ns, pacer.late_ns)

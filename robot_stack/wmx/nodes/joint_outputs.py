@@ -1,4 +1,4 @@
-"""Where the manipulator's joints go: to its planner, and as mirrors to Isaac Sim and Gazebo."""
+"""Publishers of the manipulator's joints: for its planner, and as mirrors for Isaac Sim and Gazebo."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robot_stack.wmx.manipulator.messages import ArrayBytes, JointStateBytes
 
 
 class JointOutputs:
-    """encoder, isaac, gazebo: None for what is not to be sent. isaac_stamp: Isaac Sim's messages carry a stamp.
+    """encoder, isaac, gazebo: None if not published. isaac_stamp: Isaac Sim's messages carry a stamp.
 
     ``send`` belongs to the feedback thread, everything else to the executor's.
     """
@@ -29,7 +29,7 @@ class JointOutputs:
         self.look_around()
 
     def look_around(self) -> None:
-        """What is too dear to ask 500 times a second. Mirrors that nobody hears are not sent."""
+        """Updates values too expensive to query at 500 Hz. Mirrors without a subscriber are not published."""
         self._isaac_heard = self._isaac is not None and self._isaac.has_subscribers
         self._gazebo_heard = self._gazebo is not None and self._gazebo.has_subscribers
 

@@ -23,7 +23,7 @@ _CONNECT_S = 0.3  # others create devices at the same moment; the thread has the
 
 
 class ManipulatorStateNode(StackNode):
-    """The feedback thread does the work; the executor's tick tells about it."""
+    """The feedback thread does the work; the executor's tick reports on it."""
 
     def __init__(self) -> None:
         super().__init__("manipulator_state", ManipulatorStateParams)
@@ -108,7 +108,7 @@ class ManipulatorStateNode(StackNode):
         logger = self.get_logger()
         while self._bring_up.lines:
             line = self._bring_up.lines.popleft()
-            match line.level:  # rclpy wants a call of its own for each level
+            match line.level:  # rclpy needs a separate call for each level
                 case Level.INFO:
                     logger.info(line.text)
                 case Level.WARNING:

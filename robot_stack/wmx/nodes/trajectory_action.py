@@ -35,7 +35,7 @@ class Job:
 
 
 class TrajectoryAction:
-    """begin: starts a job, which ends it some time later; cancel: asks for its end."""
+    """begin: starts a job, which ends the goal later; cancel: requests its end."""
 
     def __init__(self, node: StackNode, name: str, begin: Callable[[Job], None], cancel: Callable[[Job], None]) -> None:
         self._begin, self._cancel = begin, cancel

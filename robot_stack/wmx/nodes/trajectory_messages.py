@@ -1,4 +1,4 @@
-"""Between the messages of FollowJointTrajectory and the values of its kernels."""
+"""Conversions between the messages of FollowJointTrajectory and the values of its kernels."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ _WATCH_HZ = 20.0
 
 
 class WmxRos2GeneralNode(StackNode):
-    """Messages and requests go to the engine's thread; its answers come back when the drives have done it."""
+    """Messages and requests go to the engine's thread; its responses return when the drives have finished."""
 
     def __init__(self) -> None:
         super().__init__("wmx_ros2_general_node", GeneralParams)
@@ -125,7 +125,7 @@ class WmxRos2GeneralNode(StackNode):
     # --- end ---------------------------------------------------------------------------------------------------------
 
     def safe_output(self) -> None:
-        """What this node moves is stopped, the device given back; bus and engine stay for the others."""
+        """Stops this node's motion and closes the device; bus and engine stay for other clients."""
         self._session.end()
 
 

@@ -89,7 +89,7 @@ class Channel:
 
 
 class StatusView:
-    """The engine's status as one client sees it: with a limit on its age, remapped when another engine took over."""
+    """The engine's status for one client: with a limit on its age, remapped when another engine took over."""
 
     def __init__(self, folder: Path, stale_s: float) -> None:
         self._folder = folder
@@ -100,7 +100,7 @@ class StatusView:
     def read(self) -> tuple[int, StatusSnapshot]:
         """(code, snapshot): StatusChannelNull without a page, StatusChannelError for one that is stale or unreadable.
 
-        A stale snapshot is returned for what it says about the past; it must not be used for the present.
+        A stale snapshot is returned as the last known state; it must not be used for the present.
         """
         code, snapshot = self._try()
         if code and self._reader is not None and self._reader.replaced():
@@ -109,7 +109,7 @@ class StatusView:
         return code, snapshot
 
     def read_feedback(self) -> AxisFeedback | None:
-        """None where ``read`` has a code for what is the matter, or has to look for another page first."""
+        """None if ``read`` returns an error code, or has to map another page first."""
         if self._reader is None:
             return None
         try:

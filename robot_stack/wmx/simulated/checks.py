@@ -1,4 +1,4 @@
-"""What the engine refuses, and under which name. Each function returns a code, 0 for good."""
+"""The engine's checks of commands. Each function returns an error code, 0 for success."""
 
 from __future__ import annotations
 
@@ -111,6 +111,6 @@ def timed_profile(profile: Profile) -> int:
 
 
 def run_time(milliseconds: float) -> int:
-    """How long a timed motion runs."""
+    """Checks the duration of a timed motion."""
     good = 0.0 < milliseconds <= LARGEST
     return ErrorCode.PyNone if good else CoreMotionErrorCode.RunTimeArgumentOutOfRange

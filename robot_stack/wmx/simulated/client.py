@@ -1,7 +1,7 @@
-"""The port on the simulated engine, as its clients use it: the surface's calls as requests, and what is more than one.
+"""The port on the simulated engine for its clients: the surface's calls as requests, and calls with client-side parts.
 
 The path of CreateDevice: the vendor's installation roots and "" mean the stack's own runtime folder, any other path is
-taken as the runtime folder of an engine. The engine's process is started by whoever owns it (the simulation, or
+the runtime folder of an engine. The engine's process is started by its owner (the simulation, or
 ``python -m robot_stack.wmx.simulated``), never by a client: a device can only be created where one runs.
 """
 
@@ -46,7 +46,7 @@ _POLL_S: Final = 0.001
 
 @dataclass(frozen=True, slots=True)
 class ClientLimits:
-    """How patient a client is: seconds for a call, and for the age of a status."""
+    """Timeouts of a client: seconds for a call, and for the age of a status."""
 
     call_timeout_s: float
     status_stale_s: float
@@ -58,13 +58,13 @@ def engine_folder(path: str) -> Path:
 
 
 class Member:
-    """One object of the surface: its calls are requests of a device, but for those that a subclass makes its own.
+    """One object of the surface: its calls are requests of a device, except those that a subclass implements.
 
-    Not typed: whoever hands one out says which protocol of the port it fulfils.
+    Not typed: the caller that exposes it declares its protocol of the port.
     """
 
     def __init__(self, api: Device, owner: str, *errors: type[IntEnum]) -> None:
-        """errors: whose texts ErrorToString knows."""
+        """errors: enumerations with the texts of ErrorToString."""
         self._api = api
         self._errors = errors
         for name, call in SURFACE[owner].items():
@@ -201,7 +201,7 @@ class Device(Member):
         return code, EngineStatus(snapshot.engine_state, snapshot.engine_error, 1)
 
     def GetDeviceID(self) -> tuple[int, int]:
-        self.snapshot()  # notices that the engine was stopped
+        self.snapshot()  # detects that the engine was stopped
         return (ErrorCode.PyNone if self._device_id else ErrorCode.DeviceIsNull), self._device_id
 
     def _forget(self) -> None:
@@ -300,7 +300,7 @@ class AdvMotion(Member):
             return ErrorCode.ArgumentOutOfRange
         n = operator.index(command.dimensionCount)
         if n > MAX_SPLINE_DIMENSIONS:
-            n = 0  # which the engine refuses, after what it looks at first
+            n = 0  # which the engine rejects, after its earlier checks
         axes = [command.GetAxis(dimension) for dimension in range(n)]
         rows = [[float(point.GetPos(dimension)) for dimension in range(n)] for point in points]
         times = [float(time) for time in pointTimeMilliseconds] if n > 0 else []

@@ -16,7 +16,7 @@ from robot_stack.wmx.api.values import MAX_DEVICES
 REPORT_S: Final = 0.1
 DEFAULT_WATCHDOG_MS: Final = 15_000
 TURNS: Final = 10
-"""In so many turns the reports of all devices are taken: looking after all processes at once would delay a cycle."""
+"""Number of turns over which the devices are checked: checking all processes at once would delay a cycle."""
 
 
 @dataclass(slots=True)
@@ -30,12 +30,12 @@ class Device:
     reported_cycle: int = 0
 
     def silent_ms(self, cycle: int, cycle_time_s: float) -> int:
-        """Since the last report, in engine time; what the vendor calls the watchdog count."""
+        """Time since the last report, in engine time; the vendor's watchdog count."""
         return round(1e3 * (cycle - self.reported_cycle) * cycle_time_s)
 
 
 class DeviceTable:
-    """All open devices. Ids start at 1; 0 owns what nobody owns."""
+    """All open devices. Ids start at 1; 0 means no owner."""
 
     def __init__(self) -> None:
         self._devices: dict[int, Device] = {}
@@ -67,7 +67,7 @@ class DeviceTable:
         self._devices.clear()
 
     def report(self, alive: Callable[[int], bool], turn: int, cycle: int) -> None:
-        """What the library threads of the clients of this turn say. alive: whether the process of a device runs."""
+        """Processes the reports of this turn's clients. alive: whether the process of a device runs."""
         for device in self:
             if device.id % TURNS == turn % TURNS and alive(device.id):
                 device.reported_cycle = cycle

@@ -86,7 +86,7 @@ class Engine:
             self._quit_without_devices()
 
     def _watch_devices(self) -> None:
-        """A watchdog that runs out closes its device, and that is all it does: axes go on as commanded."""
+        """An expired watchdog only closes its device: axes continue as commanded."""
         condition = self.condition
         self.devices.report(self.alive, condition.cycles // self._turn_cycles, condition.cycles)
         for device in self.devices.expired(condition.cycles, condition.cycle_time_s):
@@ -209,7 +209,7 @@ class Engine:
         return bit != block.invertEStopSignalPolarity
 
     def _quit_without_devices(self) -> None:
-        """Whatever moves: its drives are left to themselves, as when anybody stops the engine."""
+        """Also in motion: its drives are left to themselves, as after any stop of the engine."""
         self._may_quit = False
         if not len(self.devices) and self.auto_quit:
             self.stop_engine()
@@ -231,7 +231,7 @@ class Engine:
         return _NO_ERROR
 
     def stop_engine(self) -> int:
-        """Ends communication, forgets devices, parameters and outputs. The process stays, in Idle."""
+        """Ends communication, drops devices, parameters and outputs. The process stays, in Idle."""
         if self.condition.state in (EngineState.Idle, EngineState.Shutdown):
             return _NO_ERROR
         self.stop_communication()
@@ -254,7 +254,7 @@ class Engine:
         return _NO_ERROR, device
 
     def remove_device(self, device_id: int) -> None:
-        """A device closed, or its watchdog ran out: what it set in motion goes on; the engine may end with its last
+        """A device closed, or its watchdog expired: its motion continues; the engine may end with its last
         device.
         """
         if self.devices.remove(device_id):
@@ -357,7 +357,7 @@ class Engine:
         return code
 
     def clear_axis_alarm(self, axes: Sequence[int]) -> int:
-        """Forgets following errors; they come back if their cause is still there."""
+        """Clears following errors; they return if their cause persists."""
         code = self._reachable(axes)
         if not code:
             for axis in axes:
@@ -382,7 +382,7 @@ class Engine:
         return _NO_ERROR
 
     def start_home(self, axes: Sequence[int], device: int = 0) -> int:
-        """Homes as the axes' home parameters say. All axes or none."""
+        """Homes by the axes' home parameters. All axes or none."""
         code = self._reachable(axes)
         if code:
             return code

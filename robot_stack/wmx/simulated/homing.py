@@ -1,9 +1,9 @@
-"""Homing of the simulated engine: to the present position at once, or by a motion that looks for a sensor.
+"""Homing of the simulated engine: to the present position at once, or by a motion that searches for a sensor.
 
-Of the types that move there is one, to the home switch (HS); its searches are in ``homing_types``. A limit switch in
-the homing direction makes it turn round once, otherwise, and always against the homing direction, the axis stops with
-the error LSTriggered, whatever the limit's own action. A servo that goes off, an alarm, a stop by anybody and Cancel
-end it too. Where the vendor is silent: searches are fast, and a homing that failed leaves the axis not homed.
+One moving type is implemented, to the home switch (HS); its searches are in ``homing_types``. A limit switch in
+the homing direction reverses it once; otherwise, and always against the homing direction, the axis stops with
+the error LSTriggered, whatever the limit's own action. Servo off, an alarm, a stop by any client and Cancel
+end it too. Where the vendor's documents are silent: searches are fast, and a failed homing leaves the axis not homed.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _TOO_FAR: Final = {
 
 
 class Homing:
-    """Starts, advances and ends homings. ``device`` is the caller, who owns the axis while it moves."""
+    """Starts, advances and ends homings. ``device`` is the caller, which owns the axis while it moves."""
 
     def __init__(self, arrays: EngineArrays, parameters: Parameters, feedback: DriveFeedback) -> None:
         self._a = arrays
@@ -119,7 +119,7 @@ class Homing:
     def _step(self, axis: int, run: Run) -> None:
         flags = self._a.flags
         state = flags[Flag.OP_STATE, axis]
-        if self._motion.stopped(axis):  # by Cancel or anybody else: over once at rest
+        if self._motion.stopped(axis):  # by Cancel or any client: over once at rest
             flags[Flag.HOME_STATE, axis] = HomeState.Cancel
         if state == OperationState.Stop:
             return
@@ -201,7 +201,7 @@ class Homing:
         self._motion.stop(axis, dec)
         self._a.flags[Flag.END_REASON, axis] = reason
 
-    # -- the way from what was found to home ---------------------------------------------------------------------------
+    # -- from the found place to home ----------------------------------------------------------------------------------
 
     def _begin_shift(self, axis: int, run: Run) -> None:
         param = run.param

@@ -1,4 +1,4 @@
-"""What a homing makes an axis do, and how far it has got."""
+"""Motion of a homing axis, and its progress."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from robot_stack.wmx.simulated.switch_kernel import IGNORE_NEGATIVE_END, IGNORE_
 
 @dataclass(slots=True)
 class Run:
-    """One axis on its way home.
+    """One homing axis.
 
-    ``ahead`` is what is left to look for, the present search first; empty: shifting. ``found`` is where the last search
-    ended, ``reached`` the farthest place in the homing direction where the axis has stood.
+    ``ahead``: the remaining searches, the present one first; empty: shifting. ``found``: end of the last search,
+    ``reached``: the farthest place in the homing direction where the axis has stood.
     """
 
     param: Config_HomeParam
@@ -48,7 +48,7 @@ class Run:
         return p.homingVelocityFast, p.homingVelocityFastAcc, p.homingVelocityFastDec
 
     def too_far(self, position: float) -> bool:
-        """The present search has gone farther than its parameter allows; 0 allows anything."""
+        """True if the present search exceeds the distance of its parameter; 0 is no limit."""
         limits = {
             Limited.HOME_ON_AT_START: self.param.maxHSOnAtStartReverseDistance,
             Limited.AFTER_LIMIT: self.param.maxLSReverseDistance,

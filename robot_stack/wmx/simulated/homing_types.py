@@ -1,7 +1,7 @@
-"""What a homing looks for, search by search.
+"""The searches of each homing type.
 
-A search runs in the homing direction or against it until the home switch says so; before the direction changes the axis
-stops. Of the types that move the engine has the one that the rising edge of the home switch ends.
+A search runs in the homing direction or against it until an edge of the home switch; before the direction changes the
+axis stops. Of the moving types the engine implements the one that the rising edge of the home switch ends.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from robot_stack.wmx.api.enums import HomeState
 
 
 class Limited(Enum):
-    """Which parameter limits how far a search goes, and which error it is to go farther."""
+    """The parameter that limits the distance of a search, and the error beyond it."""
 
     NOT = auto()
     HOME_ON_AT_START = auto()
@@ -23,7 +23,7 @@ class Limited(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """``rising``: the edge of the home switch that ends it. ``beyond``: after it the axis goes on by
+    """``rising``: the edge of the home switch that ends it. ``beyond``: after it the axis continues by
     homingReverseDistance.
     """
 
@@ -42,4 +42,4 @@ CLEAR_HOME_AT_START: Final = Search(
 BACK_FROM_LIMIT: Final = Search(
     HomeState.HSFallingEdgeSearchReverse, rising=False, reverse=True, limited=Limited.AFTER_LIMIT, beyond=True
 )
-"""After the limit switch came where the home switch was looked for; then the homing begins anew."""
+"""After a limit switch during the search for the home switch; then the homing restarts."""

@@ -1,8 +1,8 @@
 """Compilation of the engine's inner loop, cached on disk.
 
-numba's own cache looks only at the file of a function, not at what it calls or which constants it folded in from other
-modules: change a row number elsewhere and yesterday's machine code runs on. So the cache lives in a folder named after
-the contents of all sources that compiled code is made of, and any change makes a new one.
+numba's own cache tracks only the file of a function, not its callees or constants folded in from other
+modules: after a change of a row number elsewhere the old machine code would run. So the cache folder is named after
+the contents of all sources of compiled code, and any change makes a new one.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SOURCES: Final = (
     "simulated/spline_kernel.py",
     "simulated/switch_kernel.py",
 )
-"""What compiled code is made of, relative to the package ``robot_stack.wmx``."""
+"""Sources of compiled code, relative to the package ``robot_stack.wmx``."""
 
 _PREFIX = "numba-"
 _numba_config: Any = config
@@ -65,7 +65,7 @@ def _writable(folder: Path) -> Path | None:
 
 
 def compiled(function: FunctionT) -> FunctionT:
-    """Compiles ``function`` at its first call, or loads what an earlier process compiled from the same sources."""
+    """Compiles ``function`` at its first call, or loads the code that a process compiled from the same sources."""
     before = _numba_config.CACHE_DIR
     _numba_config.CACHE_DIR = _cache_folder()
     try:

@@ -1,4 +1,4 @@
-"""What the engine does for every axis in every cycle, compiled.
+"""The engine's work for every axis in every cycle, compiled.
 
 ``advance`` turns plans into drive commands, ``absorb`` turns drive feedback into status and reacts to it. Between them
 lies the bus. The state is a struct of arrays:
@@ -7,7 +7,7 @@ lies the bus. The state is a struct of arrays:
     flags   (N_FLAGS, n) int64     status                     rows: robot_stack.wmx.axes.Flag
     params  (N_PARAMS, n) float64  parameters, user units     rows: robot_stack.wmx.simulated.rows
     work    (N_WORK, n) int64      private counters           rows: robot_stack.wmx.simulated.rows
-    plan    (n, MAX_SEGMENTS, 4)   motion under way           robot_stack.wmx.simulated.profile
+    plan    (n, MAX_SEGMENTS, 4)   present motion             robot_stack.wmx.simulated.profile
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from robot_stack.wmx.simulated.profile import evaluate, plan_stop, remaining
 Reals = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# Compiled code wants plain integers.
+# Compiled code needs plain integers.
 POS_CMD: Final = int(Real.POS_CMD)
 ACTUAL_POS: Final = int(Real.ACTUAL_POS)
 VELOCITY_CMD: Final = int(Real.VELOCITY_CMD)
@@ -233,7 +233,7 @@ def _servo_edges(reals: Reals, flags: Ints, work: Ints, i: int, on: bool) -> Non
     elif not on and flags[SERVO_ON, i] != 0:
         flags[SERVO_ON, i] = 0
         cancel(reals, flags, work, i, REASON_SERVO_OFF)
-        if flags[SERVO_REQUESTED, i] != 0:  # unasked: it must not come back by itself
+        if flags[SERVO_REQUESTED, i] != 0:  # dropped without a request: it must not return by itself
             flags[SERVO_REQUESTED, i] = 0
             flags[END_REASON, i] = REASON_SERVO_OFF
         if work[rows.UNHOME_ON_SERVO_OFF, i] != 0:
@@ -245,7 +245,7 @@ def _servo_edges(reals: Reals, flags: Ints, work: Ints, i: int, on: bool) -> Non
 
 @compiled
 def _following_error(reals: Reals, flags: Ints, params: Reals, work: Ints, plan: Reals, i: int) -> None:
-    """Watches command against feedback of an axis that is on; latches the alarm and stops the axis if told so."""
+    """Monitors command against feedback of a servo-on axis; latches the alarm and stops the axis if configured."""
     moving = flags[OP_STATE, i] != IDLE
     tripped = False
     stops = 0

@@ -33,9 +33,9 @@ _WRONG_MODE = {
 
 
 class MotionControl:
-    """Starts and ends motions. ``device`` is the caller, who owns what it set in motion last.
+    """Starts and ends motions. ``device`` is the caller, which owns the axes that it commanded last.
 
-    Numbers are made floats before they reach compiled code: an integer would have it compiled anew, in mid-ride.
+    Numbers are converted to floats before compiled code: an integer would trigger a compilation during a ride.
     """
 
     def __init__(self, arrays: EngineArrays, condition: Condition) -> None:

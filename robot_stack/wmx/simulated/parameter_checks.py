@@ -1,4 +1,4 @@
-"""Which parameter values the engine takes."""
+"""Checks of parameter values."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The vendor's parameter file: XML to numbers and back. The file is read and written by the caller's process.
 
-Numbers only: no entity, no document type, no number that JSON or the vendor would not know. Entries of another version
-that are unknown here are passed over; one that is missing is 0, as with the vendor, and mostly invalid for that.
+Numbers only: no entity, no document type, no number that JSON or the vendor does not allow. Unknown entries of another
+version are skipped; a missing one is 0, as in the vendor's engine, and therefore mostly invalid.
 """
 
 from __future__ import annotations
@@ -126,10 +126,10 @@ def _number(text: str, where: str) -> Number:
 
 
 def write_file(path: str, values: ParameterValues) -> None:
-    """Writes ``path``, or leaves it as it was. Raises OSError or ValueError.
+    """Writes ``path`` atomically. Raises OSError or ValueError.
 
-    There is a block for each of the vendor's 128 axes, defaults for those that ``values`` lacks: to the vendor's
-    engine a missing block would be an invalid one.
+    There is a block for each of the vendor's 128 axes, with defaults for those missing in ``values``: the vendor's
+    engine rejects a missing block.
     """
     text = render(values)
     folder = Path(path).absolute().parent
@@ -178,7 +178,7 @@ def _lines(entries: Mapping[str, Number], numbers: Sequence[Number]) -> list[str
 
 
 def number_text(number: Number, default: Number) -> str:
-    """As the vendor writes it, or with as many digits as it takes."""
+    """The number as the vendor writes it, or with as many digits as needed."""
     if isinstance(default, int):
         return str(int(number))
     text = f"{number:.6f}"

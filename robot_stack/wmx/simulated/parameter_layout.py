@@ -1,7 +1,7 @@
 """The entries of the vendor's parameter file, in its order, with the vendor's defaults.
 
 Keys are the path of a tag inside its block. A default's type is the type that is written: an integer for counts, flags
-and enumerations. An entry of a section that no field names is kept for whoever reads the file next; the engine itself
+and enumerations. An entry of a section without a field is kept for the next export; the engine itself
 does not use it.
 """
 
@@ -28,7 +28,7 @@ GLOBAL_ENTRIES: Final[dict[str, Number]] = {
     "EmergencyStopParam/EStopStatusSignalBitAddress": 0,
     "EmergencyStopParam/EStopLevel1Type": 0,
 }
-"""Of the engine as a whole, in GlobalParameters."""
+"""Entries of the whole engine, in GlobalParameters."""
 
 AXIS_ENTRIES: Final[dict[str, Number]] = {
     "FeedbackParam/InPosWidth": 1000.0,
@@ -188,7 +188,7 @@ AXIS_ENTRIES: Final[dict[str, Number]] = {
     "AxisParam/EncoderRangeLow": 0,
     "AxisParam/EncoderRangeHigh": 0,
 }
-"""Of one axis, in AxisParameters."""
+"""Entries of one axis, in AxisParameters."""
 
 EMERGENCY_STOP_FIELDS: Final = {
     "EmergencyStopParam/EnableEStopSignal": "enableEStopSignal",

@@ -23,7 +23,7 @@ Entries = dict[str, layout.Number]
 
 @dataclass(frozen=True, slots=True)
 class _Axis:
-    """What the file says of one axis, checked."""
+    """The file's values of one axis, checked."""
 
     entries: Entries
     blocks: dict[str, AxisBlock]
@@ -45,7 +45,7 @@ class ParameterSet:
         self.reset()
 
     def reset(self) -> None:
-        """Forgets what an earlier file said."""
+        """Clears the values of an earlier file."""
         self._of_engine = dict(layout.GLOBAL_ENTRIES)
         self._of_axes = [dict(layout.AXIS_ENTRIES) for _ in range(self._a.n_axes)]
         for axis, entries in enumerate(self._of_axes):

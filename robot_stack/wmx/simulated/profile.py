@@ -49,7 +49,7 @@ def _push(plan: Plan, n: int, duration: float, position: float, velocity: float,
 def _change(
     plan: Plan, n: int, position: float, velocity: float, wanted: float, rate: float
 ) -> tuple[int, float, float]:
-    """Goes to the ``wanted`` velocity at ``rate`` (0: in no time). Returns segments, position and velocity after it."""
+    """Changes to the ``wanted`` velocity at ``rate`` (0: at once). Returns segments, position and velocity after it."""
     if rate <= 0.0 or velocity == wanted:
         return n, position, wanted
     duration = abs(wanted - velocity) / rate
@@ -59,8 +59,8 @@ def _change(
 
 @compiled
 def plan_velocity(plan: Plan, position: float, velocity: float, wanted: float, acc: float, dec: float) -> int:
-    """From ``velocity`` to ``wanted`` and on for ever. Speed grows at ``acc`` and falls at ``dec``; a ``dec`` of 0 is a
-    step, and an ``acc`` of 0 is one whichever way the speed changes.
+    """From ``velocity`` to ``wanted``, without an end. Speed grows at ``acc`` and falls at ``dec``; a ``dec`` of 0 is a
+    step, and an ``acc`` of 0 is a step in either direction.
 
     Through zero it first falls at ``dec``, then grows at ``acc``. Returns the number of segments.
     """
@@ -76,7 +76,7 @@ def plan_velocity(plan: Plan, position: float, velocity: float, wanted: float, a
 
 @compiled
 def plan_stop(plan: Plan, position: float, velocity: float, dec: float) -> int:
-    """From ``velocity`` to rest at ``dec`` (0: in no time). Returns the number of segments, 0 for nothing to do."""
+    """From ``velocity`` to rest at ``dec`` (0: at once). Returns the number of segments, 0 at rest."""
     n, _, _ = _change(plan, 0, position, velocity, 0.0, dec)
     return n
 
@@ -124,9 +124,9 @@ def plan_position(
 ) -> int:
     """From a position and velocity to rest at ``target``; ``limit``, ``acc`` and ``dec`` are positive.
 
-    Above the limit it brakes to it first; moving away from the target it brakes to rest and comes back. If it cannot
-    stop in time at ``dec``, ``overtravel`` decides: overshoot and come back, brake harder so as to stop exactly there,
-    or step the velocity down to what allows to stop. Returns the number of segments.
+    Above the limit it brakes to it first; moving away from the target it brakes to rest and returns. If it cannot
+    stop in time at ``dec``, ``overtravel`` decides: overshoot and return, brake harder to stop exactly there,
+    or step the velocity down to one from which it can stop. Returns the number of segments.
     """
     distance = abs(target - position)
     sign = 1.0 if target >= position else -1.0

@@ -1,11 +1,11 @@
 """The wire between clients and the engine: frames of JSON, no socket in here.
 
 A frame is a little-endian 32-bit length and that many bytes of UTF-8 JSON. A request is ``[number, method,
-argument...]``, its answer ``[number, code, value...]`` with the same number. JSON carries NaN and infinities through,
-as the engine must refuse them by name; whatever is no frame at all is an error of the sender, who is cut off.
+argument...]``, its answer ``[number, code, value...]`` with the same number. JSON carries NaN and infinities,
+which the engine must reject by name; bytes that are no frame are an error of the sender, which is disconnected.
 
-Long rows of numbers travel as text, base64 of little-endian float64: a thousand points of a spline as JSON numbers
-would keep the engine from its cycle for some milliseconds.
+Long rows of numbers are sent as text, base64 of little-endian float64: a thousand points of a spline as JSON numbers
+would delay the engine's cycle by some milliseconds.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _LENGTH: Final = struct.Struct("<I")
 
 
 class FrameError(Exception):
-    """The bytes are no frame of this protocol; nothing after them can be trusted."""
+    """The bytes are no frame of this protocol; the rest of the stream is invalid."""
 
 
 def encode(message: list[Any]) -> bytes:

@@ -1,7 +1,7 @@
-"""What a client may ask of the engine, by name: the calls of the surface, and what is behind those of the client's own.
+"""Requests of clients to the engine, by name: the calls of the surface, and the server side of the client's own calls.
 
-Arguments come from another process and are believed nothing: each is checked for its kind here and for its value by the
-engine. A wrong number or type of arguments answers ArgumentOutOfRange, an unknown name NoSupportedFunction; neither
+Arguments come from another process and are untrusted: each is checked for its kind here and for its value by the
+engine. A wrong number or type of arguments returns ArgumentOutOfRange, an unknown name NoSupportedFunction; neither
 raises.
 """
 
@@ -55,7 +55,7 @@ def request_name(owner: str, name: str) -> str:
 
 
 def execute(engine: Engine, session: Session, method: Any, arguments: Sequence[Any]) -> Answer:
-    """Carries out one request. Never raises for what a client sent."""
+    """Executes one request. Never raises for a client's data."""
     handler = _HANDLERS.get(method) if isinstance(method, str) else None
     if handler is None:
         return ErrorCode.NoSupportedFunction, []
@@ -74,7 +74,7 @@ def execute(engine: Engine, session: Session, method: Any, arguments: Sequence[A
 
 
 # -- the surface -------------------------------------------------------------------------------------------------------
-# Handlers take arguments of the kinds that the table says, and answer a code, or a code and the values.
+# Handlers take arguments of the kinds in the table, and return a code, or a code and the values.
 
 
 def _set_device_name(asked: _Asked, name: str) -> int:

@@ -1,8 +1,8 @@
-"""The engine process towards its clients: a local socket for commands, shared memory for status, one thread for all.
+"""The engine process for its clients: a local socket for commands, shared memory for status, one thread for all.
 
-``cycle`` is one cycle of everything, for whoever sets the pace; ``serve_forever`` paces it by the clock. Nothing a
-client does, or stops doing, blocks or ends a cycle: sockets do not block, a client that sends rubbish or does not read
-its answers is cut off. A device outlives its connection until its watchdog runs out.
+``cycle`` is one complete cycle, for a caller that sets the pace; ``serve_forever`` paces it by the clock. No
+client can block or end a cycle: sockets do not block, and a client that sends invalid data or does not read
+its answers is disconnected. A device outlives its connection until its watchdog expires.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SOCKET_FILE: Final = "engine.sock"
 LOCK_FILE: Final = "engine.lock"
 
 _RECEIVE_BYTES: Final = 16384
-"""Of one client between two cycles: cutting it into requests takes well under a millisecond."""
+"""Of one client between two cycles: splitting it into requests takes well under a millisecond."""
 _REQUESTS_PER_TURN: Final = 32
 """Requests of one client carried out between two cycles; the rest waits, so that no client starves the cycle."""
 _UNREAD_BYTES: Final = 1 << 20
@@ -110,7 +110,7 @@ class EngineServer:
             self._answer()
 
     def serve_forever(self, stop: Callable[[], bool], speed: float = 1.0) -> None:
-        """Cycles on absolute deadlines until ``stop()``; what it cannot catch up with is skipped and counted."""
+        """Cycles on absolute deadlines until ``stop()``; missed cycles are skipped and counted."""
         sharpen_sleep()
         config, condition = self.engine.config, self.engine.condition
         pacer = Pacer(round(1e9 * config.cycle_time_s / speed), Sleeper(config.server.spin))
@@ -131,7 +131,7 @@ class EngineServer:
         self.close()
 
     def close(self) -> None:
-        """Takes socket and lock back. Clients see the engine gone."""
+        """Removes socket and lock. Clients lose the engine."""
         self._publish()
         for descriptor in list(self._clients):
             self._clients.pop(descriptor).socket.close()
@@ -146,7 +146,7 @@ class EngineServer:
         return self._creator is not None
 
     def inject_close_lock(self, duration_s: float) -> None:
-        """Refuses to close devices for so long, as if others were at it. For tests."""
+        """Rejects closing of devices for ``duration_s``, as during other closings. For tests."""
         self._close_lock_until_ns = self._clock_ns() + round(1e9 * duration_s)
 
     def inject_create_lock(self, duration_s: float) -> None:
@@ -177,7 +177,7 @@ class EngineServer:
         while True:
             try:
                 connection, _ = self._listener.accept()
-            except OSError:  # nobody left to accept, or gone again
+            except OSError:  # no pending connection, or closed again
                 return
             if len(self._clients) >= self.engine.config.server.max_clients:
                 connection.close()
@@ -189,7 +189,7 @@ class EngineServer:
     def _receive(self, descriptor: int) -> None:
         client = self._clients.get(descriptor)
         if client is None or len(client.requests) > _REQUESTS_PER_TURN:
-            return  # what a flood of requests does not leave time for waits in the socket
+            return  # further requests of a flood wait in the socket
         try:
             data = client.socket.recv(_RECEIVE_BYTES)
             client.requests.extend(client.decoder.feed(data))
@@ -219,7 +219,7 @@ class EngineServer:
             self._busy.discard(descriptor)
 
     def _begin_creation(self, descriptor: int, client: _Client, number: int, arguments: list[Any]) -> None:
-        """Creating a device takes a while, during which others are told so."""
+        """Starts the creation of a device, which takes a while; others get an error meanwhile."""
         now_ns = self._clock_ns()
         if self._creator is not None or now_ns < self._lock_until_ns:
             self._put(client, number, (ErrorCode.CreateDeviceLockError, []))
@@ -270,7 +270,7 @@ class EngineServer:
             self._poll.modify(descriptor, select.EPOLLIN | (select.EPOLLOUT if client.waits_to_send else 0))
 
     def _drop(self, descriptor: int) -> None:
-        """The client is gone or not to be trusted. Nobody reports for its device any more."""
+        """Drops a client that is gone or invalid. Its device gets no more reports."""
         client = self._clients.pop(descriptor)
         self._busy.discard(descriptor)
         if self._creator == descriptor:
@@ -312,7 +312,7 @@ def _hold(path: Path) -> IO[str]:
 def _listen(path: Path) -> socket.socket:
     if len(str(path).encode()) > _LONGEST_SOCKET_PATH:
         raise OSError(f"{path}: a socket's path may have {_LONGEST_SOCKET_PATH} bytes")
-    path.unlink(missing_ok=True)  # of an engine that died; the lock says that none lives
+    path.unlink(missing_ok=True)  # of a dead engine; the lock shows that none is alive
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC)
     listener.bind(str(path))
     path.chmod(0o600)

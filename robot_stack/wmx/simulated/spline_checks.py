@@ -1,4 +1,4 @@
-"""What a spline command must be, before anything is asked about its axes. Each function returns a code, 0 for good."""
+"""Checks of a spline command, before those of its axes. Each function returns an error code, 0 for success."""
 
 from __future__ import annotations
 

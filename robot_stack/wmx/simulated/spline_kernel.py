@@ -19,7 +19,7 @@ A stop does not leave the path: path time s runs on at a rate r that falls from 
     velocity = f'(s) r,   acceleration = f''(s) r^2 - f'(s) fall,   fall = -dr/dt
 
 and in each cycle ``fall`` is the largest that keeps every axis within its bound D. Where the path itself brakes, that
-may be nothing, so it is never less than half of what D alone would allow, min(D / |f'|) / 2. Hence
+may be zero, so it is never less than half of what D alone would allow, min(D / |f'|) / 2. Hence
 
     the stop takes no longer than 2 max(|f'| / D), over the axes and the rest of the path, and
     no axis exceeds max(D, |f''| r^2 + D / 2): its bound, wherever the path itself asks for less than half of it.
@@ -69,7 +69,7 @@ _PASSES: Final = 2
 
 @compiled
 def drop_repeated(times: Reals, points: Reals) -> int:
-    """Moves the points that count to the front: those that differ from the one kept before. Returns how many."""
+    """Moves the points that differ from the previously kept one to the front. Returns their number."""
     kept = 1
     for k in range(1, times.size):
         differs = False
@@ -131,7 +131,7 @@ def at(curve: Reals, segment: int, j: int, u: float) -> tuple[float, float, floa
 
 @compiled
 def _fall(work: Ints, curve: Reals, axes: Ints, bounds: Reals, mark: int, segment: int, u: float, rate: float) -> float:
-    """How fast the rate may fall here, 1/s; infinite where no axis moves. See the module."""
+    """Largest fall of the rate here, 1/s; infinite where no axis moves. See the module."""
     least, best = math.inf, math.inf
     for j in range(axes.size):
         _, slope, bend = at(curve, segment, j, u)
@@ -145,7 +145,7 @@ def _fall(work: Ints, curve: Reals, axes: Ints, bounds: Reals, mark: int, segmen
 
 @compiled
 def _rest_ahead(s: float, rate: float, fall: float, duration: float) -> tuple[float, float]:
-    """Seconds until rest and the path time of it, if the rate goes on to fall as it does; or the end of the path."""
+    """Seconds until rest and its path time, if the rate keeps falling as it does; or the end of the path."""
     way = duration - s
     rest_of_square = rate * rate - 2.0 * fall * way
     if rest_of_square < 0.0:

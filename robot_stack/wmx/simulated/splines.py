@@ -1,10 +1,10 @@
 """Spline motions of the simulated engine: buffers, checks, start and stop. The curve itself is in the spline kernel.
 
-All axes of a spline share one path time. A stop of any of them, by whatever command, brings all of them to rest along
-the path; an axis that leaves it by a fault (alarm, servo off, limit) ends as that fault demands and the others stop
+All axes of a spline share one path time. A stop of any of them, by any command, brings all of them to rest along
+the path; an axis that leaves it by a fault (alarm, servo off, limit) ends by the rule of that fault and the others stop
 along the path. An emergency stop takes every axis off the path, each at its own emergency deceleration.
 
-A stop along the path asks no more of an axis than the greatest acceleration of the whole spline, of all axes together
+A stop along the path uses no more than the greatest acceleration of the whole spline, of all axes together
 (WMX3 API reference, StartCSplinePos: about that); a quick stop and a fault, than the axis' quick-stop deceleration.
 Exactly: see the spline kernel.
 """
@@ -61,9 +61,9 @@ class _Run:
 
 
 class Splines:
-    """Channels and the splines that run on them.
+    """Channels and their running splines.
 
-    ``startable`` says why axes cannot start to move in given directions, (axis, direction) each; 0 for no reason.
+    ``startable`` returns why axes cannot start in given directions, (axis, direction) each; 0 for no reason.
     """
 
     def __init__(
@@ -234,7 +234,7 @@ class Splines:
                 del self._runs[run.mark]
 
     def watch(self) -> None:
-        """Stops what is left of a spline that an axis has had to leave. After the feedback of a cycle."""
+        """Stops the rest of a spline that an axis has left. Call after the feedback of a cycle."""
         for run in list(self._runs.values()):
             on_path = [axis for axis in run.axes if self._a.work[rows.SPLINE, axis] == run.mark]
             if len(on_path) == run.on_path:
@@ -248,7 +248,7 @@ class Splines:
             self._stop(run, 0.0, DetailOperationState.Stop_QStop, next(filter(None, reasons), _NO_ERROR))
 
     def _why(self, axis: int) -> int:
-        """What took an axis off its path; a drive with an alarm drops its servo as well, which says less."""
+        """The cause that took an axis off its path; an alarm takes precedence over the servo that it drops."""
         flags = self._a.flags
         alarm = flags[Flag.AMP_ALARM, axis] or flags[Flag.FOLLOWING_ERROR_ALARM, axis]
         return int(ErrorCode.AxisAmpAlarm) if alarm else int(flags[Flag.END_REASON, axis])
@@ -265,7 +265,7 @@ class Splines:
 
 
 def _greatest_acceleration(times: Reals, curve: Reals) -> float:
-    """Of all axes together, anywhere on the path: it is linear between the points."""
+    """The greatest acceleration of all axes together, anywhere on the path: it is linear between the points."""
     begin = 2.0 * curve[:, :, 2]
     end = begin + 6.0 * curve[:, :, 3] * np.diff(times)[:, None]
     return float(np.linalg.norm(np.stack((begin, end)), axis=2).max())

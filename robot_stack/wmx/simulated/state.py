@@ -49,9 +49,9 @@ class EngineArrays:
 
 @dataclass(slots=True)
 class Condition:
-    """The engine as a whole.
+    """State of the whole engine.
 
-    ``error`` is the code of what last ended communication by itself. ``epoch`` changes whenever the
+    ``error`` is the code of the last unrequested end of communication. ``epoch`` changes whenever the
     engine is stopped: a device of an earlier epoch is void.
     """
 

@@ -1,16 +1,16 @@
-"""The engine's status in shared memory: written once per cycle, read by any process without asking the engine.
+"""The engine's status in shared memory: written once per cycle, read by any process without a request to the engine.
 
 A file in the runtime folder is mapped by the writer and by every reader. It is a sequence lock: the writer makes the
-sequence number odd, writes, makes it even; a reader copies between two looks at the number and tries again if they
-differ or are odd. A reader never blocks the writer, and readers do not know of each other.
+sequence number odd, writes, makes it even; a reader copies between two reads of the number and retries if they
+differ or are odd. A reader never blocks the writer, and readers are independent of each other.
 
-What this rests on: each store to the sequence number is one aligned 8-byte store, and the interpreter does not reorder
-statements. x86 keeps stores in order and loads in order, so there the two looks suffice. Other processors (ARM) may let
-another core see the stores in another order, and Python has no memory barrier to offer; there the page also carries a
-checksum of its contents, which a reader verifies. A torn copy is then refused for its contents, whatever the order.
+Assumptions: each store to the sequence number is one aligned 8-byte store, and the interpreter does not reorder
+statements. x86 keeps stores in order and loads in order, so there the two reads suffice. Other processors (ARM) may let
+another core see the stores in another order, and Python has no memory barrier; there the page also carries a
+checksum of its contents, which a reader verifies. It detects a torn copy in any order.
 
-A writer that dies in the middle leaves the number odd for ever; readers give up after a bounded number of tries. A dead
-writer is noticed by the age of the stamp. A new writer puts a new file in place of the old one, never into it.
+A writer that dies in the middle leaves the number odd; readers give up after a bounded number of tries. A dead
+writer is detected by the age of the stamp. A new writer puts a new file in place of the old one, never into it.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _STATES: Final = tuple(sorted(EngineState))  # 0, 1, ...: a look into a tuple in
 
 _TRIES: Final = 2000
 _PATIENT_TRIES: Final = 50
-"""Tries at full speed before a reader starts to give up its time slice between tries."""
+"""Tries at full speed before a reader yields its time slice between tries."""
 
 ORDERED_MACHINES: Final = frozenset({"x86_64", "AMD64", "i686", "i386"})
 
@@ -157,7 +157,7 @@ class StatusReader:
 
 
 class _Layout:
-    """Where things lie in the page, in bytes from its start."""
+    """Offsets in the page, in bytes from its start."""
 
     def __init__(self, n_axes: int, n_inputs: int, n_outputs: int, inode: int = 0) -> None:
         self.n_axes, self.n_inputs, self.n_outputs, self.inode = n_axes, n_inputs, n_outputs, inode
@@ -168,7 +168,7 @@ class _Layout:
         self.size = self.outputs + n_outputs
 
     def real(self, row: Real) -> int:
-        """Where a quantity's values lie, one per axis."""
+        """Offset of a quantity's values, one per axis."""
         return self.reals + 8 * self.n_axes * row
 
     def snapshot(self, contents: NDArray[np.uint8]) -> StatusSnapshot:
@@ -198,7 +198,7 @@ class _Layout:
 
 
 def _create(path: Path, size: int) -> mmap.mmap:
-    """A new page under a temporary name, then in place of whatever was there: readers never see half a page."""
+    """Creates a new page under a temporary name, then replaces the old one: readers never see half a page."""
     temporary = path.with_name(f"{path.name}.{os.getpid()}")
     descriptor = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
     try:

@@ -1,4 +1,4 @@
-"""Limit and home switches of the drives, compiled: what they say, and what a limit does to an axis that runs into it.
+"""Limit and home switches of the drives, compiled: their states, and the effect of a limit on an axis that reaches it.
 
 A limit acts on travel towards it, for as long as it is on; moving away is free. The switch named positive lies at the
 positive end of travel, or with a reversed direction at the negative one.

@@ -1,4 +1,4 @@
-"""Switches of drives without physics: on where the drive's position says so."""
+"""Switches of drives without physics: derived from the drive's position."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class DriveSwitches:
     home_to: float = ALWAYS_OFF
 
     def fill(self, inp: DriveFeedback, axis: int, position: float) -> None:
-        """What the sensors say at ``position``."""
+        """Sets the sensors' states at ``position``."""
         inp.has_limit_switches[axis] = self.positive_limit != ALWAYS_OFF or self.negative_limit != -ALWAYS_OFF
         inp.has_home_switch[axis] = self.home_from != ALWAYS_OFF
         inp.positive_limit[axis] = position >= self.positive_limit

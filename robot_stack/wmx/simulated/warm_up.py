@@ -1,4 +1,4 @@
-"""Compiles what a cycle of the engine runs through, or loads it."""
+"""Compiles or loads the kernels of the engine's cycle."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Arguments and answers on their way between a client and the engine, by the kinds of the surface's tables.
+"""Encoding of arguments and results between a client and the engine, by the kinds of the surface's tables.
 
-A record travels as the list of its fields, an axis as a selection of one. The engine believes nothing that comes from
-another process: ``decode`` checks every type, values are the engine's to check.
+A record is sent as the list of its fields, an axis as a selection of one. Data from another process is
+untrusted: ``decode`` checks every type, the engine checks values.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _LONGEST_LIST: Final = 8000
 
 
 class BadArgument(Exception):
-    """What came is not of the kind that it should be."""
+    """The data is not of the expected kind."""
 
 
 @cache
@@ -85,7 +85,7 @@ _TO_WIRE: Final[dict[Any, Callable[[Any], Any]]] = {
 
 
 def decode(kind: Any, value: Any) -> Any:
-    """What ``encode`` made of a value of this kind. Raises BadArgument."""
+    """Inverse of ``encode`` for this kind. Raises BadArgument."""
     if kind is Plain.AXIS or kind is AxisSelection:
         return items(value, an_int, MAX_AXES)
     if isinstance(kind, Commands):
@@ -106,7 +106,7 @@ def _record(kind: Any, value: Any) -> Any:
 
 
 def items(value: Any, convert: Callable[[Any], Any], longest: int) -> list[Any]:
-    """A list of at most so many. Raises BadArgument."""
+    """A list of at most ``longest`` items. Raises BadArgument."""
     if not isinstance(value, list) or len(value) > longest:
         raise BadArgument
     return [convert(item) for item in value]

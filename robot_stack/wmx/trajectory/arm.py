@@ -1,4 +1,4 @@
-"""The arm as its axes show it, and what can be asked of it."""
+"""The arm's state from its axes, and its requests."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ class ArmState:
     alarm_code: NDArray[np.int64]
     following_error: BoolArray
     end_reason: NDArray[np.int64]
-    """Code of what ended the last motion of each axis, where the engine tells; 0 for a normal end and for a stop."""
+    """Code of the end of each axis' last motion, if the engine reports it; 0 for a normal end and for a stop."""
 
 
 @dataclass(frozen=True, slots=True)
 class Blind:
-    """No status that can be trusted. gone: the engine has ended, or closed the door; else it may be held up."""
+    """No valid status. gone: the engine has ended, or closed the device; otherwise it may be paused."""
 
     fault: Fault
     gone: bool
@@ -86,7 +86,7 @@ def arm_state(snapshot: StatusSnapshot, n_joints: int) -> ArmState:
 
 
 def fault_of(state: ArmState, joints: tuple[str, ...]) -> Fault | None:
-    """Why this arm cannot move or go on moving; None if it can."""
+    """Why this arm cannot start or continue a motion; None if it can."""
     if not state.communicating:
         return Fault(ErrorCode.CommNotStarted, "no communication with the drives")
     if state.emergency_stop:
@@ -101,7 +101,7 @@ def fault_of(state: ArmState, joints: tuple[str, ...]) -> Fault | None:
 
 
 def not_ready(state: ArmState, joints: tuple[str, ...]) -> Fault | None:
-    """Why a motion cannot begin; None if it can."""
+    """Why a motion cannot start; None if it can."""
     fault = fault_of(state, joints)
     if fault is not None:
         return fault
@@ -113,7 +113,7 @@ def not_ready(state: ArmState, joints: tuple[str, ...]) -> Fault | None:
 
 
 def end_fault(state: ArmState, joints: tuple[str, ...]) -> Fault:
-    """Why a motion ended that was not complete."""
+    """Why an incomplete motion ended."""
     for axis in np.flatnonzero(state.end_reason):
         code = int(state.end_reason[axis])
         return Fault(code, f"{joints[axis]}: stopped by the engine, {error_name(code)}")

@@ -43,7 +43,7 @@ class EngineArm:
     # --- session -----------------------------------------------------------------------------------------------------
 
     def poll(self, now_s: float) -> str:
-        """Keeps the session and its spline buffer. Returns what is missing, an empty text if nothing is."""
+        """Maintains the session and its spline buffer. Returns what is missing, an empty text if nothing is."""
         if not self._session.poll(now_s):
             return self._session.text
         if self._buffered_connection != self._session.connections:
@@ -119,7 +119,7 @@ class EngineArm:
     # --- details -----------------------------------------------------------------------------------------------------
 
     def _left_moving(self) -> bool:
-        """The engine goes on with a trajectory whose server has died: its goal is nobody's any more."""
+        """True if the engine still executes a trajectory of a server that crashed: its goal has no client any more."""
         state = self.read()
         if isinstance(state, Blind) or not state.communicating:
             return False

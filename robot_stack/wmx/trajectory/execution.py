@@ -1,8 +1,8 @@
-"""One goal from its start to standstill. Whatever happens, it ends: each phase has a limit in time.
+"""One goal from its start to standstill. It always ends: each phase has a timeout.
 
 WAITING (for its start) -> RUNNING (the engine follows the spline) -> SETTLING (the joints come within the goal's
-tolerance). A cancellation, a newer goal, a violated tolerance, a fault or a time that has passed leads to STOPPING,
-from where a goal ends when the axes stand, or when they do not although they were told twice.
+tolerance). A cancellation, a newer goal, a violated tolerance, a fault or a timeout leads to STOPPING,
+from where a goal ends when the axes stand, or do not stand after two stop requests.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 # The motion begins a few cycles after the status by which it was planned; more than this is no delay of a start.
 _LONGEST_START_S = 0.02
 _SLOWEST_SEEN_RADPS = 1e-3
-_AT_END_RAD = 1e-4  # far above an encoder count, far below what matters
+_AT_END_RAD = 1e-4  # far above an encoder count, far below any tolerance
 
 
 class Phase(Enum):
@@ -69,7 +69,7 @@ class Execution:
         self._stopping: Stopping | None = None
 
     def tick(self, now_s: float, status: ArmState | Blind) -> Result | None:
-        """Looks at the arm and does what is next. The result, once the goal has ended."""
+        """Reads the arm's state and executes the next action. Returns the result once the goal has ended."""
         if self._result is None:
             if isinstance(status, Blind):
                 self._blind(now_s, status)
@@ -79,7 +79,7 @@ class Execution:
         return self._result
 
     def place_at(self, then_s: float, state: ArmState) -> FloatArray:
-        """Where the joints will be commanded to be, (joints,) rad, if nothing comes in between."""
+        """The commanded position of the joints at ``then_s``, (joints,) rad, without further requests."""
         if self.phase is not Phase.RUNNING:
             return state.command
         return self._spline.evaluate(then_s - self._began.steady_s)[0]
@@ -198,7 +198,7 @@ class Execution:
     # --- details -----------------------------------------------------------------------------------------------------
 
     def _compare(self, state: ArmState) -> Sample:
-        """The sample of this moment. Once the path is left on purpose, the engine's command is what is desired."""
+        """The sample of this moment. During a stop, the engine's command is the desired state."""
         time_s = self._path_s(state)
         position, velocity, acceleration = self._spline.evaluate(time_s)
         if self.phase is Phase.STOPPING:
@@ -210,11 +210,11 @@ class Execution:
         return self.sample
 
     def _path_s(self, state: ArmState) -> float:
-        """How long the spline has been followed."""
+        """Time along the spline so far."""
         return state.time_s - self._began.engine_s - self._delay_s
 
     def _learn_delay(self, ahead: FloatArray, velocity: FloatArray) -> None:
-        """When the motion began can be read off the engine's command: one Newton step of a least squares fit."""
+        """Estimates the start of the motion from the engine's command: one Newton step of a least squares fit."""
         weight = float(velocity @ velocity)
         if weight > _SLOWEST_SEEN_RADPS**2:
             self._delay_s = min(max(0.0, self._delay_s - float(ahead @ velocity) / weight), _LONGEST_START_S)
@@ -240,7 +240,7 @@ class Execution:
         self.stop(self._now.steady_s, ending, quick=quick)
 
     def _stop_for(self, fault: Fault, state: ArmState) -> None:
-        """A fault in motion. What still moves is stopped, if there is a way to tell it."""
+        """Handles a fault in motion: stops the axes if the engine can be reached."""
         at_s = min(max(0.0, state.time_s - self._began.engine_s), self._spline.duration_s)
         text = f"{fault.text}, {at_s:.3f} s into a motion of {self._spline.duration_s:.3f} s"
         self._stop(aborted(Fault(fault.code, text)), quick=True)

@@ -29,7 +29,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """What a client asks for. stamp_s: when time 0 is, ROS time; 0 means now. goal_time_s: 0 means the default."""
+    """A client's goal. stamp_s: ROS time of time 0; 0 means now. goal_time_s: 0 means the default."""
 
     joint_names: Sequence[str]
     points: Sequence[Point]
@@ -42,9 +42,9 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class GoalLimits:
-    """joints: names in the order of their axes. max_start_delay_s: a start further ahead is a mistake in clocks.
-    path_position_rad on the way, goal_position_rad, goal_velocity_radps and goal_time_s at the end: what holds where
-    the goal says nothing; 0 means no limit, but for the time.
+    """joints: names in the order of their axes. max_start_delay_s: a start further ahead is an error of clocks.
+    path_position_rad on the path, goal_position_rad, goal_velocity_radps and goal_time_s at the end: defaults where
+    the goal gives nothing; 0 means no limit, except for the time.
     """
 
     joints: tuple[str, ...]
@@ -165,7 +165,7 @@ def _check_lengths(index: int, point: Point, n_joints: int) -> None:
 
 
 def _check_presence(points: Sequence[Point]) -> None:
-    """All points of a curve are told alike: what one of them left open would be anybody's guess."""
+    """All points of a curve must have the same fields: a missing one would be ambiguous."""
     for name in ("velocities", "accelerations"):
         given = [index for index, point in enumerate(points) if getattr(point, name)]
         if given and len(given) < len(points):

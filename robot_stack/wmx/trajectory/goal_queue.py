@@ -36,7 +36,7 @@ class GoalQueue(Generic[KeyT]):
         return self._active
 
     def submit(self, key: KeyT, goal: CheckedGoal, now_s: float, status: ArmState | Blind) -> None:
-        """Begins the goal, or stops what is under way for it, once it is due."""
+        """Starts the goal, or stops the present one for it once it is due."""
         refusal = self._refusal(goal, now_s, status)
         if refusal is not None:
             self._end(key, aborted(refusal))
@@ -63,7 +63,7 @@ class GoalQueue(Generic[KeyT]):
             self._active[1].stop(now_s, aborted(fault), quick=True)
 
     def tick(self, now_s: float, status: ArmState | Blind) -> None:
-        """Looks at the arm and does what is next."""
+        """Reads the arm's state and executes the next action."""
         if self._active is not None and self._next is not None and now_s >= self._due_s(*self._next[1:]):
             self._active[1].stop(now_s, _PREEMPTED)
         while True:
@@ -85,7 +85,7 @@ class GoalQueue(Generic[KeyT]):
         return asked_s + goal.start_in_s
 
     def _refusal(self, goal: CheckedGoal, now_s: float, status: ArmState | Blind) -> Fault | None:
-        """Why a goal that comes while another has the arm cannot be followed."""
+        """Why a goal that arrives during another one is rejected."""
         if self._active is None or isinstance(status, Blind) or not len(goal.points):
             return None
         start = self._active[1].place_at(self._due_s(goal, now_s), status)

@@ -1,4 +1,4 @@
-"""Time on two clocks, so that an engine that is held up is not taken for one that is late."""
+"""Time on two clocks, so that a paused engine does not count as late."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ _BUSIEST_HZ = 500.0
 
 
 class StartParams(Config):
-    """What is asked of the way before it begins; see ``PlanLimits``. A limit of 0 is no limit, but for catching up."""
+    """Limits of a trajectory before it starts; see ``PlanLimits``. A limit of 0 is no limit, but for catching up."""
 
     same_position_rad: NotNegative
     max_deviation_rad: NotNegative
@@ -32,7 +32,7 @@ class StartParams(Config):
 
 
 class SplineParams(Config):
-    """How a curve with velocities is told to the engine; see ``Nearness``."""
+    """Sampling of a curve with velocities for the engine; see ``Nearness``."""
 
     max_deviation_rad: Annotated[float, Field(ge=1e-5, le=0.1)]
     max_deviation_radps: Annotated[float, Field(ge=1e-3, le=1.0)]
@@ -40,19 +40,19 @@ class SplineParams(Config):
 
 
 class SpeedScalingParams(Config):
-    """joint_trajectory_controller's name. Of the time of every trajectory; never faster than asked for."""
+    """joint_trajectory_controller's name. Scales the time of every trajectory; never faster than requested."""
 
     initial_scaling_factor: Annotated[float, Field(ge=0.01, le=1.0)]
 
 
 class PathParams(Config):
-    """How far the joints may be from where they should be, where a goal says nothing. 0 is no limit."""
+    """Default path tolerances of the joints. 0 is no limit."""
 
     position_rad: NotNegative
 
 
 class GoalParams(Config):
-    """What holds at the end where a goal says nothing. 0 is no limit, of position and velocity."""
+    """Default tolerances at the end. 0 is no limit, of position and velocity."""
 
     position_rad: NotNegative
     stopped_velocity_radps: NotNegative

@@ -1,4 +1,4 @@
-"""From checked waypoints to what the engine is given: rows and times that start at the present position at time 0."""
+"""Converts checked waypoints to the engine's input: rows and times, from the present position at time 0."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ FloatArray = NDArray[np.float64]
 
 _SHORTEST_LAST_S = 1e-3  # documented: a last point less than 1 ms after the one before is ignored
 _SHORTEST_GAP_S = 2e-6  # the engine refuses 1e-3 ms; twice that is beyond any rounding
-# Of two points closer than 1e-6 the engine drops the later, and its time with it.
+# Of two points closer than 1e-6 the engine drops the later, with its time.
 _SAME_RAD = 1e-6
-# A point that repeats the one before is a pause: moved by this it stays, and with it the time at which the motion goes
-# on. Only with so much time between them, where the shift means no acceleration (6 * 2e-6 / 0.1^2 = 0.001 rad/s^2).
+# A point that repeats the one before is a pause: moved by this it stays, and with it the time at which the motion
+# continues. Only for long pauses, where the shift causes no acceleration (6 * 2e-6 / 0.1^2 = 0.001 rad/s^2).
 _SHIFT_RAD = 2e-6
 _SHORTEST_PAUSE_S = 0.1
-_SAMPLED_PAUSE_S = 0.004  # likewise beside the points of a curve, where the way in and out of a pause matters more
+_SAMPLED_PAUSE_S = 0.004  # likewise between sampled points of a curve, where the ends of a pause matter more
 
 
 @dataclass(frozen=True, slots=True)
 class PlanLimits:
-    """same_position_rad: a first point so near is the present position. max_start_deviation_rad: how far a first point
-    at time 0 may be from the present position; 0 means no limit. max_velocity_radps, max_acceleration_radps2: per axis;
-    empty, or 0 for an axis: no limit. catch_up_ratio, catch_up_acceleration_radps2: what a late start may ask of an
-    axis, so many times the trajectory's own greatest acceleration or so much, whichever is more. near: how well
-    the engine's spline follows a curve with velocities. speed_scaling: of the trajectory's time. continuous: axes that
-    turn without an end.
+    """same_position_rad: a first point this near is the present position. max_start_deviation_rad: largest distance of
+    a first point at time 0 from the present position; 0 means no limit. max_velocity_radps, max_acceleration_radps2:
+    per axis; empty, or 0 for an axis: no limit. catch_up_ratio, catch_up_acceleration_radps2: acceleration of an axis
+    for a late start, as a multiple of the trajectory's greatest one or as a value, whichever is more. near: tolerance
+    of the engine's spline against a curve with velocities. speed_scaling: of the trajectory's time. continuous: axes
+    that turn without an end.
     """
 
     same_position_rad: float
@@ -57,8 +57,8 @@ class PlanLimits:
 def plan_spline(
     points: Waypoints, late_s: float, present: FloatArray, joints: tuple[str, ...], limits: PlanLimits
 ) -> ClampedSpline | None:
-    """The spline from the present position (joints,), where the joints stand, along the curve of the waypoints; None if
-    there is no way to go. late_s: how long ago time 0 was.
+    """The spline from the present position (joints,), at standstill, along the curve of the waypoints; None if
+    there is no distance to travel. late_s: time since time 0.
 
     The first time is 0: forced if the first point is the present position, which otherwise is put before it. A late
     start leaves out the points that have passed, and those that it cannot reach in time.
@@ -131,7 +131,7 @@ def _without_last(points: Waypoints) -> Waypoints:
 
 
 def _caught_up(points: Waypoints, late_s: float, limits: PlanLimits) -> Waypoints:
-    """From the present position to the first point that can be reached when it is due, and on from there."""
+    """From the present position to the first point that can be reached in time, and on from there."""
     ahead = points.rows(slice(int(np.searchsorted(points.times_s, late_s + _SHORTEST_LAST_S)), None))
     velocities = knot_velocities(points)[len(points) - len(ahead) :]
     present = points.positions[0]
@@ -157,7 +157,7 @@ def _caught_up(points: Waypoints, late_s: float, limits: PlanLimits) -> Waypoint
 
 
 def _engine_points(points: Waypoints, limits: PlanLimits) -> tuple[FloatArray, FloatArray]:
-    """Positions alone are the engine's own spline, as documented; all else is told to it by more points."""
+    """Positions alone are the engine's own spline, as documented; other curves are sent as more points."""
     if points.velocities is None or len(points) < 2:
         return _acceptable(points.positions, points.times_s)
     within = partial(_acceptable, shortest_pause_s=_SAMPLED_PAUSE_S)
@@ -181,7 +181,7 @@ def _acceptable(
         kept_rows.append(anchor + _SHIFT_RAD if repeats and kept_rows[-1] is anchor else anchor)
         kept_times.append(time_s)
         stands.append(repeats)
-    while stands[-1]:  # standing at the end is what the engine does anyway
+    while stands[-1]:  # the engine stands at the end anyway
         for kept in (kept_rows, kept_times, stands):
             kept.pop()
     return np.array(kept_rows), np.array(kept_times)

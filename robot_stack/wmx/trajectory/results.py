@@ -1,4 +1,4 @@
-"""How a goal ends: control_msgs' codes, which are not positive, or a code of the engine, which is."""
+"""Result codes of a goal: control_msgs' codes, which are not positive, or a code of the engine, which is."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Why something cannot go on. code: a GoalCode or a code of the engine."""
+    """Why a goal cannot continue. code: a GoalCode or a code of the engine."""
 
     code: int
     text: str

@@ -21,13 +21,13 @@ FloatArray = NDArray[np.float64]
 Acceptable = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 _FIRST_STEP_S, _FIRST_STEPS = 0.04, 8  # between two points of the goal: no shorter and no more to begin with
-_LAST_STEP_S = 1e-3  # the engine's cycle: what happens in less is not seen by any drive
+_LAST_STEP_S = 1e-3  # the engine's cycle: the drives' time resolution
 _LOOKS = np.array([0.0, 0.25, 0.5, 0.75])  # places from one point to the next at which the deviation is looked for
 
 
 @dataclass(frozen=True, slots=True)
 class Nearness:
-    """How far the engine's spline may be from the curve between their common points, and of how many points it is."""
+    """Largest distance of the engine's spline from the curve between common points, and largest number of points."""
 
     deviation_rad: float
     deviation_radps: float
@@ -35,8 +35,8 @@ class Nearness:
 
 
 def sample(points: Waypoints, acceptable: Acceptable, near: Nearness) -> tuple[FloatArray, FloatArray]:
-    """Rows (n, joints) rad and times (n,) s of which the engine's spline is the curve of ``points``. acceptable: leaves
-    out what the engine would. Raises GoalRefused.
+    """Rows (n, joints) rad and times (n,) s whose engine spline matches the curve of ``points``. acceptable: drops
+    points that the engine would drop. Raises GoalRefused.
     """
     curve, times = curve_of(points), _first_times(points.times_s)
     while True:

@@ -51,8 +51,8 @@ class ClampedSpline:
         return fastest
 
     def longest_stop_s(self) -> float:
-        """How long a stop along the path may take: the engine stops a spline at about the greatest acceleration that it
-        has anywhere, of all joints together (WMX3 API reference, StartCSplinePos). Twice, as it bends on the way.
+        """Longest time of a stop along the path: the engine stops a spline at about its greatest acceleration,
+        of all joints together (WMX3 API reference, StartCSplinePos). Twice, as the path bends.
         """
         a3, a2, _, _ = self._curve.c
         h = np.diff(self.times_s)[:, None]

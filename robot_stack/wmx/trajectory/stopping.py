@@ -1,4 +1,4 @@
-"""From a stop that is asked for to axes that stand, or to word that they do not."""
+"""A stop, from its request to standing axes, or to the report that they do not stand."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot_stack.wmx.trajectory.settings import ExecutionSettings
 
 
 class Stopping:
-    """Along the path; quick if that is asked for, or the other refused or in vain. ``ending``: the result then."""
+    """Stops along the path; quick if requested, or if that was rejected or timed out. ``ending``: the result then."""
 
     def __init__(
         self, arm: Arm, settings: ExecutionSettings, ending: Result, now: Moment, *, quick: bool, own_s: float

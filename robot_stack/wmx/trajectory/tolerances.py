@@ -17,7 +17,7 @@ _UNLIMITED = -1.0
 
 @dataclass(frozen=True, slots=True)
 class JointTolerance:
-    """As a client gives it; rad, rad/s, rad/s^2."""
+    """A client's tolerance; rad, rad/s, rad/s^2."""
 
     name: str
     position: float = 0.0

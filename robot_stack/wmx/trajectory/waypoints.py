@@ -1,8 +1,8 @@
-"""The points of a trajectory, in the order of the axes, and the curve that they describe.
+"""The points of a trajectory, in the order of the axes, and their curve.
 
-As users of ros2_controllers' joint_trajectory_controller know it: positions and velocities make a cubic between two
+As in ros2_controllers' joint_trajectory_controller: positions and velocities make a cubic between two
 points, accelerations as well a quintic. Positions alone make one cubic spline, at rest at both ends, as the interface
-document of this server demands.
+document of this server requires.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline, PPoly
 
 FloatArray = NDArray[np.float64]
 STANDS_RADPS = float(np.finfo(np.float32).eps)
-"""What joint_trajectory_controller takes for no velocity."""
+"""Velocity below which joint_trajectory_controller assumes zero."""
 
 _LOOKS = 17
 """Places of a segment at which a greatest acceleration is looked for."""
@@ -44,7 +44,7 @@ class Waypoints:
         )
 
     def after_rest(self, position: FloatArray) -> Waypoints:
-        """With a point before all others, at time 0 and at rest."""
+        """Prepends a point at time 0 and at rest."""
         still = np.zeros((1, self.positions.shape[1]))
         return Waypoints(
             np.concatenate([[0.0], self.times_s]),
@@ -112,7 +112,7 @@ def segments(
         c[3] = (3.0 * (p1 - p0) / h - 2.0 * v0 - v1) / h
         c[2] = (2.0 * (p0 - p1) / h + v0 + v1) / h**2
         return c
-    # What is left to reach at the end after the start's velocity and acceleration have carried on alone.
+    # The remainder at the end, after the start's velocity and acceleration are extrapolated.
     dp, dv, da = p1 - p0 - h * (v0 + 0.5 * h * a0), v1 - v0 - h * a0, a1 - a0
     c[3] = 0.5 * a0
     c[2] = (10.0 * dp / h - 4.0 * dv + 0.5 * h * da) / h**2

@@ -1,7 +1,7 @@
-"""The vendor's engine behind the port. The vendor's library is looked for only when it is asked for.
+"""The vendor's engine behind the port. The vendor's library is loaded only on request.
 
-Written against the published surface of engine version 3.5 and of newer ones, and not yet run on a machine that has
-one; docs/wmx_vendor.md says what is known and what is not.
+Written against the published surface of engine version 3.5 and newer, and not yet run on a machine with
+one; docs/wmx_vendor.md lists what is verified.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def vendor_library(library_path: str, n_axes: int, n_io_bytes: int, status_stale
     try:
         surface = probe(import_vendor(library_path))
     except VendorLibraryError as error:
-        # Not "no engine is running there": that is waited for in silence, and this needs somebody to read it.
+        # Not "no engine is running there": that is waited for silently, and this needs an operator.
         raise EngineError("vendor engine", ErrorCode.StartProcessFailed, str(error)) from error
     return library(surface, Records(surface.module, n_axes), n_io_bytes, status_stale_s)
 

@@ -1,7 +1,7 @@
-"""The port on the vendor's library. What is not a plain call is here: everything else is a row of the surface's tables.
+"""The port on the vendor's library: calls with special handling. All others are rows of the surface's tables.
 
-An overloaded or optional shape of the vendor is settled by the first call that needs it: its wrapper refuses arguments
-of a wrong type before it does anything, so a shape that is refused is followed by the next one.
+An overloaded or optional signature of the vendor is determined at the first call that needs it: its wrapper rejects
+arguments of a wrong type before any effect, so after a rejected signature the next one is tried.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ class Module(Member):
     """An object with a text for its error codes."""
 
     def ErrorToString(self, code: int) -> str:
-        """This module's own text of a code; one that the port does not know keeps the vendor's number in it."""
+        """This module's own text of a code; an unknown one keeps the vendor's number in it."""
         number = self.records.errors.theirs(int(code))
         text = str(self.theirs.ErrorToString(number))
         return text if number == code or error_name(code) != str(int(code)) else f"{text} (vendor's number {number})"
 
 
 class Device(Module):
-    """WMX3Api. Whoever gives no time is not told that the time is over: the vendor goes on with what was asked."""
+    """WMX3Api. Without a given time no timeout is reported: the vendor continues with the request."""
 
     def __init__(self, theirs: Any, records: Records) -> None:
         super().__init__(theirs, surface.API, records)
@@ -40,7 +40,7 @@ class Device(Module):
         self._creating = False
 
     def CreateDevice(self, path: str, deviceType: int = 0, waitTimeMilliseconds: int = 0) -> int:
-        """A second device on an open handle is refused: what the vendor makes of it is not documented."""
+        """A second device on an open handle is rejected: the vendor does not document its effect."""
         if self.IsDeviceValid():  # type: ignore[attr-defined]
             came_late, self._creating = self._creating, False
             return ErrorCode.PyNone if came_late else ErrorCode.ResourceInUse
@@ -140,7 +140,7 @@ class InputsOutputs(Module):
 
 
 class Network(Module):
-    """Ecat. The Python calls of engine 3.5 are without the master that those of other versions want first."""
+    """Ecat. The Python calls of engine 3.5 lack the master argument of other versions."""
 
     def __init__(self, theirs: Any, records: Records) -> None:
         super().__init__(theirs, surface.ECAT, records)

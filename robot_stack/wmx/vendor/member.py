@@ -11,7 +11,7 @@ from robot_stack.wmx.api.surface import Call, Commands, Table, one_or_many
 from robot_stack.wmx.vendor.records import MissingField, Records
 
 WRONG_ARGUMENTS: Final = (TypeError, NotImplementedError)
-"""What the vendor's wrapper raises for arguments that it does not take; the second one for overloaded calls."""
+"""Exceptions of the vendor's wrapper for invalid arguments; the second one for overloaded calls."""
 
 _LEAST, _GREATEST = -(1 << 31), (1 << 32) - 1
 
@@ -31,7 +31,7 @@ def missing(theirs: Any, table: Table) -> list[str]:
 
 
 class Member:
-    """Calls that need more than the table says are methods of subclasses."""
+    """Calls with more than the table's handling are methods of subclasses."""
 
     def __init__(self, theirs: Any, table: Table, records: Records) -> None:
         self.theirs = theirs
@@ -49,7 +49,7 @@ class Member:
                 return call.zero(ErrorCode.NoSupportedFunction)
             try:
                 sent = self.sent(call, arguments)
-                # An overloaded call of the wrapper does not say that a number is too large for its argument.
+                # An overloaded call of the wrapper does not report that a number is too large for its argument.
                 if any(isinstance(value, int) and not _LEAST <= value <= _GREATEST for value in sent):
                     return call.zero(call.unfit)
                 return self.received(call, method(*sent))

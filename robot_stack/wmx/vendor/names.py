@@ -1,9 +1,9 @@
-"""Numbers of the vendor's module and of the port, brought together by name.
+"""Translates numbers between the vendor's module and the port, by name.
 
-Newer versions of the library insert entries into its enumerations, so a number means nothing without its version. Every
-number that crosses the adapter is translated into the one that has the same name on the other side. A number without a
-name on the other side passes as it is, unless the other side uses it for something else: then it is moved out of the
-way, so that nothing is ever taken for what it is not.
+Newer versions of the library insert entries into its enumerations, so a number depends on its version. Every
+number that crosses the adapter is translated to the one with the same name on the other side. A number without a
+name there passes unchanged, unless the other side uses it otherwise: then it is replaced by an
+unused one, so that it is never misread.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Finds and checks the vendor's Python module. Nothing of it is imported before somebody asks for it.
+"""Finds and checks the vendor's Python module. It is imported only on request.
 
-What is checked when it is loaded: its classes, the calls and the status fields without which nothing may move, and
+Loading checks its classes, the calls and the status fields that motion requires, and
 which of two names a class has in this version.
 """
 
@@ -30,12 +30,12 @@ REQUIRED: Final = (
 )
 IO_NAMES: Final = ("Io", "IO")
 _OF_STATUS, _OF_IMAGES = ("GetStatus",), ("GetInBytes", "GetOutBytes")
-"""What the status is read by, beside the calls of the surface."""
+"""Needed to read the status, beside the calls of the surface."""
 _SETTING: Final = "library_path in config/wmx_client.yaml"
 
 
 class VendorLibraryError(Exception):
-    """The vendor's library is missing, does not load here, or lacks what the port needs."""
+    """The vendor's library is missing, does not load here, or lacks a part that the port needs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ def _is_in(module: ModuleType, folder: Path) -> bool:
 
 
 def probe(module: ModuleType) -> Surface:
-    """What this version of the module offers. Raises VendorLibraryError naming what the port needs and it lacks."""
+    """The parts of this version of the module. Raises VendorLibraryError naming the missing ones."""
     lacking = [name for name in REQUIRED if not hasattr(module, name)]
     io = next((getattr(module, name) for name in IO_NAMES if hasattr(module, name)), None)
     if io is None:

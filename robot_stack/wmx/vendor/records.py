@@ -1,8 +1,8 @@
-"""Values across the adapter: the port's dataclasses and the vendor's objects, copied field by field.
+"""Copies values across the adapter: between the port's dataclasses and the vendor's objects, field by field.
 
-A field of the port is copied as its annotation says; an enumeration by its names. Where the vendor keeps an array, its
+A field of the port is copied by its annotation; an enumeration by its names. For an array of the vendor, its
 Python module has no attribute but one method that reads an element and one that writes it (``GetEStopDec(axis)``,
-``SetEStopDec(axis, value)`` for ``eStopDec``). A proxy object of the vendor takes any new attribute without a word, so
+``SetEStopDec(axis, value)`` for ``eStopDec``). A proxy object of the vendor silently accepts any new attribute, so
 a field is only written where it exists.
 """
 
@@ -24,7 +24,7 @@ from robot_stack.wmx.vendor.names import NumberMap, enum_map, error_map
 
 T = TypeVar("T")
 COUNTS: Final = {(DevicesInfo, "devices"): "count"}
-"""Which field of a record counts the entries of an array; other arrays have one per axis."""
+"""The field of a record that counts the entries of an array; other arrays have one per axis."""
 
 
 class MissingField(Exception):
@@ -33,7 +33,7 @@ class MissingField(Exception):
 
 @cache
 def plan(kind: type) -> tuple[tuple[str, Any, type[IntEnum] | None], ...]:
-    """Of each field of a dataclass: name, type, and the enumeration that its default belongs to."""
+    """For each field of a dataclass: name, type, and the enumeration that its default belongs to."""
     hints = get_type_hints(kind)
     return tuple((item.name, hints[item.name], _enumeration(item)) for item in fields(kind))
 

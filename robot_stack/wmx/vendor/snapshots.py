@@ -1,7 +1,7 @@
 """A vendor status as arrays, and its age.
 
 The vendor's status carries no time, but it counts cycles: while the bus communicates and the counter stands still, the
-engine has stopped, and what it published last is old.
+engine has stopped, and its last status is old.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from robot_stack.wmx.vendor.records import Records
 
 FLAGS: Final = {
     Flag.SERVO_ON: "servoOn",
-    Flag.SERVO_REQUESTED: "servoOn",  # the vendor does not tell what was asked for
+    Flag.SERVO_REQUESTED: "servoOn",  # the vendor does not report the request
     Flag.SERVO_OFFLINE: "servoOffline",
     Flag.AMP_ALARM: "ampAlarm",
     Flag.AMP_ALARM_CODE: "ampAlarmCode",
@@ -79,7 +79,7 @@ _ENUMS: Final[dict[Flag, type[IntEnum]]] = {
 
 
 class Age:
-    """When the engine was last seen to cycle, and ``epoch``: how often it was seen to have begun anew."""
+    """Time of the engine's last cycle, and ``epoch``: number of detected restarts."""
 
     def __init__(self, stale_s: float) -> None:
         self.epoch = 0
@@ -154,7 +154,7 @@ class SnapshotReader:
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """Rows of a matrix whose fields this version of the library has, and what reads those fields of an axis."""
+    """Rows of a matrix with the fields of this library version, and the reader of those fields of an axis."""
 
     rows: list[int]
     of_axis: Callable[[Any], tuple[Any, ...]]
