@@ -112,7 +112,7 @@ class DockingController:
         return self._undocking and self.busy
 
     def recall(self, attached: bool) -> None:
-        """Tells, before the first tick, whether a wheelchair was attached when the controller before this one ended."""
+        """Sets, before the first tick, whether a wheelchair was attached at the end of the previous controller."""
         self._keeper.recall(attached)
 
     # --- requests ----------------------------------------------------------------------------------------------------

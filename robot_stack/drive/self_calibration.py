@@ -75,7 +75,7 @@ class WheelCalibration:
         self.zero_errors_rad: Four = ZEROS
 
     def observe(self, displacements: Sequence[tuple[float, float]]) -> None:
-        """Learns from the wheels' displacements (m, base_link), corrected by the present estimate."""
+        """Updates the estimate by the wheels' displacements (m, base_link), corrected by the present one."""
         rows = np.array(displacements).ravel()
         if np.abs(rows).max() < self._settings.least_way_m:
             return

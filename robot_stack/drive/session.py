@@ -217,7 +217,7 @@ class DriveSession:
         return Applied(AxisMoves(tuple(drives), tuple(steers)))
 
     def look(self) -> StatusSnapshot | None:
-        """The status at this moment; None if it cannot be trusted or the session is not ready."""
+        """The status at this moment; None if it is invalid or the session is not ready."""
         snapshot = self._engine.read() if self.ready else None
         return snapshot if snapshot is not None and snapshot.communicating else None
 

@@ -187,7 +187,7 @@ class PublishEmergencyStop:
 
 @dataclass(frozen=True, slots=True)
 class WarnOfDeparture:
-    """Tell the others that people are being warned. remaining_s: until the robot sets out, 0 as it does."""
+    """Publishes the departure warning. remaining_s: until the robot starts, 0 as it does."""
 
     remaining_s: float
 

@@ -415,7 +415,7 @@ class MissionKernel:
         self._awake = self._awake or (inputs.pose is not None and inputs.safety_known)
         record = self._record
         eta = math.nan if self._held else status.eta_s(record, inputs, self._speed.mps, self._leg.waited_s)
-        # Said once: a pause for the journal's sake has it in its reason already.
+        # Shown once: the reason of a pause for the journal contains it already.
         journal = "" if self._journal_problem in record.reason else self._journal_problem
         built = status.build(
             record,

@@ -1,12 +1,13 @@
 """The DDS settings of every process of the stack, applied before rclpy starts unless the environment has others.
 
-- Everything stays on this machine: sockets are bound to the loopback interface, so that a computer on the network
-cannot move the robot, whatever peers it names. Another discovery range gives sockets on every interface. - Processes
-communicate by UDP. Fast DDS's shared memory is only for those that exchange clouds and images (``bulk``): whenever a
-participant with shared memory starts, every other one checks its ports one by one, 0.33 s each where the port is idle,
-and holds the lock without which it sends nothing (Fast DDS issue 6535). The chain that stops the wheels must not stand
-still because a process starts. - By UDP, and with Fast DDS's own shared-memory segment of 512 KiB, most point clouds
-(2.4 MB) are lost; the profile ``config/fastdds.xml`` has room for them.
+- Everything stays on this machine: sockets are bound to the loopback interface, so that no other computer can move the
+  robot, whatever peers it names. Another discovery range gives sockets on every interface.
+- Processes use UDP. Fast DDS's shared memory is only for processes that exchange clouds and images (``bulk``):
+  whenever a participant with shared memory starts, every other one checks its ports one by one, 0.33 s each where
+  the port is idle, and holds the lock without which it sends nothing (Fast DDS issue 6535). The chain that stops the
+  wheels must not stand still because a process starts.
+- By UDP, and with Fast DDS's own shared-memory segment of 512 KiB, most point clouds (2.4 MB) are lost; the profile
+  ``config/fastdds.xml`` has room for them.
 """
 
 from __future__ import annotations

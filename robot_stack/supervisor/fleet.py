@@ -24,7 +24,7 @@ _ROS_ARGUMENTS = ("--disable-external-lib-logs",)
 
 
 class Fleet:
-    """Starts and ends processes. Knows nothing about when; that is the lifecycle's."""
+    """Starts and ends processes. The lifecycle decides when."""
 
     def __init__(self, plan: Plan, run_dir: Path, params: SupervisorParams) -> None:
         self._run_dir = run_dir

@@ -74,7 +74,7 @@ class Lifecycle:
         return now_s - self._heard_s
 
     def wanted(self, now_s: float) -> None:
-        """Asks for a start now, with a clean record (first start, or an operator's restart)."""
+        """Requests a start now, with a clean record (first start, or an operator's restart)."""
         self._crashes.clear()
         self._tries = 0
         if self.state in RUNNING:  # the caller interrupts it; it is killed should it not end

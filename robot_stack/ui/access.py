@@ -102,7 +102,7 @@ class Access:
         self._sessions.pop(client, None)
 
     def touch(self, client: int, now_s: float) -> None:
-        """Somebody does something on this page."""
+        """Extends the session after input on the page."""
         if self.role(client, now_s) is Role.STAFF:
             self._sessions[client].used_s = now_s
 

@@ -130,7 +130,7 @@ class EngineSession:
         self._events.refused(error, self._failures)
 
     def probe(self, now_s: float) -> bool:
-        """Asks the engine, now and then, whether it is there. False once it is not."""
+        """Probes the engine at intervals. False once it is gone."""
         if self.due(_PROBE, now_s, self._patience.probe_period_s):
             answered = self.ask(_PROBE, lambda engine: engine.api.GetDeviceName()[0])
             if not answered:  # an engine that hangs holds every call up: do not spend all time on it
@@ -176,13 +176,13 @@ class EngineSession:
         return self.refusal(_STATUS, self.text)
 
     def start_communication(self, now_s: float, pause_s: float, otherwise: str) -> str:
-        """Asks for the bus, not more often than every ``pause_s``. Why it was refused, ``otherwise`` if it was not."""
+        """Requests the bus, at most once per ``pause_s``. Why it was rejected, ``otherwise`` if it was not."""
         if self.due(_COMMUNICATION, now_s, pause_s):
             self.ask(_COMMUNICATION, lambda engine: engine.api.StartCommunication(0))
         return self.refusal(_COMMUNICATION, otherwise)
 
     def due(self, what: str, now_s: float, pause_s: float) -> bool:
-        """True once, then not before ``pause_s`` have passed. Time that ran back makes everything due."""
+        """True once, then not before ``pause_s`` have passed. A clock that goes back makes everything due."""
         asked_s, due_s = self._pauses.get(what, (now_s, now_s))
         if asked_s <= now_s < due_s:
             return False

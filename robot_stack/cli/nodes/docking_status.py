@@ -1,4 +1,4 @@
-"""Hears /docking/status for ``robot-stack docking status``."""
+"""Subscribes to /docking/status for ``robot-stack docking status``."""
 
 from __future__ import annotations
 

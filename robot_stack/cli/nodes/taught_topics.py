@@ -51,7 +51,7 @@ class TaughtTopics:
         self._guest.close()
 
     def published(self) -> bool:
-        """Anybody publishes any of it."""
+        """True if any of the topics has a publisher."""
         return any(self._guest.node.count_publishers(row.name) for row in ROWS)
 
     def take(self) -> list[Taken]:

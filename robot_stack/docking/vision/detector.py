@@ -85,7 +85,7 @@ class MarkerDetector:
         )
 
     def reset(self) -> None:
-        """Forgets all earlier images."""
+        """Clears the state of all earlier images."""
         self._tracks.clear()
 
     def warm_up(self) -> None:

@@ -87,7 +87,7 @@ class SwerveHardwareInterfaceNode(StackNode):
         self._report_state(state)
 
     def _watch(self, snapshot: StatusSnapshot) -> None:
-        """Nobody commands the wheels any more: they stop by themselves."""
+        """Without fresh commands, stops the wheels."""
         if self._commanded():
             return
         problem = self._session.stop_wheels(snapshot).problem

@@ -68,7 +68,7 @@ class JoystickDriverNode(StackNode):
         self.report.values |= {"device": self._reader.state, "dead-man button": self._teleop.grip.value}
 
     def safe_output(self) -> None:
-        """Whoever held the button holds it no more."""
+        """Publishes a zero command if the joystick controls the robot."""
         if self._teleop.command(self.steady_s()) is not None:
             self._commands.publish(twist_stamped(ZERO_TWIST, frames.BASE_LINK, self.stamp()))
 

@@ -51,7 +51,7 @@ class Decoder:
         return found
 
     def restart(self) -> None:
-        """Forgets half a frame: the line was open in between."""
+        """Drops an incomplete frame: the line was opened in between."""
         self._buffer.clear()
 
     def _take(self, found: list[Message]) -> bool:

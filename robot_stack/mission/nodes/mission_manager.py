@@ -136,7 +136,7 @@ class MissionManagerNode(StackNode):
         return float(self._robot_status.latest.battery_percent) / 100.0 if self._robot_status.fresh() else math.nan
 
     def safe_output(self) -> None:
-        """Nobody is left to watch the ride: the robot stands. The journal brings the mission back, paused."""
+        """Stops the ride, which is no longer supervised. The journal restores the mission, paused."""
         if self._kernel.record.state in UNDER_WAY:
             self._outputs.cancel_goal()
             self._docking.cancel()

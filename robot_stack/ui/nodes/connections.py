@@ -11,9 +11,9 @@ _LOOKS_A_LIMIT = 4
 
 
 class Connections:
-    """limit_s: from the connection to its end. present: the server's own, as uvicorn keeps them.
+    """limit_s: lifetime of a connection. present: the server's own list, as uvicorn keeps it.
 
-    pages: addresses (host, port) of those that are pages; they stay.
+    pages: addresses (host, port) of pages, whose connections stay.
     """
 
     def __init__(self, limit_s: float, present: Callable[[], Collection[Any]]) -> None:

@@ -45,7 +45,7 @@ class Pages:
         self.staff_called = False
 
     def want(self, layers: frozenset[p.Layer]) -> None:
-        """Somebody looks at these layers, and at no others."""
+        """Sets the layers in use."""
         self._wanted = layers
         self._inputs.want(layers)
         self.show()

@@ -195,8 +195,8 @@ class WheelSession:
         return settings.acc_time_s if abs(wanted) > abs(now) else settings.dec_time_s
 
     def _drive(self, seen: StatusSnapshot, speeds: WheelPair, now_s: float) -> Applied[WheelPair]:
-        """Commands the wheels as of the status ``seen``. After a pause longer than the command's lifetime
-        this would restart stopped wheels, so it is rejected.
+        """Commands the wheels from the status ``seen``. After a longer pause the engine may have stopped them, and this
+        would restart them: then it is rejected.
         """
         if speeds != REST and self._held_up(seen):
             return Applied(None, _HELD_UP)
@@ -227,7 +227,7 @@ class WheelSession:
         return Applied(self._sent, "" if self._sent is not None else self._engine.refusal(_DRIVING, self._engine.text))
 
     def _held_up(self, seen: StatusSnapshot) -> bool:
-        """True if the command's lifetime has passed, by the engine's own time, in which its wheels turn and stop."""
+        """True if the status is too old for a command, by the engine's own time, in which its wheels turn and stop."""
         now = self._engine.read()
         return now is None or now.engine_time_s - seen.engine_time_s > self._settings.follow_s
 

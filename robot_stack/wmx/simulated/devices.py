@@ -60,14 +60,14 @@ class DeviceTable:
         return self._devices.get(device_id)
 
     def remove(self, device_id: int) -> bool:
-        """Forgets a device. False if there was none."""
+        """Drops a device. False if there was none."""
         return self._devices.pop(device_id, None) is not None
 
     def clear(self) -> None:
         self._devices.clear()
 
     def report(self, alive: Callable[[int], bool], turn: int, cycle: int) -> None:
-        """Processes the reports of this turn's clients. alive: whether the process of a device runs."""
+        """Updates the report times of this turn's devices. alive: whether the process of a device runs."""
         for device in self:
             if device.id % TURNS == turn % TURNS and alive(device.id):
                 device.reported_cycle = cycle

@@ -1,7 +1,7 @@
 """The simulated motion engine: state machine, cycle and commands, without a clock, a socket or a file.
 
 One engine serves many devices (clients). ``cycle`` is one interrupt of the real engine: plans advance, the bus is
-exchanged, feedback is taken over. Whoever calls it sets the pace, in real time or in lockstep with physics.
+exchanged, feedback is read. The caller sets the pace, in real time or in lockstep with physics.
 
 Where the vendor's documentation is silent, the conservative reading is built: stopping communication with axes in
 motion ends the motion and switches the servos off; the Final emergency stop switches the servos off at once; every

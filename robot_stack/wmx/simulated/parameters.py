@@ -57,7 +57,7 @@ class Parameters:
             self._apply(axis)
 
     def absolute(self, axis: int) -> bool:
-        """The drive knows its position without homing."""
+        """True if the drive has an absolute position, without homing."""
         return self._absolute[axis]
 
     def set_absolute(self, axis: int, absolute: bool) -> None:

@@ -106,7 +106,7 @@ class Splines:
         return _NO_ERROR, self._buffers[channel]
 
     def clear(self) -> None:
-        """Forgets every spline and every buffer: the engine ends."""
+        """Drops every spline and every buffer: the engine ends."""
         self._runs.clear()
         self._buffers.clear()
 

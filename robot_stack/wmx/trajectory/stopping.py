@@ -33,13 +33,13 @@ class Stopping:
             self.hurry(now)
 
     def hurry(self, now: Moment) -> None:
-        """Asks for the quick stop, once."""
+        """Requests the quick stop, once."""
         if not self._quick:
             self._quick, self._quick_begin = True, now
             self._problem += _text(self._arm.quick_stop())
 
     def replace(self, ending: Result) -> None:
-        """A fault is the ending of a goal whose cancellation is not through yet; nothing else is."""
+        """Changes the result to a fault's during a cancellation; any other result stays."""
         if self.ending.outcome is Outcome.CANCELED:
             self.ending = ending
 
