@@ -1,4 +1,4 @@
-"""Has the robot touched something? Pushing takes more effort of the wheels than rolling."""
+"""Detection of contact: pushing takes more force of the wheels than rolling."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class ContactWatch:
         return excess if math.isfinite(excess) else 0.0
 
     def update(self, force_n: float, distance_m: float, moving_in: bool, dt_s: float) -> bool:
-        """Takes the wheels' force along the approach, N. Returns True on contact.
+        """Adds the wheels' force along the approach, N. Returns True on contact.
 
         distance_m: before the dock pose. moving_in: the robot is commanded towards it.
         """

@@ -118,7 +118,7 @@ class DockingController:
     # --- requests ----------------------------------------------------------------------------------------------------
 
     def dock(self, dock_id: str, dock: Dock, *, approach_only: bool = False) -> Result | None:
-        """Begins to dock. Returns the refusal, None if it has begun."""
+        """Starts docking. Returns the refusal, None if it has started."""
         if self.busy:
             return Result(DockCode.BUSY, f"busy: {self._text}")
         if self._keeper.attached:
@@ -135,7 +135,7 @@ class DockingController:
         return None
 
     def undock(self, situation: Situation) -> Result | None:
-        """Begins to undock. Returns the refusal, None if it has begun."""
+        """Starts undocking. Returns the refusal, None if it has started."""
         refusal = self._undock_refusal(situation)
         if refusal is not None:
             return refusal
@@ -175,7 +175,7 @@ class DockingController:
         self.tracker.on_odometry(stamp_s, pose)
 
     def on_markers(self, markers: Sequence[Marker]) -> None:
-        """Takes the markers of all cameras' newest images."""
+        """Adds the markers of all cameras' newest images."""
         self.tracker.on_markers(markers)
 
     # --- tick --------------------------------------------------------------------------------------------------------
@@ -206,7 +206,7 @@ class DockingController:
         return replace(output, emergency=True, result=ended)
 
     def _warns(self, dt_s: float) -> bool:
-        """People are being warned before this moves a robot that has stood for long. Else navigation does, or did."""
+        """True while people are being warned before motion after a long standstill, unless navigation does so."""
         if not isinstance(self._phase, _MOVING):
             self._departure.drop()
             return False
@@ -243,12 +243,12 @@ class DockingController:
         return LatchCommand.OPEN if before and self._must_open(view) else step.latch
 
     def _must_open(self, view: View) -> bool:
-        """Hooks that the last job left closed would be in the dock's way."""
+        """True if the last job left the hooks closed, which would block the dock."""
         inputs = view.situation.latch
         return inputs.known and not inputs.open and not self._keeper.attached
 
     def _advance(self, step: Step, view: View) -> Result | None:
-        """Goes where the step leads. Returns the result if the job is over."""
+        """Executes the transition of a step. Returns the result if the job is over."""
         phase = self._phase
         if isinstance(phase, Latching) and phase.closed:
             self._phase = LookingOnce(self._params.latch)
@@ -309,7 +309,7 @@ class DockingController:
         return self._result(DockCode.NONE, "", view)
 
     def _learn(self, dock: Dock) -> str:
-        """Improves the dock's correction; returns why not, else an empty text."""
+        """Updates the dock's correction; returns why not, else an empty text."""
         p = self._params.latch
         before = self.corrections.get(self._dock_id, Correction())
         found = learnt(
@@ -325,10 +325,10 @@ class DockingController:
         self.corrections[self._dock_id] = found
         return ""
 
-    # --- small things ------------------------------------------------------------------------------------------------
+    # --- helpers -----------------------------------------------------------------------------------------------------
 
     def _watch_latch(self, situation: Situation) -> bool:
-        """True if the latch has let go of a wheelchair that it should hold: the robot must stop for good."""
+        """True if the latch has released a wheelchair that it should hold: the robot must stop for good."""
         may_open = self.undocking or (isinstance(self._phase, Latching) and self._phase.opening)
         let_go = self._keeper.update(situation.latch, may_open=may_open)
         if let_go:

@@ -42,7 +42,7 @@ class DockTracker:
         self.forget()
 
     def forget(self) -> None:
-        """The estimate starts again with the next sighting."""
+        """The estimate restarts with the next sighting."""
         self._target.forget()
         self._early = None
         self.moved = False
@@ -55,11 +55,11 @@ class DockTracker:
 
     @property
     def sightings(self) -> list[Pose2]:
-        """The dock in base_link as seen in the images since ``count_from``, without the correction."""
+        """The measured dock in base_link in the images since ``count_from``, without the correction."""
         return self._uncorrected
 
     def board(self, now_s: float, within_s: float) -> Pose2 | None:
-        """The dock in base_link as the newest image shows it, whatever was expected; None if that is older."""
+        """The dock in base_link in the newest image, independent of the estimate; None if that is older."""
         return self._newest if now_s - self._newest_s <= within_s else None
 
     @property
@@ -74,7 +74,7 @@ class DockTracker:
         return estimate.pose.compose(self._dock.dock_pose.pose())
 
     def on_odometry(self, stamp_s: float, pose: Pose2) -> None:
-        """Takes base_link in odom, which must be finite."""
+        """Adds base_link in odom, which must be finite."""
         before = self._odometry.newest
         if before is not None and stamp_s < before.stamp_s - 1.0:  # time was set back: another history begins
             self._odometry.clear()
@@ -86,7 +86,7 @@ class DockTracker:
             self._see(early)
 
     def on_markers(self, markers: Sequence[Marker]) -> None:
-        """Takes the markers of all cameras' newest images."""
+        """Adds the markers of all cameras' newest images."""
         if self._dock is None:
             return
         frame = self._dock.camera_frame
@@ -100,7 +100,7 @@ class DockTracker:
         base = self._odometry.at(seen.stamp_s)
         if base is None:
             newest = self._odometry.newest
-            # A fast detector is ahead of the odometry: the sighting waits for the reading that belongs to it.
+            # A fast detector is ahead of the odometry: the sighting waits for the reading of its time.
             self._early = seen if newest is None or seen.stamp_s > newest.stamp_s else None
             return
         self._newest_s, self._newest = seen.stamp_s, seen.dock

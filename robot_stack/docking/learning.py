@@ -15,7 +15,7 @@ from robot_stack.core.geometry import IDENTITY, Pose2, wrap_angle
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """``pose`` composed with a sighted dock pose (in base_link) gives the true one. dockings: that taught it."""
+    """``pose`` composed with a sighted dock pose (in base_link) gives the true one. dockings: number of samples."""
 
     pose: Pose2 = IDENTITY
     dockings: int = 0

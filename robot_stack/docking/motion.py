@@ -21,27 +21,27 @@ from robot_stack.docking.params import MotionParams
 
 Three = tuple[float, float, float]
 _AT_REST: Three = (0.0, 0.0, 0.0)
-# A start that is this much faster than the limits is brought within them first: ruckig refuses nothing, it brakes.
+# A start faster than the limits by this much is brought within them first: ruckig would brake instead of failing.
 _TIGHT = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A moment of a reference: pose, and velocity in the same frame (not turned into base_link)."""
+    """A sample of a reference: pose, and velocity in the same frame (not rotated into base_link)."""
 
     pose: Pose2
     velocity: Twist2
 
 
 class Reference:
-    """A way to a pose, as a function of the time since its start."""
+    """A trajectory to a pose, as a function of the time since its start."""
 
     def __init__(self, *parts: Trajectory) -> None:
         self._parts = parts
         self.duration_s = float(sum(part.duration for part in parts))
 
     def at(self, time_s: float) -> Point:
-        """The moment ``time_s`` after the start; at and after the end: the goal at rest."""
+        """The sample ``time_s`` after the start; from the end on: the goal at rest."""
         remaining_s = max(time_s, 0.0)
         for part in self._parts:
             if remaining_s <= part.duration or part is self._parts[-1]:
@@ -95,12 +95,12 @@ def _fastest_before(distance_m: float, params: MotionParams) -> float:
 
 
 def straight_to(start: Point, goal: Pose2, params: MotionParams) -> Reference:
-    """To ``goal`` at rest, each coordinate on its own."""
+    """To ``goal`` at rest, each coordinate independently."""
     return Reference(_trajectory(start, goal, ZERO_TWIST, params, params.along_mps))
 
 
 def _trajectory(start: Point, goal: Pose2, through: Twist2, params: MotionParams, along_mps: float) -> Trajectory:
-    """Coordinates that need less time than the way along x are done earlier; else all arrive together."""
+    """Coordinates that need less time than the distance along x finish earlier; else all arrive together."""
     given = InputParameter(3)
     given.current_position = [start.pose.x, start.pose.y, start.pose.yaw]
     given.current_velocity = _bounded(start.velocity, along_mps, params)
@@ -135,7 +135,7 @@ def _bounded(velocity: Twist2, along_mps: float, params: MotionParams) -> list[f
 
 
 class Follower:
-    """Keeps the robot on a reference. The reference waits for a robot that is held back."""
+    """Tracks a reference. The reference waits for a robot that is slowed down."""
 
     def __init__(self, reference: Reference, params: MotionParams) -> None:
         self._reference = reference
@@ -144,11 +144,11 @@ class Follower:
 
     @property
     def finished(self) -> bool:
-        """The reference has come to its end; the robot may still be off it."""
+        """True if the reference has ended; the robot may still have an error."""
         return self._elapsed_s >= self._reference.duration_s
 
     def step(self, pose: Pose2, dt_s: float) -> Twist2:
-        """The command in base_link for a robot at ``pose``; moves the reference on by ``dt_s`` at most."""
+        """The command in base_link for a robot at ``pose``; advances the reference by ``dt_s`` at most."""
         error = self._reference.at(self._elapsed_s).pose.relative_to(pose)
         self._elapsed_s += min(max(dt_s, 0.0), self._params.longest_step_s) * self._pace(error)
         point = self._reference.at(self._elapsed_s)
@@ -174,7 +174,7 @@ def correction(error: Pose2, params: MotionParams) -> Twist2:
 
 
 def into_base(velocity: Twist2, yaw_rad: float) -> Twist2:
-    """A velocity of the dock pose's frame, in base_link turned by ``yaw_rad`` against it."""
+    """Rotates a velocity from the dock pose's frame into base_link, whose yaw in it is ``yaw_rad``."""
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     return Twist2(c * velocity.vx + s * velocity.vy, -s * velocity.vx + c * velocity.vy, velocity.omega)
 

@@ -1,1 +1,1 @@
-"""The drive: from velocity commands to wheel set points, from encoders to odometry."""
+"""The drive: computes wheel set points from velocity commands, and odometry from encoders."""

@@ -23,7 +23,7 @@ class Source(IntEnum):
 
     @property
     def timeout_s(self) -> float:
-        """A source whose newest command is older than this no longer holds the drive."""
+        """Age of its newest command after which a source loses control."""
         return DRIVE_COMMANDS[self].stale_limit_s
 
 
@@ -95,7 +95,7 @@ class Arbiter:
         return source in self._must_rest
 
     def holder(self, now_s: float) -> Source | None:
-        """The source that holds the drive at ``now_s``. A command from the future (time ran back) does not count."""
+        """The source in control at ``now_s``. A command from the future (the clock went back) does not count."""
         for source in _HIGHEST_FIRST:
             if 0.0 <= now_s - self._commands[source][0] <= source.timeout_s:
                 return source

@@ -21,7 +21,7 @@ _SHORTEST_MS: Final = 1.0
 
 
 def drive(core: CoreMotion, moves: Sequence[DriveMove], lifetime_s: float) -> int:
-    """Sets the wheels in motion; the engine's code. Wheels that are to stand go first, in a call of their own."""
+    """Commands the wheels; returns the engine's code. Wheels to be stopped go first, in a separate call."""
     velocity = core.velocity
     resting = [_rest(move) for move in moves if not move.velocity_radps]
     turning = [_turn(move, lifetime_s) for move in moves if move.velocity_radps]
@@ -32,13 +32,13 @@ def drive(core: CoreMotion, moves: Sequence[DriveMove], lifetime_s: float) -> in
 
 
 def steer(core: CoreMotion, moves: Sequence[SteerMove]) -> int:
-    """Sets the headings in motion; the engine's code."""
+    """Commands the headings; returns the engine's code."""
     commands = [_heading(move) for move in moves]
     return core.motion.StartPos(len(commands), commands)
 
 
 def _turn(move: DriveMove, lifetime_s: float) -> Velocity_TimedVelCommand:
-    """Times so that deceleration of the engine's own begins ``lifetime_s`` from now."""
+    """Times chosen so that the engine's own deceleration begins ``lifetime_s`` from now."""
     to_rest_s = abs(move.velocity_radps) / move.deceleration_radps2
     return Velocity_TimedVelCommand(
         move.axis,

@@ -61,12 +61,12 @@ class SwerveController:
         return twist.speed() <= limit.speed_mps and abs(twist.omega) <= limit.yaw_rate_radps
 
     def halt(self, now_s: float) -> DriveOutput:
-        """Zero at once; the headings stay where they are."""
+        """Commands zero at once; the headings stay."""
         self._stepped_s = now_s
         return self._drive.halt(self.measured_rad)
 
     def step(self, requested: Command, limits: MotionLimits, now_s: float, *, braking: bool = False) -> DriveOutput:
-        """The next set points. braking: towards standstill at the emergency deceleration, whatever is requested."""
+        """The next set points. braking: to standstill at the emergency deceleration, ignoring ``requested``."""
         elapsed_s, self._stepped_s = now_s - self._stepped_s, now_s
         return self._drive.step(
             requested, limits, elapsed_s, self.measured_rad, standing=self.standing(), braking=braking
@@ -95,7 +95,7 @@ class SwerveController:
         }
 
     def reset_odometry(self) -> bool:
-        """odom begins where the robot stands. False if it moves: nothing is reset then."""
+        """Resets odom to the robot's present pose. False without a reset if it moves."""
         if not self.standing() or self.set_point != ZERO_TWIST:
             return False
         self._odometry.reset()

@@ -57,7 +57,7 @@ def follow(
 ) -> tuple[ModuleStates, bool]:
     """One step of the modules after ``twist``. Returns (new states, feasible).
 
-    If it is not feasible the returned states are those of the last feasible module onwards unchanged: do not use them.
+    If it is not feasible the returned states are incomplete: do not use them.
     """
     vx, vy, omega = twist.vx, twist.vy, twist.omega
     speed_change = limits.max_wheel_acceleration_mps2 * dt_s + 1e-12
@@ -93,7 +93,7 @@ def follow(
 def follow_anyhow(
     positions: Positions, limits: ModuleLimits, states: ModuleStates, twist: Twist2, dt_s: float
 ) -> ModuleStates:
-    """One step of the modules after ``twist`` as well as the steering can, for braking: never refused."""
+    """One step of the modules after ``twist`` as well as the steering can, for braking: always succeeds."""
     boundless = ModuleLimits(
         limits.max_wheel_speed_mps,
         math.inf,

@@ -1,8 +1,8 @@
 """The body's motion between two readings of the encoders, to the next order beyond constant speeds.
 
-Within an interval headings and ways of the wheels follow parabolas through the last three readings. The displacement of
-a wheel is then the chord of an arc, along the heading in the middle, shifted a little: by a heading that turns ever
-faster, and across by a wheel that speeds up on the way. A twist that changes within the interval adds the commutator
+Within an interval headings and distances of the wheels follow parabolas through the last three readings. The
+displacement of a wheel is then the chord of an arc, along the heading in the middle, with small corrections for the
+change of the heading's rate and of the wheel's speed. A twist that changes within the interval adds the commutator
 term of the Magnus series, exp(m + [m, m']/12), with m' the change of the motion m (Magnus, Comm. Pure Appl. Math. 7,
 1954). Without these terms a ride of 78 m with perfect encoders at 50 Hz ends 1 mm off, with them 0.004 mm.
 """
@@ -17,7 +17,7 @@ from operator import add, sub
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.drive.kinematics import ZEROS, Four
 
-# Mean of u (1 - u) / 2 over an interval: what a parabola's mean differs from its chord's, by its second difference.
+# Mean of u (1 - u) / 2 over an interval: the mean of a parabola minus that of its chord, per second difference.
 _PARABOLA = 1.0 / 12.0
 
 

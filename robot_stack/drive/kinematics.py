@@ -61,7 +61,7 @@ def desaturated(positions: Positions, twist: Twist2, max_wheel_speed_mps: float)
 
 
 def x_lock_angles(positions: Positions) -> Four:
-    """Headings that point every wheel at the robot's centre, in [-pi/2, pi/2]: then no push can roll the robot away."""
+    """Headings that point every wheel at the robot's centre, in [-pi/2, pi/2]: a push cannot roll the robot away."""
     a, b, c, d = (math.remainder(math.atan2(y, x), HALF_TURN) for x, y in positions)
     return a, b, c, d
 
@@ -89,7 +89,7 @@ def steering_step(
 ) -> tuple[float, float]:
     """One step of a steering axis that has to turn by ``turn_rad`` and now turns at ``rate_radps``.
 
-    The axis arrives as fast as its rate and acceleration allow and can always stop where it shall, as long as the
+    The axis turns as fast as its rate and acceleration allow and can always stop at the target, as long as the
     target does not move. Returns (angle turned in this step, new rate).
     """
     gain = max_acceleration_radps2 * dt_s
@@ -102,7 +102,7 @@ def steering_step(
 
 
 def cosine_scale(error_rad: float) -> float:
-    """The share of a wheel's speed that is worth driving while its heading is off by ``error_rad``: none beyond 90
+    """The share of a wheel's speed to drive while its heading is off by ``error_rad``: 0 beyond 90
     degrees.
     """
     return max(0.0, math.cos(error_rad))

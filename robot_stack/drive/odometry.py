@@ -168,7 +168,7 @@ class SwerveOdometry:
         return unread.scaled(1.0 / unread_s)
 
     def _interval(self, last: Encoders, reading: Encoders) -> Interval:
-        # The way is known even where the time is not (a clock that was set back): only speeds and plausibility need it.
+        # The distance is known even if the time is not (a clock that went back): only speeds and plausibility need it.
         elapsed_s = max(reading.stamp_s - last.stamp_s, self._settings.shortest_interval_s)
         turns = (math.remainder(new - old, TURN) for new, old in zip(reading.steer_rad, last.steer_rad, strict=True))
         radius, learnt = self._settings.wheel_radius_m, self.calibration
@@ -262,7 +262,7 @@ def _jump(joint: str, unit: str, change: float, most: float, elapsed_s: float) -
 
 
 def _propagated(p: Matrix3, old: Pose2, new: Pose2, growth: tuple[float, float]) -> Matrix3:
-    """F P F^T + Q for a step from ``old`` to ``new``: an error of the yaw swings the step just made."""
+    """F P F^T + Q for a step from ``old`` to ``new``: an error of the yaw rotates the step."""
     dx, dy = new.x - old.x, new.y - old.y
     xx, xy, xt, yy, yt, tt = p[0], p[1], p[2], p[4], p[5], p[8]
     position, yaw = growth

@@ -22,7 +22,7 @@ NotNegative = Annotated[float, Field(ge=0.0)]
 
 
 class ModuleParams(Config):
-    """Use of the modules. steering_share: of the steering's rate and acceleration, the rest is for the drive to catch
+    """Use of the modules. steering_share: of the steering's rate and acceleration; the rest is reserved for catching
     up. wheel_speed_share: of the drive's largest speed."""
 
     steering_share: Share

@@ -32,7 +32,7 @@ class SafetyLimit(SpeedLimit):
     reason: str
 
     def is_hard_stop(self) -> bool:
-        """True for a limit of zero, or that is no number, unless every code of its reason permits a gentle stop."""
+        """True for a limit of zero or NaN, unless every code of its reason permits a gentle stop."""
         return self.usable()[0] == 0.0 and not stops_gently(self.reason)
 
 
@@ -55,7 +55,7 @@ class Situation:
 
 @dataclass(frozen=True, slots=True)
 class Permission:
-    """limits, requested: for the drive's step. ready: nothing that the drive needs is missing.
+    """limits, requested: for the drive's step. ready: all inputs of the drive are present.
     reason: one short sentence."""
 
     action: Action

@@ -24,7 +24,7 @@ _UNKNOWN = 2 * _MODULES
 _SPARE = 5  # rows of a reading that a rigid motion leaves
 # Prior standard deviation of the error common to all wheels: held at zero.
 _COMMON = 1e-6
-# An estimate further out than this many standard deviations of the prior is no tolerance.
+# An estimate beyond this many standard deviations of the prior is not a manufacturing tolerance.
 _BOUND = 4.0
 
 
@@ -133,7 +133,7 @@ def _prior(settings: CalibrationSettings) -> NDArray[np.float64]:
 
 
 def _effects(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(8, 8) change of the rows by each unknown: a greater wheel claims less way than it makes, a zero turns it."""
+    """(8, 8) change of the rows by each unknown: a larger wheel reports too little distance, a zero rotates it."""
     effects = np.zeros((_UNKNOWN, _UNKNOWN))
     modules = np.arange(_MODULES)
     x, y = rows[0::2], rows[1::2]

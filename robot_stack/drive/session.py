@@ -46,8 +46,8 @@ class Stage(Enum):
 
 @dataclass(frozen=True, slots=True)
 class SessionSettings:
-    """connection: with the engine. communication_retry_s, request_pause_s: between repetitions of a request that has
-    not been fulfilled. standstill_radps: a slower wheel stands.
+    """connection: with the engine. communication_retry_s, request_pause_s: between repetitions of an unfulfilled
+    request. standstill_radps: a slower wheel stands.
     """
 
     connection: Patience
@@ -222,7 +222,7 @@ class DriveSession:
         return snapshot if snapshot is not None and snapshot.communicating else None
 
     def emergency_stop(self) -> str:
-        """Stops everything in the engine, at once and latched. Returns why it could not, an empty text if it could."""
+        """Stops everything in the engine, at once and latched. Returns the error, an empty text on success."""
         done = self._engine.ask(_ESTOP, lambda engine: engine.core_motion.ExecEStop(EStopLevel.Level1))
         return "" if done else self._engine.refusal(_ESTOP, "no engine to stop")
 
@@ -231,11 +231,11 @@ class DriveSession:
         return bool((speeds <= self._settings.standstill_radps).all())
 
     def servos_off(self) -> None:
-        """The holding brakes close. Only for wheels that stand."""
+        """Closes the holding brakes. Only for standing wheels."""
         self._group.switch_off()
 
     def close(self) -> None:
-        """Gives the device back; wheels that still turn are stopped when the time of their last command is over."""
+        """Closes the device; wheels that still turn stop at the end of their last command's time."""
         self._engine.close()
 
     @property

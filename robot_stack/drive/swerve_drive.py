@@ -95,11 +95,11 @@ class SwerveDrive:
 
     @property
     def may_brake(self) -> bool:
-        """The set point moves and is not being braked yet."""
+        """True if the set point moves and is not being braked yet."""
         return self._twist != ZERO_TWIST and self._state is not DriveState.BRAKING
 
     def halt(self, measured_rad: Four | None) -> DriveOutput:
-        """Zero at once. The headings stay where they are: at ``measured_rad`` (rad, any number of turns) if it is
+        """Commands zero at once. The headings stay: at ``measured_rad`` (rad, any number of turns) if it is
         known.
         """
         angles = self._states.angles_rad if measured_rad is None else _wrapped_all(measured_rad)
@@ -205,7 +205,7 @@ class SwerveDrive:
         self._state = DriveState.LOCKED if lock else DriveState.HOLDING
 
     def _output(self, measured_rad: Four | None) -> DriveOutput:
-        """Wheels whose heading lags behind its set point go slower by the cosine of the lag."""
+        """Scales the speed of wheels whose heading lags behind its set point by the cosine of the lag."""
         angles, speeds = self._states.angles_rad, self._states.speeds_mps
         stuck: tuple[int, ...] = ()
         if measured_rad is not None and speeds != ZEROS:

@@ -50,9 +50,9 @@ class AxisSettings:
 
 @dataclass(frozen=True, slots=True)
 class DriveMove:
-    """A wheel's axis to a signed speed. acceleration_radps2: where the speed grows. deceleration_radps2: where it
-    falls, and of the stop when the command has ended: to the engine they are one. growth_s: of the speed. reached_s:
-    the whole change.
+    """Moves a wheel's axis to a signed speed. acceleration_radps2: for a growing speed. deceleration_radps2: for a
+    falling one, and for the stop at the end of the command: the engine has one value for both. growth_s: of the speed.
+    reached_s: the whole change.
     """
 
     axis: int
@@ -65,7 +65,7 @@ class DriveMove:
 
 @dataclass(frozen=True, slots=True)
 class SteerMove:
-    """A steering axis to an accumulated angle, at most at a rate."""
+    """Moves a steering axis to an accumulated angle, at a limited rate."""
 
     axis: int
     target_rad: float
@@ -133,7 +133,7 @@ def stop_moves(velocities_radps: Sequence[float], settings: AxisSettings, least_
 
 
 def _move(axis: int, now: float, target: float, rate_radps2: float, softest_radps2: float) -> DriveMove:
-    """At a rate, where the speed falls at ``softest_radps2`` at least."""
+    """The move at a rate; a falling speed at ``softest_radps2`` at least."""
     acceleration = max(rate_radps2, _LEAST_ACCELERATION_RADPS2)
     deceleration = max(acceleration, softest_radps2)
     if now * target < 0.0:

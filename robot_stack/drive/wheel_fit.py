@@ -1,4 +1,4 @@
-"""The rigid motion that fits the wheels' displacements best, and which wheels do not fit.
+"""The rigid motion that fits the wheels' displacements best, and the wheels that do not fit.
 
 Each module reports two rows, the x and y of its displacement in base_link: d_i = t + theta * (-y_i, x_i). With both
 components the eight rows always determine the three unknowns, also in straight driving, where the wheel speeds alone do
@@ -16,7 +16,7 @@ from robot_stack.drive.kinematics import Positions
 
 Vectors = Sequence[tuple[float, float]]
 _ALL = (0, 1, 2, 3)
-# A wheel that contradicts can only be named if three others agree.
+# An inconsistent wheel can only be identified if three others agree.
 _FEWEST_TO_AGREE = 3
 
 

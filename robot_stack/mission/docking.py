@@ -1,4 +1,4 @@
-"""The calls of the docking controller: one goal at a time, each with its number, none of them waited for without end.
+"""Calls of the docking controller: one goal at a time, each with a number and a timeout.
 
 Times are sums of the ticks' steps, as everywhere in the mission manager.
 """
@@ -81,7 +81,7 @@ class Phase(Enum):
 
 
 class DockingCalls:
-    """The present task, and a goal that was given up but has not ended yet."""
+    """The present task, and an abandoned goal that has not ended yet."""
 
     def __init__(self, params: MissionParams) -> None:
         self._params = params
@@ -92,7 +92,7 @@ class DockingCalls:
         self._phase = Phase.NONE
 
     def begin(self) -> None:
-        """A task begins: its goal is sent by a tick to come."""
+        """Begins a task: a later tick sends its goal."""
         self._phase = Phase.WAITING
         self._waited_s = self._elapsed_s = self._silent_s = self._ended_s = 0.0
         self._end = DockingEnded(0, False)
@@ -107,7 +107,7 @@ class DockingCalls:
         return (CancelDocking(),) if self._open is not None else ()
 
     def about_to_start(self, inputs: Inputs) -> bool:
-        """Nothing is waited for any more but to be allowed to send the task's goal: then the robot will move."""
+        """True if only permission to send the task's goal is missing: then the robot will move."""
         return self._phase is Phase.WAITING and not self._awaited(inputs)
 
     @property
@@ -130,7 +130,7 @@ class DockingCalls:
                 self._phase, self._end = Phase.ENDED, event
 
     def idle(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
-        """A tick without a task: a goal that was given up is cancelled until it has ended."""
+        """A tick without a task: cancels an abandoned goal until it has ended."""
         if not inputs.docking_served:
             self._open = None  # it ended with its action server
         if self._open is None:
@@ -190,7 +190,7 @@ class DockingCalls:
         return "" if route.standing(inputs.twist, self._params) else "the robot to stand"
 
     def _watch(self, inputs: Inputs, dt_s: float) -> str | None:
-        """The problem with a goal that is under way."""
+        """The problem with an active goal."""
         self._elapsed_s += dt_s
         self._waited_s += dt_s
         self._silent_s = 0.0 if inputs.docking_state else self._silent_s + dt_s
@@ -205,7 +205,7 @@ class DockingCalls:
         return None
 
     def _conclude(self, task: Task, attached: bool, dt_s: float) -> str | None:
-        """The problem with the result, empty if it is good, None while that is not known yet."""
+        """The problem with the result, empty if it is good, None while it is unknown."""
         if self._end.success and (not task.carried or task.fulfilled(attached)):
             return ""
         self._ended_s += dt_s

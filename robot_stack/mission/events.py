@@ -77,7 +77,7 @@ class NavigationAppeared:
 
 @dataclass(frozen=True, slots=True)
 class DockingAccepted:
-    """The docking controller took the goal of StartDocking number ``call``."""
+    """The docking controller accepted the goal of StartDocking number ``call``."""
 
     call: int
 
@@ -106,7 +106,7 @@ class DockingEnded:
 
 @dataclass(frozen=True, slots=True)
 class JournalFailed:
-    """The last SaveRecord could not be done; the effects behind it were not performed."""
+    """The last SaveRecord failed; the effects after it were not executed."""
 
     problem: str
 
@@ -140,21 +140,21 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class SaveRecord:
-    """Write the record to the journal. If that fails: drop the effects behind this one and report JournalFailed."""
+    """Write the record to the journal. On failure: drop the effects after this one and report JournalFailed."""
 
     record: Record
 
 
 @dataclass(frozen=True, slots=True)
 class SendGoal:
-    """Give the navigation controller a goal, map frame."""
+    """Send a goal to the navigation controller, map frame."""
 
     pose: Pose2
 
 
 @dataclass(frozen=True, slots=True)
 class CancelGoal:
-    """Take the navigation controller's goal away: the robot comes to rest and holds its position."""
+    """Cancel the navigation controller's goal: the robot comes to rest and holds its position."""
 
 
 @dataclass(frozen=True, slots=True)

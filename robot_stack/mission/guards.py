@@ -16,7 +16,7 @@ def finite(pose: Pose2 | None) -> Pose2 | None:
 
 
 def battery_low(inputs: Inputs, minimum: float) -> str:
-    """An unknown charge is not held against the robot: the safety monitor judges a silent battery."""
+    """An unknown charge is no reason to stay: the safety monitor handles a silent battery."""
     fault = next((code for code in _BATTERY_FAULTS if code in inputs.faults), "")
     if fault:
         return f"{fault} is active: no new mission before the robot is charged"

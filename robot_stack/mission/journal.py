@@ -25,7 +25,7 @@ from robot_stack.mission.record import Record, problem_of
 from robot_stack.mission.states import State
 
 _VERSION = 1
-# A save waits no longer than this for another process (a person with an SQLite shell): the node's loop waits with it.
+# Timeout of a save for the lock of another process (a person with an SQLite shell): the node's loop waits with it.
 _LOCK_TIMEOUT_S = 0.2
 # About a year of rides, 10 MB.
 _HISTORY_ROWS = 50_000

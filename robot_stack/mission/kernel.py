@@ -33,7 +33,7 @@ from robot_stack.mission.params import MissionParams
 from robot_stack.mission.record import Record, restored
 from robot_stack.mission.states import ACTIVE, AT_DOCK, UNDER_WAY, State, Trigger, target_of
 
-# A tick may be late by this much and count in full; more is a clock that jumped or a process that was stopped.
+# A tick may be late by this much and count in full; more is a clock jump or a stopped process.
 _LONGEST_STEP_S = 1.0
 # An unknown command's name is shown to people, up to this length.
 _LONGEST_NAME = 64
@@ -185,20 +185,20 @@ class MissionKernel:
     # --- changes of state --------------------------------------------------------------------------------------------
 
     def _go(self, trigger: Trigger, record: Record) -> tuple[Effect, ...]:
-        """On to the record's waypoint: journaled first, then the robot may go, after a warning if it has stood long."""
+        """Continues to the record's waypoint: journaled first, then the robot starts, after a warning if it is due."""
         save = self._change(trigger, record, "", goal_due=self._departure.due)
         current = self._record.current
         assert current is not None
         return (save,) if self._leg.goal_due else (save, SendGoal(current.pose))
 
     def _stand(self, trigger: Trigger, reason: str, record: Record | None = None) -> tuple[Effect, ...]:
-        """To a state in which the robot stands; a command that means nothing here is refused."""
+        """Enters a standing state; a command that is not valid in the present state is refused."""
         if target_of(self._record.state, trigger) is None:
             return self._refuse(f"no mission to {trigger.value.lower()}, the state is {self._record.state.value}")
         return (CancelGoal(), *self._calls.drop(), self._change(trigger, record or self._record, reason))
 
     def _begin_docking(self, trigger: Trigger) -> tuple[Effect, ...]:
-        """Journaled first; the goal is sent by a tick to come. The drive is left to the docking controller alone."""
+        """Journaled first; a later tick sends the goal. Only the docking controller commands the drive meanwhile."""
         save = self._change(trigger, replace(self._record, docking_begun=True), "")
         self._calls.begin()
         task = docking.task_of(self._record, self._docks)
@@ -241,13 +241,13 @@ class MissionKernel:
             self._leg.unconfirmed_s = 0.0
             self._leg.goal_due = self._leg.goal_due or self._departure.due
             return () if self._leg.goal_due else (SendGoal(current.pose),)
-        # It may still be driving for a mission manager that died.
+        # It may still be driving for a mission manager that crashed.
         return (CancelGoal(),) if self._record.state in ACTIVE - UNDER_WAY else ()
 
     def _journal_failed(self, problem: str) -> tuple[Effect, ...]:
         why = f"the journal cannot be written: {problem}"
         if self._answering and self._record.state in UNDER_WAY:
-            # Nothing has moved yet, because saving came first: the command is taken back.
+            # Nothing has moved yet, because saving came first: the command is undone.
             self._record = replace(self._before, passenger_attached=self._record.passenger_attached)
             return (*self._refuse(why), *self._calls.drop())
         effects: tuple[Effect, ...] = ()
@@ -376,7 +376,7 @@ class MissionKernel:
             reason += f"; navigation: {navigation_text}"
         if failed >= self._params.tries:
             return self._stand(Trigger.GAVE_UP, reason, record)
-        # The goal is taken away first and given again a tick later, so that navigation plans afresh.
+        # The goal is cancelled first and sent again a tick later, so that navigation replans.
         return (CancelGoal(), self._change(Trigger.TRY_FAILED, record, reason, goal_due=True))
 
     def _rest(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:

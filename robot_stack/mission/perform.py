@@ -58,7 +58,7 @@ class Outputs(Protocol):
 
 
 class Performer:
-    """Feeds events to a kernel and performs the effects in their order."""
+    """Passes events to a kernel and executes the effects in their order."""
 
     def __init__(self, kernel: MissionKernel, journal: Journal, outputs: Outputs) -> None:
         self._kernel = kernel

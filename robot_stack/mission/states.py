@@ -81,5 +81,5 @@ _TABLE = table_of(TRANSITIONS)
 
 
 def target_of(state: State, trigger: Trigger) -> State | None:
-    """The state that ``trigger`` leads to, None if it means nothing in ``state``."""
+    """The state that ``trigger`` leads to, None if it is not valid in ``state``."""
     return _TABLE.get((state, trigger))

@@ -22,7 +22,7 @@ _SHOWN_AS = {State.STOPPED: State.PAUSED, State.DOCKING: State.RUNNING, State.UN
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """To the last command: its name, and why it was refused (empty if it was not)."""
+    """The response to the last command: its name, and why it was refused (empty if it was not)."""
 
     command: str = ""
     refusal: str = ""
@@ -95,7 +95,7 @@ class Reporting:
     """Decides when a status is sent: at once when more than its numbers changed, periodically while active."""
 
     def __init__(self, period_s: float) -> None:
-        # A hair less than the period: ticks are not exact, and a late one would cost a whole tick more.
+        # Slightly less than the period: ticks are not exact, and a late one would cost a whole tick more.
         self._period_s = period_s - 1e-3
         self._since_s = 0.0
         self._sent: Status | None = None

@@ -66,7 +66,7 @@ def run(start: Start) -> None:
 
 
 def go_first(niceness: int, realtime_priority: int = 0) -> None:
-    """Priority among the processes of the machine. Without the privilege the robot is only later under load."""
+    """Sets the process priority. Without the privilege the robot is only slower under load."""
     if realtime_priority > 0:
         with contextlib.suppress(PermissionError):
             os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(realtime_priority))
@@ -108,7 +108,7 @@ def write_to(log: Path) -> None:
         os.dup2(file, stream)
     os.close(file)
     for text in (sys.stdout, sys.stderr):
-        # Line by line, so that a killed process has logged its last words.
+        # Line-buffered, so that a killed process has logged its last lines.
         text.reconfigure(line_buffering=True)  # type: ignore[union-attr]
 
 

@@ -1,4 +1,4 @@
-"""Starting, asking and stopping a supervisor from another process."""
+"""Starting, querying and stopping a supervisor from another process."""
 
 from __future__ import annotations
 

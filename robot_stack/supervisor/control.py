@@ -112,7 +112,7 @@ class Reply:
         self._connection = connection
 
     def __call__(self, answer: dict[str, Any]) -> None:
-        # Small answers fit the socket's buffer; a client that does not read must not hold the supervisor up.
+        # Small answers fit the socket's buffer; a client that does not read must not block the supervisor.
         with contextlib.suppress(OSError):
             self._connection.settimeout(0.2)
             self._connection.sendall(json.dumps(answer).encode() + b"\n")

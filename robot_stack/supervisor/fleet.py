@@ -94,7 +94,7 @@ class Fleet:
         return ("--ros-args", *_ROS_ARGUMENTS, *files)
 
     def _write(self, name: str, parameters: Mapping[str, Mapping[str, Any]]) -> Path:
-        """The overrides in force, as a ROS parameter file beside the logs."""
+        """Writes the active overrides as a ROS parameter file beside the logs."""
         path = self._run_dir / f"{name}.parameters.yaml"
         tree = {
             node: {"ros__parameters": {key: ros_value(value) for key, value in values.items()}}

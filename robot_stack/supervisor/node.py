@@ -48,7 +48,7 @@ class SupervisorNode(StackNode):
         return self._stop.listeners
 
     def ask_reset(self) -> ResetAnswer | None:
-        """The safety monitor's answer once it is there; None if it serves no reset."""
+        """The safety monitor's answer once it has arrived; None if it offers no reset."""
         if not self._reset.service_is_ready():
             return None
         answer = ResetAnswer()

@@ -27,7 +27,7 @@ _SAME_START_S = 0.5
 
 
 def record(pids: Iterable[int]) -> None:
-    """Notes the processes of this supervisor, replacing the earlier note."""
+    """Records the processes of this supervisor, replacing the earlier record."""
     started = {}
     for pid in pids:
         with contextlib.suppress(psutil.Error):

@@ -28,7 +28,7 @@ from robot_stack.supervisor.profile import Plan
 from robot_stack.supervisor.starvation import Starvation
 
 _TICK_S = 0.05
-# A loop that comes this late was not running: the computer slept, or it was stopped itself.
+# A loop that is this late was not running: the computer was suspended, or the process stopped.
 _ABSENT_S = 1.0
 
 
@@ -86,7 +86,7 @@ class Supervisor:
         self._stop_all()
 
     def _wait(self, timeout_s: float) -> None:
-        """Sleeps until something happens: a request, the end of a process, a signal."""
+        """Sleeps until an event: a request, the end of a process, a signal."""
         sentinels = self._fleet.sentinels()
         for descriptor in sentinels:
             self._selector.register(descriptor, selectors.EVENT_READ, None)

@@ -1,4 +1,4 @@
-"""aruco_detector: camera images to /docking/aruco_detections, one array for the exposures of both cameras."""
+"""aruco_detector: publishes /docking/aruco_detections from camera images, one array for both cameras' exposures."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LOOK_HZ = 20.0
 
 
 class ArucoDetectorNode(StackNode):
-    """Detects while docking is on its way, and publishes empty arrays otherwise."""
+    """Detects markers during docking, and publishes empty arrays otherwise."""
 
     def __init__(self) -> None:
         super().__init__("aruco_detector", ArucoDetectorParams)
@@ -107,7 +107,7 @@ class ArucoDetectorNode(StackNode):
         now_s = self.steady_s()
         alive = frozenset(camera for camera, entry in self._images.items() if entry.fresh())
         exposures = self._sets.take(now_s, alive, self._attention.leading)
-        # Without images the rate is kept by empty arrays of stamp zero; a late image is given a period more.
+        # Without images the rate is kept by empty arrays of stamp zero; a late image gets one more period.
         if not exposures and now_s - self._published_s < self._period_s * (2.0 if alive else 1.0):
             return
         self._published_s = now_s if exposures else max(self._published_s + self._period_s, now_s - self._period_s)

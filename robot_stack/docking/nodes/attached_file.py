@@ -17,7 +17,7 @@ class AttachedFile:
         self._stored: bool | None = None
 
     def load(self) -> bool:
-        """A file that cannot be read, or makes no sense, counts as attached. Without one no chair was ever attached."""
+        """An unreadable or invalid file counts as attached. Without a file no chair was ever attached."""
         try:
             text = self._path.read_text(encoding="ascii")
         except FileNotFoundError:

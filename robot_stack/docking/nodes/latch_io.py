@@ -1,4 +1,4 @@
-"""The latch on the motion engine's I/O, followed in a thread of its own."""
+"""The latch on the motion engine's I/O, in a separate thread."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ _COMMAND_STALE_S = topics.WHEEL_COMMANDS.stale_limit_s
 
 
 class SwerveHardwareInterfaceNode(StackNode):
-    """Commands go to the engine in the callback that brings them; a tick follows the engine and reports the joints."""
+    """Sends commands to the engine in their callbacks; a tick maintains the session and publishes the joints."""
 
     def __init__(self) -> None:
         super().__init__("swerve_hardware_interface", SwerveHardwareParams)
@@ -113,13 +113,13 @@ class SwerveHardwareInterfaceNode(StackNode):
     # --- end ---------------------------------------------------------------------------------------------------------
 
     def safe_output(self) -> None:
-        """Wheels to a stop, brakes closed, device given back."""
+        """Stops the wheels, closes the brakes, closes the device."""
         self._commanded_at_s = -math.inf
         self.port.wait_until(self._switched_off, self.params.end_timeout_s)
         self._session.close()
 
     def _switched_off(self) -> bool:
-        """Stops the wheels, then switches the servos off. True once nothing is left to do."""
+        """Stops the wheels, then switches the servos off. True once both are done."""
         snapshot = self._session.poll(self.steady_s(), stop=self.emergency_stop, may_switch_on=False).snapshot
         if snapshot is None:
             return True

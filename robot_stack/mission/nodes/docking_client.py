@@ -25,7 +25,7 @@ _FORGOTTEN = "docking_controller does not know the goal: was it restarted?"
 
 
 class _Goal:
-    """A goal that was sent. It is known by the number that it was given here, whether or not its answer arrives."""
+    """A sent goal. Its number is assigned here, so it is valid whether or not the answer arrives."""
 
     def __init__(self, call: int, kind: Kind, sent_s: float) -> None:
         self.call = call

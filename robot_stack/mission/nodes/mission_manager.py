@@ -1,4 +1,4 @@
-"""Node ``mission_manager``: UI commands in, goals, mission status and the external display's state out."""
+"""Node ``mission_manager``: receives UI commands, sends goals, mission status and the external display's state."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Stopping:
             self._problem += _text(self._arm.quick_stop())
 
     def replace(self, ending: Result) -> None:
-        """Changes the result to a fault's during a cancellation; any other result stays."""
+        """Changes the result of a cancellation that is not complete yet to a fault; any other result stays."""
         if self.ending.outcome is Outcome.CANCELED:
             self.ending = ending
 
