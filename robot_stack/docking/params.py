@@ -86,7 +86,7 @@ class SearchParams(Config):
 
 
 class ServoParams(Config):
-    """From the first sighting to the dock pose."""
+    """Servoing from the first sighting to the dock pose."""
 
     hold_after_s: Positive
     search_after_s: Positive
@@ -114,7 +114,7 @@ class ServoParams(Config):
 
 
 class ContactParams(Config):
-    """Touching the dock, by the wheels' effort."""
+    """Detection of contact with the dock, by the wheels' force."""
 
     force_n: Positive
     time_constant_s: Positive

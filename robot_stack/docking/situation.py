@@ -25,10 +25,10 @@ class Safety:
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """The world at one tick.
+    """Inputs at one tick.
 
     now_s: ROS time. located: base_link in map, None while stale. odom, twist: base_link in odom now and its velocity,
-    None while /odom is stale. images_fresh: detections come, from images that are new. force_n: the wheels' force
+    None while /odom is stale. images_fresh: detections arrive, from new images. force_n: the wheels' force
     along base_link's x. plan_end: the end of navigation's plan.
     """
 

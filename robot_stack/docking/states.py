@@ -61,5 +61,5 @@ _TABLE = table_of(TRANSITIONS)
 
 
 def target_of(state: State, trigger: Trigger) -> State:
-    """The state that ``trigger`` leads to. Raises KeyError for a trigger that means nothing in ``state``."""
+    """The state that ``trigger`` leads to. Raises KeyError for a trigger that is not valid in ``state``."""
     return _TABLE[state, trigger]

@@ -30,7 +30,7 @@ class Estimate:
 
 
 class DockTarget:
-    """A Kalman filter of a pose that stands still in odom while odom drifts with the way.
+    """A Kalman filter of a pose that is constant in odom, while odom drifts with the distance travelled.
 
     The same deviation holds for x and y, so that three scalars are the whole filter.
     """
@@ -53,13 +53,13 @@ class DockTarget:
         return Estimate(self._pose, math.sqrt(self._variance_m2), math.sqrt(self._variance_rad2))
 
     def drive(self, step: Pose2) -> None:
-        """The robot has moved by ``step`` in its own frame: odometry may be off by a little more."""
+        """Adds the variance of a motion by ``step``, in the robot's own frame."""
         p, distance_m, turn_rad = self._params, math.hypot(step.x, step.y), abs(step.yaw)
         self._variance_m2 += p.odometry_m_per_sqrt_m**2 * distance_m
         self._variance_rad2 += p.odometry_rad_per_sqrt_m**2 * distance_m + p.odometry_rad_per_sqrt_rad**2 * turn_rad
 
     def see(self, sighting: Sighting, base_in_odom: Pose2) -> Seen:
-        """Takes a sighting; ``base_in_odom`` is the robot's pose at the sighting's stamp."""
+        """Adds a sighting; ``base_in_odom`` is the robot's pose at the sighting's stamp."""
         measured = base_in_odom.compose(sighting.dock)
         if self._pose is None:
             self._take(measured, sighting)
@@ -101,7 +101,7 @@ class DockTarget:
         return max(p.yaw_sigma_radpm * sighting.sigma_m, p.least_sigma_rad) ** 2
 
     def _refuse(self, measured: Pose2) -> Seen:
-        """Sightings that jump but agree with each other are no errors of the detector."""
+        """Collects outliers: sightings that jump but agree with each other show a moved dock, not detector errors."""
         self._refused.append(measured)
         if len(self._refused) < self._params.moved_after:
             return Seen.JUMPED

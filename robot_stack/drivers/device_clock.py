@@ -32,7 +32,7 @@ _TRUSTED_SHARE = 0.2  # of the window, below which the drift is taken for none: 
 
 
 class DeviceClock:
-    """Feed it with every message. Times in s; the device's from any origin."""
+    """Call for every message. Times in s; the device's from any origin."""
 
     def __init__(self, params: DeviceClockParams) -> None:
         self._params = params
@@ -47,7 +47,7 @@ class DeviceClock:
         return 1e6 * self._drift
 
     def update(self, device_s: float, arrival_s: float) -> float:
-        """The moment ``device_s`` by this computer's clock; never after ``arrival_s``."""
+        """``device_s`` converted to this computer's clock; never after ``arrival_s``."""
         if self._newest_s is not None and (device_s < self._newest_s or self._jumped(device_s, arrival_s)):
             self.jumps += 1
             self.restart()

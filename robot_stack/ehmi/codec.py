@@ -49,7 +49,7 @@ PING = Command(Kind.PING)
 
 @dataclass(frozen=True, slots=True)
 class Ok:
-    """The display has carried out this command."""
+    """The display has executed this command."""
 
     command: Command
 
@@ -77,7 +77,7 @@ Answer = Ok | Refused | Ready | Fault
 
 
 def state_command(state: int) -> Command:
-    """Raises ValueError for a number that is no state."""
+    """Raises ValueError for a number that is not a state."""
     return _checked(Command(Kind.STATE, str(state)))
 
 

@@ -118,12 +118,12 @@ class Link:
         self._decoder.reset()
         self._forget()
         self._silent_since_s, self._probed_s = now_s, -math.inf
-        # The display may still hold half a line from before the cable was pulled.
+        # The display may still hold half a line from before the disconnection.
         self._flush_due, self._probe_by_state = True, False
         self._problem = "the display has not answered yet"
 
     def lost(self, why: str, now_s: float) -> None:
-        """The port broke or cannot be opened: a cable pulled, an adapter gone. The next open comes after a pause."""
+        """The port failed or cannot be opened: cable or adapter disconnected. The next open comes after a pause."""
         self._open = self._opening = self._talking = self._linked = False
         self._forget()
         self._problem = why
@@ -134,7 +134,7 @@ class Link:
         refused = self._decoder.rejected.total()
         lines = self._decoder.feed(data)
         if self._decoder.rejected.total() > refused and self._sent is not None and self._sent.tries == 1:
-            # Most likely its answer. Once only: a line full of garbage must not use up all tries within a moment.
+            # Most likely its answer. Only once: a line full of garbage must not use up all tries at once.
             self._sent.due_s = now_s
         for line in lines:
             match codec.parse_answer(line):
@@ -177,7 +177,7 @@ class Link:
     # --- actions -----------------------------------------------------------------------------------------------------
 
     def step(self, now_s: float) -> PortOrder:
-        """To be called whenever something has happened, and at ``next_due_s``."""
+        """Call after every event, and at ``next_due_s``."""
         if not self._open:
             if self._opening or now_s < self._open_due_s:
                 return PortOrder()

@@ -13,7 +13,7 @@ class Role(StrEnum):
 
 
 class PinTries:
-    """A wait after each row of wrong PINs, which doubles with every further row."""
+    """A wait after each series of wrong PINs, which doubles with every further series."""
 
     def __init__(self, tries: int, lock_s: float, lock_max_s: float) -> None:
         self._tries, self._lock_s, self._lock_max_s = tries, lock_s, lock_max_s
@@ -22,7 +22,7 @@ class PinTries:
         self._locked_until_s = float("-inf")
 
     def wait_s(self, now_s: float) -> float:
-        """Seconds until a PIN is looked at again, 0: now."""
+        """Seconds until a PIN is checked again, 0: now."""
         return max(0.0, self._locked_until_s - now_s)
 
     def tried(self, right: bool, now_s: float) -> None:

@@ -20,13 +20,13 @@ class Entry:
 
 
 def line(entry: Entry) -> str:
-    """Without line breaks and control characters, whatever is in the entry."""
+    """The entry's text without line breaks and control characters."""
     fields = {name: getattr(entry, name)[:_LENGTH_MAX] for name in ("at", "who", "what", "outcome")}
     return json.dumps(fields, ensure_ascii=True)
 
 
 def read(text: str, newest: int) -> list[Entry]:
-    """The newest entries of a log, oldest first; lines that are none (a cut end) are left out."""
+    """The newest entries of a log, oldest first; incomplete lines are left out."""
     return [entry for entry in map(_entry, text.splitlines()[-newest:]) if entry is not None]
 
 

@@ -25,7 +25,7 @@ class Changes:
                 self._waiting[name] = value
 
     def wait_s(self, now_s: float) -> float:
-        """Seconds until something may be sent; infinite while there is nothing."""
+        """Seconds until the next update may be sent; infinite without one."""
         if not self._waiting:
             return math.inf
         return min(self._period_s, max(0.0, self._sent_s + self._period_s - now_s))

@@ -10,8 +10,8 @@ from robot_stack.ui.params import ServerParams
 class Gate:
     """port: the one really served.
 
-    A request's Host is checked as well as its Origin: else a foreign name that is made to point here would be of the
-    same origin as its own page.
+    A request's Host is checked as well as its Origin: otherwise a foreign name that resolves to this host would have
+    the same origin as its own page.
     """
 
     def __init__(self, params: ServerParams, port: int) -> None:

@@ -10,7 +10,7 @@ from robot_stack.ui.params import PadParams
 STILL = Twist2(0.0, 0.0, 0.0)
 # After an emergency stop a finger starts with a standstill this long [s], which the drive requires: two messages.
 _STILL_FIRST_S = 0.1
-# Two clocks drift apart, by far less than this [s/s]; a link that stalls for a second gains a millisecond.
+# Largest drift between two clocks [s/s]; a link that stalls for a second gains a millisecond.
 _DRIFT = 1e-3
 
 
@@ -58,7 +58,7 @@ class DeadManPad:
         self._fastest.pop(client, None)
 
     def stopped(self) -> None:
-        """There was an emergency stop: from now on every finger begins with a standstill. From any thread."""
+        """Handles an emergency stop: every finger must start with a standstill. From any thread."""
         self._still_first_s = _STILL_FIRST_S
 
     def command(self, now_s: float) -> Twist2 | None:
@@ -87,7 +87,7 @@ class DeadManPad:
         self._holder, self._twist, self._ends = None, STILL, True
 
     def _scaled(self, x: float, y: float, turn: float) -> Twist2:
-        """A circle, not a square: both ways at once are no faster than one."""
+        """Limits the deflection to a circle instead of a square: the diagonal is no faster than one axis."""
         length = max(1.0, math.hypot(x, y))
         return Twist2(
             self._params.linear_mps * x / length,

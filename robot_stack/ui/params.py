@@ -63,7 +63,7 @@ class AccessParams(Config):
 
 
 class PadParams(Config):
-    """The dead-man pad: speeds at full deflection, and when its silence is a stop."""
+    """The dead-man pad: speeds at full deflection, and its timeout."""
 
     linear_mps: Annotated[float, Field(gt=0.0, le=1.5)]
     lateral_mps: Annotated[float, Field(gt=0.0, le=1.5)]

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, StringConstraints, TypeAdapter, ValidationError
 
-# A message of a page; the longest is 300 characters, but for the missions that staff edit.
+# Size limits of a page's message; the longest is 300 characters, except for missions edited by staff.
 MESSAGE_BYTES_MAX = 4096
 STAFF_BYTES_MAX = 65_536
 # A site of 20 km across, as in mission files.
@@ -65,7 +65,7 @@ class Show(Message):
 
 
 class Ready(Message):
-    """The page has drawn the last frame of this layer and takes the next."""
+    """The page has drawn the last frame of this layer and is ready for the next."""
 
     t: Literal["ready"]
     layer: Annotated[Layer, Field(strict=False)]
@@ -207,7 +207,7 @@ class Refused(ValueError):
 
 
 def parse(text: str | bytes, bytes_max: int = MESSAGE_BYTES_MAX) -> ClientMessage:
-    """The message in a frame. Raises Refused for everything that is none."""
+    """The message in a frame. Raises Refused for an invalid one."""
     if len(text) > bytes_max:
         raise Refused(f"longer than {bytes_max} bytes")
     try:

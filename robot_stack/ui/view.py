@@ -10,7 +10,7 @@ from robot_stack.contract.model import SafetyState
 from robot_stack.ui.snapshot import Docking, Limit, Ride, Safety, Snapshot
 
 Section = dict[str, Any]
-# States of /mission/status in which a rider is on the way, or would be.
+# States of /mission/status during a ride or a pause of it.
 _ACTIVE = ("RUNNING", "WAITING", "PAUSED")
 _PLAN_POINTS_MAX = 200
 

@@ -45,7 +45,7 @@ class DockingOutputs:
         self._shown: int | None = None
 
     def act(self, output: Output) -> None:
-        """Everything that must not wait: motion, goal, passenger, stop."""
+        """Publishes urgent outputs: motion, goal, passenger, stop."""
         if output.twist is not None or self._owns_motion:  # and one last zero when docking gives the motion up
             self.command(output.twist or ZERO_TWIST)
         self._owns_motion = output.twist is not None
@@ -97,12 +97,12 @@ class DockingOutputs:
         self._cmd_vel.publish(twist_stamped(twist, frames.BASE_LINK, self._node.stamp()))
 
     def stand(self) -> None:
-        """Zero at once, if docking owns the motion."""
+        """Publishes zero at once, if docking owns the motion."""
         if self._owns_motion:
             self.command(ZERO_TWIST)
 
     def released(self) -> None:
-        """Both keys have released: a node that starts later must not be stopped by our old message."""
+        """Both keys are released: clears our latched message, which would stop a node that starts later."""
         if self._asserted:
             self._asserted = False
             self._stop.publish(False)

@@ -1,1 +1,1 @@
-"""One class for each thing that docking does: ``tick(view) -> Step`` until the step carries a trigger."""
+"""One class for each phase of docking: ``tick(view) -> Step`` until the step carries a trigger."""

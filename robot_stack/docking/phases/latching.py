@@ -15,7 +15,7 @@ from robot_stack.docking.states import Trigger
 class Latching:
     """Closes the latch; without a confirmation opens it again, so that a retry does not push hooks into the dock.
 
-    A station has no latch: to be at the dock pose is all. ``closed`` is True once the dock is held.
+    A station has no latch: reaching the dock pose is enough. ``closed`` is True once the dock is held.
     """
 
     def __init__(self, dock: Dock, params: LatchParams) -> None:
@@ -76,7 +76,7 @@ class LookingOnce:
 
 
 class Latched:
-    """Holding a dock. Docking does not own the motion: the robot is driven by others."""
+    """Holding a dock. Docking does not own the motion: other sources drive the robot."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -107,7 +107,7 @@ class Unlatching:
 
 
 class BackingOff:
-    """Straight away from the dock on odometry, watching that the dock stays behind where it is still seen."""
+    """Backs straight away from the dock on odometry, and checks that a visible dock stays behind."""
 
     def __init__(self, undock: UndockParams, motion: MotionParams) -> None:
         self._params, self._motion = undock, motion
@@ -156,7 +156,7 @@ class BackingOff:
         return None
 
     def _dock_follows(self, view: View) -> bool:
-        """The board, if it is seen, does not stay behind."""
+        """True if the visible board does not stay behind."""
         if view.board is None:
             return False
         if self._board_m is None:

@@ -46,7 +46,7 @@ class Servoing:
         return self.follower.step(view.base, view.dt_s)
 
     def _by_bearing(self, view: View) -> Twist2:
-        """Towards the board, turning the camera to it, not nearer to where it docks than ``bearing_distance_m``."""
+        """Moves towards the board with the camera turned to it, up to ``bearing_distance_m`` from where it docks."""
         assert view.estimate is not None
         assert view.situation.odom is not None
         motion, board = self._params.motion, view.estimate.pose.relative_to(view.situation.odom)

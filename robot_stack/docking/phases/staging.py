@@ -13,7 +13,7 @@ from robot_stack.docking.states import Trigger
 
 
 class DriveToStaging:
-    """Navigation drives; this sends the goal and judges arrival by the pose in map."""
+    """Navigation drives; this phase sends the goal and checks arrival by the pose in map."""
 
     def __init__(self, staging: Pose2, params: StagingParams, *, only: bool) -> None:
         self._staging = staging

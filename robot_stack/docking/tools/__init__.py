@@ -1,1 +1,1 @@
-"""Tools of docking: marker boards on paper, and why a docking failed."""
+"""Tools of docking: printed marker boards, and the analysis of failed dockings."""

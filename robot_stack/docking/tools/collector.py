@@ -1,7 +1,7 @@
 """Cuts a stream of recorded messages into dockings, in one pass.
 
-Messages are whatever has the fields of the ROS type. They come with a function that decodes them, called only for those
-that matter: of the images, one around each change of state.
+Messages are any objects with the fields of the ROS type. They come with a decoder, called only for the messages in
+use: of the images, one around each change of state.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _CAMERAS = {
 
 @dataclass(frozen=True, slots=True)
 class Waits:
-    """latch_s: a docking that stands in DOCKED for longer has succeeded. tail_s: looked at after the end of one."""
+    """latch_s: a docking in DOCKED for longer has succeeded. tail_s: evaluated time after its end."""
 
     latch_s: float
     tail_s: float = 1.0
@@ -75,7 +75,7 @@ class Collector:
         _HANDLERS[topic](self, topic, at_s, decode)
 
     def finish(self) -> list[Trace]:
-        """Every docking of the recording, also one that it cuts off."""
+        """All dockings of the recording, also an incomplete one."""
         if self._open is not None:
             if not self._open.after:
                 self._settle(self._open)

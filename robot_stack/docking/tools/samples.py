@@ -1,4 +1,4 @@
-"""Values out of messages: whatever has the fields of the ROS type."""
+"""Values from messages: any objects with the fields of the ROS type."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something that was not as it should be; times in s since the docking's start."""
+    """A deviation; times in s since the docking's start."""
 
     start_s: float
     end_s: float
@@ -184,7 +184,7 @@ _RULES: tuple[Callable[[Trace, Limits], list[Finding]], ...] = (
 
 
 def _stuck(trace: Trace, limits: Limits) -> list[Finding]:
-    """Nothing was broken: the last state did not reach its aim."""
+    """No fault was found: the last state did not reach its aim."""
     states = trace.states()
     if not states:
         return []

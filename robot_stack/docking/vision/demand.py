@@ -17,7 +17,7 @@ class DetectionDemand:
         self._wanted_s = -math.inf
 
     def wanted(self, state: str, now_s: float) -> bool:
-        """Docking is on its way, or has just ended at the dock.
+        """True during a docking, and shortly after it has ended at the dock.
 
         state: of /docking/status, empty while stale. now_s: steady seconds.
         """

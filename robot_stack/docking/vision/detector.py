@@ -1,4 +1,4 @@
-"""The marker detector: an image in, poses of markers out."""
+"""The marker detector: computes poses of markers from an image."""
 
 from __future__ import annotations
 

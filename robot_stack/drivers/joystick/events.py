@@ -19,7 +19,7 @@ class EventRefused(Exception):
 class Event:
     """number: of the button or axis. value: 1 or 0 of a button, [-1, 1] of an axis.
 
-    initial: no movement, but how it stood when the device was opened.
+    initial: not a movement, but the state at the opening of the device.
     """
 
     button: bool

@@ -12,7 +12,7 @@ Number = Annotated[int, Field(ge=0, le=31)]
 
 
 class JoystickAxis(Config):
-    """number: of the joystick's. full: at its positive end, m/s or rad/s; negative where it is the other way round."""
+    """number: of the joystick's axis. full: at its positive end, m/s or rad/s; negative to invert it."""
 
     number: Number
     full: Annotated[float, Field(ge=-1.5, le=1.5)]

@@ -42,7 +42,7 @@ class Teleop:
             self._press(event, now_s)
 
     def lost(self, now_s: float) -> None:
-        """The device is gone: nothing of it is known any more."""
+        """The device was disconnected: clears its state."""
         self._axes.clear()
         self._let_go(Grip.RELEASED, now_s)
 
@@ -52,7 +52,7 @@ class Teleop:
             self._let_go(Grip.REFUSED, now_s)
 
     def command(self, now_s: float) -> Twist2 | None:
-        """base_link, m/s and rad/s; None: nothing is commanded, and the drive is left to others."""
+        """base_link, m/s and rad/s; None: no command, and the drive is left to others."""
         if self._grip is Grip.HELD and not now_s - self._felt_s <= self._params.quiet_s:
             self._let_go(Grip.REFUSED, now_s)
         if self._grip is Grip.HELD:

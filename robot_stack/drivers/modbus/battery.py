@@ -45,7 +45,7 @@ def blocks(addresses: Iterable[int]) -> tuple[Block, ...]:
 
 
 class ModbusBattery:
-    """Feed it with every answer. Times are plain steady seconds."""
+    """Call for every response. Times are plain steady seconds."""
 
     def __init__(self, registers: RegistersParams, alarms: AlarmsParams, pack: PackParams) -> None:
         self._registers, self._pack = registers, pack

@@ -32,7 +32,7 @@ class ModbusParams(Config):
 
 
 class RegisterParams(Config):
-    """A holding register of 16 bits. per_unit: how much of it is 1 V, A, percent or degree; negative turns the sign."""
+    """A holding register of 16 bits. per_unit: counts per 1 V, A, percent or degree; negative inverts the sign."""
 
     address: Address
     signed: bool

@@ -47,7 +47,7 @@ class CameraReader:
         self._thread.start()
 
     def close(self) -> None:
-        """Safe to call twice. A frame that is waited for takes up to a second."""
+        """Safe to call twice. A pending read takes up to a second."""
         self._closing.set()
         self._thread.join()
 
@@ -95,7 +95,7 @@ class CameraReader:
         return ""
 
     def _expose(self, capture: cv2.VideoCapture) -> None:
-        """A camera that keeps its own exposure still docks, less exactly: its images are blurred, their time is off."""
+        """A camera that rejects the exposure is still used: its images are blurred and their time is less exact."""
         asked = max(1, round(self._params.exposure_s / _EXPOSURE_UNIT_S))
         capture.set(cv2.CAP_PROP_AUTO_EXPOSURE, _MANUAL)
         capture.set(cv2.CAP_PROP_EXPOSURE, asked)
@@ -106,7 +106,7 @@ class CameraReader:
         self.exposure = f"{asked_ms:g} ms" if fixed else f"the camera's own, instead of {asked_ms:g} ms"
 
     def _read(self, capture: cv2.VideoCapture) -> None:
-        """Until the device is gone or silent, or closed by us."""
+        """Reads until the device is lost or silent, or closed by us."""
         failures = 0
         while not self._closing.is_set():
             if not capture.grab():

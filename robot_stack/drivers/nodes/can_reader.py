@@ -17,7 +17,7 @@ _SLCAN_READ_S = 0.1  # python-can's own 1 ms would wake a core a thousand times 
 
 
 class CanReader:
-    """Starts at once; ``close`` ends it. ``on_frame`` comes from its thread with identifier and data.
+    """Starts at once; ``close`` ends it. ``on_frame`` is called from its thread with identifier and data.
 
     channel: network interface or device path. keep_alive: (identifier, data) that is sent every ``keep_alive_s``.
     """
@@ -58,7 +58,7 @@ class CanReader:
         return can.Bus(interface=self._params.interface, channel=self._channel, bitrate=self._params.bitrate, **options)
 
     def _read(self, bus: can.BusABC) -> None:
-        """Until the interface is gone (an exception), silent for too long, or closed by us."""
+        """Reads until the interface is lost (an exception), silent for too long, or closed by us."""
         self.opened += 1
         self.state = f"{self._channel} is open"
         heard_s = told_s = time.monotonic()

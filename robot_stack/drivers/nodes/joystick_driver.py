@@ -1,4 +1,4 @@
-"""Node joystick_driver: a joystick with a dead-man button as /teleop/cmd_vel."""
+"""Node joystick_driver: publishes /teleop/cmd_vel from a joystick with a dead-man button."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robot_stack.middleware.node import StackNode, run
 
 
 class JoystickDriverNode(StackNode):
-    """Events are taken as they come; commands go out at the contract's rate while there are any."""
+    """Handles events as they arrive; publishes at the contract's rate while there is a command."""
 
     def __init__(self) -> None:
         super().__init__("joystick_driver", JoystickDriverParams)

@@ -33,7 +33,7 @@ class _LastWords(logging.Handler):
 
 
 class _Lost(Exception):
-    """The device does not answer as one does. The message is one line."""
+    """An invalid response of the device. The message is one line."""
 
 
 class ModbusReader:
@@ -92,7 +92,7 @@ class ModbusReader:
         )
 
     def _poll(self, client: Any) -> None:
-        """Until the device is gone (an exception) or we close."""
+        """Polls until the device is lost (an exception) or we close."""
         next_s, wanted = time.monotonic(), self._wanted
         while not self._closing.wait(max(0.0, next_s - time.monotonic())):
             next_s = max(next_s + self._params.poll_s, time.monotonic())
@@ -102,7 +102,7 @@ class ModbusReader:
             self._on_registers({address: value for answer in answers.values() for address, value in answer.items()})
 
     def _ask(self, client: Any, block: Block) -> dict[int, int]:
-        """Empty where the device does not have these registers."""
+        """Empty if the device does not have these registers."""
         answer = client.read_holding_registers(block.first, count=block.size, device_id=self._params.unit)
         if answer.isError():
             code = getattr(answer, "exception_code", None)

@@ -1,4 +1,4 @@
-"""The file in which an Ouster sensor's metadata are kept."""
+"""The file with an Ouster sensor's metadata."""
 
 from __future__ import annotations
 

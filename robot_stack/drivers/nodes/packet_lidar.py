@@ -24,7 +24,7 @@ from tf2_msgs.msg import TFMessage
 
 
 class Builder(Protocol):
-    """problem: why nothing comes of the newest packets; empty if something does. model: of the sensor, once known."""
+    """problem: why the newest packets give no sweep; empty if they do. model: of the sensor, once known."""
 
     counters: Counters
     model: str
@@ -39,7 +39,7 @@ class Builder(Protocol):
 
 
 class PacketLidarNode(StackNode):
-    """Packets are decoded in the reader's thread; the node wakes once a sweep. vendor: for people."""
+    """Decodes packets in the reader's thread; the node wakes once a sweep. vendor: for people."""
 
     vendor: ClassVar[str]
 

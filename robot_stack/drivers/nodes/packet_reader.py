@@ -12,7 +12,7 @@ _LONGEST = 65536  # an Ouster of 128 beams sends 33 kB at once
 
 
 class PacketReader:
-    """Starts at once; ``close`` ends it. ``on_packet`` comes from its thread, for packets of ``sender`` alone.
+    """Starts at once; ``close`` ends it. ``on_packet`` is called from its thread, only for packets of ``sender``.
 
     Raises OSError if the address cannot be bound.
     """

@@ -59,7 +59,7 @@ class SerialReader:
             self._wait(self._params.reopen_s)
 
     def _read(self, line: serial.Serial) -> None:
-        """Until the port is gone (an exception), silent for too long, or closed by us."""
+        """Reads until the port is lost (an exception), silent for too long, or closed by us."""
         self._on_opened()
         self.opened += 1
         self.state = f"{self._port} is open"

@@ -31,7 +31,7 @@ _ROWS: dict[str, tuple[str, Topic, Topic]] = {
 
 
 class V4l2CameraDriverNode(StackNode):
-    """Frames are read and decoded in a thread of each camera; the node wakes once an image."""
+    """Frames are read and decoded in a separate thread per camera; the node wakes once an image."""
 
     def __init__(self) -> None:
         super().__init__("v4l2_camera_driver", V4l2CameraDriverParams)

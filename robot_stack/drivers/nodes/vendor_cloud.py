@@ -23,7 +23,7 @@ from tf2_msgs.msg import TFMessage
 
 
 class VendorCloudNode(StackNode):
-    """sensor: of ``config/robot.yaml``, also its frame. vendor, points: the rows it listens and publishes to."""
+    """sensor: of ``config/robot.yaml``, also its frame. vendor, points: the rows of its subscription and publisher."""
 
     sensor: ClassVar[str]
     vendor: ClassVar[Topic]

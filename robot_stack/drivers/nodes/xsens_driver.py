@@ -20,7 +20,7 @@ from tf2_msgs.msg import TFMessage
 
 
 class XsensDriverNode(StackNode):
-    """Bytes get their time of arrival in the reader's thread; all else happens in the node's."""
+    """Bytes are timestamped in the reader's thread; all else happens in the node's."""
 
     def __init__(self) -> None:
         super().__init__("xsens_driver", XsensDriverParams)

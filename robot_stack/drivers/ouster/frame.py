@@ -1,4 +1,4 @@
-"""The columns of one turn, laid where they belong, in whatever order their packets come."""
+"""The columns of one turn, in order, whatever the order of their packets."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Frame:
 
     steps: (W, H) ranges in the layout's steps, 0 without a return; reflectivity: (W, H); times_ns: (W,) by the sensor's
     clock; valid: (W,) columns that were measured.
-    furthest: first column of the packet that lies furthest; -1: none yet.
+    furthest: first column of the last packet in the frame; -1: none yet.
     """
 
     def __init__(self, metadata: Metadata, layout: Layout) -> None:
@@ -63,7 +63,7 @@ class Frame:
 
     @property
     def before_first(self) -> int:
-        """Packets that belong before the first that has come."""
+        """Number of packets before the first received one."""
         seen = np.flatnonzero(self._seen)
         return int(self._expected[: seen[0]].sum()) if len(seen) else 0
 

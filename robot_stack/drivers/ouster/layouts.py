@@ -63,7 +63,7 @@ class Layout:
 
 
 def layout_of(metadata: Metadata, source: str) -> Layout:
-    """Raises ConfigError, which names ``source``, for a profile that is not read here."""
+    """Raises ConfigError, which names ``source``, for an unsupported profile."""
     profile = metadata.udp_profile_lidar
     if profile not in PIXELS:
         raise ConfigError(f"{source}: udp_profile_lidar is {profile}, expected one of {', '.join(PIXELS)}")

@@ -84,7 +84,7 @@ class Metadata(Config):
         return self.column_window or (0, self.columns_per_frame - 1)
 
     def in_window(self, columns: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """(n,) of places of columns: which are measured."""
+        """(n,) True for the places of measured columns."""
         begin, end = self.window
         after, before = columns >= begin, columns <= end
         return after & before if begin <= end else after | before

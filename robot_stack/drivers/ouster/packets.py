@@ -23,7 +23,7 @@ class PacketRefused(Exception):
 
 
 class OtherSensor(PacketRefused):
-    """It is a packet, but not as the metadata describes them."""
+    """A valid packet that does not match the metadata."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""A frame to points. The compiled loop takes arrays alone: numba's cache looks at one file only."""
+"""Converts a frame to points. The compiled loop takes arrays only: numba's cache tracks changes of one file only."""
 
 from __future__ import annotations
 

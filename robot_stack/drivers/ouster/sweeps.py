@@ -1,4 +1,4 @@
-"""Packets to sweeps, at their moments by this computer's clock."""
+"""Converts packets to sweeps, stamped by this computer's clock."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ _WHOLE = 0.9  # of a frame's packets: a sweep that spans less began or ended els
 
 
 class SweepBuilder:
-    """A frame is a sweep, complete when all of its packets are there, else when the next frame begins.
+    """A frame is a sweep, complete when all of its packets have arrived, else when the next frame begins.
 
-    Packets that come in another order are laid where they belong until then. mounted: (3, 3) from the sensor's own axes
+    Packets may arrive in another order until then. mounted: (3, 3) from the sensor's own axes
     to those of the frame that its points are published in, None if they are the same.
-    Raises ConfigError, which names ``source``, for metadata whose packets are not read here.
+    Raises ConfigError, which names ``source``, for metadata with unsupported packets.
     """
 
     def __init__(self, params: OusterDriverParams, metadata: Metadata, source: str, mounted: F64 | None = None) -> None:
@@ -61,7 +61,7 @@ class SweepBuilder:
         return self._refused or self._empty
 
     def received(self, data: bytes, arrival_s: float) -> Sweep | None:
-        """The sweep that this packet completes."""
+        """The sweep completed by this packet."""
         try:
             packet = read(data, self._layout, self._metadata)
         except PacketRefused as refusal:
@@ -132,7 +132,7 @@ class SweepBuilder:
         return self._sweep()
 
     def _close(self, number: int) -> Sweep | None:
-        """The frame that ends because that of ``number`` begins; None if it was complete before, or is no whole one."""
+        """The frame that ends at the begin of ``number``; None if it was completed before, or is incomplete."""
         assert self._number is not None
         lost = self._frame.lost + (number - self._number - 1) * self._frame.packets
         self.counters.add(LOST, lost - self._frame.before_first if self._first else lost)

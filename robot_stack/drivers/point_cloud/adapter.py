@@ -1,4 +1,4 @@
-"""Another vendor's cloud to a sweep of the contract."""
+"""Converts another vendor's cloud to a sweep of the contract."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class PointCloudAdapter:
         return points if in_order else points[np.argsort(points["time"], kind="stable")]
 
     def _follow(self, stamp_s: float, arrival_s: float) -> None:
-        """Raises CloudRefused for a sweep that was there before."""
+        """Raises CloudRefused for a repeated sweep."""
         before_s, period_s = self._newest_s, self._limits.period_s
         if (
             before_s is not None and before_s <= arrival_s + self._limits.future_s

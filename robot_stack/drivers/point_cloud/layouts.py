@@ -50,7 +50,7 @@ LAYOUTS: Final = (
     Layout("livox", ("intensity", "reflectivity"), ("line",), "timestamp", _F64, 1e-9, absolute=True, mark="line"),
     Layout("livox", ("reflectivity", "intensity"), ("line",), "offset_time", _U32, 1e-9, absolute=False),
     Layout("nebula", ("intensity",), ("channel",), "time_stamp", _U32, 1e-9, absolute=False),
-    # Hesai's and RoboSense's have the same names and types; nothing that is done with them differs.
+    # Hesai's and RoboSense's have the same names and types, and are processed alike.
     Layout("hesai", ("intensity",), ("ring",), "timestamp", _F64, 1.0, absolute=True, mark="ring"),
     Layout("robosense", ("intensity",), ("ring",), "timestamp", _F64, 1.0, absolute=True, mark="ring"),
 )

@@ -34,9 +34,9 @@ class PointTimes:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """period_s: of the sensor. tolerance_s: by which clocks and first columns without a return may differ.
+    """period_s: of the sensor. tolerance_s: for clocks and first columns without a return.
 
-    future_s: by how much a newest point may lie after its arrival; oldest_s: and before it.
+    future_s: largest time of a newest point after its arrival; oldest_s: before it.
     """
 
     period_s: float
@@ -83,7 +83,7 @@ def newest_s(times: PointTimes, stamp_s: float, at: StampAt) -> float:
 
 
 def check_arrival(newest: float, arrival_s: float, limits: Limits) -> None:
-    """Raises CloudRefused for points that are not measured yet, or were long ago."""
+    """Raises CloudRefused for points from the future or too old."""
     age_s = arrival_s - newest
     if age_s < -limits.future_s:
         raise CloudRefused(

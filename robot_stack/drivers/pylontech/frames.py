@@ -61,7 +61,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class Protection:
-    """protections: by which the battery has switched itself off; alarms: before it does."""
+    """protections: reasons why the battery has switched itself off; alarms: warnings before that."""
 
     protections: tuple[str, ...]
     alarms: tuple[str, ...]
@@ -85,7 +85,7 @@ Frame = Limits | Charge | Measured | Protection | Requests | Manufacturer
 
 
 def decode(number: int, data: bytes) -> Frame | None:
-    """A frame of an 11-bit identifier; None for one of others on the bus. Raises FrameRefused."""
+    """A frame by its 11-bit identifier; None for other frames on the bus. Raises FrameRefused."""
     size = _SIZES.get(number)
     if size is None:
         return None

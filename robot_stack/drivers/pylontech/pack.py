@@ -35,7 +35,7 @@ _HEALTH = {
 
 
 class Pack:
-    """Feed it with every frame. Times are plain steady seconds."""
+    """Call for every frame. Times are plain steady seconds."""
 
     def __init__(self, params: PackParams) -> None:
         self._params = params
@@ -44,7 +44,7 @@ class Pack:
         self.counters = Counters(TAKEN, REFUSED, OTHERS)
 
     def received(self, number: int, data: bytes, now_s: float) -> Frame | None:
-        """The frame if it is the battery's and can be true. One that is refused leaves the one before to grow old."""
+        """The frame if it is the battery's and plausible. After a rejected one, the last frame becomes stale."""
         try:
             frame = decode(number, data)
             if isinstance(frame, Measured):

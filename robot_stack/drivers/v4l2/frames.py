@@ -1,4 +1,4 @@
-"""Buffers of a camera become grey images with the moment they show.
+"""Converts camera buffers to grey images with their time of exposure.
 
 Sources: Linux kernel, Userspace API, Video for Linux: "Buffers" (timestamps on CLOCK_MONOTONIC), "Image Formats" (MJPG,
 GREY, YUYV); ITU-T T.81 B.1.1.3 (markers).
@@ -76,7 +76,7 @@ class FrameChooser:
         self._due_s = -math.inf
 
     def wants(self, stamp_s: float, now_s: float) -> bool:
-        """Asked of every frame, before it is decoded. stamp_s: the buffer's timestamp."""
+        """Called for every frame, before it is decoded. stamp_s: the buffer's timestamp."""
         if not -self._params.tolerance_s <= now_s - stamp_s <= self._params.tolerance_s:
             self.problem = f"its timestamps are {stamp_s - now_s:+.3f} s off the monotonic clock"
             self.counters.add("refused timestamps")
@@ -95,7 +95,7 @@ class FrameChooser:
         return True
 
     def picture(self, data: NDArray[np.uint8], stamp_s: float) -> Picture | None:
-        """None for a buffer that holds no image, which is counted."""
+        """None for a buffer without an image, which is counted."""
         try:
             pixels = decode(data, self._params.pixel_format, self._height, self._width)
         except BadFrame as error:
@@ -106,5 +106,5 @@ class FrameChooser:
         return Picture(pixels, stamp_s + self._params.middle_s)
 
     def begin_anew(self) -> None:
-        """The device was opened again: its frames from before are none that were lost."""
+        """The device was reopened: frames in between do not count as lost."""
         self._last_s = self._due_s = -math.inf

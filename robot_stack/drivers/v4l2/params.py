@@ -20,7 +20,7 @@ class PixelFormat(StrEnum):
 
 
 class StampAt(StrEnum):
-    """Whose moment a buffer's timestamp is (V4L2_BUF_FLAG_TSTAMP_SRC_SOE and _EOF)."""
+    """Reference of a buffer's timestamp (V4L2_BUF_FLAG_TSTAMP_SRC_SOE and _EOF)."""
 
     START_OF_EXPOSURE = "start_of_exposure"
     END_OF_FRAME = "end_of_frame"
@@ -36,9 +36,9 @@ class Devices(Config):
 class V4l2CameraDriverParams(Config):
     """frame_rate_hz: the camera's, a whole multiple of the topic's rate; the frames between are left out.
 
-    exposure_s, gain: fixed. readout_s: from the first row's exposure to the last row's. tolerance_s: how old a
-    buffer's timestamp may be, or how far in the future, before the camera's clock is refused. silence_s: without an
-    image: called silent. reopen_s: until a device that is gone is looked for again.
+    exposure_s, gain: fixed. readout_s: from the first row's exposure to the last row's. tolerance_s: largest age of a
+    buffer's timestamp, also into the future; beyond it the camera's clock is rejected. silence_s: timeout of
+    images. reopen_s: retry period for a lost device.
     """
 
     devices: Devices

@@ -1,4 +1,4 @@
-"""Packets to sweeps, at their moments by this computer's clock."""
+"""Converts packets to sweeps, stamped by this computer's clock."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class SweepBuilder:
         return self._clock.drift_ppm
 
     def received(self, data: bytes, arrival_s: float) -> Sweep | None:
-        """The sweep that this packet completes."""
+        """The sweep completed by this packet."""
         try:
             packet = read(data)
         except PacketRefused as refusal:

@@ -1,4 +1,4 @@
-"""The unit: bytes of its line to samples in base_link's axes, at their moments by this computer's clock."""
+"""The unit: converts its bytes to samples in base_link's axes, stamped by this computer's clock."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def encode(message: Message) -> bytes:
 
 
 class Decoder:
-    """Takes bytes as they come: halves of frames, garbage between and within them, frames of a wrong checksum."""
+    """Accepts bytes in any pieces: partial frames, garbage between and within them, frames with a wrong checksum."""
 
     def __init__(self, counters: Counters) -> None:
         self._buffer = bytearray()
@@ -55,7 +55,7 @@ class Decoder:
         self._buffer.clear()
 
     def _take(self, found: list[Message]) -> bool:
-        """One frame, or a byte that begins none. False: there is nothing whole to take."""
+        """Reads one frame, or skips a byte that begins none. False: no complete frame is left."""
         buffer = self._buffer
         start = buffer.find(PREAMBLE)
         self._skip(len(buffer) if start < 0 else start)

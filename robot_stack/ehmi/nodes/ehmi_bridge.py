@@ -1,4 +1,4 @@
-"""Node ``ehmi_bridge``: /ehmi/state_command to the display on the serial line, its health to /ehmi/status."""
+"""Node ``ehmi_bridge``: sends /ehmi/state_command to the display on the serial line, publishes /ehmi/status."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ _LONGEST_WAIT_S = 1.0
 class SerialPort:
     """port: device path. Starts at once; ``close`` ends it.
 
-    ``show`` and ``status`` may be called from any thread and never wait for the line.
+    ``show`` and ``status`` may be called from any thread and do not block.
     """
 
     def __init__(self, port: str, baud_rate: int, params: LinkParams, wanted: Shown) -> None:

@@ -1,4 +1,4 @@
-"""Ends connections that never become an answer or a page: else a few dozen of them keep every page out."""
+"""Ends connections that never become a request or a page: a few dozen of them would block all pages."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class Hub:
         self.connected = self.pages = 0
 
     def stopped(self) -> None:
-        """There was an emergency stop. From the node's own loop."""
+        """Handles an emergency stop. Called from the node's own loop."""
         self._desk.pad.stopped()
 
     # --- pages -------------------------------------------------------------------------------------------------------
@@ -100,7 +100,7 @@ class Hub:
         self._look()
 
     def hear(self, page: Page, text: str | bytes | None) -> bool:
-        """A frame that a page sent. False: the page is to be closed."""
+        """Handles a frame of a page. False: the page is to be closed."""
         now_s = self._now_s()
         staff = self._desk.access.role(page.number, now_s) is Role.STAFF
         try:
@@ -160,7 +160,7 @@ class Hub:
     # --- from the node -----------------------------------------------------------------------------------------------
 
     def push(self, sections: Mapping[str, Any], layers: Mapping[p.Layer, Any]) -> None:
-        """The newest of everything that is shown."""
+        """Updates the newest values of all sections."""
         self._sections |= sections
         self._layers |= layers
         for page in self._pages.values():
@@ -172,7 +172,7 @@ class Hub:
         self._look()
 
     def frame(self, layer: p.Layer, data: bytes) -> None:
-        """For the pages that wait for it; the newest of each layer is kept."""
+        """Passes data to the pages that wait for it; the newest of each layer is kept."""
         for page in self._pages.values():
             if layer in self._allowed(page):
                 page.frames[layer] = data
@@ -191,7 +191,7 @@ class Hub:
     # --- to the pages ------------------------------------------------------------------------------------------------
 
     async def send(self, page: Page, text: Callable[[str], Any], data: Callable[[bytes], Any]) -> None:
-        """Sends as fast as the page takes it, until it is cancelled."""
+        """Sends as fast as the page reads, until it is cancelled."""
         while True:
             for item in self._due(page):
                 await text(item)
@@ -209,7 +209,7 @@ class Hub:
                     await text('{"t":"tick"}')
 
     async def _anything(self, page: Page, wait_s: float) -> None:
-        """Something that may be sent now: changes that come too early wait for their time."""
+        """Waits for an update that may be sent now: earlier ones wait for their time."""
         while True:
             await page.something.wait()
             page.something.clear()

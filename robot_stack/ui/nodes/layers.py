@@ -1,4 +1,4 @@
-"""Heavy data for the pages that show it: encoded when a page is ready for the next, and never faster than it draws."""
+"""Heavy data for the pages that show it: encoded when a page is ready for the next, at most at its drawing rate."""
 
 from __future__ import annotations
 

@@ -157,7 +157,7 @@ class WebServer:
         return Response(data, media_type=kind, headers={**_HEADERS, "Cache-Control": lasting})
 
     def _welcome(self, token: str) -> Response:
-        """The token leaves the address bar and comes with each request of this browser from now on."""
+        """Moves the token from the address bar to a cookie, which the browser sends with each request."""
         response = RedirectResponse("/", 303, headers=_HEADERS)
         response.set_cookie(COOKIE, token, httponly=True, secure=True, samesite="strict", path="/")
         return response

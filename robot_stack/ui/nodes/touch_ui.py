@@ -86,7 +86,7 @@ class TouchUiNode(StackNode):
         self.set_health(alive, f"serving {self._server.url}" if alive else "the web server has ended")
 
     def safe_output(self) -> None:
-        """A finger on the pad drives no longer."""
+        """Stops the server and publishes a zero command of the pad."""
         self._server.close()
         self._outputs.drive(Twist2(0.0, 0.0, 0.0))
 
