@@ -45,7 +45,7 @@ def connect(name: str, config: ClientConfig | None = None, timeout_s: float | No
             break
         if code not in PASSING or time.monotonic() >= deadline:
             raise EngineError(f"{name}: cannot create a device", code, api.ErrorToString(code))
-        # Several nodes that start together must not keep meeting: the pause differs from one to the next.
+        # The pause is random, so that nodes that start together do not collide again and again.
         locked = code in BUSY
         time.sleep(config.lock_retry_s * random.uniform(0.5, 1.5) if locked else _POLL_S)
     code = api.SetDeviceName(name)

@@ -249,7 +249,7 @@ def _of_robot(kind: Any, source: str) -> Any:
     return gear | dict.fromkeys(("quick_stop_dec_radps2", "estop_dec_radps2"), deceleration_radps2) | own
 
 
-# Counts per turn, and how hard an axis stops: a wheel as the robot in an emergency, a steering axis as it can.
+# Counts per turn, and deceleration of a stop: a wheel's as in the robot's emergency stop, a steering axis' own limit.
 _DERIVED: Final[dict[str, Callable[[Robot], tuple[float, float]]]] = {
     "drive": lambda robot: (
         float(robot.drive.encoder_counts_per_rev),

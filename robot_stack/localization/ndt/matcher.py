@@ -17,7 +17,7 @@ from robot_stack.localization.ndt.skyline import Skyline
 
 Floats = npt.NDArray[np.float64]
 
-# Accuracy of a cell's normal, rad: this share of the information across a surface leaks into the direction along it.
+# Accuracy of a cell's normal, rad; its square is the share of the information that leaks into other directions.
 _NORMAL_RAD = 0.05
 _DIRECTIONS = 8
 

@@ -127,7 +127,7 @@ class Velocity(Protocol):
     """Motions of axes in velocity mode."""
 
     def StartVel(self, command: VelCommands, commands: Sequence[Velocity_VelCommand] | None = None) -> int:
-        """Runs at a signed velocity for ever. acc where speed grows, dec where it falls; 0 changes it in one cycle."""
+        """Runs at a signed velocity without an end. acc where speed grows, dec where it falls; 0: within one cycle."""
         ...
 
     def StartVel_TimedVel(
@@ -201,7 +201,7 @@ class CoreMotion(Protocol):
     def config(self) -> Config: ...
 
     def ExecEStop(self, level: int) -> int:
-        """Stops everything, whatever it does. Accepted in every state; latched until ReleaseEStop."""
+        """Stops everything. Accepted in every state; latched until ReleaseEStop."""
         ...
 
     def ReleaseEStop(self) -> int: ...

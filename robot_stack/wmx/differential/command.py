@@ -17,7 +17,7 @@ class BadTwist(Exception):
 
 
 class OldTwist(Exception):
-    """A twist that was too old when it came. The message names its age."""
+    """A received twist that is too old. The message gives its age."""
 
 
 @dataclass(frozen=True, slots=True)

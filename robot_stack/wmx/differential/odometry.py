@@ -23,7 +23,7 @@ ZERO_MATRIX: Matrix3 = (0.0,) * 9
 
 @dataclass(frozen=True, slots=True)
 class OdometrySettings:
-    """max_wheel_speed_radps: an encoder that claims more than twice as much has jumped, or was renamed by a homing.
+    """max_wheel_speed_radps: an encoder that reports more than twice as much has jumped, or was reset by a homing.
     shortest_interval_s: plausibility is judged over this time at least. longest_gap_s: after a longer silence the way
     is unknown. deviation_per_sqrt_m: standard deviation of a wheel's way after one metre, m.
     """

@@ -21,7 +21,7 @@ def velocity_mode(axis: int) -> Request:
 
 
 def quick_stop(axis: int) -> Request:
-    """Whichever mode the axis is in: the call of the other one is refused."""
+    """Tries the quick stops of both modes: the engine rejects that of the other mode."""
 
     def request(engine: MotionEngine) -> int:
         return engine.core_motion.velocity.ExecQuickStop(axis) and engine.core_motion.motion.ExecQuickStop(axis)
@@ -30,7 +30,7 @@ def quick_stop(axis: int) -> Request:
 
 
 def rest(axis: int, within_s: float) -> Velocity_VelCommand:
-    """To standstill within a time. It needs no end of its own."""
+    """To standstill within a time. It needs no timeout."""
     milliseconds = max(1e3 * within_s, _SHORTEST_MS)
     return Velocity_VelCommand(axis, Profile.SetupTimeAccTrapezoidal(0.0, milliseconds, milliseconds))
 

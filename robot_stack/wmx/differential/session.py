@@ -145,7 +145,7 @@ class WheelSession:
         return Stage.SWITCHING_ON, self._engine.refusal(SERVO_ON, text)
 
     def _motion(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
-        """A wheel that another stopped: with the other wheel driven on, the base would turn."""
+        """A wheel was stopped by another client: driving on with the other wheel would turn the base."""
         axes = self._settings.axes
         strange = [
             axis for axis in axes if snapshot.op_state[axis] not in (OperationState.Idle, OperationState.Velocity)

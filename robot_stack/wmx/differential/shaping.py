@@ -58,12 +58,12 @@ class TwistShaper:
         target, still = _twist(wheels, self._base), ZERO_TWIST
         self._twist, self._acceleration = approach(self._twist, self._acceleration, target, still, self._limits, dt_s)
         speeds = wheel_speeds(self._twist.vx, self._twist.omega, self._base, self._most_radps)
-        # A period longer than the step: then the next one is there before this one is through.
+        # A period longer than the step: then the next one arrives before this one is complete.
         self._last = WheelCommand(speeds, dt_s + self._period_s)
         return self._last
 
     def _passed_s(self, present: WheelPair, now_s: float) -> float:
-        """Since the last step; without one the wheels are taken as they are."""
+        """Time since the last step; without one it starts from the wheels' present speeds."""
         before_s, self._step_at_s = self._step_at_s, now_s
         if before_s is not None and 0.0 < now_s - before_s <= _LONGEST_STEP_S:
             return now_s - before_s

@@ -64,7 +64,7 @@ class AxisServices:
         return joined(self._servo_entry(axis, on, codes) for axis, on in zip(index, data, strict=True))
 
     def clear_alarm(self, index: Sequence[int]) -> Job:
-        """Amplifier alarms, and the engine's own alarm of a following error, which nothing else could clear."""
+        """Amplifier alarms, and the engine's own following error alarm, which has no other way to be cleared."""
         refusal = _refusal(index, {})
         if refusal:
             return refusal

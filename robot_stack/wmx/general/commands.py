@@ -39,7 +39,7 @@ _STATES: Final = {
 
 @dataclass(frozen=True, slots=True)
 class AxisOrder:
-    """A message as it came: parallel sequences; ``target`` (rad) is None for a velocity. rad/s, rad/s^2."""
+    """A received message: parallel sequences; ``target`` (rad) is None for a velocity. rad/s, rad/s^2."""
 
     index: Sequence[int]
     velocity: Sequence[float]

@@ -33,7 +33,7 @@ class EngineServices:
         return self._start() if start else self._stop()
 
     def get_status(self) -> Job:
-        """Always a success; Unknown if the question itself fails."""
+        """Always a success; Unknown if the query fails."""
         yield from ()
         engine = self._device.engine
         code, status = engine.api.GetEngineStatus() if engine is not None else (int(ErrorCode.DeviceIsNull), None)

@@ -20,7 +20,7 @@ def home_is_present_position(engine: MotionEngine, axis: int) -> int:
 
 
 def homed(stopped: Callable[[], bool], snapshot: StatusSnapshot, axis: int) -> int | None:
-    """The code with which a homing has ended, 0 for well; None while it is under way."""
+    """The result code of a homing, 0 for success; None while it is running."""
     if snapshot.amp_alarm[axis] or snapshot.following_error_alarm[axis]:
         return ErrorCode.AxisAmpAlarm
     if not snapshot.servo_on[axis]:

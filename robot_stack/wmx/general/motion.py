@@ -1,4 +1,4 @@
-"""Motion messages carried out: checked whole, then given to the engine in one call that starts all axes or none."""
+"""Executes motion messages: each is checked as a whole, then sent in one call that starts all axes or none."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class GeneralSession:
         self.worker.order(lambda: self._move(topic, move, order, asked_s))
 
     def stop(self) -> None:
-        """Everything that this node moves, now; and nothing moves until ``release``."""
+        """Stops all motion of this node at once and blocks further motion until ``release``."""
         self._stopped = True
         self.worker.order(self._hold, urgent=True)
 

@@ -10,7 +10,7 @@ from robot_stack.wmx.general.device import SETTLED_CYCLES, Device
 
 Clock = Callable[[], float]
 Decided = Callable[[StatusSnapshot, int], int | None]
-"""The code of an axis that has come to an end, good (0) or bad; None while it is under way."""
+"""The result code of an axis, 0 for success; None while it is moving."""
 
 
 class Waits:

@@ -25,7 +25,7 @@ class _Running:
 
 
 def next_deadline(due_s: float, period_s: float, now_s: float) -> float:
-    """The deadline after ``due_s``; where several have passed, the last of them: ticks that are missed are missed."""
+    """The deadline after ``due_s``; if several have passed, the last of them: missed ticks are skipped."""
     missed = (now_s - due_s) // period_s
     return due_s + period_s * max(1.0, missed)
 

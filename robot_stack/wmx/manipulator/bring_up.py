@@ -52,7 +52,7 @@ class BringUpSettings:
 
 
 class BringUp:
-    """Belongs to one thread. Times are steady seconds. ``progress`` and ``lines`` may be looked at from another."""
+    """Belongs to one thread. Times are steady seconds. ``progress`` and ``lines`` may be read from another."""
 
     def __init__(self, open_engine: OpenEngine, settings: BringUpSettings) -> None:
         """open_engine: opens a device, waiting shortly at most; raises EngineError."""
@@ -195,7 +195,7 @@ class BringUp:
         self._was_ready = self._was_ready or self.progress.step is Step.READY
 
     def _begin_anew(self) -> None:
-        """The device is worth nothing any more: from the beginning."""
+        """The device is invalid: restarts the sequence."""
         text = self._session.text
         self._report(Line(Level.ERROR, text))
         self._asker = None

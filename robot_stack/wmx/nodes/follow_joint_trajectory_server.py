@@ -26,7 +26,7 @@ _LAST_ANSWER_S = 0.05  # an answer goes through three tasks of the executor, one
 
 
 class FollowJointTrajectoryServerNode(StackNode):
-    """A goal begins in the callback that brings it; one tick follows the motion. Nothing here waits."""
+    """A goal starts in its callback; one tick monitors the motion. Nothing here blocks."""
 
     def __init__(self) -> None:
         super().__init__(_NAME, TrajectoryServerParams)

@@ -270,7 +270,7 @@ def _following_error(reals: Reals, flags: Ints, params: Reals, work: Ints, plan:
 
 @compiled
 def _soft_limits(reals: Reals, flags: Ints, params: Reals, work: Ints, plan: Reals, i: int) -> None:
-    """Acts on the edge of running into a limit; a motion away from it is free."""
+    """Handles the edge of a limit; a motion away from it is free."""
     positive, negative = work[rows.SOFT_POSITIVE_TYPE, i], work[rows.SOFT_NEGATIVE_TYPE, i]
     homed = flags[HOME_DONE, i] != 0
     position = reals[POS_CMD, i]
@@ -333,7 +333,7 @@ def absorb(
     servo_on: NDArray[np.bool_],
     alarm_code: NDArray[np.int32],
 ) -> None:
-    """Takes over one cycle's feedback of every axis. ``stopped``: an emergency stop is active."""
+    """Reads one cycle's feedback of every axis. ``stopped``: an emergency stop is active."""
     for i in range(flags.shape[1]):
         scale = params[rows.COUNTS_PER_UNIT, i]
         flags[SERVO_OFFLINE, i] = 0

@@ -68,7 +68,7 @@ def watch_switches(
     negative_limit: NDArray[np.bool_],
     home_switch: NDArray[np.bool_],
 ) -> None:
-    """Takes over one cycle's switches of every axis, and acts."""
+    """Reads one cycle's switches of every axis and applies the limits."""
     for i in range(flags.shape[1]):
         flags[POSITIVE_LS, i] = 1 if positive_limit[i] != (work[rows.LS_INVERT_POSITIVE, i] != 0) else 0
         flags[NEGATIVE_LS, i] = 1 if negative_limit[i] != (work[rows.LS_INVERT_NEGATIVE, i] != 0) else 0

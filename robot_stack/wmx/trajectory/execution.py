@@ -186,7 +186,7 @@ class Execution:
         self._result = self._stopping.look(self._now, state)
 
     def _blind(self, now_s: float, blind: Blind) -> None:
-        """A goal that was not begun loses nothing by waiting until it is due."""
+        """A goal that has not started may wait until it is due."""
         if now_s < self._start_at_s and self.phase is Phase.WAITING:
             return
         if blind.gone or now_s - self._now.steady_s > self._settings.status_timeout_s:

@@ -1,4 +1,4 @@
-"""A goal as it came, and as it can be executed: checked as a whole, in the order of the axes."""
+"""A received goal, and its executable form: checked as a whole, in the order of the axes."""
 
 from __future__ import annotations
 
