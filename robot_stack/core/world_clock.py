@@ -82,7 +82,7 @@ class WorldClock:
         return now_ns
 
     def into_step_s(self) -> float:
-        """Time since the last time written by the world."""
+        """How far the clock has advanced beyond the time last written by the world."""
         return 1e-9 * self._read()[1]
 
     def _read(self) -> tuple[int, int]:

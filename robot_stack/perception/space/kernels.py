@@ -192,7 +192,7 @@ def stand(
 def hold(state: Cells, passes: Any, corner: Corner, cell_m: float, pose: Floats, specks: Float) -> None:
     """Resets the passes through an occupied cell while there are returns from it or right beside it.
 
-    Call after ``look``. specks: (n, 3) base_link, m."""
+    Call before ``look``. specks: (n, 3) base_link, m."""
     rows, columns = state.shape
     for i in range(len(specks)):
         x, y = specks[i, 0], specks[i, 1]
