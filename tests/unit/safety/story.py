@@ -7,6 +7,8 @@ silent. Every tick brings new IMU noise, as a living sensor does.
 from __future__ import annotations
 
 import math
+import os
+import pickle
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -37,6 +39,7 @@ NOBODY = np.empty((0, 5), np.float32)
 OPEN = LatchReading(closed=False, open=True, opening=False)
 CLOSED = LatchReading(closed=True, open=False, opening=False)
 GOOD_AXIS = Axis(servo_on=True, amp_alarm=False, following_error=False)
+_HEALTHY: dict[bytes, bytes] = {}  # pickled stories: as they begin, and once everything has cleared
 
 
 def params(**changes: Any) -> SafetyParams:
@@ -85,9 +88,12 @@ class Story:
         self.reporting: set[str] = {"emergency_stop_button", "touch_ui"}
 
     def healthy(self) -> Story:
-        """Runs until everything has cleared."""
-        self.run(3.0)
-        return self.expect(SafetyState.NORMAL)
+        """Runs until everything has cleared: once for equal stories, as equal input gives equal state."""
+        begun = pickle.dumps((os.getpid(), self))  # mutants run in forks: none inherits what another has computed
+        if begun not in _HEALTHY:
+            _HEALTHY[begun] = pickle.dumps(self.run(3.0).expect(SafetyState.NORMAL))
+        self.__dict__ = pickle.loads(_HEALTHY[begun]).__dict__
+        return self
 
     def run(self, duration_s: float) -> Story:
         for _ in range(round(duration_s / TICK_S)):

@@ -142,7 +142,7 @@ def test_a_chair_that_is_assumed_hides_nobody(before_m: float) -> None:
 
 def test_who_sits_in_a_chair_on_the_closed_latch_is_no_obstacle() -> None:
     story = Story().carry().healthy()
-    assert story.latch is CLOSED
+    assert story.latch == CLOSED
     story.obstacles = things(BUMPER_M + 0.5)
     story.run(0.2)
     story.driven = story.request = RIDE
