@@ -11,6 +11,7 @@ import pytest
 
 from robot_stack.contract import topics
 from robot_stack.contract.frames import JOINTS
+from robot_stack.contract.model import SafetyState
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.robot import Robot
@@ -18,7 +19,7 @@ from robot_stack.safety.button import Contact
 from robot_stack.safety.conditions import stale_s
 from robot_stack.safety.inputs import DriveReading, Level
 from robot_stack.safety.meeting import Meeting
-from robot_stack.safety.observation import Observation
+from robot_stack.safety.observation import CAMERAS, Observation
 from robot_stack.safety.stop_sources import Press
 from tests.unit.safety.story import NOBODY, NOTHING, PARAMS, ROBOT, Story
 
@@ -146,3 +147,31 @@ def test_who_moves_is_judged_by_what_the_drive_does_and_is_asked(monkeypatch: py
     found.commands.limited(driven, 1.0)
     found.snapshot(False, 1.0)
     assert recorder.motions == [ZERO_TWIST, driven]
+
+
+def test_cameras_have_half_a_second_to_come_once_docking_looks() -> None:
+    """Images from before count no more than none: a camera may have been switched on for this docking."""
+    story = Story().healthy()
+    story.cameras = [CAMERAS[0].name]
+    story.run(1.0)
+    story.cameras = []
+    story.run(3.0)
+    story.docking = "SEARCH"
+    story.tick().before(0.5).expect(SafetyState.NORMAL, ())
+    story.docking = "SERVOING"  # the time goes on counting from the first look
+    story.past().expect(SafetyState.DEGRADED, ["CAMERA_TIMEOUT"])
+    story.docking = "IDLE"
+    story.tick()
+    story.docking = "SEARCH"
+    story.tick().before(0.5).expect(SafetyState.NORMAL, ())
+    story.past().expect(SafetyState.DEGRADED, ["CAMERA_TIMEOUT"])
+
+
+def test_links_that_never_come_up_are_missed_once_their_processes_live() -> None:
+    linked = ("swerve_controller", "ehmi_bridge", "touch_ui")
+    story = Story(expected_processes=linked)
+    story.beating = {"swerve_controller"}
+    story.run(8.0).expect(SafetyState.DEGRADED, ("NODE_DEAD",))
+    story.beating = set(linked)
+    story.run(4.9).expect(SafetyState.NORMAL, ())
+    story.run(0.2).expect(SafetyState.DEGRADED, ("EHMI_LINK_LOST", "UI_LINK_LOST"))

@@ -14,7 +14,6 @@ from robot_stack.contract.frames import JOINTS
 from robot_stack.contract.model import SafetyAction, SafetyState
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.safety.button import Contact
-from robot_stack.safety.conditions import CONDITIONS
 from robot_stack.safety.inputs import Axis, DriveReading, ImuSample
 from robot_stack.safety.monitor import Memory, ResetAnswer
 from robot_stack.safety.observation import CAMERAS
@@ -31,10 +30,6 @@ def test_everything_well_is_normal_at_the_robots_own_limits() -> None:
     story = Story().healthy().expect(NORMAL, (), linear_mps=1.5, reason="", action=SafetyAction.NONE)
     assert story.verdict.limit.angular_radps == 1.0
     assert story.monitor.details == {}
-
-
-def test_rows_in_the_order_of_the_contract() -> None:
-    assert Story(rows=tuple(reversed(PARAMS.rows))).monitor.rows == tuple(c for c in CONDITIONS if c in PARAMS.rows)
 
 
 def test_passenger_is_a_limit_and_no_fault() -> None:
@@ -522,24 +517,6 @@ def test_cameras_are_missed_only_while_they_guide(state: str) -> None:
     story.tick().expect(NORMAL, ())
 
 
-def test_cameras_have_half_a_second_to_come_once_docking_looks() -> None:
-    """Images from before count no more than none: a camera may have been switched on for this docking."""
-    story = Story().healthy()
-    story.cameras = [FRONT]
-    story.run(1.0)
-    story.cameras = []
-    story.run(3.0)
-    story.docking = "SEARCH"
-    story.tick().before(0.5).expect(NORMAL, ())
-    story.docking = "SERVOING"  # the time goes on counting from the first look
-    story.past().expect(DEGRADED, ["CAMERA_TIMEOUT"])
-    story.docking = "IDLE"
-    story.tick()
-    story.docking = "SEARCH"
-    story.tick().before(0.5).expect(NORMAL, ())
-    story.past().expect(DEGRADED, ["CAMERA_TIMEOUT"])
-
-
 def test_docking_that_fell_silent_misses_no_camera() -> None:
     story = Story().healthy()
     story.docking = "SEARCH"
@@ -976,14 +953,6 @@ def test_links_that_fall_silent_warn_until_they_are_back(code: str) -> None:
     story.tick().expect(NORMAL, ())
 
 
-def test_links_that_never_come_up_are_missed_once_their_processes_live() -> None:
-    story = Story(expected_processes=LINKED)
-    story.beating = {"swerve_controller"}
-    story.run(8.0).expect(DEGRADED, ("NODE_DEAD",))
-    story.beating = set(LINKED)
-    story.run(4.9).expect(NORMAL, ()).run(0.2).expect(DEGRADED, ("EHMI_LINK_LOST", "UI_LINK_LOST"))
-
-
 def test_a_screen_that_need_not_be_there_is_missed_only_after_it_was() -> None:
     story = Story(expected_processes=LINKED, links={"ui_required": False})
     story.ehmi_linked = True
@@ -1000,25 +969,6 @@ def test_links_of_processes_that_do_not_run_here_are_not_missed() -> None:
     story.healthy()
     story.ehmi_linked = story.ui_connected = False
     story.run(20.0).expect(NORMAL, ())
-
-
-def test_the_hardware_stop_is_the_button_and_not_the_latch() -> None:
-    story = Story().healthy()
-    assert not story.monitor.button_pressed
-    story.estop(True)
-    assert not story.run(0.1).monitor.button_pressed
-    story.button = Contact.PRESSED
-    assert story.run(0.1).monitor.button_pressed
-    story.button = Contact.RELEASED
-    assert not story.run(0.1).monitor.button_pressed
-    assert story.monitor.emergency
-    story.button = Contact.UNREADABLE
-    assert story.run(0.1).monitor.button_pressed
-    story.button = Contact.RELEASED
-    story.run(0.1)
-    story.monitor.observation.engine(None, story.now_s)
-    story.monitor.observation.engine(None, story.now_s + 0.02)
-    assert story.monitor.button_pressed
 
 
 def test_a_contact_that_was_never_readable_is_no_press() -> None:
