@@ -99,6 +99,16 @@ class Track:
         ahead_m = min(self.ends_m(body), key=abs)
         return self.x + ahead_m * float(self.course[0]), self.y + ahead_m * float(self.course[1])
 
+    def go_by_one_end(self, body: Floats, sigma_m: float) -> None:
+        """Corrected by its nearer end along its course and by its middle across it; its middle is then where the body's
+        is, which changes nothing of what it does."""
+        ahead_m, course, middle = min(self.ends_m(body), key=abs), self.course, body[:, :2].mean(axis=0)
+        aside = np.array([-course[1], course[0]])
+        came = (self.x, self.y) + ahead_m * course + float((middle - (self.x, self.y)) @ aside) * aside
+        self.correct(float(came[0]), float(came[1]), sigma_m)
+        self.x, self.y = self.x + float(middle[0] - came[0]), self.y + float(middle[1] - came[1])
+        self.shape = body[:, :3] - (*middle, 0.0)
+
     def stand_in(self, x: float, y: float, body: Floats, sigma_m: float) -> None:
         """Moves the track to other points of the object; the velocity does not change."""
         self.x, self.y, self.p11, self.p12 = x, y, sigma_m * sigma_m, 0.0
@@ -155,7 +165,12 @@ class Movers:
                     self._follow_one_end(nearest, body)
                     continue
                 less, more = sorted((before, count))
-                nearest.correct(x, y, p.place_sigma_m + 0.5 * (1.0 - less / more) * _width_m(body))
+                sigma_m = p.place_sigma_m + 0.5 * (1.0 - less / more) * _width_m(body)
+                if nearest.moves and abs(np.subtract(*nearest.ends_m(body))) > 2.0 * p.place_sigma_m:
+                    nearest.go_by_one_end(body, sigma_m)
+                    nearest.moves = self._moves(nearest)  # where it was, more of it may be by now
+                    continue
+                nearest.correct(x, y, sigma_m)
                 nearest.shape = body[:, :3] - (x, y, 0.0)
                 nearest.moves = self._moves(nearest) and self._has_left(nearest, body[:, :2])
             elif body[:, 3] @ body[:, 4] >= p.points_min:  # returns in unseen cells only may be static
@@ -206,7 +221,8 @@ class Movers:
         p, speed_mps = self._params, track.speed_mps
         followed = track.at_s - track.since_s >= p.follow_s
         gone = math.hypot(track.x - track.begin[0], track.y - track.begin[1]) >= p.distance_m
-        sure = speed_mps >= max(p.slowest_mps, p.sure * math.sqrt(track.p22))
+        doubt_mps = 0.0 if track.moves else p.sure * math.sqrt(track.p22)  # less is seen of who gets hidden
+        sure = speed_mps >= max(p.slowest_mps, doubt_mps)
         return followed and (gone or track.moves) and sure and speed_mps <= p.fastest_mps
 
     def _has_left(self, track: Track, places: Floats) -> bool:

@@ -12,7 +12,7 @@ from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
 from robot_stack.perception.space.kernels import FREE, OCCUPIED
 from robot_stack.perception.space.movers import Movers
 from tests.unit.space.test_space import HIGH, LOW, PARAMS, SEEN, Scanner
-from tests.unit.space.yard import ADULT, CHILD, Post, Yard, near, state_at
+from tests.unit.space.yard import ADULT, CHILD, Block, Post, Yard, near, state_at
 
 P = PARAMS.movers
 LOOK_S = 0.1
@@ -152,6 +152,19 @@ def test_a_cart_whose_rear_is_taken_for_what_stands_goes_on_by_its_front() -> No
             found = movers.at(10.0 + number * LOOK_S, IDENTITY)
             assert len(found) > 0, number
             assert found[:, 3].mean() == pytest.approx(-0.8, abs=0.25), number
+
+
+def test_a_slow_cart_keeps_its_speed_while_more_and_more_of_it_is_seen() -> None:
+    """0.48 m/s: its front comes nearer, its rear is seen longer and longer, so that its middle stays behind."""
+    movers = Movers(P)
+    for number in range(24):
+        front = 4.0 - 0.048 * number
+        length = 0.3 + max(0.0, 0.06 * min(number - 12, 6))
+        movers.look(cart(front + length, front), 10.0 + number * LOOK_S, lambda x, y, top: True)
+        if number > 8:
+            found = movers.at(10.0 + number * LOOK_S, IDENTITY)
+            assert len(found) > 0, number
+            assert found[:, 3].mean() == pytest.approx(-0.48, abs=0.12), number
 
 
 def test_a_long_body_moves_on_while_it_leaves_what_its_way_explains() -> None:
@@ -299,3 +312,14 @@ def test_a_low_cart_that_goes_before_the_knees_is_remembered_right_before_them(s
     yard.walk("who", (1.75, 0.0), speed_mps).run(2.5)
     assert yard.scene is not None
     assert near(yard.scene.obstacles, 1.4, 0.0, 0.35) > 0
+
+
+@pytest.mark.parametrize("speed_mps", [0.3, 0.48])
+def test_a_slow_long_cart_that_goes_before_the_knees_is_remembered_right_before_them(speed_mps: float) -> None:
+    """It takes 2 to 3 s to leave a place: that does not make its rear a standing thing."""
+    yard = Yard(chair=True, who=Block(0.45, 0.25, 0.05, 0.25))
+    yard.run(1.0)
+    yard.at["who"] = (4.3, 0.0)
+    yard.walk("who", (1.91, 0.0), speed_mps).run(2.5)
+    assert yard.scene is not None
+    assert near(yard.scene.obstacles, 1.46, 0.0, 0.3) > 0
