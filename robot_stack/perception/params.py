@@ -184,9 +184,9 @@ class MoverParams(Config):
     associated within ``gate_m`` of its prediction, and predicted for ``coast_s`` after its last detection, but only
     ``missed_s`` where rays pass below its top; a moving one is assumed to continue for that time, up to ``beside_m``
     before the robot, in unobserved space. place_sigma_m, acceleration_mps2: noise of measurement and motion. It moves
-    if it was tracked for ``follow_s`` and over ``distance_m``, is faster than ``slowest_mps`` and than ``sure`` times
-    the deviation of its speed, and at most the share ``vacated_share`` of its points of ``vacated_s`` ago has one
-    within ``same_m`` now; later on, at most that share of the points that its motion should have left.
+    if it was tracked for ``follow_s`` and over ``distance_m``, is faster than ``slowest_mps`` and, until it moves, than
+    ``sure`` times the deviation of its speed, and at most the share ``vacated_share`` of its points of ``vacated_s``
+    ago has one within ``same_m`` now; later on, at most that share of the points that its motion should have left.
     """
 
     new_s: Positive

@@ -314,12 +314,11 @@ def test_a_low_cart_that_goes_before_the_knees_is_remembered_right_before_them(s
     assert near(yard.scene.obstacles, 1.4, 0.0, 0.35) > 0
 
 
-@pytest.mark.parametrize("speed_mps", [0.3, 0.48])
-def test_a_slow_long_cart_that_goes_before_the_knees_is_remembered_right_before_them(speed_mps: float) -> None:
-    """It takes 2 to 3 s to leave a place: that does not make its rear a standing thing."""
+def test_a_slow_long_cart_that_goes_before_the_knees_is_remembered_right_before_them() -> None:
+    """It takes 2 s to leave a place, longer than what is new stays new."""
     yard = Yard(chair=True, who=Block(0.45, 0.25, 0.05, 0.25))
     yard.run(1.0)
     yard.at["who"] = (4.3, 0.0)
-    yard.walk("who", (1.91, 0.0), speed_mps).run(2.5)
+    yard.walk("who", (1.91, 0.0), 0.48).run(2.5)
     assert yard.scene is not None
     assert near(yard.scene.obstacles, 1.46, 0.0, 0.3) > 0
