@@ -6,22 +6,26 @@ import math
 import multiprocessing
 import os
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from custom_msgs.action import Dock
 from robot_stack.bench.framework import Aim, BenchError
+from robot_stack.contract import actions
 from robot_stack.core.camera import camera_file, load_intrinsics
 from robot_stack.core.docks import load_docks
-from robot_stack.core.geometry import Pose2
-from robot_stack.docking.states import State
+from robot_stack.core.geometry import IDENTITY, Pose2
+from robot_stack.docking.results import DockCode
 from sim.bench.bad_pictures import BAD
-from sim.bench.docking_stack import DockingStack
+from sim.bench.few_nodes import DRIVE, WITHOUT_MAP, FewNodes
 from sim.camera.conditions import Conditions
-from sim.plant.world import Setup
-from sim.worldfile import load_world
+from sim.settings import pose_settings
 
 NAME = "docking"
 AIMS = {
@@ -31,6 +35,7 @@ AIMS = {
     "time_s_median": Aim("<", 30.0),
     "contact_force_n_max": Aim("<", 30.0),
 }
+NODES = (*DRIVE, "navigation_controller", "docking_controller", "aruco_detector", "camera_driver")
 _DOCK = "chair_1"
 _LIMIT_S = 200.0
 _BAD_SHARE = 0.5
@@ -122,43 +127,81 @@ def draw(seed: int, *, taught: bool) -> Trial:
     )
 
 
-def dock(trial: Trial) -> Outcome:
-    """Drives one trial."""
-    stack = stack_of(trial)
-    if trial.taught:
-        stack.teach()
-    result = stack.run_docking(_LIMIT_S)
-    at_dock = next((s for s in stack.docking if s.output.state is State.DOCKED), None)
-    along, across, yaw = (math.nan,) * 3 if at_dock is None else at_dock.error
-    return Outcome(
-        trial=trial,
-        success=result is not None and result.success,
-        code="none in time" if result is None else result.code.name,
-        reason="" if result is None else result.reason,
-        error_mm=1e3 * math.hypot(along, across),
-        yaw_deg=math.degrees(abs(yaw)),
-        time_s=stack.time_s,
-        tries=0 if result is None else result.tries,
-        contact_n=stack.contact_max_n,
-    )
+def dock(trial: Trial, learnt: Path | None = None) -> Outcome:
+    """Drives one trial. learnt: the file with what dockings have taught and teach; a taught robot without it docks
+    once before, on even ground and in clear light.
+    """
+    if learnt is None:
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "corrections.yaml"
+            if trial.taught:
+                dock(Trial(trial.seed, IDENTITY, IDENTITY, 0.0, 0.0, 0.0, "clear", taught=False), file)
+            return dock(trial, file)
+    with FewNodes(trial.seed, NODES, [*settings_of(trial), f"docking_controller.corrections_file={learnt}"]) as stack:
+        return Docking(stack, trial).run()
 
 
-def stack_of(trial: Trial) -> DockingStack:
-    """The stack of a trial: its localization believes that the robot stands at the staging pose."""
-    definition = load_docks().docks[_DOCK]
-    staging = definition.staging.pose()
-    chair = dock_nominal().compose(trial.chair)
-    setup = Setup(
-        load_world("flat"),
-        trial.seed,
-        staging.compose(trial.start),
-        wheelchair=True,
-        wheelchair_pose=chair,
-        passenger_mass_kg=trial.passenger_kg,
-        slope_rad=trial.slope_rad,
-        slope_direction_rad=trial.slope_direction_rad,
-    )
-    return DockingStack(setup, _DOCK, light_of(trial), located_by=lambda _: staging)
+class Docking:
+    """The docking of a trial. error: along m, across m, yaw rad of base_link from the dock pose, as the latch began
+    to close for the first time. contact_n: the largest force between robot and wheelchair before the latch closed.
+    """
+
+    def __init__(self, stack: FewNodes, trial: Trial) -> None:
+        self.stack, self._trial = stack, trial
+        self._dock_pose = load_docks().docks[_DOCK].dock_pose.pose()
+        self.error = (math.nan,) * 3
+        self._contact_n = 0.0
+        self._result: Any = None
+        light = light_of(trial)
+        stack.node("camera_driver").conditions = lambda _, time_s: light(time_s)
+        assert stack.world is not None
+        stack.world.after_block.append(self._watch)
+
+    def run(self) -> Outcome:
+        scheduler = self.stack.scheduler
+        begun_s = scheduler.now_s
+        client = self.stack.operator.port.action_client(actions.DOCK)
+        goal = client.send_goal(Dock.Goal(dock_id=_DOCK), lambda _: goal.ask_result(self._on_result), lambda _: None)
+        scheduler.run_for(_LIMIT_S, lambda: self._result is not None)
+        along, across, yaw = self.error
+        result = self._result
+        return Outcome(
+            trial=self._trial,
+            success=result is not None and result.success,
+            code="none in time" if result is None else DockCode(result.error_code).name,
+            reason="" if result is None else result.reason,
+            error_mm=1e3 * math.hypot(along, across),
+            yaw_deg=math.degrees(abs(yaw)),
+            time_s=scheduler.now_s - begun_s,
+            tries=0 if result is None else result.tries,
+            contact_n=self._contact_n,
+        )
+
+    def _watch(self) -> None:
+        world = self.stack.physics
+        if not world.attached:
+            self._contact_n = max(self._contact_n, world.contact_force_n())
+        if math.isnan(self.error[0]) and world.drives.latch_outputs == (True, False):
+            self.error = world.dock_error(self._dock_pose)
+
+    def _on_result(self, _: object, result: Any) -> None:
+        self._result = result
+
+
+def settings_of(trial: Trial) -> list[str]:
+    """The stack of a trial: its localization begins as if the robot stood at the staging pose."""
+    staging = load_docks().docks[_DOCK].staging.pose()
+    return [
+        "sim_world.world=flat",
+        "camera_driver.world=flat",
+        f"sim_world.passenger_mass_kg={trial.passenger_kg}",
+        f"sim_world.slope_rad={trial.slope_rad}",
+        f"sim_world.slope_direction_rad={trial.slope_direction_rad}",
+        *WITHOUT_MAP,
+        *pose_settings("sim_world.start", staging.compose(trial.start)),
+        *pose_settings("sim_world.wheelchair", dock_nominal().compose(trial.chair)),
+        *pose_settings("ndt_localization.start", staging),
+    ]
 
 
 def dock_nominal() -> Pose2:

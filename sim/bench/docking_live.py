@@ -1,4 +1,4 @@
-"""The same dockings on the whole stack in real time and in lockstep without ROS: do they agree?"""
+"""The same dockings on the whole stack in real time and on the deterministic scheduler: do they agree?"""
 
 from __future__ import annotations
 

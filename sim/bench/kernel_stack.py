@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import heapq
 import itertools
+from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
-from robot_stack.contract import frames, topics
+from robot_stack.contract import topics
 from robot_stack.contract.frames import JOINTS
 from robot_stack.core.config import load
-from robot_stack.core.departure import Departure, DepartureParams
-from robot_stack.core.geometry import Pose2, Twist2, quaternion_from_yaw
+from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.drive.arbitration import Arbiter, Source
@@ -34,11 +33,6 @@ from robot_stack.localization.gyro import ImuSample as GyroSample
 from robot_stack.localization.localizer import Localizer
 from robot_stack.localization.odometry import OdometryReading, Variances
 from robot_stack.localization.params import LocalizationParams
-from robot_stack.navigation.controller import NavigationController, Output, Situation
-from robot_stack.navigation.goal import GoalRequest
-from robot_stack.navigation.params import NavigationParams
-from robot_stack.navigation.path import Path
-from robot_stack.navigation.pose_source import Located, PoseSource
 from robot_stack.wmx.config import load_engine_config
 from sim.parameters import load_sim_params
 from sim.plant.imu import ImuSample
@@ -52,26 +46,13 @@ _ROUNDING_S = 1e-9
 Task = Callable[[], None]
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """One tick of the navigation controller: its output and plan, what it knew, and what was true (poses in map)."""
-
-    time_s: float
-    output: Output
-    path: Path | None
-    located: Located | None
-    truth: Pose2
-    true_twist: Twist2
-
-
 class KernelStack:
-    """Drive, odometry, localization and navigation on simulated engine and physics, without the nodes around them.
+    """Drive, odometry and localization on simulated engine and physics, without the nodes around them.
 
-    navigation: parameters of the navigation controller, None for the configured ones. transport_s: delay of every
-    message between two nodes. Raises RuntimeError if the engine does not become ready.
+    transport_s: delay of every message between two nodes. Raises RuntimeError if the engine does not become ready.
     """
 
-    def __init__(self, setup: Setup, navigation: NavigationParams | None = None, transport_s: float = 0.002) -> None:
+    def __init__(self, setup: Setup, transport_s: float = 0.002) -> None:
         robot = load_robot()
         self.sim = Simulation(robot, load_sim_params(), setup)
         self._random = np.random.default_rng(setup.seed)
@@ -83,13 +64,6 @@ class KernelStack:
         self.hardware = _Hardware(robot, self.sim)
         self.drive = _Drive(robot, setup.attached_at_start)
         self.localizer = _localizer(robot, setup.start)
-        params = navigation or load(NavigationParams, "navigation_controller")
-        self.poses = PoseSource(params.pose, robot.empty.max_speed_mps, robot.empty.max_yaw_rate_radps)
-        self.navigation = NavigationController(
-            params, robot, frames.MAP, Departure(load(DepartureParams, "departure"), announced=True)
-        )
-        self.navigation.set_passenger(setup.attached_at_start)
-        self.samples: list[Sample] = []
         self.every(topics.JOINT_STATES.nominal_rate_hz, self._joint_states)
         self.every(topics.WHEEL_COMMANDS.nominal_rate_hz, self._drive_tick)
         self.every(topics.CURRENT_POSE.nominal_rate_hz, self._localization_tick)
@@ -105,14 +79,6 @@ class KernelStack:
         """True pose in map and true twist in base_link."""
         truth = self.sim.world.truth()
         return truth.pose(), Twist2(truth.linear_mps[0], truth.linear_mps[1], truth.angular_radps[2])
-
-    def goal(self, pose: Pose2) -> None:
-        """Sends a goal. Raises ValueError if it is refused."""
-        located, _ = self.poses.located(self.time_s, self.time_s)
-        request = GoalRequest(frames.MAP, 0.0, (pose.x, pose.y, 0.0), quaternion_from_yaw(pose.yaw))
-        problem = self.navigation.request(request, self.time_s, located)
-        if problem:
-            raise ValueError(f"goal {pose} refused: {problem}")
 
     def run(self, until: Callable[[], bool], limit_s: float) -> bool:
         """Steps until the condition holds, asked after every step; False if ``limit_s`` went by first."""
@@ -170,7 +136,6 @@ class KernelStack:
 
         def deliver() -> None:
             self.localizer.on_odometry(reading, self.time_s)
-            self.poses.on_odometry(stamp_s, odometry.pose, odometry.twist, self.time_s)
             self.on_odometry(stamp_s, odometry)
 
         self._send(deliver)
@@ -184,19 +149,11 @@ class KernelStack:
             self._send(lambda: self.hardware.command(modules))
 
     def _localization_tick(self) -> None:
-        estimate = self.localizer.estimate(self.time_s)
-        pose, stamp_s = estimate.pose, estimate.stamp_s
-        if pose is not None:
-            self._send(lambda: self._on_pose(stamp_s, pose))
+        """For what localizes."""
 
-    def _on_pose(self, stamp_s: float, pose: Pose2) -> None:
-        self.poses.on_pose(stamp_s, pose, self.time_s)
-
+    @abstractmethod
     def _navigation_tick(self) -> None:
-        located, problem = self.poses.located(self.time_s, self.time_s)
-        output = self.navigation.tick(Situation(self.time_s, located, problem))
-        self.samples.append(Sample(self.time_s, output, self.navigation.path, located, *self.truth()))
-        self._send(lambda: self.drive.on_command(Source.NAVIGATION, output.twist, self.time_s))
+        """Commands the drive."""
 
 
 class _Hardware:
@@ -238,9 +195,6 @@ class _Drive:
 
     def on_command(self, source: Source, twist: Twist2, now_s: float) -> None:
         self._arbiter.command(source, twist, now_s)
-
-    def set_passenger(self, attached: bool) -> None:
-        self._limits = MotionLimits.of(self._robot.motion(attached))
 
     def tick(self, now_s: float) -> ModuleSetPoints | None:
         """What to command the modules; None before the first encoders."""

@@ -5,19 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from std_msgs.msg import Bool
 
 from robot_stack.bench.framework import Aim, BenchError
-from robot_stack.core.config import load
-from robot_stack.core.geometry import IDENTITY, Pose2, wrap_angle
-from robot_stack.core.limits import SpeedLimit
-from robot_stack.navigation.params import NavigationParams
+from robot_stack.contract import frames, topics
+from robot_stack.core.geometry import Pose2, Twist2, wrap_angle
+from robot_stack.middleware.conversions import pose_stamped
+from robot_stack.navigation.controller import Output, Situation
+from robot_stack.navigation.path import Path
+from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.states import NavigationState
-from sim.bench.kernel_stack import KernelStack, Sample
-from sim.plant.world import Setup
-from sim.worldfile import load_world
+from sim.bench.few_nodes import DRIVE, WITHOUT_MAP, FewNodes
 
 NAME = "tracking"
 AIMS = {"rms_mm": Aim("<", 20.0)}
@@ -33,6 +35,42 @@ class Leg:
 
     goal: Pose2
     stop: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One tick of the navigation controller: its output and plan, the pose it had, and what was true (poses in map)."""
+
+    output: Output
+    path: Path | None
+    located: Located | None
+    truth: Pose2
+    true_twist: Twist2
+
+
+class TrackedRide(FewNodes):
+    """Drive, localization by wheels and gyro, and navigation in the world "flat". samples: of every tick so far."""
+
+    def __init__(self, seed: int, *settings: str) -> None:
+        nodes = (*DRIVE, "navigation_controller")
+        super().__init__(seed, nodes, [f"sim_world.world={_WORLD}", *WITHOUT_MAP, *settings])
+        self.samples: list[Sample] = []
+
+    def __enter__(self) -> Self:
+        super().__enter__()
+        controller = self.node("navigation_controller").controller
+        tick = controller.tick
+
+        def noted(situation: Situation) -> Output:
+            output: Output = tick(situation)
+            self.samples.append(Sample(output, controller.path, situation.located, *self.truth()))
+            return output
+
+        controller.tick = noted
+        return self
+
+    def go(self, goal: Pose2) -> None:
+        self.publish(topics.GOAL_POSE, pose_stamped(goal, frames.MAP, self.stamp()))
 
 
 # Straight, diagonal with a change of yaw, then an S of three corners, the middle one with a change of yaw.
@@ -71,7 +109,7 @@ def run(
         "route": "6 m straight, 5.7 m diagonal turning 1.2 rad, S of 12.7 m with three corners turning 1.2 rad back",
         "speed_mps": speed_mps,
         "rides": f"{seeds}, seeds 1 to {seeds}: noise, wheel radii, steering zeros, phases of the nodes",
-        "world": f"{_WORLD}, in lockstep, 2 ms between nodes",
+        "world": f"{_WORLD}; five nodes on the deterministic scheduler, the safety monitor is played",
         "load": f"wheelchair with {passenger_kg} kg" if passenger_kg > 0.0 else "empty robot",
         "rms_mm, max_mm": "distance of the true pose from the planned path, every 50 ms of driving",
         "estimate": "the same of the pose that the controller believes: without the error of the localization",
@@ -82,23 +120,25 @@ def run(
 
 def ride(seed: int, speed_mps: float, stand_s: float, pass_m: float, passenger_kg: float = 0.0) -> list[Sample]:
     """One ride over the route. Raises BenchError if a goal is not reached."""
-    params = load(NavigationParams, "navigation_controller", {"plan_spacing_m": _SPACING_M, "plan_max_poses": _POSES})
-    loaded = passenger_kg > 0.0
-    setup = Setup(load_world(_WORLD), seed, IDENTITY, loaded, attached_at_start=loaded, passenger_mass_kg=passenger_kg)
-    stack = KernelStack(setup, params)
-    # Plans keep a share of the limit, so that the ride itself has the speed asked for.
-    limit_mps = speed_mps / params.limits.speed_share
-    stack.navigation.set_speed_limit(SpeedLimit(limit_mps, math.inf))
-    stack.run(lambda: False, stand_s)
-    for leg in ROUTE:
-        begin = len(stack.samples)
-        stack.goal(leg.goal)
-        if not stack.run(_ended(stack, leg, begin, pass_m), _LEG_LIMIT_S):
-            raise BenchError(f"seed {seed}: {leg.goal} not reached in {_LEG_LIMIT_S} s, robot at {stack.truth()[0]}")
-    return stack.samples
+    settings = [f"navigation_controller.plan_spacing_m={_SPACING_M}", f"navigation_controller.plan_max_poses={_POSES}"]
+    if passenger_kg > 0.0:
+        settings += ["sim_world.attached_at_start=true", f"sim_world.passenger_mass_kg={passenger_kg}"]
+    with TrackedRide(seed, *settings) as stack:
+        if passenger_kg > 0.0:
+            stack.publish(topics.PASSENGER_ATTACHED, Bool(data=True))
+        # Plans keep a share of the limit, so that the ride itself has the speed asked for.
+        stack.limit_mps = speed_mps / stack.node("navigation_controller").params.limits.speed_share
+        stack.scheduler.run_for(stand_s)
+        for leg in ROUTE:
+            begin = len(stack.samples)
+            stack.go(leg.goal)
+            if not stack.scheduler.run_for(_LEG_LIMIT_S, _ended(stack, leg, begin, pass_m)):
+                place = stack.truth()[0]
+                raise BenchError(f"seed {seed}: {leg.goal} not reached in {_LEG_LIMIT_S} s, robot at {place}")
+        return stack.samples
 
 
-def _ended(stack: KernelStack, leg: Leg, begin: int, pass_m: float) -> Callable[[], bool]:
+def _ended(stack: TrackedRide, leg: Leg, begin: int, pass_m: float) -> Callable[[], bool]:
     if leg.stop:
         return lambda: len(stack.samples) > begin and stack.samples[-1].output.reached
     return lambda: stack.truth()[0].distance_to(leg.goal) < pass_m

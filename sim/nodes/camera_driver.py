@@ -84,6 +84,7 @@ class CameraDriverNode(StackNode):
         self._tf.publish(TFMessage(transforms=[self._mounting(frame) for frame, _, _ in _ROWS.values()]))
         # Asked before each picture; a run that is not about vision leaves out what nobody looks at.
         self.wants_pictures: Callable[[], bool] = lambda: True
+        self.conditions: Callable[[str, float], Conditions] = self._faults.conditions
         self._worker = self.worker("camera", world_waits=True)
         self._bodies = Bodies(self, self._on_bodies)
         serve_faults(self, services.INJECT_CAMERA_FAULT, self.inject_fault)
@@ -103,7 +104,7 @@ class CameraDriverNode(StackNode):
         frozen = self._faults.is_active("frozen", camera.name, time_s) and camera.exposed
         camera.exposed = True
         motion = None if frozen else self._history.motion(time_s, self._boards)
-        conditions = self._faults.conditions(camera.name, time_s)
+        conditions = self.conditions(camera.name, time_s)
         self._worker.submit(
             lambda: _picture(camera, time_s, motion, conditions), lambda data: self._publish(camera, time_s, data)
         )

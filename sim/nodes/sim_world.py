@@ -46,6 +46,8 @@ class SimWorldParams(Config):
     attached_at_start: bool
     passenger_mass_kg: Annotated[float, Field(ge=0.0)]
     people: bool
+    slope_rad: Annotated[float, Field(gt=-1.0, lt=1.0)]
+    slope_direction_rad: float
     block_steps: Annotated[int, Field(ge=1, le=10)]
     catch_up_s: Annotated[float, Field(gt=0.0)]
     wait_tolerance_s: Annotated[float, Field(gt=0.0, le=0.5)]
@@ -69,6 +71,8 @@ class SimWorldParams(Config):
             passenger_mass_kg=self.passenger_mass_kg,
             wheelchair_pose=None if own is None else _either(chair, own),
             people=self.people,
+            slope_rad=self.slope_rad,
+            slope_direction_rad=self.slope_direction_rad,
         )
 
     @model_validator(mode="after")

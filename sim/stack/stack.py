@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
+from typing import Self, cast
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Process as Row
@@ -69,7 +69,7 @@ class SimulatedStack(Observer):
         self._exit = contextlib.ExitStack()
         self.folder = Path()
 
-    def __enter__(self) -> SimulatedStack:
+    def __enter__(self) -> Self:
         self._exit.enter_context(self.scheduler)
         self.folder = Path(tempfile.mkdtemp(prefix="robot_stack_state-"))
         self._exit.callback(shutil.rmtree, self.folder, ignore_errors=True)
@@ -77,7 +77,7 @@ class SimulatedStack(Observer):
         self._exit.enter_context(_environment(variables))
         self.faults = StackFaults(self)
         self.scheduler.add_observer(self)
-        self.operator, self.test_tool = self._tool(topics.OPERATOR_TOOL), self._tool(topics.TEST_TOOL)
+        self.operator, self.test_tool = self.tool(topics.OPERATOR_TOOL), self.tool(topics.TEST_TOOL)
         start, begun_s = self.scheduler.streams.generator("start order"), self.scheduler.now_s
         for row in self.plan.processes:
             # The world first: whatever else there is, the ground is.
@@ -104,6 +104,18 @@ class SimulatedStack(Observer):
         tool = self.operator if self.operator.port.name in row.publishers else self.test_tool
         return tool.advertise(row)
 
+    def tool(self, name: str) -> ToolNode:
+        """A node of this name outside of the process table, which is there at once."""
+        tools: list[ToolNode] = []
+
+        def make() -> ToolNode:
+            tools.append(ToolNode(name))
+            return tools[-1]
+
+        process = self.scheduler.spawn(name, make, computer="operator")
+        self.scheduler.run(self.scheduler.now_s + 10.0, lambda: process.running)
+        return tools[0]
+
     def on_life_change(self, time_ns: int, process: str, change: LifeChange) -> None:
         if process != _WORLD:
             return
@@ -121,18 +133,6 @@ class SimulatedStack(Observer):
         world.sim.processes = self.faults.processes
         world.after_block.append(self.faults.update)
         scheduler.every(world.block_ns, world.run_block, start_ns=scheduler.now_ns + world.block_ns)
-
-    def _tool(self, name: str) -> ToolNode:
-        """A tool that is there before the stack."""
-        tools: list[ToolNode] = []
-
-        def make() -> ToolNode:
-            tools.append(ToolNode(name))
-            return tools[-1]
-
-        process = self.scheduler.spawn(name, make, computer="operator")
-        self.scheduler.run(self.scheduler.now_s + 10.0, lambda: process.running)
-        return tools[0]
 
     def _open_engine(self, port: Port) -> MotionEngine:
         """Raises EngineError, as long as there is no world too."""

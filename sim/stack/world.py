@@ -60,6 +60,11 @@ class ScheduledWorld:
         """Since the world began."""
         return self.sim.time_s
 
+    @property
+    def age_s(self) -> float:
+        """Since the end of the newest block."""
+        return (self._now_ns() - self._begun_ns) / NANOSECONDS - self.time_s
+
     def end(self) -> None:
         """The process of the world has ended, and its motion engine with it: the last state remains for who looks."""
         self.ended = self.engine.ended = True

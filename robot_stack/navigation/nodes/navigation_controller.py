@@ -34,7 +34,7 @@ _END_S = 2.0  # a search under way is waited for so long
 
 
 class NavigationControllerNode(StackNode):
-    """Stores inputs in callbacks; one tick asks the kernel and publishes."""
+    """Stores inputs in callbacks; one tick asks the kernel ``controller`` and publishes."""
 
     def __init__(self) -> None:
         super().__init__("navigation_controller", NavigationParams)
@@ -43,7 +43,7 @@ class NavigationControllerNode(StackNode):
         self._departure = Departure(load(DepartureParams, "departure"))
         self._departures = DepartureWarnings(self, given=self._departure.announced)
         grid = load_map(self.params.map).grid if self.params.map else None
-        self._controller = NavigationController(
+        self.controller = NavigationController(
             self.params, self.robot, frames.MAP, self._departure, grid, self._background_planner
         )
         if grid is not None or self.params.use_costmap:
@@ -54,10 +54,10 @@ class NavigationControllerNode(StackNode):
         self.subscribe(topics.CURRENT_POSE, self._on_pose)
         self.subscribe(topics.GOAL_POSE, self._on_goal)
         self._limit = self.subscribe(topics.VELOCITY_LIMIT, self._on_velocity_limit)
-        WheelchairInput(self, self._controller.set_passenger)
+        WheelchairInput(self, self.controller.set_passenger)
         if self.params.use_costmap:
             self.subscribe(topics.LOCAL_COSTMAP, self._on_costmap)
-        self._outputs.plan(self._controller.path)
+        self._outputs.plan(self.controller.path)
         self.every(topics.CMD_VEL.nominal_rate_hz, self._tick)
 
     def _background_planner(self, solver: RouteSolver) -> BackgroundPlanner:
@@ -69,7 +69,7 @@ class NavigationControllerNode(StackNode):
         super().destroy_node()
 
     def on_emergency_stop(self) -> None:
-        self._controller.stop()
+        self.controller.stop()
         self._outputs.command(ZERO_TWIST)
 
     def safe_output(self) -> None:
@@ -91,13 +91,13 @@ class NavigationControllerNode(StackNode):
     def _on_goal(self, message: PoseStamped) -> None:
         located, _ = self._poses.located(self.now_s(), self.steady_s())
         request = goal_request(message)
-        problem = self._controller.request(request, self.now_s(), located, emergency_stop=self.emergency_stop)
+        problem = self.controller.request(request, self.now_s(), located, emergency_stop=self.emergency_stop)
         if problem:
             self.get_logger().error(f"/goal_pose refused: {problem}")
-        self._outputs.plan(self._controller.path)
+        self._outputs.plan(self.controller.path)
 
     def _on_costmap(self, message: OccupancyGrid) -> None:
-        stamp, info, around = message.header.stamp, message.info, self._controller.around
+        stamp, info, around = message.header.stamp, message.info, self.controller.around
         try:
             cells = costmap_cells(message)
         except ValueError as error:
@@ -111,19 +111,19 @@ class NavigationControllerNode(StackNode):
 
     def _on_velocity_limit(self, message: VelocityLimit) -> None:
         limit = SpeedLimit(message.max_linear_velocity, message.max_angular_velocity)
-        self._controller.set_speed_limit(limit)
+        self.controller.set_speed_limit(limit)
 
     def _tick(self) -> None:
         if self._limit.received and not self._limit.fresh():
-            self._controller.set_speed_limit(SpeedLimit(0.0, 0.0))  # whoever limits the speed has fallen silent
+            self.controller.set_speed_limit(SpeedLimit(0.0, 0.0))  # whoever limits the speed has fallen silent
         located, problem = self._poses.located(self.now_s(), self.steady_s())
-        blind = self._controller.around.problem(self.steady_s())
+        blind = self.controller.around.problem(self.steady_s())
         problem = "; ".join(filter(None, self._problems.values())) or problem or blind
         situation = Situation(self.now_s(), located, problem, self.emergency_stop, blind)
-        output = self._controller.tick(situation)
+        output = self.controller.tick(situation)
         self._departures.publish(self._departure.remaining_s)
         self._outputs.command(output.twist)
-        self._outputs.plan(self._controller.path)
+        self._outputs.plan(self.controller.path)
         self._report_state(output, problem)
 
     def _report_state(self, output: Output, missing: str) -> None:

@@ -1,6 +1,6 @@
 """Robots of three sizes, their LiDAR mounted in three ways: config/robot.yaml differs and nothing else.
 
-In lockstep with the physics and without ROS, by the drive's, navigation's and docking's own kernels.
+On the deterministic scheduler, by the nodes of drive, localization, navigation and docking.
 """
 
 from __future__ import annotations
@@ -8,33 +8,34 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from robot_stack.contract import topics
 from robot_stack.core.config import ConfigError, config_dir, load
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import IDENTITY, Pose2
 from robot_stack.core.point_cloud import xyz_of
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.core.site_map import load_map
-from robot_stack.docking.states import State
 from robot_stack.localization.ndt.matcher import pose_of
 from robot_stack.localization.ndt.solver import MatchRequest, SweepSolver
 from robot_stack.localization.params import LocalizationParams
+from robot_stack.middleware.conversions import pose_from_msg
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
 from robot_stack.wmx.config import load_engine_config
-from sim.bench.docking import Trial, stack_of
-from sim.bench.kernel_stack import KernelStack
+from sim.bench.docking import Trial, dock
+from sim.bench.tracking import TrackedRide
 from sim.camera.motion import still
 from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import build_scene
 from sim.lidar.sensor import Lidar, Sweep
 from sim.parameters import load_sim_params
-from sim.plant.world import Setup
 from sim.worldfile import Box, WorldFile, load_world
 from tests.support.robots import SIZES
 
@@ -63,15 +64,19 @@ def sweep_of(robot: Robot, world: WorldFile, at: Pose2 = IDENTITY) -> Sweep:
 
 
 def test_it_drives_to_a_goal(size: str) -> None:
-    stack = KernelStack(Setup(load_world("flat"), 1, IDENTITY))
-    assert stack.robot.wheelbase_m == pytest.approx(SIZES[size].factor * SHIPPED.wheelbase_m)
-    goal = Pose2(1.6, 0.7, 0.8)
-    stack.goal(goal)
-    assert stack.run(lambda: bool(stack.samples) and stack.samples[-1].output.reached, 20.0)
-    pose, _ = stack.truth()
-    assert pose.distance_to(goal) < 0.05
-    assert abs(pose.relative_to(goal).yaw) < math.radians(2.0)
-    assert stack.drive.odometry.pose.distance_to(pose) < 0.02, "odometry measures with the robot's own wheels"
+    with TrackedRide(1) as stack:
+        robot = stack.node("swerve_controller").robot
+        odometry: list[Any] = []
+        assert robot.wheelbase_m == pytest.approx(SIZES[size].factor * SHIPPED.wheelbase_m)
+        stack.test_tool.subscribe(topics.ODOM, odometry.append)
+        goal = Pose2(1.6, 0.7, 0.8)
+        stack.go(goal)
+        assert stack.scheduler.run_for(20.0, lambda: stack.samples[-1].output.reached)
+        pose, _ = stack.truth()
+        assert pose.distance_to(goal) < 0.05
+        assert abs(pose.relative_to(goal).yaw) < math.radians(2.0)
+        measured = pose_from_msg(odometry[-1].pose.pose)
+        assert measured.distance_to(pose) < 0.02, "odometry measures with the robot's own wheels"
 
 
 def test_it_docks(size: str) -> None:
@@ -85,15 +90,10 @@ def test_it_docks(size: str) -> None:
         weather="clear",
         taught=True,
     )
-    stack = stack_of(trial)
-    stack.teach()
-    result = stack.run_docking(100.0)
-    assert result is not None
-    assert result.success, result.reason
-    along_m, across_m, yaw_rad = next(s.error for s in stack.docking if s.output.state is State.DOCKED)
-    assert math.hypot(along_m, across_m) < 0.002
-    assert abs(yaw_rad) < math.radians(0.3)
-    assert stack.sim.world.latch.closed, "the robot's own hooks hold the rails"
+    outcome = dock(trial)
+    assert outcome.success, outcome.reason
+    assert outcome.error_mm < 2.0
+    assert outcome.yaw_deg < 0.3
 
 
 def test_its_lidar_sees_level_ground_and_what_stands_on_it(size: str) -> None:
