@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -188,10 +189,13 @@ class WorldFile(Config):
 
 
 def load_world(name: str) -> WorldFile:
-    """``config/worlds/<name>.yaml``. Raises ConfigError, for an unknown name with the names there are."""
+    """``config/worlds/<name>.yaml``, or the file itself if ``name`` is a path.
+
+    Raises ConfigError, for an unknown name with the names there are.
+    """
     folder = config_dir() / "worlds"
-    known = sorted(path.stem for path in folder.glob("*.yaml"))
-    if name not in known:
-        raise ConfigError(f"no world {name!r} in {folder}; there are {', '.join(known) or 'none'}")
-    path = folder / f"{name}.yaml"
+    path = Path(name) if "/" in name else folder / f"{name}.yaml"
+    if not path.is_file():
+        known = ", ".join(sorted(path.stem for path in folder.glob("*.yaml")))
+        raise ConfigError(f"no world {name!r} in {folder}; there are {known or 'none'}")
     return validate(WorldFile, read_yaml(path), str(path))

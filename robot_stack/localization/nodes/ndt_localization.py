@@ -37,23 +37,23 @@ _END_S = 2.0  # longest wait for a running match at the end
 
 
 class NdtLocalizationNode(StackNode):
-    """Predicts with every odometry message and publishes at the contract's rate."""
+    """Predicts with every odometry message and publishes ``localizer``'s estimate at the contract's rate."""
 
     def __init__(self) -> None:
         super().__init__("ndt_localization", LocalizationParams)
         motion = self.robot.empty
         self._matching = False
         self._map: MapLocalizer | None = None
-        self._localizer: Localizer
+        self.localizer: Localizer
         if self.params.map:
             warm_up()
             self._solver = self._load_solver()
-            self._localizer = self._map = MapLocalizer(
+            self.localizer = self._map = MapLocalizer(
                 self.params, motion.max_speed_mps, motion.max_yaw_rate_radps, self._solver.matcher
             )
             self._worker = self.worker("matching")
         else:
-            self._localizer = Localizer(self.params, motion.max_speed_mps, motion.max_yaw_rate_radps)
+            self.localizer = Localizer(self.params, motion.max_speed_mps, motion.max_yaw_rate_radps)
         self._pose = self.advertise(topics.CURRENT_POSE)
         self._with_covariance = self.advertise(topics.LOCALIZATION_POSE)
         self._quality = self.advertise(topics.LOCALIZATION_QUALITY)
@@ -76,12 +76,12 @@ class NdtLocalizationNode(StackNode):
         return solver
 
     def _on_imu(self, message: Imu) -> None:
-        self._localizer.on_imu(imu_sample(message))
+        self.localizer.on_imu(imu_sample(message))
         if self._map is not None and (up := up_of(message)) is not None:
             self._map.on_up(up)
 
     def _on_odometry(self, message: Odometry) -> None:
-        self._localizer.on_odometry(odometry_reading(message), self._odom.received_s)
+        self.localizer.on_odometry(odometry_reading(message), self._odom.received_s)
 
     def _on_sweep(self, message: CloudView) -> None:
         assert self._map is not None
@@ -115,13 +115,13 @@ class NdtLocalizationNode(StackNode):
             return
         covariance = planar_covariance(message.pose.covariance)
         if not usable_covariance(covariance):  # zero or invalid, as some tools send it
-            covariance = self._localizer.start_covariance()
-        self._localizer.reset(pose, covariance, time_to_s(message.header.stamp))
+            covariance = self.localizer.start_covariance()
+        self.localizer.reset(pose, covariance, time_to_s(message.header.stamp))
         self.get_logger().info(f"/initialpose taken: x {pose.x:.2f} m, y {pose.y:.2f} m, yaw {pose.yaw:.3f} rad")
 
     def _tick(self) -> None:
         self._match()
-        estimate = self._localizer.estimate(self.steady_s())
+        estimate = self.localizer.estimate(self.steady_s())
         self._quality.publish(Float32(data=estimate.quality))
         if estimate.pose is not None and estimate.map_to_odom is not None:
             stamp = time_from_s(estimate.stamp_s)

@@ -79,6 +79,7 @@ def test_it_drives_to_a_goal(size: str) -> None:
         assert measured.distance_to(pose) < 0.02, "odometry measures with the robot's own wheels"
 
 
+@pytest.mark.timeout(900)  # two dockings, of which the first teaches
 def test_it_docks(size: str) -> None:
     trial = Trial(
         seed=5,
