@@ -1,4 +1,4 @@
-"""Route planning beside the tick, so that a search of a second delays no command."""
+"""Route planning in a worker, so that a search of a second delays no command."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class BackgroundPlanner:
             return RouteResult(None, "cancelled")
         try:
             return self._solver.solve(question, stop)
-        except Exception as error:  # the robot waits for a route as without a way, and the text says why
+        except Exception as error:  # handled like a missing route; the reason has the error
             return RouteResult(None, f"planning failed: {type(error).__name__}: {error}")
 
     def _keep(self, answer: RouteResult, stop: Stop) -> None:

@@ -1,4 +1,4 @@
-"""Speed along the route: slow in narrow places and near people, standing for somebody who crosses."""
+"""Speed along the route: slow in narrow places and near people, zero for crossing pedestrians."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TIME_STEP_S = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Caps:
-    """speed_mps: (n,) along the route. yields: somebody crosses and is let pass."""
+    """speed_mps: (n,) along the route. yields: the robot yields to a crossing pedestrian."""
 
     speed_mps: Array
     yields: bool
@@ -63,7 +63,7 @@ def caps(
 def _conflict(
     route: Array, one: Person, now_s: float, speed_mps: float, footprint: Footprint, params: PeopleParams
 ) -> float:
-    """Where along the route to stand so that a walking person can pass; inf if they do not meet."""
+    """Arc length at which to stop so that a walking person can pass, m; inf without a conflict."""
     times = np.arange(0.0, params.yield_horizon_s, _TIME_STEP_S)
     x, y = one.at(now_s)
     px, py = x + times * one.vx, y + times * one.vy
@@ -73,14 +73,14 @@ def _conflict(
     arrives = (route[:, 3, None] - footprint.front_m) / pace - params.yield_time_s
     leaves = (route[:, 3, None] - footprint.rear_m) / pace + params.yield_time_s
     meets = (gap < params.yield_gap_m) & (times >= arrives) & (times <= leaves)
-    # Who is beside or behind the robot already is not let pass by standing in the way.
+    # A person beside or behind the robot is no reason to yield: stopping would block the way.
     meets &= route[:, 3, None] > footprint.front_m * 0.5
     where = np.flatnonzero(meets.any(axis=1))
     return float(route[where[0], 3] - footprint.front_m - params.yield_stop_m) if len(where) else np.inf
 
 
 def _braking(speeds: Array, along: Array, deceleration: float) -> Array:
-    """Slower already before a slow stretch, so that it is reached with its speed."""
+    """Reduces the speed ahead of slow stretches, so that each is entered at its own speed."""
     out = speeds.copy()
     for i in range(len(out) - 2, -1, -1):
         out[i] = min(out[i], float(np.sqrt(out[i + 1] ** 2 + 2.0 * deceleration * (along[i + 1] - along[i]))))

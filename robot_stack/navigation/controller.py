@@ -1,9 +1,9 @@
 """The navigation kernel: goals in, velocity commands and plans out, tick by tick.
 
-States and what leads from one to the next: navigation.states.
+States and transitions: navigation.states.
 
-Before a robot that has stood for long moves, people are warned: HELD, or FOLLOWING with a zero command.
-Forbidden means a zero command at once: the drive ramps it by its own limits.
+A robot that has stood for long warns people before it moves: HELD, or FOLLOWING with a zero command.
+If motion is forbidden, the command is zero at once: the drive ramps down by its own limits.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ from robot_stack.navigation.tracker import (
     waiting_rate,
 )
 
-# A repeated goal this near to the present one is the same goal.
+# A goal within these distances of the present one is a repetition of it.
 _SAME_M, _SAME_RAD = 1e-3, 1e-3
 _SAME_WAY_M = 5e-3
-# A goal that could not be reached from here is not planned for again from nearer than this.
+# An unreachable goal is not planned again from a start within this distance.
 _SAME_START_M = 1.0
 _NO_ERROR = TrackingError(0.0, 0.0, 0.0)
 _EMERGENCY = "an emergency stop is in force: ask again after its release"
@@ -52,9 +52,9 @@ _EMERGENCY = "an emergency stop is in force: ask again after its release"
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What a tick knows. located is None while pose or odometry are missing, and ``located_problem`` says why.
+    """Inputs of a tick. located: None while pose or odometry are missing; ``located_problem`` is the reason.
 
-    blind: why nothing is known of the obstacles around, empty if it is.
+    blind: why obstacle data is missing, else an empty text.
     """
 
     now_s: float
@@ -68,7 +68,7 @@ class Situation:
 class Output:
     """twist: the command, base_link. planned: the pose the robot should have now, None without a plan.
 
-    text: what goes on, for people. reached: this tick ended at the goal. refused: why the goal is, in the tick that
+    text: the activity, for people. reached: this tick ended at the goal. refused: why the goal is, in the tick that
     finds out that the map leaves no way to it.
     """
 
@@ -91,7 +91,7 @@ class Output:
 
 @dataclass(frozen=True, slots=True)
 class _Unreachable:
-    """What need not be planned again, since the map stays as it is."""
+    """A goal known to be unreachable: it need not be planned again on the same map."""
 
     goal: Pose2
     footprint: Footprint
@@ -100,10 +100,10 @@ class _Unreachable:
 
 
 class NavigationController:
-    """One goal at a time. ``path`` is what ``/plan`` shows; it is replaced, never changed, when the plan changes.
+    """One goal at a time. ``path`` is published as ``/plan``; a new plan replaces the object, which never changes.
 
-    departure: knows whether people expect the robot to move. routes: makes who plans the routes; as it is, they are
-    planned in the tick that asks for them.
+    departure: decides whether people must be warned first. routes: factory of the route planner; the default plans in
+    the tick of the request.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class NavigationController:
         self._twist = ZERO_TWIST
         self._text = "no goal"
         self.path: Path | None = None
-        # What is around the robot: whoever runs the controller feeds the costmaps in.
+        # The caller supplies the costmaps.
         self.around = Surroundings(params, grid)
         self._follower = RouteFollower(params, self.around, routes(RouteSolver(params.planner, self.around.grid)))
         self._unreachable: _Unreachable | None = None
@@ -153,7 +153,7 @@ class NavigationController:
     # --- events ------------------------------------------------------------------------------------------------------
 
     def set_passenger(self, attached: bool) -> None:
-        """A passenger changes the limits; a plan that runs goes on under the new ones."""
+        """Sets the limits by the passenger; a running plan continues under the new ones."""
         if attached != self._passenger:
             self._passenger = attached
             self._replan_with_limits()
@@ -161,7 +161,7 @@ class NavigationController:
                 self._follow(self._located)  # with another footprint
 
     def set_speed_limit(self, limit: SpeedLimit) -> None:
-        """The newest limit of the safety monitor; a plan that runs goes on under the new one."""
+        """Sets the newest limit of the safety monitor; a running plan continues under it."""
         if limit != self._speed_limit:
             self._speed_limit = limit
             self._replan_with_limits()
@@ -171,9 +171,9 @@ class NavigationController:
     ) -> str:
         """A message of ``/goal_pose``. Returns why it was refused, else an empty text.
 
-        emergency_stop: one is in force. A goal of before its release would be driven to at the release.
+        emergency_stop: one is in force. A goal accepted now would start motion at the release.
 
-        A refused goal ends the one before: what is wanted is no longer known, so the robot stands.
+        A refused goal also ends the previous one, since the intended goal is unknown: the robot stops.
         """
         if request.cancels:
             self._cancel("goal cancelled")
@@ -190,7 +190,7 @@ class NavigationController:
         return ""
 
     def stop(self) -> None:
-        """Ends the motion at once, and the goal with it: the end of an emergency stop starts no motion (ISO 13850)."""
+        """Ends the motion and drops the goal: the release of an emergency stop starts no motion (ISO 13850)."""
         if self._state is not NavigationState.IDLE:
             self._follower.forget()
             self._finish(Trigger.EMERGENCY_STOP, "emergency stop: the goal is dropped")
@@ -218,13 +218,13 @@ class NavigationController:
     # --- one tick, by state ------------------------------------------------------------------------------------------
 
     def _set_out(self, located: Located, dt_s: float) -> Output:
-        """A step, unless it would move a robot of which people do not expect it: they are warned first."""
+        """Runs a step; if it would start motion after a long stop, people are warned first."""
         if not self._departure.warning:
             output = self._step(located, dt_s)
             if output.twist == ZERO_TWIST or not self._departure.due:
                 return output
             if self._state is not NavigationState.FOLLOWING:
-                self._hold(SETTING_OUT)  # planned anew from rest when the warning is over
+                self._hold(SETTING_OUT)  # replanned from rest after the warning
         if not self._departure.cleared(dt_s):
             self._text = SETTING_OUT
             return self._idle()
@@ -267,7 +267,7 @@ class NavigationController:
         return Output(twist, self._state, self._text, now.pose, error)
 
     def _progress(self, located: Located, dt_s: float) -> float:
-        """Moves the plan on. Returns its rate: below 1 it waits for the robot."""
+        """Advances the plan in time. Returns its rate: below 1 the plan waits for the robot."""
         assert self._trajectory is not None
         t = self._params.tracking
         if self._starting:
@@ -280,7 +280,7 @@ class NavigationController:
 
     def _end_of_plan(self, located: Located) -> Output:
         if self._state is NavigationState.BRAKING:
-            self._finish(Trigger.END_OF_PLAN, self._text)  # why it has stopped
+            self._finish(Trigger.END_OF_PLAN, self._text)  # the text has the reason of the stop
             return self._idle()
         self._enter(Trigger.END_OF_PLAN)
         self._settling_s = 0.0
@@ -292,7 +292,7 @@ class NavigationController:
         self._settling_s += dt_s
         error = tracking_error(self._goal, located.pose)
         late = self._settling_s >= g.settle_s
-        # What the feedback cannot bring nearer in time is good enough within the tolerance itself.
+        # After the settling time the goal tolerance itself suffices.
         near = error.distance_m() <= (g.position_tolerance_m if late else g.settled_position_m)
         turned = abs(error.yaw) <= (g.yaw_tolerance_rad if late else g.settled_yaw_rad)
         if near and turned:
@@ -312,7 +312,7 @@ class NavigationController:
     # --- among obstacles ---------------------------------------------------------------------------------------------
 
     def _look_ahead(self, located: Located) -> None:
-        """With each new costmap: is the exact motion still clear, and how fast may it be?"""
+        """On each new costmap, checks that the exact motion is still clear and updates its speed limit."""
         if self._trajectory is None or self._looked == self.around.costmaps:
             return
         self._looked = self.around.costmaps
@@ -328,7 +328,7 @@ class NavigationController:
             self._replan_with_limits()
 
     def _follow(self, located: Located) -> None:
-        """Plans a route around what is in the way and follows it, from the last command on."""
+        """Plans a route around the obstacles and follows it, starting from the last command."""
         assert self._goal is not None
         moves = self._state in (NavigationState.DRIVING, NavigationState.FOLLOWING, NavigationState.BRAKING)
         self._trajectory = None
@@ -363,7 +363,7 @@ class NavigationController:
         return Output(bounded(step.twist, limit.speed_mps, limit.yaw_rate_radps), self._state, self._text)
 
     def _refuse(self, reason: str, located: Located) -> Output:
-        """The map leaves no way to the goal: it is as if the goal had been refused when it came."""
+        """Refuses a goal that the map makes unreachable, as at its reception."""
         assert self._goal is not None
         self._unreachable = _Unreachable(self._goal, self._footprint(), located.pose, reason)
         self._cancel(f"goal refused: {reason}")
@@ -373,7 +373,7 @@ class NavigationController:
         return refused
 
     def _known_unreachable(self, goal: Pose2, located: Located | None) -> str:
-        """Why there is no way to a goal that was asked for before, from about the same place."""
+        """Why a goal is already known to be unreachable from about the same place, else an empty text."""
         known = self._unreachable
         if known is None or located is None or not _same(goal, known.goal) or known.footprint != self._footprint():
             return ""
@@ -406,7 +406,7 @@ class NavigationController:
             self._begin(start)
 
     def _present(self, located: Located | None) -> MotionState | None:
-        """Where a new plan begins: on the plan that runs, so that the command goes on smoothly, else as measured."""
+        """Start of a new plan: on the running plan, so that commands are continuous, else as measured."""
         if self._state in (NavigationState.DRIVING, NavigationState.BRAKING) and self._trajectory is not None:
             return self._trajectory.at(self._elapsed_s)
         if self._state is NavigationState.FOLLOWING and located is not None:
@@ -417,7 +417,7 @@ class NavigationController:
         return MotionState(located.pose) if self._standing(located.twist) else moving(located.pose, located.twist)
 
     def _begin(self, start: MotionState, *, same_way: bool = False) -> bool:
-        """Plans from ``start`` to the goal and drives. False if it cannot: then the state says why."""
+        """Plans from ``start`` to the goal and drives. False on failure; the state then gives the reason."""
         limits = self._limits()
         if self._goal is None or limits is None:
             self._hold("no limits to drive with")
@@ -433,7 +433,7 @@ class NavigationController:
         if self._located is not None and not self._is_direct(trajectory, 0.0, entering=not drives):
             self._follow(self._located)
             return False
-        # Another speed leaves a straight way as it is: no need to publish it again.
+        # Another speed does not change a straight path: no need to publish it again.
         keep_path = same_way and self.path is not None and _runs_along(trajectory, self.path)
         self._enter(Trigger.CLEAR)
         self._run(trajectory, "driving to the goal", keep_path=keep_path)
@@ -504,7 +504,7 @@ class NavigationController:
     # --- conditions --------------------------------------------------------------------------------------------------
 
     def _obstacle(self, situation: Situation) -> str:
-        """What forbids to move, empty if nothing does."""
+        """Why motion is forbidden, else an empty text."""
         if situation.emergency_stop:
             return "emergency stop"
         if situation.located is None:
@@ -529,7 +529,7 @@ class NavigationController:
         return twist.speed() < p.standing_speed_mps and abs(twist.omega) < p.standing_yaw_rate_radps
 
     def _step_s(self, now_s: float) -> float:
-        """Time since the last tick, without the jumps of a clock: a plan neither leaps nor runs back."""
+        """Time since the last tick, s, bounded against clock jumps: a plan neither leaps nor runs back."""
         dt_s = now_s - self._last_tick_s
         self._last_tick_s = now_s
         return min(max(dt_s, 0.0), self._params.tracking.max_step_s) if math.isfinite(dt_s) else 0.0
@@ -547,6 +547,6 @@ def _runs_along(trajectory: Trajectory, path: Path) -> bool:
 
 
 def _straight(goal: Pose2, located: Located | None) -> Path:
-    """The way that will be planned once the robot may drive."""
+    """The path that is planned once the robot may drive."""
     poses = [goal] if located is None else [located.pose, goal]
     return Path(np.array([(pose.x, pose.y, pose.yaw) for pose in poses]))

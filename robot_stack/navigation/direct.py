@@ -1,4 +1,4 @@
-"""May the exact motion straight to the goal be driven, and how fast? Else the route is followed among the obstacles."""
+"""Checks whether the exact motion straight to the goal is clear, and how fast. Otherwise a route is followed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 _SPACING_M, _MOST_SAMPLES = 0.1, 300
 _LOOK_S = 2.5
 _SPEED_STEP_MPS = 0.1
-# Somebody stands on a goal with less room than this.
+# A goal with less clearance than this is occupied.
 _OCCUPIED_M = 0.05
 
 
@@ -34,7 +34,7 @@ def is_direct(
 ) -> bool:
     """Whether the rest of the motion from ``from_s`` on is clear of obstacles and people.
 
-    entering: it is not driven yet, which asks for more room, and for a heading that looks where it goes.
+    entering: the motion has not begun; this requires more clearance and a heading along the motion.
     """
     if around.free_space:
         return True
@@ -46,13 +46,13 @@ def is_direct(
     clear = around.clearance_m(footprint, poses)
     if clear[-1] < _OCCUPIED_M:
         return False
-    # A goal near to something may be as near as it is.
+    # A goal near to an obstacle reduces the required clearance.
     near_m = min(f.direct_end_margin_m, float(clear[-1]) - 0.02)
     margin = f.direct_margin_m if entering else f.direct_leave_m
     needed = np.where(left > f.direct_near_m, margin, near_m)
     if not bool(np.all(clear >= needed)):
         return False
-    # Arriving, the robot is slow: then somebody may be nearer.
+    # On arrival the robot is slow, so the allowed distance to people is smaller.
     limit_m = min(f.direct_person_m, f.direct_end_person_m + float(left[0]))
     return around.person_m(poses[left >= left[0] - f.ahead_m], now_s, 0.6 * limit_m) > limit_m
 
@@ -65,7 +65,7 @@ def allowed_speed(
     params: NavigationParams,
     cruise_mps: float,
 ) -> float:
-    """Speed that the room beside the next seconds allows, m/s in steps; infinite where it limits nothing."""
+    """Speed allowed by the clearance of the next seconds, m/s in steps; infinite without a limit."""
     if around.free_space:
         return math.inf
     poses = sampled(trajectory, from_s, min(from_s + _LOOK_S, trajectory.duration_s))

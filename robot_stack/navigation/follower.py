@@ -1,8 +1,8 @@
-"""Drives along a route among obstacles: speed caps, the sampling controller, planning afresh, giving up.
+"""Drives along a route among obstacles: speed caps, the sampling controller, replanning, giving up.
 
-stand-off    somebody who waits for the robot is made room for
-route        asked of a planner that answers in a later tick; kept until another one is there, which is asked for when
-             it is blocked, left behind, or gets the robot nowhere
+stand-off    the robot makes room for a person who waits for it
+route        requested from a planner that answers in a later tick; kept until its successor, requested when
+             it is blocked, left behind, or without progress
 reference    the next metres of it in the costmap's frame, with the speed that narrow places and people allow
 command      the best motion along the reference, under acceleration and jerk limits
 """
@@ -32,7 +32,7 @@ from robot_stack.navigation.surroundings import Surroundings
 
 Array = npt.NDArray[np.float64]
 _SPACING_M = 0.1
-# A robot that has come so far from where there was no way is planned for anew.
+# After "no way", a robot moved by more than this is replanned.
 _MOVED_M = 0.5
 _PLANNING, _ALONG, _ASIDE = "planning a route", "driving along the route", "making room for somebody"
 _NOWHERE = LocalMap(0.0, 1.0, 0.0, 0.0, np.zeros((1, 1), np.int8), np.full((1, 1), 10.0, np.float32))
@@ -40,9 +40,9 @@ _NOWHERE = LocalMap(0.0, 1.0, 0.0, 0.0, np.zeros((1, 1), np.int8), np.full((1, 1
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """text: what goes on. gave_up: there was no way for too long; the text says why.
+    """text: the activity. gave_up: there was no way for too long; the text has the reason.
 
-    unreachable: the map leaves no way, and says so at once; the text is the reason.
+    unreachable: the map leaves no way; reported at once; the text has the reason.
     """
 
     twist: Twist2
@@ -76,9 +76,9 @@ class RouteFollower:
         self._blocked_looks = 0
 
     def begin(self, goal: Pose2, located: Located, footprint: Footprint, twist: Twist2) -> str:
-        """Asks for a route. twist: the last command, from which this goes on. Returns what goes on.
+        """Requests a route. twist: the last command, where the ramp starts. Returns the activity.
 
-        A step may follow either way: without a route the robot waits for one.
+        Steps are allowed in any case: without a route the robot waits for one.
         """
         if goal != self._goal:
             self._without_way_s, self._progress_at, self._gave_way = 0.0, None, 0
@@ -164,12 +164,12 @@ class RouteFollower:
         return self._around.local if self._around.seeing and self._around.local is not None else _NOWHERE
 
     def _give_way(self, located: Located, footprint: Footprint, now_s: float, dt_s: float) -> Twist2 | None:
-        """The motion to make room for somebody, zero to let him pass; None where that is not called for, or no use."""
+        """The motion to make room for a person, zero to let them pass; None if not needed or without effect."""
         p, giving = self._params.give_way, self._giving_s > 0.0
         if not giving and (self._stuck_s < self._params.follow.stuck_s or self._gave_way >= p.tries):
             return None
         pose = located.pose.relative_to(self._around.map_to_odom)
-        # Whoever has come out from behind something may stand, and has not been seen walking.
+        # A person just out of an occlusion may stand without having been seen walking.
         everybody = self._around.people if self._around.seeing else ()
         people = _rows(everybody, now_s, self._params.people)
         gap_m, twist = nearest_m(pose, footprint, people), None
@@ -204,23 +204,23 @@ class RouteFollower:
         self._routes.ask(self._around.question(located.pose, self._goal, footprint))
 
     def _ask_again(self, located: Located, footprint: Footprint) -> None:
-        """Not sooner than the interval, and not while a question is being thought about."""
+        """Requests again, at least an interval after the last request, and not while one is pending."""
         if not self._asked and self._since_plan_s >= self._params.follow.replan_interval_s:
             self._ask(located, footprint)
             self._take()
 
     def _has_changed(self, located: Located) -> bool:
-        """Whether another answer can be expected than "no way": something else is seen, or the robot was moved."""
+        """True if the answer may differ from "no way": the seen obstacles changed, or the robot was moved."""
         if self._asked or self._since_plan_s < self._params.follow.replan_interval_s or self._asked_with is None:
             return False
         shown, pose = self._asked_with
         if pose.distance_to(located.pose) > _MOVED_M or shown != self._around.shown():
             return True
-        self._since_plan_s = 0.0  # asked again after the interval, which spares the digest of every tick
+        self._since_plan_s = 0.0  # next check after the interval, which saves a digest per tick
         return False
 
     def _take(self) -> str:
-        """Takes an answer if it is there. Returns what goes on."""
+        """Takes the answer if available. Returns the activity."""
         answer = self._routes.take() if self._asked else None
         if answer is None:
             return _PLANNING
@@ -231,14 +231,14 @@ class RouteFollower:
         return self._problem or _ALONG
 
     def _look(self, located: Located, footprint: Footprint) -> None:
-        """Whether a new costmap shows something on the route."""
+        """Checks the route against a new costmap."""
         if self.route is None or self._checked == self._around.costmaps:
             return
         self._checked = self._around.costmaps
         along_m, _ = self.route.project(located.pose.x, located.pose.y)
         ahead = self._ahead(self.route, along_m)
         clear = self._around.clearance_m(footprint, ahead)
-        # Where the robot stands it may leave.
+        # The robot may leave a place nearer to an obstacle than the margin.
         blocked = np.flatnonzero(clear[5:] < min(self._params.follow.blocked_margin_m, float(clear[0])))
         self._blocked_looks = self._blocked_looks + 1 if len(blocked) else 0
         if self._blocked_looks >= 2:
@@ -249,7 +249,7 @@ class RouteFollower:
 
     def _wait(self, located: Located, limits: PlanningLimits, footprint: Footprint, now_s: float, dt_s: float) -> Step:
         if self._asked and not self._problem:
-            # What lies ahead is not known to be clear any more: as short a way to a stop as may be.
+            # The way ahead may not be clear any more: brake as hard as allowed.
             return Step(self._ramp.towards(ZERO_TWIST, self._ramp.twist, limits.braking, dt_s), _PLANNING)
         self._stuck_s += dt_s
         aside = self._give_way(located, footprint, now_s, dt_s)
@@ -278,7 +278,7 @@ class RouteFollower:
 
 
 def _table(people: tuple[Person, ...], now_s: float, params: PeopleParams) -> Array:
-    """(m, 6) of everybody who has walked, as the rollouts want them."""
+    """(m, 6) rows of all people who have walked, as input of the rollouts."""
     return _rows(tuple(one for one in people if one.walked), now_s, params)
 
 

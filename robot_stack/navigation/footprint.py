@@ -11,12 +11,12 @@ import numpy.typing as npt
 from robot_stack.core.robot import Footprint
 
 Array = npt.NDArray[np.float64]
-# Finer than half of the narrowest thing that must be seen between two points, a person's leg.
+# A person's leg, the narrowest relevant obstacle, must not fit between two points.
 _SPACING_M = 0.12
 
 
 def outline(footprint: Footprint) -> Array:
-    """(n, 2) points along the edge, base_link, m, corners included. Not to be changed."""
+    """(n, 2) points along the edge, base_link, m, corners included. Read-only."""
     return _outline(footprint.front_m, footprint.rear_m, footprint.width_m)
 
 

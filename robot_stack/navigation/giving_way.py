@@ -1,7 +1,7 @@
-"""Out of a stand-off: who walks waits for a robot in his way, and the robot waits for him.
+"""Resolves a stand-off, in which a pedestrian waits for the robot and the robot for the pedestrian.
 
-A person who stands nearer to the robot than he wants leaves no motion along the route. The robot then gives way: slowly
-to whichever side has the most room for him, as somebody does who meets another in a door.
+A person nearer to the robot than the wanted gap leaves no motion along the route. The robot then yields: it moves
+slowly to the side that leaves the person the most room.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from robot_stack.navigation.rollout_kernels import free_time, person_gap
 Array = npt.NDArray[np.float64]
 _DIRECTIONS = 16
 _X, _Y, _RADIUS = 0, 1, 4
-# What a metre out of a person's way is worth, in metres of room.
+# Value of a metre out of a person's line, in metres of room.
 _ASIDE = 0.3
 
 
@@ -33,16 +33,16 @@ def nearest_m(pose: Pose2, footprint: Footprint, people: Array) -> float:
 def way_out(
     pose: Pose2, footprint: Footprint, local: LocalMap, people: Array, margin_m: float, params: GiveWayParams
 ) -> Twist2 | None:
-    """The motion (base_link) that leaves most room to people, and the way of the nearest free.
+    """The motion (base_link) that leaves people the most room, and the line of the nearest free.
 
-    None where there is room enough, or where none is clear or makes a difference.
+    None if there is enough room, or if no motion is clear and effective.
 
-    pose: costmap's frame. people: (m, 6) x, y, vx, vy, radius, wanted gap. margin_m: to what stands.
+    pose: costmap's frame. people: (m, 6) x, y, vx, vy, radius, wanted gap. margin_m: to static obstacles.
     """
     at, box, edge = np.array([pose.x, pose.y, pose.yaw]), _box(footprint), outline(footprint)
     place = local.field, local.resolution_m, local.x_m, local.y_m
     here_m = float(local.clearance_m(edge, at[None])[0])
-    # Where it stands nearer than the margin it may go on as near, but not nearer.
+    # A robot nearer than the margin may keep its distance, but not reduce it.
     margin_m = min(margin_m, here_m - 0.02)
     now_m = _gap(box, at, people)
     if now_m >= params.room_m:
@@ -62,7 +62,7 @@ def way_out(
 
 
 def _beside(at: Array, then: Array, person: Array) -> float:
-    """Metres by which a motion leads out of the line from a person to the robot, where he means to go on."""
+    """Metres by which a motion leaves the line from a person to the robot, the person's expected way."""
     lx, ly = at[0] - person[_X], at[1] - person[_Y]
     far_m = max(math.hypot(lx, ly), 1e-6)
     return float(abs(lx * (then[1] - at[1]) - ly * (then[0] - at[0])) / far_m)

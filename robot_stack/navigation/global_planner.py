@@ -1,8 +1,8 @@
 """The route of the body to a goal: A* over positions, straightened, then the cheapest heading at every point.
 
 Positions keep the footprint's half width clear, and prefer the middle between obstacles. The robot can drive to any
-side, but sees and looks best forward: the heading follows the way where the oriented footprint is clear, and does not
-turn for a short step sideways. Where no heading is clear the place is closed and another way is sought.
+side, but its sensors cover the front best: the heading follows the way where the oriented footprint is clear, and does
+not turn for a short step sideways. If no heading is clear, the place is closed and another way is searched.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _HEADING_STEP_M = 0.2
 _LINE_STEPS = 400
 # Cosine between heading and course below which the robot goes backwards.
 _BACKWARDS = -0.3
-# Narrow places of one way that are sought anew, over positions and headings together.
+# Largest number of narrow places per way that are searched over positions and headings together.
 _PASSAGES = 3
-# Around the goal, of the search: 800 m2, so that a goal that is closed in is found out at once.
+# Cells of the flood around the goal, 800 m2: detects an enclosed goal at once.
 _FLOOD_CELLS = 20_000
 
 
@@ -43,7 +43,7 @@ class NoWay:
 
 
 def goal_problem(grid: PlanningGrid, footprint: Footprint, goal: Pose2, params: PlannerParams) -> str:
-    """Why nobody can stand at ``goal`` by the map alone, else an empty text."""
+    """Why the map alone excludes ``goal``, else an empty text."""
     if not grid.bounded:
         return ""
     if not grid.contains(goal.x, goal.y):
@@ -62,12 +62,12 @@ def goal_problem(grid: PlanningGrid, footprint: Footprint, goal: Pose2, params: 
 
 
 class GlobalPlanner:
-    """Routes over one grid. A plan is a pure function of its arguments and of what was laid over the grid."""
+    """Routes over one grid. A plan is a pure function of its arguments and of the grid with its overlay."""
 
     def __init__(
         self, grid: PlanningGrid, params: PlannerParams, stop: Stop | None = None, *, doubtful: bool = False
     ) -> None:
-        """stop: once it is set a plan ends soon, without a way. doubtful: that there is none shall be known soon."""
+        """stop: once set, a plan ends soon, without a way. doubtful: optimised to detect early that there is none."""
         self.grid = grid
         self._params = params
         self._stop = stop or Stop()
@@ -160,7 +160,7 @@ class GlobalPlanner:
     ) -> tuple[Array | None, Array]:
         """((n, 3) poses, anything), or (None, the point that cannot be passed).
 
-        ends: (2, 3) poses. at_ends: (2,) clearance there. passages: so many narrow places may be sought anew.
+        ends: (2, 3) poses. at_ends: (2,) clearance there. passages: limit of narrow places to search again.
         """
         bins = self._params.heading_bins
         requested, step_m = _course(points, float(ends[0, 2]))
@@ -197,7 +197,7 @@ class GlobalPlanner:
         footprint: Footprint,
         passages: int,
     ) -> Array | None:
-        """The way with the stretch around a narrow place sought over positions and headings together."""
+        """The way with the stretch around a narrow place searched over positions and headings together."""
         around_m = 2.0 * reach_m(footprint)
         into = max(0, int(np.searchsorted(along, along[tight] - around_m)) - 1)
         out = min(len(points) - 1, int(np.searchsorted(along, along[tight] + around_m)))
@@ -222,7 +222,7 @@ class GlobalPlanner:
         return np.concatenate((before, middle, after))
 
     def _margins(self, along_m: Array, at_ends: Array) -> Array:
-        """(n,) out of a tight spot, and into one, the footprint may pass as near as it stands there."""
+        """(n,) required clearance, m; near a tight start or goal it is reduced to the clearance there."""
         p, grid = self._params, self.grid
         margin_m = p.margin_m + grid.half_cell_m
         margin = np.full(len(along_m), margin_m)
@@ -232,7 +232,7 @@ class GlobalPlanner:
         return margin
 
     def _exact(self, points: Array, yaws: Array, requested: Array, margin: Array, edge: Array) -> Array:
-        """Headings between the steps of the search: the course itself, where it is as near and clear."""
+        """Headings between the steps of the search: the course itself, if within a step and clear."""
         off = np.array([wrap_angle(a) for a in requested - yaws])
         refined = np.where(np.abs(off) <= 2.0 * math.pi / self._params.heading_bins, yaws + off, yaws)
         smooth = refined.copy()
@@ -253,7 +253,7 @@ def _course(points: Array, yaw: float) -> tuple[Array, Array]:
 def _backwards(off: Array, along_m: Array, ends_m: float) -> int | None:
     """Index of the first point, not within ``ends_m`` of an end, that is driven through backwards.
 
-    The robot does not see well to the rear: it backs through a gate because it cannot turn into it where it has come.
+    The sensors cover the rear badly. A route backs through a gate where it left no room to turn before it.
     """
     inner = (along_m > ends_m) & (along_m < along_m[-1] - ends_m)
     where = np.flatnonzero(inner & (np.cos(off) < _BACKWARDS))

@@ -1,4 +1,4 @@
-"""Is this goal one to drive to?"""
+"""Validation of goals."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from robot_stack.core.geometry import Pose2, yaw_from_quaternion
 from robot_stack.navigation.params import GoalParams
 
-_QUATERNION_TOLERANCE = 0.01  # of the squared norm: beyond it is no rounding
+_QUATERNION_TOLERANCE = 0.01  # of the squared norm: larger than any rounding
 
 
 @dataclass(frozen=True, slots=True)
 class GoalRequest:
-    """A message of ``/goal_pose`` as it came: position m, quaternion (x, y, z, w), stamp s (0: none)."""
+    """A message of ``/goal_pose`` as received: position m, quaternion (x, y, z, w), stamp s (0: none)."""
 
     frame_id: str
     stamp_s: float
@@ -30,9 +30,9 @@ class GoalRequest:
 
 
 def refusal(request: GoalRequest, map_frame: str, now_s: float, from_pose: Pose2 | None, params: GoalParams) -> str:
-    """Why the goal is refused, naming field and limit; an empty text if it is taken.
+    """Why the goal is refused, naming field and limit; an empty text if it is accepted.
 
-    from_pose: where the robot is, None if unknown (then the distance cannot be judged yet).
+    from_pose: where the robot is, None if unknown (then the distance is not checked yet).
     """
     if request.frame_id != map_frame:
         return f"frame_id is {request.frame_id!r}, must be {map_frame!r}"

@@ -1,11 +1,11 @@
 """Compiled loops of the global planner: distance transform, A*, line of sight, headings.
 
-All compiled functions that call each other live in this file: numba's cache looks at one file only. Grids are (rows,
+All compiled functions that call each other live in this file: numba's cache checks one file only. Grids are (rows,
 columns), row 0 at the lowest y; clearances are metres from a cell's middle to the middle of the nearest occupied cell.
-Exact distance transform: Felzenszwalb and Huttenlocher 2012. Outside a grid nothing is clear.
+Exact distance transform: Felzenszwalb and Huttenlocher 2012. The clearance outside a grid is zero.
 
-They release the interpreter lock, so that a plan of a second in another thread delays nobody. What takes long looks at
-``stop``, a (1,) flag that the other thread sets when it wants no answer any more.
+They release the interpreter lock, so that a plan of a second blocks no other thread. Long searches poll ``stop``, a
+(1,) flag that another thread sets to cancel.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
 
 _FAR = 1e12
-# Steps of a search between two looks at ``stop``: some milliseconds.
+# Steps of a search between two polls of ``stop``: some milliseconds.
 _LOOK = 4096
-# Cells that the flood from the goal takes for each one that the search takes, and how many of these without having come
-# nearer to the goal stall it.
+# Cells that the flood from the goal expands per cell of the search, and the number of cells of the search without
+# coming nearer to the goal that count as stalled.
 _FLOOD, _STALLED = 4, 40_000
 _ESCAPE_COST = 20.0
 
@@ -61,7 +61,7 @@ def distances(occupied: npt.NDArray[np.bool_], resolution_m: float, most_m: floa
     rows, columns = occupied.shape
     out = np.empty((rows, columns), np.float32)
     most_cells = most_m / resolution_m + 1.0
-    # Along columns a distance is a count; along rows it takes the envelope.
+    # Along columns a distance is a count; along rows it needs the envelope.
     for c in range(columns):
         gap = most_cells
         for r in range(rows):
@@ -90,7 +90,7 @@ def clearance_at(field: Singles, resolution_m: float, origin_x: float, origin_y:
 
 @compiled
 def _between_cells(field: Singles, u: float, v: float, outside: float) -> float:
-    """Bilinear between the middles of cells: a cell's own value may be off by most of the cell's size.
+    """Bilinear interpolation between cell centres: a cell's own value may be off by most of its size.
 
     u, v: column and row of the point, in cells from the grid's corner.
     """
@@ -133,7 +133,7 @@ def clearances(
 
 @compiled
 def _cell_cost(clear: float, unknown: bool, radius: float, prefer: float, near: float, unknown_cost: float) -> float:
-    """Cost per metre in a cell, >= 1; negative: not to be entered."""
+    """Cost per metre in a cell, >= 1; negative: closed."""
     if clear < radius:
         return -1.0
     cost = unknown_cost if unknown else 1.0
@@ -155,7 +155,7 @@ def _block_cost(
     near: float,
     unknown_cost: float,
 ) -> float:
-    """Cost of a coarse cell: of its clearest fine cell, so that coarse cells close no gap."""
+    """Cost of a coarse cell: that of its clearest fine cell, so that coarse cells close no gap."""
     clear, strange = 0.0, False
     for r in range(row * factor, min((row + 1) * factor, field.shape[0])):
         for c in range(column * factor, min((column + 1) * factor, field.shape[1])):
@@ -209,9 +209,9 @@ def _enter_cost(
     start: tuple[int, int],
     escape_cells: int,
 ) -> float:
-    """Cost of a coarse cell, noted in ``cost``; negative: not to be entered.
+    """Cost of a coarse cell, stored in ``cost``; negative: closed.
 
-    near: radius, preferred clearance, cost near to something, cost of the unknown.
+    near: radius, preferred clearance, cost near to obstacles, cost of unknown cells.
     """
     entering = _block_cost(field, unknown, factor, row, column, near[0], near[1], near[2], near[3])
     if entering < 0.0 and max(abs(row - start[0]), abs(column - start[1])) <= escape_cells:
@@ -268,12 +268,12 @@ def astar(
 ) -> npt.NDArray[np.int64]:
     """(n, 2) coarse cells (row, column) from start to goal, empty if there is no way, or if it was stopped.
 
-    weight: of the octile heuristic, >= 1. blocked: (m, 3) discs of coarse cells (row, column, radius) not to enter.
-    escape_cells: so near to the start any cell may be entered, at a high cost: to leave a tight spot.
+    weight: of the octile heuristic, >= 1. blocked: (m, 3) discs of coarse cells (row, column, radius) that are closed.
+    escape_cells: within this distance of the start any cell may be entered, at a high cost, to leave a tight spot.
 
-    A search that comes no nearer is helped by a flood from the goal, whose first flood_cells are looked at in any case.
-    Where it ends without having met the search there is no way, which is so known once the smaller of the two
-    regions, and not the whole site, has been looked at.
+    A flood from the goal runs beside a search without progress; its first flood_cells are expanded in any case. If
+    it ends without meeting the search, there is no way: this is found after the smaller of the two regions
+    instead of the whole site.
     """
     rows = (field.shape[0] + factor - 1) // factor
     columns = (field.shape[1] + factor - 1) // factor
@@ -330,7 +330,7 @@ def astar(
         row, column = here // columns, here % columns
         left = _octile(row, column, goal)
         if key > g[here] + weight * left + 1e-6:
-            continue  # found a better way here since
+            continue  # outdated: a better way was found
         if left < nearest:
             nearest, nearest_at = left, taken
         if size + 8 >= capacity:
@@ -408,7 +408,7 @@ def straighten(
 ) -> Floats:
     """(m, 2) points with straight lines wherever one is clear and costs no more than the steps it replaces.
 
-    points: (n, 2). A step that is not clear itself (out of a tight spot) stays. longest: steps per line.
+    points: (n, 2). A step that is not clear itself (out of a tight spot) is kept. longest: steps per line.
     """
     n = len(points)
     keep = np.empty(n, np.int64)
@@ -484,7 +484,7 @@ def headings(
             if not free[i, k]:
                 continue
             here = step_m[i] * (1.0 - math.cos(k * unit - requested[i]))
-            # Turning happens at this point, through headings that are all clear here.
+            # The turn happens at this point; all headings it passes must be clear.
             for sign in (-1, 1):
                 for turn in range(0 if sign > 0 else 1, h // 2 + 1):
                     source = (k + sign * turn) % h
@@ -516,8 +516,8 @@ def free_headings(
 ) -> npt.NDArray[np.bool_]:  # fmt: skip
     """(n, count) whether the outline is clear by margin_m (n,) at each point and heading.
 
-    reach_m: largest distance of the outline from base_link: where more is clear, every heading is. inner_m: the least:
-    where less is clear, none is.
+    reach_m: largest distance of the outline from base_link; with more clearance every heading is clear. inner_m: the
+    smallest; with less clearance none is.
     """
     n = len(points)
     free = np.ones((n, count), np.bool_)

@@ -1,4 +1,4 @@
-"""The limits that a plan keeps: the robot's, the passenger's, the safety monitor's, and a reserve for the feedback."""
+"""Planning limits: those of robot, passenger and safety monitor, less a reserve for the feedback."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from robot_stack.navigation.params import LimitParams
 
 @dataclass(frozen=True, slots=True)
 class PlanningLimits:
-    """What a plan keeps: ``cruise`` everywhere, except that a robot faster than that slows down within ``braking``.
+    """Limits of a plan: ``cruise`` everywhere; a robot faster than that slows down within ``braking``.
 
-    The drive brakes to a lowered limit as hard as it may; a plan that took longer would run ahead of the robot.
-    max_turning_mps2: largest product of speed and yaw rate. Seen from a turning body a straight course turns, and the
-    drive has to follow that with its acceleration.
+    The drive brakes to a lowered limit at its largest deceleration; a slower plan would run ahead of the robot.
+    max_turning_mps2: largest product of speed and yaw rate. In the frame of a turning body a straight course turns,
+    which takes part of the drive's acceleration.
     """
 
     cruise: MotionLimits
@@ -24,7 +24,7 @@ class PlanningLimits:
 
 
 def planning_limits(motion: Motion, limit: SpeedLimit, params: LimitParams) -> PlanningLimits | None:
-    """The limits to plan with; None where the speed limit leaves nothing to drive with: then the robot stands."""
+    """The limits to plan with; None if the speed limit is too low to drive: then the robot stands."""
     speed_mps, yaw_rate_radps = limit.usable()
     speed_mps = min(motion.max_speed_mps, params.cruise_speed_mps, speed_mps)
     yaw_rate_radps = min(motion.max_yaw_rate_radps, yaw_rate_radps)

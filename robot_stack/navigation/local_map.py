@@ -1,6 +1,6 @@
 """The local costmap as the controller uses it: distances to lethal cells, in the costmap's frame.
 
-The map's inflation is for planners that know a circle; here the oriented footprint is checked against lethal cells.
+Inflation assumes a circular robot; here the oriented footprint is checked against lethal cells.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from robot_stack.navigation.rollout_kernels import along_poses
 
 Array = npt.NDArray[np.float64]
 LETHAL = 100
-# Farther than this nothing is asked.
+# Largest distance computed.
 _FAR_M = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class LocalMap:
-    """stamp_s: ROS time. x_m, y_m: corner of cell (0, 0). cells: (rows, columns) int8 as Nav2 means them.
+    """stamp_s: ROS time. x_m, y_m: corner of cell (0, 0). cells: (rows, columns) int8 with Nav2's costs.
 
-    field: (rows, columns) metres to the nearest lethal cell that stands still.
+    field: (rows, columns) metres to the nearest static lethal cell.
     """
 
     stamp_s: float
@@ -36,18 +36,18 @@ class LocalMap:
     field: Singles
 
     def clearance_m(self, outline: Array, poses: Array) -> Array:
-        """(n,) clearance of an outline at (n, 3) poses in the costmap's frame; 10 where the costmap does not reach."""
+        """(n,) clearance of an outline at (n, 3) poses in the costmap's frame; 10 outside the costmap."""
         return along_poses(self.field, self.resolution_m, self.x_m, self.y_m, outline, poses)
 
     def points(self) -> Array:
-        """(n, 2) middles of what stands still, costmap's frame."""
+        """(n, 2) centres of static lethal cells, costmap's frame."""
         rows, columns = np.nonzero(self.field == 0.0)
         return np.column_stack(
             (self.x_m + (columns + 0.5) * self.resolution_m, self.y_m + (rows + 0.5) * self.resolution_m)
         )
 
     def covers(self, x: Array, y: Array) -> npt.NDArray[np.bool_]:
-        """(n,) whether the costmap knows these points (its frame): inside and not unknown."""
+        """(n,) True for points (costmap's frame) inside the costmap and not unknown."""
         rows = np.floor((y - self.y_m) / self.resolution_m).astype(np.int64)
         columns = np.floor((x - self.x_m) / self.resolution_m).astype(np.int64)
         inside = (rows >= 0) & (columns >= 0) & (rows < self.cells.shape[0]) & (columns < self.cells.shape[1])
@@ -72,7 +72,7 @@ def costmap_problem(resolution_m: float, origin: Pose2, size: tuple[int, int], c
 def local_map(
     stamp_s: float, resolution_m: float, origin: Pose2, cells: npt.NDArray[np.int8], moving: npt.NDArray[np.bool_]
 ) -> LocalMap:
-    """moving: (rows, columns) lethal cells of what walks: predicted, not avoided where it is."""
+    """moving: (rows, columns) lethal cells of pedestrians, whose predicted positions are avoided instead."""
     still = (cells >= LETHAL) & ~moving
     field = distances(np.ascontiguousarray(still), resolution_m, _FAR_M)
     return LocalMap(stamp_s, resolution_m, origin.x, origin.y, cells, field)

@@ -30,7 +30,7 @@ class MotionState:
 
 
 def moving(pose: Pose2, twist: Twist2) -> MotionState:
-    """The state of a body at ``pose`` in map with ``twist`` in its own frame; accelerations unknown, taken as zero."""
+    """The state of a body at ``pose`` in map with ``twist`` in its own frame; unknown accelerations are zero."""
     c, s = math.cos(pose.yaw), math.sin(pose.yaw)
     return MotionState(pose, (c * twist.vx - s * twist.vy, s * twist.vx + c * twist.vy), twist.omega)
 
@@ -64,7 +64,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """Translation segments one after the other, and the yaw beside them. After its end it stays where it ends."""
+    """Successive translation segments and the simultaneous yaw profile. After the end its pose is constant."""
 
     segments: tuple[Segment, ...]
     start_yaw: float
@@ -75,7 +75,7 @@ class Trajectory:
         return max(self.yaw.duration_s, sum(segment.duration_s for segment in self.segments))
 
     def at(self, time_s: float) -> MotionState:
-        """The state at a time since the start; before the start and after the end the ends hold."""
+        """The state at a time since the start; clamped to start and end."""
         turn, yaw_rate, yaw_acceleration = self.yaw.at(time_s)
         position, velocity, acceleration = self._translation(max(time_s, 0.0))
         pose = Pose2(*position, wrap_angle(self.start_yaw + turn))

@@ -14,7 +14,7 @@ Share = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 class LimitParams(Config):
-    """How much of the robot's limits (``config/robot.yaml``) a plan uses; the rest is left to the feedback."""
+    """How much of the robot's limits (``config/robot.yaml``) a plan uses; the rest is a reserve for the feedback."""
 
     cruise_speed_mps: Positive
     speed_share: Share
@@ -25,7 +25,7 @@ class LimitParams(Config):
 
 
 class GoalParams(Config):
-    """Which goals are taken, and when one is reached."""
+    """Limits of accepted goals, and the tolerances of a reached one."""
 
     max_distance_m: Positive
     max_age_s: Positive
@@ -79,7 +79,7 @@ class TrackingParams(Config):
 
 
 class PoseParams(Config):
-    """How long what is known of the pose may be used."""
+    """Timeouts of pose and odometry."""
 
     pose_timeout_s: Positive
     odometry_timeout_s: Positive
@@ -155,7 +155,7 @@ class CapParams(Config):
 
 
 class PeopleParams(Config):
-    """Which heaps of the costmap are people, how they are followed, and what is owed to them."""
+    """Detection of people in the costmap, tracking, and the distances and speeds to keep."""
 
     join_m: Positive
     min_size_m: Positive
@@ -184,7 +184,7 @@ class PeopleParams(Config):
 
 
 class GiveWayParams(Config):
-    """Making room for somebody whom the robot, and who, stands in the way."""
+    """Making room if a person and the robot block each other."""
 
     near_m: Positive
     room_m: Positive
@@ -203,7 +203,7 @@ class GiveWayParams(Config):
 
 
 class FollowParams(Config):
-    """Following a route, taking the exact motion to the goal where it is free, and giving up."""
+    """Following a route, switching to the exact motion to the goal where it is free, and giving up."""
 
     costmap_timeout_s: Positive
     ahead_m: Positive
@@ -232,7 +232,7 @@ class FollowParams(Config):
 
 
 class NavigationParams(Config):
-    """Everything the node can be told."""
+    """All parameters of the node."""
 
     map: str
     use_costmap: bool

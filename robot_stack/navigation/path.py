@@ -1,4 +1,4 @@
-"""The geometry of a plan: poses along the way, arc length, curvature, and where a point lies beside it."""
+"""The geometry of a plan: poses along the way, arc length, curvature, and projection of points."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.navigation.motion import Trajectory
 
 Array = npt.NDArray[np.float64]
-# The trajectory is read this often (at 1.5 m/s every 3 cm), a long one more rarely.
+# Sampling period of a trajectory (3 cm at 1.5 m/s); a long one is sampled less often.
 _SAMPLE_S, _MAX_SAMPLES = 0.02, 2000
 
 

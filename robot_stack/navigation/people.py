@@ -1,4 +1,4 @@
-"""People in the costmap: person-sized heaps of lethal cells that the map does not know, followed over the costmaps."""
+"""People in the costmap: person-sized clusters of lethal cells absent from the map, tracked over the costmaps."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _JOINED = np.ones((3, 3), np.int8)
 
 @dataclass(frozen=True, slots=True)
 class Person:
-    """In the costmap's frame. x, y: m at stamp_s. vx, vy: m/s. sightings: costmaps that showed it.
+    """In the costmap's frame. x, y: m at stamp_s. vx, vy: m/s. sightings: costmaps with a detection.
 
-    walks: it walks now. walked: it has walked, so it is somebody, and not a thing of a person's size.
+    walks: walking now. walked: has walked, so this is a person and not an object of that size.
     """
 
     stamp_s: float
@@ -36,17 +36,17 @@ class Person:
 
     @property
     def velocity(self) -> tuple[float, float]:
-        """m/s; what does not walk stands."""
+        """m/s; zero unless walking."""
         return (self.vx, self.vy) if self.walks else (0.0, 0.0)
 
     def at(self, time_s: float) -> tuple[float, float]:
-        """Where it will be; what does not walk stays."""
+        """Predicted position; the last one unless walking."""
         ahead_s = time_s - self.stamp_s if self.walks else 0.0
         return self.x + ahead_s * self.vx, self.y + ahead_s * self.vy
 
 
 class PeopleTracker:
-    """Nearest neighbour and an alpha-beta filter: costmaps come at 5 Hz, people are few and apart."""
+    """Nearest neighbour and an alpha-beta filter: costmaps arrive at 5 Hz, people are few and apart."""
 
     def __init__(self, params: PeopleParams) -> None:
         self._params = params
@@ -56,8 +56,8 @@ class PeopleTracker:
         self.people = ()
 
     def update(self, stamp_s: float, lethal: Mask, known: Mask, resolution_m: float, x_m: float, y_m: float) -> Mask:
-        """Takes a costmap's lethal cells; known: those that the map explains. Returns the cells of what walks."""
-        # A side seen at a flat angle falls to pieces: what is nearer than a person's width is one thing.
+        """Takes a costmap's lethal cells; known: those of map obstacles. Returns the cells of walking people."""
+        # A side seen at a flat angle breaks into pieces: cells nearer than a person's width are one object.
         joined = ndimage.binary_dilation(lethal, _JOINED, max(1, round(self._params.join_m / 2.0 / resolution_m)))
         labels, _ = ndimage.label(joined, structure=_JOINED)
         walking = np.zeros_like(lethal)
@@ -74,7 +74,7 @@ class PeopleTracker:
             now.append(person)
             if person.walks:
                 walking[window] |= heap
-        # One that is hidden for a moment goes on.
+        # A briefly occluded track continues.
         left = [person for k, person in enumerate(self.people) if k not in matches.values()]
         now += [person for person in left if stamp_s - person.stamp_s <= self._params.memory_s]
         self.people = tuple(now)
@@ -105,7 +105,7 @@ class PeopleTracker:
         return Person(stamp_s, x, y, radius_m=min(radius_m, p.max_radius_m), first=(x, y))
 
     def _matched(self, found: list[Person]) -> dict[int, int]:
-        """Which of ``found`` is which person: the nearest pairs first, each once."""
+        """Person index by index of ``found``: nearest pairs first, each used once."""
         pairs = []
         for i, seen in enumerate(found):
             for k, person in enumerate(self.people):
@@ -135,7 +135,7 @@ class PeopleTracker:
         far = math.hypot(x - before.first[0], y - before.first[1]) >= p.walked_m
         limit = p.walk_speed_mps * (0.6 if before.walks else 1.0)
         walks = sightings >= p.sightings and (far or before.walks) and speed >= limit
-        # Who stands again has to walk again before it counts as walking.
+        # A person who has stopped must walk the full distance again to count as walking.
         first = before.first if walks or not before.walks else (x, y)
         walked = walks or before.walked
         return replace(seen, x=x, y=y, vx=vx, vy=vy, sightings=sightings, first=first, walks=walks, walked=walked)

@@ -1,7 +1,7 @@
 """A plan from a state of motion to rest at a goal pose, within the limits at every moment.
 
 A swerve robot moves and turns independently: the translation runs straight to the goal while the yaw turns beside it,
-evenly over the same time. Coming from another course the velocity first changes along a straight line in velocity
+evenly over the same time. From another course the velocity first changes along a straight line in velocity
 space, which keeps speed and acceleration inside their circles, to the course from which the goal lies straight ahead:
 successive goals are joined by a rounded corner, without a stop.
 """
@@ -17,11 +17,11 @@ from robot_stack.navigation.limits import PlanningLimits
 from robot_stack.navigation.motion import MotionState, Segment, Trajectory, Vector
 from robot_stack.navigation.speed_profile import AxisLimits, Profile, to_position, to_speed
 
-# Sideways parts of velocity and acceleration below these are rounding, not another course.
+# Sideways components of velocity and acceleration below these are rounding.
 _SIDE_SPEED_MPS, _SIDE_ACCELERATION_MPS2 = 1e-3, 1e-2
 _NEAR_M = 1e-6
 _UNBOUNDED_MPS = 1e3
-# Shares of the limit speed at which a new course is tried to be entered; 0 is the stop that always works.
+# Shares of the limit speed tried for entering a new course; 0 is a stop, which always works.
 _ENTRY_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
 _ITERATIONS = 30
 _STRETCHES = 6
@@ -29,7 +29,7 @@ _SAMPLES = 40
 
 
 def plan_motion(start: MotionState, goal: Pose2, limits: PlanningLimits) -> Trajectory:
-    """The motion from ``start`` to rest at ``goal``; one that would turn too fast for its speed is slower as a whole.
+    """The motion from ``start`` to rest at ``goal``; a motion that turns too fast for its speed is stretched in time.
 
     Raises ValueError for a start or goal that is not finite.
     """
@@ -40,7 +40,7 @@ def plan_motion(start: MotionState, goal: Pose2, limits: PlanningLimits) -> Traj
         turning = _turning_mps2(trajectory)
         if turning <= limits.max_turning_mps2:
             break
-        # Speed and yaw rate both go with 1 / duration; a little more, because the ramps take their share.
+        # Speed and yaw rate both scale with 1 / duration; a little more because of the ramps.
         stretch = 1.05 * math.sqrt(turning / limits.max_turning_mps2)
         trajectory = _plan(start, goal, limits, stretch * trajectory.duration_s)
     return trajectory
@@ -66,7 +66,7 @@ def _duration_s(segments: list[Segment]) -> float:
 
 
 def _turning_mps2(trajectory: Trajectory) -> float:
-    """The largest product of speed and yaw rate on the way, beyond what the start brings along."""
+    """The largest product of speed and yaw rate on the way, m/s2; 0 if it does not exceed that of the start."""
     start = trajectory.at(0.0)
     brought = start.speed() * abs(start.yaw_rate)
     states = (trajectory.at(trajectory.duration_s * i / _SAMPLES) for i in range(1, _SAMPLES))
@@ -75,7 +75,7 @@ def _turning_mps2(trajectory: Trajectory) -> float:
 
 
 def _turn(start: MotionState, goal_yaw: float, limits: MotionLimits, min_duration_s: float) -> Profile:
-    """The shorter way round; for a body that already turns, the one that takes less time."""
+    """The shorter turn; for a body that already turns, the faster one."""
     angle = wrap_angle(goal_yaw - start.pose.yaw)
     other = angle - math.copysign(2.0 * math.pi, angle)
     angles = (angle, other) if abs(start.yaw_rate) > 0.0 else (angle,)
@@ -106,7 +106,7 @@ def _translation(start: MotionState, goal: Pose2, limits: PlanningLimits, min_du
 def _entries(
     start: MotionState, goal: Pose2, limits: MotionLimits, change_limits: MotionLimits, min_duration_s: float
 ) -> Iterator[list[Segment]]:
-    """Ways onto the course to the goal, one for each entry speed that finds the course and does not overshoot."""
+    """Ways onto the course to the goal, one per entry speed that reaches the course without overshoot."""
     for share in _ENTRY_SHARES:
         speed = share * limits.speed_mps
         change = _onto_course(start, goal, speed, change_limits)
@@ -123,7 +123,7 @@ def _entries(
 
 
 def _onto_course(start: MotionState, goal: Pose2, speed: float, limits: MotionLimits) -> list[Segment] | None:
-    """The change to ``speed`` on the course on which, at its end, the goal lies ahead; None if none is found."""
+    """The change to ``speed`` on a course that points to the goal at its end; None if none is found."""
     course = _course((start.pose.x, start.pose.y), (goal.x, goal.y), start.velocity)
     for _ in range(_ITERATIONS):
         change = _velocity_change(start, (speed * course[0], speed * course[1]), limits)

@@ -1,4 +1,4 @@
-"""What the global planner plans on: the site map's grid and, laid over it, what the costmap has shown since."""
+"""The grid of the global planner: the site map with an overlay of obstacles seen by the costmap."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robot_stack.core.site_map import OCCUPIED, UNKNOWN, Grid
 from robot_stack.navigation.grid_kernels import Singles, clearances, distances
 
 Array = npt.NDArray[np.float64]
-# Farther than this nothing is asked; also how far a seen obstacle changes the clearance around it.
+# Largest clearance computed; also the radius in which a seen obstacle changes it.
 FAR_M = 3.0
 _MOST_CELLS = 4_000_000
 
@@ -21,7 +21,7 @@ _MOST_CELLS = 4_000_000
 class PlanningGrid:
     """Clearances of a grid in map. field: (rows, columns) metres; unknown: (rows, columns).
 
-    bounded: nothing is passable outside the grid; False for a grid that only stands for a site without a map.
+    bounded: nothing is passable outside the grid; False for the substitute grid of a site without a map.
     """
 
     def __init__(self, grid: Grid, *, bounded: bool = True) -> None:
@@ -36,14 +36,14 @@ class PlanningGrid:
         self._changed: tuple[slice, slice] | None = None
 
     def view(self) -> PlanningGrid:
-        """The same known obstacles, which nobody changes, with an overlay of its own: for another thread."""
+        """A view with the same read-only known obstacles and an overlay of its own, for another thread."""
         other = copy.copy(self)
         other.field, other._changed = self.known_field, None
         return other
 
     @property
     def half_cell_m(self) -> float:
-        """From a cell's middle to its edge: an obstacle reaches so much nearer than its clearance says."""
+        """Half a cell, m: clearances are to cell centres, and obstacles extend to the cell's edge."""
         return 0.5 * self.resolution_m
 
     def contains(self, x: float, y: float) -> bool:
@@ -56,7 +56,7 @@ class PlanningGrid:
         return math.floor((y - self.y_m) / self.resolution_m), math.floor((x - self.x_m) / self.resolution_m)
 
     def lay_over(self, points: Array) -> None:
-        """Takes (n, 2) obstacle points in map as occupied, instead of those of the last call."""
+        """Marks (n, 2) obstacle points in map as occupied and clears those of the last call."""
         if self._changed is not None:
             self.field[self._changed] = self.known_field[self._changed]
             self._changed = None

@@ -1,7 +1,7 @@
-"""A* over poses (x, y, heading) in a window of the grid: for a narrow place that wants to be entered in line.
+"""A* over poses (x, y, heading) in a window of the grid: for a narrow place that must be entered straight.
 
-The planner of routes seeks positions first and headings after, which fails where a long footprint fits only if it
-comes straight. Here both are sought together, in steps of a cell and of a heading, with a turn on the spot as a step.
+The route planner searches positions first and headings after, which fails where a long footprint fits only if it
+enters straight. Here both are searched together, in steps of a cell and a heading, including turns on the spot.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def search_poses(
         cell = here // bins
         row, column = cell // columns, cell % columns
         if key > g[here] + weight * cell_m * math.hypot(row - goal[0], column - goal[1]) + 1e-9:
-            continue  # found a better way here since
+            continue  # outdated: a better way was found
         if row == goal[0] and column == goal[1] and (goal[2] < 0 or k == goal[2]):
             last = here
             break

@@ -1,7 +1,7 @@
-"""The pose in map now: the newest ``/current_pose`` carried on by the odometry since its stamp.
+"""The present pose in map: the newest ``/current_pose``, propagated by the odometry since its stamp.
 
-``/current_pose`` is right but comes at 10 Hz and late; ``/odom`` is smooth at 50 Hz but drifts. Their difference, the
-pose of the odom frame in map, hardly changes, so it is taken from the one and applied to the other.
+``/current_pose`` is accurate but arrives at 10 Hz and late; ``/odom`` is smooth at 50 Hz but drifts. The pose of the
+odom frame in map hardly changes: it is computed at the stamps of the former and applied to the latter.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Located:
 class PoseSource:
     """Stamps are ROS time, receptions steady time.
 
-    max_speed_mps, max_yaw_rate_radps: what the robot can do; a faster step of the odometry is a new odom frame.
+    max_speed_mps, max_yaw_rate_radps: the robot's limits; a faster step of the odometry means a new odom frame.
     """
 
     def __init__(self, params: PoseParams, max_speed_mps: float, max_yaw_rate_radps: float) -> None:
@@ -46,12 +46,12 @@ class PoseSource:
             return f"/odom is not finite: {pose}, {twist}"
         last = self._odometry.newest
         if last is not None and not self._continues(last, stamp_s, pose):
-            # Another odom frame, or another clock: what was learnt of the old one is worth nothing.
+            # Another odom frame, or another clock: the old data is invalid.
             self._odometry.clear()
             self._map_to_odom = None
             self._fix = None
         if not self._odometry.add(stamp_s, pose):
-            return ""  # late, and a newer one is known
+            return ""  # older than the newest one
         self._twist, self._odometry_received_s = twist, received_s
         self._apply_fix()
         return ""
@@ -61,13 +61,13 @@ class PoseSource:
         if not (math.isfinite(stamp_s) and pose.is_finite()):
             return f"/current_pose is not finite: {pose}"
         if self._fix is not None and stamp_s == self._fix.stamp_s:
-            return ""  # nothing new is known: it ages on
+            return ""  # a duplicate, which does not reset the age
         self._fix, self._fix_received_s = StampedPose(stamp_s, pose), received_s
         self._apply_fix()
         return ""
 
     def located(self, now_s: float, steady_s: float) -> tuple[Located | None, str]:
-        """(where the robot is, empty text), or (None, why that is not known)."""
+        """(the robot's location, empty text), or (None, the reason)."""
         fix_age_s, odometry_age_s = steady_s - self._fix_received_s, steady_s - self._odometry_received_s
         if not 0.0 <= fix_age_s <= self._params.pose_timeout_s:
             return None, _silent("/current_pose", fix_age_s, self._params.pose_timeout_s)
@@ -89,7 +89,7 @@ class PoseSource:
         return near and abs(step.yaw) <= self._max_yaw_rate_radps * abs(dt_s) + p.jump_tolerance_rad
 
     def _apply_fix(self) -> None:
-        """Joins fix and odometry at the fix's stamp, once the odometry reaches it."""
+        """Computes map_to_odom at the fix's stamp, once the odometry covers it."""
         if self._fix is None:
             return
         odometry = self._odometry.at(self._fix.stamp_s)

@@ -1,4 +1,4 @@
-"""From command to command under acceleration and jerk limits."""
+"""Ramps commands under acceleration and jerk limits."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import math
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.core.limits import MotionLimits
 
-# A drive that has not followed so far is not left behind farther.
+# Largest lead of the command over the measured twist.
 _LEAD_MPS, _LEAD_RADPS = 0.3, 0.3
 
 
 class Ramp:
-    """Jerk bounds how acceleration builds up; what is not needed any more is dropped at once."""
+    """Jerk limits the build-up of acceleration; its reduction is immediate."""
 
     def __init__(self) -> None:
         self.twist = ZERO_TWIST
@@ -22,7 +22,7 @@ class Ramp:
         self.twist, self._acceleration = twist, (0.0, 0.0, 0.0)
 
     def start(self, measured: Twist2) -> Twist2:
-        """From where to go on: the last command, but not far ahead of what the robot does."""
+        """Start of the next step: the last command, bounded in its lead over the measured twist."""
         t = self.twist
         dx, dy = t.vx - measured.vx, t.vy - measured.vy
         lead = math.hypot(dx, dy)
@@ -31,7 +31,7 @@ class Ramp:
         return Twist2(measured.vx + share * dx, measured.vy + share * dy, measured.omega + turn)
 
     def towards(self, requested: Twist2, start: Twist2, limits: MotionLimits, dt_s: float) -> Twist2:
-        """The next command on the way from ``start`` to ``requested``. Not finite counts as zero."""
+        """The next command on the way from ``start`` to ``requested``; a non-finite one counts as zero."""
         if dt_s <= 0.0:
             return self.twist
         requested = requested if requested.is_finite() else ZERO_TWIST
@@ -42,7 +42,7 @@ class Ramp:
             jx, jy = _within(ax - ox, ay - oy, limits.jerk_mps3 * dt_s)
             ax, ay = ox + jx, oy + jy
             if ax * (requested.vx - start.vx) + ay * (requested.vy - start.vy) < 0.0:
-                ax, ay = 0.0, 0.0  # an acceleration that leads away from the command
+                ax, ay = 0.0, 0.0  # it would accelerate away from the command
         aw = max(
             -limits.yaw_acceleration_radps2, min(limits.yaw_acceleration_radps2, (requested.omega - start.omega) / dt_s)
         )

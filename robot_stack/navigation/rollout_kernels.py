@@ -1,9 +1,9 @@
-"""Compiled loops of the local controller: candidate motions along the route, rolled out and judged.
+"""Compiled loops of the local controller: candidate motions along the route, rolled out and scored.
 
-All compiled functions that call each other live in this file: numba's cache looks at one file only. Everything is in
-the costmap's frame. A candidate is (offset, speed share, heading offset): drive along the route so far to its left, at
-this share of the speed allowed there, turned by so much. It is rolled out in closed loop under the acceleration limits,
-so that every candidate is a motion that the robot can really make.
+All compiled functions that call each other live in this file: numba's cache checks one file only. Everything is in
+the costmap's frame. A candidate is (offset, speed share, heading offset): drive along the route at this distance to its
+left, at this share of the allowed speed, turned by this angle. The rollout is closed-loop under the acceleration
+limits, so that every candidate is feasible.
 """
 
 from __future__ import annotations
@@ -71,9 +71,9 @@ def person_gap(box: Floats, x: float, y: float, yaw: float, px: float, py: float
 
 @compiled
 def _drives_at(box: Floats, x: float, y: float, yaw: float, start: Floats, person: Floats, time: float) -> bool:
-    """Whether the pose at ``time`` is nearer to a person than he wants, and nearer than ``start`` would be then.
+    """True if the pose at ``time`` is within a person's least gap, and nearer than ``start`` would be then.
 
-    Whoever is nearer than that already may be left, and is not driven at.
+    The robot may move away from a person who is already within that gap.
     """
     px, py = person[0] + time * person[2], person[1] + time * person[3]
     gap = person_gap(box, x, y, yaw, px, py, person[4])
@@ -90,7 +90,7 @@ def free_time(
 ) -> float:  # fmt: skip
     """How long the footprint stays clear by margin_m if the twist goes on unchanged, seconds, at most horizon_s.
 
-    Of people (see evaluate), by what each wants; who comes nearer by walking, and not by this twist, does not count.
+    For people (see evaluate) by the least gap of each; an approach by the person's walking alone does not count.
     """
     x, y, yaw = pose[0], pose[1], pose[2]
     step = 0.1
@@ -103,7 +103,7 @@ def free_time(
         if clearance(field, resolution_m, ox, oy, outline, x, y, yaw) < margin_m:
             return i * step
         for p in range(len(people)):
-            # Where somebody will be, and where he is: people stop.
+            # Predicted and present position: people may stop.
             for time in ((i + 1) * step, 0.0):
                 if _drives_at(box, x, y, yaw, pose, people[p], time):
                     return i * step
@@ -112,7 +112,7 @@ def free_time(
 
 @compiled
 def _nearest(route: Floats, start: int, x: float, y: float) -> int:
-    """The nearest route point from ``start`` on, as long as they come nearer."""
+    """Index of the nearest route point from ``start`` on, while the distance decreases."""
     best = start
     best2 = (route[start, _X] - x) ** 2 + (route[start, _Y] - y) ** 2
     for i in range(start + 1, min(start + 12, len(route))):
@@ -173,7 +173,7 @@ def evaluate(
             size = math.hypot(ax, ay)
             factor = min(1.0, acceleration * step_s / size) if size > 0.0 else 0.0
             vx, vy = vx + factor * ax, vy + factor * ay
-            # Standing still on purpose is standing still: no turning either.
+            # A speed share of zero also means no turning.
             rate = max(-rate_max, min(rate_max, 1.5 * towards)) if share > 0.0 else 0.0
             w += max(-rate_change * step_s, min(rate_change * step_s, rate - w))
             if i == 0:
@@ -198,7 +198,7 @@ def evaluate(
                 cost += 1.0
             elif clear < soft_m:
                 share_near = (soft_m - clear) / (soft_m - hard_m)
-                # By the metre: who goes slowly past something is not punished for the time it takes.
+                # Per metre: a slow pass costs no more for its duration.
                 cost += weights[3] * share_near * share_near * math.hypot(vx, vy) * step_s
             if moving:
                 time = (i + 1) * step_s
@@ -208,7 +208,7 @@ def evaluate(
                     if gap < 0.05 or _drives_at(box, x, y, yaw, pose, people[p], time):
                         cost += COLLISION * 0.5 * (1.0 - 0.5 * i / steps)
                     elif gap < person_m and (people[p, 2] != 0.0 or people[p, 3] != 0.0):
-                        # Not of somebody who stands: the way past him would cost more than to wait for ever.
+                        # Not for standing people: passing them would cost more than waiting for ever.
                         cost += weights[4] * (person_m - gap) / person_m
         progress = route[at, _ALONG] - route[begin, _ALONG]
         off = math.hypot(route[at, _X] - x, route[at, _Y] - y)

@@ -1,7 +1,7 @@
-"""Questions for a route and their answers: what a planner is told is a snapshot, so it may think for long.
+"""Route requests and results. A request is a snapshot, so planning may take long.
 
-Whoever drives asks and goes on with its tick; the newest question wins, and the answer is taken when it is there. Nodes
-answer in a thread of their own (``robot_stack.navigation.nodes.planning_thread``), benchmarks and tests at once.
+The follower requests a route and continues its tick; the newest request wins, and its result is polled. Nodes
+plan in a thread of their own (``robot_stack.navigation.background_planner``), benchmarks and tests at once.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RouteRequest:
-    """Poses in map. seen: (n, 2) obstacle points in map beside those of the site's map; nobody changes it."""
+    """Poses in map. seen: (n, 2) obstacle points in map beyond those of the site's map; read-only."""
 
     start: Pose2
     goal: Pose2
@@ -35,7 +35,7 @@ class RouteRequest:
 
 @dataclass(frozen=True, slots=True)
 class RouteResult:
-    """route: None without a way, and ``reason`` says why.
+    """route: None without a way; ``reason`` is the cause.
 
     lasting: the site's map alone leaves no way, so that waiting changes nothing.
     """
@@ -46,27 +46,27 @@ class RouteResult:
 
 
 class RoutePlanner(Protocol):
-    """Answers the newest question."""
+    """Plans the newest request."""
 
     def ask(self, question: RouteRequest) -> None:
-        """Whatever was asked before is not answered any more."""
+        """Requests a route; cancels the previous request."""
 
     def take(self) -> RouteResult | None:
-        """The answer to the newest question, once; None until it is there."""
+        """The result of the newest request, once; None until it is available."""
 
     def drop(self) -> None:
-        """The newest question is not to be answered any more."""
+        """Cancels the newest request."""
 
 
 class RouteSolver:
-    """Answers are a pure function of question and site. site: the map's grid, None without a map."""
+    """Results are a pure function of request and site. site: the map's grid, None without a map."""
 
     def __init__(self, params: PlannerParams, site: PlanningGrid | None) -> None:
         self._params = params
         self._site = None if site is None else site.view()
 
     def solve(self, question: RouteRequest, stop: Stop) -> RouteResult:
-        """stop: once it is set the answer comes soon and is worth nothing."""
+        """stop: once set, this returns soon and its result is invalid."""
         p, grid = self._params, self._site
         if grid is None:
             empty = empty_grid(question.start, question.goal, p.open_pad_m, p.open_resolution_m)
@@ -74,7 +74,7 @@ class RouteSolver:
         found = self._plan(grid, question, question.seen, stop)
         if not isinstance(found, NoWay):
             return RouteResult(found)
-        # Only the map's own obstacles are there for good.
+        # Only the map's own obstacles are permanent.
         nothing = question.seen[:0]
         by_map = self._plan(grid, question, nothing, stop, doubtful=True) if len(question.seen) else found
         if isinstance(by_map, NoWay) and self._site is not None:
@@ -90,7 +90,7 @@ class RouteSolver:
 
 
 class PromptRoutes:
-    """A planner that answers while it is asked."""
+    """A planner that plans synchronously in ``ask``."""
 
     def __init__(self, solver: RouteSolver) -> None:
         self._solver = solver

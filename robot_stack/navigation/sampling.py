@@ -1,8 +1,8 @@
-"""The local controller: a few hundred motions along the route, rolled out and judged; the best is refined and driven.
+"""The local controller: a few hundred motions along the route, rolled out and scored; the best is refined and driven.
 
 Cross-entropy optimisation over three numbers (offset beside the route, share of the speed, heading offset): first a
-fixed grid of candidates, standing still among them, then draws around the best. The draws depend on the seed and the
-number of the step alone.
+fixed grid of candidates including standstill, then draws around the best. The draws depend only on the seed and the
+number of the step.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _SLOWER = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1)
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """twist: to be reached within a step of the rollout. blocked: nothing but standing still is free.
+    """twist: to be reached within a step of the rollout. blocked: only standstill is free.
 
-    urgent: slower than would be chosen, because something would be too near too soon: brake as hard as may be.
+    urgent: slowed down because of a near obstacle: brake as hard as allowed.
     """
 
     twist: Twist2
@@ -41,7 +41,7 @@ class Choice:
 
 
 class SamplingController:
-    """Remembers nothing but its last choice, which it prefers a little, and the number of the step."""
+    """Its only state is the last choice, which gets a small preference, and the number of the step."""
 
     def __init__(self, params: LocalParams) -> None:
         self._params = params
@@ -75,7 +75,7 @@ class SamplingController:
         edge, box, reach = outline(footprint), _box(footprint), _reach(footprint)
         place = local.field, local.resolution_m, local.x_m, local.y_m
         here = float(local.clearance_m(edge, at[None])[0])
-        # A robot that stands nearer than the margin may leave, but not come nearer.
+        # A robot nearer than the margin may move away, but not nearer.
         hard = min(p.hard_margin_m, here - 0.02)
 
         def judge(candidates: Array) -> tuple[Array, Array, Array]:
@@ -118,8 +118,8 @@ class SamplingController:
         box: Array,
         people: Array,
     ) -> Twist2:
-        """``requested``, slower if it went on unchanged would come too near too soon: what the safety monitor judges
-        by."""
+        """``requested``, slowed down until its unchanged continuation stays clear for the horizon, the criterion of
+        the safety monitor."""
         p = self._params
         margin = min(p.governor_margin_m, here - 0.03)
         slower = requested

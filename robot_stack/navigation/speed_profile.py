@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import ruckig
 
-# Shares of the limits that are tried one after the other.
+# Shares of the limits, tried in this order.
 _SHARES = (1.0, 0.99993, 0.9998, 0.99951)
 
 
@@ -21,7 +21,7 @@ class AxisLimits:
 
 
 class Profile:
-    """Position, speed and acceleration of one coordinate over time; outside [0, duration_s] the nearest end holds."""
+    """Position, speed and acceleration of one coordinate over time; time is clamped to [0, duration_s]."""
 
     __slots__ = ("_trajectory", "duration_s")
 
@@ -45,7 +45,7 @@ def to_position(
 ) -> Profile:
     """From 0 with ``speed`` and ``acceleration`` to rest at ``distance``, as fast as the limits allow.
 
-    A start outside the limits is brought inside first. ``min_duration_s`` asks for a slower motion that takes so long.
+    A start outside the limits is brought inside first. ``min_duration_s`` requests a slower motion of that duration.
     Raises ValueError for numbers that are not finite.
     """
     requested = _input(speed, acceleration, limits)
@@ -81,8 +81,8 @@ def _input(speed: float, acceleration: float, limits: AxisLimits) -> ruckig.Inpu
 def _solve(requested: ruckig.InputParameter) -> Profile:
     """The profile for ``requested``.
 
-    Ruckig fails where two kinds of profile meet to the last digit, e.g. over 0.4 m with 0.8 m/s2 and 1.6 m/s3, where
-    the acceleration just reaches its limit. Limits smaller by less than a thousandth lie beside such a point.
+    Ruckig fails exactly at the boundary of two kinds of profile, e.g. over 0.4 m with 0.8 m/s2 and 1.6 m/s3, where
+    the acceleration just reaches its limit. Limits smaller by less than a thousandth avoid such a point.
     """
     problem = ""
     limits = requested.max_velocity, requested.max_acceleration, requested.max_jerk

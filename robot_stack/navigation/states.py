@@ -1,6 +1,6 @@
-"""The states of the navigation controller and every way from one to the next.
+"""The states of the navigation controller and their transitions.
 
-The table is the single truth: the controller asks it, and the tests show that every row is taken.
+The table is the only definition: the controller uses it, and the tests cover every row.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from robot_stack.core.transitions import Transition, rows, table_of
 
 
 class NavigationState(Enum):
-    """What the controller is doing."""
+    """State of the controller."""
 
     IDLE = "idle"  # no goal
-    HELD = "held"  # a goal, but something forbids to move
-    DRIVING = "driving"  # the exact motion straight to the goal, where nothing is near it
+    HELD = "held"  # a goal, but motion is forbidden
+    DRIVING = "driving"  # the exact motion straight to the goal, clear of obstacles
     FOLLOWING = "following"  # a route among obstacles, or waiting until it is planned
     ARRIVING = "arriving"  # the last centimetres by feedback
     BRAKING = "braking"  # no goal, still moving
@@ -40,7 +40,7 @@ _BUSY = tuple(state for state in NavigationState if state is not _S.IDLE)
 _ON_THE_WAY = (_S.DRIVING, _S.FOLLOWING)
 
 TRANSITIONS: tuple[Transition[NavigationState, Trigger], ...] = (
-    # A goal may come in any state.
+    # A goal may arrive in any state.
     *rows(_ANY, Trigger.CLEAR, _S.DRIVING),
     *rows(_ANY, Trigger.OBSTRUCTED, _S.FOLLOWING),
     *rows(_ANY, Trigger.FORBIDDEN, _S.HELD),
@@ -58,5 +58,5 @@ _TABLE = table_of(TRANSITIONS)
 
 
 def target_of(state: NavigationState, trigger: Trigger) -> NavigationState:
-    """The state that ``trigger`` leads to. Raises KeyError for a trigger that means nothing in ``state``."""
+    """The state that ``trigger`` leads to. Raises KeyError for a trigger without a transition in ``state``."""
     return _TABLE[state, trigger]

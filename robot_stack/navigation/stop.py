@@ -1,4 +1,4 @@
-"""A plan that nobody wants any more: told by one thread, seen by the compiled searches of another."""
+"""A cancel flag: set by one thread, polled by the compiled searches of another."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Stop:
-    """flag: (1,) bool, as the compiled loops want it."""
+    """flag: (1,) bool, the argument of the compiled loops."""
 
     def __init__(self) -> None:
         self.flag = np.zeros(1, np.bool_)

@@ -1,4 +1,4 @@
-"""What is around the robot: the site's map, the newest costmap, people in it, and obstacles seen a while ago."""
+"""The robot's surroundings: the site's map, the newest costmap, people in it, and remembered obstacles."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
 from robot_stack.navigation.routes import RouteRequest
 
 Array = npt.NDArray[np.float64]
-# Lethal cells this near to an obstacle of the map are that obstacle.
+# Lethal cells within this distance of a map obstacle belong to it.
 _SAME_M = 0.30
 _MOST_REMEMBERED = 20_000
 
 
 class Surroundings:
-    """grid: of the site map, None without one. Poses are in map unless they are said to be in odom."""
+    """grid: of the site map, None without one. Poses are in map unless noted as odom."""
 
     def __init__(self, params: NavigationParams, grid: Grid | None) -> None:
         self._params = params
@@ -46,7 +46,7 @@ class Surroundings:
 
     @property
     def free_space(self) -> bool:
-        """Nothing is known of any obstacle: every way is clear."""
+        """True without map and costmap: every way is clear."""
         return self.grid is None and not self.seeing
 
     @property
@@ -55,7 +55,7 @@ class Surroundings:
         return self._tracker.people
 
     def problem(self, steady_s: float) -> str:
-        """Why the robot may not move for want of a costmap, else an empty text."""
+        """Why the costmap forbids motion (missing or stale), else an empty text."""
         if not self.seeing:
             return ""
         limit_s = self._params.follow.costmap_timeout_s
@@ -73,7 +73,7 @@ class Surroundings:
         if problem or not math.isfinite(stamp_s):
             return problem or "/local_costmap/costmap stamp is not finite"
         if self.local is not None and stamp_s == self.local.stamp_s:
-            return ""  # nothing new is known: it ages on
+            return ""  # a duplicate, which does not reset the age
         if self.local is not None and stamp_s < self.local.stamp_s:
             self._tracker.clear()  # another clock
         lethal = cells >= LETHAL
@@ -95,7 +95,7 @@ class Surroundings:
         return np.column_stack((x, y, poses[:, 2] + o.yaw))
 
     def clearance_m(self, footprint: Footprint, poses: Array) -> Array:
-        """(n,) clearance at (n, 3) poses by map and costmap together; people who walk do not count."""
+        """(n,) clearance at (n, 3) poses by map and costmap together; walking people do not count."""
         edge = outline(footprint)
         clear = np.full(len(poses), FAR_M)
         if self.grid is not None:
@@ -105,7 +105,7 @@ class Surroundings:
         return clear
 
     def person_m(self, poses: Array, now_s: float, walking_m: float) -> float:
-        """Least distance of a person to (n, 3) poses; those who walk count as so much nearer."""
+        """Least distance of a person to (n, 3) poses; walking people count as ``walking_m`` nearer."""
         at = self.to_odom(poses)
         least = math.inf
         for person in self.people:
@@ -120,20 +120,20 @@ class Surroundings:
         return "" if self.grid is None else goal_problem(self.grid, footprint, goal, self._params.planner)
 
     def question(self, start: Pose2, goal: Pose2, footprint: Footprint) -> RouteRequest:
-        """For a route around all that map and costmap have shown until now."""
+        """A request for a route around all obstacles of map and costmap until now."""
         return RouteRequest(start, goal, footprint, self._remembered)  # replaced with each costmap, never changed
 
     def shown(self) -> bytes:
-        """A digest of the obstacles that a planner would be told of: as long as it is the same, so is the answer."""
+        """A digest of the obstacles of a request: while it is unchanged, so is the result."""
         size_m = self._params.planner.search_resolution_m
         column, row = np.floor(self._remembered / size_m).astype(np.int64).T
-        cells = np.unique((row << 32) + column)  # as one number each: sorting pairs would take most of a tick
+        cells = np.unique((row << 32) + column)  # one number per cell: sorting pairs would take most of a tick
         return hashlib.blake2b(cells.tobytes(), digest_size=16).digest()
 
     # --- memory ------------------------------------------------------------------------------------------------------
 
     def _explained(self, lethal: npt.NDArray[np.bool_], resolution_m: float, origin: Pose2) -> npt.NDArray[np.bool_]:
-        """Which lethal cells the map knows."""
+        """Mask of the lethal cells at map obstacles."""
         known = np.zeros_like(lethal)
         if self.grid is None:
             return known
@@ -143,7 +143,7 @@ class Surroundings:
         return known
 
     def _near_map(self, points: Array) -> npt.NDArray[np.bool_]:
-        """(n,) whether (n, 2) points in map lie at an obstacle of the map."""
+        """(n,) True for points (n, 2), map, at an obstacle of the map."""
         assert self.grid is not None
         dot = np.zeros((1, 2))
         return self.grid.clearance_m(dot, np.column_stack((points, np.zeros(len(points)))), known=True) < _SAME_M
@@ -154,7 +154,7 @@ class Surroundings:
         return np.column_stack((o.x + c * points[:, 0] - s * points[:, 1], o.y + s * points[:, 0] + c * points[:, 1]))
 
     def _remember(self, stamp_s: float) -> None:
-        """What the costmap shows replaces what was remembered where it reaches."""
+        """Within its extent, the costmap replaces the remembered obstacles."""
         assert self.local is not None
         if len(self._remembered):
             at = self.to_odom(np.column_stack((self._remembered, np.zeros(len(self._remembered)))))

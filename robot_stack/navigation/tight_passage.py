@@ -1,4 +1,4 @@
-"""A stretch of a route through a narrow place, sought over positions and headings together."""
+"""A stretch of a route through a narrow place, searched over positions and headings together."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from robot_stack.navigation.stop import Stop
 Array = npt.NDArray[np.float64]
 _STEP_M = 0.1
 _STEP_RAD = 0.1
-# What a metre costs about where this search is needed: with the bare distance as an estimate it would look everywhere.
+# Typical cost of a metre in narrow places: with the bare distance as heuristic the search would expand everything.
 _COST_BETWEEN_WALLS = 2.5
 
 
@@ -57,14 +57,14 @@ def passage(
 ) -> Array | None:
     """(n, 3) poses from ``start`` to ``goal`` (both (3,), map), both included; None if there is no way.
 
-    any_heading: the goal's heading does not matter; it is the last pose's then. stop: ends the search.
+    any_heading: the goal's heading is free; the last pose has the one found. stop: ends the search.
     """
     margin_m = params.margin_m + grid.half_cell_m
     window = _window(grid, footprint, params, start, goal, margin_m)
     bins = params.heading_bins
     first, last = (round(float(pose[2]) / (2.0 * math.pi) * bins) % bins for pose in (start, goal))
     from_cell, to_cell = window.cell(start), window.cell(goal)
-    # Where they stand they may stand: the ends are given.
+    # Both ends are given and count as free.
     window.free[(*from_cell, first)] = True
     if not any_heading:
         window.free[(*to_cell, last)] = True
@@ -104,7 +104,7 @@ def _window(
     )
     point = np.zeros((1, 2))
     clear = clearances(grid.field, *place, point, np.column_stack((middles, np.zeros(len(middles)))), 0.0)
-    # Rising up to the walls themselves, so that a gate is passed in its middle.
+    # The cost rises up to the walls, so that a gate is passed in its middle.
     far_m = reach + params.prefer_m
     cost = 1.0 + params.near_cost * np.clip((far_m - clear) / far_m, 0.0, 1.0)
     if not params.unknown_is_passable:

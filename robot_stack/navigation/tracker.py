@@ -1,6 +1,6 @@
 """Velocity commands that keep the body on its planned motion.
 
-Feed-forward: the planned velocity, ahead in time by what passes until a command acts. Feedback: proportional to the
+Feed-forward: the planned velocity, ahead in time by the delay of a command. Feedback: proportional to the
 error of the pose now.
 """
 
@@ -32,9 +32,9 @@ def tracking_error(planned: Pose2, pose: Pose2) -> TrackingError:
 
 
 def waiting_rate(now: MotionState, pose: Pose2, params: TrackingParams) -> float:
-    """How fast the plan may go on, 0..1: it waits for a robot that something holds back.
+    """Rate of the plan's time, 0..1: the plan waits for a robot that is held back.
 
-    Only what the robot is behind along its way counts; beside the way it is the feedback's business.
+    Only the lag along the way counts; the feedback corrects the lateral error.
     """
     error, speed = tracking_error(now.pose, pose), now.speed()
     behind_m = (error.x * now.velocity[0] + error.y * now.velocity[1]) / speed if speed > 0.0 else 0.0
@@ -46,7 +46,7 @@ def waiting_rate(now: MotionState, pose: Pose2, params: TrackingParams) -> float
 
 
 def begun(start: MotionState, soon: MotionState, pose: Pose2, params: TrackingParams) -> bool:
-    """True once a robot that starts from rest has moved: towards where the plan has it soon."""
+    """True once a robot that starts from rest has moved in the direction of the plan."""
     course = math.hypot(*soon.velocity)
     moved_x, moved_y = pose.x - start.pose.x, pose.y - start.pose.y
     along_m = (moved_x * soon.velocity[0] + moved_y * soon.velocity[1]) / course if course > 0.0 else 0.0
@@ -62,12 +62,12 @@ def command(now: MotionState, ahead: MotionState, pose: Pose2, params: TrackingP
     """The twist to command, base_link.
 
     now: planned state now. ahead: planned state when the command acts. pose: estimated pose now, map.
-    rate: how fast the plan goes on.
+    rate: of the plan's time.
     """
     error = tracking_error(now.pose, pose)
     pull_x, pull_y = _bounded(error.x, error.y, params.position_gain_per_s, params.max_correction_mps)
     pull_yaw = max(-params.max_correction_radps, min(params.max_correction_radps, params.yaw_gain_per_s * error.yaw))
-    # The body will stand at this yaw when the command acts, if it goes on turning as planned.
+    # Predicted yaw when the command acts, if the body turns as planned.
     yaw = pose.yaw + wrap_angle(ahead.pose.yaw - now.pose.yaw)
     c, s = math.cos(yaw), math.sin(yaw)
     vx, vy = rate * ahead.velocity[0] + pull_x, rate * ahead.velocity[1] + pull_y
@@ -75,7 +75,7 @@ def command(now: MotionState, ahead: MotionState, pose: Pose2, params: TrackingP
 
 
 def bounded(twist: Twist2, max_speed_mps: float, max_yaw_rate_radps: float) -> Twist2:
-    """``twist`` with its speed and its yaw rate inside their limits, each by itself, so that the course stays."""
+    """``twist`` with its speed and its yaw rate inside their limits, each separately, so that the course is kept."""
     speed = twist.speed()
     factor = 1.0 if speed <= max_speed_mps else max_speed_mps / speed
     omega = max(-max_yaw_rate_radps, min(max_yaw_rate_radps, twist.omega))
@@ -83,7 +83,7 @@ def bounded(twist: Twist2, max_speed_mps: float, max_yaw_rate_radps: float) -> T
 
 
 def settle_command(goal: Pose2, pose: Pose2, limits: MotionLimits, params: TrackingParams) -> Twist2:
-    """Towards ``goal`` by feedback alone, for the last centimetres. limits: speed and yaw rate are bounded by them."""
+    """Towards ``goal`` by feedback alone, for the last centimetres. limits: bounds of speed and yaw rate."""
     error = tracking_error(goal, pose)
     vx, vy = _bounded(error.x, error.y, params.position_gain_per_s, limits.speed_mps)
     omega = params.yaw_gain_per_s * error.yaw

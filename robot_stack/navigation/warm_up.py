@@ -1,4 +1,4 @@
-"""Compiles what navigation calls among obstacles, or loads it: before the first goal instead of during it."""
+"""Compiles the kernels of navigation among obstacles, or loads them, before the first goal."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _CELLS, _RESOLUTION_M = 200, 0.05
 
 
 def warm_up() -> None:
-    """One short story with a wall in the way; nothing of it is kept but the compiled code."""
+    """Runs one short navigation with a wall in the way; only the compiled code is kept."""
     params = load(NavigationParams, "navigation_controller", {"use_costmap": True})
     robot = load_robot()
     occupancy = np.zeros((100, 100), np.int8)

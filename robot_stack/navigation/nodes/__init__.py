@@ -1,1 +1,1 @@
-"""What node ``navigation_controller`` publishes for pictures."""
+"""The node ``navigation_controller``, its messages and markers."""

@@ -1,4 +1,4 @@
-"""Between the messages of navigation and the values of its kernels."""
+"""Converts between the messages of navigation and the values of its kernels."""
 
 from __future__ import annotations
 

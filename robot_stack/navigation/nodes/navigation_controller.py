@@ -1,7 +1,7 @@
 """navigation_controller: /goal_pose to /cmd_vel and /plan.
 
-/cmd_vel comes at the contract's rate all the time, zero without a goal: whoever watches it sees a node that works, and
-the drive's arbitration puts any other source before it.
+/cmd_vel is always published at the contract's rate, zero without a goal: it shows that the node works, and the drive's
+arbitration prefers any other source.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from robot_stack.navigation.routes import RouteSolver
 from robot_stack.navigation.states import NavigationState
 from robot_stack.navigation.warm_up import warm_up
 
-_END_S = 2.0  # a search under way is waited for so long
+_END_S = 2.0  # timeout of the wait for a running search
 
 
 class NavigationControllerNode(StackNode):
-    """Stores inputs in callbacks; one tick asks the kernel ``controller`` and publishes."""
+    """Stores inputs in callbacks; each tick runs the kernel ``controller`` and publishes."""
 
     def __init__(self) -> None:
         super().__init__("navigation_controller", NavigationParams)
@@ -115,7 +115,7 @@ class NavigationControllerNode(StackNode):
 
     def _tick(self) -> None:
         if self._limit.received and not self._limit.fresh():
-            self.controller.set_speed_limit(SpeedLimit(0.0, 0.0))  # whoever limits the speed has fallen silent
+            self.controller.set_speed_limit(SpeedLimit(0.0, 0.0))  # the speed limit is stale
         located, problem = self._poses.located(self.now_s(), self.steady_s())
         blind = self.controller.around.problem(self.steady_s())
         problem = "; ".join(filter(None, self._problems.values())) or problem or blind

@@ -1,4 +1,4 @@
-"""What the navigation controller publishes: motion, the plan, what it is doing, and the people it follows."""
+"""Publishers of the navigation controller: motion, the plan, the state, and tracked people."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robot_stack.navigation.people import Person
 
 
 class NavigationOutputs:
-    """Publishers of the node ``navigation_controller``. sightings: who was in fewer costmaps is left out."""
+    """Publishers of the node ``navigation_controller``. sightings: people seen in fewer costmaps are left out."""
 
     def __init__(self, node: StackNode, sightings: int) -> None:
         self._node, self._sightings = node, sightings
@@ -34,7 +34,7 @@ class NavigationOutputs:
         self._cmd_vel.publish(twist_to_msg(twist))
 
     def plan(self, path: Path | None) -> None:
-        """Once for every path, and once that there is none."""
+        """Publishes each path once, and an empty one once if there is none."""
         if path is self._shown_path and self._plan_shown:
             return
         self._plan.publish(path_message(path, self._node.stamp()))
@@ -46,6 +46,6 @@ class NavigationOutputs:
             self._status_text = text
 
     def people(self, people: Iterable[Person], stamp: Time) -> None:
-        """With every costmap, if somebody looks."""
+        """Publishes the markers of a costmap if they have a subscriber."""
         if self._people.get_subscription_count():
             self._people.publish(people_markers(people, stamp, time_to_s(stamp), self._sightings))

@@ -1,4 +1,4 @@
-"""People and things that navigation follows, as markers that RViz, Foxglove and the touch screen draw."""
+"""People and objects tracked by navigation as markers for RViz, Foxglove and the touch screen."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def kind_of(person: Person) -> str:
 
 
 def people_markers(people: Iterable[Person], stamp: Time, stamp_s: float, sightings: int) -> MarkerArray:
-    """At stamp_s, in odom. sightings: what fewer costmaps have shown is left out."""
+    """At stamp_s, in odom. sightings: people seen in fewer costmaps are left out."""
     markers = []
     for number, person in enumerate(item for item in people if item.sightings >= sightings):
         markers.append(_cylinder(person, number, stamp, stamp_s))
