@@ -1,4 +1,4 @@
-"""The local costmap: what perception knows of the space around the robot, inflated by the footprint in force."""
+"""The local costmap: perception's grid of the space around the robot, inflated by the footprint in force."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Space:
 
 
 def space_problem(space: Space, size: tuple[int, int]) -> str:
-    """Why a grid is refused, empty if it is not. size: (rows, columns) that it claims to have."""
+    """Why a grid is refused, else an empty text. size: its declared (rows, columns)."""
     if not 0.01 <= space.resolution_m <= 0.5:
         return f"info.resolution is {space.resolution_m}, must be 0.01 to 0.5 m"
     if min(size) < 1 or space.state.size != size[0] * size[1]:

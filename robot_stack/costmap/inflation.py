@@ -1,4 +1,4 @@
-"""What a place costs by its distance from the nearest obstacle, as Nav2 publishes it in an OccupancyGrid.
+"""Cost of a place by its distance from the nearest obstacle, with Nav2's values in an OccupancyGrid.
 
 100: an obstacle. 99: the footprint touches it whatever its heading (the inscribed circle). 1-98: it may touch it,
 falling exponentially. 0: free.
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from robot_stack.core.robot import Footprint
 
 LETHAL, INSCRIBED, HIGHEST = 100, 99, 98
-# Nav2 computes with 252 steps below "inscribed" and shows them as 1-98.
+# Nav2 computes with 252 steps below "inscribed" and publishes them as 1-98.
 _STEPS = 252
 _ROUNDING_M = 1e-9
 
@@ -40,7 +40,7 @@ def cost(distance_m: float, inscribed_radius_m: float, scaling_per_m: float) -> 
 
 
 def cost_table(footprint: Footprint, beyond_m: float, scaling_per_m: float, resolution_m: float) -> NDArray[np.int8]:
-    """(n,) costs by squared distance in cells, up to ``beyond_m`` farther than the footprint reaches."""
+    """(n,) costs by squared distance in cells, up to ``beyond_m`` beyond the circumscribed radius."""
     cells = (circumscribed_m(footprint) + beyond_m) / resolution_m
     inside_m = inscribed_m(footprint)
     return np.array(

@@ -1,4 +1,4 @@
-"""Compiled loops of the costmap. They live in one file: numba's cache looks at one file only.
+"""Compiled loops of the costmap. They live in one file: numba's cache checks one file only.
 
 Grids are (rows, columns), row 0 at the lowest y.
 """
@@ -47,7 +47,7 @@ def _parabolas(values: Floats, out: Floats, roots: NDArray[np.int64], bounds: Fl
 
 @compiled
 def _meet(values: Floats, q: int, root: int) -> float:
-    """Where the parabolas rooted at two places cross."""
+    """Intersection of the parabolas rooted at two places."""
     return float((values[q] + q * q - values[root] - root * root) / (2.0 * (q - root)))
 
 
@@ -55,8 +55,8 @@ def _meet(values: Floats, q: int, root: int) -> float:
 def inflate(state: Cells, costs: Cells, out: Cells) -> None:
     """Costs around occupied cells, by the exact distance between cells' middles.
 
-    costs: of the squared distance in cells, costs[0] that of the cell itself; beyond its end nothing costs anything. An
-    unknown cell becomes a cost only where the robot's middle may not be (99); out: (rows, columns), overwritten.
+    costs: of the squared distance in cells, costs[0] that of the cell itself; beyond its end the cost is 0. An
+    unknown cell gets a cost only within the inscribed radius (99); out: (rows, columns), overwritten.
 
     Exact distance transform: Felzenszwalb and Huttenlocher, "Distance Transforms of Sampled Functions", Theory of
     Computing 2012.

@@ -13,7 +13,7 @@ NotNegative = Annotated[float, Field(ge=0.0)]
 
 
 class InflationParams(Config):
-    """How far around obstacles driving costs something: ``beyond_m`` more than the footprint reaches."""
+    """Inflation radius: ``beyond_m`` more than the footprint's circumscribed radius."""
 
     beyond_m: NotNegative
     scaling_per_m: Positive

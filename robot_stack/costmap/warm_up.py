@@ -1,4 +1,4 @@
-"""Compiles what a grid runs through, or loads it: before the first grid instead of during it."""
+"""Compiles the kernels of the costmap, or loads them, before the first grid."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ from robot_stack.costmap.params import CostmapParams
 
 
 def warm_up() -> None:
-    """One obstacle."""
+    """Inflates a small grid of obstacles."""
     costmap = LocalCostmap(load(CostmapParams, "costmap_server"), load_robot())
     costmap.costs(Space(np.full((20, 20), 100, np.int8), 0.05))

@@ -1,1 +1,1 @@
-"""What the robot's range sensors see around it, by ray casting against the robot's own model."""
+"""Coverage of the robot's range sensors, by ray casting against the robot's own model."""

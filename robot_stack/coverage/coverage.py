@@ -1,4 +1,4 @@
-"""Which share of the surroundings is seen: the robot with its sensors, the band around it, things that stand there."""
+"""Share of the surroundings seen: the robot with its sensors, the band around it, and objects in the band."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ I64 = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """The robot as it stands there: what hides, and where nothing else can be. solids: in base_link."""
+    """The robot's body: its solids occlude beams, its footprint excludes objects. solids: in base_link."""
 
     solids: Sequence[Placed]
     footprint: Footprint
@@ -38,7 +38,7 @@ class Grid:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """points: (m,) per cell, from a thing of each height (things) or at each height (maps), by height in m."""
+    """points: (m,) per cell, on an object of each height (things) or at each height (maps), by height in m."""
 
     grid: Grid
     things: Mapping[float, I64]
@@ -47,10 +47,10 @@ class Seen:
 
 
 class View:
-    """One sensor's beams with what the robot itself leaves of them."""
+    """One sensor's beams, shortened by the robot's own parts."""
 
     def __init__(self, sensor: RangeSensor, body: Body, edge_columns: int) -> None:
-        """edge_columns: so many columns beside the robot's own parts count as hidden too."""
+        """edge_columns: number of columns beside the robot's own parts that count as hidden, too."""
         beams = sensor.beams()
         azimuths = np.arctan2(beams[:, 1], beams[:, 0])
         order = np.argsort(azimuths)
@@ -62,7 +62,7 @@ class View:
         self._reach = np.minimum(beside, sensor.max_m)[order]
 
     def count(self, cells: F64, width_m: float, foot_m: float, top_m: float) -> I64:
-        """(m,) how many beams of one period meet an upright cylinder that stands at each cell."""
+        """(m,) number of beams of one period that hit an upright cylinder at each cell."""
         counts = np.zeros(len(cells), np.int64)
         count_on_things(
             self._origin,
@@ -80,7 +80,7 @@ class View:
 
 
 def band(footprint: Footprint, params: CoverageParams) -> Grid:
-    """Where the middle of a thing can be that stands within ``band_m`` of the footprint and does not touch it."""
+    """Possible centres of objects within ``band_m`` of the footprint that do not touch it."""
     half = 0.5 * footprint.width_m
     cell, reach = params.cell_m, params.band_m
     low = (footprint.rear_m - reach, -half - reach)
@@ -99,7 +99,7 @@ def band(footprint: Footprint, params: CoverageParams) -> Grid:
 
 
 def look(sensors: Mapping[str, RangeSensor], body: Body, params: CoverageParams) -> Seen:
-    """What the sensors see together within one period of each."""
+    """Joint coverage of the sensors within one period of each."""
     grid = band(body.footprint, params)
     things = {height: np.zeros(len(grid.cells), np.int64) for height in params.thing_heights_m}
     maps = {height: np.zeros(len(grid.cells), np.int64) for height in params.map_heights_m}

@@ -1,4 +1,4 @@
-"""Parameters of ``robot-stack coverage``, ``config/coverage.yaml``, and the layouts it can compare."""
+"""Parameters of ``robot-stack coverage``, ``config/coverage.yaml``, and the layouts to compare."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 
 
 class CoverageParams(Config):
-    """Sizes in m; what counts as seen."""
+    """Sizes in m, and the thresholds of a seen cell."""
 
     band_m: Positive
     cell_m: Annotated[float, Field(ge=0.01, le=0.5)]
@@ -27,7 +27,7 @@ class CoverageParams(Config):
 
 
 class Layout(Config):
-    """Sensors by name. robot: those of ``config/robot.yaml`` that belong to it too; own: its own beside them."""
+    """Sensors by name. robot: sensors from ``config/robot.yaml``; own: additional ones."""
 
     what: str
     robot: tuple[str, ...]
@@ -35,7 +35,7 @@ class Layout(Config):
 
 
 class Layouts(Config):
-    """``config/coverage_layouts.yaml``: what was compared before the robot's sensors were chosen."""
+    """``config/coverage_layouts.yaml``: candidates for the robot's sensors."""
 
     layouts: dict[str, Layout]
 

@@ -1,4 +1,4 @@
-"""The compiled ray caster: beams against the robot's own solids, and against things that stand around it."""
+"""The compiled ray caster: beams against the robot's own solids, and against objects around it."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _TINY = 1e-12
 
 
 def own_ranges(origin: F64, beams: F64, solids: Sequence[Placed]) -> F64:
-    """(n,) m to where each beam first meets one of the solids, inf: none.
+    """(n,) range at which each beam first hits one of the solids, m; inf: none.
 
     origin: (3,) m, beams: (n, 3) unit vectors, in the solids' frame. A solid around the origin is the sensor's housing
-    and hides nothing.
+    and occludes nothing.
     """
     kinds = np.array([_KINDS[item.solid.kind] for item in solids], np.int64)
     half = np.array([item.solid.size_m for item in solids], float).reshape(-1, 3) * 0.5
@@ -79,7 +79,7 @@ def _enter_ball(o: F64, d: F64, half: F64) -> float:
 def enter_cylinder(
     ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, radius: float, foot: float, top: float
 ) -> float:
-    """Where a ray enters an upright cylinder about the z axis from foot to top; inf: it misses or begins inside."""
+    """Distance to an upright cylinder about the z axis from foot to top; inf if the ray misses or begins inside."""
     a, b, c = dx * dx + dy * dy, ox * dx + oy * dy, ox * ox + oy * oy - radius * radius
     if c > 0.0:  # from beside it: through the side
         root = b * b - a * c
@@ -114,10 +114,10 @@ def count_on_things(
     top: float,
     counts: I64,
 ) -> None:
-    """Adds to ``counts`` (m,) how many beams meet an upright cylinder at each of the cells (m, 2), m.
+    """Adds to ``counts`` (m,) the number of beams that hit an upright cylinder at each of the cells (m, 2), m.
 
-    beams: (n, 3) in the order of rising azimuths (n,), rad; reach: (n,) m, what each sees at most; least_m: nearer
-    returns the sensor does not give.
+    beams: (n, 3) in the order of rising azimuths (n,), rad; reach: (n,) largest range of each, m; least_m: the
+    sensor's smallest range.
     """
     for m in range(len(cells)):
         x, y = cells[m, 0] - origin[0], cells[m, 1] - origin[1]

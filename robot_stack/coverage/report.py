@@ -32,12 +32,12 @@ def sensors_of(layout: Layout, robot: Robot) -> dict[str, RangeSensor]:
 def look_around(
     sensors: Mapping[str, RangeSensor], standing: Mapping[str, Body], params: CoverageParams
 ) -> dict[str, Seen]:
-    """What is seen around each of the bodies."""
+    """Coverage around each of the bodies."""
     return {name: look(sensors, body, params) for name, body in standing.items()}
 
 
 def figures(seen: Mapping[str, Seen], params: CoverageParams) -> dict[str, float]:
-    """``seen_pct_06_chair``: share of the band where a thing 0.6 m high is seen, %; ``map_pct_06_chair``: at 0.6 m."""
+    """``seen_pct_06_chair``: share of the band where an object 0.6 m high is seen; ``map_pct_06_chair``: at 0.6 m."""
     found = {}
     for name, view in seen.items():
         for height, points in view.things.items():

@@ -10,7 +10,7 @@ from robot_stack.coverage.coverage import Body, View
 
 
 def warm_up() -> None:
-    """One cell, seen past nothing."""
+    """One cell without occlusion."""
     robot = load_robot()
     view = View(robot.range_sensors[frames.LIDAR], Body([], robot.footprint), edge_columns=1)
     view.count(np.ones((1, 2)), 0.2, 0.0, 0.6)

@@ -17,8 +17,8 @@ from robot_stack.middleware.wheelchair import WheelchairInput
 
 
 class CostmapServerNode(StackNode):
-    """Publishes at once with every grid that comes, under its stamp, while obstacles come as well: without them the
-    space is that of a perception which sees nothing."""
+    """Publishes a costmap for each grid, with its stamp, while obstacles are fresh: without them the grid does not
+    show the surroundings."""
 
     def __init__(self) -> None:
         super().__init__("costmap_server", CostmapParams)
@@ -37,7 +37,7 @@ class CostmapServerNode(StackNode):
 
     def _on_space(self, message: OccupancyGrid) -> None:
         begin_s = self.monotonic_s()
-        # A float32: 0.05 is 7e-10 more in it, and a cell at the inscribed radius would lie beyond it.
+        # A float32: its 0.05 is 7e-10 too large, which would put a cell at the inscribed radius beyond it.
         space = Space(np.frombuffer(message.data, np.int8), round(message.info.resolution, 6))
         self._problem = self._problem_of(message, space)
         if self._problem:
@@ -50,7 +50,7 @@ class CostmapServerNode(StackNode):
         self.report.values["update"] = f"{1e3 * (self.monotonic_s() - begin_s):.1f} ms"
 
     def _problem_of(self, message: OccupancyGrid, space: Space) -> str:
-        """Why a grid cannot be used, empty if it can."""
+        """Why a grid is refused, else an empty text."""
         if message.header.frame_id != frames.ODOM:
             return f"space refused: frame_id is {message.header.frame_id!r}, must be {frames.ODOM!r}"
         age_s = self.now_s() - time_to_s(message.header.stamp)
@@ -62,7 +62,7 @@ class CostmapServerNode(StackNode):
         return f"space refused: {problem}" if problem else ""
 
     def _look(self) -> None:
-        """Says why nothing is published."""
+        """Reports why nothing is published."""
         silent = [entry.topic.name for entry in (self._obstacles, self._space) if not entry.fresh()]
         if silent:
             self.set_health(False, f"waiting for {', '.join(silent)}")
