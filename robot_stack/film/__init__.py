@@ -1,1 +1,1 @@
-"""Films of recorded rides: what the recording holds as solids in a drawn site, frame by frame. Needs no GPU."""
+"""Films of recorded rides: the recorded objects as solids in a drawn site, frame by frame. Needs no GPU."""

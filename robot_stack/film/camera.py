@@ -1,4 +1,4 @@
-"""A camera that looks at a point from a fixed direction, and follows calmly."""
+"""A camera with a fixed viewing direction that follows a point smoothly."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _NEAR_M = 0.3
 
 
 class View:
-    """The camera at one moment. at_m: (2,) what it looks at, on the ground of map. size_px: width, height."""
+    """The camera at one moment. at_m: (2,) its target on the ground, map. size_px: width, height."""
 
     def __init__(self, camera: Camera, at_m: Floats, size_px: tuple[int, int]) -> None:
         azimuth, elevation = math.radians(camera.azimuth_deg), math.radians(camera.elevation_deg)
@@ -31,7 +31,7 @@ class View:
         return np.asarray((points - self.eye) @ self.axes[2])
 
     def pixels(self, points: Floats) -> Floats:
-        """(n, 2) of (n, 3) points in map. What is not ahead of the camera lands far outside."""
+        """(n, 2) of (n, 3) points in map. Points behind the camera land far outside."""
         seen = (points - self.eye) @ self.axes.T
         depth = np.maximum(seen[:, 2:], _NEAR_M)
         return np.asarray(self._middle + self._focal_px * seen[:, :2] / depth)
@@ -44,8 +44,8 @@ class View:
 
 
 def followed(points: Floats, calm_frames: float) -> Floats:
-    """(n, 2) what the camera looks at in each frame: the points, smoothed to both sides so that it neither lags nor
-    jerks. calm_frames: standard deviation.
+    """(n, 2) the camera's target in each frame: the points, smoothed symmetrically, without lag. calm_frames: standard
+    deviation of the filter.
     """
     if calm_frames <= 0.0 or len(points) < 2:
         return points

@@ -1,4 +1,4 @@
-"""What a film says below its pictures."""
+"""Captions of a film."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MISSION = {
 
 
 def caption(mission_state: str, waypoint: str, docking_state: str, attached: bool) -> str:
-    """One line: what happens now, with or without a passenger."""
+    """One line about the present activity, with or without a passenger."""
     if mission_state in _MISSION:
         return _MISSION[mission_state]
     if docking_state in _DOCKING:

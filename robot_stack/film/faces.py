@@ -1,4 +1,4 @@
-"""Solids as convex faces, shaded by where they look."""
+"""Solids as convex faces, shaded by their normals."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SIDES = 14  # of a cylinder, and around a sphere
 _RINGS = 6
 LIGHT = np.array([0.45, -0.35, 0.82])
 """Towards the light."""
-_LIGHT_MIN = 0.62  # of what looks away from the light
+_LIGHT_MIN = 0.62  # of faces turned away from the light
 
 
 class Face(NamedTuple):
@@ -48,8 +48,8 @@ def shaded(face: Face) -> Floats:
 
 
 def prism(outline: Floats, height_m: float, colour: Floats, piece_m: float) -> list[Face]:
-    """Walls of a counter-clockwise outline (n, 2), in pieces no longer than ``piece_m``, so that they can be sorted by
-    their distance.
+    """Walls of a counter-clockwise outline (n, 2), in pieces no longer than ``piece_m``, for sorting by
+    distance.
     """
     faces = []
     for begin, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):

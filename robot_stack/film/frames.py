@@ -1,4 +1,4 @@
-"""The frames of a film: what each shows, from a story."""
+"""The frames of a film, from a story."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PLAN_RGB, _TRAIL_RGB = (31, 184, 174), (240, 120, 24)
 _PLAN_PX, _TRAIL_PX = 3.0, 1.5
 _OBSTACLE_M = 0.12
 _OBSTACLE_COLOUR = "#b05a50"
-_SEEN_M = 14.0  # what is farther from the middle of the picture is left out
+_SEEN_M = 14.0  # objects farther from the picture's middle are left out
 
 
 class Film:
@@ -86,5 +86,5 @@ class Film:
 
 
 def _ahead(pose: Pose2) -> tuple[float, float]:
-    """What the camera looks at: between robot and wheelchair."""
+    """The camera's target: between robot and wheelchair."""
     return pose.x + 0.4 * math.cos(pose.yaw), pose.y + 0.4 * math.sin(pose.yaw)

@@ -45,7 +45,7 @@ class Painter:
         flat = view.ground() @ self._site.to_map
         image = np.empty((self._large[1], self._large[0], 3), np.uint8)
         image[:] = _SKY_RGB
-        # What lies beyond the map stays as it is.
+        # Pixels outside the map are unchanged.
         cv2.warpPerspective(self._site.ground, flat, self._large, image, borderMode=cv2.BORDER_TRANSPARENT)
         faces = faces_of(solids)
         self._shadows(image, view, faces)
@@ -74,7 +74,7 @@ class Painter:
         cv2.polylines(image, [pixels], False, colour, max(1, round(width * self._scale)), cv2.LINE_AA, _SHIFT)
 
     def _faces(self, image: Image, view: View, faces: Sequence[Face]) -> None:
-        """Far ones first, without those that look away."""
+        """Draws far faces first and omits those that face away."""
         towards = [face for face in faces if float(face.normal @ (view.eye - face.points[0])) > 0.0]
         if not towards:
             return
@@ -88,6 +88,6 @@ class Painter:
 
 
 def _fixed(pixels: Floats) -> NDArray[np.int32]:
-    """With a fraction, as OpenCV takes them; far outside is as good as a bit farther outside."""
+    """Fixed-point pixels for OpenCV, clipped far outside the picture."""
     fixed: NDArray[np.int32] = np.round(np.clip(pixels, -1e4, 1e4) * 2**_SHIFT).astype(np.int32)
     return fixed

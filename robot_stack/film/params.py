@@ -12,7 +12,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 
 
 class Camera(Config):
-    """Where films are seen from: azimuth and elevation of the view's direction, degrees."""
+    """The camera's place: azimuth and elevation of its viewing direction, degrees."""
 
     distance_m: Annotated[float, Field(ge=2.0, le=100.0)]
     elevation_deg: Annotated[float, Field(ge=10.0, le=89.0)]
@@ -22,7 +22,7 @@ class Camera(Config):
 
 
 class FilmParams(Config):
-    # Even sizes: the encoders want them.
+    # The encoders require even sizes.
     width_px: Annotated[int, Field(ge=160, le=1920, multiple_of=2)]
     height_px: Annotated[int, Field(ge=120, le=1080, multiple_of=2)]
     length_s: Annotated[float, Field(ge=1.0, le=600.0)]

@@ -19,11 +19,11 @@ Contour = NDArray[Any]
 _FREE_RGB, _UNKNOWN_RGB, _TILE_RGB = (230, 233, 236), (208, 212, 217), (220, 224, 228)
 _WALL_RGB = np.array([0.66, 0.69, 0.74])
 _TILE_M = 1.0
-_SMOOTH_CELLS = 0.9  # of an outline: it shall not follow every cell
-_LEAST_CELLS = 4  # fewer of them are noise
+_SMOOTH_CELLS = 0.9  # smoothing of an outline, so that it does not follow every cell
+_LEAST_CELLS = 4  # smaller regions are noise
 _LEAST_M = 0.12
 _PIECE_M = 0.8
-_MAPPED_M = 0.3  # from what the map knows, a point belongs to it
+_MAPPED_M = 0.3  # points within this distance of map cells belong to the map
 
 
 class Site(NamedTuple):
@@ -39,7 +39,7 @@ class Site(NamedTuple):
 
 
 def drawn_site(site: SiteMap, wall_height_m: float) -> Site:
-    """Occupied cells as walls as high as what was seen there, ``wall_height_m`` at most."""
+    """Occupied cells as walls of the height seen there, at most ``wall_height_m``."""
     grid, faces, roofs = site.grid, [], []
     for outline in filter(_is_area, _outlines(grid.occupancy)):
         points = outline * grid.resolution_m + (grid.origin_x_m, grid.origin_y_m)
@@ -50,7 +50,7 @@ def drawn_site(site: SiteMap, wall_height_m: float) -> Site:
 
 
 def unmapped(points_m: Floats, grid: Grid) -> Floats:
-    """Those of (n, 2) points, m, that are not at what the map knows: people, parked things, whoever has come since."""
+    """Those of (n, 2) points, m, away from known map cells: people and objects that arrived later."""
     reach = round(_MAPPED_M / grid.resolution_m)
     kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     known = cv2.dilate((grid.occupancy != FREE).astype(np.uint8), kernel)
@@ -70,7 +70,7 @@ def empty_site(around_m: Floats, margin_m: float) -> Site:
 
 
 def _outlines(occupancy: NDArray[np.int8]) -> list[Floats]:
-    """Counter-clockwise outlines of what is occupied and of what it encloses, (n, 2) in cells."""
+    """Counter-clockwise outlines of occupied regions, with the space they enclose, (n, 2) in cells."""
     occupied = (occupancy == OCCUPIED).astype(np.uint8)
     outlines = []
     for contour in _contours(occupied):
@@ -82,8 +82,8 @@ def _outlines(occupancy: NDArray[np.int8]) -> list[Floats]:
 
 
 def _contours(occupied: Image) -> list[Contour]:
-    """Of what is occupied, without noise; in half cells, from a margin of one cell on."""
-    # Outlines run through the middles of cells: at twice the size they come to lie at their edges.
+    """Contours of occupied regions, without noise; in half cells, with a margin of one cell."""
+    # Contours run through the centres of cells: at twice the size they lie at the cells' edges.
     grown = np.pad(occupied, 1).repeat(2, axis=0).repeat(2, axis=1)
     found, _ = cv2.findContours(grown, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return [contour for contour in found if cv2.contourArea(contour) >= 4.0 * _LEAST_CELLS]
@@ -97,12 +97,12 @@ def _outline(contour: Contour) -> Floats:
 
 
 def _is_area(outline: Floats) -> bool:
-    """Smoothing leaves nothing of some thin ones."""
+    """False for thin outlines that smoothing reduced to nothing."""
     return len(outline) > 2 and float(np.ptp(outline, axis=0).min()) > 0.0
 
 
 def _encloses_site(contour: Contour, shape: tuple[int, ...]) -> bool:
-    """A wall around everything is no block."""
+    """True for a wall around the whole site, which is not drawn as one block."""
     return bool(cv2.contourArea(contour) > 0.3 * 4.0 * shape[0] * shape[1])
 
 
@@ -122,7 +122,7 @@ def _ribbons(occupied: Image, contour: Contour) -> list[Floats]:
 
 
 def _height_m(site: SiteMap, outline: Floats, most_m: float) -> float:
-    """How high surfaces were seen within an outline."""
+    """Height of the surfaces seen within an outline, m."""
     cells = site.cells
     low, high = outline.min(axis=0) - 0.2, outline.max(axis=0) + 0.2
     near = np.all((cells.mean[:, :2] >= low) & (cells.mean[:, :2] <= high), axis=1)

@@ -1,4 +1,4 @@
-"""Poses over time, and which moments of a ride a film shows."""
+"""Poses over time, and the times of a film's frames."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 class Track:
-    """Planar poses of something at times in s, in order; between them it moves evenly."""
+    """Planar poses of an object at times in s, in order, interpolated linearly."""
 
     def __init__(self, samples: Sequence[tuple[float, Pose2]]) -> None:
         """Raises ValueError without samples."""
@@ -29,12 +29,12 @@ class Track:
         self._yaw = np.unwrap([pose.yaw for _, pose in ordered])
 
     def at(self, time_s: float) -> Pose2:
-        """Before the first and after the last sample it stands."""
+        """The pose at a time, clamped to the first and last sample."""
         x, y, yaw = (float(np.interp(time_s, self.times, values)) for values in (self._x, self._y, self._yaw))
         return Pose2(x, y, math.remainder(yaw, 2.0 * math.pi))
 
     def line(self, until_s: float) -> Floats:
-        """(n, 2) where it has been, m."""
+        """(n, 2) positions until then, m."""
         seen = self.times <= until_s
         return np.stack([self._x[seen], self._y[seen]], axis=1)
 
@@ -48,9 +48,9 @@ class Track:
 class Story:
     """A recorded ride. Times in s since the epoch, poses in map.
 
-    joints: rad by name at times. attached: the wheelchair hangs at the latch from then on, or no longer.
-    others: poses of everything else that the recording knows, by name: wheelchair, people, stations.
-    plans: (n, 2) points, m, in force from then on. captions: what to say from then on.
+    joints: rad by name at times. attached: from that time on, whether the wheelchair is latched.
+    others: poses of all other recorded objects by name: wheelchair, people, stations.
+    plans: (n, 2) points, m, in force from then on. captions: text from then on.
     obstacles: (n, 2) points, m, seen at that time.
     """
 
@@ -75,7 +75,7 @@ def newest(items: Sequence[tuple[float, Any]], time_s: float, otherwise: Any) ->
 
 
 def carried(robot: Track, attached: Sequence[tuple[float, bool]], chair_in_base: Pose2) -> Track | None:
-    """Where the wheelchair was, if nobody recorded it: at the latch while attached, before and after that it stands."""
+    """Poses of an unrecorded wheelchair: at the latch while attached, else at rest."""
     samples: list[tuple[float, Pose2]] = []
     for index, (from_s, held) in enumerate(attached):
         if not held:
@@ -88,7 +88,7 @@ def carried(robot: Track, attached: Sequence[tuple[float, bool]], chair_in_base:
 
 
 def moments(robot: Track, count: int, standing_mps: float, turning_m: float) -> Floats:
-    """(count,) times of a film's frames, s: as much motion from each to the next, where standing counts as
+    """(count,) times of a film's frames, s: equal motion between frames, where standing counts as
     ``standing_mps`` and a radian of turning as ``turning_m``.
     """
     times = robot.times - robot.times[0]
