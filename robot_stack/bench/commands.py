@@ -13,9 +13,9 @@ from robot_stack.bench.framework import BenchError
 def robot_stack(
     *arguments: str, check: bool = True, before: Sequence[str] = (), environment: Mapping[str, str] | None = None
 ) -> str:
-    """What ``robot-stack ...`` printed. Raises BenchError if it failed, unless told not to.
+    """The output of ``robot-stack ...``. With ``check``, raises BenchError if it failed.
 
-    before: a command that runs it. environment: variables on top of this process's.
+    before: a command that runs it. environment: variables added to this process's.
     """
     command = [*before, sys.executable, "-m", "robot_stack.cli", *arguments]
     own = {**os.environ, **(environment or {})}

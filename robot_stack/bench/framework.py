@@ -1,4 +1,4 @@
-"""Finds benchmarks, runs them, and notes the conditions."""
+"""Finds benchmarks, runs them, and records the conditions."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from typing import Any, Literal
 
 import psutil
 
-# The simulation has benchmarks of its own; named, not imported: the stack does not depend on it.
+# The simulation's package is named, not imported: the stack does not depend on it.
 PACKAGES = ("robot_stack.bench", "sim.bench")
 _LIBRARIES = ("ros-jazzy-rclpy", "numpy", "numba", "mujoco", "scipy", "ruckig")
 
 
 class BenchError(Exception):
-    """A benchmark cannot run here. The message says why and what to do."""
+    """A benchmark cannot run here. The message has the reason and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Aim:
-    """What a figure should be: smaller than ``limit``, or at least."""
+    """A figure's limit and relation to it."""
 
     relation: Literal["<", "<=", ">", ">="]
     limit: float
@@ -48,7 +48,7 @@ class Aim:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """figures: name with unit -> number. conditions: what one must know to compare them."""
+    """figures: name with unit -> number. conditions: information needed for comparisons."""
 
     figures: Mapping[str, float]
     conditions: Mapping[str, Any] = field(default_factory=dict)
@@ -127,7 +127,7 @@ def run(benchmark: Benchmark, options: Mapping[str, Any]) -> dict[str, Any]:
     conditions = common_conditions()
     began_s = time.monotonic()
     measured = benchmark.module.run(**options)
-    # A plain pair is as good as a Result.
+    # A benchmark may return a plain pair instead of a Result.
     figures, own = (measured.figures, measured.conditions) if isinstance(measured, Result) else measured
     conditions |= {
         "options": {**benchmark.options, **options},
@@ -139,7 +139,7 @@ def run(benchmark: Benchmark, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def common_conditions() -> dict[str, Any]:
-    """Machine, software, and what else the machine was doing."""
+    """Machine, software, and other load of the machine."""
     return {
         "date": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
         "cpu": _cpu_model(),
@@ -169,7 +169,7 @@ def _version(name: str) -> str | None:
 
 
 def _commit() -> str | None:
-    """The checkout's commit, with a + if it has been changed since."""
+    """The checkout's commit, with a + for uncommitted changes."""
     root = Path(__file__).resolve().parents[2]
     try:
         commit = _git(root, "rev-parse", "--short=12", "HEAD")

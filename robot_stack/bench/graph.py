@@ -15,7 +15,7 @@ _SUPERVISOR = "supervisor"
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """A publisher or subscriber as the graph shows it. The depth of its history is not told over the wire."""
+    """A publisher or subscriber in the ROS graph, which does not contain the depth of its history."""
 
     node: str
     type: str
@@ -28,7 +28,7 @@ class Traffic:
     """What was received on a topic in a window.
 
     age_s: since the newest message; None if there never was one. rates_hz: the rate of each sender, where the messages
-    tell their sender; else one rate for all.
+    contain their sender; else one rate for all.
     """
 
     count: int
@@ -44,8 +44,8 @@ class Traffic:
 def message_rate_hz(count: int, first_s: float, last_s: float, window: tuple[float, float], period_s: float) -> float:
     """The rate of messages received in a window, all times in s of one clock; ``period_s`` is the nominal period.
 
-    Between the first and the last message there are count - 1 periods, which is exact for slow topics too. But a sender
-    that began late or has fallen silent is not forgiven: then all of the window counts.
+    Between the first and the last message there are count - 1 periods, which is exact for slow topics too. If a sender
+    began late or has fallen silent, the whole window counts.
     """
     begin_s, end_s = window
     whole = first_s - begin_s <= 1.5 * period_s and end_s - last_s <= 1.5 * period_s
@@ -65,7 +65,7 @@ class Seen:
 
 class Verdict(Enum):
     OK = "ok"
-    QUIET = "quiet"  # a topic for events, and none has happened
+    QUIET = "quiet"  # a topic for events, without one so far
     NOT_RUN = "not run"  # none of its publishers belongs to this profile
     WRONG = "wrong"
 
@@ -95,7 +95,7 @@ class Finding:
 
 def rows_of(machine: System, use_sim_time: bool) -> tuple[Topic, ...]:
     """The rows of one machine and its simulation, those of every node, and those of the supervisor, which runs with
-    every machine; /clock only where nodes live on it.
+    every machine; /clock only if nodes use it.
     """
     own = topics.of_system(machine, System.SIMULATION)
     common = {EVERY_NODE, _SUPERVISOR}
@@ -106,7 +106,7 @@ def rows_of(machine: System, use_sim_time: bool) -> tuple[Topic, ...]:
 def judge(row: Topic, seen: Seen, nodes: frozenset[str], tolerance: float) -> Finding:
     """One row against the graph.
 
-    nodes: the nodes that should run. tolerance: relative error of a rate that is still right.
+    nodes: the nodes that should run. tolerance: allowed relative error of a rate.
     """
     endpoints = Endpoints(
         frozenset(endpoint.node for endpoint in seen.publishers),
@@ -127,13 +127,13 @@ def judge(row: Topic, seen: Seen, nodes: frozenset[str], tolerance: float) -> Fi
 
 
 def unknown_topics(names: Sequence[str], rows: Sequence[Topic]) -> tuple[str, ...]:
-    """Topics of the graph that the contract does not know, without those that ROS itself makes."""
+    """Topics of the graph that are not in the contract, except ROS's own."""
     known = {row.name for row in rows} | {"/rosout", "/parameter_events", topics.CLOCK.name}
     return tuple(sorted(name for name in names if name not in known and "/_action/" not in name))
 
 
 def worst_rate_error(findings: Sequence[Finding]) -> tuple[float, str]:
-    """The greatest relative error of a measured rate, and its topic; (0, "") where nothing has a rate."""
+    """The greatest relative error of a measured rate, and its topic; (0, "") without rates."""
     return max(
         ((finding.rate_error, finding.row.name) for finding in findings if finding.rate_error), default=(0.0, "")
     )
@@ -170,5 +170,5 @@ def _traffic_problems(finding: Finding, tolerance: float) -> list[str]:
 def judge_all(
     rows: Sequence[Topic], seen: Mapping[str, Seen], nodes: frozenset[str], tolerance: float
 ) -> tuple[Finding, ...]:
-    """Every row against the graph; ``seen`` may lack topics that nobody has."""
+    """Every row against the graph; ``seen`` may lack topics without endpoints."""
     return tuple(judge(row, seen.get(row.name, Seen()), nodes, tolerance) for row in rows)

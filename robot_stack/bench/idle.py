@@ -19,7 +19,7 @@ _MESSAGE_HZ = 50.0
 
 def run(duration_s: float = 20.0, profile: str = "sim") -> Result:
     """cpu_pct: of the emergency-stop button in the standing stack. The rest: a node of this stack in this process, with
-    ten inputs that wake nobody and a tick of 50 Hz, first without messages, then with ten topics of 50 Hz each.
+    ten inputs without callbacks and a tick of 50 Hz, first without messages, then with ten topics of 50 Hz each.
     """
     with running_stack(profile) as status:
         load = Load(status)
@@ -42,7 +42,7 @@ def run(duration_s: float = 20.0, profile: str = "sim") -> Result:
 
 
 def _listener(duration_s: float, *, messages: bool) -> tuple[float, int]:
-    """Processor time in us and received messages of a node that listens for so long, in a process of its own."""
+    """Processor time in us and received messages of a node that subscribes for ``duration_s``, in its own process."""
     command = [sys.executable, "-m", "robot_stack.bench.nodes.listener"]
     options = [str(_INPUTS), str(_MESSAGE_HZ), str(duration_s)]
     sender = subprocess.Popen([*command, "send", *options]) if messages else None

@@ -28,7 +28,7 @@ _TICK_S = 0.05
 
 
 def course(t_s: float) -> Twist2:
-    """A ride with everything in it: curves, sideways, turning, stops, and now and then a step of the command."""
+    """A ride with curves, sideways motion, turns, stops, and occasional command steps."""
     if t_s % 40.0 < 4.0:
         return Twist2(0.0, 0.0, 0.0)
     sign = -1.0 if t_s % 40.0 > 30.0 else 1.0
@@ -36,7 +36,7 @@ def course(t_s: float) -> Twist2:
 
 
 def run(ticks: int = 6000) -> tuple[dict[str, float], dict[str, object]]:
-    """(figures in microseconds, conditions): ``ticks`` steps at 20 Hz of ride time, as fast as they go."""
+    """(figures in microseconds, conditions): ``ticks`` steps at 20 Hz of ride time, without pacing."""
     twists = [course(tick * _TICK_S) for tick in range(ticks)]
     steps_us = _controller_us(twists)
     figures = {"step_us_p50": _percentile(steps_us, 50), "step_us_p99": _percentile(steps_us, 99)}

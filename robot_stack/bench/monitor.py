@@ -12,7 +12,7 @@ from robot_stack.bench.trial import run_trial
 from robot_stack.contract import topics
 
 NAME = "monitor"
-# Seconds after which a row must be raised; a link's from its last sign of life.
+# Seconds within which a row must be raised; a link's from its last heartbeat.
 _LIMITS_S = {"CPU_HIGH": 10.0, "EHMI_LINK_LOST": 5.0, "UI_LINK_LOST": 5.0}
 _MARGIN_S = 0.5
 AIMS = {
@@ -27,10 +27,10 @@ _TRIAL = "robot_stack.bench.nodes.monitor_trial"
 
 
 def run(duration_s: float = 60.0, profile: str = "sim") -> Result:
-    """cpu_pct, robot_status_hz: of the standing stack on the system clock, as on a robot, with the tree being taken.
+    """cpu_pct, robot_status_hz: of the standing stack on the system clock, as on a robot, with subscribed diagnostics.
 
-    The rows: two processes in a ROS domain of their own, whose computer, displays and screens this benchmark is.
-    Raises BenchError where user namespaces are not allowed: the full disk is a small one of its own.
+    The rows: two processes in a ROS domain of their own; this benchmark simulates computer, displays and screens.
+    Raises BenchError where user namespaces are not allowed: the full disk is a small file system of its own.
     """
     from robot_stack.bench.nodes.meter import Meter
 

@@ -1,4 +1,4 @@
-"""Processes of a benchmark on an engine of its own: in a domain and a runtime folder that nobody else has."""
+"""Processes of a benchmark on an engine of its own, in a separate domain and runtime folder."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from robot_stack.bench.framework import BenchError
 
 _END_S: Final = 30.0
 PRIORITY: Final = 5
-"""What config/supervisor.yaml gives the processes that a benchmark looks at."""
+"""Priority that config/supervisor.yaml gives the measured processes."""
 
 
 def go_first(pid: int, priority: int) -> bool:
-    """The priority that the supervisor gives such processes; before there are threads, which inherit it. 0: this one.
+    """Sets a real-time priority, like the supervisor; before threads exist, which inherit it. pid 0: this process.
 
-    False if this process may not give it.
+    False without the permission.
     """
     try:
         os.sched_setscheduler(pid, os.SCHED_RR, os.sched_param(priority))
@@ -35,7 +35,7 @@ def go_first(pid: int, priority: int) -> bool:
 
 @contextmanager
 def own_environment(domain: int) -> Iterator[dict[str, str]]:
-    """Of this process and those it starts: a domain and a runtime folder of their own, an engine of six joints."""
+    """Environment of this process and its children: own domain and runtime folder, an engine of six joints."""
     folder = Path(f"/dev/shm/robot_stack_bench-{os.getpid()}")
     own = {
         "ROS_DOMAIN_ID": str(domain),
@@ -59,7 +59,7 @@ def own_environment(domain: int) -> Iterator[dict[str, str]]:
 
 
 class Processes:
-    """Starts modules as processes, with a real-time priority while this process may give one."""
+    """Starts modules as processes, with a real-time priority if permitted."""
 
     def __init__(self, environment: Mapping[str, str], priority: int) -> None:
         self._environment = dict(environment)
@@ -67,7 +67,7 @@ class Processes:
 
     @contextmanager
     def __call__(self, *module: str) -> Iterator[psutil.Process]:
-        """``python -m module``, which ends with the block by SIGINT."""
+        """Runs ``python -m module`` during the block; SIGINT ends it."""
         log = Path(self._environment["ROBOT_STACK_RUNTIME_DIR"]) / f"{module[-1].rpartition('/')[2]}.log"
         command = [sys.executable, "-m", *module]
         with log.open("w") as output:

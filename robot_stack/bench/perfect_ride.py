@@ -23,7 +23,7 @@ Array = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, slots=True)
 class PerfectRide:
-    """What perfect encoders read on a ride, and where it really went.
+    """Readings of perfect encoders on a ride, and its true path.
 
     stamps_s: (n,). drive_m, steer_rad: (4, n), accumulated way of the wheels and headings without wraps. x_m, y_m,
     yaw_rad: (n,), the true pose in the frame of the start. distance_m: length of the path.
@@ -103,7 +103,7 @@ def error_m(ride: PerfectRide, robot: Robot) -> float:
 
 
 def wpilib_error_m(ride: PerfectRide, robot: Robot) -> float:
-    """The same of WPILib's, which is given the true yaw as its gyro. Raises ImportError without robotpy-wpimath."""
+    """The same for WPILib's odometry with the true yaw as its gyro. Raises ImportError without robotpy-wpimath."""
     from wpimath.geometry import Rotation2d, Translation2d
     from wpimath.kinematics import SwerveDrive4Kinematics, SwerveDrive4Odometry, SwerveModulePosition
 

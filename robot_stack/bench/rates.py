@@ -42,7 +42,7 @@ _RECORDER_END_S = 20.0
 
 @dataclass(frozen=True, slots=True)
 class _Phase:
-    """What one window showed. cpu_cores: by process."""
+    """Results of one window. cpu_cores: by process."""
 
     findings: tuple[Finding, ...]
     sim_speed: float
@@ -58,7 +58,7 @@ class _Phase:
 def run(duration_s: float = 30.0, profile: str = "sim", mission: str = "yard_tour") -> Result:
     """Three windows of ``duration_s``: at rest, while the robot rides ``mission``, and the same with a recorder.
 
-    sim_speed, cores, memory and the meter's share are those of the ride. Rates are those of the stack's own time.
+    sim_speed, cores, memory and the meter's share are those of the ride. Rates are in the stack's time.
     Raises BenchError if the stack does not run well.
     """
     from robot_stack.bench.nodes.meter import Meter
@@ -66,7 +66,7 @@ def run(duration_s: float = 30.0, profile: str = "sim", mission: str = "yard_tou
     with tempfile.TemporaryDirectory() as folder, running_stack(profile, own=[_journal(folder)]) as status:
         plan = load_plan(status["profile_path"], only=[item["name"] for item in status["processes"]])
         rows = rows_of(plan.machine, status["use_sim_time"])
-        # Who counts must not wait for the processor behind those whose messages it counts.
+        # The meter must not wait for the processor behind the publishers that it measures.
         first = go_first(0, PRIORITY)
         with Meter(rows) as meter:
             meter.settle(_SETTLE_S)
@@ -106,7 +106,7 @@ def _result(
             "worst_rate_error_pct": 100.0 * ride.worst[0],
             "rest_rate_error_pct": 100.0 * rest.worst[0],
             "recording_rate_error_pct": 100.0 * recorded.worst[0],
-            # The clock ticks every 10 ms: a thousandth is what a window of half a minute can tell.
+            # The clock ticks every 10 ms: half a minute resolves a thousandth.
             "sim_speed": round(ride.sim_speed, 3),
             "cpu_cores": sum(ride.cpu_cores.values()),
             "robot_cpu_cores": sum(cores for name, cores in ride.cpu_cores.items() if name not in simulation),
@@ -140,7 +140,7 @@ def _riding(mission: str) -> Iterator[None]:
 
 @contextmanager
 def _recording(folder: str) -> Iterator[None]:
-    """A recorder as an operator starts it, with images and sweeps as it takes them by default."""
+    """A recorder with an operator's default options, with images and sweeps."""
     command = [sys.executable, "-m", "robot_stack.cli", "record", "--output", folder]
     recorder = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
@@ -153,5 +153,5 @@ def _recording(folder: str) -> Iterator[None]:
 
 
 def _journal(folder: str) -> str:
-    """A journal of its own: this ride neither meets nor leaves an unfinished mission."""
+    """A separate journal: this ride neither finds nor leaves an unfinished mission."""
     return f"mission_manager.journal_file={Path(folder) / 'mission.db'}"

@@ -24,11 +24,11 @@ _MIB = 2**20
 def running_stack(
     profile: str, settings: Sequence[str] = (), own: Sequence[str] = (), *, system_time: bool = False
 ) -> Iterator[dict[str, Any]]:
-    """Status of a stack whose processes are all ready: the one that runs, else one that ends with the benchmark.
+    """Status of a stack whose processes are all ready: the running one, else one that ends with the benchmark.
 
-    settings: parameters without which the benchmark measures something else; with them, a running stack is refused.
-    own: parameters of a stack that is started here; a running one is taken as it is.
-    system_time: nodes live on the system clock, for what is measured in real time; a running stack of another clock is
+    settings: parameters required by the benchmark; with them, a running stack is refused.
+    own: parameters of a stack that is started here; a running one is used unchanged.
+    system_time: nodes use the system clock, for measurements in real time; a running stack with another clock is
         refused.
     """
     try:
@@ -57,11 +57,11 @@ def running_stack(
 
 @contextmanager
 def busy_loops(count: int) -> Iterator[None]:
-    """So many foreign processes at ordinary priority that never wait, in a session of their own.
+    """``count`` foreign processes at ordinary priority that never wait, in a session of their own.
 
-    They end with this process, also where it is killed.
+    They end with this process, even if it is killed.
     """
-    # What a benchmark has of real-time priority must not be inherited.
+    # The benchmark's real-time priority must not be inherited.
     ordinary = "import os; os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))"
     command = [sys.executable, "-c", f"{ordinary}\nwhile os.getppid() == {os.getpid()}: pass"]
     loops = [subprocess.Popen(command, start_new_session=True) for _ in range(count)]
@@ -74,14 +74,14 @@ def busy_loops(count: int) -> Iterator[None]:
 
 
 class ProcessLoad:
-    """CPU of one process since this was made."""
+    """CPU of one process since the construction of this object."""
 
     def __init__(self, process: psutil.Process) -> None:
         self._process = process
         self._before_s, self._begun_s = _cpu_s(process), time.monotonic()
 
     def cpu_pct(self) -> float:
-        """Of one core."""
+        """Percent of one core."""
         return 100.0 * (_cpu_s(self._process) - self._before_s) / (time.monotonic() - self._begun_s)
 
 
@@ -91,14 +91,14 @@ def _cpu_s(process: psutil.Process) -> float:
 
 
 def cpu_pct(process: psutil.Process, duration_s: float) -> float:
-    """What a process takes of one core, watched for so long."""
+    """CPU of a process during ``duration_s``, percent of one core."""
     load = ProcessLoad(process)
     time.sleep(duration_s)
     return load.cpu_pct()
 
 
 def pss_mb(process: psutil.Process) -> float:
-    """Proportional memory: what is shared counts once."""
+    """Proportional set size: shared memory counts once."""
     return float(process.memory_full_info().pss) / _MIB
 
 

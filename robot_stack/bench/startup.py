@@ -25,13 +25,13 @@ AIMS = {
     "restarts": Aim("<=", 0),
 }
 _BUSY = 4
-# In front of a command that shall have no more rights than an ordinary user.
+# Prefix that reduces a command's rights to those of an ordinary user.
 _NO_RIGHTS = ("setpriv", "--inh-caps=-all", "--bounding-set=-all", "--no-new-privs")
 
 
 @dataclass(frozen=True, slots=True)
 class _Start:
-    """up_s, down_s: of the whole commands, start of the interpreter included. own_s: as the supervisor counts."""
+    """up_s, down_s: of the whole commands, start of the interpreter included. own_s: by the supervisor's count."""
 
     up_s: float
     own_s: float
@@ -41,9 +41,9 @@ class _Start:
 
 
 def run(runs: int = 5, profile: str = "sim", cold: bool = True) -> Result:
-    """first_ready_s is the first of the runs: of interest right after set-up in a fresh clone.
+    """first_ready_s is the first of the runs: relevant right after set-up in a fresh clone.
 
-    cold_ready_s: with a cache of compiled loops that is empty (cold=false leaves it out). loaded_ready_s: beside four
+    cold_ready_s: with an empty cache of compiled loops (cold=false omits it). loaded_ready_s: beside four
     busy loops, without real-time or other rights. restarts: of all processes in all runs.
     Raises BenchError if the stack stays down.
     """
@@ -90,7 +90,7 @@ def _start(profile: str, before: Sequence[str] = (), environment: Mapping[str, s
 
 
 def _without_rights() -> tuple[str, ...]:
-    """What takes the rights of root from a command; nothing where there are none to take."""
+    """Prefix that drops root's rights; empty without root."""
     if os.getuid() or shutil.which(_NO_RIGHTS[0]) is None:
         return ()
     # Real-time priority, niceness below 0, locked memory.

@@ -65,10 +65,10 @@ def run(
 ) -> Result:
     """An engine and the trajectory server as processes in a domain of their own; goals come from this process.
 
-    cancels: of further trajectories. plain_runs: how many a straightforward rclpy server gets at the same engine, for
-    comparison, and a quarter of it cancels; 0 leaves it out. world: virtual or arm, what the engine's axes drive.
-    max_speed_radps: the fastest joint of a trajectory peaks between a fifth of it and it. reach_rad: joints stay so
-    near to zero.
+    cancels: of further trajectories. plain_runs: runs of a straightforward rclpy server on the same engine, for
+    comparison, with a quarter as many cancels; 0 omits it. world: virtual or arm, the plant of the engine's axes.
+    max_speed_radps: the fastest joint of a trajectory peaks between a fifth of it and it. reach_rad: largest
+    joint position.
     """
     if world not in _ENGINES:
         raise BenchError(f"world must be one of {', '.join(_ENGINES)}")
@@ -91,7 +91,7 @@ def run(
 
 @dataclass(slots=True)
 class _Course:
-    """What is driven. peaks: fastest joint of each trajectory so far, rad/s."""
+    """Generator of trajectories. peaks: fastest joint of each trajectory so far, rad/s."""
 
     generator: np.random.Generator
     moment: random.Random
@@ -121,7 +121,7 @@ def _measure(rig: ArmRig, course: _Course, runs: int, cancels: int) -> _Measured
             with rig.recording() as recorder:
                 canceled_ns, result_ns = rig.cancel(times_s, rows, after_s)
             _cancel(measured, spline, recorder.record, canceled_ns, result_ns)
-        time.sleep(course.moment.uniform(0.0, 0.02))  # so that goals come at any moment of the server's period
+        time.sleep(course.moment.uniform(0.0, 0.02))  # so that goals arrive at a random phase of the server's period
     measured.feedbacks = rig.feedback_errors
     return measured
 
@@ -135,7 +135,7 @@ def _trajectory(
     times_s = np.concatenate([[0.0], np.cumsum(random_.uniform(0.1, 0.3, n - 1))])
     speed = random_.uniform(0.2, 1.0) * max_speed_radps
     times_s *= _peak(CubicSpline(times_s, rows, bc_type="clamped")) / speed
-    if times_s[-1] > _LONGEST_S:  # they would only take long: less of the way, at the same speed
+    if times_s[-1] > _LONGEST_S:  # shorten the way, not the speed
         keep = max(2, int(np.searchsorted(times_s, _LONGEST_S)))
         times_s, rows = times_s[:keep], rows[:keep]
         stretch = _peak(CubicSpline(times_s, rows, bc_type="clamped")) / speed
@@ -148,7 +148,7 @@ def _peak(spline: Any) -> float:
 
 
 def _begin_s(spline: Any, record: Record) -> float:
-    """Engine time at which the spline began: the shift by which it fits the commands best (two Newton steps)."""
+    """Engine time at which the spline began: the shift of its best fit to the commands (two Newton steps)."""
     first = int(np.argmax(np.abs(record.command - record.command[0]).max(axis=1) > _MOVED_RAD))
     begin_s = float(record.engine_s[max(0, first - 1)])
     for _ in range(3):
@@ -183,7 +183,7 @@ def _cancel(measured: _Measured, spline: Any, record: Record, canceled_ns: int, 
 
 
 def _off_path(spline: Any, place: FloatArray) -> float:
-    """How far a place is from the nearest one on the path, rad of the joint that is furthest off."""
+    """Distance of a position from the path, rad of the joint with the largest error."""
     low, high = 0.0, float(spline.x[-1])
     distances = np.zeros(1)
     for _ in range(3):

@@ -29,7 +29,7 @@ _SAMPLE_PAUSE_S = 0.0004
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """Engine cycles that were seen: engine_s (n,), stamp_ns (n,) monotonic, the others (n, joints) rad, rad/s."""
+    """Recorded engine cycles: engine_s (n,), stamp_ns (n,) monotonic, the others (n, joints) rad, rad/s."""
 
     engine_s: FloatArray
     stamp_ns: NDArray[np.int64]
@@ -40,7 +40,7 @@ class Record:
 
 
 class Recorder(threading.Thread):
-    """Looks at the status more often than the engine changes it."""
+    """Polls the status more often than the engine changes it."""
 
     def __init__(self, engine: MotionEngine) -> None:
         super().__init__(daemon=True)
@@ -72,13 +72,13 @@ class Recorder(threading.Thread):
 
 
 class ArmRig:
-    """The device of this process brings up the servos and looks; it moves nothing."""
+    """The device of this process enables the servos and reads the status; it commands no motion."""
 
     def __init__(self, engine: MotionEngine, client: TrajectoryClient) -> None:
         self._engine, self._client = engine, client
 
     def position(self) -> FloatArray:
-        """Where the axes are commanded to be, (joints,) rad."""
+        """Commanded positions, (joints,) rad."""
         code, snapshot = self._engine.read_status()
         if code:
             raise BenchError(f"engine status: error {code}")

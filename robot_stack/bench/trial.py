@@ -13,7 +13,7 @@ from pathlib import Path
 from robot_stack.bench.framework import BenchError
 from robot_stack.core.runtime import ros_domain_id
 
-_LAST_DOMAIN = 101  # the highest that ports allow on every system
+_LAST_DOMAIN = 101  # the highest domain with free ports on every system
 
 
 def run_trial(module: str, arguments: Callable[[Path], list[str]], limit_s: float) -> dict[str, float]:

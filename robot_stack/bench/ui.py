@@ -48,8 +48,8 @@ _PRESSED = """() => { window.pressedMs = [];
 def run(clicks: int = 100, loads: int = 10, watch_s: float = 15.0, hostile: int = 10_000, seed: int = 1) -> Result:
     """In the simulation on the system clock. clicks: on the stop; loads: of the rider's page.
 
-    watch_s: how long processor and memory are watched. hostile: requests that must change nothing, to a process of the
-    touch screen alone.
+    watch_s: window for processor and memory. hostile: requests that must change nothing, to a touch-screen process
+    alone.
     """
     from robot_stack.bench.nodes.ui_witness import UiWitness
 
@@ -116,7 +116,7 @@ def _load(process: psutil.Process, seconds: float) -> tuple[float, float]:
 
 
 def _page_load_ms(browser: Any, url: str) -> float:
-    """Until the rider's page shows the robot's state, in a browser that has been there never before."""
+    """Until the rider's page shows the robot's state, in a fresh browser context."""
     context = browser.new_context(viewport={"width": 1280, "height": 800})
     page = context.new_page()
     begun_s = time.monotonic()
@@ -128,7 +128,7 @@ def _page_load_ms(browser: Any, url: str) -> float:
 
 
 def _staff(browser: Any, url: str) -> Any:
-    """The map page, with everything that it shows."""
+    """Opens the map page, unlocked for staff."""
     page = browser.new_page(viewport={"width": 1280, "height": 800})
     page.goto(url)
     page.wait_for_selector("main:not(.behind) [data-page]")
@@ -138,7 +138,7 @@ def _staff(browser: Any, url: str) -> Any:
         page.click(f'[data-key="{digit}"]')
     page.click("#unlock")
     page.wait_for_selector('[data-page="map"]')
-    _release(page)  # a stack that was killed in an emergency comes up in one
+    _release(page)  # a stack killed during an emergency stop starts in one
     return page
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from robot_stack.ui import protocol as p
 
-# What only staff may ask for, from a page without the PIN; wrong PINs; and what is nothing.
+# Staff requests from a page without the PIN, wrong PINs, and invalid messages.
 _FORBIDDEN: tuple[dict[str, object], ...] = (
     {"t": "reset", "id": 1},
     {"t": "pad", "x": 1.0, "y": 0.0, "turn": 0.5, "at_ms": 1.0},
@@ -76,7 +76,7 @@ _HUGE = 2_000_000
 
 
 def frames(draw: random.Random) -> Iterator[str | bytes]:
-    """Messages without end."""
+    """An endless stream of messages."""
     while True:
         frame = _frame(draw)
         if not _allowed(frame):
@@ -99,7 +99,7 @@ def _frame(draw: random.Random) -> str | bytes:
 
 
 def _allowed(frame: str | bytes) -> bool:
-    """A changed message may have become one that every page may send: a stop with another number."""
+    """True if a mutated message is one that every page may send, e.g. a stop with another number."""
     try:
         message = p.parse(frame if isinstance(frame, str) else b"")
     except p.Refused:
@@ -109,7 +109,7 @@ def _allowed(frame: str | bytes) -> bool:
 
 
 def requests(draw: random.Random, place: str, cookie: str) -> bytes:
-    """An HTTP request, or what shall look like one."""
+    """An HTTP request, or bytes that resemble one."""
     match draw.randrange(7):
         case 0:
             return _request(draw.choice(_METHODS), draw.choice(("/", "/ws", "/app.js", "*")), place, cookie)
@@ -133,7 +133,7 @@ def requests(draw: random.Random, place: str, cookie: str) -> bytes:
 def _wrong_token(draw: random.Random, cookie: str) -> str:
     """Shorter, longer, another, none at all, or the right one under a foreign name."""
     name, _, token = cookie.partition("=")
-    if draw.random() < 0.02:  # rarely: the server keeps such a connection until it gives it up
+    if draw.random() < 0.02:  # rarely: the server holds such a connection until its timeout
         return f"{name}=\x01"
     wrong = (token[:-1], token + "x", token.swapcase(), "", "é" * 40, draw.randbytes(20).hex())
     return f"x{cookie}" if draw.random() < 0.1 else f"{name}={draw.choice(wrong)}"
@@ -164,18 +164,18 @@ def wrong_handshakes(draw: random.Random, place: str, cookie: str) -> bytes:
 
 
 def torn_frames(draw: random.Random) -> bytes:
-    """Ends every WebSocket: RFC 6455 calls each of them a protocol error."""
+    """Frames that end a WebSocket: each is a protocol error of RFC 6455."""
     mask = b"\x01\x02\x03\x04"
     kinds = (
         b"\x81\x05hello",  # not masked
         b"\xf1\x85" + mask + b"hello",  # reserved bits
         b"\x83\x85" + mask + b"hello",  # a reserved opcode
         b"\x81\xff" + struct.pack(">Q", 2**62) + mask,  # longer than any memory
-        b"\x81\xfe" + struct.pack(">H", 60_000) + mask + b"x" * 60_000,  # longer than a message may be
-        b"\x89\xfe" + struct.pack(">H", 1000) + mask + b"x" * 1000,  # a ping longer than one may be
+        b"\x81\xfe" + struct.pack(">H", 60_000) + mask + b"x" * 60_000,  # longer than the limit of a message
+        b"\x89\xfe" + struct.pack(">H", 1000) + mask + b"x" * 1000,  # a ping longer than its limit
         b"\x09\x85" + mask + b"hello",  # a ping in pieces
-        b"\x80\x85" + mask + b"hello",  # the end of what never began
-        b"\x81\x82" + mask + bytes((0xFF ^ 1, 0xFE ^ 2)),  # text that is no UTF-8
-        b"\x88\x81" + mask + b"x",  # an end with half a code
+        b"\x80\x85" + mask + b"hello",  # a continuation without a beginning
+        b"\x81\x82" + mask + bytes((0xFF ^ 1, 0xFE ^ 2)),  # text that is not UTF-8
+        b"\x88\x81" + mask + b"x",  # a close frame with half a code
     )
     return draw.choice(kinds)

@@ -25,7 +25,7 @@ _A_PIECE = 65_536
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """place: host:port. cookie: what a page of ours has; empty where the server asks for none."""
+    """place: host:port. cookie: of a valid page; empty if the server requires none."""
 
     place: str
     cookie: str
@@ -37,9 +37,9 @@ class Target:
 
 @dataclass(slots=True)
 class Outcome:
-    """answers_ms: until a request was answered or its connection ended. unanswered: neither came within 20 s.
+    """answers_ms: until a request was answered or its connection ended. unanswered: neither happened within 20 s.
 
-    errors: answers of 500 and above. accepted: hostile requests that were obeyed.
+    errors: answers of 500 and above. accepted: hostile requests that were executed.
     """
 
     answers_ms: list[float] = field(default_factory=list)
@@ -96,13 +96,13 @@ def _connection(target: Target) -> socket.socket:
 
 
 def _send(connection: socket.socket, data: bytes) -> None:
-    """As much of it as the server takes: it may have answered and gone before the end."""
+    """Sends until the server closes: it may answer and close before the end."""
     with suppress(BrokenPipeError, ConnectionResetError):
         connection.sendall(data)
 
 
 def _answer(connection: socket.socket) -> bytes:
-    """The head of the answer; empty where the connection is ended without one. Raises TimeoutError."""
+    """The head of the answer; empty if the connection ends without one. Raises TimeoutError."""
     answer = b""
     with suppress(ConnectionResetError):
         while b"\r\n" not in answer and (piece := connection.recv(_A_PIECE)):
@@ -115,7 +115,7 @@ def _status(answer: bytes) -> int:
     return int(words[1]) if len(words) > 1 and words[0].startswith(b"HTTP/") and words[1].isdigit() else 0
 
 
-# --- WebSockets that are let in: pages of riders that go mad ----------------------------------------------------------
+# --- accepted WebSockets: riders' pages that send invalid messages ----------------------------------------------------
 
 
 def _page(target: Target) -> ClientConnection:
@@ -146,7 +146,7 @@ def _messages(target: Target, draw: random.Random, outcome: Outcome) -> None:
 
 
 def _obeyed(page: ClientConnection) -> bool:
-    """What the page is told of its last message. Raises TimeoutError."""
+    """True if the page's last message was accepted. Raises TimeoutError."""
     for told in _told(page):
         if told.get("t") == "refused":
             return False
@@ -164,7 +164,7 @@ def _told(page: ClientConnection) -> Iterator[dict[str, object]]:
 
 
 def _torn(target: Target, draw: random.Random, outcome: Outcome) -> None:
-    """Bytes that are no WebSocket frames, behind a handshake that is right."""
+    """Invalid WebSocket frames after a valid handshake."""
     begun_s, data = time.monotonic(), torn_frames(draw)
     what = f"a WebSocket with {data[:40]!r}"
     try:
@@ -190,7 +190,7 @@ def _handshake_bytes(target: Target) -> bytes:
 
 
 def _until_closed(connection: socket.socket, end_s: float) -> None:
-    """The server may say things before. Raises TimeoutError."""
+    """Reads until the server closes. Raises TimeoutError."""
     with suppress(ConnectionResetError):
         while connection.recv(_A_PIECE):
             if time.monotonic() > end_s:

@@ -75,7 +75,7 @@ def _view() -> Iterator[tuple[psutil.Process, int]]:
 
 
 class _Viewer:
-    """Looks at every channel and counts what comes, in a thread of its own."""
+    """Subscribes to every channel and counts the received messages, in a thread of its own."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self._connection = connection

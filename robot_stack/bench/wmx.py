@@ -35,12 +35,12 @@ _PLAIN = ("robot_stack.bench.nodes.plain_joint_states",)
 _SETTLE = 1000  # messages before anything is measured
 _READS = 1000
 _READ_PAUSE_S = 0.002
-_WARM_S = 3.0  # the first cycles find nothing in the caches, and the engine learns how early to be awake
+_WARM_S = 3.0  # the first cycles run with cold caches, and the engine adapts its wake-up time
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One publisher in one window of time. Jitter: how far a period is from the nominal one."""
+    """One publisher in one window of time. Jitter: deviation of a period from the nominal one."""
 
     rate_hz: float
     period_jitter_ms: list[float]
@@ -53,7 +53,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class EngineMeasured:
-    """The engine's process in one window of time. late_us: how long after their deadlines its cycles began."""
+    """The engine's process in one window of time. late_us: delay of its cycles after their deadlines."""
 
     cpu_pct: float
     late_us: list[float]
@@ -68,10 +68,9 @@ def run(
 ) -> Result:
     """An engine of six virtual joints and the node, as processes in a domain of their own.
 
-    plain_s: how long a straightforward rclpy node is measured at the same engine, for comparison; 0 leaves it out.
-    slept_s: how long the engine alone is measured, as shipped and again waiting for its cycles asleep, which shows what
-    waiting awake costs and gains; 0 leaves it out. realtime: all of them get the priority that the supervisor gives, if
-    this process may give it.
+    plain_s: duration for a straightforward rclpy node on the same engine, for comparison; 0 omits it.
+    slept_s: duration for the engine alone, as shipped and again with sleep instead of busy waiting, which shows the
+    cost and gain of the latter; 0 omits it. realtime: all of them get the supervisor's priority, if permitted.
     """
     priority = load(SupervisorParams, "supervisor").realtime_priority["manipulator_state"] if realtime else 0
     domain = 1 + os.getpid() % 19  # tests have those from 20 on
@@ -155,7 +154,7 @@ def _measure(
 
 
 def _late_us(cycle_log: Path, window_ns: tuple[int, int]) -> list[float]:
-    """How long after their deadlines the cycles of the window began."""
+    """Delays of the window's cycles after their deadlines, us."""
     due_ns, began_ns = np.load(cycle_log).T
     within = (due_ns >= window_ns[0]) & (due_ns < window_ns[1])
     late: list[float] = ((began_ns - due_ns)[within] * 1e-3).tolist()
@@ -178,7 +177,7 @@ def _off_ms(times_ns: NDArray[np.int64], period_ns: float) -> list[float]:
 
 
 def _status_reads(pause_s: float) -> list[float]:
-    """How long each of many status reads took, us."""
+    """Durations of many status reads, us."""
     taken_us = []
     with connect("bench") as engine:
         for _ in range(_READS):

@@ -1,6 +1,6 @@
 """The simulated engine with a note of when each of its cycles began: ``wmx_engine NOTES.npy [sleep]``.
 
-sleep: it waits for its cycles asleep, whatever its configuration says.
+sleep: it waits by sleeping, regardless of its configuration.
 
 Notes are pairs of monotonic times in nanoseconds: when the cycle was due, and when it began.
 """
@@ -23,7 +23,7 @@ _LONGEST_S = 300.0
 
 
 class NotingServer(EngineServer):
-    """``cycle_log[:count]`` holds what the module says."""
+    """``cycle_log[:count]``: (n, 2), see the module."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)

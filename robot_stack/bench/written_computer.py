@@ -1,4 +1,4 @@
-"""A computer as its kernel would tell it, in files of the kernel's formats: the real reading code reads them."""
+"""A simulated computer in files of the kernel's formats, read by the real code."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ _CORES = 4
 
 
 class WrittenComputer:
-    """proc: what stands for /proc, thermal: for /sys/class/thermal. ``tick`` lets time pass in it.
+    """proc replaces /proc, thermal /sys/class/thermal. ``tick`` advances the time.
 
-    cpu_percent, memory_percent, celsius: what it shows from the next ``tick`` on; celsius None: no thermal zone.
+    cpu_percent, memory_percent, celsius: values from the next ``tick`` on; celsius None: no thermal zone.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -29,7 +29,7 @@ class WrittenComputer:
         self.tick()
 
     def tick(self) -> None:
-        """Call at 20 Hz or more: the kernel's counters go on all the time."""
+        """Advances the kernel's counters. Call at 20 Hz or more."""
         now_s = time.monotonic()
         ticks = (now_s - self._ticked_s) * _TICKS_PER_S * _CORES
         self._ticked_s = now_s
@@ -61,7 +61,7 @@ def _meminfo(percent: float) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    """In one step: a reader sees the old text or the new one, as from the kernel."""
+    """Writes atomically: a reader sees the old text or the new one, as from the kernel."""
     beside = path.with_name(f".{path.name}.new")
     beside.write_text(text, encoding="ascii")
     os.replace(beside, path)

@@ -1,4 +1,4 @@
-"""Takes joint states as raw bytes: when each arrived, and the stamp that its publisher gave it."""
+"""Receives joint states as raw bytes: time of arrival and publisher's stamp of each."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from robot_stack.ros import transport
 from robot_stack.ros.guest import Guest
 
 _STAMP = struct.Struct("<iI")
-_STAMP_AT = 4  # behind the encapsulation
-_DEPTH = 500  # a second of messages: what this process is late for is late, not lost
+_STAMP_AT = 4  # after the encapsulation
+_DEPTH = 500  # a second of messages, so that a delay of this process loses none
 
 
 class JointListener:
@@ -54,7 +54,7 @@ class JointListener:
             self._guest.executor.spin_once(0.1)
 
     def run(self, duration_s: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Times of arrival (monotonic) and stamps (system clock) of what came in so long, ns."""
+        """Times of arrival (monotonic) and stamps (system clock) of the messages received within ``duration_s``, ns."""
         self._clear()
         end_s = time.monotonic() + duration_s
         while time.monotonic() < end_s:

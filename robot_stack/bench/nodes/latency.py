@@ -1,4 +1,4 @@
-"""How old stamped messages are when they arrive, and the newest of each for a picture."""
+"""Ages of stamped messages at their arrival, and the newest of each for a picture."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class LatencyMeter:
         self._guest.close()
 
     def run(self, duration_s: float) -> None:
-        """Listens for so long; ages of before are forgotten."""
+        """Receives for ``duration_s``; earlier ages are cleared."""
         for ages in self.ages_s.values():
             ages.clear()
         clock = self._node.get_clock()

@@ -1,4 +1,4 @@
-"""A node that takes joint states from topics of its own at a tick, and its sender.
+"""A node that receives joint states on topics of its own at a tick, and its sender.
 
 ``python -m robot_stack.bench.nodes.listener listen|send INPUTS RATE_HZ DURATION_S``; ``listen`` prints the
 processor time in us and the number of messages.
@@ -20,7 +20,7 @@ _SETTLE_S = 3.0
 
 
 class Listener(StackNode):
-    """Under the name of a node of the contract that nobody runs beside a benchmark."""
+    """Has the name of a contract node that does not run during the benchmark."""
 
     def __init__(self, inputs: int, rate_hz: float) -> None:
         super().__init__("system_monitor")

@@ -1,4 +1,4 @@
-"""Measures the traffic of all topics at once, cheaply: messages are counted, not unpacked, a few times a second."""
+"""Measures the traffic of all topics at low cost: messages are counted, not unpacked, a few times a second."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
 
 NAME = "rate_meter"
-# Messages lie in their queues until they are taken, with the time of their reception.
+# Messages wait in their queues until taken; they carry their time of reception.
 _TAKE_EVERY_S = 0.1
 _DEPTH_S = 1.0
 _LEAST_DEPTH = 50
-# Clouds and images are taken before the memory they lie in is used again.
+# Clouds and images must be taken before their shared memory is reused.
 _BULK_DEPTH = 5
-# Many nodes send these; their rates are those of each, and the messages tell whose they are. They tell that a node
-# lives, and go on at their rate where simulated time is slow.
+# Many nodes send these; rates are per sender, which the messages contain. They are signs of life and keep their rate
+# in real time where simulated time is slow.
 _SENDERS: dict[str, Callable[[Any], str]] = {
     topics.HEARTBEAT.name: lambda message: str(message.node),
     topics.DIAGNOSTICS.name: lambda message: str(message.status[0].name) if message.status else "",
@@ -35,9 +35,9 @@ _SENDERS: dict[str, Callable[[Any], str]] = {
 
 @dataclass(slots=True)
 class _Input:
-    """One subscription, and what has come of it in a window, by sender. unpack: the sender is in the message.
+    """One subscription, and its traffic in a window, by sender. unpack: the sender is in the message.
 
-    last_s, taken_s: system time of the newest message and of the last look.
+    last_s, taken_s: system time of the newest message and of the last take.
     """
 
     subscription: Any
@@ -57,9 +57,9 @@ class _Input:
 
 
 class Meter:
-    """Listens to the rows' topics. A context manager; counts only while ``run`` runs.
+    """Subscribes to the rows' topics. A context manager; counts only during ``run``.
 
-    Rates and ages are those of simulated time where the stack lives on it.
+    Rates and ages are in simulated time if the stack uses it.
     """
 
     def __init__(self, rows: Sequence[Topic]) -> None:
@@ -92,11 +92,11 @@ class Meter:
         self._guest.close()
 
     def speed(self) -> float:
-        """Simulated over real time in the last ``run``; 1 where nodes live on the system clock."""
+        """Simulated over real time in the last ``run``; 1 if nodes use the system clock."""
         return self._speed
 
     def settle(self, longest_s: float = 5.0) -> None:
-        """Waits until the graph no longer changes and everything that has a rate arrives: discovery takes its time."""
+        """Waits until discovery ends: the graph no longer changes, and every topic with a rate has arrived."""
         end_s = time.monotonic() + longest_s
         before: dict[str, int] = {}
         while time.monotonic() < end_s:
@@ -112,7 +112,7 @@ class Meter:
             before = publishers
 
     def run(self, duration_s: float) -> None:
-        """Counts for so long, from zero. What arrived in between is not counted, but its age is known."""
+        """Counts for ``duration_s``, from zero. Messages between two runs only update the age."""
         self._take()
         for item in self._inputs.values():
             item.streams.clear()
@@ -137,16 +137,16 @@ class Meter:
             item.take()
 
     def seen(self) -> dict[str, Seen]:
-        """Every measured topic as the graph and the last ``run`` showed it."""
+        """Every measured topic with its endpoints and the traffic of the last ``run``."""
         return {name: self._see(name) for name in self._rows}
 
     def topic_names(self) -> list[str]:
-        """All topics of the graph that somebody publishes."""
+        """All topics of the graph with a publisher."""
         return [name for name, _ in self._node.get_topic_names_and_types() if self._node.count_publishers(name)]
 
     def _see(self, name: str) -> Seen:
         entry = self._inputs[name]
-        # When it was looked for last: what a meter that was held up has not looked for may well be there.
+        # Relative to the last take: newer messages may wait if the meter was delayed.
         age_s = None if entry.last_s is None else max(0.0, entry.taken_s - entry.last_s) * self._scale(name)
         return Seen(
             publishers=tuple(_endpoint(item) for item in self._node.get_publishers_info_by_topic(name)),
@@ -159,7 +159,7 @@ class Meter:
     def _traffic(self, name: str, age_s: float | None) -> Traffic:
         streams, window, scale = self._inputs[name].streams, self._window, self._scale(name)
         rate_hz = self._rows[name].rate_hz
-        # Without a nominal rate, or where time stands still, every gap at the ends counts.
+        # Without a nominal rate, or with paused time, every gap at the ends counts.
         period_s = 0.0 if rate_hz is None or not scale else 1.0 / (rate_hz * scale)
         rates_hz = [
             message_rate_hz(item.count, item.first_s, item.last_s, window, period_s) / (scale or 1.0)
@@ -186,7 +186,7 @@ class _Stream:
 
 
 def _qos(row: Topic) -> QoSProfile:
-    """The row's, but deep enough to lose nothing until it is taken."""
+    """The row's QoS, deep enough to lose nothing until the next take."""
     profile = qos_profile(row.qos)
     deep = _BULK_DEPTH if row.bulk else max(_LEAST_DEPTH, round(_DEPTH_S * (row.rate_hz or 0.0)))
     profile.depth = max(profile.depth, deep)

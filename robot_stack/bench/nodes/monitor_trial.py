@@ -3,8 +3,8 @@
     python -m robot_stack.bench.nodes.monitor_trial FOLDER
 
 starts system_monitor and safety_monitor in the ROS domain of the environment and prints seconds by row as JSON. Files
-in FOLDER stand for what the kernel tells, a small file system of its own (in a mount namespace that system_monitor
-lives in) for the disk, and this process for the external display and the touch screen.
+in FOLDER replace the kernel's data, a small file system (in the mount namespace of system_monitor) the disk, and this
+process the external display and the touch screen.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ _NODE = [sys.executable, "-m", "robot_stack.ros.main"]
 _READY_S, _RAISED_S = 60.0, 30.0
 _PUMP_S = 0.02
 _DISK_BYTES = 2**20
-# What the written computer shows for a row, and how much of it.
+# The quantity of the written computer for a row, and its value.
 _SHOWN = {"OVERHEAT": ("celsius", 90.0), "CPU_HIGH": ("cpu_percent", 99.0), "MEMORY_HIGH": ("memory_percent", 97.0)}
 
 
 class Trial:
-    """Displays and screens of a robot whose computer is written down. ``pump`` lets all of it live."""
+    """Displays and screens of a robot with a written computer. ``pump`` runs all of them."""
 
     def __init__(self, folder: Path) -> None:
         transport.apply()
@@ -64,7 +64,7 @@ class Trial:
         self._guest.close()
 
     def start(self) -> None:
-        """Raises BenchError if the rows do not come to be watched, or one is in force already."""
+        """Raises BenchError if the rows are not monitored, or one is already in force."""
         folders = {
             "proc_folder": self._computer.proc,
             "thermal_folder": self._computer.thermal,
@@ -81,7 +81,7 @@ class Trial:
         self._settle()
 
     def raised_s(self, code: str) -> float:
-        """Seconds from the injection to the row; for a link from its last sign of life. Takes it back afterwards."""
+        """Seconds from the injection to the row; for a link from its last heartbeat. Removes the cause afterwards."""
         begun_s = self._spoke_s if code in self._alive else time.monotonic()
         with self._injected(code):
             self._wait(lambda: code in (self._faults or ()), _RAISED_S, code)
@@ -108,7 +108,7 @@ class Trial:
 
     @property
     def _filler(self) -> Path:
-        """As seen through the process that lives in the namespace."""
+        """Path of the filler file through the process in the namespace."""
         return Path(f"/proc/{self._processes[0].pid}/root") / self._disk.relative_to("/") / "filler"
 
     def _fill_disk(self) -> None:
@@ -119,7 +119,7 @@ class Trial:
     # --- living ------------------------------------------------------------------------------------------------------
 
     def _settle(self) -> None:
-        """The processor's window is full, and everybody has been heard."""
+        """Waits until the window of the processor load is full and all links have been received."""
         end_s = time.monotonic() + 2.0
         self._wait(lambda: time.monotonic() > end_s, _READY_S, "two seconds")
         if self._faults:

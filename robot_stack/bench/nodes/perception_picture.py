@@ -1,4 +1,4 @@
-"""Obstacles, the end of known space and the costmap as they were last heard, side by side."""
+"""The newest obstacles, end of known space and costmap, side by side."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _HALF_M = 10.0
 
 
 def draw(file: Path, latest: Mapping[str, Any]) -> Path:
-    """latest: newest message by topic name; what is missing is left empty."""
+    """latest: newest message by topic name; missing ones are left empty."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(18, 9), dpi=80)
     cloud, ends, grid = (latest.get(row.name) for row in (topics.OBSTACLES, topics.UNSEEN_SPACE, topics.LOCAL_COSTMAP))
     if ends is not None:

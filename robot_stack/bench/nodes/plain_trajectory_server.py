@@ -1,4 +1,4 @@
-"""The action as a straightforward node serves it: a goal in a thread of rclpy's executor that looks every 10 ms."""
+"""The action as a straightforward node serves it: a goal in a thread of rclpy's executor that polls every 10 ms."""
 
 from __future__ import annotations
 

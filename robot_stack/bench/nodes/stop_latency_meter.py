@@ -1,4 +1,4 @@
-"""Drives the robot, stops it, and notes when what happened; releases it again."""
+"""Drives the robot, stops it, records the time of each event, and releases the stop."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from robot_stack.wmx import EngineError, connect
 
 _ENGINE_POLL_S = 0.0003
 _STANDSTILL_MPS = 0.01
-_AT_SPEED = 0.97  # share of the wanted speed at which a run counts as driving at it
+_AT_SPEED = 0.97  # share of the requested speed that counts as reached
 _HELD_S = 0.3
 _PERIOD_S = 0.05  # of the swerve controller
 _DEADLINE_S = 20.0
@@ -58,7 +58,7 @@ class Stop:
 
 @dataclass(slots=True)
 class _Marks:
-    """System times of what has been seen of the present stop."""
+    """System times of the observed events of the present stop."""
 
     zero_s: float | None = None
     engine_s: float | None = None
@@ -107,10 +107,10 @@ class StopLatencyMeter:
         self._watch.join(2.0)
         self._guest.close()
 
-    # --- what a benchmark asks for -----------------------------------------------------------------------------------
+    # --- interface of the benchmark ----------------------------------------------------------------------------------
 
     def begin(self, passenger: bool) -> None:
-        """Waits for the stack and tells it whether somebody is aboard."""
+        """Waits for the stack and publishes whether a passenger is aboard."""
         self._passenger.publish(Bool(data=passenger))
         self._wait(lambda: self._truths and self._safety, "ground truth and safety status")
         self._wait(lambda: self._teleop.get_subscription_count() > 0, "a listener on /teleop/cmd_vel")
@@ -124,7 +124,7 @@ class StopLatencyMeter:
     def drive(self, speed_mps: float) -> None:
         """Returns when the robot has driven at the speed (negative: backwards) for a moment.
 
-        A machine that is too busy makes the safety monitor stop the robot; that is released and counted in ``delays``.
+        On an overloaded machine the safety monitor may stop the robot; this stop is released and counted in ``delays``.
         """
         self._requested_mps = speed_mps
         since_s: list[float] = []
@@ -143,9 +143,9 @@ class StopLatencyMeter:
         self._wait(at_speed, f"{speed_mps:.1f} m/s")
 
     def stop(self) -> Stop:
-        """Sends the emergency stop at any moment of the controller's period and waits until the robot stands.
+        """Sends the emergency stop at a random phase of the controller's period and waits until the robot stands.
 
-        The command to drive goes on meanwhile.
+        The drive command continues meanwhile.
         """
         time.sleep(self._moment.uniform(0.0, _PERIOD_S))
         marks = self._marks = _Marks()
@@ -154,7 +154,7 @@ class StopLatencyMeter:
         return self._measure(marks)
 
     def press(self) -> Stop:
-        """The same by the emergency-stop button of the simulated robot; it counts from the message of its process."""
+        """The same by the emergency-stop button of the simulated robot; times count from the message of its process."""
         time.sleep(self._moment.uniform(0.0, _PERIOD_S))
         marks = self._marks = _Marks()
         self._sent_s, self._pressed = math.inf, True
@@ -168,7 +168,7 @@ class StopLatencyMeter:
         self._wait(lambda: marks.engine_s is not None, "the engine's stop")
         self._wait(lambda: self._stands(sent_s), "standstill")
         truths = list(self._truths)
-        # Between two samples the robot has gone on at its speed.
+        # Between two samples the robot moves at constant speed.
         before = max((item for item in truths if item.time_s <= sent_s), key=lambda item: item.time_s)
         rest = next(item for item in truths if item.time_s > sent_s and item.speed_mps < _STANDSTILL_MPS)
         gone_m = before.speed_mps * (sent_s - before.time_s)
@@ -183,7 +183,7 @@ class StopLatencyMeter:
         )
 
     def release(self) -> None:
-        """Both keys; returns when the robot may move again."""
+        """Releases button and message; returns when the robot may move again."""
         self._requested_mps = 0.0
         self._sent_s = math.inf
         if self._pressed:
@@ -215,7 +215,7 @@ class StopLatencyMeter:
 
     def _on_command(self, message: SwerveModuleCommandArray) -> None:
         zero = all(module.drive_velocity == 0.0 for module in message.modules)
-        # The button's message may be heard here only after what it has caused.
+        # The button's message may arrive here after its effects.
         if zero and self._marks.zero_s is None and (self._pressed or time.time() > self._sent_s):
             self._marks.zero_s = time.time()
 
@@ -243,7 +243,7 @@ class StopLatencyMeter:
         except EngineError as error:
             print(f"the engine cannot be watched: {error}", flush=True)
 
-    # --- small things ------------------------------------------------------------------------------------------------
+    # --- helpers -----------------------------------------------------------------------------------------------------
 
     def _advertise(self, row: Topic) -> Any:
         return self._node.create_publisher(interface_class(row.type), row.name, qos_profile(row.qos))
@@ -252,7 +252,7 @@ class StopLatencyMeter:
         self._node.create_subscription(interface_class(row.type), row.name, callback, qos_profile(row.qos))
 
     def _stands(self, sent_s: float) -> bool:
-        truths = list(self._truths)  # at once: the callbacks' thread goes on appending
+        truths = list(self._truths)  # a copy: the callbacks' thread keeps appending
         last = truths[-1]
         moving = [t.time_s for t in truths if t.speed_mps >= _STANDSTILL_MPS]
         return last.time_s - max(sent_s, moving[-1] if moving else sent_s) > 0.2

@@ -1,4 +1,4 @@
-"""An action client as a motion planner has one: sends trajectories, cancels them, listens to the feedback."""
+"""An action client like a motion planner's: sends trajectories, cancels them, receives the feedback."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 _JOINTS = [f"joint{number}" for number in range(1, 7)]
 _LONGEST_S = 30.0
 _CANCELED = 5
-# A planner's client is there long before its first goal; that the server knows its ends, too, no call tells.
+# A planner's client exists long before its first goal. No call reports the server's discovery of the client.
 _DISCOVERY_S = 1.0
 
 

@@ -2,7 +2,7 @@
 
     python -m robot_stack.bench.nodes.ui_trial REQUESTS SEED
 
-prints figures as JSON. The server asks for a token, which the attacker's pages have and its other requests have not.
+prints figures as JSON. The server requires a token, which the attacker's pages have and its other requests lack.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from robot_stack.ui.pin import hash_pin
 _ROWS = (topics.UI_COMMAND, topics.TELEOP_CMD_VEL, topics.INITIAL_POSE, topics.GOAL_POSE, topics.EMERGENCY_STOP)
 _TOKEN, _PIN = "a-token-that-is-known-to-the-pages-alone", "135792468013"
 _READY_S = 60.0
-# What asyncio, uvicorn and threading say of an exception that nobody has caught.
+# Log texts of asyncio, uvicorn and threading for an uncaught exception.
 _UNCAUGHT = (
     "Exception in ASGI application",
     "exception was never retrieved",
@@ -40,7 +40,7 @@ _UNCAUGHT = (
 
 
 class Trial:
-    """log: what the server's process says. changes: messages on the topics that move, place or stop the robot."""
+    """log: output of the server's process. changes: messages on the topics that move, place or stop the robot."""
 
     def __init__(self, log: Path) -> None:
         transport.apply()
@@ -64,13 +64,13 @@ class Trial:
         self._guest.close()
 
     def target(self) -> Target:
-        """Raises BenchError if nobody serves, or nobody would be heard."""
+        """The server's address and cookie. Raises BenchError without a server or without its publishers."""
         self._wait(lambda: touch_screen_url() is not None, "the touch screen's address")
         self._wait(lambda: all(self._guest.node.count_publishers(row.name) for row in _ROWS), "its publishers")
         return Target(urlsplit(touch_screen_url() or "").netloc, f"touch_ui={_TOKEN}")
 
     def serves(self, target: Target) -> bool:
-        """The process lives, and a page of ours is shown as before."""
+        """True if the process runs and still serves a valid page."""
         if self._process.poll() is not None:
             return False
         connection = http.client.HTTPConnection(target.place, timeout=20)

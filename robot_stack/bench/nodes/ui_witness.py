@@ -1,4 +1,4 @@
-"""Sees when the engine stops."""
+"""Detects the engine's stop."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class UiWitness:
         self._view.close()
 
     def watch(self) -> None:
-        """The next stop is measured."""
+        """Begins to measure the next stop."""
         self.stopped_s = None
 
     def _on_status(self, status: StatusSnapshot | None) -> None:
