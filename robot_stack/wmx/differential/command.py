@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 
 class BadTwist(Exception):
-    """A twist that cannot be obeyed. The message names field and value."""
+    """An invalid twist. The message names field and value."""
 
 
 class OldTwist(Exception):
-    """A received twist that is too old. The message gives its age."""
+    """A twist that was too old at its reception. The message names its age."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +35,8 @@ class Command:
 class TwistCommand:
     """Belongs to one thread. Times are steady seconds.
 
-    heard_from_s: until then a sender may be there that has not been discovered yet, and that nothing was ever received
-    is no silence.
+    heard_from_s: until then a sender may exist that has not been discovered yet, so that a missing command does not
+    count as silence.
     """
 
     def __init__(self, timeout_s: float, heard_from_s: float = -math.inf) -> None:

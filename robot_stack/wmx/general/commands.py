@@ -1,4 +1,4 @@
-"""A motion message as commands to the engine: all of it is good, or nothing is commanded."""
+"""A motion message as commands to the engine: all of it is valid, or nothing is commanded."""
 
 from __future__ import annotations
 

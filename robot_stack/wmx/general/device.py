@@ -155,7 +155,7 @@ class Device:
             self._moved[axis] = snapshot.cycle_counter
 
     def doubt(self, axes: Sequence[int]) -> None:
-        """The engine did not answer to a command for ``axes``, and may carry it out all the same, some time."""
+        """Marks ``axes`` as uncertain: the engine did not answer a command for them, and may still execute it."""
         self._doubtful.update(axes)
 
     def settle_doubts(self, snapshot: StatusSnapshot) -> None:

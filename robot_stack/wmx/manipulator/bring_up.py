@@ -195,7 +195,7 @@ class BringUp:
         self._was_ready = self._was_ready or self.progress.step is Step.READY
 
     def _begin_anew(self) -> None:
-        """The device is invalid: restarts the sequence."""
+        """Restarts the sequence: the device is invalid."""
         text = self._session.text
         self._report(Line(Level.ERROR, text))
         self._asker = None

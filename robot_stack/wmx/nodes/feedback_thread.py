@@ -1,4 +1,4 @@
-"""A thread of its own for joint states: 500 times a second, on absolute deadlines, whatever else the node does."""
+"""A thread of its own for joint states: 500 Hz on absolute deadlines, independent of the node's other work."""
 
 from __future__ import annotations
 

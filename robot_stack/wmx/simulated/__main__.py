@@ -31,7 +31,7 @@ def run_engine(config: EngineConfig, folder: Path, speed: float = 1.0) -> None:
     engine = _engine(config)
     server = EngineServer(engine, folder)
     gc.collect()
-    gc.freeze()  # nothing made up to here is ever garbage: spare the cycle the search
+    gc.freeze()  # present objects stay: exclude them from garbage collection during cycles
     server.serve_forever(lambda: asked_to_end, speed)
     server.shut_down()
 

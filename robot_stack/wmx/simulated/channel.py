@@ -1,4 +1,4 @@
-"""A client's connection to the engine: calls over the socket, status from shared memory. Nothing in here hangs."""
+"""A client's connection to the engine: calls over the socket, status from shared memory. Calls have timeouts."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Channel:
 
     @property
     def alive(self) -> bool:
-        """The connection was whole at the last call."""
+        """True if the connection was open at the last call."""
         return self._socket is not None
 
     def call(self, method: str, *arguments: Any) -> Reply:
@@ -62,7 +62,7 @@ class Channel:
                 return ErrorCode.IMLibIsNotRunning, []
 
     def close(self) -> None:
-        """Ends the connection; without a CloseDevice before it, to the engine this is a client that died."""
+        """Ends the connection; without a preceding CloseDevice the engine treats this as a crashed client."""
         with self._calls:
             self._close()
 

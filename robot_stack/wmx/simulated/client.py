@@ -112,11 +112,11 @@ class Device(Member):
         return code, values
 
     def command(self, method: str, *arguments: Any) -> int:
-        """The code of a request that answers nothing else."""
+        """The code of a request without further results."""
         return self.call(method, *arguments)[0]
 
     def snapshot(self) -> tuple[int, StatusSnapshot]:
-        """The latest status without a round trip; DeviceIsNull once the engine was stopped by anyone."""
+        """The latest status without a round trip; DeviceIsNull once any client has stopped the engine."""
         if self._status is None or not self._device_id:
             return ErrorCode.DeviceIsNull, empty_snapshot()
         code, snapshot = self._status.read()

@@ -65,7 +65,7 @@ class Engine:
         self._turn_cycles = max(1, round(REPORT_S / TURNS / config.cycle_time_s))
         self.auto_quit = config.quit_without_devices
         self.alive: Callable[[int], bool] = lambda device: True
-        """Whether the process that owns a device runs; whoever serves clients in other processes says it."""
+        """Whether the process that owns a device runs; set by the server of clients in other processes."""
         self._warm_up()
 
     # -- cycle ---------------------------------------------------------------------------------------------------------
@@ -171,7 +171,7 @@ class Engine:
                 self.arrays.flags[Flag.HOME_DONE, axis] = 1
 
     def _leave_communication(self) -> None:
-        """Bus gone: motion over, servos off, inputs unknown. Positions stay as last seen."""
+        """Ends motion, servos off, inputs unknown. Positions keep their last values."""
         a = self.arrays
         self.condition.state = EngineState.Running
         self._starting_cycles = 0
@@ -209,7 +209,7 @@ class Engine:
         return bit != block.invertEStopSignalPolarity
 
     def _quit_without_devices(self) -> None:
-        """Also in motion: its drives are left to themselves, as after any stop of the engine."""
+        """Stops an engine without devices, even in motion: its drives are then uncontrolled, as after any stop."""
         self._may_quit = False
         if not len(self.devices) and self.auto_quit:
             self.stop_engine()
@@ -307,7 +307,7 @@ class Engine:
         return _NO_ERROR
 
     def release_estop(self) -> int:
-        """Allows commands again; refused while the input signal is on. Nothing moves by it."""
+        """Allows commands again; refused while the input signal is on. It starts no motion."""
         signal = self.parameters.emergency_stop.enableEStopSignal and self.condition.communicating
         if self.condition.emergency_stop and signal and self._estop_signal_on():
             return CoreMotionErrorCode.EmergencyStopSignalOn

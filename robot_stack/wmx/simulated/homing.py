@@ -70,7 +70,7 @@ class Homing:
         return _NO_ERROR
 
     def forget(self) -> None:
-        """The motion of all axes has been cancelled."""
+        """Drops all homings: the motion of all axes has been cancelled."""
         for axis in list(self._runs):
             self._end(axis)
 
@@ -137,7 +137,7 @@ class Homing:
             self._watch(axis, run)
 
     def _let_go(self, axis: int) -> bool:
-        """The drive does not follow any more: an alarm, or its servo is off."""
+        """True if the drive no longer follows: an alarm, or its servo is off."""
         flags = self._a.flags
         return bool(flags[Flag.END_REASON, axis] or not flags[Flag.SERVO_ON, axis])
 
@@ -190,7 +190,7 @@ class Homing:
             self._fail(axis, run, HomeError.LSTriggered, _HARD_LIMIT)
             return
         run.turned = True
-        # The search that failed is the first to go once the axis stands.
+        # Once the axis stands, the failed search runs first.
         run.ahead = [search, BACK_FROM_LIMIT, HOME]
         self._pause(axis, run)
 

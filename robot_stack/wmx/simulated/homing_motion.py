@@ -64,7 +64,7 @@ class HomingMotion:
         self._a = arrays
 
     def claim(self, axis: int, device: int, slow_dec: float) -> None:
-        """Takes an idle axis for ``device``; a limit is the homing's own business from now on."""
+        """Takes an idle axis for ``device``; from now on the homing handles the limits itself."""
         a = self._a
         a.params[rows.PROFILE_DEC, axis] = slow_dec
         a.params[rows.PROFILE_DEC_TIME, axis] = 0.0
@@ -76,17 +76,17 @@ class HomingMotion:
         a.flags[Flag.OWNER, axis] = device
 
     def release(self, axis: int) -> None:
-        """Limits act as they do otherwise."""
+        """Restores the normal action of limits."""
         self._a.work[rows.LS_IGNORED, axis] = 0
 
     def run(self, axis: int, velocity: float, acc: float, dec: float) -> None:
-        """On for ever at a signed velocity."""
+        """Moves endlessly at a signed velocity."""
         position, present = self._present(axis)
         n = plan_velocity(self._a.plan[axis], position, present, velocity, acc, dec)
         self._begun(axis, n)
 
     def go(self, axis: int, target: float, speed: float, acc: float, dec: float) -> None:
-        """To a position."""
+        """Moves to a position."""
         position, present = self._present(axis)
         overtravel = int(self._a.work[rows.OVERTRAVEL, axis])
         n = plan_position(self._a.plan[axis], position, present, target, speed, acc, dec, overtravel)
@@ -94,19 +94,19 @@ class HomingMotion:
         self._begun(axis, n)
 
     def pause(self, axis: int, dec: float) -> None:
-        """To rest as a part of the homing."""
+        """Stops as a step of the homing."""
         self.stop(axis, dec)
         self._at_home_work(axis)
 
     def stop(self, axis: int, dec: float) -> None:
-        """To rest as its end."""
+        """Stops to end the homing."""
         a = self._a
         if a.flags[Flag.OP_STATE, axis] != OperationState.Stop:
             detail, reason = int(DetailOperationState.Stop), int(ErrorCode.PyNone)
             begin_stop(a.reals, a.flags, a.work, a.plan, axis, float(dec), detail, reason)
 
     def stopped(self, axis: int) -> bool:
-        """A stop has begun, by whomever, that is no part of the homing."""
+        """True if a stop has begun that is no step of the homing."""
         return bool(self._a.work[rows.STOP_BEGUN, axis])
 
     def _present(self, axis: int) -> tuple[float, float]:

@@ -11,13 +11,13 @@ from robot_stack.wmx.simulated.client import AdvancedMotion, ClientLimits, CoreM
 
 
 def simulated_library(call_timeout_s: float, status_stale_s: float) -> Library:
-    """Clients of a simulated engine, each with the given patience."""
+    """Clients of a simulated engine, each with the given timeouts."""
     limits = ClientLimits(call_timeout_s, status_stale_s)
     return library_of(lambda: Device(limits))
 
 
 def library_of(make_device: Callable[[], Device]) -> Library:
-    """The objects of a device, as the port has them."""
+    """The port's objects of a device."""
     return Library(
         WMX3Api=lambda: cast(port.WMX3Api, make_device()),
         CoreMotion=lambda api: cast(port.CoreMotion, CoreMotion(_own(api))),

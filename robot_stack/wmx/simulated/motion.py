@@ -113,13 +113,13 @@ class MotionControl:
         return self._stop_each(axes, mode, self.quick_stop_axis)
 
     def quick_stop_axis(self, axis: int) -> None:
-        """Ends the motion of one axis at its quick-stop deceleration, whatever its mode; no effect on an idle one."""
+        """Ends the motion of one axis at its quick-stop deceleration, in any mode; no effect on an idle one."""
         if self._a.flags[Flag.DETAIL_OP_STATE, axis] != DetailOperationState.Stop_QStop:
             dec = float(self._a.params[rows.QUICK_STOP_DEC, axis])
             self.stop_axis(axis, dec, DetailOperationState.Stop_QStop)
 
     def emergency_stop(self, servo_off: bool) -> None:
-        """All axes, whatever they do; with ``servo_off`` the servos go off once at rest."""
+        """Stops all axes in any state; with ``servo_off`` the servos go off once at rest."""
         a = self._a
         estop_axes(a.reals, a.flags, a.params, a.work, a.plan, servo_off)
 
@@ -167,7 +167,7 @@ class MotionControl:
         return next(filter(None, codes), _NO_ERROR)
 
     def _stop_each(self, axes: Sequence[int], mode: AxisCommandMode, stop: Callable[[int], None]) -> int:
-        """Stops the axes that are in the mode, and answers an error if any is not (ExecQuickStop of several axes)."""
+        """Stops the axes that are in the mode, and returns an error if any is not (ExecQuickStop of several axes)."""
         code = self._reachable(axes)
         if code:
             return code

@@ -27,13 +27,13 @@ OVERTRAVEL_DISABLED: Final = 0
 OVERTRAVEL_CHANGE_DECELERATION: Final = 1
 OVERTRAVEL_CHANGE_INITIAL_VELOCITY: Final = 2
 
-# User units that are rounding: a target this near is reached.
+# Rounding in user units: a target within this distance is reached.
 _NO_DISTANCE: Final = 1e-12
 
 
 @compiled
 def _push(plan: Plan, n: int, duration: float, position: float, velocity: float, acceleration: float) -> int:
-    """Appends a segment unless it lasts no time that counts. Returns the new number of segments."""
+    """Appends a segment unless its duration is below rounding. Returns the new number of segments."""
     start = plan[n - 1, 0] if n > 0 else 0.0
     end = start + duration
     if not end > start:
@@ -136,7 +136,7 @@ def plan_position(
     n = 0
     if too_late and overtravel == OVERTRAVEL_CHANGE_DECELERATION:
         if distance <= _NO_DISTANCE:
-            return 0  # no deceleration stops there: over a distance near zero it would be no number any more
+            return 0  # no deceleration stops there: over a distance near zero it would not be finite
         return _push(plan, n, 2.0 * distance / speed, position, velocity, -velocity * speed / (2.0 * distance))
     if too_late and overtravel == OVERTRAVEL_CHANGE_INITIAL_VELOCITY:
         return _approach(plan, n, position, math.sqrt(2.0 * dec * distance), distance, sign, limit, acc, dec)
@@ -152,7 +152,7 @@ def plan_position(
 def evaluate(plan: Plan, n: int, t: float) -> tuple[float, float, float, bool]:
     """(position, velocity, acceleration, ended) at time ``t`` of a plan of ``n`` segments.
 
-    An ended plan gives the end of its last segment at rest; without any segment the position is not a number and the
+    An ended plan gives the end of its last segment at rest; without any segment the position is NaN and the
     caller keeps its own.
     """
     start = 0.0

@@ -66,7 +66,7 @@ class EngineServer:
         runtime_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
         self._lock = _hold(runtime_dir / LOCK_FILE)
         engine.alive = self._alive
-        engine.condition.epoch = clock_ns()  # no device of an earlier process can be taken for one of this
+        engine.condition.epoch = clock_ns()  # invalidates the devices of earlier processes
         self._status = StatusWriter(engine, runtime_dir)
         self._listener = _listen(self._path)
         self._poll = select.epoll()
@@ -102,7 +102,7 @@ class EngineServer:
             self._answer()
 
     def poll(self) -> None:
-        """Serves clients without a cycle, for a world that stands still; keeps the status fresh."""
+        """Serves clients without a cycle, for a paused world; keeps the status fresh."""
         served = self._serve()
         if served or self._clock_ns() - self._published_ns > 1e9 * self.engine.config.server.pause_publish_s:
             self._publish()
@@ -150,7 +150,7 @@ class EngineServer:
         self._close_lock_until_ns = self._clock_ns() + round(1e9 * duration_s)
 
     def inject_create_lock(self, duration_s: float) -> None:
-        """Makes device creation fail with the lock error for a while, as if another process were at it."""
+        """Makes device creation fail with the lock error for a while, as during another process's creation."""
         self._lock_until_ns = self._clock_ns() + round(1e9 * duration_s)
 
     # -- clients -------------------------------------------------------------------------------------------------------
@@ -219,7 +219,7 @@ class EngineServer:
             self._busy.discard(descriptor)
 
     def _begin_creation(self, descriptor: int, client: _Client, number: int, arguments: list[Any]) -> None:
-        """Starts the creation of a device, which takes a while; others get an error meanwhile."""
+        """Starts the creation of a device, which takes a while; other clients get an error meanwhile."""
         now_ns = self._clock_ns()
         if self._creator is not None or now_ns < self._lock_until_ns:
             self._put(client, number, (ErrorCode.CreateDeviceLockError, []))
@@ -245,7 +245,7 @@ class EngineServer:
         code, values = answer
         try:
             client.answers += encode([number, int(code), *values])
-        except FrameError:  # too long an answer is the client's loss, not the end of the engine
+        except FrameError:  # an answer that is too long is an error for its client only
             client.answers += encode([number, int(ErrorCode.SystemError)])
 
     def _answer(self) -> None:

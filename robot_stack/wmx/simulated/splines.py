@@ -111,7 +111,7 @@ class Splines:
         self._buffers.clear()
 
     def forget_runs(self) -> None:
-        """The motion of all axes has been cancelled."""
+        """Drops all running splines: the motion of all axes has been cancelled."""
         self._runs.clear()
 
     def _allocated(self, channel: int) -> int:

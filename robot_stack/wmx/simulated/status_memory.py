@@ -47,7 +47,7 @@ _FEEDBACK_META: Final = struct.Struct("<qqqq")
 """The first of these."""
 _COMMUNICATING: Final = int(EngineState.Communicating)
 
-_STATES: Final = tuple(sorted(EngineState))  # 0, 1, ...: a look into a tuple instead of a call
+_STATES: Final = tuple(sorted(EngineState))  # 0, 1, ...: an index into a tuple instead of a call
 
 _TRIES: Final = 2000
 _PATIENT_TRIES: Final = 50
@@ -120,7 +120,7 @@ class StatusReader:
         self._position_at, self._velocity_at = map(self._layout.real, (Real.ACTUAL_POS, Real.ACTUAL_VELOCITY))
 
     def read(self, pause: Callable[[float], object] = time.sleep) -> StatusSnapshot:
-        """A consistent copy. Raises StatusUnreadable if none can be had, as after a writer's sudden death."""
+        """A consistent copy. Raises StatusUnreadable if there is none, e.g. after a crash of the writer."""
         number = self._number
         for attempt in range(_TRIES):
             before = number[0]
@@ -134,7 +134,7 @@ class StatusReader:
         raise StatusUnreadable(f"{self._path}: no consistent status in {_TRIES} tries: its writer died while writing")
 
     def read_feedback(self) -> AxisFeedback:
-        """The few numbers of it that change with every motion, consistent too. Raises StatusUnreadable as ``read``."""
+        """A consistent copy of the values that change with every motion. Raises StatusUnreadable as ``read``."""
         if self._checked:  # the checksum is one of the whole page
             return axis_feedback(self.read())
         number, page, row = self._number, self._page, self._row

@@ -8,6 +8,6 @@ from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
 
 
 def warm_up() -> None:
-    """An engine does it by itself when it is made."""
+    """Creates an engine, whose constructor runs all compiled code."""
     config = load_engine_config()
     Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s))

@@ -100,7 +100,7 @@ class EngineArm:
     # --- gripper -----------------------------------------------------------------------------------------------------
 
     def set_output(self, byte: int, bit: int, value: int) -> Fault | None:
-        """Sets an output bit and reads it back. A bus that is down carries it nowhere."""
+        """Sets an output bit and reads it back. Without the bus it has no effect."""
         status = self.read()
         if isinstance(status, Blind):
             return status.fault

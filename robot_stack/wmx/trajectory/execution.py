@@ -26,7 +26,7 @@ from robot_stack.wmx.trajectory.tolerances import violation
 
 FloatArray = NDArray[np.float64]
 
-# The motion begins a few cycles after the status by which it was planned; more than this is no delay of a start.
+# The motion begins a few cycles after the status of its planning; the start delay is at most this.
 _LONGEST_START_S = 0.02
 _SLOWEST_SEEN_RADPS = 1e-3
 _AT_END_RAD = 1e-4  # far above an encoder count, far below any tolerance
@@ -186,12 +186,12 @@ class Execution:
         self._result = self._stopping.look(self._now, state)
 
     def _blind(self, now_s: float, blind: Blind) -> None:
-        """A goal that has not started may wait until it is due."""
+        """Handles a missing status: a goal that has not begun waits until it is due."""
         if now_s < self._start_at_s and self.phase is Phase.WAITING:
             return
         if blind.gone or now_s - self._now.steady_s > self._settings.status_timeout_s:
             if self.phase is not Phase.WAITING and not blind.gone:
-                self._arm.quick_stop()  # an engine that is silent may still listen
+                self._arm.quick_stop()  # an engine without a status may still accept requests
             before = f"{self._stopping.ending.text}; " if self._stopping is not None else ""
             self._result = aborted(Fault(blind.fault.code, f"{before}{blind.fault.text}"))
 
@@ -228,7 +228,7 @@ class Execution:
         )
 
     def _complete(self, state: ArmState) -> bool:
-        """The flag alone may be that of the motion before."""
+        """True if the motion is complete: the flag alone may be that of the previous motion."""
         time_s = self._path_s(state)
         left = np.abs(state.command - self._spline.positions[-1]).max()
         return bool(state.complete.all() and time_s >= self._spline.duration_s and left <= _AT_END_RAD)

@@ -1,4 +1,4 @@
-"""A received goal, and its executable form: checked as a whole, in the order of the axes."""
+"""A goal as received, and as executed: checked as a whole, in the order of the axes."""
 
 from __future__ import annotations
 

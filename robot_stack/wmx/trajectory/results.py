@@ -39,7 +39,7 @@ class Result:
 
 
 class GoalRefused(Exception):
-    """A goal that cannot be followed, for a reason of its own."""
+    """A goal that is invalid in itself."""
 
     def __init__(self, code: int, text: str) -> None:
         super().__init__(text)

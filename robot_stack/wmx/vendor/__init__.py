@@ -27,7 +27,7 @@ def vendor_library(library_path: str, n_axes: int, n_io_bytes: int, status_stale
     try:
         surface = probe(import_vendor(library_path))
     except VendorLibraryError as error:
-        # Not "no engine is running there": that is waited for silently, and this needs an operator.
+        # Not "no engine is running there", which is retried silently: this needs an operator.
         raise EngineError("vendor engine", ErrorCode.StartProcessFailed, str(error)) from error
     return library(surface, Records(surface.module, n_axes), n_io_bytes, status_stale_s)
 
@@ -58,7 +58,7 @@ def library(surface: Surface, records: Records, n_io_bytes: int, status_stale_s:
 
 
 class Absent:
-    """Stands for a part that this version of the library lacks: it has no calls, so each answers so."""
+    """Replaces a part that this version of the library lacks: each call returns NoSupportedFunction."""
 
     advMotion = None
 

@@ -68,7 +68,7 @@ def import_vendor(library_path: str) -> ModuleType:
             f"the vendor's library {error.name} was not found {where}; install it with the motion engine and set "
             f"{_SETTING}, or choose engine: simulated"
         ) from error
-    except Exception as error:  # a native module may fail to load in any way it likes
+    except Exception as error:  # loading a native module may raise any exception
         raise VendorLibraryError(f"the vendor's library {MODULE_NAME} does not load: {error}") from error
     finally:
         if folder is not None:

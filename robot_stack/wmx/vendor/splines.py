@@ -1,4 +1,4 @@
-"""AdvancedMotion on the vendor's library: which shape the times of a spline have is settled by the first spline."""
+"""AdvancedMotion on the vendor's library: the first spline determines the type of its times."""
 
 from __future__ import annotations
 
