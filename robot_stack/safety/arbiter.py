@@ -1,4 +1,4 @@
-"""The arbiter: of all rows in force the most severe action wins, of several limits the smallest."""
+"""The arbiter: the most severe action of all rows in force applies, and the smallest of several limits."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from robot_stack.safety.rows import ActiveRow
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the drive may do now.
+    """The permission of the drive now.
 
     faults: codes of all rows in force, in the order of the contract.
-    limit, reason: the speed limit and the codes it comes from, joined by commas; "" = the robot's own limits.
-    hard: a stop at the emergency deceleration, as the drive takes it: every stop whose rows are not all gentle.
+    limit, reason: the speed limit and the codes of its origin, joined by commas; "" = the robot's own limits.
+    hard: the drive stops at the emergency deceleration: every stop whose rows are not all gentle.
     """
 
     action: SafetyAction
@@ -42,7 +42,7 @@ def arbitrate(
         rows: rows in force, in the order of the contract.
         own: the robot's own limits.
         passenger: limits with a passenger aboard, None without one.
-        unseen: limits where the way leads into what is neither seen nor remembered, None where it does not.
+        unseen: limits where the way leads into space neither seen nor remembered, None elsewhere.
         undocking: limits of undocking from a wheelchair, None at all other times.
         stale_sight: limits while the newest obstacle points are stale, None while they are fresh.
     """
@@ -80,6 +80,6 @@ def _limit_of(row: ActiveRow) -> SpeedLimit | None:
     if row.action >= SafetyAction.STOP:
         return STANDSTILL
     if row.action is SafetyAction.LIMIT:
-        # A limit that says no number is a stop.
+        # A limit without a value is a stop.
         return row.limit or STANDSTILL
     return None

@@ -1,10 +1,10 @@
-"""How steep is it? The direction of gravity from gyroscope and accelerometer.
+"""Inclination: the direction of gravity from gyroscope and accelerometer.
 
 A complementary filter on the direction of "up" in base_link: the gyroscope turns it (fast, drifts), the accelerometer
 pulls it back (slow, disturbed by every acceleration of the robot). After R. Mahony, T. Hamel, J.-M. Pflimlin,
 "Nonlinear Complementary Filters on the Special Orthogonal Group", IEEE TAC 2008, without its bias estimate: a gyroscope
-bias b leaves an error of b times the time constant. What the wheels know about the robot's acceleration is taken from
-the accelerometer first, so that neither a start nor a long curve looks like a slope.
+bias b leaves an error of b times the time constant. The acceleration measured by the wheels is subtracted from the
+accelerometer's first, so that neither a start nor a long curve looks like a slope.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ ZERO = Vector3(0.0, 0.0, 0.0)
 class PlanarAcceleration:
     """Acceleration of base_link, m/s2, from its planar velocity: dv/dt + omega x v, low-passed and bounded.
 
-    The bound keeps spinning wheels from explaining away a slope: a robot cannot accelerate harder than that.
+    The bound, the robot's largest acceleration, prevents spinning wheels from hiding a slope.
     """
 
     def __init__(self, filter_s: float, max_mps2: float) -> None:
@@ -57,7 +57,7 @@ class PlanarAcceleration:
         self._at_s = math.inf
 
     def update(self, vx_mps: float, vy_mps: float, now_s: float) -> None:
-        """A new velocity in base_link. A gap longer than the filter's time constant starts the derivative anew."""
+        """A new velocity in base_link. A gap longer than the filter's time constant restarts the derivative."""
         velocity = Vector3(vx_mps, vy_mps, 0.0)
         if self._fresh(now_s):
             dt_s = now_s - self._at_s
@@ -91,7 +91,7 @@ class UpDirection:
         self._restart(math.inf)
 
     def update(self, sample: ImuSample, own_acceleration: Vector3, now_s: float) -> None:
-        """A new sample, m/s2 and rad/s in base_link; ``own_acceleration`` m/s2 is what gravity has no part in."""
+        """A new sample, m/s2 and rad/s in base_link; ``own_acceleration`` m/s2 is the robot's, without gravity."""
         dt_s, self._last_s = now_s - self._last_s, now_s
         if not 0.0 <= dt_s <= self._max_gap_s:
             self._restart(now_s)
@@ -122,8 +122,8 @@ class UpDirection:
 
     def _follow(self, force: Vector3, rate: Vector3, dt_s: float) -> None:
         assert self._up is not None
-        # A direction that is fixed in the world turns backwards in a turning body. Without the second order a robot
-        # that turns on a slope would see it steeper.
+        # A direction that is fixed in the world turns backwards in a turning body. Without the second order the
+        # estimate on a slope would be too steep while the robot turns.
         spin = rate.cross(self._up)
         turned = self._up.plus(spin, -dt_s).plus(rate.cross(spin), 0.5 * dt_s * dt_s)
         pull = dt_s / (self._time_constant_s + dt_s)

@@ -1,8 +1,8 @@
-"""The emergency-stop button: what it says on ``/emergency_stop``, from what its contact and the others say.
+"""The emergency-stop button: its messages on ``/emergency_stop``, from its contact and other sources' messages.
 
-Before the contact has ever been read nobody knows the button: it says nothing, so that a robot whose engine is still
-starting does not latch an emergency stop. Once it has been readable for ``startup_settle_s`` without a break, a contact
-that cannot be read means pressed. A contact that reads as pressed is believed from the first moment.
+Before the first reading of the contact the button is unknown and publishes nothing, so that a robot whose engine is
+still starting does not latch an emergency stop. After ``startup_settle_s`` of readings without a break, an unreadable
+contact means pressed. A reading of pressed counts from the first one.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def read_contact(status: StatusSnapshot | None, byte: int, bit: int) -> Contact:
 
 
 class EmergencyButton:
-    """Says True (pressed) or False (a request to release) when there is something to say; times are steady seconds."""
+    """Returns True (pressed) or False (a request to release) when a message is due; times are steady seconds."""
 
     def __init__(self, debounce_s: float, startup_settle_s: float) -> None:
         self._debounced = Debounce(debounce_s)
@@ -57,9 +57,9 @@ class EmergencyButton:
         self._settled = self._settled or (readable_for_s is not None and readable_for_s >= self._startup_settle_s)
         if not self._debounced.update(contact is not Contact.RELEASED, now_s):
             return None
-        # A button found released has released nothing: another source's true must not be answered with a false.
+        # A button first read as released publishes no release: another source's true must not be followed by a false.
         return None if was is None and not self.pressed else self.pressed
 
     def overheard(self, pressed: bool) -> bool:
-        """Somebody has published ``pressed``; returns True if the button has to contradict with a true."""
+        """Handles a message of any source; returns True if the button has to contradict with a true."""
         return self.pressed is True and not pressed

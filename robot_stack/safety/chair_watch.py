@@ -1,4 +1,4 @@
-"""Is a wheelchair attached, and does the latch hold it? (faults CHAIR_LOOSE and LATCH_NOT_CLOSED)
+"""Whether a wheelchair is attached, and held by the latch (faults CHAIR_LOOSE and LATCH_NOT_CLOSED).
 
 The contacts of the latch are inputs of the motion engine and are read here, not taken from a message. A confirmed latch
 attaches a wheelchair. It stays attached until the docking controller states that the robot is clear of it; a false on
@@ -27,7 +27,7 @@ class LatchStatement:
 
 
 class ChairWatch:
-    """Follows the contacts and what is said about the wheelchair. Steady seconds.
+    """Tracks the contacts and the statements about the wheelchair. Steady seconds.
 
     attached: a wheelchair is on the latch, or has come loose and not been undocked from.
     """
@@ -49,11 +49,11 @@ class ChairWatch:
 
     @property
     def carried(self) -> bool:
-        """The limits and the outline with a wheelchair apply: one is attached, or somebody says so."""
+        """The limits and the outline with a wheelchair apply: one is attached, or ``/passenger_attached`` says so."""
         return self.attached or self._said is True
 
     def contacts(self, reading: LatchReading | None) -> None:
-        """The latch's contacts; None where they cannot be read."""
+        """The latch's contacts; None if they cannot be read."""
         self._reading = reading
         self._settle()
 
@@ -75,7 +75,7 @@ class ChairWatch:
             self.attached = self._said
 
     def loose(self, stands: bool) -> Finding:
-        """The latch lets go of a wheelchair, or its contacts contradict each other. Call once per step.
+        """The latch releases a wheelchair, or its contacts contradict each other. Call once per step.
 
         An opening that is commanded while the robot stands is deliberate: only LATCH_NOT_CLOSED judges it.
         """
@@ -88,7 +88,7 @@ class ChairWatch:
         return CLEAR
 
     def not_held(self, source: str | None, now_s: float) -> Finding:
-        """A wheelchair is attached that the latch does not hold, and nobody undocks from it.
+        """A wheelchair is attached that the latch does not hold, and the robot does not undock from it.
 
         source: the topic of the highest fresh command, None without one.
         """
@@ -100,7 +100,7 @@ class ChairWatch:
         return Finding(Level.PRESENT, SafetyAction.STOP, detail=f"{reading.describe()}: undock")
 
     def undocking(self, source: str | None, now_s: float) -> SpeedLimit | None:
-        """The limit of undocking from a wheelchair that the latch does not hold, None where that does not happen."""
+        """The limit of undocking from a wheelchair that the latch does not hold, else None."""
         unheld = self._reading is not None and self._unheld(self._reading)
         return self._undocking_limit if unheld and self._undocks(source, now_s) else None
 
@@ -108,7 +108,7 @@ class ChairWatch:
         return reading.contradictory or (self.attached and not reading.confirmed)
 
     def _undocks(self, source: str | None, now_s: float) -> bool:
-        """The docking controller does, and no other source commands the robot."""
+        """True if the docking controller undocks, and no other source commands the robot."""
         fresh = age_s(now_s, self._stated_s) <= self._stale_s
         stated = fresh and self._stated is not None and self._stated.undocking
         return stated and source in (None, topics.DOCKING_CMD_VEL.name)

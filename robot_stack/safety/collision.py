@@ -1,13 +1,13 @@
-"""Will it hit? The footprint moved along the arc of a constant twist against obstacle points.
+"""Collision check: the footprint moved along the arc of a constant twist against obstacle points.
 
-Everything is seen from the robot: while it drives with a constant twist, a point that stands still in the world moves
+All motion is relative to the robot: while it drives with a constant twist, a point that is fixed in the world moves
 past it on a circle around the instantaneous centre of rotation (on a straight line without a turn). The moment at
-which that path first crosses the outline is the time to collision, exactly and without steps; what the point has
-travelled by then, relative to the robot, is the clearance ahead of the motion. A point beside the way is never touched,
-however near.
+which that path first crosses the outline is the exact time to collision, without steps; the distance that the point
+travels until then, relative to the robot, is the clearance ahead of the motion. A point beside the way is never
+touched, however near.
 
 A point that is inside the outline already, because it is within the margin, counts as touched if the motion brings it
-deeper, and as soon as the body itself meets it: a robot beside a wall may leave it, and drive along it.
+deeper, and as soon as the body itself touches it: a robot beside a wall may leave it, and drive along it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 # A turn with a larger radius than this, m, is a straight line: over 5 m they differ by 12 mm.
 _STRAIGHT_RADIUS_M = 1000.0
-# Stands for a speed of zero where it is divided by, m/s.
+# Replaces a speed of zero as a divisor, m/s.
 _TINY = 1e-9
 # A point inside the outline gets deeper if more than this share of its motion leads inwards: sine of 10 deg.
 _INWARDS = 0.17
@@ -33,7 +33,7 @@ _INWARDS = 0.17
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """A rectangle in base_link, m: x from rear to front, y +-half. margin: by which it is wider than the body."""
+    """A rectangle in base_link, m: x from rear to front, y +-half. margin: its excess over the body on each side."""
 
     front: float
     rear: float
@@ -41,7 +41,7 @@ class Outline:
     margin: float = 0.0
 
     def body(self) -> Outline:
-        """Without the margin."""
+        """The outline without the margin."""
         m = self.margin
         return Outline(self.front - m, self.rear + m, self.half - m)
 
@@ -69,10 +69,10 @@ def outline_of(footprint: Footprint, margin_m: float = 0.0) -> Outline:
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """How a motion comes near obstacles. Both infinite if it never touches one.
+    """Approach of a motion to obstacles. Both infinite if it never touches one.
 
-    time_s: until the first touch of the widened outline at this speed. clearance_m: the shortest way, relative to the
-    robot, that a point has left until it touches, the margin included: it depends on the direction of the motion alone.
+    time_s: until the first touch of the widened outline at this speed. clearance_m: the shortest remaining way of a
+    point to its contact, relative to the robot, the margin included: it depends on the direction of the motion alone.
     """
 
     time_s: float = math.inf
@@ -87,7 +87,7 @@ FREE = Approach()
 
 
 def approach(points: Floats, outline: Outline, twist: Twist2) -> Approach:
-    """How ``twist`` (finite, not zero) brings the robot near (n, 2+) finite points in base_link, m."""
+    """Approach of the robot by ``twist`` (finite, not zero) to (n, 2+) finite points in base_link, m."""
     if len(points) == 0:
         return FREE
     times = contact_times(points, outline, twist)
@@ -96,7 +96,7 @@ def approach(points: Floats, outline: Outline, twist: Twist2) -> Approach:
         return FREE
     times, met = times[touched], points[touched]
     speeds = np.hypot(twist.vx - twist.omega * met[:, 1], twist.vy + twist.omega * met[:, 0])
-    margins = np.where(outline.contains(met) & (times > 0.0), 0.0, outline.margin)  # those are timed to the body itself
+    margins = np.where(outline.contains(met) & (times > 0.0), 0.0, outline.margin)  # their times are to the body itself
     return Approach(float(times.min()), float((times * speeds + margins).min()))
 
 
@@ -158,7 +158,7 @@ def _along_arc(points: Floats, outline: Outline, twist: Twist2) -> Floats:
 
 
 def _turn_to(start: Floats, at: Floats, omega: float, on_edge: NDArray[np.bool_]) -> Floats:
-    """(n,) rad that a point turns from ``start`` until ``at``, against the robot's own turn; inf if not on the edge."""
+    """(n,) rad that a point turns from ``start`` until ``at``, opposite to the robot's turn; inf if not on the edge."""
     return np.where(on_edge, np.mod((start - at) * math.copysign(1.0, omega), 2.0 * math.pi), math.inf)
 
 

@@ -1,4 +1,4 @@
-"""What the robot's motion leads to: measured, commanded and requested twists against the points around it."""
+"""Predicted contacts of the robot's motion: measured, commanded and requested twists against the points around it."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from robot_stack.safety.obstacle_params import CollisionParams
 
 @dataclass(frozen=True, slots=True)
 class CollisionPrediction:
-    """moving: what the robot does and is about to do. wanted: what a standing robot is asked to do.
+    """moving: approach of the measured and commanded motion. wanted: of the requested motion of a standing robot.
 
-    unseen: how either of them comes near where known space ends. nearest_m: distance of the nearest obstacle to the
-    footprint, infinite without one. reach_m: how far the footprint reaches from base_link. brake_mps2: how hard the
-    robot can brake. meeting: who walks into its way. no_ground: how a motion ahead comes near where known ground ends.
+    unseen: of any of them to the end of known space. nearest_m: distance of the nearest obstacle to the footprint,
+    infinite without one. reach_m: largest distance of the footprint from base_link. brake_mps2: the robot's largest
+    deceleration. meeting: of pedestrians. no_ground: approach of a motion ahead to the end of known ground.
     measured: the twist by the wheels.
     """
 
@@ -33,7 +33,7 @@ class CollisionPrediction:
     measured: Twist2 = ZERO_TWIST
 
     def worse(self, other: CollisionPrediction) -> CollisionPrediction:
-        """The same motions of another outline: of both the nearer contacts and obstacles, and the longer reach."""
+        """Combines the same motions of two outlines: the nearer contacts and obstacles, and the longer reach."""
         return replace(
             self,
             moving=self.moving.worse(other.moving),
@@ -52,7 +52,7 @@ class CollisionPrediction:
         return min(self.moving.time_s, self.wanted.time_s)
 
     def no_faster_than(self, speed_mps: float) -> bool:
-        """Measured: base_link, and the farthest corner by the turn alone. False for a twist that is no number."""
+        """Measured speed of base_link, and of the farthest corner by the turn alone. False for a twist with NaN."""
         return self.measured.speed() <= speed_mps and abs(self.measured.omega) * self.reach_m <= speed_mps
 
 
@@ -70,12 +70,12 @@ def look_ahead(
     """Judges the motions, base_link.
 
     Args:
-        points: (n, 3) obstacles in base_link, m. unseen: where known space ends; None: nobody knows.
+        points: (n, 3) obstacles in base_link, m. unseen: the end of known space; None if unknown.
         body, widened: the footprint in force, and the same with the margin.
-        measured: by the wheels, zero where the robot stands or nobody knows.
-        driven: what the drive tries to do; None if it does not say: then ``requested`` takes its place.
-        requested: what the drive is asked to do. It counts beside ``driven`` only while that is a standstill: a robot
-            that is held back must not lurch each time the obstacle that holds it seems to be gone.
+        measured: by the wheels, zero if the robot stands or this is unknown.
+        driven: the drive's own command; None if it publishes none: then ``requested`` replaces it.
+        requested: the command to the drive. It counts beside ``driven`` only while that is a standstill: a robot
+            that is held back must not jerk each time the obstacle ahead disappears for a moment.
     """
     commanded = requested if driven is None else driven
     moving = _judge(points, widened, measured, params).worse(_judge(points, widened, commanded, params))
@@ -94,24 +94,24 @@ def look_ahead(
 
 
 def speed_limit_mps(clearance_m: float, params: CollisionParams, brake_mps2: float) -> float:
-    """How fast the robot may go with so much way left, m/s."""
+    """Allowed speed with this clearance ahead, m/s."""
     stoppable_mps = _stoppable_mps(clearance_m - params.stop_clearance_m, params, brake_mps2)
     in_time_mps = math.floor(clearance_m / params.approach_s / params.step_mps) * params.step_mps
     return max(params.slowest_mps, min(in_time_mps, stoppable_mps))
 
 
 def seen_limit_mps(clearance_m: float, params: CollisionParams, brake_mps2: float) -> float:
-    """How fast the robot may go to stop within so much of a way that is seen or remembered, m/s."""
+    """Allowed speed to stop within this length of way that is seen or remembered, m/s."""
     return max(params.unseen_mps, _stoppable_mps(clearance_m - params.margin_m, params, brake_mps2))
 
 
 def ground_limit_mps(clearance_m: float, params: CollisionParams, brake_mps2: float) -> float:
-    """How fast the robot may go to stop before known ground ends, m/s; 0 at the latest ``ground_margin_m`` before."""
+    """Allowed speed to stop before known ground ends, m/s; 0 at the latest ``ground_margin_m`` before."""
     return _stoppable_mps(clearance_m - params.ground_margin_m, params, brake_mps2)
 
 
 def onto_no_ground(ends: Floats | None, body: Outline, twists: Sequence[Twist2], params: CollisionParams) -> Approach:
-    """How those of the motions that lead ahead come near (n, 3) points where known ground ends; None: none is known."""
+    """Approach of the motions that lead ahead to (n, 3) points where known ground ends; None: none is known."""
     return _into_unseen(ends, body, [twist for twist in twists if twist.vx > params.rest_mps])
 
 
@@ -121,7 +121,7 @@ def rests(twist: Twist2, params: CollisionParams) -> bool:
 
 
 def _stoppable_mps(way_m: float, params: CollisionParams, brake_mps2: float) -> float:
-    """In steps, so that a noisy way is no new limit at every tick."""
+    """Speed that stops within the way, in steps, so that a noisy way does not change the limit at every tick."""
     lost = brake_mps2 * params.reaction_s
     speed_mps = math.sqrt(lost * lost + 2.0 * brake_mps2 * max(way_m, 0.0)) - lost
     return math.floor(speed_mps / params.step_mps) * params.step_mps

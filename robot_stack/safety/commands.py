@@ -1,4 +1,4 @@
-"""Where the robot is told to go: what the drive tries to do, and what it would do if nothing held it back."""
+"""The commands of the robot: the drive's own limited one, and the requested one without limits."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from robot_stack.safety.timing import age_s
 
 # Highest first, as the drive arbitrates.
 SOURCES = ("/teleop/cmd_vel", "/docking/cmd_vel", "/cmd_vel")
-# Faster is no robot: of such a command only the direction counts, as the drive takes it [m/s, rad/s].
+# Of a faster command only the direction counts, as in the drive [m/s, rad/s].
 _FASTEST = 100.0
 
 
 class CommandWatch:
-    """The newest commands, base_link. Steady seconds. stale_s: a command that is older counts no more."""
+    """The newest commands, base_link. Steady seconds. stale_s: an older command does not count."""
 
     def __init__(self, stale_s: float) -> None:
         self._stale_s = stale_s
@@ -21,17 +21,17 @@ class CommandWatch:
         self._requests: dict[str, tuple[Twist2, float]] = {}
 
     def limited(self, twist: Twist2, now_s: float) -> None:
-        """What the drive tries to do. One that is not finite counts as not received."""
+        """The drive's own command. A non-finite one counts as not received."""
         if twist.is_finite():
             self._limited = (limit_speed(twist, _FASTEST, _FASTEST), now_s)
 
     def request(self, source: str, twist: Twist2, now_s: float) -> None:
-        """A command of one of ``SOURCES``. One that is not finite is a standstill, as the drive takes it."""
+        """A command of one of ``SOURCES``. A non-finite one is a standstill, as in the drive."""
         wanted = limit_speed(twist, _FASTEST, _FASTEST) if twist.is_finite() else ZERO_TWIST
         self._requests[source] = (wanted, now_s)
 
     def driven(self, now_s: float) -> Twist2 | None:
-        """What the drive tries to do, None if it does not say."""
+        """The drive's own command, None without a fresh one."""
         return self._fresh(self._limited, now_s)
 
     def leading(self, now_s: float) -> str | None:

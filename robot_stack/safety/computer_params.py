@@ -1,4 +1,4 @@
-"""When the robot's computer is in trouble, and which screen is missed. The links' time-outs are their topics'."""
+"""Limits of the robot's computer, and the required screen. The links' timeouts are those of their topics."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ Percent = Annotated[float, Field(gt=0.0, le=100.0)]
 
 
 class ComputerParams(Config):
-    """Every comparison is strict; 100 % is so never exceeded.
+    """Every comparison is strict, so that 100 % is never exceeded.
 
-    cpu_high_s: for so long without a break. *_hysteresis_*: a row that was raised is gone only so far below its limit.
+    cpu_high_s: duration without a break. *_hysteresis_*: a raised row clears only this far below its limit.
     """
 
     overheat_c: Positive
@@ -28,6 +28,6 @@ class ComputerParams(Config):
 
 
 class LinkParams(Config):
-    """ui_required: a page must be connected from the start; else one is missed only after it has been connected."""
+    """ui_required: a page must be connected from the start; else only after it has once been connected."""
 
     ui_required: bool

@@ -1,4 +1,4 @@
-"""The robot's computer as ``/robot_status`` and ``/system/temperature`` tell it, and the links to displays and screens.
+"""The robot's computer by ``/robot_status`` and ``/system/temperature``, and the links to displays and screens.
 
 Numbers that are NaN (unknown) or out of range count as not received.
 """
@@ -38,7 +38,7 @@ class ComputerWatch:
         self._temperature.received(temperature_c, now_s)
 
     def state(self, now_s: float) -> ComputerState:
-        """Ask at every step: the processor's busy time is counted from one to the next."""
+        """Call at every step: the processor's busy time is counted from step to step."""
         cpu_percent = _fresh(self._cpu, now_s, self._status_stale_s)
         return ComputerState(
             temperature_c=_fresh(self._temperature, now_s, self._temperature_stale_s),
@@ -54,11 +54,11 @@ def _fresh(latest: Latest, now_s: float, stale_s: float) -> float:
 
 
 class LinkWatch:
-    """Silence of a link that a process keeps.
+    """Silence of a link that a process maintains.
 
-    expected: the process belongs to what runs here; without it nobody misses the link.
-    required: the link must come up by itself, counted from the process's first heartbeat: before that NODE_DEAD tells
-        that it is missing. Else it is missed only after it has been up.
+    expected: the process is one of the expected ones; else the link is not monitored.
+    required: the link must come up by itself, counted from the process's first heartbeat: before that NODE_DEAD
+        reports the process. Else it is monitored only after it has been up.
     """
 
     def __init__(self, expected: bool, required: bool = True) -> None:
@@ -71,9 +71,9 @@ class LinkWatch:
             self._at_s = now_s
 
     def alive(self, now_s: float) -> None:
-        """A sign of life from the other end of the link."""
+        """A heartbeat from the other end of the link."""
         self._at_s = now_s
 
     def silent_s(self, now_s: float) -> float | None:
-        """None while nobody misses the link."""
+        """Seconds of silence; None while the link is not monitored."""
         return age_s(now_s, self._at_s) if self._expected and self._at_s is not None else None

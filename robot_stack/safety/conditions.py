@@ -1,7 +1,7 @@
-"""The conditions of the fault list, one pure function per row: what the monitor knows in, what it means out.
+"""The conditions of the fault list, one pure function per row: a snapshot of the inputs in, a finding out.
 
-Each takes the snapshot, the parameters and the action that the row asks for at the moment (NONE while it is not
-raised), which is all the memory that hysteresis needs. A new row is a function here and its code in ``CONDITIONS``.
+Each takes the snapshot, the parameters and the row's action in force (NONE while it is not raised), the only memory
+needed for hysteresis. A new row is a function here and its code in ``CONDITIONS``.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ Condition = Callable[[Snapshot, "SafetyParams", SafetyAction], Finding]
 
 
 def estop_pressed(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """Any true on /emergency_stop, any source that is pressed, or a button of which nobody tells."""
+    """Any true on /emergency_stop, any source that is pressed, or a button without reports."""
     return _present(_EMERGENCY, now.estop) if now.estop else CLEAR
 
 
 def chair_loose(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """The latch lets go of a wheelchair. Judged by ``ChairWatch``."""
+    """The latch releases a wheelchair. Judged by ``ChairWatch``."""
     return now.chair_loose
 
 
@@ -47,12 +47,12 @@ def drive_fault(now: Snapshot, params: SafetyParams, active_action: SafetyAction
 
 
 def steering_fault(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """A module does not point where it is told. Judged by ``SteeringWatch``."""
+    """A module does not follow its commanded heading. Judged by ``SteeringWatch``."""
     return now.steering
 
 
 def joint_states_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """Too old. Until they have come up, the robot waits but nothing is latched within the start-up grace."""
+    """Stale joint states. Until they have come up, the robot waits but nothing is latched within the start-up grace."""
     if now.joint_states_age_s <= stale_s(topics.JOINT_STATES):
         return CLEAR if now.joint_states_up else _waiting("/joint_states: settling")
     detail = f"/joint_states: {now.joint_states_problem or _for_s(now.joint_states_age_s)}"
@@ -88,7 +88,7 @@ def imu_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyAction
 
 
 def localization_lost(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """Nobody knows where the robot is."""
+    """The pose is stale, has jumped, or has a low quality."""
     if not now.pose_age_s <= stale_s(topics.CURRENT_POSE):
         return _present(_STOP, f"/current_pose: {_for_s(now.pose_age_s)}")
     if not now.quality_age_s <= stale_s(topics.LOCALIZATION_QUALITY):
@@ -110,26 +110,26 @@ def node_dead(now: Snapshot, params: SafetyParams, active_action: SafetyAction) 
 
 
 def latch_not_stored(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """A power cut would forget an emergency stop, or a passenger."""
+    """A power cut would lose an emergency stop, or a passenger."""
     return _present(_LIMIT, now.latch_problem, _degraded(params)) if now.latch_problem else CLEAR
 
 
 def battery_low(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """Not enough charge for a new mission. A charge that nobody knows is taken for a low one."""
+    """Not enough charge for a new mission. An unknown charge counts as a low one."""
     if not now.battery_age_s <= stale_s(topics.BATTERY_STATE):
         return _present(_WARN, f"/battery_state: {_for_s(now.battery_age_s)}")
     return _emptier(now, _refilled(params.battery_low, params, active_action), _WARN)
 
 
 def battery_critical(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """Hardly any charge left: slowly home."""
+    """Hardly any charge left: the speed is limited."""
     if not now.battery_age_s <= stale_s(topics.BATTERY_STATE):
         return _UNKNOWN
     return _emptier(now, _refilled(params.battery_critical, params, active_action), _LIMIT, _degraded(params))
 
 
 def camera_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """A docking that is guided by images does not get them. The docking controller ends it; nobody else is slower."""
+    """A docking that is guided by images does not get them. The docking controller ends it; nothing else is limited."""
     late = [
         f"{name}: {_for_s(age_s)}"
         for name, age_s in now.cameras.items()
@@ -149,14 +149,14 @@ def lidar_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyActi
 
 
 def obstacles_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """Nobody says what is around the robot."""
+    """The obstacles around the robot are unknown."""
     if now.obstacles_age_s <= stale_s(topics.OBSTACLES):
         return CLEAR
     return _present(_STOP, f"/perception/obstacles: {now.obstacles_problem or _for_s(now.obstacles_age_s)}")
 
 
 def collision_imminent(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """Too late to do anything but brake, or too near to set out in that direction."""
+    """The robot must brake now, or is too near to an obstacle to start in its direction."""
     prediction, p = now.prediction, params.collision
     if prediction is None:
         return _UNKNOWN
@@ -170,7 +170,7 @@ def collision_imminent(now: Snapshot, params: SafetyParams, active_action: Safet
 
 
 def obstacle_near(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """Something is in the way: the nearer the slower."""
+    """An obstacle is in the way: the nearer the slower."""
     prediction, p = now.prediction, params.collision
     if prediction is None:
         return _UNKNOWN
@@ -188,9 +188,9 @@ def obstacle_near(now: Snapshot, params: SafetyParams, active_action: SafetyActi
 
 
 def unseen_limit(now: Snapshot, params: SafetyParams) -> SpeedLimit | None:
-    """No faster than to stop within what is seen or remembered of the way, and on known ground with a passenger.
+    """The speed that stops within the seen or remembered part of the way, and on known ground with a passenger.
 
-    No fault: so it is at every start.
+    This is no fault: it occurs at every start.
     """
     prediction = now.prediction
     if prediction is None or "OBSTACLES_TIMEOUT" not in params.rows:
@@ -204,9 +204,9 @@ def unseen_limit(now: Snapshot, params: SafetyParams) -> SpeedLimit | None:
 
 
 def stale_sight_limit(now: Snapshot, params: SafetyParams) -> SpeedLimit | None:
-    """While the newest obstacle points are stale: no faster than where nothing is seen. A faster robot brakes hard.
+    """While the newest obstacle points are stale: the limit of unseen space. A faster robot brakes hard.
 
-    No fault: a few lost sweeps are enough. OBSTACLES_TIMEOUT is raised later and independently.
+    This is no fault: a few lost sweeps suffice. OBSTACLES_TIMEOUT is raised later and independently.
     """
     prediction = now.prediction
     if prediction is None or "OBSTACLES_TIMEOUT" not in params.rows:
@@ -222,13 +222,13 @@ def stale_sight_limit(now: Snapshot, params: SafetyParams) -> SpeedLimit | None:
 
 
 def overheat(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """The computer is about to slow itself down, or to switch itself off."""
+    """The computer is about to throttle or to shut down."""
     limit_c = params.computer.overheat_c - (params.computer.overheat_hysteresis_c if active_action else 0.0)
     return _above(now.computer.temperature_c, limit_c, f"the computer is at {now.computer.temperature_c:.0f} C")
 
 
 def cpu_high(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """No time left for what comes unexpectedly."""
+    """No processor time is left for unexpected load."""
     busy_percent = now.computer.cpu_percent
     if busy_percent > params.computer.cpu_high_percent and not (active_action or _long_busy(now, params)):
         return CLEAR
@@ -236,19 +236,19 @@ def cpu_high(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -
 
 
 def memory_high(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """The kernel is about to kill somebody."""
+    """The OOM killer is about to act."""
     limit_percent = params.computer.memory_high_percent - _usage_hysteresis(params, active_action)
     return _above(now.computer.memory_percent, limit_percent, f"memory {now.computer.memory_percent:.0f} %")
 
 
 def disk_full(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """Journal and recordings are about to end."""
+    """Journal and recordings are about to fail."""
     limit_percent = params.computer.disk_full_percent - _usage_hysteresis(params, active_action)
     return _above(now.computer.disk_percent, limit_percent, f"disk {now.computer.disk_percent:.0f} %")
 
 
 def ehmi_link_lost(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """People around the robot do not see what it is about to do."""
+    """People around the robot do not see its intentions."""
     return _lost(now.ehmi_silent_s, topics.EHMI_STATUS, "no acknowledge of the external display")
 
 
@@ -306,7 +306,7 @@ def _emptier(now: Snapshot, needed: float, action: SafetyAction, limit: SpeedLim
 
 
 def _above(value: float, limit: float, detail: str) -> Finding:
-    """A warning. What nobody knows neither raises nor clears it: whoever should tell is missed as NODE_DEAD."""
+    """A warning. An unknown value neither raises nor clears it: its missing publisher is reported as NODE_DEAD."""
     if math.isnan(value):
         return _UNKNOWN
     return _present(_WARN, detail) if value > limit else CLEAR

@@ -1,4 +1,4 @@
-"""How the robot moves, by its wheels: the twist they agree on, and where it has taken the robot."""
+"""The robot's motion by its wheels: their common twist, and the pose integrated from it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Modules:
     wheel_radius_m: float
 
     def twist(self, speeds_mps: Sequence[float], angles_rad: Sequence[float]) -> Twist2:
-        """The twist of base_link that fits the modules' velocities best (least squares).
+        """The least-squares twist of base_link for the modules' velocities.
 
         Because the modules lie symmetrically, the mean of their velocities is base_link's own, without any turn.
         """
@@ -29,7 +29,7 @@ class Modules:
         return Twist2(sum(u for u, _ in velocities) / count, sum(v for _, v in velocities) / count, moment / inertia)
 
     def disagreement_mps(self, speeds_mps: Sequence[float], angles_rad: Sequence[float]) -> float:
-        """By how much the velocity of a module differs from that of the twist that fits all of them best, at most."""
+        """Largest deviation of a module's velocity from that of the least-squares twist, m/s."""
         twist = self.twist(speeds_mps, angles_rad)
         return max(
             math.hypot(
@@ -41,7 +41,7 @@ class Modules:
 
 
 class DeadReckoning:
-    """base_link in a frame that begins where the robot stood first. Steady seconds."""
+    """base_link in a frame that begins at the robot's first pose. Steady seconds."""
 
     def __init__(self, max_gap_s: float) -> None:
         self._max_gap_s = max_gap_s
@@ -50,7 +50,7 @@ class DeadReckoning:
         self.twist = ZERO_TWIST
 
     def update(self, twist: Twist2, now_s: float) -> None:
-        """A measured twist, base_link. Over a gap nothing is added: nobody knows."""
+        """A measured twist, base_link. Over a gap nothing is added: the motion is unknown."""
         dt_s = now_s - self._at_s
         if 0.0 <= dt_s <= self._max_gap_s:
             self.pose = self.pose.compose(exp_se2(twist, dt_s))

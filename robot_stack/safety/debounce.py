@@ -6,9 +6,9 @@ from robot_stack.safety.timing import Hold
 
 
 class Debounce:
-    """Turns raw readings into a state: one that ``debounce_s`` of readings without a break agree on.
+    """Turns raw readings into a state: one confirmed by ``debounce_s`` of equal readings without a break.
 
-    state: the last such state, None until there has been one.
+    state: the last such state, None before the first.
     """
 
     def __init__(self, debounce_s: float) -> None:

@@ -1,16 +1,16 @@
-"""Are the drives all right? Judges the motion engine's status by its history (fault DRIVE_FAULT).
+"""Judges the drives by the history of the motion engine's status (fault DRIVE_FAULT).
 
 The drives count as up once the engine has communicated, with every axis on and without an alarm, for
-``startup_settle_s`` without a break while every critical process was there: a machine that is busy starting stutters.
+``startup_settle_s`` without a break while every critical process was present: a machine under start-up load stutters.
 From then on:
 
 - no new engine cycle, or an engine that does not communicate, for more than ``silence_s`` is a fault;
 - an amplifier alarm or a following error is a fault at once;
-- an axis that is off is a fault after ``servo_off_s``, unless an emergency stop is latched: then somebody may have
-  switched it off on purpose.
+- an axis that is off is a fault after ``servo_off_s``, unless an emergency stop is latched: then it may have been
+  switched off on purpose.
 
-Before the drives have been up for the first time all of this is waiting for ``startup_grace_s`` instead, and after a
-release the servos have ``servo_on_timeout_s`` to come back on. Waiting stops the robot but latches nothing.
+Before the drives have been up for the first time all of these are WAITING for ``startup_grace_s`` instead, and after
+a release the servos have ``servo_on_timeout_s`` to come back on. WAITING stops the robot but latches nothing.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _UNKNOWN = Finding(Level.UNKNOWN)
 
 
 class DriveWatch:
-    """Follows the engine's status; ``now_s`` are steady seconds."""
+    """Tracks the engine's status; ``now_s`` are steady seconds."""
 
     def __init__(
         self,
@@ -53,10 +53,10 @@ class DriveWatch:
         self._good = Hold()
 
     def received(self, reading: DriveReading | None, now_s: float) -> None:
-        """The engine's status as it is now; None where there is none to read."""
+        """The engine's present status; None if it cannot be read."""
         if reading is None or len(reading.axes) < AXES:
             return
-        # The first look only says where the counter stands: a page that a dead engine left behind never moves on.
+        # The first reading only gives the counter's value: the page of a dead engine never changes.
         if reading.communicating and self._cycle is not None and reading.cycle != self._cycle:
             self._alive_s = now_s
         self._cycle, self._axes = reading.cycle, reading.axes[:AXES]
@@ -66,11 +66,11 @@ class DriveWatch:
         self._waiting_since_s, self._may_wait_s = now_s, self._servo_on_timeout_s
 
     def judge(self, emergency: bool, complete: bool, now_s: float) -> Finding:
-        """The drives now.
+        """The finding on the drives now.
 
         Args:
-            emergency: an emergency stop is latched or asked for.
-            complete: every critical process has been heard.
+            emergency: an emergency stop is latched or requested.
+            complete: every critical process has sent a heartbeat.
         """
         broken = self._broken(now_s)
         off = self._axes_with(lambda axis: not axis.servo_on, "servo off")

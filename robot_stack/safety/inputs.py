@@ -1,4 +1,4 @@
-"""What the safety monitor knows at one moment: the values its conditions are judged on."""
+"""The inputs of the safety monitor at one moment: the values of its conditions."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from robot_stack.wmx.axes import StatusSnapshot
 
 
 class Level(IntEnum):
-    """What a condition finds."""
+    """Result of a condition."""
 
     CLEAR = 0
-    UNKNOWN = 1  # cannot be judged: neither raises the row nor lets it clear
-    WAITING = 2  # not there yet, within the time it may take to come: stops the robot, latches nothing
+    UNKNOWN = 1  # cannot be judged: neither raises nor clears the row
+    WAITING = 2  # not available yet, within the time allowed: stops the robot, latches nothing
     PRESENT = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Answer of one condition.
+    """Finding of one condition.
 
-    action: what it asks for, NONE unless WAITING or PRESENT.
+    action: the requested one, NONE unless WAITING or PRESENT.
     limit: the speed limit of a LIMIT action.
     detail: one phrase for the log, the diagnostics and a refused reset.
     """
@@ -52,7 +52,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class LatchReading:
-    """The latch's two contacts, and whether its output commands it to open, all of one engine cycle."""
+    """The latch's two contacts, and whether its output commands it to open, in one engine cycle."""
 
     closed: bool
     open: bool
@@ -73,12 +73,12 @@ class LatchReading:
 
 @dataclass(frozen=True, slots=True)
 class DriveReading:
-    """One look at the motion engine's status.
+    """One reading of the motion engine's status.
 
-    cycle: a number that changes with every engine cycle: a status whose number stands still is stale.
+    cycle: a number that changes with every engine cycle: a status with a constant number is stale.
     axes: the robot's axes, index = axis number.
     button: contact of the emergency-stop button, an input of the engine.
-    latch: contacts of the wheelchair's latch, inputs of the engine; None where they cannot be read.
+    latch: contacts of the wheelchair's latch, inputs of the engine; None if they cannot be read.
     """
 
     communicating: bool
@@ -141,27 +141,27 @@ class ComputerState:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Everything at one moment. Ages in s on the steady clock, infinite for what never came or is not usable.
+    """All inputs at one moment. Ages in s on the steady clock, infinite for missing or unusable ones.
 
     obedience: judgement of the measured speed by the limits that were in force, made by ``ObedienceWatch``.
     joint_states_up: they have once been fresh for the whole settling time of the start-up.
-    estop: phrase that says who asks for the stop, empty if nobody does.
+    estop: phrase that names the sources of the stop, empty without any.
     chair_loose, latch_not_closed: judgement of the latch and the wheelchair on it, made by ``ChairWatch``.
     undocking: the limit while the robot undocks from a wheelchair that the latch does not hold, else None.
     steering: judgement of commanded and measured headings, made by ``SteeringWatch``.
     drive: judgement of the drives, made by ``DriveWatch`` because it needs their history.
     inclination_rad: angle between base_link's z axis and the vertical, NaN = unknown.
-    slope: judgement of the inclination and of where the robot is asked to go on it, made by ``SlopeWatch`` because it
-        needs their history.
+    slope: judgement of the inclination and of the requested motions, made by ``SlopeWatch`` because it needs their
+        history.
     quality: newest localization quality, [0, 1].
     pose_jump_m: largest distance between two consecutive poses since the last snapshot.
     battery: newest state of charge, [0, 1].
     latch_problem: why the latched stop and the passenger are not on disk, empty if they are.
     cameras: age of the newest image by the topic of its camera; empty unless a docking is guided by images.
     sight_age_s: age of the newest obstacle points; ``obstacles_age_s`` counts from the reception of their cloud.
-    prediction: what the robot's motion leads to; None while the obstacles are not known.
-    ehmi_silent_s, ui_silent_s: since the external display acknowledged, since a page of the touch screen was there;
-        None where nobody misses it.
+    prediction: predicted contacts of the robot's motion; None while the obstacles are unknown.
+    ehmi_silent_s, ui_silent_s: since the external display acknowledged, since a page of the touch screen was connected;
+        None while the link is not monitored.
     """
 
     uptime_s: float

@@ -1,14 +1,14 @@
-"""The latched emergency stop on file, so that it outlives whatever ends the monitor, and the computer with it.
+"""The latched emergency stop on file, so that it survives the end of the monitor and of the computer.
 
-Three copies of one record: two in the state folder, which a power cut, a logout or a reboot leave as they are, and one
+Three copies of one record: two in the state folder, which survive a power cut, a logout or a reboot, and one
 in the runtime folder, in memory. The one in memory is written before a verdict is published and survives a crash of the
 monitor; the others are written beside the monitor's loop, one after the other, each through to the disk, because a
-verdict must not wait for a disk. They are written in place, in blocks that they already own: a full disk takes nothing
-away.
+verdict must not wait for a disk. They are written in place, in blocks that they already own, so that a full disk does
+no harm.
 
-The newest record whose checksum is right is in force. Without one although one is expected, what was latched is
-unknown: the monitor comes up in emergency stop with a passenger. A damaged copy was being written when the power went:
-its record may have been a stop, so that it counts as one; so does a copy that another user owns or may write. A record
+The newest record with a correct checksum is in force. If one is expected and there is none, the latch is unknown: the
+monitor starts in emergency stop with a passenger. A damaged copy was being written when the power failed: its record
+may have been a stop, so that it counts as one; so does a copy that another user owns or may write. A record
 is expected if there is a state folder, or the witness beside it: the first start makes the folder and its copies in
 one step, and then the witness, which remains if the folder is deleted.
 """
@@ -42,7 +42,7 @@ _END_S = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One stored memory. generation: counts up with each."""
+    """One stored memory. generation: a counter of records."""
 
     generation: int
     memory: Memory
@@ -64,7 +64,7 @@ def encode(record: Record) -> bytes:
 
 
 def decode(data: bytes) -> Record:
-    """Raises ValueError for what ``encode`` has not made, or not completely."""
+    """Inverse of ``encode``. Raises ValueError for other or incomplete data."""
     body, checksum, _ = data.split(b"\n", 2)
     if int(checksum, 16) != zlib.crc32(body):
         raise ValueError("the checksum is wrong")
@@ -89,14 +89,14 @@ def _record(data: Any) -> Record:
 class LatchStore:
     """Keeps the memory of the safety monitor in ``folder``, and in ``shadow``, a file in memory.
 
-    witness: an empty file outside ``folder`` that says that there has been a record. Belongs to the node's loop; the
+    witness: an empty file outside ``folder``, which shows that a record existed. Belongs to the node's loop; the
     files on disk are written by ``worker``. now_s: a monotonic clock.
     """
 
     def __init__(
         self, folder: Path, shadow: Path, witness: Path, slow_s: float, worker: Worker, now_s: Callable[[], float]
     ) -> None:
-        """slow_s: a record that is not on disk after so long is reported by ``problem``."""
+        """slow_s: ``problem`` reports a record that is not on disk after this time."""
         self._folder, self._shadow, self._witness, self._slow_s = folder, shadow, witness, slow_s
         self._worker, self._now_s = worker, now_s
         self._saved: Memory | None = None
@@ -107,7 +107,7 @@ class LatchStore:
         self._shadow_problem = self._disk_problem = ""
 
     def load(self) -> Memory:
-        """What was stored, as the module's description says. Never raises."""
+        """The stored memory, by the rules of the module. Never raises."""
         first_start = not any(map(_there, (self._folder, self._shadow, self._witness)))
         records, damaged = [], False
         for path in (*self._copies(), self._shadow):
@@ -127,7 +127,7 @@ class LatchStore:
         return memory
 
     def save(self, memory: Memory) -> None:
-        """Keeps ``memory`` from now on. Never raises and never waits for a disk: ``problem`` tells what went wrong."""
+        """Keeps ``memory`` from now on. Never raises and never waits for a disk: ``problem`` reports errors."""
         self._saved = memory
         record = Record(self._newest.generation + 1, memory)
         try:
@@ -142,12 +142,12 @@ class LatchStore:
             self._write_newest()
 
     def save_if_new(self, memory: Memory) -> None:
-        """The same, but for what was saved last already."""
+        """Saves ``memory`` unless it was the last one saved."""
         if memory != self._saved:
             self.save(memory)
 
     def problem(self) -> str:
-        """Why the memory is not on disk although it should be, empty if it is. Retries a failed write after a pause."""
+        """Why the memory is not on disk in time, else an empty text. Retries a failed write after a pause."""
         now_s = self._now_s()
         if now_s >= self._retry_at_s:
             self._write_newest()
@@ -158,7 +158,7 @@ class LatchStore:
         return f"not written for {waiting_s:.0f} s" if slow else ""
 
     def close(self) -> None:
-        """Gives what is not written yet a last chance."""
+        """Tries once more to write a pending record."""
         if self._newest is not self._stored:
             self._write_newest()
         self._worker.close(_END_S)
@@ -178,7 +178,7 @@ class LatchStore:
             self._retry_at_s = self._now_s() + _RETRY_S
 
     def _write(self, record: Record) -> str:
-        """Runs on the worker. Returns why not, empty if both copies are on disk."""
+        """Runs on the worker. Returns the error, empty if both copies are on disk."""
         try:
             data = encode(record)
             if not _there(self._folder):
@@ -193,7 +193,7 @@ class LatchStore:
         return ""
 
     def _make_folder(self, data: bytes) -> None:
-        """In one step: a folder without its copies would be a lost latch."""
+        """Creates folder and copies atomically: a folder without its copies would be a lost latch."""
         beside = self._folder.with_name(f"{self._folder.name}.new")
         shutil.rmtree(beside, ignore_errors=True)
         beside.mkdir(parents=True, mode=0o700)
@@ -207,7 +207,7 @@ class LatchStore:
 
 
 def _there(path: Path) -> bool:
-    """False only if there is certainly nothing."""
+    """False only if the path certainly does not exist."""
     try:
         path.lstat()
     except FileNotFoundError:
@@ -218,7 +218,7 @@ def _there(path: Path) -> bool:
 
 
 def _read_own(path: Path) -> bytes:
-    """Raises ValueError for a file that another user may have written, or in a folder where one may replace it."""
+    """The content. Raises ValueError for a file that another user may have written, or may replace in its folder."""
     with open(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW), "rb") as file:
         if not only_own(path.parent.lstat()) or not only_own(os.fstat(file.fileno())):
             raise ValueError("another user may have written it")
@@ -251,7 +251,7 @@ def _replace(path: Path, data: bytes) -> None:
 def _sync_folder(folder: Path) -> None:
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
-        with contextlib.suppress(OSError):  # some file systems sync no folders
+        with contextlib.suppress(OSError):  # some file systems cannot sync folders
             os.fsync(descriptor)
     finally:
         os.close(descriptor)

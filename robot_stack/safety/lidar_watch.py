@@ -1,4 +1,4 @@
-"""Does the LiDAR see? Judged on a few of the points of each sweep."""
+"""Detects a frozen, replayed or covered LiDAR by a sample of the points of each sweep."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from robot_stack.safety.obstacle_params import LidarParams
 from robot_stack.safety.timing import age_s
 
-# A sweep that repeats one of so many before it is a replayed one: 10 s of them.
+# A sweep equal to one of this many before it is a replayed one: 10 s of them.
 _REMEMBERED = 100
 
 
 class LidarWatch:
-    """Age of the last sweep that shows the world: a frozen, replayed or covered sensor is a silent one."""
+    """Age of the last valid sweep: a frozen, replayed or covered sensor counts as silent."""
 
     def __init__(self, params: LidarParams) -> None:
         self._params = params
@@ -26,7 +26,7 @@ class LidarWatch:
         self.problem = "never received"
 
     def received(self, sample: NDArray[np.float32], of: int, now_s: float) -> None:
-        """A sweep of ``of`` points, of which ``sample`` (m, 3) are looked at: m, sensor frame."""
+        """A sweep of ``of`` points, of which ``sample`` (m, 3) are checked: m, sensor frame."""
         digest = blake2b(np.ascontiguousarray(sample).tobytes(), digest_size=16).digest()
         self.problem = self._problem(sample, of, repeated=digest in self._before)
         self._before.append(digest)
@@ -34,7 +34,7 @@ class LidarWatch:
             self._at_s = now_s
 
     def refused(self, problem: str) -> None:
-        """A message that is no sweep."""
+        """Handles a message that is no valid sweep."""
         self.problem = problem
 
     def age_s(self, now_s: float) -> float:
@@ -44,7 +44,7 @@ class LidarWatch:
         p = self._params
         x, y, z = sample.T.astype(np.float64)
         ranges = np.sqrt(x * x + y * y + z * z)
-        valid = sample[(ranges >= p.min_range_m) & (ranges <= p.max_range_m)]  # false for what is not finite
+        valid = sample[(ranges >= p.min_range_m) & (ranges <= p.max_range_m)]  # false for non-finite points
         returns = round(of * len(valid) / max(len(sample), 1))
         if returns < p.min_returns:
             return f"covered: {returns} returns, at least {p.min_returns} needed"
@@ -53,5 +53,5 @@ class LidarWatch:
         share = np.count_nonzero(sectors) / p.sectors
         if share < p.min_sector_share:
             return f"covered: returns from {share:.0%} of all directions, at least {p.min_sector_share:.0%} needed"
-        # The noise of a living sensor never repeats a whole sweep.
+        # The noise of a working sensor never repeats a whole sweep.
         return "frozen" if repeated else ""

@@ -1,10 +1,9 @@
-"""Who walks into the robot's way: bodies with a velocity against a robot that goes on, or brakes.
+"""Pedestrian collision: moving bodies against a robot that continues, or brakes.
 
-A contact while the robot stands harms nobody, so the question is not whether somebody will touch the robot, but whether
-it can stand by then. For each motion it is followed into the near future with everybody's own velocity: until it would
-have come to a standstill, were it told to brake now. It stops at the last moment at which that is still in time, and is
-slowed down to a speed from which that moment is some way off. Where going on touches nobody, it goes on: braking before
-somebody who walks behind would only bring them nearer.
+A contact with a standing robot is harmless, so the criterion is whether the robot can stop before a contact. Each
+motion is predicted with the bodies' velocities until the standstill of a robot that brakes now. The stop is requested
+at the last moment that is still in time, and the speed is limited so that this moment is some time ahead. If
+continuing touches no body, the robot continues: braking would only bring a person who walks behind it nearer.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ _TINY = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Meeting:
-    """stop: the robot must stand, somebody comes. speed_mps: no faster, of the footprint's fastest place, or inf."""
+    """stop: the robot must stop for a pedestrian. speed_mps: limit of the footprint's fastest point, or inf."""
 
     stop: bool = False
     speed_mps: float = math.inf
@@ -35,8 +34,8 @@ NOBODY = Meeting()
 
 
 class MeetingWatch:
-    """``judge`` at every tick, steady s. Remembers that somebody has just walked up, because beside the robot nobody
-    sees what they do: as long as something is beside it, it gives them ``hold_s`` to go on."""
+    """Call ``judge`` at every tick, steady s. Remembers a person who has just walked up, because the motion of people
+    beside the robot is not observed: while an obstacle is beside it, it holds for ``hold_s`` to let them go on."""
 
     def __init__(self, params: MeetingParams, brake_mps2: float) -> None:
         self._params, self._brake_mps2 = params, brake_mps2
@@ -47,7 +46,7 @@ class MeetingWatch:
     ) -> Meeting:
         """moving: (n, 5) x, y, z, vx, vy in base_link, over ground. nearest_m: of all obstacles, to the footprint.
 
-        motions: what the robot does and is about to do. request: what it is asked to do.
+        motions: measured and commanded. request: the requested one.
         """
         p, requests = self._params, _fastest_mps(request, body)
         share = self._share(moving, body, request)
@@ -58,19 +57,19 @@ class MeetingWatch:
         return Meeting(stop or (held and requests > _TINY), share * requests if share < 1.0 else math.inf)
 
     def _arrives(self, moving: Floats, body: Outline) -> bool:
-        """Somebody is about to walk up to the robot, wherever it is going."""
+        """True if a body is about to reach the present footprint, whatever the robot's motion."""
         times = np.arange(0.0, self._params.ahead_s + self._params.step_s, self._params.step_s)
         gaps = _gaps(moving, body, ZERO_TWIST, times, np.zeros_like(times))
         return bool((gaps <= self._params.margin_m + self._params.drift_mps * times).any())
 
     def _too_late(self, moving: Floats, body: Outline, twist: Twist2) -> bool:
-        """It touches somebody before it stands, if it brakes any later than now."""
+        """True if the robot touches a body before its standstill, even if it brakes now, and also without braking."""
         return self._touches(moving, body, twist, 1.0, self._params.reaction_s) and self._touches(
             moving, body, twist, 1.0, None
         )
 
     def _share(self, moving: Floats, body: Outline, request: Twist2) -> float:
-        """Of a motion's speed, the greatest from which a stop need not be now; 0: there is none."""
+        """The greatest share of a motion's speed that needs no stop now; 0: there is none."""
         p = self._params
         for step in range(p.shares, 0, -1):
             share = step / p.shares
@@ -81,8 +80,8 @@ class MeetingWatch:
         return 0.0
 
     def _touches(self, moving: Floats, body: Outline, twist: Twist2, share: float, brakes_s: float | None) -> bool:
-        """Does somebody touch a robot that goes on with a share of the twist, and brakes after ``brakes_s``, before it
-        stands? None: it does not brake, and is followed to the horizon."""
+        """True if a body touches a robot that continues with a share of the twist and brakes after ``brakes_s``, before
+        it stands. None: it does not brake, and is predicted to the horizon."""
         p = self._params
         speed_mps = share * _fastest_mps(twist, body)
         if speed_mps <= _TINY or not len(moving):
@@ -99,7 +98,7 @@ class MeetingWatch:
 
 
 def _fastest_mps(twist: Twist2, body: Outline) -> float:
-    """Of all places of the footprint, or a little more."""
+    """An upper bound of the speed of all points of the footprint, m/s."""
     return twist.speed() + abs(twist.omega) * body.reach()
 
 
@@ -116,7 +115,7 @@ def _gaps(moving: Floats, body: Outline, twist: Twist2, times: Floats, reached: 
 
 
 def _along(twist: Twist2, seconds: Floats) -> tuple[Floats, Floats, Floats]:
-    """(k,) x, y and yaw of base_link after so many seconds of a twist."""
+    """(k,) x, y and yaw of base_link after (k,) seconds of a twist."""
     turned = twist.omega * seconds
     sine, cosine = np.sinc(turned / math.pi) * seconds, 0.5 * turned * np.sinc(0.5 * turned / math.pi) ** 2 * seconds
     return twist.vx * sine - twist.vy * cosine, twist.vx * cosine + twist.vy * sine, turned

@@ -1,4 +1,4 @@
-"""The safety monitor: inputs in, verdict out. Time is an argument; nothing here knows ROS, files or clocks."""
+"""The safety monitor: inputs in, verdict out. Time is an argument; ROS, files and clocks are not used here."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ESTOP_PRESSED = "ESTOP_PRESSED"
 
 @dataclass(frozen=True, slots=True)
 class Memory:
-    """What a restart of the monitor must not forget: codes of the latched rows, whether a passenger is aboard, and
+    """State that must survive a restart of the monitor: codes of the latched rows, whether a passenger is aboard, and
     which sources of the emergency stop are pressed.
     """
 
@@ -32,7 +32,7 @@ class Memory:
 
 @dataclass(frozen=True, slots=True)
 class ResetAnswer:
-    """Answer to the second key. message: what was released, or what is missing."""
+    """Answer to the second key. message: the released rows, or the missing conditions."""
 
     success: bool
     message: str
@@ -41,13 +41,13 @@ class ResetAnswer:
 class SafetyMonitor:
     """Feed ``observation`` every message, then ``step``. All times are steady seconds.
 
-    nearest_obstacle_m: from the footprint at the last step; infinite without an obstacle, NaN while nobody knows.
+    nearest_obstacle_m: from the footprint at the last step; infinite without an obstacle, NaN while unknown.
     """
 
     def __init__(self, params: SafetyParams, robot: Robot, memory: Memory, now_s: float) -> None:
         self._params = params
         self._own, self._with_passenger = _speed_limit(robot.empty), _speed_limit(robot.with_passenger)
-        # A latch that this configuration cannot judge is held by the row that every configuration has.
+        # A latch of a row that is not configured is held by the row that every configuration has.
         latched = {code if code in params.rows else ESTOP_PRESSED for code in memory.latched}
         self._rows = [Row(fault, fault.code in latched) for fault in faults.FAULTS if fault.code in params.rows]
         self.observation = Observation(params, robot, now_s, memory.passenger, memory.presses)
@@ -70,12 +70,12 @@ class SafetyMonitor:
 
     @property
     def button_pressed(self) -> bool:
-        """The hardware stop is pressed; so is one whose contact could once be read and cannot any more."""
+        """The hardware stop is pressed; a contact that became unreadable counts as pressed."""
         return self.observation.button.pressed is True
 
     @property
     def memory(self) -> Memory:
-        """What has to survive a restart."""
+        """The state that must survive a restart."""
         latched = tuple(row.code for row in self._rows if row.latched)
         return Memory(latched, self.passenger, self.observation.sources.presses)
 
@@ -85,7 +85,7 @@ class SafetyMonitor:
         return {row.code: row.detail for row in self._active()}
 
     def step(self, now_s: float) -> Verdict:
-        """Judges every row on what is known now."""
+        """Judges every row on the present inputs."""
         snapshot = self.observation.snapshot(self.emergency, now_s)
         self.nearest_obstacle_m = math.nan if snapshot.prediction is None else snapshot.prediction.nearest_m
         for row in self._rows:
@@ -98,16 +98,16 @@ class SafetyMonitor:
         return verdict
 
     def pressed_by(self, now_s: float) -> dict[str, Presence]:
-        """The sources of the emergency stop whose press stands, and whether each is there to release it."""
+        """The sources with a standing press, and whether each is present to release it."""
         return self.observation.sources.presence(now_s)
 
     def clear(self, source: str, now_s: float) -> ResetAnswer:
-        """An operator clears the press of a source that cannot release itself. It is no reset."""
+        """Clears the press of a source that cannot release itself, for an operator. This is no reset."""
         problem = self.observation.sources.clear(source, now_s)
         return ResetAnswer(False, f"refused: {problem}") if problem else ResetAnswer(True, f"cleared: {source}")
 
     def reset(self, now_s: float) -> ResetAnswer:
-        """The second key: leaves the emergency stop, or says why not. Follow it with ``step``."""
+        """The second key: leaves the emergency stop, or returns why not. Call ``step`` afterwards."""
         self.step(now_s)
         if not self.emergency:
             return ResetAnswer(True, "no emergency stop is latched")
@@ -127,13 +127,13 @@ class SafetyMonitor:
         return [row.blocks_release() for row in self._rows]
 
     def _missing_release(self, now_s: float) -> list[str]:
-        """The first key. Whoever holds a button down repeats true within the settling time after any false."""
+        """The first key. A source with a held button repeats true within the settling time after any false."""
         if self.observation.estop.pressed is None:
             needed = ESTOP_PRESSED in self.memory.latched
             return ["/emergency_stop has not been released: no false since the monitor's start"] if needed else []
         released_for_s = self.observation.estop.released_for_s(now_s)
         if released_for_s is None:
-            return []  # still pressed: its row says so
+            return []  # still pressed: its row reports this
         if not released_for_s >= self._params.release_settle_s:
             return [f"/emergency_stop has been false for less than {self._params.release_settle_s:g} s"]
         return []

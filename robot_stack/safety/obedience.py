@@ -1,7 +1,7 @@
-"""Is the speed limit obeyed? Compares what the wheels measure with what the robot was permitted (fault OVERSPEED).
+"""Overspeed: compares the speed measured by the wheels with the permitted one (fault OVERSPEED).
 
-A limit that falls cannot be kept at once. What is permitted stays for a while, in which whoever drives takes notice and
-begins to brake, and then falls no slower than a share of the deceleration that belongs to the limit: the emergency
+A falling limit cannot be reached at once. The permitted speed stays constant for a while, the reaction time of the
+drive, and then falls no slower than a share of the deceleration that belongs to the limit: the emergency
 deceleration for a hard stop, else that of an ordinary ride. A limit that rises is permitted at once.
 """
 
@@ -17,7 +17,7 @@ from robot_stack.safety.timing import Hold, age_s
 
 
 class PermittedSpeed:
-    """What is permitted of one speed (m/s or rad/s) while its limit changes."""
+    """The permitted value of one speed (m/s or rad/s) while its limit changes."""
 
     def __init__(self, permitted: float) -> None:
         self.permitted = permitted
@@ -36,7 +36,7 @@ class PermittedSpeed:
 
 
 class ObedienceWatch:
-    """Follows the limits that were published and the twist that is measured."""
+    """Tracks the published limits and the measured twist."""
 
     def __init__(self, params: ObedienceParams, own: SpeedLimit, brake_mps2: float) -> None:
         """own: the robot's own limits, permitted before any other. brake_mps2: emergency deceleration."""
@@ -47,7 +47,7 @@ class ObedienceWatch:
     def limited(self, limit: SpeedLimit, hard: bool, motion: Motion, now_s: float) -> None:
         """The limit that is in force from now on.
 
-        hard: a stop that does not wait for comfort. motion: how the robot accelerates and brakes otherwise.
+        hard: a stop at the emergency deceleration. motion: accelerations and jerk otherwise.
         """
         p = self._params
         brake_mps2 = self._brake_mps2 if hard else motion.max_acceleration_mps2
@@ -58,7 +58,7 @@ class ObedienceWatch:
         self._angular.update(limit.angular_radps, notice_s, turning_radps2, now_s)
 
     def judge(self, measured: Twist2, now_s: float) -> Finding:
-        """The measured twist, zero where nobody knows it: then the joint states are missed instead."""
+        """Judges the measured twist, zero while unknown: then JOINT_STATES_TIMEOUT stops the robot instead."""
         p, speed_mps, turning_radps = self._params, measured.speed(), abs(measured.omega)
         linear_mps, angular_radps = self._linear.permitted, self._angular.permitted
         too_fast = speed_mps > linear_mps + p.margin_mps or turning_radps > angular_radps + p.margin_radps

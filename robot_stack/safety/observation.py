@@ -1,4 +1,4 @@
-"""Every input of the safety monitor, message by message in, one snapshot out."""
+"""Collects the inputs of the safety monitor message by message, and returns them as one snapshot."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ from robot_stack.safety.watches import CameraWatch, EstopWatch, ImuWatch, Latest
 CAMERAS = (topics.FRONT_CAMERA_INFO, topics.REAR_CAMERA_INFO)
 # States of /docking/status in which images guide the robot.
 _GUIDED = ("SEARCH", "SERVOING", "FINE_ALIGN")
-# States in which the robot moves into the dock, whose own parts are no obstacle then.
+# States in which the robot moves into the dock, whose own parts are then no obstacles.
 _LAST_WAY = ("SERVOING", "FINE_ALIGN")
-# The processes that keep the links to displays and screens.
+# The processes that maintain the links to displays and screens.
 _EHMI, _UI = "ehmi_bridge", "touch_ui"
-# The source of the emergency stop that must always be there.
+# The source of the emergency stop that must always be present.
 _BUTTON = "emergency_stop_button"
 
 
@@ -120,7 +120,7 @@ class Observation:
         self.sources.report(report, now_s)
 
     def limited(self, limit: SpeedLimit, hard: bool, now_s: float) -> None:
-        """The speed limit that is published. hard: a stop that does not wait for comfort."""
+        """The published speed limit. hard: a stop at the emergency deceleration."""
         self._obedience.limited(limit, hard, self._robot.motion(self.chair.carried), now_s)
 
     def heartbeat(self, process: str, now_s: float) -> None:
@@ -130,7 +130,7 @@ class Observation:
             link.process_heard(now_s)
 
     def engine(self, reading: DriveReading | None, now_s: float) -> None:
-        """The motion engine's status; None where there is none to read."""
+        """The motion engine's status; None if it cannot be read."""
         self.drive.received(reading, now_s)
         self.button.update(Contact.UNREADABLE if reading is None else reading.button, now_s)
         self.chair.contacts(None if reading is None else reading.latch)
@@ -160,7 +160,7 @@ class Observation:
         self._last_way_s = now_s if state in _LAST_WAY else None
 
     def camera(self, topic: str, now_s: float) -> None:
-        """A ``camera_info`` of ``CAMERAS``: it comes with each image."""
+        """A ``camera_info`` of ``CAMERAS``: it accompanies each image."""
         self._cameras.received(topic, now_s)
 
     def obstacles(self, points: NDArray[Any], latency_s: float, now_s: float) -> None:
@@ -168,7 +168,7 @@ class Observation:
         self.surroundings.received(points, latency_s, outline_of(self._body()), now_s)
 
     def snapshot(self, emergency: bool, now_s: float) -> Snapshot:
-        """Everything as it is now. Events (a short press, a jump) appear in one snapshot only.
+        """All inputs now. Events (a short press, a jump) appear in one snapshot only.
 
         Args:
             emergency: an emergency stop is latched.
@@ -220,7 +220,7 @@ class Observation:
         )
 
     def _stop_asked(self, complete: bool, now_s: float) -> str:
-        """Who asks for the emergency stop, empty if nobody does."""
+        """Sources that request the emergency stop, empty without any."""
         asked = self.sources.standing(now_s)
         if self.estop.take_pressed() and not asked:
             asked = "/emergency_stop is true"
@@ -230,20 +230,20 @@ class Observation:
         return asked
 
     def _motions(self, now_s: float) -> list[Twist2]:
-        """What the drive is asked to do and what it says it does, without standstills."""
+        """The requested motion and the drive's own command, without standstills."""
         motions = (self.commands.requested(now_s), self.commands.driven(now_s) or ZERO_TWIST)
         return [motion for motion in motions if not rests(motion, self._collision)]
 
     def _prediction(self, now_s: float) -> CollisionPrediction | None:
-        """None while the obstacles are not known. A robot that has lost sight of them is judged by where they were, as
-        its wheels have moved it, until it stands.
+        """None while the obstacles are unknown. After losing sight of them, their last positions, moved by dead
+        reckoning, count until the robot stands.
         """
         sighted = self.surroundings.age_s(now_s) <= stale_s(topics.OBSTACLES)
         stands = self.wheels.still_for_s(now_s, stale_s(topics.JOINT_STATES)) is not None
         if not self.surroundings.known or (stands and not sighted):
             return None
         docking = age_s(now_s, self._last_way_s) <= stale_s(topics.DOCKING_STATUS)
-        # A wheelchair that is undocked from stays where it is: it is no part of what moves.
+        # A wheelchair stays in place during undocking: it does not move with the robot.
         undocking = self.chair.undocking(self.commands.leading(now_s), now_s) is not None
         footprint = self._body() if undocking else self._footprint()
         moving = self.surroundings.moving(stale_s(topics.MOVING), now_s)
@@ -255,7 +255,7 @@ class Observation:
         def ahead(shape: Footprint) -> CollisionPrediction:
             return look_ahead(
                 points,
-                None if moving is None else unseen,  # nobody knows who comes: as slow as if nobody knew what is there
+                None if moving is None else unseen,  # unknown moving bodies: the limit of unseen space
                 outline_of(shape),
                 outline_of(shape, self._collision.margin_m),
                 measured,
@@ -267,7 +267,7 @@ class Observation:
 
         seen = ahead(footprint)
         if footprint is not self._body():
-            seen = seen.worse(ahead(self._body()))  # within the outline of a chair that may not be there
+            seen = seen.worse(ahead(self._body()))  # within the outline of a wheelchair that may be absent
         if self.chair.carried:
             ends = self.surroundings.no_ground(stale_s(topics.NO_GROUND), now_s)
             leading = [measured, driven or ZERO_TWIST, requested]
@@ -279,13 +279,13 @@ class Observation:
         return replace(seen, meeting=meeting)
 
     def _body(self) -> Footprint:
-        """What is the robot's own: a wheelchair only on a latch that is confirmed closed."""
+        """The robot's own footprint; it includes a wheelchair only on a latch that is confirmed closed."""
         return self._robot.footprint_with_chair if self.chair.closed else self._robot.footprint
 
     def _footprint(self) -> Footprint:
         return self._robot.footprint_with_chair if self.chair.carried else self._robot.footprint
 
     def _complete(self) -> bool:
-        """Every critical process has been heard. Until then the machine is starting, and busy with it."""
+        """Every critical process has sent a heartbeat. Until then the machine is under start-up load."""
         critical = (name for name, criticality in self._criticality.items() if criticality is Criticality.CRITICAL)
         return all(name in self._heard_s for name in critical)

@@ -1,4 +1,4 @@
-"""Parameters of the rows that look at the surroundings: part of ``config/safety_monitor.yaml``."""
+"""Parameters of the rows about the surroundings: part of ``config/safety_monitor.yaml``."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ NotNegative = Annotated[float, Field(ge=0.0)]
 
 
 class CollisionParams(Config):
-    """When a motion is too near, and how fast it may be.
+    """Thresholds of a motion's approach to obstacles, and its speed limits.
 
-    Above the thresholds by the hysteresis a row that was raised is gone. The limit lets the robot reach the obstacle in
+    A raised row clears above its threshold plus the hysteresis. The limit lets the robot reach the obstacle in
     ``approach_s`` at the earliest and stop at ``stop_clearance_m`` after ``reaction_s``; it is never less than the
-    slowest speeds, because standing still is what COLLISION_IMMINENT is for. unseen_mps: the least limit where the way
-    is neither seen nor remembered. ground_margin_m: with a passenger the robot stands so far before known ground ends.
+    slowest speeds, because COLLISION_IMMINENT stops the robot. unseen_mps: the least limit where the way
+    is neither seen nor remembered. ground_margin_m: with a passenger the robot stops this far before known ground ends.
     """
 
     margin_m: NotNegative
@@ -49,12 +49,12 @@ class CollisionParams(Config):
 
 
 class MeetingParams(Config):
-    """Who walks into the robot's way.
+    """Collisions with pedestrians.
 
-    Somebody touches it within ``margin_m`` of the footprint, which grows by ``drift_mps`` the farther one looks ahead.
-    reaction_s: from where somebody is to the robot's brakes. The speed is limited so that a stop need not be within
-    ``ahead_s``, in ``shares`` equal steps. A motion is followed to ``horizon_s`` in steps of ``step_s``. Who walks up
-    to the robot within ``ahead_s`` is given ``hold_s`` to go on, as long as anything is nearer than ``beside_m``.
+    A contact is a distance to the footprint below ``margin_m``, which grows by ``drift_mps`` with the time ahead.
+    reaction_s: from a person's position to the robot's brakes. The speed is limited so that no stop is needed within
+    ``ahead_s``, in ``shares`` equal steps. A motion is predicted to ``horizon_s`` in steps of ``step_s``. After a
+    person walks up to the robot within ``ahead_s``, it holds for ``hold_s`` while anything is nearer than ``beside_m``.
     """
 
     margin_m: NotNegative
@@ -85,14 +85,14 @@ class VolumeParams(Config):
 
 
 class ExclusionParams(Config):
-    """What belongs to a dock: its body with whoever sits there, and what reaches out of it to the robot."""
+    """The parts of a dock: its body including a seated person, and the rails that extend towards the robot."""
 
     body: VolumeParams
     rails: VolumeParams
 
 
 class ObstacleParams(Config):
-    """How obstacle clouds are kept: so long, so far around the robot, one point for each upright column.
+    """Storage of obstacle clouds: duration, radius around the robot, one point for each upright column.
 
     sight_stale_s: points older than this limit the speed (SIGHT_STALE), before OBSTACLES_TIMEOUT is raised.
     """
@@ -112,7 +112,7 @@ class ObstacleParams(Config):
 
 
 class LidarParams(Config):
-    """When a sweep counts as one: judged on ``sample`` of its points."""
+    """Criteria of a valid sweep, judged on ``sample`` of its points."""
 
     sample: Annotated[int, Field(ge=64)]
     min_range_m: Positive

@@ -1,6 +1,6 @@
 """Parameters of the safety nodes: ``config/safety_monitor.yaml`` and ``config/emergency_stop_button.yaml``.
 
-The time-outs of topics are not here: they are the ``stale_s`` of the contract's rows.
+The timeouts of topics are the ``stale_s`` of the contract's rows.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class DescentParams(Config):
-    """Driving off a slope above ``slope_stop_deg``: how fast, and what counts as along the fall line.
+    """Driving off a slope above ``slope_stop_deg``: speed limits, and tolerance of the course to the fall line.
 
-    angle_deg: of the robot's course to the fall line, at most; angle_hysteresis_deg: more of it once under way.
-    ask_again_s: a standing robot that was asked for another motion may be asked again after this time.
+    angle_deg: largest angle of the robot's course to the fall line; angle_hysteresis_deg: added once under way.
+    ask_again_s: after a refused motion a standing robot accepts another request after this time.
     """
 
     max_speed_mps: Positive
@@ -40,9 +40,9 @@ class DescentParams(Config):
 
 
 class StopSourceParams(Config):
-    """Sources of the emergency stop. explain_s: how far apart a true on ``/emergency_stop`` and the report of its
-    author may arrive, discovery_s: the same for the first report of a process. button_silence_s: the button's process
-    is missed after so long without a report.
+    """Sources of the emergency stop. explain_s: largest time between a true on ``/emergency_stop`` and the report of
+    its source, discovery_s: the same for the first report of a process. button_silence_s: timeout of the reports of
+    the button's process.
     """
 
     explain_s: Positive
@@ -51,8 +51,8 @@ class StopSourceParams(Config):
 
 
 class SteeringParams(Config):
-    """When a module counts as stuck, while the robot rolls, for longer than hold_s: angle_rad: measured heading off the
-    commanded one. disagreement_mps: velocity of a wheel off the motion that fits all of them best.
+    """A module counts as stuck if, for longer than hold_s while the robot rolls, its error exceeds angle_rad: measured
+    to commanded heading, or disagreement_mps: velocity of a wheel to the least-squares motion of all of them.
     """
 
     angle_rad: Annotated[float, Field(gt=0.0, lt=1.5)]
@@ -68,9 +68,9 @@ class UndockingParams(Config):
 
 
 class ObedienceParams(Config):
-    """When a speed limit counts as not obeyed. hold_s: faster than permitted for longer than this. margin: on what is
-    permitted, for the noise of measuring. notice_s: until whoever drives begins to brake; the time that a jerk limit
-    takes comes on top. deceleration_share: of the deceleration of the drive, which the permitted speed falls with.
+    """Criteria of overspeed. hold_s: faster than permitted for longer than this. margin: added to the permitted speed,
+    for measurement noise. notice_s: until the drive begins to brake; the time of a jerk limit is added.
+    deceleration_share: share of the drive's deceleration with which the permitted speed falls.
     """
 
     hold_s: Positive
@@ -81,7 +81,7 @@ class ObedienceParams(Config):
 
 
 class SafetyParams(Config):
-    """What the safety monitor judges by. Every comparison is strict: a value equal to its limit is still allowed."""
+    """Parameters of the safety monitor. Every comparison is strict: a value equal to its limit is still allowed."""
 
     tick_hz: Annotated[float, Field(ge=20.0, le=500.0)]
     rows: tuple[str, ...]
@@ -175,7 +175,7 @@ class SafetyParams(Config):
 
 
 class ButtonParams(Config):
-    """How the button is read."""
+    """Parameters of reading the button."""
 
     poll_hz: Annotated[float, Field(ge=200.0, le=1000.0)]
     debounce_s: Annotated[float, Field(gt=0.0, le=0.05)]

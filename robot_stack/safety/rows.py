@@ -1,4 +1,4 @@
-"""One row of the fault list over time: raised at once, cleared when gone for long enough, or latched until a reset."""
+"""One row of the fault list over time: raised at once, cleared after a delay, or latched until a reset."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Row:
         return self._fault.action if self._latched else self._found.action
 
     def update(self, finding: Finding, now_s: float) -> None:
-        """Takes what the row's condition finds now."""
+        """Processes the present finding of the row's condition."""
         self._newest = finding
         gone_for_s = self._gone_for.update(finding.level is Level.CLEAR, now_s)
         if finding.level >= Level.WAITING:

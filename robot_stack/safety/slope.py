@@ -1,7 +1,7 @@
-"""How steep is too steep: slowly above one slope, above a second one only downhill along the fall line.
+"""Limits of the slope: slow above one threshold, above a second one only downhill along the fall line.
 
-A robot that may not move at all on a steep slope could only be carried off it. Downhill it can leave by itself,
-whatever stopped it there: gravity helps, and straight down the fall line it cannot tip over its side.
+A robot that may not move at all on a steep slope would have to be carried off it. Downhill it can leave by itself:
+gravity helps, and straight down the fall line it cannot tip over its side.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Points = tuple[tuple[float, float], ...]
 
 
 class SlopeWatch:
-    """Judges the inclination, and on a steep slope every motion that is asked for. Steady seconds.
+    """Judges the inclination, and on a steep slope every requested motion. Steady seconds.
 
     modules_m: (x, y) of the wheels in base_link, m.
     """
@@ -38,12 +38,12 @@ class SlopeWatch:
         """Call once per step.
 
         Args:
-            inclination_rad: between base_link's z axis and the vertical, NaN while it is not known.
+            inclination_rad: between base_link's z axis and the vertical, NaN while unknown.
             downhill_rad: bearing of the fall line in base_link, down.
-            motions: what the drive is asked to do and what it does, without those that are a standstill; base_link.
+            motions: the requested one and the drive's own command, without standstills; base_link.
         """
         if math.isnan(inclination_rad):
-            # Which way is down? A slope that was not steep is UNKNOWN and keeps its limit.
+            # The fall line is unknown. A slope that was not steep is UNKNOWN and keeps its limit.
             return _present("the fall line is not known on a steep slope") if self._steep else Finding(Level.UNKNOWN)
         p = self._params
         self._limited = inclination_rad > math.radians(
@@ -62,8 +62,8 @@ class SlopeWatch:
         p = self._params.descent
         limit = SpeedLimit(p.max_speed_mps, p.max_yaw_rate_radps)
         if not motions:
-            # Whoever plans a motion needs a limit above zero to begin with. Who was just refused has to wait for it:
-            # otherwise an uphill goal would be tried again at every step.
+            # A planner needs a limit above zero to begin. After a refusal it has to wait for one: otherwise an uphill
+            # goal would be tried again at every step.
             self._descends = False
             if age_s(now_s, self._refused_s) >= p.ask_again_s:
                 return _present(f"{detail}, only downhill", limit)
@@ -76,7 +76,7 @@ class SlopeWatch:
         return _present(f"{detail}, the motion is not downhill")
 
     def _leads_down(self, motion: Twist2, downhill_rad: float, allowed_rad: float) -> bool:
-        """The course keeps to the fall line, and no wheel rolls uphill: a turn on the spot is no descent."""
+        """True if the course follows the fall line and no wheel rolls uphill: a turn on the spot is no descent."""
         off_rad = abs(wrap_angle(math.atan2(motion.vy, motion.vx) - downhill_rad))
         down_x, down_y = math.cos(downhill_rad), math.sin(downhill_rad)
         wheels_mps = (

@@ -1,7 +1,7 @@
-"""Do the modules point where they are told, and do the wheels agree on one motion? (fault STEERING_FAULT)
+"""Checks the modules' headings against their commands, and the wheels for one common motion (fault STEERING_FAULT).
 
-A module whose steering is stuck drags the robot off its course, and the odometry with it, while neither of its two axes
-has an alarm. A standing robot turns its modules first, however far: only one that rolls is judged.
+A module with stuck steering drags the robot off its course and falsifies the odometry, while neither of its two axes
+has an alarm. A standing robot first turns its modules by any angle: only a rolling one is judged.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from robot_stack.safety.timing import Hold, age_s
 
 
 class SteeringWatch:
-    """Follows commanded and measured headings. Steady seconds. stale_s: a command that is older counts no more."""
+    """Tracks commanded and measured headings. Steady seconds. stale_s: an older command does not count."""
 
     def __init__(self, params: SteeringParams, modules: Modules, standstill_mps: float, stale_s: float) -> None:
         self._params, self._modules = params, modules
@@ -32,12 +32,12 @@ class SteeringWatch:
         self._contradict_for = Hold()
 
     def commanded(self, angles_rad: Sequence[float], now_s: float) -> None:
-        """Headings in the order of the modules. Incomplete or not finite ones count as not received."""
+        """Headings in the order of the modules. Incomplete or non-finite ones count as not received."""
         if len(angles_rad) == len(MODULES) and all(map(math.isfinite, angles_rad)):
             self._commanded_rad, self._commanded_s = tuple(angles_rad), now_s
 
     def measured(self, speeds_mps: Sequence[float], angles_rad: Sequence[float]) -> None:
-        """Of the wheels and of the modules, any number of turns."""
+        """Speeds of the wheels and headings of the modules, not wrapped."""
         self._speeds_mps, self._angles_rad = tuple(speeds_mps), tuple(angles_rad)
 
     def judge(self, now_s: float) -> Finding:

@@ -1,13 +1,13 @@
-"""Who presses the emergency stop, by name and process.
+"""Sources of the emergency stop, by name and process.
 
-``/emergency_stop`` is one topic with many publishers and no names. Sources of this stack therefore also report who they
-are on ``/emergency_stop/sources``, beside each message there and again and again. What is pressed stays pressed until
-the process that pressed says itself that it is released, or until an operator clears it by name. Each true on
-``/emergency_stop`` must be explained by a report of one more press; one that nobody explains in time is a press of a
-source called ``unknown``. False messages release nothing here: nobody knows whose they are.
+``/emergency_stop`` is one topic with many publishers and no names. Sources of this stack therefore also report their
+identity on ``/emergency_stop/sources``, with each message there and periodically. A press stands until
+the process that pressed reports its release, or until an operator clears it by name. Each true on
+``/emergency_stop`` must be explained by a report of one more press; a true without a report in time is a press of a
+source called ``unknown``. False messages release nothing here, because their source is unknown.
 
-A source is one process: another one of the same name, at the same time or after it, is another source. The work for a
-message is bounded whatever it says, and so is the number of sources.
+A source is one process: another one of the same name, at the same time or after it, is another source. The work for any
+message is bounded, and so is the number of sources.
 
 Times are steady seconds, given as arguments.
 """
@@ -21,7 +21,7 @@ from robot_stack.core.stop_presence import Presence
 from robot_stack.safety.timing import Hold, age_s
 
 UNKNOWN = "unknown"
-# More sources than this are none of this stack: the longest silent one is forgotten, a press of one more is unknown.
+# This stack has fewer sources. Beyond this the longest silent one is dropped, a press of one more is unknown.
 MOST_SOURCES = 64
 
 Instance = tuple[str, int, int]
@@ -29,7 +29,7 @@ Instance = tuple[str, int, int]
 
 @dataclass(frozen=True, slots=True)
 class SourceReport:
-    """One message of ``/emergency_stop/sources``. presses: how often this process has published true so far.
+    """One message of ``/emergency_stop/sources``. presses: number of trues published by this process so far.
     begun_ns: when the process began, by its own clock.
     """
 
@@ -64,7 +64,7 @@ class _Heard:
 
 
 class Arrivals:
-    """When something arrived, and how often; oldest first. Nothing here takes longer for a greater number."""
+    """Times of arrival with counts, oldest first. The cost of an operation does not depend on the counts."""
 
     def __init__(self) -> None:
         self._entries: deque[tuple[float, int]] = deque()
@@ -77,7 +77,7 @@ class Arrivals:
             self._entries.append((at_s, count))
 
     def take(self, count: int) -> int:
-        """Removes the oldest ``count``, as far as there are so many; returns how many those are."""
+        """Removes up to ``count`` of the oldest; returns the number removed."""
         left = count
         while left > 0 and self._entries:
             at_s, there = self._entries.popleft()
@@ -87,7 +87,7 @@ class Arrivals:
         return count - left
 
     def expire(self, longest_s: float, now_s: float) -> list[tuple[float, int]]:
-        """Removes what arrived longer ago, and returns it."""
+        """Removes and returns the entries older than ``longest_s``."""
         expired = []
         while self._entries and not age_s(now_s, self._entries[0][0]) <= longest_s:
             expired.append(self._entries.popleft())
@@ -95,11 +95,11 @@ class Arrivals:
 
 
 class StopSources:
-    """Matches what is said on ``/emergency_stop`` with who says it."""
+    """Matches messages on ``/emergency_stop`` with the reports of their sources."""
 
     def __init__(self, explain_s: float, discovery_s: float, stale_s: float, presses: tuple[Press, ...] = ()) -> None:
-        """explain_s: how far apart a true and the report that explains it may arrive. discovery_s: the same for a
-        process of which nothing was heard before: two topics of a new process are not found at the same time. stale_s:
+        """explain_s: largest time between a true and the report that explains it. discovery_s: the same for a process
+        without an earlier report: two topics of a new process are not discovered at the same time. stale_s:
         a source that is silent for longer is gone. presses: those that stood before a restart.
         """
         self._explain_s, self._discovery_s, self._stale_s = explain_s, discovery_s, stale_s
@@ -108,7 +108,7 @@ class StopSources:
         self._heard: dict[Instance, _Heard] = {}
         self._newest_s: dict[str, float] = {}  # of any process of that name
         self._unexplained = Arrivals()  # trues without a report
-        self._adoptable = Arrivals()  # those that became unknown, and that a new process may yet explain
+        self._adoptable = Arrivals()  # trues that became unknown, and that a new process may still explain
         self._surely_unknown = _NOBODY.instance in self._presses
         self._announced = Arrivals()  # reports of a press without its true
 
@@ -143,7 +143,7 @@ class StopSources:
             self._press_unknown()
 
     def clear(self, name: str, now_s: float) -> str:
-        """An operator clears the sources of a name that cannot release themselves. Returns why not, "" if done."""
+        """Clears the sources of a name that cannot release themselves, for an operator. Returns why not, "" if done."""
         self._age(now_s)
         named = [press for press in self._presses.values() if press.name == name]
         if not named:
@@ -159,9 +159,9 @@ class StopSources:
         return ""
 
     def presence(self, now_s: float) -> dict[str, Presence]:
-        """Of every name with a press that stands, whether its source is there to release it.
+        """For every name with a standing press, whether its source is present to release it.
 
-        Of several processes of one name one that is gone counts.
+        Of several processes of one name, one that is gone decides.
         """
         self._age(now_s)
         found: dict[str, Presence] = {}
@@ -171,7 +171,7 @@ class StopSources:
         return found
 
     def standing(self, now_s: float) -> str:
-        """Names whatever stands against a release, one phrase; empty if nothing does."""
+        """One phrase with everything that prevents a release; empty if nothing does."""
         self._age(now_s)
         names = [self._label(press, now_s) for press in self._presses.values()]
         parts = [f"pressed by {', '.join(names)}"] if names else []
@@ -184,7 +184,7 @@ class StopSources:
         return age_s(now_s, self._newest_s.get(name))
 
     def _explain(self, presses: int, now_s: float) -> None:
-        """A report tells of so many trues that no report before it has told of."""
+        """Processes the number of trues that a report adds to the earlier ones."""
         self._announced.add(now_s, presses - self._unexplained.take(presses))
 
     def _remember(self, report: SourceReport, now_s: float) -> None:
@@ -196,12 +196,12 @@ class StopSources:
             del self._newest_s[min(self._newest_s, key=lambda name: self._newest_s[name])]
 
     def _meet(self, report: SourceReport, restarted: bool, now_s: float) -> None:
-        """The first report of a process. Its messages may have been heard long before it.
+        """Processes the first report of a process. Its messages may have arrived long before it.
 
-        restarted: another process of this name was heard before.
+        restarted: another process of this name has reported before.
         """
         begun_after_us = restarted or age_s(now_s, self._begun_s) > self._discovery_s
-        # Of a process that may be older than this monitor only the retained last message can have arrived.
+        # From a process that may be older than this monitor only the retained last message can have arrived.
         presses = report.presses if begun_after_us else int(report.pressed)
         adopted = self._unexplained.take(presses)
         adopted += self._adoptable.take(presses - adopted)
@@ -226,7 +226,7 @@ class StopSources:
         self._presses.setdefault(_NOBODY.instance, _NOBODY)
 
     def _age(self, now_s: float) -> None:
-        """Trues that have waited too long have an unknown author; reports that have waited too long explain nothing."""
+        """Trues that have waited too long get an unknown source; reports that have waited too long explain nothing."""
         if self._begun_s is None:
             self._begun_s = now_s
         for at_s, count in self._unexplained.expire(self._explain_s, now_s):
@@ -241,7 +241,7 @@ _NOBODY = Press(UNKNOWN, 0)
 
 
 class SourcePresence:
-    """Is a source there that must be? Missed only after it has once been there for ``settle_s`` without a break."""
+    """Presence of a required source, monitored once it has been present for ``settle_s`` without a break."""
 
     def __init__(self, silence_s: float, settle_s: float) -> None:
         self._silence_s, self._settle_s = silence_s, settle_s
@@ -249,10 +249,10 @@ class SourcePresence:
         self._settled = False
 
     def missing(self, age_s: float, complete: bool, now_s: float) -> bool:
-        """True while it is missed. Ask at every step.
+        """True while the source is missing. Call at every step.
 
-        age_s: of its newest report. complete: every critical process has been heard; before that the machine is busy
-        starting.
+        age_s: of its newest report. complete: every critical process has sent a heartbeat; before that the
+        machine is under start-up load.
         """
         there = age_s <= self._silence_s
         there_for_s = self._there_for.update(there and complete, now_s)

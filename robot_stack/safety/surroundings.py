@@ -1,8 +1,8 @@
-"""What is around the robot: the obstacle points of the last moments, and where the space that perception knows ends.
+"""The robot's surroundings: the obstacle points of the last moments, and the end of perception's known space.
 
-All of them are kept in the frame of the robot's own dead reckoning, so that a point is where it was in the world
-however the robot has moved since the point's time. One cloud may cover half of the surroundings: the points of
-``window_s`` together are the whole picture. What is hidden now and was seen before, perception remembers.
+All of them are stored in the dead-reckoning frame, so that a point keeps its place in the world while the robot
+moves. One cloud may cover half of the surroundings: the points of ``window_s`` together cover all of them. Perception
+remembers points that were seen before and are hidden now.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ class Cloud:
 
 @dataclass(frozen=True, slots=True)
 class Dock:
-    """The dock's frame in the dead-reckoning frame, and when it was told, steady s."""
+    """The dock's frame in the dead-reckoning frame, and its time of reception, steady s."""
 
     pose: Pose2
     at_s: float
 
 
 class Surroundings:
-    """Feed it motion, clouds and the dock; ask for the points. Steady seconds."""
+    """Stores clouds and the dock; returns the points now. Steady seconds."""
 
     def __init__(self, obstacles: ObstacleParams, dead_reckoning: DeadReckoning) -> None:
         self._params = obstacles
         self._dead_reckoning = dead_reckoning
         self._clouds: deque[Cloud] = deque()
-        self._live = _NO_POINTS  # those of all clouds
+        self._live = _NO_POINTS  # points of all clouds
         self._at_s: float | None = None
         self._unseen: Cloud | None = None
         self._no_ground: Cloud | None = None
@@ -56,9 +56,9 @@ class Surroundings:
         self.problem = "never received"
 
     def received(self, points: NDArray[Any], latency_s: float, outline: Outline, now_s: float) -> None:
-        """A cloud: (n, 3) m in base_link at a moment ``latency_s`` ago. Points inside the body's outline are its own.
+        """A cloud: (n, 3) m in base_link at a moment ``latency_s`` ago. Points inside the outline are the robot's own.
 
-        A cloud that is late, from the future or without any finite point among its points counts as not received.
+        A cloud that is late, from the future, or has points but no finite one counts as not received.
         """
         x, y = points[:, 0], points[:, 1]
         finite = np.isfinite(x + y + points[:, 2])
@@ -76,11 +76,11 @@ class Surroundings:
         self._live = np.concatenate([cloud.points for cloud in self._clouds])
 
     def unseen_received(self, points: NDArray[Any], latency_s: float, now_s: float) -> None:
-        """Where known space ended ``latency_s`` ago: (n, 3) m in base_link. What makes no sense is not received."""
+        """Where known space ended ``latency_s`` ago: (n, 3) m in base_link. Unusable points count as not received."""
         self._unseen = self._ends(points, latency_s, now_s) or self._unseen
 
     def unseen(self, stale_s: float, now_s: float) -> Floats | None:
-        """(n, 3) m in base_link now: where known space ends; None if nobody has said so for longer than ``stale_s``."""
+        """(n, 3) m in base_link now: where known space ends; None without such points for longer than ``stale_s``."""
         return self._now(self._unseen, stale_s, now_s)
 
     def no_ground_received(self, points: NDArray[Any], latency_s: float, now_s: float) -> None:
@@ -92,7 +92,7 @@ class Surroundings:
         return self._now(self._no_ground, stale_s, now_s)
 
     def moving_received(self, points: NDArray[Any], latency_s: float, now_s: float) -> None:
-        """Who moved ``latency_s`` ago: (n, 5) x, y, z, vx, vy in base_link. What makes no sense is not received."""
+        """Bodies that moved ``latency_s`` ago: (n, 5) x, y, z, vx, vy in base_link. Unusable ones are ignored."""
         finite = np.isfinite(points).all(axis=1)
         if self._problem(len(points), int(finite.sum()), latency_s):
             return
@@ -100,14 +100,14 @@ class Surroundings:
         self._moving = Cloud(_set_in_motion(rows, pose, latency_s), now_s)
 
     def moving(self, stale_s: float, now_s: float) -> Floats | None:
-        """(n, 5) in base_link now: who moves, as far on as their velocity has taken them; None: nobody says so."""
+        """(n, 5) in base_link now: moving bodies, extrapolated by their velocity; None without fresh ones."""
         known = self._moving
         if known is None or not age_s(now_s, known.at_s) <= stale_s:
             return None
         return _set_in_motion(known.points, self._dead_reckoning.pose_at(now_s).inverse(), age_s(now_s, known.at_s))
 
     def refused(self, problem: str) -> None:
-        """A message that is no cloud of points."""
+        """Handles a message that is no valid cloud."""
         self.problem = problem
 
     def dock(self, pose: Pose2, latency_s: float, now_s: float) -> None:
@@ -117,7 +117,7 @@ class Surroundings:
 
     @property
     def known(self) -> bool:
-        """There has been a usable cloud."""
+        """True after the first usable cloud."""
         return self._at_s is not None
 
     def age_s(self, now_s: float) -> float:
@@ -125,13 +125,13 @@ class Surroundings:
         return age_s(now_s, self._at_s)
 
     def sight_age_s(self, now_s: float) -> float:
-        """Age of the points of the newest usable cloud, s: the time on their way counts."""
+        """Age of the points of the newest usable cloud, s: their latency included."""
         return age_s(now_s, self._clouds[-1].at_s if self._clouds else None)
 
     def points(self, docking: bool, dock_stale_s: float, now_s: float) -> Floats:
-        """(n, 3) m in base_link now: everything that is an obstacle.
+        """(n, 3) m in base_link now: all obstacle points.
 
-        docking: the robot is on its last way to a dock, whose own parts are none.
+        docking: the robot moves into a dock, whose own parts are no obstacles.
         """
         known = self._live
         if docking and self._dock is not None and age_s(now_s, self._dock.at_s) <= dock_stale_s:
@@ -139,7 +139,7 @@ class Surroundings:
         return _seen_from(known, self._dead_reckoning.pose_at(now_s))
 
     def _ends(self, points: NDArray[Any], latency_s: float, now_s: float) -> Cloud | None:
-        """Points of ``latency_s`` ago, as of now; None if they cannot be used."""
+        """Points of ``latency_s`` ago in the dead-reckoning frame, received now; None if unusable."""
         finite = points[np.isfinite(points).all(axis=1)]
         if self._problem(len(points), len(finite), latency_s):
             return None
@@ -158,7 +158,7 @@ class Surroundings:
 
 
 def _cells(points: Floats, cell_m: float) -> NDArray[np.int64]:
-    """(n,) number of the upright column of cells that each of some points lies in, rising with x, then with y."""
+    """(n,) number of the upright column of cells of each point (at least one), rising with x, then with y."""
     column, row = np.floor(points[:, :2].T / cell_m).astype(np.int64)
     row -= row.min()
     numbers: NDArray[np.int64] = (column - column.min()) * (row.max() + 1) + row
@@ -166,7 +166,7 @@ def _cells(points: Floats, cell_m: float) -> NDArray[np.int64]:
 
 
 def _columns(points: Floats, cell_m: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(index of the first point of each upright column of cells, (n,) column of each point), of some points."""
+    """(index of the first point of each upright column of cells, (n,) column of each point), for at least one."""
     # Sorted with their index in the low bits: numpy sorts plain numbers many times faster than it finds an order.
     bits = len(points).bit_length()
     packed = np.sort((_cells(points, cell_m) << bits) | np.arange(len(points)))
@@ -178,9 +178,9 @@ def _columns(points: Floats, cell_m: float) -> tuple[NDArray[np.int64], NDArray[
 
 
 def _thinned(points: Floats, cell_m: float) -> Floats:
-    """Of each column the point nearest to the robot, at the height of the column's highest: (m, 3).
+    """For each column the point nearest to the robot, at the height of the column's highest: (m, 3).
 
-    A motion in the plane meets a column as a whole, and what hides a point, or makes it part of a dock, is its height.
+    Planar motion hits a column as a whole; the height decides whether it is hidden or part of a dock.
     """
     if not len(points):
         return points
@@ -190,13 +190,13 @@ def _thinned(points: Floats, cell_m: float) -> Floats:
     nearest, top = np.full(len(first), math.inf), np.full(len(first), -math.inf)
     np.minimum.at(nearest, group, square)
     np.maximum.at(top, group, z)
-    found = np.flatnonzero(square == nearest[group])[::-1]  # of several so near the first one
+    found = np.flatnonzero(square == nearest[group])[::-1]  # of several at the same distance the first one
     first[group[found]] = found
     return np.column_stack([points[first, :2], top])
 
 
 def _of_dock(points: Floats, exclusion: ExclusionParams) -> NDArray[np.bool_]:
-    """(n,) which of the points, in the dock's frame, belong to it and whoever sits there."""
+    """(n,) True for points, in the dock's frame, of the dock and a person seated there."""
     return _within(points, exclusion.body) | _within(points, exclusion.rails)
 
 

@@ -1,7 +1,7 @@
-"""Time spans that fail towards a stop.
+"""Time spans whose failures lead to a stop.
 
 All times are seconds of one steady clock, given as arguments. Time that runs backwards (a restarted simulation) or is
-not a number makes every age infinite and every hold start again: it can raise a fault, never hide one.
+not a number makes every age infinite and restarts every hold: it can raise a fault, never hide one.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import math
 
 
 def age_s(now_s: float, then_s: float | None) -> float:
-    """Seconds since ``then_s``; infinite if it never was, lies in the future, or either time is not a number."""
+    """Seconds since ``then_s``; infinite if it is None or in the future, or either time is NaN."""
     if then_s is None:
         return math.inf
     age = now_s - then_s

@@ -1,4 +1,4 @@
-"""The inputs of the safety monitor, followed message by message. Values that are not finite count as not received."""
+"""The inputs of the safety monitor, tracked message by message. Non-finite values count as not received."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from robot_stack.safety.dead_reckoning import DeadReckoning, Modules
 from robot_stack.safety.inputs import ImuSample
 from robot_stack.safety.timing import Hold, age_s
 
-_MOST_RADPS = 1e4  # no wheel and no steering axis turns so fast
+_MOST_RADPS = 1e4  # beyond the speed of any wheel or steering axis
 _MODULE_AXES = tuple(zip(DRIVE_AXES, STEER_AXES, strict=True))
 
 
 class EstopWatch:
-    """The newest ``/emergency_stop`` and the two-key rule's first key: for how long it has been released."""
+    """The newest ``/emergency_stop`` and the two-key rule's first key: the time since its release."""
 
     def __init__(self) -> None:
         self._pressed: bool | None = None
@@ -26,7 +26,7 @@ class EstopWatch:
 
     def received(self, pressed: bool, now_s: float) -> None:
         self._pressed = pressed
-        # A true that a false follows before the next step must not be lost.
+        # A true followed by a false before the next step must not be lost.
         self._pressed_since_step |= pressed
         self._released_for.update(not pressed, now_s)
 
@@ -54,7 +54,7 @@ class Latest:
         self.value = math.nan
 
     def received(self, value: float, now_s: float) -> None:
-        """Keeps the value if it is a number in range; anything else leaves the age growing."""
+        """Stores the value if it is in range; anything else does not reset the age."""
         if self._lowest <= value <= self._highest:
             self.value, self._at_s = value, now_s
 
@@ -87,9 +87,9 @@ class PoseWatch:
 
 
 class WheelWatch:
-    """Age of the joint states, and what they say about the robot's motion.
+    """Age of the joint states, and the robot's motion by them.
 
-    speeds_mps, angles_rad: of the wheels and of the modules, as usable ones showed them last.
+    speeds_mps, angles_rad: of the wheels and of the modules, from the newest usable ones.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class WheelWatch:
         self._motion = motion
         self._dead_reckoning = dead_reckoning
         self._at_s: float | None = None
-        self._longest_s = 0.0  # silence that has ended since it was taken
+        self._longest_s = 0.0  # the longest silence that has ended since the last take
         self._fastest_mps = math.inf
         self._still_for = Hold()
         self._fresh_for = Hold()
@@ -112,7 +112,7 @@ class WheelWatch:
     def received(
         self, names: Sequence[str], position: Sequence[float], velocity: Sequence[float], now_s: float
     ) -> None:
-        """Joint states: rad and rad/s, in any order. Incomplete or not finite ones leave the age growing."""
+        """Joint states: rad and rad/s, in any order. Incomplete or non-finite ones do not reset the age."""
         self.problem = joint_states_problem(names, position, velocity)
         if self.problem:
             return
@@ -132,7 +132,7 @@ class WheelWatch:
     def up(self, complete: bool, now_s: float, stale_s: float, settle_s: float) -> bool:
         """True once they have been fresh for ``settle_s`` without a break while the stack was complete.
 
-        Ask at every step.
+        Call at every step.
         """
         fresh_for_s = self._fresh_for.update(complete and self.age_s(now_s) <= stale_s, now_s)
         self._up |= fresh_for_s is not None and fresh_for_s >= settle_s
@@ -144,24 +144,24 @@ class WheelWatch:
     def take_silence_s(self, now_s: float) -> float:
         """The age, or the longest silence since the last call if that was longer.
 
-        A pause of the whole machine ends with fresh joint states, which may be there before anybody judged their age.
+        A pause of the whole machine ends with fresh joint states, which may arrive before their age is judged.
         """
         longest_s, self._longest_s = self._longest_s, 0.0
         return max(longest_s, self.age_s(now_s))
 
     def twist(self, now_s: float, stale_s: float) -> Twist2:
-        """The measured twist of base_link; zero while the robot stands or nobody knows."""
+        """The measured twist of base_link; zero while the robot stands or the twist is unknown."""
         known = self.age_s(now_s) <= stale_s
         return self._dead_reckoning.twist if known and self._fastest_mps >= self._standstill_mps else ZERO_TWIST
 
     def still_for_s(self, now_s: float, stale_s: float) -> float | None:
-        """For how long every wheel has been below the standstill speed; None while one is faster or nobody knows."""
+        """Seconds for which every wheel has been below the standstill speed; None while one is faster or unknown."""
         known = self.age_s(now_s) <= stale_s
         return self._still_for.update(known and self._fastest_mps < self._standstill_mps, now_s)
 
 
 def joint_states_problem(names: Sequence[str], position: Sequence[float], velocity: Sequence[float]) -> str:
-    """What is wrong with joint states, empty if nothing is."""
+    """Why joint states are unusable, else an empty text."""
     missing = [name for name in JOINTS if name not in names]
     if missing:
         return f"joints are missing: {', '.join(missing)}"
@@ -176,9 +176,9 @@ def joint_states_problem(names: Sequence[str], position: Sequence[float], veloci
 
 
 class CameraWatch:
-    """Age of the cameras' newest images, while a docking looks at its markers.
+    """Age of the cameras' newest images, while a docking is guided by markers.
 
-    ``/docking/status`` does not say which camera the dock is seen with, so that all of them have to be there.
+    ``/docking/status`` does not name the camera in use, so that all of them are required.
     """
 
     def __init__(self, cameras: Sequence[str]) -> None:
@@ -198,9 +198,9 @@ class CameraWatch:
         self._at_s[camera] = now_s
 
     def ages_s(self, now_s: float, stale_s: float) -> dict[str, float]:
-        """Camera -> seconds since its newest image, or since the docking began to look if that is later.
+        """Camera -> seconds since its newest image, or since the guidance by images began if that is later.
 
-        Empty while no docking looks, also when its status is older than ``stale_s``: then nobody moves by images.
+        Empty without a docking guided by images, also if its status is older than ``stale_s``.
         """
         if self._since_s is None or age_s(now_s, self._status_at_s) > stale_s:
             return {}
@@ -211,7 +211,7 @@ class CameraWatch:
 
 
 class ImuWatch:
-    """Age of the last sample that says something new, and the inclination that follows from all of them."""
+    """Age of the last valid, changed sample, and the inclination estimated from all of them."""
 
     def __init__(
         self, up: UpDirection, motion: PlanarAcceleration, min_mps2: float, max_mps2: float, max_radps: float
@@ -224,7 +224,7 @@ class ImuWatch:
         self.problem = "never received"
 
     def received(self, sample: ImuSample, now_s: float) -> None:
-        """A sample; one that is not plausible, or the very same as the one before, leaves the age growing."""
+        """A sample; one that is not plausible, or equal to the previous one, does not reset the age."""
         self.problem = self._problem(sample)
         if self.problem:
             return
@@ -238,17 +238,17 @@ class ImuWatch:
             return "acceleration is not plausible"
         if not math.hypot(sample.wx, sample.wy, sample.wz) <= self._max_radps:
             return "angular rate is not plausible"
-        # The noise of a living sensor never repeats all six numbers.
+        # The noise of a working sensor never repeats all six numbers.
         return "frozen" if sample == self._last else ""
 
     def age_s(self, now_s: float) -> float:
         return age_s(now_s, self._at_s)
 
     def inclination_rad(self, now_s: float, stale_s: float) -> float:
-        """Angle between base_link's z axis and the vertical; NaN while it is not known."""
+        """Angle between base_link's z axis and the vertical; NaN while unknown."""
         return self._up.inclination_rad() if self.age_s(now_s) <= stale_s else math.nan
 
     @property
     def downhill_rad(self) -> float:
-        """Bearing of the fall line in base_link, down; only of use while the inclination is known."""
+        """Bearing of the fall line in base_link, down; valid only while the inclination is known."""
         return self._up.downhill_rad()

@@ -1,4 +1,4 @@
-"""What the safety monitor hears of the robot's computer and of its links to displays and screens."""
+"""Inputs of the safety monitor from the robot's computer and the links to displays and screens."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robot_stack.safety.observation import Observation
 class ComputerInputs:
     """Subscriptions of the node ``safety_monitor``.
 
-    observation: gives the one in force, which a start under /clock renews.
+    observation: returns the present one, which a start under /clock replaces.
     """
 
     def __init__(self, node: StackNode, observation: Callable[[], Observation]) -> None:

@@ -15,7 +15,7 @@ from robot_stack.wmx.view import EngineView
 
 
 class EmergencyStopButtonNode(StackNode):
-    """Reads the contact in the thread of an EngineView and publishes from there: a press waits for no executor."""
+    """Reads the contact in the thread of an EngineView and publishes there: a press does not wait for the executor."""
 
     def __init__(self) -> None:
         super().__init__("emergency_stop_button", ButtonParams)
@@ -34,7 +34,7 @@ class EmergencyStopButtonNode(StackNode):
         self._take(read_contact(status, self._byte, self._bit), now_s)
 
     def _watch(self) -> None:
-        """The thread itself may hang or die."""
+        """Detects a thread that hangs or died: then the contact counts as unreadable."""
         now_s = self.monotonic_s()
         if age_s(now_s, self._read_at_s) > self.params.silence_s:
             self._take(Contact.UNREADABLE, now_s)

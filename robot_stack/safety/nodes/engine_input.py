@@ -1,4 +1,4 @@
-"""What the safety monitor sees of the motion engine: its status in shared memory, read in a thread of its own."""
+"""Input of the safety monitor from the motion engine: its status in shared memory, read in a thread of its own."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robot_stack.wmx.view import EngineView
 
 
 class EngineInput:
-    """reading: the newest, None while the engine tells nothing. One assignment in the thread, which a step picks up."""
+    """reading: the newest, None without a status. The thread assigns it atomically; a step reads it."""
 
     def __init__(self, node: StackNode, rate_hz: float) -> None:
         self._robot = node.robot

@@ -1,4 +1,4 @@
-"""What the safety monitor tells: its verdict and the speed limit, and the log what has changed."""
+"""Outputs of the safety monitor: its verdict, the speed limit, and the log of changes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class SafetyOutputs:
         self._status.publish(message)
 
     def log_changes(self, before: Verdict | None, verdict: Verdict, details: Mapping[str, str]) -> None:
-        """A line for every fault that has come or gone. details: by fault."""
+        """Logs every raised and cleared fault. details: by fault."""
         logger, known = self._node.get_logger(), set(before.faults if before else ())
         for code in verdict.faults:
             if code not in known:

@@ -1,4 +1,4 @@
-"""What the safety monitor hears of the robot itself: its wheels, attitude, pose and battery, and who stops it."""
+"""Inputs of the safety monitor from the robot itself: wheels, attitude, pose, battery, and sources of stops."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robot_stack.safety.stop_sources import SourceReport
 class RobotInputs:
     """Subscriptions of the node ``safety_monitor``.
 
-    observation: gives the one in force, which a start under /clock renews. passenger: told at once whether a
+    observation: returns the present one, which a start under /clock replaces. passenger: called at once with whether a
     wheelchair is attached.
     """
 

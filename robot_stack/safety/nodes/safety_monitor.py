@@ -42,7 +42,7 @@ class SafetyMonitorNode(StackNode):
             self.monotonic_s,
         )
         memory = self._store.load()
-        self._store.save(memory)  # makes the copies of the first start, and mends damaged ones
+        self._store.save(memory)  # creates the copies at the first start, and repairs damaged ones
         self._monitor = self._new_monitor(memory)
         self._ticking = False
         self._verdict: Verdict | None = None
@@ -82,7 +82,7 @@ class SafetyMonitorNode(StackNode):
         self._step()
 
     def _begin(self) -> None:
-        """Under /clock the time before the first tick was none: the start-up grace begins now."""
+        """Starts the start-up grace: under /clock no time has passed before the first tick."""
         self._ticking = True
         self._monitor = self._new_monitor(self._monitor.memory)
         if self.emergency_stop_input.latest is not None:
@@ -116,7 +116,7 @@ class SafetyMonitorNode(StackNode):
         return response
 
     def _act(self, verdict: Verdict) -> None:
-        # Before anything is published: a crash in between must not forget a latch.
+        # Before publishing: a crash in between must not lose a latch.
         self._store.save_if_new(self._monitor.memory)
         before, self._verdict = self._verdict, verdict
         if before is None or (before.state, before.faults) != (verdict.state, verdict.faults):
@@ -133,7 +133,7 @@ class SafetyMonitorNode(StackNode):
         self._report_sources()
 
     def _report_sources(self) -> None:
-        """An operator must be able to see whose press stands, and which nobody is there to release."""
+        """Reports the standing presses, and those whose source is gone, to the operator."""
         self.report.values = self._report_rows | describe_presence(self._monitor.pressed_by(self.steady_s()))
 
     def _repeat_limit(self) -> None:
@@ -141,7 +141,7 @@ class SafetyMonitorNode(StackNode):
             self._outputs.limit(self._verdict.limit, self._verdict.reason)
 
     def safe_output(self) -> None:
-        """Nobody drives without a monitor."""
+        """Without a monitor the robot must not drive."""
         self._outputs.limit(STANDSTILL, "NODE_DEAD")
 
     def destroy_node(self) -> None:

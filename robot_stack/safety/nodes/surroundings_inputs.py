@@ -1,4 +1,4 @@
-"""What the safety monitor hears of the robot's surroundings and of where it is told to go."""
+"""Inputs of the safety monitor from the robot's surroundings and of its commands."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from robot_stack.safety.params import SafetyParams
 class SurroundingsInputs:
     """Subscriptions of the node ``safety_monitor``.
 
-    observation: gives the one in force, which a start under /clock renews.
+    observation: returns the present one, which a start under /clock replaces.
     """
 
     def __init__(self, node: StackNode, observation: Callable[[], Observation], params: SafetyParams) -> None:
@@ -50,8 +50,8 @@ class SurroundingsInputs:
         except ValueError as error:
             lidar.refused(str(error))
             return
-        # One point of each block of them, at a place that differs from block to block: a fixed stride would pick the
-        # same few rings out of a sweep whose rings take turns.
+        # One point of each block, at an index that differs from block to block: a fixed stride would pick the same
+        # few rings of a sweep with interleaved rings.
         block = max(len(points) // sample, 1)
         starts = np.arange(0, len(points) - block + 1, block)
         chosen = points[starts + np.arange(len(starts)) % block]
@@ -67,7 +67,7 @@ class SurroundingsInputs:
         observation.obstacles(points, self._latency_s(message), self._node.steady_s())
 
     def _on_unseen(self, message: CloudView) -> None:
-        """What is no cloud counts as not received: then the whole way is unseen."""
+        """An invalid cloud counts as not received: then the whole way is unseen."""
         with suppress(ValueError):
             points, around = _of_base_link(message), self._observation().surroundings
             around.unseen_received(points, self._latency_s(message), self._node.steady_s())
@@ -79,7 +79,7 @@ class SurroundingsInputs:
             around.no_ground_received(points, self._latency_s(message), self._node.steady_s())
 
     def _on_moving(self, message: CloudView) -> None:
-        """What is no such cloud counts as not received: then nobody knows who comes."""
+        """An invalid cloud counts as not received: then moving bodies are unknown."""
         with suppress(ValueError):
             rows = rows_of(_points_of_base_link(message, MOVING))
             self._observation().surroundings.moving_received(rows, self._latency_s(message), self._node.steady_s())
