@@ -1,4 +1,4 @@
-"""What the LiDAR sees of things that move: a person, the wheelchair and who sits in it."""
+"""Shapes of moving bodies for the LiDAR: a person, the wheelchair and its passenger."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def robot_shapes(robot: Robot, shape: RobotShape) -> list[Shape]:
 
 
 def person_shapes(reflectivity: float) -> list[Shape]:
-    """In mid-stride, which is how walkers are met."""
+    """A person in mid-stride."""
     legs = [
         _upright(x, y, *_LEG, labels.PERSON, reflectivity)
         for x, y in ((_LEG_AHEAD_M, _LEG_APART_M), (-_LEG_AHEAD_M, -_LEG_APART_M))

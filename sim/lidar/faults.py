@@ -1,4 +1,4 @@
-"""What can go wrong with the simulated LiDAR, on request: what ``/sim/inject_lidar_fault`` may ask for."""
+"""Faults of the simulated LiDAR, raised by ``/sim/inject_lidar_fault``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class LidarFaults(SensorFaults):
         super().__init__(BY_NAME, one_of=WEATHERS)
 
     def conditions(self, now_s: float) -> Conditions:
-        """What the sensor measures through now."""
+        """The present conditions of the sensor."""
         if not self.active(now_s):
             return CLEAR
         weather = [Weather(kind, amount) for kind in WEATHERS if (amount := self.value(kind, now_s)) is not None]

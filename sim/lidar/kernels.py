@@ -1,8 +1,8 @@
 """The compiled ray caster: every beam of a spinning sensor against ground, boxes and cylinders.
 
-A beam is known by its column and ring. Each solid is met only by the beams inside its angles as the sensor sees them,
-found anew for every block of columns, because sensor and movers go on while the sensor turns. Exact within a block but
-for movers, which stand still for the 1.5 ms that a block takes.
+A beam is identified by column and ring. Each solid is tested only by the beams within its angles at the sensor,
+computed for every block of columns, because sensor and movers move while the sensor turns. Exact within a block except
+for movers, which are fixed for the 1.5 ms of a block.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def cast_ground(
     hits: I16,
     cosines: F32,
 ) -> None:
-    """Meeting of every beam with the ground, wet ground and pits; what was in the results before does not matter.
+    """Intersects every beam with the ground, wet ground and pits; overwrites the results.
 
     azimuths: (c,) evenly falling; elevations: (r,) evenly rising, rad. origins (c, 3), rotations (c, 3, 3): the sensor
     in map for each column. rects: (k, 7) centre x, y, cos and sin of yaw, half length, half width, depth: wet ground
@@ -94,7 +94,7 @@ def cast_solids(
     hits: I16,
     cosines: F32,
 ) -> None:
-    """Takes in the solids begin to end - 1, where they are nearer than what the results have so far.
+    """Merges the solids begin to end - 1 where they are nearer than the results so far.
 
     kind to half: ``ShapeArrays``. mover_position (b, m, 3), mover_rotation (b, m, 3, 3): a pose per block of ``BLOCK``
     columns. The rest as in ``cast_ground``.
@@ -195,7 +195,7 @@ def _rect(
     hits: I16,
     cosines: F32,
 ) -> None:
-    """Beams that met the ground inside a rectangle: it is wet there, or they fall on into the pit."""
+    """Handles beams that hit the ground inside a rectangle: wet ground, or a pit that they enter."""
     cx, cy, cos_y, sin_y, half_x, half_y, depth = rect[0], rect[1], rect[2], rect[3], rect[4], rect[5], rect[6]
     for c in range(window[0], window[1]):
         away_x, away_y = origins[c, 0] - cx, origins[c, 1] - cy

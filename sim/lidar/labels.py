@@ -1,4 +1,4 @@
-"""What a point of a simulated sweep lies on: the truth that benches and tests compare with."""
+"""Label of the object of a simulated point: the ground truth of benchmarks and tests."""
 
 from __future__ import annotations
 

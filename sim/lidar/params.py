@@ -18,7 +18,7 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class Beams(Config):
-    """How the sensor looks round: ``columns`` firings a turn, each of ``rings`` beams at once, clockwise from above."""
+    """Scan pattern: ``columns`` firings per turn, each of ``rings`` simultaneous beams, clockwise from above."""
 
     rings: Annotated[int, Field(ge=2, le=256)]
     columns: Annotated[int, Field(ge=8, le=8192)]
@@ -37,20 +37,20 @@ class Beams(Config):
 
 
 class RangingModel(Config):
-    """How true a range is, beside noise."""
+    """Systematic errors of a range."""
 
     # A square target of 10 % reflectivity is seen half of the time at this range.
     range_at_ten_percent_m: Positive
     lost_share: Share
     mixed_share: Share
-    # Neighbouring beams that far apart make an edge; surfaces farther apart than the reach are told apart.
+    # Neighbouring beams this far apart make an edge; surfaces farther apart than the reach are resolved.
     mixed_step_m: Positive
     mixed_reach_m: Positive
     intensity_noise: NotNegative
 
 
 class Ranging(RangingModel):
-    """Range and how true it is."""
+    """Range and its errors."""
 
     min_m: Positive
     max_m: Positive
@@ -61,14 +61,14 @@ class Ranging(RangingModel):
 
 
 class Mounting(Config):
-    """How far the true mounting may be from the nominal one: what a good calibration leaves."""
+    """Largest deviation of the true mounting from the nominal one: the residual of a good calibration."""
 
     position_m: NotNegative
     rotation_rad: NotNegative
 
 
 class Wet(Config):
-    """Ground that counts as wet, and what it does."""
+    """Wet ground and its effects."""
 
     friction_below: NotNegative
     reflectivity: Share
@@ -78,7 +78,7 @@ class Wet(Config):
 
 
 class Reflectivity(Config):
-    """Share of light that a surface throws back, by kind of thing."""
+    """Share of light that a surface reflects, by kind of object."""
 
     ground: Share
     ramp: Share
@@ -92,7 +92,7 @@ class Reflectivity(Config):
 
 
 class Cover(Config):
-    """What the sensor says of a lens that is covered: so many beams come back from so near, the rest not at all."""
+    """Returns of a covered lens: a share of the beams returns from a short range, the rest not at all."""
 
     return_share: Share
     nearest_m: NotNegative
@@ -100,12 +100,12 @@ class Cover(Config):
 
 
 class Air(Config):
-    """How the sensor meets what is in the air, see ``weather``."""
+    """Response of the sensor to airborne particles, see ``weather``."""
 
     # The beam is a cone: width where it leaves, and what it gains per distance.
     beam_width_mm: Positive
     beam_divergence_mrad: Positive
-    # Signal, as in ``returns``, from which on a particle is noticed.
+    # Least signal, as in ``returns``, at which a particle is detected.
     least_signal: Positive
     seen_share: Share
     rain_reflectivity: Annotated[float, Field(gt=0.0, le=1.0)]
@@ -120,7 +120,7 @@ class Air(Config):
 
 
 class Glass(Config):
-    """Panes, see ``glass``. dirt: share of the light that what is on a pane throws back."""
+    """Panes, see ``glass``. dirt: share of the light reflected by dirt on a pane."""
 
     refractive_index: Annotated[float, Field(ge=1.0, le=3.0)]
     dirt: Annotated[float, Field(gt=0.0, le=1.0)]
@@ -128,7 +128,7 @@ class Glass(Config):
 
 
 class Glare(Config):
-    """What the sun does to beams that look near it, see ``sun``: at its middle, nothing from ``reach_deg`` on."""
+    """Effect of the sun on beams near its direction, see ``sun``: at its centre; zero from ``reach_deg`` on."""
 
     reach_deg: Annotated[float, Field(gt=0.0, le=90.0)]
     false_per_m: NotNegative
@@ -156,7 +156,7 @@ class LidarParams(Config):
 
 
 class SensorModel(Config):
-    """``config/sim_lidar.yaml`` and its like: what a data sheet does not say; geometry and ranges are the robot's."""
+    """``config/sim_lidar.yaml`` and its like: values missing in a data sheet; geometry and ranges are in robot.yaml."""
 
     ranging: RangingModel
     mounting: Mounting
@@ -174,7 +174,7 @@ def load_lidar_params(sensor: str = frames.LIDAR) -> LidarParams:
 
 
 def lidar_params(sensor: RangeSensor, model: SensorModel) -> LidarParams:
-    """Raises ValidationError for a sensor that does not look all around."""
+    """Raises ValidationError for a sensor that does not cover a full turn."""
     beams = {name: getattr(sensor, name) for name in ("rings", "columns", "lowest_deg", "highest_deg", "period_s")}
     beams["start_azimuth_deg"] = sensor.first_azimuth_deg
     if sensor.span_deg != _FULL_TURN_DEG:

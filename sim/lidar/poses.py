@@ -1,4 +1,4 @@
-"""Poses of what a moving body carries, at many times."""
+"""Poses of a sensor or shape on a moving body, at many times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One ray against one solid, compiled: where it enters, and at which slant."""
+"""One ray against one solid, compiled: range of its entry, and cosine of the incidence angle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The compiled sensor model: from what each beam meets to what the sensor says of it."""
+"""The compiled sensor model: from each beam's hit to the sensor's measurement."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ def returns(
     integers: U32,
     labels: U8,
 ) -> int:
-    """Writes the points in the order of firing, ring by ring; how many there are.
+    """Writes the points in the order of firing, ring by ring; returns their number.
 
-    elevations: (r,) as the sensor believes them. biases_m: (r,) by which it reports too great ranges.
+    elevations: (r,) nominal. biases_m: (r,) systematic excess of the reported ranges.
 
     ranges, hits, cosines: (c, r) from ``kernels.cast``. normals, uniforms: at least 3 c r each. words, integers: the
     same memory, (c r, 6): x y z intensity ring time. labels: (c r,).

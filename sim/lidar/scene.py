@@ -1,4 +1,4 @@
-"""Everything the LiDAR can see, as arrays: the world's solids, wet ground, pits, and what moves."""
+"""Everything visible to the LiDAR, as arrays: the world's solids, wet ground, pits, and movers."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def build_scene(
     passenger: bool = True,
     own: Sequence[Shape] = (),
 ) -> Scene:
-    """people: names of the bodies that are persons. passenger: somebody sits in the wheelchair.
+    """people: names of the bodies that are persons. passenger: the wheelchair is occupied.
 
-    own: what the sensor sees of the robot itself, in base_link.
+    own: the visible parts of the robot itself, in base_link.
     """
     shine = params.reflectivity
     standing = _standing(world)
@@ -71,7 +71,7 @@ def build_scene(
 
 
 def fixed_shapes(world: WorldFile, params: LidarParams) -> list[Shape]:
-    """What stands in the world, in map."""
+    """The static shapes of the world, in map."""
     surfaces = {**dict.fromkeys(world.glass, params.glass.dirt), **world.surfaces}
     return [_shape(solid, params, surfaces) for solid in _standing(world)]
 

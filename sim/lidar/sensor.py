@@ -1,4 +1,4 @@
-"""The simulated LiDAR: sweeps and half sweeps from timed poses, without ROS and as fast as one likes.
+"""The simulated LiDAR: sweeps and half sweeps from timed poses, without ROS and without pacing.
 
     scene = build_scene(world, params, sim_params.wheelchair, people=("person_anna",))
     lidar = Lidar(scene, params, robot, seed)
@@ -40,10 +40,10 @@ from sim.lidar.weather import Particles, Weather, draw, meet, particles
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """What the sensor measures through.
+    """Conditions of a measurement.
 
-    noise_factor: noise so many times the usual. covered_share: of the circle, from ahead. weather: None if it is dry.
-    sun: None if it does not shine in.
+    noise_factor: multiplies the noise. covered_share: of the circle, from ahead. weather: None if it is dry.
+    sun: None without glare.
     """
 
     noise_factor: float = 1.0
@@ -55,7 +55,7 @@ class Conditions:
 CLEAR = Conditions()
 _BELOW_EVERYTHING_M = -1.0e3
 _BANK = 1 << 19
-_SURE_SIGNAL = 10.0  # of ``returns``: as good as always noticed
+_SURE_SIGNAL = 10.0  # of ``returns``: detected almost always
 _OF_RINGS, _OF_WEATHER, _OF_SUN, _OF_GLASS = 1, 2, 3, 4
 _UNMOVED = np.eye(4)
 
@@ -109,7 +109,7 @@ class Lidar:
         shape = (beams.columns, beams.rings)
         self._ranges, self._cosines = np.empty(shape, np.float32), np.empty(shape, np.float32)
         self._hits = np.empty(shape, np.int16)
-        self._fixed = int((scene.shapes.mover < 0).sum())  # they come first
+        self._fixed = int((scene.shapes.mover < 0).sum())  # fixed shapes come first
         self._still: dict[tuple[int, int], StillView] = {}
 
     @property
@@ -169,7 +169,7 @@ class Lidar:
     ) -> Sweep:
         """Columns first to last - 1 of a turn; column last - 1 fires at stamp_s.
 
-        out: memory of whoever asks for the points, room for every beam; fresh memory costs as much as the points.
+        out: the caller's memory for the points, room for every beam; allocation costs as much as the points.
         """
         times = np.arange(first - last + 1, 1, dtype=np.float64) * self.column_s
         ranges, hits, cosines = self.ranges(base, stamp_s + times, first, last, movers or {})
@@ -210,7 +210,7 @@ class Lidar:
     def _through_weather(
         self, weather: Weather | None, ranges: F32, hits: NDArray[np.int16], cosines: F32
     ) -> tuple[F32, float]:
-        """Puts what is in the air into the beams. Returns how surfaces shine, by number, and the extinction, 1/m."""
+        """Adds airborne particles to the beams. Returns the surfaces' reflectivity, by number, and extinction, 1/m."""
         if weather is None:
             return self.scene.reflectivity, 0.0
         if weather not in self._air:
@@ -224,7 +224,7 @@ class Lidar:
     def _into(
         self, sun: Sun, base: Track, times_s: F64, part: tuple[int, int], results: tuple[F32, NDArray[np.int16], F32]
     ) -> None:
-        """Puts the sun into the beams of columns part[0] to part[1] - 1."""
+        """Adds the sun's effects to the beams of columns part[0] to part[1] - 1."""
         glare, ranging = self.params.glare, self.params.ranging
         _, rotations = poses_at(base, times_s, self.mounting)
         share = towards(sun, glare, self._azimuths[part[0] : part[1]], self._elevations, rotations)

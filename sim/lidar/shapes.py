@@ -1,4 +1,4 @@
-"""Boxes and upright cylinders as the arrays that the ray caster walks over."""
+"""Boxes and upright cylinders as arrays for the ray caster."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BOX, CYLINDER = 0, 1
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """One solid in the frame of what carries it: half sizes (box) or radius, radius, half height (cylinder), m.
+    """One solid in the frame of its carrier: half sizes (box) or radius, radius, half height (cylinder), m.
 
     Turned by yaw about z, then by pitch about its new y. label: ``sim.lidar.labels``.
     """

@@ -1,4 +1,4 @@
-"""What a sensor that stands still saw of things that do not move: the same again, at no cost."""
+"""Cache of a static sensor's view of static objects."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from sim.lidar.shapes import F32, F64
 
-# Nearer than this to where it was, it stands still: 0.05 mm at 50 m, a four-hundredth of the ranges' noise.
+# A sensor that moved less than this is static: 0.05 mm at 50 m, a four-hundredth of the ranges' noise.
 _TURN, _SHIFT_M = 1e-6, 1e-6
 Results = tuple[F32, NDArray[np.int16], F32]
 
 
 class StillView:
-    """One part of a turn. Remembers only what was seen twice from the same place: on the move it costs nothing."""
+    """One part of a turn. Stores only views repeated from the same place: a moving sensor costs nothing."""
 
     def __init__(self) -> None:
         self._origins: F64 = np.zeros((0, 3))
@@ -21,7 +21,7 @@ class StillView:
         self._seen: Results | None = None
 
     def recall(self, origins: F64, rotations: F64, results: Results) -> bool:
-        """Fills ``results`` (columns, rings) with what was seen from there, if it is known.
+        """Fills ``results`` (columns, rings) with the stored view from these poses, if there is one.
 
         origins: (columns, 3) m, rotations: (columns, 3, 3), of the sensor in map.
         """
@@ -32,7 +32,7 @@ class StillView:
         return True
 
     def keep(self, origins: F64, rotations: F64, results: Results) -> None:
-        """Something new was seen from there."""
+        """Stores a new view from these poses."""
         twice = self._same(origins, rotations)
         self._origins, self._rotations = origins, rotations
         ranges, hits, cosines = results

@@ -1,13 +1,13 @@
-"""The sun in the simulated LiDAR's view: false returns at any range, and true ones that drown.
+"""The sun in the simulated LiDAR's view: false returns at any range, and lost true ones.
 
-A receiver that looks near the sun takes in its light all the time: counts come by chance, evenly in time, so the first
-of them stands at a range that falls off exponentially, and whatever the pulse meets behind it is not reported. The same
+A receiver directed near the sun receives its light all the time: counts occur at random, evenly in time, so the range
+of the first one is exponentially distributed, and the pulse's returns from behind it are not reported. The same
 light raises the threshold that a true return must pass, so a share of them is lost. Both are greatest towards the disc
 and fall off linearly to nothing at ``reach_deg``: stray light in the optics, the sensor's own field is far narrower.
 
 That direct sun does both to automotive LiDARs is published (TU Darmstadt, Institute of Automotive Engineering, 2022:
 months of recorded fog, rain, snow and sunlight); how much depends on the device, and the numbers in the configuration
-are chosen, not measured. Nothing hides the sun, neither a house nor who stands before it: not kinder than the world.
+are chosen, not measured. No house or person occludes the sun, which is the worse case.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from sim.lidar.shapes import F32, F64, I16
 
 @dataclass(frozen=True, slots=True)
 class Sun:
-    """Where it stands, in map, and so many times the false returns. Low it is worst: as high as who stands there."""
+    """Direction of the sun, in map, and a factor of the false returns. A low sun, at the height of people, is worst."""
 
     azimuth_deg: float
     elevation_deg: float = 5.0
@@ -38,7 +38,7 @@ class Sun:
 
 
 def towards(sun: Sun, glare: Glare, azimuths: F64, elevations: F64, rotations: F64) -> F32:
-    """(c, r) how much of the glare each beam takes in, 0 to 1. rotations: (c, 3, 3) of the sensor in map."""
+    """(c, r) share of the glare that each beam receives, 0 to 1. rotations: (c, 3, 3) of the sensor in map."""
     x, y, z = (rotations.transpose(0, 2, 1) @ sun.direction()).T
     level = x * np.cos(azimuths) + y * np.sin(azimuths)
     cosine = np.outer(level, np.cos(elevations)) + np.outer(z, np.sin(elevations))
@@ -58,7 +58,7 @@ def dazzle(
     hits: I16,
     cosines: F32,
 ) -> None:
-    """Changes what the beams of ``kernels.cast`` met, all (c, r), where they look near the sun.
+    """Changes the results of ``kernels.cast``, all (c, r), for beams near the sun.
 
     bright_at_1m: what a return from 1 m must throw back for the sensor to report it for sure; a count is reported, so
     it is as bright as that.

@@ -1,4 +1,4 @@
-"""Parts of a turn as they complete, from the poses of the bodies as they come; with ROS around it or without."""
+"""Parts of a turn at their completion, from the bodies' poses at their arrival; with ROS or without."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _TOLERANCE_S = 2e-4
 
 
 Tracks = Mapping[str, Track]
-"""How bodies move, by name."""
+"""Motion of bodies, by name."""
 
 
 class Sweeper:
-    """Parts of a turn, halves unless told otherwise, at even spaces in time, counted from the first sample on.
+    """Parts of a turn, halves by default, at equal intervals, counted from the first sample on.
 
-    Multiples of ``parts`` complete a turn. Poses that come every 20 ms complete a half sweep at once or 10 ms later.
+    Multiples of ``parts`` complete a turn. Poses every 20 ms complete a half sweep at once or 10 ms later.
     """
 
     def __init__(self, lidar: Lidar, parts: int = 2) -> None:
@@ -36,7 +36,7 @@ class Sweeper:
         self._next = 1
 
     def add(self, time_s: float, poses: Mapping[str, F64]) -> None:
-        """(4, 4) poses of all bodies in map at one time. A time that steps back begins anew. Raises KeyError."""
+        """(4, 4) poses of all bodies in map at one time. A time that steps back restarts. Raises KeyError."""
         if BASE not in poses:
             raise KeyError(BASE)
         newest = self._history.newest_s
@@ -47,7 +47,7 @@ class Sweeper:
     def due(self) -> tuple[int, float] | None:
         """The next part whose end the poses have reached: its number and the time of its last column.
 
-        After a gap the newest one: what a sensor has not sent is gone.
+        After a gap the newest one: missed parts are lost.
         """
         newest = self._history.newest_s
         if newest is None or self._phase_s is None:
@@ -61,7 +61,7 @@ class Sweeper:
         return (number, end_s) if self._history.covers(end_s - self._part_s, end_s - _TOLERANCE_S) else None
 
     def tracks(self) -> Tracks:
-        """How the bodies have moved so far; ``measure`` may use it in another thread."""
+        """Motion of the bodies so far; ``measure`` may use it in another thread."""
         return self._history.tracks()
 
     def measure(
@@ -73,5 +73,5 @@ class Sweeper:
         return self.lidar.share(tracks[BASE], end_s, share, others, conditions, out)
 
     def take(self, number: int, end_s: float, conditions: Conditions = CLEAR, out: Points | None = None) -> Sweep:
-        """``measure`` of what the bodies have done so far."""
+        """``measure`` with the motion of the bodies so far."""
         return self.measure(self.tracks(), number, end_s, conditions, out)

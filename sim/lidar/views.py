@@ -35,8 +35,8 @@ def sweep_at(
 ) -> tuple[Points, NDArray[np.uint8]]:
     """``SWEEP`` points in the frame lidar and their labels (``sim.lidar.labels``), of one full turn at stamp 0.
 
-    base: (4, 4) base_link in map at the stamp, so of the newest point; twist: how it moves meanwhile, base_link.
-    people: where persons stand, map. chair: (4, 4) of the wheelchair's dock frame in map; None: none there.
+    base: (4, 4) base_link in map at the stamp, so of the newest point; twist: its motion during the turn, base_link.
+    people: places of persons, map. chair: (4, 4) of the wheelchair's dock frame in map; None: no wheelchair.
     """
     params = params or load_lidar_params()
     robot, sim = _machine()

@@ -1,4 +1,4 @@
-"""Compiles what a sweep of the simulated LiDAR runs through, or loads it."""
+"""Compiles the kernels of the simulated LiDAR, or loads them."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Rain, snow and dust before the simulated LiDAR: returns from what is in the air, and light that is lost on the way.
+"""Rain, snow and dust before the simulated LiDAR: returns from airborne particles, and extinction.
 
 Numbers of drops and flakes fall off with their size, N(D) = N0 exp(-L D): of rain after Marshall and Palmer (1948)
 N0 = 8000 / (m3 mm) and L = 4.1 R^-0.21 / mm, of snow after Gunn and Marshall (1958) N0 = 3800 R^-0.87 and
 L = 2.55 R^-0.48 by the melted diameter; R: mm/h of water. As in LISA (Kilic et al. 2021) and in the snowfall of Hahner
-et al. (2022) a beam is a cone, a particle in it throws back its share of the beam's cross-section, and the sensor
-reports whichever is stronger, particle or surface. What it must throw back grows with the square of the range, so
-returns come from near. Extinction is what the same particles hide, pi N0 / L^3 of the area, both ways, after Beer
+et al. (2022) a beam is a cone, a particle in it reflects its share of the beam's cross-section, and the sensor
+reports whichever is stronger, particle or surface. The share needed for a return grows with the square of the range, so
+returns come from near. Extinction is what the same particles occlude, pi N0 / L^3 of the area, both ways, after Beer
 and Lambert: a true target is seen less far, as in Goodin et al. (2019). Wet surfaces are darker.
 
 How many of the particles in a beam a real sensor reports (``seen_share``) is chosen, not measured: it depends on the
@@ -37,7 +37,7 @@ _SNOW_N0, _SNOW_N0_POWER, _SNOW_L, _SNOW_POWER = 3800.0, -0.87, 2.55, -0.48
 
 @dataclass(frozen=True, slots=True)
 class Weather:
-    """kind; amount: rain and snow mm/h of water, dust visibility in m. returns_factor: so many times the returns."""
+    """kind; amount: rain and snow mm/h of water, dust visibility in m. returns_factor: multiplies the returns."""
 
     kind: Kind
     amount: float
@@ -46,7 +46,7 @@ class Weather:
 
 @dataclass(frozen=True, slots=True)
 class Particles:
-    """What a kind of weather does to a sensor.
+    """Effects of a kind of weather on a sensor.
 
     ranges_m, below: (k,) mean returns of one beam from nearer than each range. least, mean: (k,) of a particle that is
     seen there: the least square root of the share of the light that it throws back, and what is added to it on average.
@@ -63,7 +63,7 @@ class Particles:
 
 
 def particles(weather: Weather, params: LidarParams) -> Particles:
-    """Of the weather, as the sensor meets it."""
+    """The particles of the weather for this sensor."""
     air, far = params.air, np.arange(params.ranging.min_m, _REACH_M, _STEP_M)
     dimmest = air.least_signal * far**2 * 0.1 / params.ranging.range_at_ten_percent_m**2  # share that is noticed
     if weather.kind == DUST:
@@ -97,7 +97,7 @@ def _dust(weather: Weather, air: Air, far: F64, dimmest: F64) -> Particles:
 
 
 def draw(air: Particles, beams: int, random: np.random.Generator) -> tuple[NDArray[np.int64], F64]:
-    """(n,) which of the beams meet a particle that they could see, and (n, 2) uniform numbers for ``meet``."""
+    """(n,) True for beams that hit a detectable particle, and (n, 2) uniform numbers for ``meet``."""
     count = int(random.poisson(air.below[-1] * beams))
     return random.integers(0, beams, count), random.random((count, 2))
 
@@ -116,7 +116,7 @@ def meet(
     hits: I16,
     cosines: F32,
 ) -> None:
-    """Puts particles into the chosen beams of ``kernels.cast`` where they outshine what is behind them.
+    """Puts particles into the chosen beams of ``kernels.cast`` where they are brighter than the surface behind them.
 
     reflectivity_of: by number of what a beam met. A particle's share of the light stands in cosines.
     """

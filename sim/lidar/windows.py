@@ -1,4 +1,4 @@
-"""Which beams can meet a solid at all: its angles as a turning sensor sees them, compiled."""
+"""Beams that can hit a solid: its angular window at a turning sensor, compiled."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numba
 
 from sim.lidar.shapes import F64, I64
 
-# Beside what motion needs: rounding, at the edge of a solid.
+# Margin for rounding at the edge of a solid, beside that for motion.
 _PAD_RAD = 1e-4
 
 
@@ -45,7 +45,7 @@ def window_of(
     step = (azimuths[first] - azimuths[last - 1]) / max(1, last - 1 - first) if last - first > 1 else 1e-3
     offset = towards - azimuths[middle]
     offset -= 2.0 * math.pi * math.floor(offset / (2.0 * math.pi) + 0.5)
-    # Most solids lie elsewhere: the ball around one tells, without a look at its corners.
+    # Most solids lie elsewhere: their bounding sphere excludes them without a test of their corners.
     reach, flat = math.sqrt(half[0] ** 2 + half[1] ** 2 + half[2] ** 2), math.sqrt(x0 * x0 + y0 * y0)
     if reach < flat and abs(offset) > math.asin(reach / flat) + pad + (0.5 * (last - first) + 1.0) * step:
         return False
@@ -83,7 +83,7 @@ def window_of(
 
 @numba.njit(cache=True, error_model="numpy")
 def _motion(first: int, last: int, middle: int, origins: F64, rotations: F64) -> tuple[float, float]:
-    """How far the sensor goes (m) and turns (rad) between the middle of a block and its ends, at most."""
+    """Largest motion (m) and turn (rad) of the sensor between the middle of a block and its ends."""
     step_m, turn = 0.0, 0.0
     for end in (first, last - 1):
         moved, trace = 0.0, 0.0
