@@ -1,1 +1,1 @@
-"""The machine and what is around it: physics, drives, sensors of motion, battery, latch, people, and their faults."""
+"""The machine and its surroundings: physics, drives, motion sensors, battery, latch, people, and their faults."""

@@ -1,4 +1,4 @@
-"""The battery: open-circuit voltage over charge, internal resistance, and what the drives draw and give back."""
+"""The battery: open-circuit voltage over charge, internal resistance, and the drives' power, also regenerated."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class BatteryReading:
 
 
 class BatteryModel:
-    """Integrates charge. ``draw`` is called with the motors' state as often as wanted."""
+    """Integrates charge. ``draw`` is called with the motors' state at any rate."""
 
     def __init__(self, params: Battery, random: np.random.Generator) -> None:
         self._params = params
@@ -40,7 +40,7 @@ class BatteryModel:
         self._loss_w_per_nm2[list(STEER_AXES)] = params.copper_loss_w_per_nm2.steer
         self.charge = params.initial_charge
         self._current_a = 0.0
-        self.charger_w = 0.0  # what a plugged charger gives; 0: none is plugged
+        self.charger_w = 0.0  # power of the charger; 0: none is connected
 
     def draw(self, torques_nm: NDArray[np.float64], speeds_radps: NDArray[np.float64], duration_s: float) -> None:
         """``duration_s`` at the given motor torques and speeds, both (8,)."""
@@ -49,10 +49,10 @@ class BatteryModel:
         self.charge = min(1.0, max(0.0, left))
 
     def power_w(self, torques_nm: NDArray[np.float64], speeds_radps: NDArray[np.float64]) -> float:
-        """Electrical power out of the pack; braking drives give some back."""
+        """Electrical power out of the pack, W; braking drives regenerate."""
         mechanical = torques_nm * speeds_radps
         efficiency = self._params.drive_efficiency
-        # Whichever is more: what a motor takes is more than it gives, what it gives back is less.
+        # The larger value: electrical input exceeds mechanical output, and regenerated power is below mechanical input.
         drives = np.maximum(mechanical / efficiency, mechanical * efficiency)
         return float(np.sum(drives + self._loss_w_per_nm2 * torques_nm**2)) + self._params.idle_power_w
 
@@ -62,7 +62,7 @@ class BatteryModel:
         return params.cells_in_series * float(np.interp(self.charge, params.charge, params.cell_voltage_v))
 
     def read(self) -> BatteryReading:
-        """What the battery management says, with the noise of its voltmeter."""
+        """The battery management's reading, with the noise of its voltmeter."""
         params = self._params
         voltage = self.open_circuit_v() - params.internal_resistance_ohm * self._current_a
         noise = params.voltage_noise_v * float(self._random.standard_normal())

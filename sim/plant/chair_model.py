@@ -21,7 +21,7 @@ _CLOTH, _STEEL, _RUBBER, _WHITE = "0.20 0.30 0.45 1", "0.62 0.64 0.67 1", "0.15 
 
 
 def add_wheelchair(body: Element, robot: Robot, params: SimParams) -> None:
-    """Weightless and out of sight until it is placed."""
+    """Adds the wheelchair, weightless and invisible until it is placed."""
     chair = params.wheelchair
     frame = SubElement(body, "body", name="wheelchair", gravcomp="1")
     SubElement(frame, "freejoint", name="wheelchair")
@@ -69,7 +69,7 @@ def _shape(frame: Element, chair: Wheelchair) -> None:
         strict=True,
     ):
         _box(frame, f"chair_rail_{side}", (-chair.rail_length_m, 0.0), (inner, outer), height, _STEEL)
-        # What joins the rail to the seat.
+        # The joint between rail and seat.
         legs = (chair.rail_bottom_m, chair.seat_top_m - _SEAT_THICKNESS_M)
         edge = (half - 0.03, half) if side == "left" else (-half, -half + 0.03)
         _box(frame, f"chair_frame_{side}", (_BOARD_THICKNESS_M, chair.castor_front_x_m), edge, legs, _STEEL)

@@ -1,4 +1,4 @@
-"""What robot and wheelchair touch: contact bookkeeping of one physics model."""
+"""Contacts of robot and wheelchair in one physics model."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROBOT, CHAIR = 1, 2
 
 
 def parts(model: Any) -> NDArray[np.int8]:
-    """(bodies,) which of robot and chair a body belongs to; 0: neither."""
+    """(bodies,) number of robot or chair by body; 0: neither."""
     part = np.zeros(model.nbody, np.int8)
     part[model.geom_bodyid[model.geom_group == ROBOT_GROUP]] = ROBOT
     part[model.geom_bodyid[model.geom_group == CHAIR_GROUP]] = CHAIR
@@ -25,7 +25,7 @@ def parts(model: Any) -> NDArray[np.int8]:
 
 
 class Contacts:
-    """Names of what is touched that nobody should touch: everything but ground and ramps."""
+    """Names of touched objects except ground and ramps."""
 
     def __init__(self, model: Any, world: WorldFile, wheels: Sequence[int]) -> None:
         self._names = [model.geom(index).name for index in range(model.ngeom)]
@@ -54,8 +54,8 @@ class Contacts:
         return tuple(sorted(found.union(self._pits_under_wheels(data))))
 
     def note(self, data: Any, time_s: float) -> None:
-        """Adds what is touched now to ``first_s``."""
-        # Mostly the wheels touch what they touched before: nothing new but a pit, which has no contacts.
+        """Adds the present contacts to ``first_s``."""
+        # The wheels' contacts seldom change: only a pit, which has no contacts, can be new.
         pairs = data.contact.geom.tobytes()
         for name in self._pits_under_wheels(data) if pairs == self._seen else self.now(data):
             self.first_s.setdefault(name, time_s)

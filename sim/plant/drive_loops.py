@@ -1,6 +1,6 @@
 """The inner loops of all servo drives, one cycle in one compiled function.
 
-A drive is what real ones are: an encoder with counts, a speed observer on those counts, position P -> speed PI with
+A drive is modelled like a real one: encoder with counts, a speed observer on those counts, position P -> speed PI with
 acceleration feed-forward -> torque limit (flat, then falling with speed) -> current loop lag, and a small state machine
 for servo-on, alarms, the holding brake and the loss of the bus. The holding brake is a dry friction on the joint; with
 the power stage off the shorted windings brake like a viscous one.
@@ -134,7 +134,7 @@ def _powered(i: int, s: Matrix) -> bool:
 def _supervise(
     i: int, dt: float, servo_on: bool, mode: int, target: float, speed: float, clear: bool, p: Matrix, s: Matrix
 ) -> None:
-    """The drive's state machine: alarms first, then loss of the bus, then what the engine asks for."""
+    """The drive's state machine: alarms first, then loss of the bus, then the engine's requests."""
     s[S_TIMER, i] += dt
     state = s[S_STATE, i]
     if s[S_INJECTED_ALARM, i] != 0.0 and s[S_ALARM_CODE, i] != s[S_INJECTED_ALARM, i]:
@@ -155,8 +155,8 @@ def _supervise(
             _raise_alarm(i, ALARM_BUS, s)
     elif state == ON:
         if s[S_SILENCE, i] > p[P_WATCHDOG, i]:
-            # Told at once and not only when stopped, as CiA 402's fault reaction does: whoever hears from the drive
-            # again must not take it for one that is merely off.
+            # Reported at once and not only when stopped, like CiA 402's fault reaction: after a reconnection the drive
+            # must not be taken for one that is merely off.
             s[S_ALARM_CODE, i] = ALARM_BUS
             _enter(i, STOPPING, s)
         elif not servo_on:
@@ -178,7 +178,7 @@ def _supervise(
 
 @_compiled
 def _speed_command(i: int, dt: float, mode: int, target: float, speed: float, p: Matrix, s: Matrix) -> float:
-    """What the speed loop shall follow, within the drive's speed limit."""
+    """Set point of the speed loop, within the drive's speed limit."""
     if s[S_STATE, i] == STOPPING:
         step = dt * p[P_STOP_DECELERATION, i]
         before = s[S_SPEED_COMMAND, i]
@@ -192,7 +192,7 @@ def _speed_command(i: int, dt: float, mode: int, target: float, speed: float, p:
 
 @_compiled
 def _brake(i: int, dt: float, requested: float, p: Matrix, s: Matrix) -> bool:
-    """Moves the holding brake. True while the shaft is not free, so that the motor must not push."""
+    """Moves the holding brake. True while the shaft is not free, so that the motor must give no torque."""
     if p[P_HAS_BRAKE, i] == 0.0:
         return False
     if not _powered(i, s):
@@ -216,7 +216,7 @@ def _brake(i: int, dt: float, requested: float, p: Matrix, s: Matrix) -> bool:
 
 @_compiled
 def _torque_limit(i: int, torque: float, speed: float, p: Matrix) -> float:
-    """The motor's limit: flat to the corner speed, then falling to zero at the speed limit; braking keeps it all."""
+    """The motor's limit: flat to the corner speed, then falling to zero at the speed limit; full when braking."""
     peak = float(p[P_MAX_TORQUE, i])
     if torque * speed <= 0.0 or abs(speed) <= p[P_CORNER_SPEED, i]:
         return peak
@@ -226,7 +226,7 @@ def _torque_limit(i: int, torque: float, speed: float, p: Matrix) -> float:
 
 @_compiled
 def _control(i: int, dt: float, requested: float, feedforward: float, p: Matrix, s: Matrix) -> float:
-    """Speed PI with feed-forward; the integral stands still while the torque is at its limit."""
+    """Speed PI with feed-forward; the integral is frozen while the torque is at its limit."""
     error = requested - s[S_SPEED, i]
     wanted = p[P_SPEED_GAIN, i] * error + s[S_INTEGRAL, i] + feedforward
     limit = _torque_limit(i, wanted, s[S_SPEED, i], p)
@@ -304,7 +304,7 @@ def fill_feedback(
     servo_on: NDArray[np.bool_],
     alarm_code: NDArray[np.int32],
 ) -> None:
-    """What the drives answer to a telegram, (axes,) each. It ends their silence."""
+    """The drives' answers to a telegram, (axes,) each. Resets their silence."""
     for i in range(s.shape[1]):
         position_counts[i] = int(s[S_COUNT, i])
         speed_counts_per_s[i] = s[S_SPEED, i] / p[P_RAD_PER_COUNT, i]

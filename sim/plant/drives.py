@@ -1,4 +1,4 @@
-"""The servo drives of the eight axes and the digital I/O as the engine's fieldbus sees them."""
+"""The servo drives of the eight axes and the digital I/O on the engine's fieldbus."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class ServoDrives:
     # --- the engine's side ----------------------------------------------------------------------------------------
 
     def exchange(self, out: DriveCommands, inp: DriveFeedback) -> bool:
-        """Takes ``out``, which acts in the next cycle, and fills ``inp`` with what was measured in the last one."""
+        """Receives ``out``, which acts in the next cycle, and fills ``inp`` with the measurements of the last one."""
         if not self._bus_up:
             return False
         _copy(out, self._received)
@@ -146,7 +146,7 @@ class ServoDrives:
         return not self._inputs[self._estop]
 
     def set_latch_inputs(self, closed: bool, open_: bool) -> None:
-        """What the latch's two switches say."""
+        """Sets the inputs of the latch's two switches."""
         self._inputs[self._latch.byte, self._latch.closed_input_bit] = closed
         self._inputs[self._latch.byte, self._latch.open_input_bit] = open_
 
@@ -173,7 +173,7 @@ class ServoDrives:
 
     @property
     def brakes_closed(self) -> NDArray[np.bool_]:
-        """(8,) which holding brakes are closed; steering axes have none."""
+        """(8,) True for closed holding brakes; steering axes have none."""
         return np.asarray(self._state[loops.S_BRAKE_CLOSED] > 0.0)
 
     @property

@@ -1,4 +1,4 @@
-"""The loop of a process that is a motion engine with its machine: an engine cycle, then a cycle of the plant, paced."""
+"""The loop of a motion engine's process with its machine: an engine cycle, then a cycle of the plant, paced."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class Plant(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class EveryCycles:
-    """Something to do every ``cycles`` cycles."""
+    """A call every ``cycles`` cycles."""
 
     cycles: int
     run: Callable[[], None]
 
 
 class EngineLoop:
-    """Belongs to one thread; ``inject`` is for the others."""
+    """Belongs to one thread; only ``inject`` is for others."""
 
     def __init__(
         self, server: EngineServer, plant: Plant, catch_up_s: float, tasks: tuple[EveryCycles, ...] = ()
@@ -53,7 +53,7 @@ class EngineLoop:
         self.pacer = Pacer(server.engine.config.cycle_time_s, 1.0, catch_up_s, time.monotonic())
 
     def run(self, should_stop: Callable[[], bool]) -> None:
-        """Until ``should_stop`` says so."""
+        """Runs until ``should_stop`` returns True."""
         sharpen_sleep()
         self.pacer.start(time.monotonic())
         while not should_stop():
@@ -65,7 +65,7 @@ class EngineLoop:
 
     def shut_down(self) -> None:
         """Stops all axes at their quick-stop deceleration, then the engine. For an orderly end: clients that end at the
-        same time find the engine still there to switch their servos off.
+        same time can still switch their servos off.
         """
         engine = self.server.engine
         for axis in range(engine.arrays.n_axes):

@@ -1,4 +1,4 @@
-"""Faults that can be raised for a while or until they are cleared: the machinery, whatever the plant they befall."""
+"""Faults that can be raised for a while or until they are cleared: the mechanism, for any plant."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ CLEAR = "clear"
 
 
 class FaultRefused(Exception):
-    """A fault that does not exist, or not with this target or value. The message says what would be accepted."""
+    """A fault that does not exist, or not with this target or value. The message names the accepted ones."""
 
 
 class Timed(Protocol):
-    """What faults befall: something with a time of its own."""
+    """A system under faults, with a time of its own."""
 
     @property
     def time_s(self) -> float: ...
@@ -25,11 +25,11 @@ class Timed(Protocol):
 class FaultKind:
     """One row.
 
-    what: in words; targets: names accepted as target, None for free text that ``change`` judges.
+    what: in words; targets: names accepted as target, None for free text that ``change`` checks.
     value: what the value means, bounded by low and high; ``default`` replaces 0 where 0 means nothing.
-    change: given the plant, raises the fault with a value, ends it with None; returns what it did in words.
-    lasts: until it is cleared; otherwise it happens once and there is nothing to clear.
-    over_at: a value up to this is no fault but its end.
+    change: given the plant, raises the fault with a value, ends it with None; returns a description.
+    lasts: until it is cleared; otherwise it is a single event without an end.
+    over_at: a value up to this ends the fault.
     """
 
     name: str
@@ -55,7 +55,7 @@ class ActiveFault:
 
 
 class FaultTable:
-    """The faults in force in one plant. ``kinds``: those it can suffer, by name."""
+    """The faults in force in one plant. ``kinds``: the possible ones, by name."""
 
     def __init__(self, plant: Timed, kinds: Mapping[str, FaultKind]) -> None:
         self._plant, self._kinds = plant, kinds
@@ -88,13 +88,13 @@ class FaultTable:
     def _note(self, row: FaultKind, target: str, amount: float, duration_s: float) -> None:
         until_s = self._plant.time_s + duration_s if duration_s > 0.0 else math.inf
         if not row.lasts or amount <= row.over_at:
-            self._active.pop((row.name, target), None)  # it has happened; and what is over is no fault
+            self._active.pop((row.name, target), None)  # an event, or the end of a fault, is not in force
         else:
             self._active[row.name, target] = ActiveFault(row.name, target, amount, until_s)
         self._plan()
 
     def update(self) -> None:
-        """Ends what has lasted its time; call it every step."""
+        """Ends expired faults; call it every step."""
         if self._plant.time_s < self._next_end_s:
             return
         for fault in self.active:
@@ -121,7 +121,7 @@ class FaultTable:
 
 
 def _checked_amount(kind: FaultKind, value: float, duration_s: float) -> float:
-    """How much of a fault ``value`` asks for. Raises FaultRefused for a value or a duration that cannot be."""
+    """The amount of a fault requested by ``value``. Raises FaultRefused for an invalid value or duration."""
     if not math.isfinite(duration_s) or duration_s < 0.0:
         raise FaultRefused(f"{kind.name}: duration_s must be 0 or more, is {duration_s}")
     amount = value if value != 0.0 else kind.default

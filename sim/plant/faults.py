@@ -1,4 +1,4 @@
-"""The faults that a simulation can suffer, one row each: what ``/sim/inject_fault`` and scenarios may ask for."""
+"""The faults of a simulation, one row each, for ``/sim/inject_fault`` and scenarios."""
 
 from __future__ import annotations
 

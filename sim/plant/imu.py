@@ -1,9 +1,9 @@
-"""The inertial unit: what it measures of the true motion, as a MEMS unit on a small vehicle would.
+"""The inertial unit: measurements of the true motion by a MEMS unit on a small vehicle.
 
 Each sample is the average of the true acceleration (gravity included) and rotation over the sample's period, plus
 white noise and a bias that walks. The orientation emulates the unit's complementary filter: the true attitude with an
 error of roll and pitch that wanders (first-order Gauss-Markov) and a heading that starts at zero and drifts, because
-without a magnetometer a unit knows no north.
+without a magnetometer there is no reference to north.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class ImuSample:
 
 
 class ImuModel:
-    """Feed it with ``measure`` every step; ``sample`` gives what the unit sends at that moment.
+    """Call ``measure`` every step; ``sample`` returns the sample that the unit sends at that moment.
 
     inclination_wxyz: turns the frame that orientations are given in into one whose z is upright.
     """
@@ -85,7 +85,7 @@ class ImuModel:
             return None
         sample = self._waiting.popleft()
         if self.frozen and self._last is not None:
-            sample = replace(self._last, time_s=sample.time_s)  # a frozen unit repeats itself under new stamps
+            sample = replace(self._last, time_s=sample.time_s)  # a frozen unit repeats its sample with new stamps
         self._last = sample
         return None if self.silent else sample
 

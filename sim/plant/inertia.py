@@ -46,7 +46,7 @@ def steering_inertial(robot: Robot, params: SimParams) -> Inertial:
 
 
 def chassis_inertial(robot: Robot, params: SimParams) -> Inertial:
-    """What is left of the robot's mass, placed so that the whole robot's centre of gravity is where it shall be.
+    """The rest of the robot's mass, placed so that the whole robot has the configured centre of gravity.
 
     Raises ValueError if the configured masses or heights leave no sensible chassis.
     """
@@ -67,7 +67,7 @@ def chassis_inertial(robot: Robot, params: SimParams) -> Inertial:
 def wheelchair_inertial(robot: Robot, chair: Wheelchair, passenger_mass_kg: float) -> Inertial:
     """The chair with a passenger on it; origin on the ground below the chair's board.
 
-    Raises ValueError for a passenger whom the robot may not carry.
+    Raises ValueError for a passenger above the robot's limit.
     """
     if not 0.0 <= passenger_mass_kg <= robot.passenger_max_mass_kg:
         limit = robot.passenger_max_mass_kg

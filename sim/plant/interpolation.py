@@ -13,7 +13,7 @@ F64 = NDArray[np.float64]
 
 @numba.njit(cache=True, error_model="numpy")
 def interpolate(knots_s: F64, poses: F64, times_s: F64, mounted: F64, place: F64, turn: F64) -> None:
-    """Fills place (k, 3) and turn (k, 3, 3) with what sits at ``mounted`` (4, 4) on a body, at (k,) rising times.
+    """Fills place (k, 3) and turn (k, 3, 3) with the pose of ``mounted`` (4, 4) on a body, at (k,) rising times.
 
     poses: (n, 4, 4) of the body at (n,) rising knots; constant before the first and after the last.
     """
@@ -43,7 +43,7 @@ def interpolate(knots_s: F64, poses: F64, times_s: F64, mounted: F64, place: F64
 
 @numba.njit(cache=True, error_model="numpy")
 def _quaternion(m: F64, q: F64) -> None:
-    """Of a rotation matrix, w x y z; the largest component first, which never divides by little (Shepperd)."""
+    """Of a rotation matrix, w x y z; the largest component first, which avoids small divisors (Shepperd)."""
     trace = m[0, 0] + m[1, 1] + m[2, 2]
     largest, value = 0, trace
     for i in range(3):

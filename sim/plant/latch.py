@@ -1,4 +1,4 @@
-"""The latch as a mechanism on the engine's I/O: two outputs that drive its hooks, two inputs that say where they are.
+"""The latch as a mechanism on the engine's I/O: two outputs that drive its hooks, two inputs for their position.
 
 The hooks run while exactly one output is on and stay where they are otherwise: a bus that is cut, an engine that goes
 down, or both outputs at once change nothing. Closed hooks that have taken a wheelchair draw it in by themselves.
@@ -17,7 +17,7 @@ _OPEN, _CLOSED = 0.0, 1.0
 
 
 class Hooks(IntEnum):
-    """What the hooks do about a wheelchair."""
+    """State of the hooks with respect to a wheelchair."""
 
     FREE = 0
     DRAWING = 1
@@ -25,7 +25,7 @@ class Hooks(IntEnum):
 
 
 class Latch:
-    """The hooks. ``step`` every cycle, after the drives have taken the engine's telegram.
+    """The hooks. Call ``step`` every cycle, after the drives have received the engine's telegram.
 
     stuck, no_confirm: faults, see sim/plant/faults.py.
     """
@@ -71,7 +71,7 @@ class Latch:
         self._publish()
 
     def _take(self) -> None:
-        """The hooks have closed: on the rails' ends, or on nothing."""
+        """Handles closed hooks: they hold the rails' ends, or nothing."""
         chair, limits = self._chair, self._params
         if chair is None or not chair.in_sight:
             return
@@ -99,12 +99,12 @@ class Latch:
     # --- from outside ---------------------------------------------------------------------------------------------
 
     def set_no_confirm(self, active: bool) -> None:
-        """The switch that says closed is dead."""
+        """Disables the switch for closed hooks."""
         self.no_confirm = active
         self._publish()
 
     def fail_open(self, active: bool) -> None:
-        """Lets go at once and stays open while active."""
+        """Releases at once and stays open while active."""
         self._failed_open = active
         if active:
             self.force(closed=False)

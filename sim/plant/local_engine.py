@@ -1,7 +1,7 @@
 """The simulated motion engine inside the caller's process, behind the same client API that nodes use.
 
-For runs without ROS and faster than real time: whoever holds it steps engine and physics together, and a call of the
-API acts at once, as it does between two cycles of the engine process. Nothing in here waits.
+For runs without ROS and faster than real time: the owner steps engine and physics together, and a call of the
+API acts at once, like one between two cycles of the engine process. No call waits.
 """
 
 from __future__ import annotations

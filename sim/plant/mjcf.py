@@ -1,4 +1,4 @@
-"""The few MJCF elements that the model is written with."""
+"""The MJCF elements used by the model."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from xml.etree.ElementTree import Element, SubElement
 
 from sim.plant.inertia import Inertial
 
-# Collision classes (contype, conaffinity): the robot's own parts never meet, everything else does.
+# Collision classes (contype, conaffinity): the robot's own parts never collide with each other, everything else does.
 NO_BITS, WORLD_BITS, ROBOT_BITS, CHAIR_BITS = (0, 0), (1, 6), (2, 5), (4, 3)
-# Geom groups: rays of sensors look at the world and the chair and leave the robot and paint on the ground out.
+# Geom groups: rays of sensors hit the world and the chair, not the robot or paint on the ground.
 WORLD_GROUP, ROBOT_GROUP, CHAIR_GROUP, PAINT_GROUP, PERSON_GROUP = 0, 1, 3, 4, 5
 
 

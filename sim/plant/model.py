@@ -1,6 +1,6 @@
 """Writes the MuJoCo model of robot, wheelchair and world as MJCF text.
 
-Obstacles are geoms of the world body: rays meet them several times faster than geoms of separate bodies.
+Obstacles are geoms of the world body: rays test them several times faster than geoms of separate bodies.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def _options(root: Element, params: SimParams) -> None:
         impratio=number(params.physics.friction_ratio),
         iterations=str(params.physics.solver_iterations),
     )
-    # MuJoCo would answer a diverged state by jumping back to the start; the world reports it instead.
+    # By default MuJoCo resets a diverged state to the start; the world reports it instead.
     SubElement(option, "flag", autoreset="disable")
     default = SubElement(root, "default")
     SubElement(default, "geom", solref=f"{number(params.physics.contact_time_s)} 1", solimp="0.95 0.99 0.001")
@@ -109,7 +109,7 @@ def _ground(body: Element, world: WorldFile) -> None:
 
 
 def _solid(body: Element, solid: Solid) -> None:
-    bits = NO_BITS if solid.kind == "patch" else WORLD_BITS  # a patch is painted on the ground, nothing more
+    bits = NO_BITS if solid.kind == "patch" else WORLD_BITS  # a patch is only painted on the ground
     group = PAINT_GROUP if solid.kind == "patch" else WORLD_GROUP
     turned = vector(quaternion(solid.yaw_rad, solid.pitch_rad))
     add_geom(
@@ -126,7 +126,7 @@ def _solid(body: Element, solid: Solid) -> None:
 
 
 def _person(body: Element, name: str) -> None:
-    """Goes where the simulation puts it, like somebody whom no robot pushes aside. Origin on the ground."""
+    """A kinematic body: the simulation sets its pose, and the robot cannot push it. Origin on the ground."""
     frame = SubElement(body, "body", name=name, mocap="true")
     half = 0.5 * HEIGHT_M
     size = (RADIUS_M, half)

@@ -1,7 +1,7 @@
-"""People who walk through the world: where each of them is, from simulated time alone and from where the robot stands.
+"""People who walk through the world: their poses by simulated time and the robot's pose.
 
 A person walks to and fro along a line and stops while robot or chair is close ahead: people do not walk into machines,
-but they do walk in their way. Somebody who has waited for a while turns back.
+but into their way. After waiting for a while a person turns back.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from sim.worldfile import Person
 
 PREFIX = "person_"  # of the body's name
 RADIUS_M, HEIGHT_M = 0.25, 1.75
-# A person stops with this much room between body and machine, if the machine is within this angle of the way.
+# A person stops at this distance between body and machine, if the machine is within this angle of the way.
 _ROOM_M = 0.6
 _AHEAD_COS = 0.4
 _PATIENCE_S = 4.0
@@ -38,7 +38,7 @@ class Walker:
         return self._pose
 
     def pose_after(self, walked_s: float) -> Pose2:
-        """After so much time of walking and resting that nobody disturbed."""
+        """The pose after this time of undisturbed walking and resting."""
         person = self._person
         length_m = self._line.length_m
         if not length_m:
@@ -53,7 +53,7 @@ class Walker:
         return Pose2(out.x, out.y, math.remainder(out.yaw + math.pi, math.tau))
 
     def step(self, dt_s: float, machine: Pose2, footprint: Footprint) -> None:
-        """Walks on, unless the machine (base_link in map, its footprint) is in the way: then after a while back."""
+        """Walks on, unless the machine (base_link in map, its footprint) is in the way: then waits, and turns back."""
         if not in_the_way(self._pose, machine, footprint):
             self._walk_to(self._walked_s + dt_s)
             self._waited_s = 0.0
@@ -64,7 +64,7 @@ class Walker:
             self._turn_back()
 
     def _turn_back(self) -> None:
-        """To the same place on the way in the other direction; who rests at an end goes on resting."""
+        """Turns to the same place in the other direction; a person who rests at an end keeps resting."""
         one_way_s = self._line.length_m / self._person.speed_mps
         half_s = one_way_s + self._person.pause_s
         turns, into_s = divmod(self._walked_s, half_s)
@@ -81,10 +81,10 @@ def walkers(people: Iterable[Person]) -> list[Walker]:
 
 
 def in_the_way(person: Pose2, machine: Pose2, footprint: Footprint) -> bool:
-    """The machine is close ahead of a person, or already touches."""
+    """True if the machine is close ahead of a person, or touches them."""
     reach_m = max(footprint.front_m, -footprint.rear_m) + footprint.width_m + RADIUS_M + _ROOM_M
     if abs(person.x - machine.x) > reach_m or abs(person.y - machine.y) > reach_m:
-        return False  # nearly always: spares the exact look
+        return False  # nearly always: saves the exact test
     seen = person.relative_to(machine)
     half = 0.5 * footprint.width_m
     dx = min(max(seen.x, footprint.rear_m), footprint.front_m) - seen.x

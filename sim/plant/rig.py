@@ -34,7 +34,7 @@ _SERVOS_ON_S = 0.3
 
 
 class Controller(Protocol):
-    """Drives the robot in a rig. Times are simulated s."""
+    """A controller of the robot in a rig. Times are simulated s."""
 
     def observe(self, encoders: Encoders) -> None:
         """A reading of the encoders, at the rate of /joint_states."""
@@ -44,7 +44,7 @@ class Controller(Protocol):
 
 
 class Rig:
-    """A robot whose servos are on. ``run`` lets a controller drive it."""
+    """A robot with enabled servos. ``run`` runs a controller on it."""
 
     def __init__(self, robot: Robot, params: SimParams, setup: Setup) -> None:
         self.robot = robot
@@ -62,7 +62,7 @@ class Rig:
         self._steps(_SERVOS_ON_S)
 
     def run(self, duration_s: float, controller: Controller, each: Callable[[ModuleSetPoints | None], None]) -> None:
-        """Lets ``controller`` drive. ``each`` is called at every reading, with the newest set points commanded."""
+        """Runs ``controller``. ``each`` is called at every reading, with the newest set points."""
         set_points: ModuleSetPoints | None = None
         ticks = 0
         for reading in range(round(duration_s * self._reading_rate_hz)):
@@ -76,7 +76,7 @@ class Rig:
             self._steps(1.0 / self._reading_rate_hz)
 
     def command(self, modules: ModuleSetPoints) -> bool:
-        """Set points to the engine, as the hardware interface gives them. False if the engine refused."""
+        """Sends set points to the engine, like the hardware interface. False if the engine refused."""
         status, core = self.engine.status(), self.engine.core_motion
         drives = drive_moves(modules.speeds_mps, status.velocity_cmd[list(DRIVE_AXES)].tolist(), self._axes)
         steers = steer_moves(modules.angles_rad, status.pos_cmd[list(STEER_AXES)].tolist(), self._axes)
@@ -95,14 +95,14 @@ class Rig:
             core.ReleaseEStop()
 
     def encoders(self) -> Encoders:
-        """What the engine says the joints are at."""
+        """The engine's joint positions."""
         positions = self.engine.status().actual_pos
         return Encoders(
             self.sim.time_s, _four(positions[list(DRIVE_AXES)].tolist()), _four(positions[list(STEER_AXES)].tolist())
         )
 
     def moment(self) -> Moment:
-        """The truth now."""
+        """The ground truth now."""
         truth = self.sim.world.truth()
         vx, vy, _ = truth.linear_mps
         speeds = self._radius_m * truth.joint_speeds_radps[list(DRIVE_AXES)]
@@ -136,7 +136,7 @@ class TwistController:
 
     @property
     def twist(self) -> Twist2:
-        """What it tries to reach now."""
+        """The present target twist."""
         return self._controller.set_point
 
     @property

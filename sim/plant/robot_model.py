@@ -1,11 +1,11 @@
 """The robot as MJCF bodies.
 
 Wheels are ellipsoids: one clean contact point on every surface, as a slightly crowned tyre has, plus a torsional
-friction that stands for the contact patch (turning a module on the spot costs torque). Cylinders touch with two edges
-5 cm apart, which is nearly three times that torque, and need the costlier general collision test on ramps.
+friction that represents the contact patch (turning a module on the spot needs torque). Cylinders touch with two edges
+5 cm apart, which gives nearly three times that torque, and need the costlier general collision test on ramps.
 
-A wheel's friction decides alone (contact priority), so that the ground under each wheel can be made slippery while the
-world runs.
+Only a wheel's friction counts (contact priority), so that the ground under each wheel can be made slippery at run
+time.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ GRAVITY_MPS2 = 9.81
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """What distinguishes one machine from its drawing: true wheel radii, m, and steering zeros, rad, per module."""
+    """Deviations of one machine from its drawing: true wheel radii, m, and steering zeros, rad, per module."""
 
     wheel_radii_m: tuple[float, float, float, float]
     steering_zeros_rad: tuple[float, float, float, float]
@@ -66,7 +66,7 @@ def add_robot(body: Element, robot: Robot, params: SimParams, friction: float, t
 
 
 def _latch(base: Element, robot: Robot, params: SimParams) -> None:
-    """The plates that carry the hooks, and where the hooks hold what they have caught."""
+    """The plates that carry the hooks, and the holding places of the hooks."""
     latch, plate, front_m = robot.latch, params.latch, 0.5 * robot.chassis.length_m
     inwards_m, outwards_m = plate.plate_inwards_m, plate.plate_outwards_m
     half = (0.5 * plate.plate_length_m, 0.5 * (inwards_m + outwards_m), 0.5 * plate.plate_height_m)
@@ -89,7 +89,7 @@ def _latch(base: Element, robot: Robot, params: SimParams) -> None:
 
 
 def _decoration(base: Element, robot: Robot) -> None:
-    """What only a picture needs: an orange front, and the mast of the LiDAR."""
+    """Parts for pictures only: an orange front, and the mast of the LiDAR."""
     box, lidar = robot.chassis, robot.lidar_xyz_m
     front = (0.5 * box.length_m, 0.0, box.top_m - 0.08)
     add_geom(

@@ -1,5 +1,5 @@
-"""Faults of a simulated sensor: nothing changes when one is raised, the sensor asks at each measurement what is in
-force.
+"""Faults of a simulated sensor: raising one changes nothing at once; the sensor queries the active faults at each
+measurement.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ def sensor_fault(
     value: tuple[str, float, float, float] = ("none", 0.0, 0.0, 0.0),
     targets: tuple[str, ...] = ONE_SENSOR,
 ) -> FaultKind:
-    """One row. value: what it means, its lowest, its highest, and what replaces 0."""
+    """One row. value: its meaning, its bounds, and the default for 0."""
     meaning, low, high, default = value
 
     def describe(_: object, target: str, amount: float | None) -> str:
@@ -28,7 +28,7 @@ def sensor_fault(
 
 
 class SensorFaults:
-    """The faults in force. one_of: kinds of which only the newest holds. Times are those of the sensor's stamps."""
+    """The faults in force. one_of: kinds of which only the newest is active. Times are those of the sensor's stamps."""
 
     def __init__(self, kinds: Mapping[str, FaultKind], one_of: Sequence[str] = ()) -> None:
         self.time_s = 0.0

@@ -1,4 +1,4 @@
-"""What makes one run of the simulation."""
+"""Set-up of one run of the simulation."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from sim.worldfile import WorldFile
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What makes one run: the world file, the seed, where the robot starts, and the wheelchair with it.
+    """Set-up of one run: the world file, the seed, the robot's start, and the wheelchair.
 
-    wheelchair: a wheelchair is in the model, out of sight if it has no place, and can be attached.
-    wheelchair_pose: where it stands instead of the world file's own place (frame of its dock, in map).
-    passenger_mass_kg: a passenger in it; attached_at_start latches it to the robot from the first moment.
-    people: whoever walks in the world file is there.
+    wheelchair: a wheelchair is in the model, invisible if it has no place, and can be attached.
+    wheelchair_pose: its place instead of the world file's (frame of its dock, in map).
+    passenger_mass_kg: a passenger in it; attached_at_start latches it to the robot from the start.
+    people: the world file's people are present.
     slope_rad: the whole ground is inclined and rises towards slope_direction_rad in map; map's z stays square to it.
     """
 
@@ -33,7 +33,7 @@ class Setup:
     people: bool = False
 
     def wheelchair_place(self) -> Pose2 | None:
-        """Where the wheelchair stands at the start, if not on the latch."""
+        """Place of the wheelchair at the start, if not on the latch."""
         own = self.world.wheelchair
         return self.wheelchair_pose or (None if own is None else own.pose())
 
@@ -41,7 +41,7 @@ class Setup:
         return self.wheelchair or self.attached_at_start or self.wheelchair_place() is not None
 
     def gravity_mps2(self) -> tuple[float, float, float]:
-        """In map. Raises ValueError for a slope that is none."""
+        """In map. Raises ValueError for an invalid slope."""
         if not abs(self.slope_rad) < 0.5 * math.pi or not math.isfinite(self.slope_direction_rad):
             raise ValueError(f"slope_rad must be within +-90 deg, is {self.slope_rad}, {self.slope_direction_rad}")
         along = -GRAVITY_MPS2 * math.sin(self.slope_rad)

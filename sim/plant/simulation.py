@@ -1,4 +1,4 @@
-"""World, engine, sensors and faults in one lockstep: what a process, a scenario or a test steps through."""
+"""World, engine, sensors and faults in lockstep, stepped by a process, a scenario or a test."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Simulation:
     """One ``step`` is one cycle of 1 ms: engine, drives, physics, sensors.
 
     ``engine_cycle`` is called first in each step and exchanges with ``world.drives``; ``engine_begin`` and
-    ``engine_end`` around a block of steps, where its clients are heard and told. None of them while ``engine_stalled``.
+    ``engine_end`` around a block of steps, to serve its clients. None of them while ``engine_stalled``.
     """
 
     def __init__(self, robot: Robot, params: SimParams, setup: Setup) -> None:
@@ -45,17 +45,17 @@ class Simulation:
         return self.world.time_s
 
     def begin_block(self) -> None:
-        """Before one or more steps."""
+        """Call before one or more steps."""
         if not self.engine_stalled:
             self.engine_begin()
 
     def end_block(self) -> None:
-        """After them."""
+        """Call after them."""
         if not self.engine_stalled:
             self.engine_end()
 
     def step(self) -> ImuSample | None:
-        """One cycle. Returns the sample that the inertial unit sends in it, if it does. Raises SimulationDiverged."""
+        """One cycle. Returns the inertial unit's sample of this cycle, if any. Raises SimulationDiverged."""
         if not self.engine_stalled:
             self.engine_cycle()
         world = self.world
@@ -68,7 +68,7 @@ class Simulation:
 
 
 class StackProcesses(Protocol):
-    """The processes of the stack, for faults. Raises FaultRefused for a name that has none."""
+    """The processes of the stack, for faults. Raises FaultRefused for an unknown name."""
 
     def kill(self, name: str) -> None: ...
     def stop(self, name: str) -> None: ...
@@ -76,7 +76,7 @@ class StackProcesses(Protocol):
 
 
 class _NoProcesses:
-    """Of a simulation that is not a process beside others."""
+    """For a simulation without other processes."""
 
     def kill(self, name: str) -> None:
         raise FaultRefused("this simulation runs beside no processes")
@@ -84,7 +84,7 @@ class _NoProcesses:
     stop = kill
 
     def go_on(self, name: str) -> None:
-        """Nothing was stopped."""
+        """Does nothing: no process was stopped."""
 
 
 def _no_engine() -> None:

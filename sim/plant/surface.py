@@ -1,4 +1,4 @@
-"""How slippery the ground is under each wheel."""
+"""Friction of the ground under each wheel."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Surface:
         return True
 
     def friction_at(self, x_m: float, y_m: float, wheel: int) -> float:
-        """Friction coefficient of wheel 0-3 at a place. The most slippery of all areas there counts."""
+        """Friction coefficient of wheel 0-3 at a place. The smallest of all areas there counts."""
         values = [area.friction for area in self._areas if area.contains(x_m, y_m)]
         values.append(self._wheels.get(wheel, math.inf))
         return min(values) if min(values) < math.inf else self._friction
@@ -66,7 +66,7 @@ class Surface:
         self._areas = [*self._fixed, *self._temporary.values()]
 
     def set_wheel(self, wheel: int, friction: float | None) -> None:
-        """Gives one wheel a friction of its own wherever it is; None takes it back."""
+        """Sets a friction for one wheel at any place; None removes it."""
         if friction is None:
             self._wheels.pop(wheel, None)
         else:

@@ -1,4 +1,4 @@
-"""The solids a world file stands for: boxes, cylinders and the slabs a ramp is made of, in the map frame."""
+"""The solids of a world file: boxes, cylinders and the slabs of ramps, in the map frame."""
 
 from __future__ import annotations
 

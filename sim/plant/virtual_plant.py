@@ -1,4 +1,4 @@
-"""Axes without a machine: virtual drives that follow their commands, with the faults of a bench to inject."""
+"""Axes without a machine: virtual drives that follow their commands, with faults to inject on a test bench."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class VirtualPlant:
         self._cycle_s = config.cycle_time_s
 
     def step(self) -> None:
-        """Nothing but time passes: the drives move when the bus is served."""
+        """Only advances the time: the drives move when the bus is served."""
         self.time_s += self._cycle_s
 
     def _kinds(self) -> tuple[FaultKind, ...]:

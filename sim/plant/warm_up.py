@@ -1,4 +1,4 @@
-"""Compiles what a cycle of the robot's servo drives runs through, or loads it."""
+"""Compiles the kernels of the robot's servo drives, or loads them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _BYTES = 1  # of inputs and outputs
 
 
 def warm_up() -> None:
-    """One cycle of wheels that stand."""
+    """One cycle of standing wheels."""
     robot, params = load_robot(), load_sim_params()
     random, cycle_s = np.random.default_rng(0), params.physics.timestep_s
     drives = ServoDrives(robot, params, nominal_tolerances(robot), cycle_s, random)

@@ -1,4 +1,4 @@
-"""The wheelchair in the physics: who sits in it, where it stands, its parking brake, and what holds it to the robot."""
+"""The wheelchair in the physics: its passenger, its place, its parking brake, and its coupling to the robot."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sim.plant.chair_model import CASTORS, SIDES
 from sim.plant.inertia import wheelchair_inertial
 from sim.plant.mjcf import CHAIR_BITS, NO_BITS
 
-# A chair that has no place yet floats out of the way of sensors and wheels.
+# A chair without a place yet floats out of reach of sensors and wheels.
 _PARKED_AT_M = (0.0, 0.0, -5.0)
 _MOVE_S = 0.2
 Matrix = NDArray[np.float64]
@@ -53,25 +53,25 @@ class Chair:
         return matrix_of(self.pose())
 
     def place(self, pose: Pose2) -> None:
-        """Puts it on the ground there, standing, with its brake closed."""
+        """Puts it on the ground there, at rest, with its brake closed."""
         x, y, z, w = quaternion_from_yaw(pose.yaw)
         self._put((pose.x, pose.y, 0.0), (w, x, y, z))
         self.release()
 
     def park(self) -> None:
-        """Out of sight, weightless, touching nothing."""
+        """Makes it invisible, weightless and without contacts."""
         self._put(_PARKED_AT_M, (1.0, 0.0, 0.0, 0.0))
         self._show(False)
 
     def move(self, along_m: float, across_m: float, turn_rad: float) -> None:
-        """Shifts the standing chair by that in its own frame within 0.2 s, as somebody does who takes hold of it."""
+        """Shifts the standing chair by this in its own frame within 0.2 s, as a person would push it."""
         steps = max(1, round(_MOVE_S / self._params.physics.timestep_s))
         pose = self.matrix()
         shift = pose[:2, :2] @ (along_m, across_m)
         self._push = (steps, np.array([shift[0], shift[1], turn_rad]) / (steps * self._params.physics.timestep_s))
 
     def step(self) -> None:
-        """Goes on with a shift that is under way."""
+        """Continues a running shift."""
         steps, velocity = self._push
         if steps == 0:
             return
@@ -89,7 +89,7 @@ class Chair:
         self._show(True)
 
     def _show(self, in_sight: bool) -> None:
-        """With weight and contact, or without."""
+        """Enables or disables weight and contact."""
         self.in_sight = in_sight
         model, mine = self._model, self._model.geom_bodyid == self._body
         model.body_gravcomp[self._body] = 0.0 if in_sight else 1.0
@@ -100,7 +100,7 @@ class Chair:
     # --- load and brake -------------------------------------------------------------------------------------------
 
     def set_passenger_mass(self, passenger_mass_kg: float) -> None:
-        """Changes who sits in the chair. Raises ValueError."""
+        """Changes the passenger's mass. Raises ValueError."""
         inertial = wheelchair_inertial(self._robot, self._params.wheelchair, passenger_mass_kg)
         self._model.body_mass[self._body] = inertial.mass_kg
         self._model.body_inertia[self._body] = inertial.diagonal_kgm2
@@ -131,7 +131,7 @@ class Chair:
         return self._robot.latch.x_m + self._params.wheelchair.rail_length_m
 
     def catch(self) -> None:
-        """The hooks take the rail ends where they are and the parking brake opens; ``draw`` then pulls."""
+        """The hooks grip the rail ends in place and the parking brake opens; ``draw`` then pulls."""
         inward = np.linalg.inv(matrix_of(self._data.qpos[:7])) @ self.matrix()
         rails = self._model.site_pos[self._rails]
         self._caught_at = rails @ inward[:3, :3].T + inward[:3, 3]
@@ -146,7 +146,7 @@ class Chair:
         self._model.site_pos[self._hooks] = self._caught_at + smooth * (self._hooks_at_rest - self._caught_at)
 
     def release(self) -> None:
-        """The hooks let go and the parking brake closes."""
+        """The hooks release and the parking brake closes."""
         self._data.eq_active[self._equalities] = False
         self._model.site_pos[self._hooks] = self._hooks_at_rest
         self.set_brake(True)

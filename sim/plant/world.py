@@ -1,7 +1,7 @@
-"""The physical world: MuJoCo, the servo drives in it, and what is true about the robot.
+"""The physical world: MuJoCo, the servo drives in it, and the robot's ground truth.
 
-One ``step`` is one engine cycle: whoever drives the world calls the engine first, which talks to ``drives`` through
-``exchange``, then ``step``. Everything random comes from one seed, so that the same seed gives the same bits.
+One ``step`` is one engine cycle: the caller first runs the engine, which communicates with ``drives`` through
+``exchange``, then ``step``. All random numbers come from one seed, so that equal seeds give equal bits.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ def _warn(message: str) -> None:
     warnings.warn(f"physics: {message}", RuntimeWarning, stacklevel=2)
 
 
-# MuJoCo's own way is a file MUJOCO_LOG.TXT in whatever folder the process runs in.
+# By default MuJoCo writes a file MUJOCO_LOG.TXT in the current folder.
 mujoco.set_mju_user_warning(_warn)
 
 
 class SimulationDiverged(Exception):
-    """The physics has left the finite numbers; nothing after this moment means anything."""
+    """The physics is no longer finite; all later results are invalid."""
 
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """The robot as it is. Pose of base_link in map (quaternion x y z w); twist in base_link, m/s and rad/s.
+    """The robot's true state. Pose of base_link in map (quaternion x y z w); twist in base_link, m/s and rad/s.
 
     joint_positions_rad, joint_speeds_radps, joint_torques_nm: (8,) in axis order, true angles without encoder errors.
     """
@@ -112,7 +112,7 @@ class World:
         return self.steps * self.dt_s
 
     def sensor_random(self) -> np.random.Generator:
-        """The generator of the sensors' noise: of its own, so that reading a sensor does not change the drives."""
+        """The generator of the sensors' noise: a separate one, so that reading a sensor does not change the drives."""
         return np.random.default_rng(self._sensor_seed)
 
     # --- one step -------------------------------------------------------------------------------------------------
@@ -165,7 +165,7 @@ class World:
     # --- truth ----------------------------------------------------------------------------------------------------
 
     def truth(self) -> Truth:
-        """The robot as it is now. Cheap enough for every step, meant for 50 Hz."""
+        """The robot's true state now. Cheap enough for every step, meant for 50 Hz."""
         qpos, qvel = self._qpos, self._qvel
         px, py, pz, w, x, y, z = qpos[:7].tolist()
         vx, vy, vz, wx, wy, wz = qvel[:6].tolist()
@@ -210,7 +210,7 @@ class World:
         return loads
 
     def contact_force_n(self) -> float:
-        """What robot and wheelchair press against each other by touching, the latch's own force left out.
+        """Contact force between robot and wheelchair, N, without the latch's own force.
 
         The sum of the magnitudes over all contacts, so that a chair that is squeezed shows it.
         """
@@ -226,25 +226,25 @@ class World:
         return total
 
     def touching(self) -> tuple[str, ...]:
-        """What robot and wheelchair touch now, apart from ground, ramps and each other: names of solids and people,
+        """Present contacts of robot and wheelchair, except ground, ramps and each other: names of solids and people,
         and of pits with a wheel over them.
         """
         return self._contacts.now(self.data)
 
     @property
     def touched(self) -> dict[str, float]:
-        """Whatever ``touching`` has told since the start, looked at every 10 ms, and when first, s."""
+        """All results of ``touching`` since the start, sampled every 10 ms, with their first times, s."""
         return self._contacts.first_s
 
     # --- wheelchair -----------------------------------------------------------------------------------------------
 
     @property
     def attached(self) -> bool:
-        """A wheelchair hangs on the latch."""
+        """True if a wheelchair is latched."""
         return self.chair is not None and self.chair.held
 
     def wheelchair_pose(self) -> NDArray[np.float64] | None:
-        """(4, 4) frame of the wheelchair (that of its dock) in map; None without one, or if it stands nowhere yet."""
+        """(4, 4) frame of the wheelchair (that of its dock) in map; None without one, or before it is placed."""
         return self.chair.matrix() if self.chair is not None and self.chair.in_sight else None
 
     def dock_error(self, dock_pose: Pose2) -> tuple[float, float, float]:
@@ -272,18 +272,18 @@ class World:
         self.latch.force(closed=False)
 
     def set_passenger_mass(self, passenger_mass_kg: float) -> None:
-        """Changes who sits in the chair. Raises ValueError."""
+        """Changes the passenger's mass. Raises ValueError."""
         self._chair_or_error().set_passenger_mass(passenger_mass_kg)
 
     def move_wheelchair(self, along_m: float, across_m: float, turn_rad: float) -> None:
-        """Shifts the standing chair by that in its own frame within 0.2 s. Raises ValueError if it cannot be."""
+        """Shifts the standing chair by this in its own frame within 0.2 s. Raises ValueError if impossible."""
         chair = self._chair_or_error()
         if not chair.in_sight or chair.held:
             raise ValueError("the wheelchair hangs on the latch" if chair.held else "no wheelchair stands here")
         chair.move(along_m, across_m, turn_rad)
 
     def move_robot(self, along_m: float, across_m: float, turn_rad: float) -> None:
-        """Carries the robot by that in its own frame and puts it down at rest. Raises ValueError with a chair on it."""
+        """Moves the robot by this in its own frame, to rest. Raises ValueError with an attached chair."""
         if self.attached:
             raise ValueError("a wheelchair hangs on the latch")
         truth = self.truth()
@@ -301,7 +301,7 @@ class World:
         return self.chair
 
     def bodies(self) -> list[tuple[str, NDArray[np.float64]]]:
-        """Frame id and true pose in map of whatever moves or carries markers: (7,) x y z m, w x y z."""
+        """Frame id and true pose in map of all bodies that move or carry markers: (7,) x y z m, w x y z."""
         found = [(frames.BASE_LINK, self._qpos[:7].copy())]
         if self.chair is not None and self.chair.in_sight:
             found.append((WHEELCHAIR, self.chair.pose()))
