@@ -17,9 +17,9 @@ from sim.stack.run import RunFailed, RunOptions, ScheduledRun
 
 RANDOM = "random"
 RANDOM_COUNT = 4
-# Random faults come within so long: a scenario's limit may be far behind its end.
+# Random faults occur within this time: a scenario's limit may be far behind its end.
 RANDOM_WITHIN_S = 60.0
-# Names of what is no broken invariant, but ends a run all the same.
+# Names of events that break no invariant but end a run.
 NOT_READY, DIVERGED = "run_failed", "physics_diverged"
 
 T = TypeVar("T")
@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """One run. command: repeats it. digest: empty for a run that did not come to its end.
+    """One run. command: repeats it. digest: empty for an incomplete run.
 
     rows: codes that /safety/status has shown. overrun_s: see ``Invariants``.
     """
@@ -60,7 +60,7 @@ def planned_faults(choice: str, seed: int, scenario: Scenario, until_s: float) -
 
 
 def command_of(scenario: str, seed: int, faults: str, options: RunOptions) -> str:
-    """The command line that repeats a run. scenario, faults: as they are given there."""
+    """The command line that repeats a run. scenario, faults: as on the command line."""
     parts = ["robot-stack", "simulate", scenario, "--seed", str(seed)]
     parts += ["--faults", faults] if faults else []
     parts += ["--light"] if options.light else []
@@ -69,7 +69,7 @@ def command_of(scenario: str, seed: int, faults: str, options: RunOptions) -> st
 
 
 def run_once(scenario: Scenario, seed: int, options: RunOptions, command: str) -> Outcome:
-    """Runs ``scenario`` with the faults of ``options``; its own failure is an outcome too."""
+    """Runs ``scenario`` with the faults of ``options``; a failure of the run is an outcome, too."""
     with ScheduledRun(scenario, seed, options) as run:
         failed: tuple[Broken, ...] = ()
         state = digest = ""
@@ -85,9 +85,9 @@ def run_once(scenario: Scenario, seed: int, options: RunOptions, command: str) -
 
 
 def shrink(items: Sequence[T], fails: Callable[[tuple[T, ...]], bool]) -> tuple[T, ...]:
-    """The items without those that may be left out, so that ``fails`` still holds (ddmin, Zeller and Hildebrandt 2002).
+    """A minimal list of items for which ``fails`` still holds (ddmin, Zeller and Hildebrandt 2002).
 
-    fails: is asked once for each list; it must hold for all items. Of the result no single item can be left out.
+    fails: called once for each list; it must hold for all items. No single item of the result can be removed.
     """
     asked: dict[tuple[int, ...], bool] = {}
 

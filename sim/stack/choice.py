@@ -1,4 +1,4 @@
-"""What ``robot-stack simulate`` runs: a scenario by file or name, a mission, the demo's ride, or a random ride."""
+"""Selects the run of ``robot-stack simulate``: a scenario by file or name, a mission, the demo's or a random ride."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The robot's computer on the scheduler: what the system monitor reads of it, and what can go wrong with it.
+"""The robot's computer on the scheduler: the system monitor's readings of it, and its faults.
 
 Counterparts of ``sim.computer.computer.SimComputer`` and of the readers in
 ``robot_stack.system_monitor.nodes.computer_reader``.
@@ -19,14 +19,14 @@ ADDRESS = "simulated://touch_ui/"
 
 @dataclass(slots=True)
 class Kernel:
-    """What its kernel shows."""
+    """Values of its kernel."""
 
     cpu_percent: float = 0.0
     memory_percent: float = 0.0
     celsius: float | None = None
 
     def tick(self) -> None:
-        """Nothing goes on between two readings."""
+        """Does nothing: values are constant between two readings."""
 
 
 class Disk:
@@ -43,7 +43,7 @@ class Disk:
 class ScreenSwitch:
     """Whether a page is open on the robot's own screen; ``on_change`` opens and closes it. See ``Screen``."""
 
-    # A page counts as seen after so many heartbeats of touch_ui.
+    # A page counts as seen after this many heartbeats of touch_ui.
     _SEEN = 2
 
     def __init__(self) -> None:
@@ -58,7 +58,7 @@ class ScreenSwitch:
             self.on_change(True)
 
     def lose(self) -> None:
-        """Where there was no page, it is lost as soon as it has been seen."""
+        """Closes the page; without one, a page opens first and closes once it has been seen."""
         self.show()
         self._lost = True
         self._close_if_seen()
@@ -85,7 +85,7 @@ class ScheduledComputer:
     screen: ScreenSwitch = field(default_factory=ScreenSwitch)
 
     def power_on(self, params: SimComputerParams, folder: Path, home: Path) -> ScheduledComputer:
-        """As ``SimComputer`` is made."""
+        """Sets the state of a new ``SimComputer``."""
         self.params = params
         self.kernel.cpu_percent, self.kernel.memory_percent = params.cpu_percent, params.memory_percent
         self.kernel.celsius = params.celsius
@@ -100,7 +100,7 @@ class ScheduledComputer:
         return self.now_s()
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Does nothing: no resource is open."""
 
 
 class ScheduledReader:
@@ -125,7 +125,7 @@ class ScheduledReader:
         return _FULL_PERCENT if self._computer.disk.full else _DISK_PERCENT
 
     def find_disk(self) -> None:
-        """There is one."""
+        """Does nothing: the disk always exists."""
 
     def zones(self) -> dict[str, float]:
         celsius = self._computer.kernel.celsius
@@ -136,7 +136,7 @@ class ScheduledReader:
 
 
 class NoProcesses:
-    """See ``ProcessReader``: the nodes share one process, which tells nothing about a robot."""
+    """See ``ProcessReader``: the nodes share one process, which does not represent a robot."""
 
     def read(self) -> list[ProcessFigures]:
         return []

@@ -1,4 +1,4 @@
-"""What connects the nodes on the scheduler to the world outside: a counterpart of each device in the same process."""
+"""Devices of the nodes on the scheduler: a counterpart of each device in the same process."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class StackDevices:
 
 
 def runs(port: Port) -> bool:
-    """The process of the node that holds this port runs."""
+    """True if the process of the node of this port runs."""
     assert isinstance(port, SimPort)
     return port.life.alive and not port.life.hung
 

@@ -1,4 +1,4 @@
-"""The disk of the robot's computer on the scheduler: the files that outlive a process, and what can go wrong with them.
+"""The disk of the robot's computer on the scheduler: the files that survive a process, and faults of their writes.
 
 Covered: the safety latch, docking's record of an attached wheelchair, the mission journal. Files are real; a fault
 makes their writes fail, late, or end in the middle. Reads never fail.
@@ -32,9 +32,9 @@ _NO_SPACE, _BROKEN = os.strerror(errno.ENOSPC), os.strerror(errno.EIO)
 
 @dataclass(slots=True)
 class ScheduledDisk:
-    """full: new blocks are refused. broken: every write is refused. slow_s: a worker's write takes so much longer.
+    """full: new blocks are refused. broken: every write is refused. slow_s: additional time of a worker's write.
 
-    torn: the file whose next write ends after ``torn_bytes``, because the power goes.
+    torn: the file whose next write ends after ``torn_bytes`` by a loss of power.
     """
 
     full: bool = False
@@ -58,13 +58,13 @@ class ScheduledDisk:
         devices[SqliteJournal] = lambda port, path: _Journal(path, self, power_goes)
 
     def problem(self, *, in_place: bool) -> str:
-        """Why a write fails, empty if it does not. in_place: into blocks that the file has already."""
+        """Why a write fails, else an empty text. in_place: into blocks that the file already has."""
         if self.broken:
             return _BROKEN
         return _NO_SPACE if self.full and not in_place else ""
 
     def tears(self, file: str) -> bool:
-        """True once for the write that is torn."""
+        """True once, for the torn write."""
         if self.torn != file:
             return False
         self.torn = ""
@@ -72,7 +72,7 @@ class ScheduledDisk:
 
 
 class _DiskWorker:
-    """See ``Worker``. Jobs of a slow disk begin later, which makes their results as late."""
+    """See ``Worker``. Jobs of a slow disk begin later, which delays their results."""
 
     def __init__(self, disk: ScheduledDisk, port: SimPort, worker: Worker) -> None:
         self._disk, self._port, self._worker = disk, port, worker

@@ -22,9 +22,9 @@ _LEAST_S = 0.001
 
 
 class Cable:
-    """Carries bytes both ways while it is plugged at the display and open at the bridge.
+    """Carries bytes both ways while it is connected at the display and open at the bridge.
 
-    at: calls a function after so many virtual seconds.
+    at: calls a function after a delay in virtual seconds.
     """
 
     def __init__(self, after: Callable[[float, Callable[[], None]], None]) -> None:
@@ -37,7 +37,7 @@ class Cable:
         self._after(len(data) * _BYTE_S, lambda: self._deliver(data))
 
     def to_bridge(self, data: bytes) -> None:
-        """The firmware counts the time of its bytes itself."""
+        """Delivers at once: the firmware accounts for the time of its bytes."""
         if self.plugged and self.bridge is not None:
             self.bridge.receive(data)
 
@@ -47,7 +47,7 @@ class Cable:
 
 
 class _Alarm:
-    """One timer of a node that is set anew again and again."""
+    """A re-armed one-shot timer of a node."""
 
     def __init__(self, port: Port, callback: Callable[[], None]) -> None:
         self._port, self._callback = port, callback
@@ -81,7 +81,7 @@ class ScheduledSerialPort:
         self._act()
 
     def show(self, wanted: Shown) -> None:
-        """Raises ValueError if the display cannot be told so."""
+        """Raises ValueError for a state that the display does not have."""
         self._link.show(wanted, self._port.monotonic_s())
         self._act()
 

@@ -1,7 +1,7 @@
 """The motion engine of a world on the scheduler, as the nodes reach it: devices in the same process.
 
-A call acts at once, between two blocks of the world. The status is as old as the last block; an engine that stands
-still answers no call and its status grows stale, as on a socket and in shared memory.
+A call acts at once, between two blocks of the world. The status is as old as the last block; a stalled engine
+answers no call and its status becomes stale, as on a socket and in shared memory.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class WorldEngine:
 
 
 class _Device(LocalDevice):
-    """Stamps on the monotonic clock of the node that holds it."""
+    """Its stamps are of the monotonic clock of its node."""
 
     def __init__(self, world: WorldEngine, port: Port) -> None:
         super().__init__(world.engine)
@@ -119,7 +119,7 @@ class ScheduledView:
         self._timer = self._port.add_real_timer(self._period_s, self._poll)
 
     def catch_up(self) -> None:
-        """Nothing is ever behind."""
+        """Does nothing: the view is always up to date."""
 
     def close(self) -> None:
         if self._timer is not None:

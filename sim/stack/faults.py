@@ -1,4 +1,4 @@
-"""All faults of a run on the scheduler, in one table: what a plan, a seed or a test may ask for.
+"""All faults of a run on the scheduler, in one table, for a plan, a seed or a test.
 
 The rows of the simulated world keep the names they have for ``/sim/inject_fault``; those of the other simulated devices
 have their device's name in front, such as ``lidar.rain`` or ``display.cable``. The rows of this module are faults of
@@ -257,7 +257,7 @@ class Raised:
 
 
 class StackFaults:
-    """The faults in force in one stack. history: what was raised so far."""
+    """The faults in force in one stack. history: all faults raised so far."""
 
     def __init__(self, stack: SimulatedStack) -> None:
         self._stack = stack
@@ -275,7 +275,7 @@ class StackFaults:
         return done
 
     def update(self) -> None:
-        """Ends what has lasted its time; called with each block of the world."""
+        """Ends expired faults; called with each block of the world."""
         self._own.update()
 
     def active(self) -> list[str]:
@@ -324,7 +324,7 @@ class StackFaults:
     # --- the computer's power ----------------------------------------------------------------------------------------
 
     def lose_power(self, off_s: float = _BOOT_S) -> None:
-        """Kills what runs on the robot's computer, forgets its memory, and starts the supervisor after ``off_s``.
+        """Kills all processes of the robot's computer, clears its memory, and starts the supervisor after ``off_s``.
 
         The simulated world, the external display and their processes are not on that computer.
         """
@@ -347,7 +347,7 @@ class StackFaults:
 
 
 def _forget_memory(folder: Path, kept: set[str]) -> None:
-    """Empties the runtime folder but for the records of the nodes that go on."""
+    """Empties the runtime folder except for the records of the nodes that continue."""
     for path in folder.iterdir():
         if path.name == "nodes":
             for record in path.iterdir():
@@ -361,7 +361,7 @@ def _forget_memory(folder: Path, kept: set[str]) -> None:
 
 def kinds() -> dict[str, FaultKind]:
     """Every row, by the name that ``inject`` takes."""
-    # Which cameras and markers there are depends on the docks of a site.
+    # The cameras and markers depend on the docks of a site.
     cameras = camera.kinds(("front", "rear"), ())
     tables: dict[str, Mapping[str, FaultKind]] = {
         "lidar": lidar.BY_NAME,
@@ -410,7 +410,7 @@ def load_faults(path: Path) -> tuple[PlannedFault, ...]:
 
 
 def plan_text(faults: tuple[PlannedFault, ...]) -> str:
-    """What ``load_faults`` reads, one fault in a line."""
+    """The text for ``load_faults``, one fault per line."""
     lines = []
     for fault in faults:
         fields = fault.model_dump(exclude_defaults=True)
@@ -420,7 +420,7 @@ def plan_text(faults: tuple[PlannedFault, ...]) -> str:
 
 
 def _problem(fault: PlannedFault, known: Mapping[str, FaultKind]) -> str:
-    """Why it cannot be raised, as far as is known before the run; empty if nothing is."""
+    """Why the fault is invalid, as far as known before the run, else an empty text."""
     if fault.kind == CLEAR:
         return ""
     row = known.get(fault.kind)
@@ -441,7 +441,7 @@ def _problem(fault: PlannedFault, known: Mapping[str, FaultKind]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Chance:
-    """What ``random_faults`` may draw: a kind, its targets, the range of its value and of its duration in s.
+    """An entry for ``random_faults``: a kind, its targets, the range of its value and of its duration in s.
 
     A value is drawn evenly on a logarithmic scale where its range begins above 0; a duration of (0, 0) is none.
     """

@@ -1,12 +1,12 @@
-"""What must hold in every run on the scheduler, whatever faults are raised: judged by the simulated world's truth.
+"""Invariants of every run on the scheduler under any faults, judged by the simulated world's ground truth.
 
-``Invariants`` observes all messages and looks at the world after each of its blocks. Each broken invariant is reported
+``Invariants`` observes all messages and checks the world after each of its blocks. Each broken invariant is reported
 once per subject, at the first time.
 
 Not judged: contacts between robot and chair before they are latched (docking touches it), COLLISION_IMMINENT,
 OBSTACLE_NEAR and SLOPE (their conditions rest on predictions; contacts are judged instead), OVERSPEED (the speed itself
-is judged), CAMERA_TIMEOUT, LATCH_NOT_STORED and UI_LINK_LOST (which camera, write or page counts is known to the nodes
-alone), the values of LOCALIZATION_LOST and a frozen IMU.
+is judged), CAMERA_TIMEOUT, LATCH_NOT_STORED and UI_LINK_LOST (only the nodes know the camera, write or page
+that counts), the values of LOCALIZATION_LOST and a frozen IMU.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _GRAVITY_MPS2 = 9.81
 _REACTION_S = 0.1  # a tick of the monitor, its computing, and a message
 _DEAD_S = HEARTBEAT_STALE_S + 2.0 * _REACTION_S
 _BRAKING_REACTION_S = 0.15  # from the message to the wheels
-_STOOD_S = 0.5  # a robot that has stood so long does not walk into people
+_STOOD_S = 0.5  # contacts with people do not count against a robot that has stood this long
 _RESTART_WITHIN_S = 40.0  # the supervisor's longest back-off and a construction
 _RATE_WINDOW_S, _RATE_FACTOR = 2.0, 1.5
 _DISPLAY_S = 2.0  # tries of the bridge, and its status at 1 Hz
@@ -68,12 +68,12 @@ _AGES: tuple[tuple[str, Topic], ...] = (
     ("LOCALIZATION_LOST", topics.CURRENT_POSE),
     ("IMU_TIMEOUT", topics.IMU),
 )
-# Rows with an action that depends on how bad it is.
+# Rows with an action that depends on the severity.
 _GRADED = ("SLOPE", "NODE_DEAD", "COLLISION_IMMINENT")
 _STOPS = tuple(row.code for row in faults.FAULTS if row.action >= SafetyAction.STOP and row.code not in _GRADED)
 _GENTLE = {"LOCALIZATION_LOST", "SLOPE"}  # whose stop is that of an ordinary ride
 _LIMITS = ("IMU_TIMEOUT", "BATTERY_CRITICAL", "LATCH_NOT_STORED")
-# What a person or a tool asks for; goals and commands that the robot's own nodes derive from it are no requests.
+# Requests of a person or a tool; goals and commands that the robot's own nodes derive from them do not count.
 _ASKING = ("touch_ui", "joystick_driver", topics.OPERATOR_TOOL, topics.TEST_TOOL)
 
 
@@ -93,7 +93,7 @@ class Broken:
 class Envelope:
     """The speed that a falling limit still permits: the row's reaction time, then its deceleration.
 
-    The same rule as OVERSPEED's, calculated here a second time: what is checked must not check itself.
+    The rule of OVERSPEED, implemented independently of the code under test.
     """
 
     def __init__(self, notice_s: float) -> None:
@@ -114,13 +114,13 @@ class Envelope:
 
 
 class Since:
-    """Since when conditions have held, by name."""
+    """Start times of conditions that hold, by name."""
 
     def __init__(self) -> None:
         self._since: dict[str, float] = {}
 
     def for_s(self, name: str, holds: bool, now_s: float) -> float:
-        """For how long it has held; negative if it does not."""
+        """Seconds for which the condition has held; negative if it does not hold."""
         if not holds:
             self._since.pop(name, None)
             return -1.0
@@ -130,8 +130,8 @@ class Since:
 class Invariants(Observer):
     """Add it to the scheduler of ``stack``. broken: in the order of time. remarks: events that break no invariant.
 
-    rows: codes that /safety/status has shown. overrun_s: by how much a row came later than its limit at worst; negative
-    if every one came in time.
+    rows: codes that /safety/status has shown. overrun_s: largest delay of a row beyond its limit; negative
+    if every row was in time.
     """
 
     def __init__(self, stack: SimulatedStack) -> None:
@@ -177,11 +177,11 @@ class Invariants(Observer):
         }
 
     def begin(self) -> None:
-        """The robot may drive: from now on everything is judged."""
+        """Starts the judgement: the robot may drive."""
         self._begun_s = self._scheduler.now_s
 
     def report(self, name: str, subject: str, text: str) -> None:
-        """Notes a broken invariant, once for each name and subject."""
+        """Records a broken invariant, once for each name and subject."""
         if self._begun_s is None or (name, subject) in self._reported:
             return
         self._reported.add((name, subject))
@@ -324,7 +324,7 @@ class Invariants(Observer):
     # --- the world ---------------------------------------------------------------------------------------------------
 
     def look(self) -> None:
-        """After each block of the world."""
+        """Checks the world; call after each of its blocks."""
         if self._begun_s is None:
             return
         now_s = self._scheduler.now_s
@@ -381,7 +381,7 @@ class Invariants(Observer):
         return self._stack.world.node.robot.motion(self._stack.world.sim.world.attached)
 
     def _deceleration(self, *, hard: bool) -> float:
-        """Which the robot must reach at least: the row's share of what it shall, or what the ground permits."""
+        """Least required deceleration: the row's share of the nominal one, or the limit of the ground's friction."""
         assert self._stack.world is not None
         robot = self._stack.world.node.robot
         asked = robot.emergency_deceleration_mps2 if hard else self._motion().max_acceleration_mps2
@@ -407,7 +407,7 @@ class Invariants(Observer):
     # --- rows of the fault list --------------------------------------------------------------------------------------
 
     def _judge_rows(self, now_s: float) -> None:
-        """From the condition of a row to the row in /safety/status."""
+        """Judges the delay from the condition of a row to the row in /safety/status."""
         for code, limit_s, for_s in self._conditions(now_s):
             if code in self._rows_since or for_s < 0.0:
                 continue
@@ -417,7 +417,7 @@ class Invariants(Observer):
                 self.report("row_not_raised", code, f"{code}: {text}")
 
     def _conditions(self, now_s: float) -> Iterator[tuple[str, float, float]]:
-        """(code, within how long it must be raised, for how long its condition has held)."""
+        """(code, limit for raising it, time for which its condition has held)."""
         for code, row in _AGES:
             arrived_s = self._arrived.get(row.name)
             if arrived_s is not None:
@@ -457,17 +457,17 @@ class Invariants(Observer):
         yield "DISK_FULL", 10.0, held("disk", status and self._stack.computer.disk.full, now_s)
 
     def _fresh(self, row: Topic) -> bool:
-        """What the row's condition rests on arrives: a lost message is another row's matter."""
+        """True if the inputs of the row's condition arrive: a lost message belongs to another row."""
         arrived_s = self._arrived.get(row.name)
         return arrived_s is not None and self._scheduler.now_s - arrived_s < row.stale_limit_s
 
     def _down_s(self, process: str, now_s: float) -> float:
         down_s = self._down_since.get(process)
-        # The monitor itself must have been there to miss it.
+        # The monitor itself must have run for that time.
         return -1.0 if down_s is None else now_s - max(down_s, self._monitor_since_s + 1.0)
 
     def _judge_actions(self, now_s: float) -> None:
-        """From a row in /safety/status to its action: the limit, and the state of an emergency stop."""
+        """Judges the action of a row in /safety/status: the limit, and the state of an emergency stop."""
         # Drives that have never been up for this life of the monitor stop it, and latch only after the grace.
         starting = now_s - self._monitor_since_s < self._params.startup_grace_s
         for code, since_s in self._rows_since.items():

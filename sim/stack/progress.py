@@ -1,4 +1,4 @@
-"""Shows how a run on the scheduler goes: simulated time, speed, mission, safety."""
+"""Shows the progress of a run on the scheduler: simulated time, speed, mission, safety."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A scenario drawn from a seed: a mission, a goal along a route of the yard, or driving by hand without looking.
+"""A scenario drawn from a seed: a mission, a goal along a route of the yard, or manual driving that ignores obstacles.
 
 Half of the goals and of the rides by hand begin with a wheelchair and a passenger on board. The routes pass ramps,
-pits, a puddle, a narrow gate and the paths of people; driving by hand heads for whatever is there.
+pits, a puddle, a narrow gate and the paths of people; manual driving may head for any of them.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from sim.worldfile import WorldFile
 _LIMIT_S: Final = 60.0
 _GOAL_AHEAD_M: Final = (6.0, 14.0)
 _PASSENGER_KG: Final = (40.0, 120.0)
-# A start is so far from the paths of people, from ramps, from pits and from corners of its route, where a chair might
-# stand in a wall: what touches or tilts the robot before it has begun proves nothing.
+# Distance of a start from the paths of people, from ramps, from pits and from corners of its route, where a chair might
+# intersect a wall: contacts or tilt at the start prove nothing.
 _CLEAR_M: Final = 2.0
 _TRIES: Final = 100
 _HAND_PHASES, _HAND_PHASE_S = 6, (3.0, 8.0)

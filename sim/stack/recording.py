@@ -1,4 +1,4 @@
-"""The recording of a run on the scheduler: what the node ``recorder`` would write of it."""
+"""The recording of a run on the scheduler, equal to that of the node ``recorder``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim.scheduler.observers import Recording
 
 
 class MessageChoice:
-    """Which messages are recorded, by ``config/recorder.yaml``."""
+    """Selects the messages to record, by ``config/recorder.yaml``."""
 
     def __init__(self, params: RecorderParams) -> None:
         self._sweeps = SweepChoice(params.sweeps, params.sweep_rate_hz)

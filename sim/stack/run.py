@@ -41,17 +41,17 @@ _READY_S = 60.0
 _TELEOP_PERIOD_S = 0.05
 _PROGRESS_PERIOD_S = 1.0
 _MISSION_OVER = ("COMPLETED", "FAILED", "ABORTED")
-# A goal counts as reached when the robot stands this near.
+# Distance at which a standing robot counts as having reached its goal.
 _AT_GOAL_M, _AT_GOAL_RAD, _STANDING_MPS = 0.05, math.radians(2.0), 0.005
 
 
 class RunFailed(RuntimeError):
-    """The run could not be carried out. The message says why."""
+    """The run could not be carried out. The message has the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """light: 16 rings' worth of LiDAR beams, and pictures only while docking, for runs that are not about perception.
+    """light: 16 rings' worth of LiDAR beams, and pictures only while docking, for runs without perception in focus.
 
     record: the folder of an MCAP recording, None for none. parallel: jobs and sensors may use both cores. until_s: ends
     the run before the scenario does. faults: raised beside those of the scenario.
@@ -66,7 +66,7 @@ class RunOptions:
 
 @dataclass(slots=True)
 class RunResult:
-    """digest: over all messages and the ground truth. failures: processes that ended by themselves.
+    """digest: of all messages and the ground truth. failures: processes that ended by themselves.
 
     broken: invariants that did not hold, in the order of time.
     """
@@ -180,7 +180,7 @@ class ScheduledRun:
             raise RunFailed(f"not fit to drive after {_READY_S:.0f} s: {state} {self.stack.supervision.waiting()}")
         self._wheel_radius_m = self.world.node.robot.wheel_radius_m
         gc.collect()
-        gc.freeze()  # what exists now stays: spares the run the collector's search through it
+        gc.freeze()  # present objects stay: exclude them from garbage collection during the run
         self._begun_s = scheduler.now_s
         self.invariants.begin()
         for fault in self.options.faults:
@@ -252,7 +252,7 @@ class ScheduledRun:
         self._commands.publish(command)
 
     def command(self, command_type: str) -> None:
-        """PAUSE, RESUME, ABORT, as the touch screen sends them."""
+        """Sends PAUSE, RESUME or ABORT like the touch screen."""
         message = UICommand(command_type=command_type)
         message.header.stamp = self._stamp()
         self._commands.publish(message)
@@ -276,7 +276,7 @@ class ScheduledRun:
         return self._stamp()
 
     def reset(self) -> None:
-        """Asks for the release from an emergency stop; the answer goes to the log."""
+        """Requests the release of an emergency stop; the answer goes to the log."""
 
         def on_answer(answer: Any) -> None:
             self._note_event(f"reset {'granted' if answer.success else 'refused'}: {answer.message}")
@@ -317,7 +317,7 @@ class ScheduledRun:
         return processes[name]
 
     def _raise(self, fault: PlannedFault) -> None:
-        """A planned fault; what cannot be raised now, e.g. of a process that is gone, is noted."""
+        """Raises a planned fault; an impossible one, e.g. of a process that is gone, is recorded."""
         try:
             done = self.stack.faults.inject(fault.kind, fault.target, fault.value, fault.duration_s)
         except FaultRefused as error:
@@ -361,7 +361,7 @@ class ScheduledRun:
             self._odometry = (self._odometry[0], poses) if self._odometry else (poses, poses)
 
     def _odometry_error_m(self) -> float:
-        """How far the wheels' way is from the true one since the start; NaN without odometry."""
+        """Error of the wheel odometry since the start, m; NaN without odometry."""
         if not self._odometry:
             return math.nan
         (first, first_truth), (last, truth) = self._odometry

@@ -19,7 +19,7 @@ _ALIVE_S = 1.0
 
 
 class ScheduledHub(Hub):
-    """Does at once, or by the node's timer, what the hub does in tasks of the server's loop."""
+    """Runs the tasks of the hub's loop at once, or by the node's timer."""
 
     port: Port
 
@@ -72,7 +72,7 @@ class ScheduledServer:
 
 
 class OpenPage:
-    """A page in a browser: says that it is alive, and what its user does. Called from the scheduler, in no loop."""
+    """A page in a browser: sends heartbeats and its user's input. Called from the scheduler, in no loop."""
 
     def __init__(self, port: Port, hub: ScheduledHub, address: str) -> None:
         self._port, self._hub = port, hub
@@ -88,7 +88,7 @@ class OpenPage:
         return [] if self._page is None else list(self._page.answers)
 
     def say(self, **message: Any) -> int:
-        """A message of the protocol, e.g. ``say(t="start", mission="short_hop")``. Returns the id of its answer."""
+        """Sends a protocol message, e.g. ``say(t="start", mission="short_hop")``. Returns the id of its answer."""
         self._ids += 1
         numbered = {**message, "id": self._ids}
         self._port.call_soon(lambda: self._hear(numbered))

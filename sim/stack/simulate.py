@@ -43,7 +43,7 @@ exit codes: 0 as expected; 1 an expectation is not fulfilled, a process failed, 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What is run. faults: as ``--faults`` has it. argument: SCENARIO as given."""
+    """The run to carry out. faults: value of ``--faults``. argument: SCENARIO as given."""
 
     scenario: Scenario
     name: str
@@ -53,7 +53,7 @@ class Job:
     world: str | None = None
 
     def command(self) -> str:
-        """The command that makes the same run."""
+        """The command that repeats the run."""
         until_s, options = self.options.until_s, self.options
         words = [
             *("robot-stack", "simulate", self.argument, "--seed", str(self.scenario.seed)),
@@ -133,7 +133,7 @@ def make_job(options: argparse.Namespace) -> Job:
 def carry_out(job: Job, log: Callable[[str], None], progress: RunProgress, node_log: Any) -> Outcome:
     """One run. Raises RunFailed, SimulationDiverged, FaultRefused, ValueError, ConfigError.
 
-    node_log: takes the list of what the nodes logged, at the end and after a failure.
+    node_log: receives the list of the nodes' log lines, at the end and after a failure.
     """
 
     def show(line: str) -> None:
@@ -241,7 +241,7 @@ def _shrink(job: Job, result: RunResult, folder: ResultFolder, log: Callable[[st
 
 @contextmanager
 def _stop_on_signals(run: ScheduledRun) -> Iterator[list[int]]:
-    """Ctrl-C and SIGTERM end the run after the present event; the second one ends the program. Gives what came."""
+    """Ctrl-C and SIGTERM end the run after the present event; the second one ends the program. Yields the signals."""
     came: list[int] = []
 
     def stop(number: int, _: object) -> None:

@@ -1,4 +1,4 @@
-"""The supervisor's policy on the scheduler: processes that end or hang are started anew by the same kernel."""
+"""The supervisor's policy on the scheduler: processes that end or hang are restarted by the same kernel."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ class Supervision(Observer):
         return all(life.state is State.READY for life in self._lives.values())
 
     def waiting(self) -> dict[str, str]:
-        """By process that is not ready, why."""
+        """Reasons by process that is not ready."""
         return {name: life.reason for name, life in self._lives.items() if life.state is not State.READY}
 
     def restarts(self) -> dict[str, int]:
         return {name: life.restarts for name, life in self._lives.items() if life.restarts}
 
     def stop_watching(self, names: Sequence[str] | None = None) -> None:
-        """What ends from now on is meant to. names: None for all."""
+        """From now on the end of these processes is intended. names: None for all."""
         for name in self._lives if names is None else names:
             self._lives[name].stopped()
 
@@ -89,7 +89,7 @@ class Supervision(Observer):
                     self._process(name).kill()
 
     def _read(self, name: str, life: Lifecycle, now_s: float) -> None:
-        """One heartbeat for the process: it is as ready as the least of its nodes."""
+        """One heartbeat for the process: it has the lowest readiness of its nodes."""
         states = [self._records.read(node) for node in self._rows[name].nodes]
         if any(state is None or not state.beats for state in states) or not self._process(name).running:
             return

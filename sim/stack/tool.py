@@ -1,4 +1,4 @@
-"""Tools outside the process table on the scheduler: the operator, and what looks on."""
+"""Tools outside the process table on the scheduler: the operator, and observers."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class ToolNode:
         return self.port.advertise(row, row.name)
 
     def subscribe(self, row: Topic, callback: Callable[[Any], None]) -> None:
-        """Tools look at what they like. Every message is taken."""
+        """Tools may subscribe to any row. Every message is taken."""
         self.port.listen(row, lambda message, *_: callback(message), raw=False, wakes=True)
 
     def safe_output(self) -> None:
-        """A tool moves nothing by itself."""
+        """Does nothing: a tool moves nothing by itself."""
 
     def destroy_node(self) -> None:
         self.port.close()
