@@ -1,9 +1,9 @@
 """The joint drives of the arm, one cycle in one compiled function.
 
 Encoder, observer, state machine, torque limit and loops are those of ``sim.plant.drive_loops``, with its rows.
-What an arm has otherwise: a joint carries weight, so its brake opens only when the motor has taken the load over, stays
-open while the servo is on, and closes before the power goes; and the drive is in step with the bus (distributed
-clocks): the position of a telegram is where the joint shall be one cycle later.
+Differences of an arm: a joint carries weight, so its brake opens only after the motor has taken over the load, stays
+open while the servo is on, and closes before the power is cut; and the drive is synchronous to the bus (distributed
+clocks): the position of a telegram is the target one cycle later.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _brake(i: int, dt: float, p: Matrix, s: Matrix) -> bool:
                 s[S_BRAKE_CLOSED, i], s[S_BRAKE_TIMER, i] = 0.0, 0.0
         return bool(s[S_BRAKE_CLOSED, i] > 0.0)
     s[S_BRAKE_TIMER, i] += dt
-    # Switched off in order, a drive keeps its power until the brake has closed; an alarm takes the power first.
+    # In an orderly switch-off a drive keeps its power until the brake has closed; an alarm cuts the power first.
     if s[S_STATE, i] != ALARM or s[S_BRAKE_TIMER, i] > p[P_BRAKE_HOLD_DELAY, i]:
         s[S_BRAKE_CLOSED, i] = 1.0
     return False
@@ -74,7 +74,7 @@ def _brake(i: int, dt: float, p: Matrix, s: Matrix) -> bool:
 def _torque(
     i: int, dt: float, mode: int, target: float, speed: float, load: float, preset: float, p: Matrix, s: Matrix
 ) -> float:
-    """What the motor shall give."""
+    """Torque set point of the motor."""
     if _brake(i, dt, p, s):
         s[S_INTEGRAL, i] = preset * load
         s[S_SPEED_COMMAND, i] = 0.0
@@ -95,7 +95,7 @@ def _torque(
 
 @_compiled
 def observe_joints(dt: float, qpos: Matrix, qpos_index: NDArray[np.int64], p: Matrix, s: Matrix) -> None:
-    """Reads the encoders: after a step of the physics, for what the next telegram brings back."""
+    """Reads the encoders after a step of the physics, for the next telegram."""
     for i in range(qpos_index.shape[0]):
         _observe(i, qpos[qpos_index[i]], dt, p, s)
 

@@ -1,4 +1,4 @@
-"""The joint drives and the gripper's output as the engine's fieldbus sees them."""
+"""The joint drives and the gripper's output on the engine's fieldbus."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _TURN_RAD = 2.0 * math.pi
 
 
 class ArmDrives:
-    """Six drives on a bus in step with them: what ``exchange`` brings acts in the cycle that follows, and it takes back
-    what was measured at the end of the last one.
+    """Six drives on a synchronous bus: commands of ``exchange`` act in the following cycle, and it returns the
+    measurements of the end of the last one.
 
     ``exchange`` is the engine's side (a ServoBus), ``step`` and ``observe`` the world's. The engine sees positions in
     encoder counts, torque in percent of the rated torque.
@@ -71,7 +71,7 @@ class ArmDrives:
         observe_joints(self._dt_s, qpos, index.qpos, self._p, self._s)
 
     def begin(self, qpos: NDArray[np.float64], index: JointIndex) -> None:
-        """Absolute encoders: the observers know where the joints are when the power comes."""
+        """Initialises the observers by the absolute encoders at power-on."""
         self._s[loops.S_ANGLE] = qpos[index.qpos]
         self.observe(qpos, index)
         self._s[loops.S_ANGLE], self._s[loops.S_SPEED] = qpos[index.qpos], 0.0
@@ -104,7 +104,7 @@ class ArmDrives:
             friction_out,
         )
         if self._s[loops.S_SILENCE, 0] > self._watchdog_s:
-            self.gripper_closes = False  # the outputs of a terminal that nobody talks to fall
+            self.gripper_closes = False  # outputs of an I/O terminal without communication go off
 
     # --- faults ---------------------------------------------------------------------------------------------------
 
@@ -121,7 +121,7 @@ class ArmDrives:
         self._s[loops.S_FROZEN, axis] = frozen
 
     def set_blocked(self, axis: int, blocked: bool) -> None:
-        """A blocked joint does not turn, whatever its motor does."""
+        """Blocks a joint, or releases it; a blocked joint does not turn under any motor torque."""
         self._blocked[axis] = blocked
 
     # --- what the world may know ----------------------------------------------------------------------------------

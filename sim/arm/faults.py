@@ -1,4 +1,4 @@
-"""The faults that the arm can suffer, one row each: what ``/sim/inject_arm_fault`` may ask for."""
+"""The faults of the arm, one row each, for ``/sim/inject_arm_fault``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LARGEST_PAYLOAD_KG = 10.0
 
 
 class FaultyArm(Protocol):
-    """What a fault takes hold of."""
+    """The target of faults."""
 
     @property
     def bus(self) -> ArmDrives: ...

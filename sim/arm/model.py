@@ -1,7 +1,7 @@
 """The arm as MJCF text.
 
 Zero pose: stretched upwards. Joint 1 turns about z, joints 2, 3 and 4 about y, joint 5 about z, joint 6 about y; the
-gripper points along +y of the flange. The links meet the table and the cube, not each other.
+gripper points along +y of the flange. The links collide with the table and the cube, not with each other.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def write_arm(params: ArmParams, timestep_s: float) -> str:
 
 
 def _looks(root: Element) -> None:
-    """For pictures only."""
+    """Visual parts, for pictures only."""
     asset, visual = SubElement(root, "asset"), SubElement(root, "visual")
     sky = {"type": "skybox", "builtin": "gradient", "rgb1": "0.93 0.95 0.97", "rgb2": "0.70 0.76 0.82"}
     SubElement(asset, "texture", sky, width="256", height="1536")
@@ -138,7 +138,7 @@ def _gripper(wrist3: Element, params: ArmParams, flange_m: float) -> None:
     add_geom(wrist3, "gripper", "box", box, _ARM_BITS, _ARM_GROUP, **more)
     half = (0.006, 0.5 * gripper.finger_length_m, 0.01)
     for name, sign in zip(FINGERS, (1.0, -1.0), strict=True):
-        place = (sign * (gripper.stroke_m + half[0]), end_m, 0.0)  # closed, the fingertips meet in the middle
+        place = (sign * (gripper.stroke_m + half[0]), end_m, 0.0)  # when closed, the fingertips touch in the middle
         finger = SubElement(wrist3, "body", name=name.removesuffix("_joint"), pos=vector(place))
         SubElement(
             finger,

@@ -33,7 +33,7 @@ class Masses(Config):
 
 
 class Body(Config):
-    """Links. ``elbow_share``: of upper arm and forearm, what sits at their far joint; the rest is spread along them."""
+    """Links. ``elbow_share``: of upper arm and forearm, the mass at their far joint; the rest is spread along them."""
 
     pedestal_m: NonNegative
     base_height_m: Positive
@@ -109,7 +109,7 @@ class Joint(Config):
 
 
 class Drives(Config):
-    """What all drives have in common."""
+    """Parameters common to all drives."""
 
     observer_bandwidth_radps: Positive
     torque_lag_s: Positive
@@ -159,7 +159,7 @@ class ArmParams(Config):
 
 
 def disagreement(params: ArmParams, engine: EngineConfig) -> str:
-    """In words, how the engine's configuration does not fit this arm's encoders; empty if it does."""
+    """Mismatches of the engine's configuration and this arm's encoders, as text; empty without any."""
     if engine.n_axes != N_JOINTS:
         return f"axes: the arm has {N_JOINTS}, the engine {engine.n_axes}"
     for axis, joint in enumerate(params.joints):

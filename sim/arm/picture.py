@@ -1,6 +1,6 @@
 """A picture of the arm: ``python -m sim.arm.picture --output arm.png [--joints RAD,RAD,RAD,RAD,RAD,RAD]``.
 
-Renders off screen; see ``sim.pictures.picture`` for what that needs.
+Renders off screen; see ``sim.pictures.picture`` for the requirements.
 """
 
 from __future__ import annotations

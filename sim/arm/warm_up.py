@@ -1,4 +1,4 @@
-"""Compiles what a cycle of the arm's drives runs through, or loads it."""
+"""Compiles the kernels of the arm's drives, or loads them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CYCLE_S = 0.001
 
 
 def warm_up() -> None:
-    """One cycle of joints that stand."""
+    """One cycle of standing joints."""
     drives, joints = ArmDrives(load(ArmParams, "sim_manipulator"), _CYCLE_S), np.arange(N_JOINTS)
     index, standing = JointIndex(joints, joints), np.zeros(N_JOINTS)
     drives.begin(standing, index)

@@ -1,4 +1,4 @@
-"""The arm in physics: one ``step`` is one engine cycle, after the engine has talked to ``bus``."""
+"""The arm in physics: one ``step`` is one engine cycle, after the engine's exchange with ``bus``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _CHECK_PERIOD_STEPS = 16
 
 @dataclass(frozen=True, slots=True)
 class ArmTruth:
-    """The arm as it is: joints in axis order, then the two fingers. rad and m, rad/s and m/s, Nm and N; (8,) each."""
+    """The true state: joints in axis order, then the two fingers. rad and m, rad/s and m/s, Nm and N; (8,) each."""
 
     positions: NDArray[np.float64]
     speeds: NDArray[np.float64]
@@ -86,7 +86,7 @@ class ArmWorld:
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
 
     def truth(self) -> ArmTruth:
-        """What no encoder error and no bus is in between of."""
+        """The true state, without encoder errors or bus delay."""
         forces = self.data.actuator_force
         return ArmTruth(self._qpos[self._all.qpos], self._qvel[self._all.qvel], np.array(forces))
 

@@ -1,1 +1,1 @@
-"""The cameras of the simulation: true optics, the boards they look at, and everything that spoils a picture."""
+"""The cameras of the simulation: true optics, the marker boards, and all disturbances of a picture."""

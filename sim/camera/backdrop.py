@@ -25,7 +25,7 @@ _TEXTURE_SIZE = 256
 _TEXTURE_SEED = 20  # the same world for every camera
 _BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 _BOX_EDGES = np.array([[a, b] for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1])
-# A view is drawn again once it has moved by so much: a quarter of a pixel at 900 px focal length, and 2 mm.
+# A view is redrawn after this motion: a quarter of a pixel at 900 px focal length, and 2 mm.
 _TURN, _SHIFT_M = 2.5e-4, 2e-3
 
 
@@ -49,7 +49,7 @@ class Backdrop:
         self._seen: tuple[Array, ...] = ()
 
     def draw(self, camera: Array, boards: Mapping[str, Array], white: float, out: F32) -> F32:
-        """Fills ``out`` with grey levels; returns the depth of what was seen, (height, width) / divisor, m.
+        """Fills ``out`` with grey levels; returns the depth, (height, width) / divisor, m.
 
         camera: (4, 4) optical frame in map. boards: (4, 4) dock frames in map by dock id. white: of reflectance 1.
         """

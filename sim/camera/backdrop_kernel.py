@@ -26,7 +26,7 @@ def _noise(x: float, y: float, texture: F32) -> float:
 
 @numba.njit(cache=True, inline="always")
 def _paint(across: float, up: float, reflectance: float, kind: float, far_m: float, texture: F32) -> float:
-    """Of a surface at a place (m) on it; texture fades where a pixel covers much of it."""
+    """Reflectance of a surface at a place (m) on it; texture fades where a pixel covers much of it."""
     if kind == 1.0:  # windows: dark squares in rows
         i, j = across * 0.7, up * 0.8
         i, j = i - math.floor(i), j - math.floor(j)
@@ -39,7 +39,7 @@ def _paint(across: float, up: float, reflectance: float, kind: float, far_m: flo
 
 @numba.njit(cache=True)
 def _enter_box(o: F64, d: F64, half: F64) -> tuple[float, int]:
-    """Distance along d at which a ray enters a box, and through which axis' face; _FAR if it misses."""
+    """Distance along d at which a ray enters a box, and the axis of the face; _FAR if it misses."""
     near, far, axis = -_FAR, _FAR, 0
     for k in range(3):
         if abs(d[k]) < 1e-12:

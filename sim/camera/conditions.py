@@ -1,4 +1,4 @@
-"""Light, weather and damage: everything that spoils a picture, as values."""
+"""Light, weather and damage: all disturbances of a picture, as values."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 class Shadow:
     """The edge of a shadow across the boards, in the board's plane (right and up from the middle of the panel).
 
-    offset_m: of the edge from the middle, along the edge's normal; angle_rad: of that normal, 0 right, pi/2 up; what
-    lies beyond the edge is in shadow. softness_m: width of the transition (0: hard). depth: light lost.
+    offset_m: of the edge from the middle, along the edge's normal; angle_rad: of that normal, 0 right, pi/2 up; the
+    area beyond the edge is in shadow. softness_m: width of the transition (0: hard). depth: share of light lost.
     """
 
     offset_m: float = 0.0

@@ -1,4 +1,4 @@
-"""Dirt on the markers, as the kernel sees it."""
+"""Dirt on the markers, for the kernel."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Pixels that an edge crosses: how much of each side they show.
+"""Pixels crossed by an edge: their share of each side.
 
-One straight edge through a pixel is integrated exactly, also over the exposure; where edges meet the pixel is sampled.
+One straight edge through a pixel is integrated exactly, also over the exposure; a pixel with several edges is sampled.
 Inside a pixel the place (u, v) on the panel is bilinear in the place in the pixel and linear in time. Corners are
 numbered 0 upper left, 1 upper right, 2 lower left, 3 lower right; u, v are (2, 4): begin and end of the exposure.
 """
@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 BESIDE = -1.0  # label of a place beside the panel
-_FLAT = 1e-30  # slopes whose products would not be numbers any more
-_SMALL_SHIFT = 1e-3  # px: an edge that moves less stands still
+_FLAT = 1e-30  # slopes whose products would underflow or be NaN
+_SMALL_SHIFT = 1e-3  # px: an edge with less motion is static
 
 
 @numba.njit(cache=True)
 def reflectance(u: float, v: float, rect: F64, rim: float, grids: F64, cells: F32) -> float:
-    """Of the panel at a place, BESIDE if there is no panel."""
+    """Reflectance of the panel at a place, BESIDE outside it."""
     if u < rect[0] or u > rect[1] or v < rect[2] or v > rect[3]:
         return BESIDE
     n = cells.shape[1]
@@ -106,7 +106,7 @@ def _cell(m: int, i: int, j: int, rim: float, cells: F32) -> float:
 
 @numba.njit(cache=True)
 def one_edge(u: F64, v: F64, moving: bool, rect: F64, rim: float, grids: F64, cells: F32) -> tuple[bool, float, float]:
-    """(True, share of the pixel that the panel covers, mean reflectance of that share) if one edge explains it."""
+    """(True, share of the pixel that the panel covers, mean reflectance of that share) for a pixel with one edge."""
     low_u, high_u = _bounds(u, moving)
     low_v, high_v = _bounds(v, moving)
     if low_u > rect[0] and high_u < rect[1] and low_v > rect[2] and high_v < rect[3]:
@@ -164,8 +164,8 @@ def many_edges(
 ) -> tuple[float, float]:
     """Share of a pixel that the panel covers, and the mean reflectance of that share, by samples.
 
-    samples: (n, 3) places in a pixel and in the exposure, 0..1. Each pixel shifts them, so that what their finite
-    number leaves does not add up along edges.
+    samples: (n, 3) places in a pixel and in the exposure, 0..1. Each pixel shifts them, so that the sampling
+    error does not add up along edges.
     """
     mixed = (row * 1973 + column * 9277) & 0xFFFF
     mixed = (mixed * 26699 + 12345) & 0xFFFF

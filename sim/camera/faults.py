@@ -1,4 +1,4 @@
-"""What can go wrong with a simulated camera, on request: what ``/sim/inject_camera_fault`` may ask for."""
+"""Faults of a simulated camera, raised by ``/sim/inject_camera_fault``."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class CameraFaults(SensorFaults):
         return (kind, camera) in self.active(now_s)
 
     def conditions(self, camera: str, now_s: float) -> Conditions:
-        """What a camera looks through now."""
+        """The present conditions of a camera."""
         names = self.active(now_s)
         if not names:
             return CLEAR

@@ -1,4 +1,4 @@
-"""The last poses of the bodies of the world, and which picture is due."""
+"""The last poses of the bodies of the world, and the picture that is due."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class BodyHistory:
         return self._times[-1] if self._times else None
 
     def add(self, time_s: float, poses: Mapping[str, Array]) -> None:
-        """One sample, (4, 4) poses in map. A time that steps back, or other bodies than before, begin a new history.
+        """One sample, (4, 4) poses in map. A time that steps back, or a change of bodies, begins a new history.
 
         Raises ValueError for poses that are not finite.
         """
@@ -49,7 +49,7 @@ class BodyHistory:
         return len(self._times) >= 2 and self._times[0] <= from_s and to_s <= self._times[-1]
 
     def tracks(self) -> dict[str, Track]:
-        """What is kept, by body name."""
+        """The stored tracks, by body name."""
         times, poses = np.array(self._times), np.array(self._poses)
         return {name: checked_track(times, poses[:, index]) for index, name in enumerate(self._names)}
 
@@ -61,7 +61,7 @@ class BodyHistory:
 
 
 class ExposurePlan:
-    """Exposures at phase + k period on the clock, whatever happened before: no drift, and none is made up for."""
+    """Exposures at phase + k period on the clock: no drift, and a missed one is not made up for."""
 
     def __init__(self, period_s: float, phase_s: float, margin_s: float) -> None:
         self._period_s, self._phase_s, self._margin_s = period_s, phase_s, margin_s

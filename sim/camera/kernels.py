@@ -5,7 +5,7 @@ u = (a . r) / (c . r), v = (b . r) / (c . r) with r = (x, y, 1); depth = -o_z / 
 -o_z. They are given at equal steps of time and are linear in between.
 
 The corners of the pixels are labelled with the reflectance found there, in runs that are known to stay within one cell.
-A pixel whose corners agree shows that reflectance; any other lies on an edge (``edges``). numba's cache looks at this
+A pixel whose corners agree shows that reflectance; any other lies on an edge (``edges``). numba's cache checks this
 file only: a change of ``edges`` needs one here, or an empty cache.
 """
 
@@ -23,7 +23,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 _GRAZING = 1e-9
-# The map's change per pixel is taken at both ends and the middle of a row; so much more is allowed for in between.
+# The map's change per pixel is taken at both ends and the middle of a row; this margin covers the rest.
 _RATE_MARGIN = 1.15
 _SMALLEST_RATE = 1e-6
 _HIDDEN_M = 0.03
@@ -132,7 +132,7 @@ def _shade(
     du, dv = u - light[3], v - light[4]
     bright = light[0] * max(0.0, 1.0 + light[1] * du + light[2] * dv)
     if light[5] > 0.0:
-        # At least as wide as a pixel, so that a hard edge is no staircase.
+        # At least as wide as a pixel, to avoid aliasing of a hard edge.
         soft = max(light[9], pixel * abs(h[9] / (h[6] * x + h[7] * y + h[8])))
         part = (light[6] * du + light[7] * dv - light[8]) / soft + 0.5
         bright *= 1.0 - light[5] * min(1.0, max(0.0, part))

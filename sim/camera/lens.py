@@ -1,4 +1,4 @@
-"""What lies on the lens or shines into it: sun glare and rain drops."""
+"""Disturbances of the lens: sun glare and rain drops."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _COARSE = 8
 _MOST_DROPS = 45
 _SMALLEST_PX, _LARGEST_PX = 9.0, 46.0
 _SMALL_IMAGE = 4
-_CHANGE = 0.01  # share of the drops that are others in the next picture
+_CHANGE = 0.01  # share of the drops that are replaced in the next picture
 
 
 @lru_cache(maxsize=8)
@@ -27,7 +27,7 @@ def glare_map(size: tuple[int, int], glare: Glare) -> F32:
     dy, dx = rows - glare.row_px, columns - glare.column_px
     radius = max(glare.radius_px, 1.0)
     distance = np.hypot(dx, dy) / radius
-    # One at the radius; falls like scattered light outside, which is what makes a bloom wider than its source.
+    # One at the radius; outside it falls like scattered light, which makes a bloom wider than its source.
     bloom = _SATURATED_DN / (1.0 + np.maximum(distance - 0.6, 0.0) ** 2 * 6.0)
     angle = np.arctan2(dy, dx)
     streaks = 40.0 * np.abs(np.cos(3.0 * angle)) ** 40 / (1.0 + distance)

@@ -1,4 +1,4 @@
-"""A true camera: what the simulation looks through, a little beside what the stack believes.
+"""A true camera: the simulation's, with small deviations from the calibrated one of the stack.
 
 Pixel (0, 0) is the centre of the first pixel. Distortion is Brown-Conrady (k1, k2, p1, p2, k3), as OpenCV computes it.
 """
@@ -21,7 +21,7 @@ _UNDISTORT_STEPS = 30
 
 @dataclass(frozen=True, slots=True)
 class TrueCamera:
-    """frame: of the stack's camera that this one is in truth. mounting: (4, 4) optical frame in base_link."""
+    """frame: of the corresponding camera of the stack. mounting: (4, 4) optical frame in base_link."""
 
     frame: str
     intrinsics: Intrinsics

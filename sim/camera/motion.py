@@ -52,7 +52,7 @@ def still(pose: Array) -> Track:
 
 
 def checked_track(times_s: Array, poses: Array) -> Track:
-    """A track of what was checked as ``Track`` does when it came in: to check it all anew costs more than to use it."""
+    """A track of data already checked at reception: checking it again costs more than using it."""
     track = object.__new__(Track)
     object.__setattr__(track, "times_s", times_s)
     object.__setattr__(track, "poses", poses)
@@ -61,7 +61,7 @@ def checked_track(times_s: Array, poses: Array) -> Track:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What moves while a picture is taken.
+    """Motion during a picture.
 
     time_s: middle of the exposure of the middle row, on the tracks' clock.
     base: base_link in map. boards: the dock frame in map by dock id.

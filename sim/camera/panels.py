@@ -1,6 +1,6 @@
 """The flat panels that carry the markers, as arrays for the kernel.
 
-Panel frame: u to the right and v up for whoever looks at it, z out of it, origin in the middle of its markers.
+Panel frame: u to the right and v up seen from the front, z out of it, origin in the middle of its markers.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ Small = Annotated[float, Field(ge=0.0, le=0.05)]
 
 
 class CameraTolerances(Config):
-    """How far a true camera may be from the calibrated one."""
+    """Largest deviations of a true camera from the calibrated one."""
 
     focal_length: Small
     aspect: Small

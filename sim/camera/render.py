@@ -1,4 +1,4 @@
-"""A picture of the marker boards and the world behind them, as the true camera takes it."""
+"""A picture of the marker boards and the world behind them by the true camera."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Grey = NDArray[np.uint8]
 
 _SAMPLES = 64  # places in a pixel where edges meet
-_MAP_STEPS = 9  # moments of a picture at which poses are taken; linear in between
+_MAP_STEPS = 9  # times in a picture at which poses are evaluated; linear in between
 _BANK = 1 << 19
 _QUAD_EDGES = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
 
@@ -34,7 +34,7 @@ _QUAD_EDGES = np.array([[0, 1], [1, 2], [2, 3], [3, 0]])
 class Renderer:
     """Pictures of one camera.
 
-    docks: whose boards are drawn. random: all noise comes from it: the same generator state, the same pictures.
+    docks: their boards are drawn. random: the source of all noise: equal generator states give equal pictures.
     scenery: the world behind the boards; None: sky and ground alone.
     """
 
@@ -153,7 +153,7 @@ class Renderer:
         return np.array([low[0], high[1], low[2], high[3]]), farthest_m
 
     def _blur(self, window: NDArray[np.int64], distance_m: float, conditions: Conditions) -> None:
-        """Point spread of the lens over the panel's part of the picture; what lies around it is soft already."""
+        """Point spread of the lens over the panel's part of the picture; the backdrop is soft already."""
         lens = self._params.lens
         focal = self._camera.intrinsics.fx
         # A point out of focus becomes a disc; a gaussian of a quarter of its diameter has the same second moment.

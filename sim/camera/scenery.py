@@ -1,4 +1,4 @@
-"""What stands behind the boards, as boxes and cylinders for the backdrop: the world's solids, the chair."""
+"""Objects behind the boards, as boxes and cylinders for the backdrop: the world's solids, the chair."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Scenery:
     carried: Mapping[str, Parts] = field(default_factory=dict)
 
     def placed(self, boards: Mapping[str, Array]) -> Parts:
-        """Everything in map, with the docks where ``boards`` (4, 4 each) says."""
+        """Everything in map, with the docks at ``boards`` (4, 4 each)."""
         poses, shapes = [self.still.poses], [self.still.shapes]
         for name, parts in self.carried.items():
             if name in boards:

@@ -21,7 +21,7 @@ def expose(
 ) -> None:
     """Amplifies, adds noise and quantizes. bank: unit normal noise; offsets: (H,) where each row begins in it.
 
-    The noise's variance is (gain read_dn)^2 + gain shot_dn level: electrons arrive one by one.
+    The noise's variance is (gain read_dn)^2 + gain shot_dn level: shot noise.
     """
     read2 = np.float32((gain * read_dn) ** 2)
     shot = np.float32(gain * shot_dn)

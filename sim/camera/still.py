@@ -1,4 +1,4 @@
-"""Whether a picture would show what the last one showed, but for the sensor's noise."""
+"""Detects that a picture would equal the last one except for the sensor's noise."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from sim.camera.conditions import Conditions
 
 Array = NDArray[np.float64]
-# Of everything from where the last picture was composed: a thousandth of a pixel, and of a millimetre.
+# Largest motion since the last composed picture: a thousandth of a pixel, and of a millimetre.
 _TURN, _SHIFT_M = 1e-6, 1e-6
 
 
 class StillScene:
-    """Remembers where camera and boards were when a picture was composed, and in which conditions."""
+    """Stores the poses of camera and boards of a composed picture, and its conditions."""
 
     def __init__(self) -> None:
         self._poses: Array = np.zeros((0, 0, 4, 4))
@@ -23,9 +23,9 @@ class StillScene:
         self._conditions: Conditions | None = None
 
     def same(self, cameras: Array, boards: Mapping[str, Array], conditions: Conditions) -> bool:
-        """Nothing has changed since the last False; that scene is remembered. Poses: (k, 4, 4) in map.
+        """True if nothing has changed since the last False, whose scene is stored. Poses: (k, 4, 4) in map.
 
-        Drops on the lens run on by themselves, so rain is never the same.
+        Drops on the lens move on their own, so a scene with rain always differs.
         """
         poses = np.array([cameras, *boards.values()])
         known = (

@@ -1,4 +1,4 @@
-"""Where in the picture something is: windows of rows and columns around points in space."""
+"""Windows of rows and columns in the picture around points in space."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiles what a picture of the simulated cameras runs through, or loads it."""
+"""Compiles the kernels of the simulated cameras, or loads them."""
 
 from __future__ import annotations
 

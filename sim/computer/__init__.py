@@ -1,1 +1,1 @@
-"""The simulated robot's own computer: what its kernel tells, its disk, and the browser on its screen."""
+"""The simulated robot's own computer: its kernel's data, its disk, and the browser on its screen."""

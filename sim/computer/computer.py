@@ -16,7 +16,7 @@ from sim.computer.screen import Screen
 class SimComputer:
     """folder: for its files, made anew. home: a folder on the machine's own file system.
 
-    kernel: what its kernel tells; disk: what it records on; screen: the browser on it.
+    kernel: its kernel's data; disk: for recordings; screen: the browser on it.
     """
 
     def __init__(self, params: SimComputerParams, folder: Path, home: Path) -> None:
@@ -31,7 +31,7 @@ class SimComputer:
 
     @staticmethod
     def address() -> str | None:
-        """Where touch_ui serves."""
+        """Address of touch_ui."""
         return touch_screen_url()
 
     @property

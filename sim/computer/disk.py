@@ -1,4 +1,4 @@
-"""The file system that is judged: the machine's own, or for a while a small one that is full."""
+"""The monitored file system: the machine's own, or temporarily a small full one."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import os
 import subprocess
 from pathlib import Path
 
-# In a mount namespace of its own, which takes no rights; it lives as long as somebody holds the pipe into `cat`.
+# In a mount namespace of its own, which needs no rights; it lives as long as the pipe into `cat` is open.
 _KEEP_FULL = 'mount -t tmpfs -o "size=$1" disk "$2" && { cat /dev/zero >"$2/filler"; echo full; exec cat; }'
 _END_S = 5.0
 
 
 class NoNamespaces(Exception):
-    """This machine lets an ordinary user mount nothing."""
+    """An ordinary user cannot mount anything on this machine."""
 
 
 class Disk:
-    """path: a link to a folder of the file system that is judged. home: a folder of the machine's own.
+    """path: a link to a folder of the monitored file system. home: a folder of the machine's own.
 
     mount_point: a folder for the small one. size_bytes: of the small one.
     """
@@ -48,7 +48,7 @@ class Disk:
         self._point_to(Path(f"/proc/{keeper.pid}/root") / self._mount_point.relative_to("/"))
 
     def empty(self) -> None:
-        """The machine's own again."""
+        """Switches back to the machine's own file system."""
         self._point_to(self._home)
         if self._keeper is not None:
             _end(self._keeper)
@@ -59,7 +59,7 @@ class Disk:
         self._path.unlink(missing_ok=True)
 
     def _point_to(self, target: Path) -> None:
-        """In one step: a reader sees the one or the other."""
+        """Replaces the link atomically: a reader sees the old or the new one."""
         beside = self._path.with_name(f".{self._path.name}.new")
         beside.unlink(missing_ok=True)
         beside.symlink_to(target)
@@ -67,7 +67,7 @@ class Disk:
 
 
 def _end(keeper: subprocess.Popen[bytes]) -> None:
-    """Closing the pipe ends it; the mount goes with it."""
+    """Ends the process by closing the pipe, and with it the mount."""
     for pipe in (keeper.stdin, keeper.stdout):
         if pipe is not None:
             pipe.close()

@@ -1,4 +1,4 @@
-"""What can go wrong with the simulated robot's computer: what ``/sim/inject_computer_fault`` may ask for."""
+"""Faults of the simulated robot's computer, raised by ``/sim/inject_computer_fault``."""
 
 from __future__ import annotations
 

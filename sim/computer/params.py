@@ -12,10 +12,10 @@ Percent = Annotated[float, Field(ge=0.0, le=100.0)]
 
 
 class SimComputerParams(Config):
-    """folder: of its files, in the runtime folder; what the parameters of system_monitor name.
+    """folder: of its files, in the runtime folder, as in the parameters of system_monitor.
 
-    tick_rate_hz: how often the kernel's counters go on. cpu_percent, memory_percent, celsius: while nothing is wrong.
-    disk_bytes: size of the small file system that stands for a full disk. page_period_s: a page says that it is alive.
+    tick_rate_hz: how often the kernel's counters go on. cpu_percent, memory_percent, celsius: without a fault.
+    disk_bytes: size of the small file system that stands for a full disk. page_period_s: of a page's heartbeat.
     """
 
     folder: Annotated[str, Field(pattern=r"^[a-z0-9_]+$")]

@@ -1,4 +1,4 @@
-"""The browser on the robot's own screen, as the real touch_ui knows it: a WebSocket that says that it is alive."""
+"""The browser on the robot's own screen, a client of the real touch_ui: a WebSocket with heartbeats."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
-# A page counts as seen by whoever misses it after so many of the screen's heartbeats.
+# After this many of the screen's heartbeats a page counts as seen by the monitors of the link.
 _SEEN = 2
 _JOIN_S = 5.0
 
@@ -21,7 +21,7 @@ _JOIN_S = 5.0
 class Screen:
     """No page at first. address: where touch_ui serves, None while it does not.
 
-    ``show`` and ``lose`` return at once; what they want is brought about in a thread.
+    ``show`` and ``lose`` return at once; a thread carries out the change.
     """
 
     def __init__(self, address: Callable[[], str | None], period_s: float) -> None:
@@ -35,7 +35,7 @@ class Screen:
         return self._thread is not None
 
     def show(self) -> None:
-        """A page is open, and comes back after the server was gone."""
+        """Opens a page, which reconnects after a loss of the server."""
         self._lost = False
         if self._thread is None:
             self._ended, self._heard = threading.Event(), 0
@@ -43,7 +43,7 @@ class Screen:
             self._thread.start()
 
     def lose(self) -> None:
-        """The page is gone; where there was none, as soon as one has been seen: nobody misses what never was there."""
+        """Closes the page; without one, opens it until it has been seen, after which the link is monitored."""
         self.show()
         self._lost = True
         self._look()
@@ -76,7 +76,7 @@ class Screen:
             ended.wait(self._period_s)
 
     def _live(self, socket: ClientConnection, ended: threading.Event) -> None:
-        """Takes what the page would draw."""
+        """Receives the data that the page would draw."""
         spoken_s = -math.inf
         while not ended.is_set():
             now_s = time.monotonic()
