@@ -70,9 +70,9 @@ class WorldProcess:
         world_node.inject = self._loop.inject
 
     def run(self, should_stop: Callable[[], bool]) -> None:
-        """Until ``should_stop`` says so. Raises SimulationDiverged."""
+        """Runs until ``should_stop`` returns True. Raises SimulationDiverged."""
         gc.collect()
-        gc.freeze()  # what exists now stays: spares the loop the collector's long pauses
+        gc.freeze()  # present objects stay: exclude them from garbage collection in the loop
         self._should_stop = should_stop
         self._loop.run(should_stop)
 
@@ -91,7 +91,7 @@ class WorldProcess:
             self._time.follow(self._sim.time_s, self._should_stop)
 
     def _serve(self) -> None:
-        """What others may be waiting for while the world waits for them."""
+        """Serves requests of other processes while the world waits for them."""
         self._loop.requests.serve()
         if not self._sim.engine_stalled:
             self.server.poll()
@@ -119,7 +119,7 @@ def _serve_engine(sim: Simulation) -> EngineServer:
         raise ConfigError(
             f"wmx_engine.yaml: cycle_time_s ({config.cycle_time_s}) must equal sim.yaml's timestep_s ({sim.world.dt_s})"
         )
-    AttachedFile().forget()  # this is another wheelchair than the one of the world before
+    AttachedFile().forget()  # not the wheelchair of the previous world
     server = EngineServer(Engine(config, sim.world.drives), runtime_dir())
     sim.engine_begin, sim.engine_cycle, sim.engine_end = server.begin, server.engine.cycle, server.end
     return server

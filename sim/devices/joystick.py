@@ -1,4 +1,4 @@
-"""A joystick as the kernel shows it: a file of events, here a named pipe."""
+"""A joystick like the kernel's: a file of events, here a named pipe."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Joystick:
         """Whoever opens the file reads what is sent; does nothing while it is there."""
         if self._end is None:
             os.mkfifo(self._link)
-            # Both ways: a pipe that only writes could not be opened before somebody reads.
+            # Both ways: a write-only pipe cannot be opened before there is a reader.
             self._end = os.open(self._link, os.O_RDWR | os.O_NONBLOCK)
 
     def pull(self) -> None:

@@ -19,7 +19,7 @@ _POLYNOMIAL = 0xA001  # x16 + x15 + x2 + 1, reversed
 
 
 class Registers:
-    """What a device of ``unit`` holds, by address; a request to another unit is not answered."""
+    """Registers of a device of ``unit``, by address; a request to another unit is not answered."""
 
     def __init__(self, unit: int, values: Mapping[int, int]) -> None:
         self.unit, self.values = unit, dict(values)
@@ -36,7 +36,7 @@ class Registers:
         return struct.pack(f">BB{count}H", function, 2 * count, *(self.values[address] for address in addresses))
 
     def over_tcp(self, request: bytes) -> bytes:
-        """A whole frame with its MBAP header to the answer's; empty where there is none."""
+        """A whole frame with its MBAP header to the answer's; empty if there is none."""
         transaction, protocol, length, unit = struct.unpack(">HHHB", request[:7])
         if protocol != 0 or unit != self.unit or length != len(request) - 6:
             return b""
@@ -44,7 +44,7 @@ class Registers:
         return struct.pack(">HHHB", transaction, 0, len(pdu) + 1, unit) + pdu
 
     def over_serial(self, request: bytes) -> bytes:
-        """A whole RTU frame to the answer's; empty where it is not for this unit, or broken."""
+        """A whole RTU frame to the answer's; empty if it is not for this unit, or invalid."""
         if len(request) != _RTU_REQUEST_BYTES or request[0] != self.unit or crc(request[:-2]) != request[-2:]:
             return b""
         frame = bytes([self.unit]) + self.answer(request[1:-2])
@@ -64,7 +64,7 @@ def crc(frame: bytes) -> bytes:
 class TcpDevice:
     """Serves ``registers`` on the loopback until ``close``. port: of one that was there before, 0 for a free one.
 
-    silent: requests are taken and not answered.
+    silent: requests are received and not answered.
     """
 
     def __init__(self, registers: Registers, port: int = 0) -> None:
@@ -94,7 +94,7 @@ class TcpDevice:
         self._thread.start()
 
     def close(self) -> None:
-        """As if its cable were pulled."""
+        """Closes all connections, as if the cable were pulled."""
         self._server.shutdown()
         self._server.server_close()
         for connection in tuple(self._connections):

@@ -10,7 +10,7 @@ Frame = tuple[int, bytes]
 
 @dataclass
 class Battery:
-    """What it says; protections and alarms: the two bytes of each."""
+    """Its data; protections and alarms: the two bytes of each."""
 
     voltage_v: float = 50.0
     current_a: float = -12.3
@@ -22,7 +22,7 @@ class Battery:
     requests: int = 0xC0
 
     def frames(self) -> list[Frame]:
-        """What it sends each second."""
+        """The frames of each second."""
         volts, amperes, degrees = (
             round(self.voltage_v * 100),
             round(self.current_a * 10),
@@ -47,7 +47,7 @@ class SlcanAdapter:
         self._rest = b""
 
     def heard(self, data: bytes) -> bytes:
-        """Its answer to what the host has sent."""
+        """Its answer to the host's data."""
         *lines, self._rest = (self._rest + data).split(b"\r")
         return b"".join(map(self._obey, lines))
 
@@ -60,6 +60,6 @@ class SlcanAdapter:
         return b"\r"
 
     def from_bus(self, frame: Frame) -> bytes:
-        """What it puts on the line for a frame of the bus."""
+        """Its line for a frame of the bus."""
         number, data = frame
         return f"t{number:03X}{len(data)}{data.hex().upper()}\r".encode() if self.is_open else b""

@@ -1,4 +1,4 @@
-"""A serial cable: a pseudo terminal under a name that stays when it is pulled and put back."""
+"""A serial cable: a pseudo terminal under a name that is constant over reconnections."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _CHUNK = 4096
 
 
 class SerialLine:
-    """The device's end. link: the path under which the host finds the terminal. Begins unplugged."""
+    """The device's end. link: path of the terminal for the host. Begins unplugged."""
 
     def __init__(self, link: Path) -> None:
         self._link = link
@@ -32,7 +32,7 @@ class SerialLine:
         fresh.replace(self._link)
 
     def pull(self) -> None:
-        """Who has the terminal open sees it hang up."""
+        """Removes the terminal; a process that has it open gets a hang-up."""
         if self._ends is None:
             return
         self._link.unlink(missing_ok=True)
@@ -41,13 +41,13 @@ class SerialLine:
         self._ends = None
 
     def send(self, data: bytes) -> None:
-        """What a full or pulled line does not take is lost, as on a wire."""
+        """Sends bytes; a full or pulled line loses them, like a wire."""
         if self._ends is not None:
             with contextlib.suppress(BlockingIOError):
                 os.write(self._ends[0], data)
 
     def received(self) -> bytes:
-        """What the host has sent."""
+        """The bytes sent by the host."""
         if self._ends is None:
             return b""
         try:

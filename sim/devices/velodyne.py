@@ -1,4 +1,4 @@
-"""A Velodyne VLP-16 as it speaks by UDP: data packets of 1206 bytes in its strongest-return mode."""
+"""A Velodyne VLP-16 on UDP: data packets of 1206 bytes in its strongest-return mode."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _FLAG, _STRONGEST, _VLP_16 = b"\xff\xee", 0x37, 0x22
 _STEP_M = 0.002
 _HOUR_S = 3600.0
 
-# What the laser of an elevation sees at an azimuth, both degrees: m and reflectivity; 0 m: nothing.
+# Measurement of the laser of an elevation at an azimuth, both degrees: m and reflectivity; 0 m: nothing.
 Seen = Callable[[float, float], tuple[float, int]]
 
 

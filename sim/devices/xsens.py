@@ -1,4 +1,4 @@
-"""An Xsens MTi as it speaks on its line: MTData2 at a fixed rate once it is told to measure."""
+"""An Xsens MTi on its serial line: MTData2 at a fixed rate after the command to measure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _FILTER_VALID = 2
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What it measures: w x y z, m/s2, rad/s."""
+    """Its measurement: w x y z, m/s2, rad/s."""
 
     orientation_wxyz: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
     acceleration_mps2: tuple[float, float, float] = (0.0, 0.0, 9.81)
@@ -26,7 +26,7 @@ class Mti:
         self.measuring = False
 
     def heard(self, data: bytes) -> bytes:
-        """Its answer to what the host has sent."""
+        """Its answer to the host's data."""
         if bytes([_PREAMBLE, _BUS, _GO_TO_MEASUREMENT, 0]) not in data:
             return b""
         self.measuring = True

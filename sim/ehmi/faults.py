@@ -1,4 +1,4 @@
-"""What can go wrong with the simulated display: what ``/sim/inject_ehmi_fault`` may ask for."""
+"""Faults of the simulated display, raised by ``/sim/inject_ehmi_fault``."""
 
 from __future__ import annotations
 

@@ -16,12 +16,12 @@ from sim.ehmi.params import FirmwareParams
 _BYTE_S = 10.0 / 115200.0  # 8N1
 _GARBAGE_S = 0.05
 _GARBAGE_BYTES = 40
-_GOODBYES = 3  # how often it says that a fault is over: one of them gets through
+_GOODBYES = 3  # repetitions of the end of a fault, against lost lines
 
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """What people see and hear. since_s: when the state began."""
+    """The display's visible and audible state. since_s: begin of the state."""
 
     state: int
     language: str
@@ -31,7 +31,7 @@ class Display:
 
 @dataclass(slots=True)
 class Troubles:
-    """What is wrong with it now. late_s: added to every answer. fault: code, empty = none."""
+    """Its present faults. late_s: added to every answer. fault: code, empty = none."""
 
     silent: bool = False
     garbage: bool = False
@@ -48,7 +48,7 @@ class _Timer:
 
 
 class Firmware:
-    """Switched on by ``power_on``; until READY it hears nothing."""
+    """Switched on by ``power_on``; until READY it ignores its input."""
 
     def __init__(self, params: FirmwareParams) -> None:
         self._params = params
@@ -60,7 +60,7 @@ class Firmware:
         self._ready_s = math.inf
 
     def power_on(self, now_s: float) -> None:
-        """Whatever it was told is forgotten."""
+        """Restarts with cleared state."""
         self._decoder = Decoder()
         self._outbox: deque[tuple[float, bytes]] = deque()
         self._ready_s, self._ready_told = now_s + self._params.boot_s, False
@@ -112,7 +112,7 @@ class Firmware:
     # --- what it does ------------------------------------------------------------------------------------------------
 
     def display(self, now_s: float) -> Display:
-        """A host that has fallen silent must not leave a promise on the display."""
+        """The present display; if the host is silent, an outdated intention must not remain on it."""
         told = self._display
         silent_s = self._heard_s + self._params.host_timeout_s
         if told.state == State.OFF or now_s < silent_s:
@@ -120,7 +120,7 @@ class Firmware:
         return Display(State.ERROR, told.language, told.volume, silent_s)
 
     def transmit(self, now_s: float) -> bytes:
-        """The bytes that have left by now."""
+        """The bytes that are sent by now."""
         if now_s < self._ready_s:
             return b""
         if not self._ready_told:
@@ -138,7 +138,7 @@ class Firmware:
         return self._noisy(data)
 
     def next_due_s(self) -> float:
-        """When ``transmit`` has something to do again."""
+        """Time at which ``transmit`` is due next."""
         if not self._ready_told:
             return self._ready_s
         due_s = min(self._fault_told.due_s, self._outbox[0][0] if self._outbox else math.inf)

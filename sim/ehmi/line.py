@@ -1,4 +1,4 @@
-"""The line: a pseudo terminal with the firmware at its end, under a name that stays when it is plugged in anew."""
+"""The line: a pseudo terminal with the firmware at its end, under a name that is constant over reconnections."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class DisplayLine:
         return time.monotonic()
 
     def with_firmware(self, act: Callable[[Firmware, float], ResultT]) -> ResultT:
-        """``act(firmware, now)``, while nothing else happens to it."""
+        """Calls ``act(firmware, now)`` with exclusive access to the firmware."""
         with self._turn:
             result = act(self._firmware, time.monotonic())
         self._wake()
@@ -55,7 +55,7 @@ class DisplayLine:
         return self.with_firmware(lambda firmware, now_s: firmware.display(now_s))
 
     def plug(self) -> None:
-        """The cable is in: the terminal appears."""
+        """Connects the cable: the terminal appears."""
         with self._turn:
             if self._ends is not None:
                 return
@@ -70,7 +70,7 @@ class DisplayLine:
         self._wake()
 
     def pull(self) -> None:
-        """The cable is out: who has the terminal open sees it hang up. The display keeps its power."""
+        """Disconnects the cable: a process with the open terminal gets a hang-up. The display keeps its power."""
         with self._turn:
             if self._ends is None:
                 return
@@ -93,7 +93,7 @@ class DisplayLine:
     def _run(self) -> None:
         while not self._closing:
             timeout_s = self._step()
-            # The terminal is read by looking: its descriptor may be closed by a pull while somebody waits on it.
+            # The terminal is polled: a pull may close its descriptor during a blocking read.
             with self._turn:
                 ours = self._ends[0] if self._ends is not None else None
             readers = [self._wake_read, *([] if ours is None else [ours])]
@@ -103,7 +103,7 @@ class DisplayLine:
                 os.read(self._wake_read, _CHUNK)
 
     def _step(self) -> float:
-        """Takes and gives what there is; returns how long nothing will be to do."""
+        """Transfers all available bytes; returns the time until the next step, s."""
         with self._turn:
             now_s = time.monotonic()
             if self._ends is not None:

@@ -11,7 +11,7 @@ from robot_stack.core.config import Config
 
 class FirmwareParams(Config):
     """boot_s: from power to READY. latency_s, latency_jitter_s: of an answer, uniform. noise: share of bytes that
-    arrive changed. host_timeout_s: told no state for so long the display shows an error by itself.
+    arrive changed. host_timeout_s: without a state for this time the display shows an error by itself.
     fault_repeat_s: between two lines about a fault. seed: of the noise.
     """
 
@@ -25,7 +25,7 @@ class FirmwareParams(Config):
 
 
 class EhmiDisplayParams(Config):
-    """link_name: of the terminal, in the runtime folder; what the bridge's parameter ``port`` names."""
+    """link_name: of the terminal, in the runtime folder, as in the bridge's parameter ``port``."""
 
     link_name: Annotated[str, Field(pattern=r"^[a-z0-9_]+$")]
     tick_rate_hz: Annotated[float, Field(ge=1.0, le=50.0)]

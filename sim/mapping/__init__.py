@@ -1,1 +1,1 @@
-"""The ride that a map is built from, and how true the map is."""
+"""The ride for building a map, and the map's accuracy."""

@@ -38,7 +38,7 @@ _IMAGE_AFTER_S = 0.05  # the picture's last row, and poses around it
 
 
 class BoardRide(RecordedDrive):
-    """camera: what takes the pictures in truth; drawn by the seed, where none is given."""
+    """camera: the true camera of the pictures; by default drawn by the seed."""
 
     def __init__(self, world: WorldFile, bag: RideWriter, seed: int, camera: TrueCamera | None = None) -> None:
         docks, params = load_docks(), load_camera_params()
@@ -58,7 +58,7 @@ class BoardRide(RecordedDrive):
 
     @property
     def places(self) -> int:
-        """How many it has been at, of ``_PLACES``."""
+        """Number of visited ``_PLACES``."""
         return int(max(0.0, self.time_s - self._start_s) / (_MOVE_S + _STAND_S))
 
     def requested(self) -> Twist2:
@@ -82,7 +82,7 @@ class BoardRide(RecordedDrive):
         self._bag.image(stamp_s, FRONT_CAMERA, picture)
 
     def camera_by_lidar(self) -> NDArray[np.float64]:
-        """(4, 4) the true camera in base_link as the LiDAR shows it, whose own mount is off a little too."""
+        """(4, 4) the true camera in base_link by the LiDAR, whose own mount is slightly off, too."""
         sensor = self.robot.range_sensors["lidar"]
         believed = np.eye(4)
         believed[:3, :3], believed[:3, 3] = sensor.rotation(), sensor.xyz_m

@@ -1,4 +1,4 @@
-"""How true a map of a simulated site is: ``python -m sim.mapping.map_truth MAP WORLD``. For judging alone."""
+"""Accuracy of a map of a simulated site: ``python -m sim.mapping.map_truth MAP WORLD``. For evaluation only."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sim.worldfile import WorldFile, load_world
 
 F64 = NDArray[np.float64]
 
-# Cells that are a piece of a wall: flat to this deviation, this long along, higher than the ground is rough.
+# Criteria of a cell on a wall: largest deviation from a plane, least extent along it, height above the roughness.
 _FLAT_M, _LONG_M, _HIGH_M = 0.045, 0.12, 0.25
 _REACH_M = 0.5  # farther off a cell belongs to no solid
 _CLEARANCE_M = 0.15  # a cell of the grid this far inside or outside of a solid has one right answer

@@ -1,7 +1,7 @@
-"""A robot that somebody drives by hand, and what its sensors say of it, taken down as the recorder does.
+"""A manually driven robot and its sensor data, recorded in the recorder's format.
 
-Physics, drives, sensors and the kernels of drive and odometry in lockstep. The driver looks where he goes (he is told
-the true pose); what is recorded is only what the sensors say.
+Physics, drives, sensors and the kernels of drive and odometry in lockstep. The driver gets the
+true pose; only sensor data is recorded.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ _TURN_S = 0.15  # of the LiDAR, with room for the poses around it
 
 
 class RecordedDrive(KernelStack):
-    """movers: bodies that the LiDAR sees beside the world's own. true_poses: stamp and (4, 4) base_link in map of each
-    sweep, for judging results, never for making them.
+    """movers: bodies visible to the LiDAR beside the world's own. true_poses: stamp and (4, 4) base_link in map of each
+    sweep, only for evaluation.
     """
 
     def __init__(self, setup: Setup, bag: RideWriter, sweep_rate_hz: float, movers: Collection[str]) -> None:
@@ -51,7 +51,7 @@ class RecordedDrive(KernelStack):
 
     @abstractmethod
     def requested(self) -> Twist2:
-        """What the driver wants."""
+        """The driver's command."""
 
     def _navigation_tick(self) -> None:
         twist = self.requested()

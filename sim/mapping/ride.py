@@ -1,4 +1,4 @@
-"""The ride that a map is built from, recorded as the recorder does: ``python -m sim.mapping.ride FOLDER``.
+"""The ride for building a map, in the recorder's format: ``python -m sim.mapping.ride FOLDER``.
 
 People walk about.
 """
@@ -56,7 +56,7 @@ class RideParams(Config):
 
 
 class Ride(RecordedDrive):
-    """A driver instead of navigation, who follows the ways."""
+    """A driver that replaces navigation and follows the ways."""
 
     def __init__(self, params: RideParams, world: WorldFile, bag: RideWriter) -> None:
         self._way, self._reached = params.way(world), 0
@@ -98,7 +98,7 @@ class Ride(RecordedDrive):
         return Twist2(speed * math.cos(heading), speed * math.sin(heading), omega)
 
     def _aside(self, pose: Pose2, to_goal: F64) -> Twist2 | None:
-        """What to do about a person on the strip of ground ahead: wait, then pass on the other side; None: nobody."""
+        """The reaction to a person on the strip of ground ahead: wait, then pass on the other side; None: no person."""
         way = Pose2(pose.x, pose.y, math.atan2(to_goal[1], to_goal[0]))
         half_m = 0.5 * self.robot.footprint.width_m + RADIUS_M + _ROOM_M
         seen = [walker.pose().relative_to(way) for walker in self.sim.world.people]
@@ -114,7 +114,7 @@ class Ride(RecordedDrive):
 
 
 def record(folder: Path, params: RideParams, truth_file: Path | None = None) -> None:
-    """Drives and records. truth_file: .npz of the true poses, for judging a map, never for making one.
+    """Drives and records. truth_file: .npz of the true poses, only for evaluating a map.
 
     Raises RuntimeError if the robot gets stuck.
     """

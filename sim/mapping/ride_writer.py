@@ -1,4 +1,4 @@
-"""Sensor readings of a simulation without ROS, written as the recorder writes the topics."""
+"""Sensor readings of a simulation without ROS, written in the recorder's format."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""/sim/bodies as matrices, for the drivers that look at the world."""
+"""/sim/bodies as matrices, for the drivers of exteroceptive sensors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 class Bodies:
     """Calls ``take`` with the stamp, s, and the poses in map of each sample, (4, 4) by frame id.
 
-    Samples are taken as bytes: fifty times a second, Python objects would cost more than what they are used for.
+    Samples are taken as bytes: at 50 Hz, constructing Python objects would cost more than their use.
     """
 
     def __init__(self, node: StackNode, take: Callable[[float, dict[str, Array]], None]) -> None:
@@ -27,7 +27,7 @@ class Bodies:
         self.input: Input = node.subscribe(topics.SIM_BODIES, self._on_bytes, raw=True)
 
     def watch(self, silence_s: float) -> None:
-        """Reports what has fallen silent."""
+        """Reports silent inputs."""
         if self.input.received and self.input.age_s() > silence_s:
             self._node.set_health(False, f"{topics.SIM_BODIES.name} has fallen silent")
 
@@ -41,7 +41,7 @@ class Bodies:
 
 
 def matrices_of(poses: Array) -> Array:
-    """(n, 4, 4) of (n, 7) x y z m, quaternion x y z w; not finite where it is no rotation."""
+    """(n, 4, 4) of (n, 7) x y z m, quaternion x y z w; not finite for an invalid rotation."""
     q = poses[:, 3:]
     norm2 = np.einsum("ij,ij->i", q, q)
     scale = np.where(norm2 > 0.5, 2.0, np.nan) / np.maximum(norm2, 0.5)

@@ -1,4 +1,4 @@
-"""One docking on a running stack, asked for as an operator does, noted by ground truth."""
+"""One docking on a running stack, requested like an operator's, evaluated by ground truth."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class LiveOutcome:
 
 
 def dock_live(dock_id: str, dock_pose: Pose2, limit_s: float) -> LiveOutcome:
-    """Docks. Raises TimeoutError if the stack is silent or does not answer in time."""
+    """Docks. Raises TimeoutError if the stack is silent or does not respond in time."""
     with MissionObserver() as observer:
         observer.board()
         if (

@@ -1,4 +1,4 @@
-"""What the processes have in common that are a motion engine with its machine: engine and plant in the main thread,
+"""Common base of processes with a motion engine and its machine: engine and plant in the main thread,
 ROS in a second one."""
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _REPORT_RATE_HZ = 1.0
 
 
 class EngineHost(StackNode):
-    """The node of such a process. ``build`` makes the plant; faults come by the service ``fault_row``."""
+    """The node of such a process. ``build`` makes the plant; faults arrive by the service ``fault_row``."""
 
     def __init__(self, name: str, parameters: type[BaseModel] | None, fault_row: Service) -> None:
         super().__init__(name, parameters)
@@ -45,7 +45,7 @@ class EngineHost(StackNode):
         raise NotImplementedError
 
     def tasks(self) -> tuple[EveryCycles, ...]:
-        """What the loop does beside its cycles."""
+        """Further tasks of the loop."""
         return ()
 
     def cycles(self, rate_hz: float) -> int:
@@ -74,7 +74,7 @@ def run_engine_host(make: Callable[[], EngineHost]) -> int:
             callbacks.start()
             try:
                 gc.collect()
-                gc.freeze()  # what exists now stays: spares the loop the collector's long pauses
+                gc.freeze()  # present objects stay: exclude them from garbage collection in the loop
                 host.loop.run(lambda: should_stop() or not callbacks.is_alive())
                 if not should_stop():
                     raise RuntimeError("the ROS thread has ended")

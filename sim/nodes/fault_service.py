@@ -1,4 +1,4 @@
-"""The service by which a simulated device is given faults."""
+"""The service that injects faults into a simulated device."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from sim.run.requests import NotServed
 def serve_faults(node: StackNode, row: Service, inject: Callable[[str, str, float, float], str]) -> None:
     """Offers ``row``, of type InjectFault.
 
-    inject: takes kind, target, value and duration_s (0: until cleared), returns what it did; FaultRefused and NotServed
-    are the refusals that whoever asked is told.
+    inject: takes kind, target, value and duration_s (0: until cleared), returns a description; FaultRefused and
+    NotServed are returned to the client as refusals.
     """
 
     def answer(request: Any, response: Any) -> Any:

@@ -47,7 +47,7 @@ class ImuDriver(StackNode):
         self._last_s = sample.time_s
 
     def watch(self, time_s: float) -> None:
-        """Judges by simulated time whether the unit still sends."""
+        """Checks in simulated time whether the unit still sends."""
         age_s = time_s - (self._last_s or 0.0)
         silent = age_s > self.params.silence_s
         self.set_health(not silent, "the inertial unit sends nothing" if silent else "samples arrive")

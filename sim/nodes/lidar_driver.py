@@ -1,4 +1,4 @@
-"""Node lidar_driver: the simulated LiDAR, sweeps of where the bodies really are."""
+"""Node lidar_driver: the simulated LiDAR, with sweeps of the bodies' true poses."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim.nodes.turning_lidar import Clouds, TurningLidar
 
 
 class LidarDriverNode(TurningLidar):
-    """Half sweeps as they come, and the full sweeps of two of them."""
+    """Publishes half sweeps, and the full sweeps of two of them."""
 
     sensor, parts, inject = frames.LIDAR, 2, services.INJECT_LIDAR_FAULT
 
@@ -40,11 +40,11 @@ class LidarDriverNode(TurningLidar):
         self.measure(lambda: self._half(number, end_s, tracks, conditions, frozen=frozen))
 
     def _half(self, number: int, end_s: float, tracks: Tracks, conditions: Conditions, *, frozen: bool) -> Clouds:
-        """On the worker. A frozen sensor repeats what it measured last."""
+        """On the worker. A frozen sensor repeats its last measurement."""
         begin = 0 if number % 2 or self._first is None else len(self._first.points)
         half: Sweep | None = None
         if not (frozen and self.has_measured(self._fulls)):
-            # The second half of a turn comes behind the first in the same memory, as the full sweep wants it.
+            # The second half of a turn follows the first in the same memory, as needed for the full sweep.
             half = self.sweeper.measure(tracks, number, end_s, conditions, self.turn_points[begin:])
         clouds = self.cloud(self._halves, half.points if half else None, end_s)
         if number % 2:

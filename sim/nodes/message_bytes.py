@@ -1,7 +1,7 @@
-"""Messages as the bytes that go over the wire, made once; each time only stamp and numbers are put in.
+"""Messages as serialised bytes, made once; each publication only fills in stamp and numbers.
 
-The bytes are OMG CDR, little endian, as the middleware makes them of a prototype. To build, convert and serialise a
-message of many Python objects anew costs several times what sending it does.
+The bytes are OMG CDR, little endian, as serialised by the middleware from a prototype. Building, converting and
+serialising a message of many Python objects costs several times more than sending it.
 """
 
 from __future__ import annotations

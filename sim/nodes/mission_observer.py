@@ -1,4 +1,4 @@
-"""The passenger's seat: starts a mission as the touch screen would, and notes what happens on the ride."""
+"""Starts a mission like the touch screen, and records the events of the ride."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class MissionObserver:
     """
 
     def __init__(self) -> None:
-        self.heard_s = math.nan  # when the world was heard last, as ``now_s`` counts
+        self.heard_s = math.nan  # time of the world's last message, by ``now_s``
         self._begun_s = time.monotonic()
         self._operator = Operator()
         self._commands = self._operator.advertise(topics.UI_COMMAND)
@@ -41,7 +41,7 @@ class MissionObserver:
 
     @property
     def operator(self) -> Operator:
-        """Whose node listens and speaks."""
+        """The operator, whose node subscribes and publishes."""
         return self._operator
 
     def now_s(self) -> float:
@@ -81,24 +81,24 @@ class MissionObserver:
 
     @property
     def pace(self) -> float:
-        """Simulated over real time in the last second; 0 where nobody tells it."""
+        """Simulated over real time in the last second; 0 if unknown."""
         clock = WorldClock.find()
         return 0.0 if clock is None else clock.pace
 
     @property
     def waiting_for(self) -> str:
-        """For which nodes the world stands still, and why; empty while it goes on."""
+        """The nodes that the world waits for, with reasons; empty while it runs."""
         clock = WorldClock.find()
         return "" if clock is None else clock.waiting_for
 
     # --- acting ------------------------------------------------------------------------------------------------------
 
     def wait(self, condition: Callable[[], Any], timeout_s: float | None) -> bool:
-        """Takes notes until the condition holds (True) or the time is over (False)."""
+        """Records until the condition holds (True) or the time is over (False)."""
         return self._operator.wait(condition, timeout_s)
 
     def board(self) -> None:
-        """Waits until everything is heard. Raises TimeoutError."""
+        """Waits until all topics have been received. Raises TimeoutError."""
         heard = self.wait(
             lambda: self.mission and self.safety and self.ride.samples and self._commands.get_subscription_count(),
             _ANSWER_S,

@@ -1,4 +1,4 @@
-"""Node overhead_lidar_driver: the simulated LiDAR at the mast's boom; it also sees the robot and its passenger."""
+"""Node overhead_lidar_driver: the simulated LiDAR at the mast's boom; its view includes the robot and its passenger."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class OverheadLidarDriverNode(TurningLidar):
         self.measure(lambda: self._frame(number, end_s, tracks, conditions, frozen=frozen))
 
     def _frame(self, number: int, end_s: float, tracks: Tracks, conditions: Conditions, *, frozen: bool) -> Clouds:
-        """On the worker. A frozen sensor repeats what it measured last."""
+        """On the worker. A frozen sensor repeats its last measurement."""
         if frozen and self.has_measured(self._frames):
             return self.cloud(self._frames, None, end_s)
         sweep = self.sweeper.measure(tracks, number, end_s, conditions, self.turn_points)

@@ -1,4 +1,4 @@
-"""Node sim_computer: the simulated robot's computer in the kernel's own formats, and what can go wrong with it."""
+"""Node sim_computer: the simulated robot's computer in the kernel's own formats, and its faults."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim.nodes.fault_service import serve_faults
 
 
 class SimComputerNode(StackNode):
-    """Lives on real time, as the computer of the nodes that run on it does."""
+    """Uses real time, like the computer that runs the nodes."""
 
     def __init__(self) -> None:
         super().__init__("sim_computer", SimComputerParams)

@@ -16,7 +16,7 @@ from sim.plant.engine_loop import EveryCycles
 
 
 class SimManipulator(EngineHost):
-    """Publishes how the arm really stands; everything else about it goes through the engine."""
+    """Publishes the arm's true state; everything else about it goes through the engine."""
 
     plant: ArmWorld
 

@@ -1,4 +1,4 @@
-"""What the nodes of the simulated LiDARs share: a sensor in the world, its faults, its clouds as bytes."""
+"""Common base of the nodes of the simulated LiDARs: a sensor in the world, its faults, its clouds as bytes."""
 
 from __future__ import annotations
 
@@ -79,10 +79,10 @@ class TurningLidar(StackNode):
 
     @abstractmethod
     def turn(self, number: int, end_s: float) -> None:
-        """Part ``number``, counted from 1, is over: measures and sends it."""
+        """Measures and sends the completed part ``number``, counted from 1."""
 
     def own_shapes(self) -> list[Shape]:
-        """What the sensor sees of the robot itself."""
+        """The parts of the robot visible to the sensor."""
         return []
 
     def measure(self, job: Callable[[], Clouds]) -> None:
@@ -90,7 +90,7 @@ class TurningLidar(StackNode):
         self._worker.submit(job, self._publish)
 
     def cloud(self, publisher: Publisher, points: Points | None, end_s: float) -> Clouds:
-        """On the worker: the message of these points; None: what was measured last, once more."""
+        """On the worker: the message of these points; None: the last measurement again."""
         stamp, topic = time_from_s(end_s), publisher.topic_name
         if points is not None:
             self._sent[topic] = self._cloud.filled(points, stamp)
@@ -134,7 +134,7 @@ class TurningLidar(StackNode):
         return Lidar(scene, params, self.robot, self.params.seed, self.sensor)
 
     def _mounting(self) -> TransformStamped:
-        """The nominal mounting: what the stack knows."""
+        """The nominal mounting, as used by the stack."""
         nominal: RangeSensor = self.robot.range_sensors[self.sensor]
         message = TransformStamped(child_frame_id=self.sensor)
         message.header.frame_id, message.header.stamp = frames.BASE_LINK, self.stamp()

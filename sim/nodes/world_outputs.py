@@ -1,4 +1,4 @@
-"""What the world's nodes publish of a simulation, and how often: the same for every way to run one."""
+"""Topics and rates of the world's nodes, equal for every way to run a simulation."""
 
 from __future__ import annotations
 

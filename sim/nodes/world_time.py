@@ -17,7 +17,7 @@ from sim.run.lockstep import Mail, describe, late
 from sim.run.processes import Processes
 
 _NANOSECONDS = 1_000_000_000
-# While it waits the world looks again after so long: soon at first, because most messages need no longer than that.
+# Polling periods while the world waits: short at first, because most messages need no longer.
 _FIRST_LOOK_S, _LAST_LOOK_S = 0.0001, 0.001
 _SEARCH_S = 1.0
 _SHOWN_AFTER_S = 0.5
@@ -26,7 +26,7 @@ _SHOWN_AFTER_S = 0.5
 class WorldTime:
     """waited_s: real time for which the world has waited for the stack so far.
 
-    serve: called while it waits, for who waits for the world itself: its motion engine, its services.
+    serve: called while it waits, for clients of the world itself: of its motion engine and services.
     """
 
     def __init__(self, node: SimWorld, processes: Processes, serve: Callable[[], None]) -> None:
@@ -38,12 +38,12 @@ class WorldTime:
         self.waited_s = 0.0
 
     def stamp(self, time_s: float) -> Time:
-        """On the nodes' clock, of a simulated time since the start."""
+        """Time on the nodes' clock of a simulated time since the start."""
         nanoseconds = round((self._start_s + time_s) * _NANOSECONDS)
         return Time(sec=nanoseconds // _NANOSECONDS, nanosec=nanoseconds % _NANOSECONDS)
 
     def write(self, time_s: float, step_s: float) -> None:
-        """What has been computed, and in which steps it goes on."""
+        """Publishes the computed time and the step in shared memory."""
         self._clock.write(self._start_s + time_s, step_s, self._node.params.speed)
         self._told = True
 
@@ -52,11 +52,11 @@ class WorldTime:
         self._node.report.values["messages_given_up"] = str(self._stack.given_up)
 
     def publish(self, time_s: float) -> None:
-        """On /clock."""
+        """Publishes /clock."""
         self._node.publish_clock(self.stamp(time_s))
 
     def follow(self, time_s: float, should_stop: Callable[[], bool]) -> None:
-        """Returns when every node has followed up to the time that was told, however long that takes."""
+        """Waits without a timeout until every node has reached the published time."""
         if not self._told:
             return
         now_s = self._start_s + time_s
@@ -85,7 +85,7 @@ class WorldTime:
 
 
 class _Stack:
-    """The nodes of other processes that live on this clock."""
+    """The nodes of other processes that use this clock."""
 
     def __init__(self, processes: Processes, tolerance_s: float) -> None:
         self._processes, self._tolerance_s = processes, tolerance_s
@@ -107,7 +107,7 @@ class _Stack:
 
     @property
     def given_up(self) -> int:
-        """Messages that their subscribers no longer wait for: lost, or never meant for them."""
+        """Messages no longer waited for: lost, or not meant for the subscriber."""
         return sum(page.lost[0] for page in self._deliveries.pages.values())
 
     def _search(self) -> None:
