@@ -8,9 +8,9 @@ from robot_stack.core.config import ConfigError
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.site_map import map_folder
 
-# Nodes that simulate something of the world.
+# Nodes that simulate a part of the world.
 WORLDLY = ("sim_world", "camera_driver", "lidar_driver", "overhead_lidar_driver")
-# A LiDAR with a sixth of its beams, for machines and tests that have other things to do.
+# A LiDAR with a sixth of its beams, for small machines and tests.
 FEW_BEAMS = ("lidar_driver.columns=400", "perception_pipeline.watch.points_min=2500")
 
 # The ride of the demonstration, and its short form, which starts near the wheelchair.

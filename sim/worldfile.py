@@ -1,6 +1,6 @@
-"""World files: ``config/worlds/<name>.yaml``, what stands on the ground and how slippery it is.
+"""World files: ``config/worlds/<name>.yaml``, the objects on the ground and its friction.
 
-Frame: map, x east, y north, z up, ground at z = 0. Angles in degrees in the file, because people write it.
+Frame: map, x east, y north, z up, ground at z = 0. Angles in the file are in degrees, because it is edited by hand.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Friction = Annotated[float, Field(gt=0.0, le=2.0)]
 
 
 class Placed(Config):
-    """Something at a place: (x_m, y_m) of its centre, turned by yaw_deg about z."""
+    """An object with a place: (x_m, y_m) of its centre, turned by yaw_deg about z."""
 
     name: str
     x_m: float
@@ -83,7 +83,7 @@ class Patch(Placed):
 class Pit(Placed):
     """A rectangle of ground that lies deeper, with upright sides. Length along its own x.
 
-    Sensors see it; the physics' ground stays level, and ``World.touching`` tells of a wheel that rolls over the edge.
+    Sensors see it; the physics' ground stays level, and ``World.touching`` reports a wheel that rolls over the edge.
     """
 
     length_m: Positive
@@ -92,7 +92,7 @@ class Pit(Placed):
 
 
 class Person(Config):
-    """Somebody who walks to and fro along a line, from its first point on, and rests at either end."""
+    """A person who walks to and fro along a line, from its first point on, and rests at either end."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     points_m: Annotated[list[tuple[float, float]], Field(min_length=1)]
@@ -144,7 +144,7 @@ class WorldFile(Config):
 
     wheelchair: where it stands; stations: marker boards on posts, by name. Both are poses of a dock frame: origin on
     the ground under the board, x the way a robot approaches. surfaces: reflectivity (0-1) of single solids, by name.
-    glass: names of walls and boxes that are panes to LiDARs; physics and cameras take them for what they are else.
+    glass: names of walls and boxes that are panes to LiDARs; physics and cameras treat them as their own kind.
     """
 
     note: str
@@ -184,7 +184,7 @@ class WorldFile(Config):
         return self
 
     def solids(self) -> list[Box]:
-        """All upright boxes, whatever they stand for."""
+        """All upright boxes of any kind."""
         return [*self.kerbs, *self.walls, *self.boxes]
 
 

@@ -1,1 +1,1 @@
-"""Runs of a simulation: its pace, scenarios, rides, and what is noted of them."""
+"""Runs of a simulation: its pace, scenarios, rides, and their logs."""

@@ -1,4 +1,4 @@
-"""How a demonstration's ride is shown while it goes on: a bar and the mission's steps."""
+"""Progress display of a demonstration's ride: a bar and the mission's steps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from robot_stack.core.world_clock import slow_text
 
 MOVING_MPS = 0.05
-# Where nobody watches a bar: a line for each change, and one now and then while nothing changes.
+# Without a terminal: a line for each change, and one at intervals without changes.
 _TELL_EVERY_S = 30.0
 
 
@@ -25,7 +25,7 @@ class Display:
         self._shown.show(observer)
 
     def end(self) -> None:
-        """Leaves the terminal as it was found."""
+        """Restores the terminal."""
         self._shown.end()
 
 
@@ -70,13 +70,13 @@ class _Lines:
 
 
 def doing(observer: Any) -> str:
-    """What docking and wheelchair do; empty without either."""
+    """Activity of docking and wheelchair; empty without either."""
     docking = observer.docking.state if observer.docking is not None else "IDLE"
     return {"IDLE": "", "DOCKED": "with passenger"}.get(docking, docking)
 
 
 def describe_step(observer: Any) -> str:
-    """What happens now, for a line that is short."""
+    """The present activity, for a short line."""
     safety, speed_mps = observer.safety, observer.ride.samples[-1].speed_mps
     parts = [f"to {observer.mission.current_waypoint or '-'}", doing(observer), f"{speed_mps:.1f} m/s"]
     if safety.safety_state != "NORMAL":
@@ -95,7 +95,7 @@ def describe(observer: Any) -> str:
 
 
 def _world(observer: Any) -> str:
-    """What holds the simulated world up; empty if it keeps its pace."""
+    """Cause of a delay of the simulated world; empty if it keeps its pace."""
     return f"simulation waits for {observer.waiting_for}" if observer.waiting_for else slow_text(observer.pace)
 
 

@@ -28,11 +28,11 @@ class Recording:
             self._process = subprocess.Popen([*command, *left_out], stdin=subprocess.DEVNULL, stdout=log, stderr=log)
 
     def under_way(self) -> bool:
-        """It records; or it has ended, and will not."""
+        """True once it records, or has ended without recording."""
         return any(self.path.glob("*.mcap")) or self._process.poll() is not None
 
     def finish(self) -> None:
-        """Completes it; what is not complete in time is readable as far as it goes."""
+        """Completes the recording; one that is incomplete after the timeout is readable up to its end."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGINT)
         try:
@@ -43,7 +43,7 @@ class Recording:
 
 
 def film_of(recording: Path, file: Path, map_name: str) -> str:
-    """Draws the film; empty, or why there is none."""
+    """Draws the film. Returns why there is none, else an empty text."""
     try:
         make_film(recording, [file], load(FilmParams, "film"), map_name, report=lambda _: None)
     except (CommandError, ConfigError) as error:

@@ -1,6 +1,6 @@
-"""For whom a simulated world waits.
+"""The nodes that a simulated world waits for.
 
-It waits for a node that is late with a timer, which each node notes on its record (``robot_stack.core.node_record``),
+It waits for a node that is late with a timer, which each node writes to its record (``robot_stack.core.node_record``),
 and for a node that has not taken a message that wakes it (``robot_stack.core.deliveries``). A node whose timer is due
 takes first what was published to it, so that messages which wake nobody are waited for by the timer.
 """
@@ -14,7 +14,7 @@ from robot_stack.core.deliveries import WAKES, Delivery, debts, publishers_by_ro
 
 
 def late(due_s: Mapping[str, float], time_s: float, tolerance_s: float) -> dict[str, str]:
-    """Who is late at a simulated time, and by how much. due_s: by node, when it has something to do next.
+    """Late nodes at a simulated time, and their delays. due_s: next due time by node.
 
     tolerance_s: simulated time by which a node may be late before the world waits.
     """
@@ -29,7 +29,7 @@ class _Subscriber:
 
 
 class Mail:
-    """Which nodes have not taken a message that wakes them. pages: of all nodes, by name."""
+    """Nodes that have not taken a message that wakes them. pages: of all nodes, by name."""
 
     def __init__(self, pages: Mapping[str, Delivery], names: Sequence[str]) -> None:
         """names: the nodes that the world waits for."""

@@ -1,4 +1,4 @@
-"""The loop that owns a simulation in a process: paces it, serves requests, and calls what is due.
+"""The loop that owns a simulation in a process: paces it, serves requests, and runs due tasks.
 
 It wakes for a block of steps: on a small machine waking up costs as much as a step. The world then is where it should
 be at the end of the block, so what happens inside a block is stamped by how long before that end it is.
@@ -23,7 +23,7 @@ _LONGEST_WAIT_NS = 100_000_000
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Something to do every ``period_steps`` steps."""
+    """A call every ``period_steps`` steps."""
 
     period_steps: int
     run: Callable[[], None]
@@ -55,7 +55,7 @@ class Loop:
         self.requests = RequestQueue()
 
     def run(self, should_stop: Callable[[], bool]) -> None:
-        """Until ``should_stop`` says so. Raises SimulationDiverged."""
+        """Runs until ``should_stop`` returns True. Raises SimulationDiverged."""
         sharpen_sleep()
         pacer, sleeper = self._pacer, Sleeper()
         pacer.start(time.monotonic())

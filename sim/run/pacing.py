@@ -1,6 +1,6 @@
 """Keeps simulated time in step with a clock, on absolute deadlines.
 
-A late step is caught up with the next ones, at twice the pace at most: who lives on this time must be able to follow. A
+A late step is caught up with the next ones, at twice the pace at most: the nodes on this time must be able to follow. A
 lag beyond ``catch_up_s`` is given up and counted, because a loop that runs after a lag it cannot make good falls ever
 further behind.
 """
@@ -14,7 +14,7 @@ _CATCH_UP_PACE = 2.0
 
 @dataclass(frozen=True, slots=True)
 class PaceReport:
-    """What happened since the last report. ``speed`` is simulated over real time, ``dropped_s`` real time given up."""
+    """Statistics since the last report. ``speed`` is simulated over real time, ``dropped_s`` real time given up."""
 
     speed: float
     steps: int
@@ -25,7 +25,7 @@ class PaceReport:
 
 
 class Pacer:
-    """Asked before every step how long to wait. ``period_s`` is simulated, all other times are the caller's clock."""
+    """Computes the wait before every step. ``period_s`` is simulated, all other times are the caller's clock."""
 
     def __init__(self, period_s: float, speed: float, catch_up_s: float, now_s: float) -> None:
         if period_s <= 0.0 or speed <= 0.0 or catch_up_s <= 0.0:

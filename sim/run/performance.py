@@ -1,4 +1,4 @@
-"""What a simulated millisecond costs: ``python -m sim.run.performance`` prints CPU time per cycle, by part, as JSON."""
+"""Cost of a simulated millisecond: ``python -m sim.run.performance`` prints CPU time per cycle, by part, as JSON."""
 
 from __future__ import annotations
 

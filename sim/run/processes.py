@@ -1,4 +1,4 @@
-"""The processes of the stack, as faults kill and stop them."""
+"""The processes of the stack, for faults that kill and stop them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Processes:
         self._signal(name, self._pid(name), signal.SIGKILL)
 
     def stop(self, name: str) -> None:
-        """It hangs from now on: the world does not wait for it."""
+        """Stops the process: the world does not wait for it."""
         pid = self._pid(name)
         self._stopped[name] = pid
         self._signal(name, pid, signal.SIGSTOP)
@@ -60,7 +60,7 @@ class Processes:
 
 
 def process_runs(pid: int) -> bool:
-    """False for one that has ended, also while nobody has collected it."""
+    """False for one that has ended, even before it is reaped."""
     try:
         stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
     except OSError:

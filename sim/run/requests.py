@@ -11,7 +11,7 @@ ResultT = TypeVar("ResultT")
 
 
 class NotServed(Exception):
-    """The loop did not come round in time."""
+    """The loop did not serve the request in time."""
 
 
 class _Request(Generic[ResultT]):
@@ -24,7 +24,7 @@ class _Request(Generic[ResultT]):
     def run(self) -> None:
         try:
             self._result = self._work()
-        except Exception as error:  # belongs to whoever asked, not to the loop
+        except Exception as error:  # raised in the requesting thread, not in the loop
             self._error = error
         self._done.set()
 
@@ -43,12 +43,12 @@ class RequestQueue:
         self._waiting: deque[_Request[object]] = deque()
 
     def ask(self, work: Callable[[], ResultT], timeout_s: float) -> ResultT:
-        """The result of ``work`` done by the loop, or its exception. Raises NotServed if the loop stands still."""
+        """The result of ``work`` done by the loop, or its exception. Raises NotServed if the loop stalls."""
         request = _Request(work)
         self._waiting.append(request)  # type: ignore[arg-type]  # the loop does not look at results
         return request.wait(timeout_s)
 
     def serve(self) -> None:
-        """Does what is waiting; nearly free when nothing is."""
+        """Executes pending requests; nearly free without any."""
         while self._waiting:
             self._waiting.popleft().run()

@@ -1,4 +1,4 @@
-"""The page at a demonstration's end: where it rode, how long, how exactly, where it stood and why."""
+"""The result page of a demonstration: way, duration, accuracy, and stops with their reasons."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ th, td { text-align: left; padding: .35rem .7rem; border-bottom: 1px solid #d7de
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What is told of a ride. carried: None without a wheelchair.
+    """Contents of the page. carried: None without a wheelchair.
 
     arrivals: waypoint and time in s. touched: what robot or wheelchair touched.
     """

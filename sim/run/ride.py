@@ -1,4 +1,4 @@
-"""What a ride was like, from samples of ground truth, plans and safety: pure, so that figures can be tested by hand."""
+"""Evaluation of a ride from samples of ground truth, plans and safety: pure, so that figures can be tested by hand."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def figures(ride: Ride, goal: Pose2) -> Figures:
 
 @dataclass(frozen=True, slots=True)
 class Carriage:
-    """What became of the wheelchair. Errors by ground truth; NaN where there was no docking.
+    """Evaluation of the wheelchair. Errors by ground truth; NaN without a docking.
 
     docked_mm, docked_deg: base_link beside the dock pose when the controller said DOCKED, before the latch drew it in.
     carried_m: way of the wheelchair. beside_m, beside_deg: where it stands at the end, from where it should.
@@ -124,7 +124,7 @@ class Carriage:
 
 
 def carriage(ride: Ride, dock_pose: Pose2, destination: Pose2 | None) -> Carriage | None:
-    """What became of the wheelchair; None if this world has none.
+    """The evaluation of the wheelchair; None if this world has none.
 
     dock_pose: base_link in the dock frame. destination: base_link in map where the wheelchair is put down.
     """

@@ -1,4 +1,4 @@
-"""Notes of a ride from what the stack and the world publish, whichever way they run."""
+"""Records a ride from the topics of stack and world, for every way to run them."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ class RideNotes:
         return self.ride.samples[-1].time_s if self.ride.samples else 0.0
 
     def may_move(self) -> bool:
-        """Nothing stops the robot; on a slope it may still have to be slow."""
+        """True if nothing stops the robot; on a slope its speed may still be limited."""
         limit = self.limit
         return limit is not None and limit.max_linear_velocity > 0.0 and self.safety is not None
 
     def docking_now(self) -> bool:
-        """A docking is under way, in which the robot may stand for a while."""
+        """True during a docking, in which the robot may stand for a while."""
         return self.docking is not None and self.docking.state not in ("IDLE", "DOCKED", "FAILED")
 
     def begin(self) -> None:

@@ -1,4 +1,4 @@
-"""What is noted during a run, as columns over time, and the figures that follow from it."""
+"""The log of a run, as columns over time, and its figures."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _command_error(run_log: RunLog) -> float:
 
 
 def _estimate_figures(run_log: RunLog) -> dict[str, float]:
-    """How far the robot's own estimate was from the truth, m."""
+    """Errors of the robot's own estimate, m."""
     if not run_log.estimates:
         return {}
     times = np.array([moment.time_s for moment in run_log.moments])
@@ -106,7 +106,7 @@ def _estimate_figures(run_log: RunLog) -> dict[str, float]:
 
 
 def _stop_figures(run_log: RunLog) -> dict[str, float]:
-    """From the first event on: way and time until the robot stands."""
+    """Way and time from the first event until standstill."""
     if not run_log.events:
         return {}
     from_s = run_log.events[0][0]

@@ -1,4 +1,4 @@
-"""Scenario files: ``config/scenarios/<name>.yaml``, what happens when in a run and what is expected of it.
+"""Scenario files: ``config/scenarios/<name>.yaml``, the events of a run and its expected figures.
 
 A scenario runs the whole stack on the deterministic scheduler. Times are simulated s since the robot could drive.
 """
@@ -18,7 +18,7 @@ Seconds = Annotated[float, Field(ge=0.0)]
 
 
 class TwistAt(Config):
-    """From ``at_s`` on the robot shall have this twist, base_link."""
+    """Requested twist from ``at_s`` on, base_link."""
 
     at_s: Seconds
     vx_mps: float = 0.0
@@ -30,7 +30,7 @@ class TwistAt(Config):
 
 
 class Event(Config):
-    """One thing that happens at ``at_s``; exactly one of its fields is set.
+    """One event at ``at_s``; exactly one of its fields is set.
 
     fault: a kind of sim.plant.faults with target, value and duration_s. estop: /emergency_stop. reset: /safety/reset.
     goal_again: the present goal is asked for again, as an operator has to after a reset.
@@ -68,7 +68,7 @@ EVENT_KINDS = ("fault", "estop", "reset", "goal_again", "passenger", "kill")
 
 
 class Expectation(Config):
-    """What a figure of the run must be: a number in a range, or a text."""
+    """Expected value of a figure of the run: a number in a range, or a text."""
 
     figure: str
     above: float | None = None
@@ -82,7 +82,7 @@ class Expectation(Config):
         return self
 
     def problem(self, figures: dict[str, Any]) -> str | None:
-        """Why the figures do not fulfil it; None if they do."""
+        """Why the figures do not meet it; None if they do."""
         if self.figure not in figures:
             return f"{self.figure}: no such figure; there are {', '.join(sorted(figures))}"
         value = figures[self.figure]

@@ -1,4 +1,4 @@
-"""Requests and responses between nodes: what services and actions are made of."""
+"""Requests and responses between nodes, the basis of services and actions."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Calls:
         return self._goals
 
     def ready(self, name: str) -> bool:
-        """A server is known. It may have been killed: that becomes known when its lease ends."""
+        """True if a server is known. A killed server remains known until its lease ends."""
         return bool(self._known(name))
 
     def call(self, port: SimPort, name: str, request: Any, done: Callable[[Any], None]) -> None:

@@ -1,4 +1,4 @@
-"""Virtual time and the queue of what happens in it."""
+"""Virtual time and its event queue."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class EventQueue:
         heapq.heappush(self._heap, (time_ns, order, self._sequence, callback, args))
 
     def stop(self) -> None:
-        """Ends every ``run`` after the present event; time stays where it is. The next outermost ``run`` goes on."""
+        """Ends every ``run`` after the present event; time is kept. The next outermost ``run`` continues."""
         self._stopped = True
 
     def resume(self) -> None:

@@ -1,4 +1,4 @@
-"""What nodes log, in virtual time."""
+"""Log lines of nodes, in virtual time."""
 
 from __future__ import annotations
 

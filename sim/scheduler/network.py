@@ -1,4 +1,4 @@
-"""Topics without DDS: endpoints that discover each other, messages that take their time.
+"""Topics without DDS: endpoints with discovery, messages with latency.
 
 A message is serialised once, when it is published. Each subscriber gets a copy of its own, made when the node takes it,
 so that an overwritten message costs nothing.
@@ -51,7 +51,7 @@ class Watchers:
 
 
 class SimPublisher:
-    """See ``robot_stack.middleware.port.Publisher``. visible_ns, gone_ns: when all others know it, and no longer."""
+    """See ``robot_stack.middleware.port.Publisher``. visible_ns, gone_ns: begin and end of its visibility to others."""
 
     __slots__ = ("_history", "_network", "gone_ns", "links", "port", "row", "topic_name", "visible_ns")
 
@@ -86,7 +86,7 @@ class SimPublisher:
             link.send(packet)
 
     def match(self, link: Link) -> None:
-        """Messages go to this subscriber from now on; a late joiner gets what is kept."""
+        """Messages go to this subscriber from now on; a late joiner gets the retained ones."""
         self.links.append(link)
         for packet in self._history:
             link.send(packet)
@@ -291,7 +291,7 @@ class Network:
         return self._subscriptions.get(name, ())
 
     def leave(self, port: SimPort, at_ns: int) -> None:
-        """The others stop to see the endpoints of a node at that time."""
+        """The endpoints of a node become invisible to others at that time."""
         publishers = [item for items in self._publishers.values() for item in items if item.port is port]
         subscriptions = [item for items in self._subscriptions.values() for item in items if item.port is port]
         self._leave_at(at_ns, port, publishers, subscriptions)
@@ -342,7 +342,7 @@ class Network:
 
 
 def reader(type_name: str) -> Callable[[bytes], Any]:
-    """What makes a message of its bytes: of clouds and images a view."""
+    """The decoder of a message; clouds and images become views."""
     decode, view = decoder(type_name), READERS.get(type_name)
     if view is None:
         return decode
@@ -350,7 +350,7 @@ def reader(type_name: str) -> Callable[[bytes], Any]:
     def read(data: bytes) -> Any:
         try:
             return view(data)
-        except UnknownEncoding:  # left to the middleware, which says what is wrong
+        except UnknownEncoding:  # left to the middleware, which reports the error
             return decode(data)
 
     return read

@@ -1,4 +1,4 @@
-"""What looks on while a run goes: it is called for each event and changes nothing."""
+"""Observers of a run: called for each event, without effect on it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Observer:
         """text: the traceback."""
 
     def on_life_change(self, time_ns: int, process: str, change: LifeChange) -> None:
-        """A process starts, ends, hangs or goes on."""
+        """A process starts, ends, hangs or continues."""
 
 
 class Digest(Observer):
@@ -66,7 +66,7 @@ class Digest(Observer):
         self._sum.update(data)
 
     def add(self, data: bytes) -> None:
-        """Includes what is no message, e.g. the ground truth."""
+        """Includes other data, e.g. the ground truth."""
         self._sum.update(data)
 
     def hexdigest(self) -> str:
@@ -74,7 +74,7 @@ class Digest(Observer):
 
 
 class Recording(Observer):
-    """Writes the messages of some rows as the recorder does.
+    """Writes the messages of some rows in the recorder's format.
 
     clock_start_ns: the ROS clock at virtual time 0. wants: takes topic and ROS time in s; False leaves a message out,
     e.g. ``robot_stack.recording.sweeps.SweepChoice.wants``. Raises OSError, DefinitionMissing.

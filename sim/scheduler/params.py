@@ -27,7 +27,7 @@ class Spread(Config):
 class WorkerSpread(Spread):
     """parallel: the job may run in a thread while virtual time goes on; only for jobs without side effects.
 
-    None: as the node says by ``world_waits``.
+    None: by the node's ``world_waits``.
     """
 
     parallel: bool | None = None

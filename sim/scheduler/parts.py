@@ -1,4 +1,4 @@
-"""Names for annotations of parts that refer to each other: modules do not import each other in circles.
+"""Names for annotations of parts that refer to each other, which avoids import cycles.
 
 ``SimPort`` is that of ``sim.scheduler.port``, ``Life`` that of ``process``, ``Scheduler`` that of ``scheduler``, and
 ``SimulatedStack`` that of ``sim.stack.stack``.

@@ -75,8 +75,8 @@ class VirtualClock:
 class SimPort:
     """One node on the scheduler.
 
-    ready: what wakes the node and has arrived, in that order. waiting: subscriptions with messages that do not.
-    open: the node lives and its port is not closed.
+    ready: arrived items that wake the node, in order of arrival. waiting: subscriptions with messages that do not.
+    open: the node exists and its port is not closed.
     """
 
     def __init__(self, life: Life, name: str) -> None:
@@ -168,7 +168,7 @@ class SimPort:
             self.life.request_wake(self.life.events.now_ns)
 
     def has_work(self) -> bool:
-        """Something has arrived or is due that wakes the node."""
+        """True if an item that wakes the node has arrived or is due."""
         if not self.open:
             return False
         return bool(self.ready) or self._woken or self.schedule.next_due_s() <= self._clock.timer_s()
@@ -202,7 +202,7 @@ class SimPort:
         return self._clock.virtual_ns(self.schedule.next_due_s()) if self.open else NEVER
 
     def on_pause(self, late_ns: int) -> None:
-        """The process did not run for so long beyond what it slept by itself."""
+        """Handles a stall: the time for which the process did not run beyond its own sleep."""
         late_s = late_ns / NANOSECONDS
         self._pauses += 1
         self._paused_s += self._pause_budget.excuse(late_s, self.monotonic_s())
@@ -317,7 +317,7 @@ class SimPort:
         self.life.wait_until(condition, round(timeout_s * NANOSECONDS), loop=loop)
 
     def wait_delivered(self, timeout_s: float) -> None:
-        """What has left a process arrives also after the end of the process."""
+        """Returns at once: sent messages arrive even after the end of the process."""
 
     def close(self) -> None:
         self.life.on_port_closed(self)

@@ -18,7 +18,7 @@ from sim.scheduler.port import SimPort
 
 Send = Callable[[Any], None]
 
-# As robot_stack.ros.executor: a wait that ends so much later than it should shows that the process stalled.
+# As robot_stack.ros.executor: a wait that ends this much too late indicates that the process stalled.
 _PAUSE_NS = 30_000_000
 # As robot_stack.ros.process, and of a process that a signal ended.
 EXIT_STOPPED, EXIT_CRASHED, EXIT_REFUSED, EXIT_KILLED = 0, 1, 2, -9
@@ -83,11 +83,11 @@ class Life:
         return self._hung_until_ns > self.events.now_ns
 
     def leaves_ns(self) -> int:
-        """When what is done now takes effect outside: at the end of the wake-up, or at once beside the loop."""
+        """Time at which present outputs take effect outside: at the end of the wake-up, or at once beside the loop."""
         return self.free_ns if self._computing else max(self.events.now_ns, self._hung_until_ns)
 
     def appears_ns(self) -> int:
-        """When an endpoint that is made now is known to all others."""
+        """Time at which an endpoint created now is known to all others."""
         return self.leaves_ns() + self.process.appear.draw()
 
     def send(self, send: Send, item: Any) -> None:
@@ -107,7 +107,7 @@ class Life:
         at_ns = max(at_ns, self._busy_until_ns, self._hung_until_ns)
         if at_ns < self._wake_ns and self.alive and not self._computing:
             self._wake_ns = at_ns
-            # Behind what arrives at the same time: a wake-up sees it.
+            # After arrivals at the same time, so that the wake-up processes them.
             self.events.push(at_ns, self.process.order + 1, self._wake, at_ns)
 
     def hang(self, duration_ns: int) -> None:
@@ -118,7 +118,7 @@ class Life:
         due_ns = min(self._next_due_ns(), until_ns)
         if self._busy_until_ns > now_ns:
             self._busy_until_ns += duration_ns
-            due_ns = until_ns  # the loop did not wait for anything, and cannot see that it stood still
+            due_ns = until_ns  # the loop did not wait, and cannot detect the stall
         self._hang_due_ns = due_ns
         self.events.push(until_ns, self.process.order, self._resume, due_ns, until_ns)
 
@@ -163,7 +163,7 @@ class Life:
             self._plan()
 
     def _plan(self) -> None:
-        """The next wake-up: for what has arrived meanwhile, or for the next timer."""
+        """Plans the next wake-up: for arrivals meanwhile, or for the next timer."""
         if not self.ready:
             return
         for port in self.ports:
@@ -200,7 +200,7 @@ class Life:
         self.finish()
 
     def _run_callbacks(self) -> None:
-        """The order of ``LeanExecutor``: messages before timers, so that a tick sees what has arrived."""
+        """The order of ``LeanExecutor``: messages before timers, so that a tick uses the newest ones."""
         ports = self.ports
         for phase in (SimPort.take_ready, SimPort.take_waiting, SimPort.run_soon, SimPort.run_due):
             for port in ports:
@@ -208,7 +208,7 @@ class Life:
                     phase(port)
 
     def _flush(self) -> None:
-        """What was sent in a wake-up leaves. A process that was killed before sends nothing."""
+        """Sends the outputs of a wake-up. A process that was killed before sends nothing."""
         if self.events.now_ns < self.free_ns:
             self.events.push(self.free_ns, self.process.order, self._flush)
             return
@@ -217,8 +217,8 @@ class Life:
             send(item)
 
     def wait_until(self, condition: Callable[[], bool], timeout_ns: int, *, loop: bool) -> None:
-        """Within a callback: lets the world go on. loop: the callbacks of this process run meanwhile, in wake-ups of
-        their own; otherwise what arrives waits.
+        """Within a callback: lets the world continue. loop: the callbacks of this process run meanwhile, in wake-ups of
+        their own; otherwise arrivals wait.
         """
         computing, end_ns = self._computing, self.events.now_ns + timeout_ns
         if computing:
@@ -231,7 +231,7 @@ class Life:
     # --- start and end -----------------------------------------------------------------------------------------------
 
     def construct(self, factories: Sequence[NodeFactory]) -> None:
-        """Constructs the nodes. Raises what they raise."""
+        """Constructs the nodes. Raises their exceptions."""
         self.begin(self.process.construction_ns())
         try:
             with ports_from(self._open_port):
@@ -251,7 +251,7 @@ class Life:
         return port
 
     def leave_safe(self) -> list[str]:
-        """The orderly end: safe outputs, then the ends of the nodes. Returns the tracebacks of what failed."""
+        """The orderly end: safe outputs, then the ends of the nodes. Returns the tracebacks of failures."""
         failures = []
         self.begin(sum(port.compute.draw() for port in self.ports))
         for end in (_safe_output, _destroy):
@@ -276,7 +276,7 @@ class Life:
             scheduler.release_name(port.name, self, gone_ns)
 
     def kill(self) -> None:
-        """Ends at once. What has left already still arrives."""
+        """Ends at once. Messages already sent still arrive."""
         self.alive, self.killed = False, True
         self._outbox.clear()
         scheduler = self.process.scheduler
@@ -374,7 +374,7 @@ class Process:
             self.life.go_on()
 
     def restart(self) -> None:
-        """Kills what lives and starts anew."""
+        """Kills the present life and starts a new one."""
         self.kill()
         self.start()
 

@@ -55,11 +55,11 @@ class MessageRule:
         )
 
     def applies(self, streams: Streams) -> bool:
-        """Draws also where the outcome is certain: a changed probability shifts nothing."""
+        """Draws even if the outcome is certain: a changed probability shifts no other draw."""
         return bool(streams.generator(self._stream).random() < self.probability)
 
     def change(self, transfers: list[Transfer], row: Topic, streams: Streams) -> list[Transfer]:
-        """What becomes of a message."""
+        """The effect on a message."""
         raise NotImplementedError
 
     @property
@@ -89,7 +89,7 @@ class Delay(MessageRule):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Duplicate(MessageRule):
-    """The message comes a second time, later by ``extra``, whatever comes between."""
+    """The message arrives a second time, later by ``extra``, regardless of messages in between."""
 
     extra: Spread
 
@@ -101,7 +101,7 @@ class Duplicate(MessageRule):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reorder(MessageRule):
-    """The message comes later by ``extra``; those after it may overtake it."""
+    """The message arrives later by ``extra``; those after it may overtake it."""
 
     extra: Spread
 

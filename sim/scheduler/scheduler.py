@@ -1,4 +1,4 @@
-"""The scheduler of a run: what owns time, the network, the processes and the random streams."""
+"""The scheduler of a run, which owns time, the network, the processes and the random streams."""
 
 from __future__ import annotations
 
@@ -186,7 +186,7 @@ class Scheduler:
         return process
 
     def computer(self, name: str = "robot") -> Computer:
-        """The computer of this name; made with a random uptime when it is first asked for."""
+        """The computer of this name, created with a random uptime at the first request."""
         found = self._computers.get(name)
         if found is None:
             uptime_ns = int(self.streams.generator(f"computer/{name}").integers(NANOSECONDS, _LONGEST_UPTIME_NS))
@@ -211,7 +211,7 @@ class Scheduler:
         self._holders[name] = life
 
     def release_name(self, name: str, life: Life, gone_ns: int) -> None:
-        """gone_ns: when the others no longer see the node."""
+        """gone_ns: end of the node's visibility to others."""
         if self._holders.get(name) is life:
             del self._holders[name]
         for port, _, gone in self._seen:

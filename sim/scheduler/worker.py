@@ -1,4 +1,4 @@
-"""Jobs beside a node's loop, whose results come after a simulated duration."""
+"""Jobs beside a node's loop, whose results arrive after a simulated duration."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ class SimWorker:
         life.events.push(self._free_ns, self._port.order, self._finish, result, done, life.hung_ns)
 
     def close(self, timeout_s: float) -> None:
-        """Accepts no more jobs. What was submitted has run; its result still arrives if the node lives on."""
+        """Accepts no more jobs. Submitted jobs have run; their results still arrive if the node continues."""
         self._closed = True
         self.join()
 
     def join(self) -> None:
-        """Waits for jobs that run in threads, so that what they leave behind is as if they had run at once."""
+        """Waits for jobs that run in threads, so that their side effects are as if they had run at once."""
         wait(self._running)
         self._running.clear()
 
