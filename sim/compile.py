@@ -2,7 +2,7 @@
 
 A package with compiled functions has a module ``warm_up`` with a function of that name, which runs each of them with
 arguments as in use. Its nodes call it while they are constructed; here all are called, found by walking the packages. A
-compiled function that none of them has reached is an error: a node would compile it in the middle of its work.
+compiled function not reached by any of them is an error: a node would compile it during operation.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def loops() -> dict[str, Any]:
 
 
 def is_compiled(loop: Any) -> bool:
-    """Some version of it, on disk and of its source as it is now. numba offers no public way to ask."""
+    """True if a version of its present source is on disk. numba has no public call for this."""
     return bool(loop._cache._cache_file._load_index())
 
 
@@ -61,12 +61,12 @@ def run(name: str) -> str:
 
 
 def missing(all_loops: dict[str, Any]) -> list[str]:
-    """Names of those that are not compiled."""
+    """Names of the loops that are not compiled."""
     return [name for name, loop in all_loops.items() if not is_compiled(loop)]
 
 
 def main() -> int:
-    """Compiles on all cores, tells how far it is, and returns the exit code."""
+    """Compiles on all cores, reports the progress, and returns the exit code."""
     all_loops = loops()
     told = len(all_loops) - len(missing(all_loops))
     # Forked: everything is imported already.

@@ -61,7 +61,7 @@ class DemoError(Exception):
 
 def main() -> int:
     options = _options()
-    # SIGTERM ends the demo as Ctrl-C does, with the stack stopped, also where a shell has SIGINT ignored.
+    # SIGTERM ends the demo like Ctrl-C, with the stack stopped, also if a shell ignores SIGINT.
     signal.signal(signal.SIGTERM, _interrupt)
     signal.signal(signal.SIGINT, _interrupt)
     folder: Path | None = None
@@ -89,7 +89,7 @@ _interrupted = False
 
 
 def _interrupt(*_: object) -> None:
-    """An interrupt inside the middleware comes out as a RuntimeError: so it is noted as well."""
+    """Records an interrupt: inside the middleware it is raised as a RuntimeError."""
     global _interrupted
     _interrupted = True
     raise KeyboardInterrupt
@@ -124,7 +124,7 @@ def _refuse_second() -> None:
 
 
 def _evidence(folder: Path) -> str:
-    """Where to look after a failure, one line each."""
+    """Sources for the analysis of a failure, one line each."""
     recording = folder / "recording"
     recorded = any(recording.glob("*.mcap"))
     lines = [f"  recording: {recording if recorded else 'none, the ride did not begin'}"]
@@ -160,7 +160,7 @@ def _settings(options: argparse.Namespace) -> list[str]:
         *world_settings(options.world),
         *(pose_settings("sim_world.start", start) if options.start else []),
         *(f"{node}.seed={options.seed}" for node in WORLDLY),
-        # Without a map nobody can find out that the robot stands elsewhere.
+        # Without a map localization cannot correct a wrong start.
         *pose_settings("ndt_localization.start", believed if own_map(options.world) else start),
     ]
 
@@ -207,7 +207,7 @@ def _follow(observer: Any, display: Display) -> None:
 
 
 def _settle(observer: Any) -> None:
-    """Waits until nothing stops the robot. Raises DemoError if that does not come about."""
+    """Waits until nothing stops the robot. Raises DemoError on a timeout."""
     begun_s = observer.world_s
     while not observer.may_move():
         observer.wait(observer.may_move, 1.0)
@@ -278,7 +278,7 @@ def result_line(arrived: bool, reason: str, found: Figures) -> str:
 
 
 def estimate_line(found: Figures, touched: tuple[str, ...]) -> str:
-    """What the robot believed, and what it touched."""
+    """The error of the robot's estimate, and its contacts."""
     return (
         f"believed pose off by {1e3 * found.estimate_rms_m:.0f} mm rms, {1e3 * found.estimate_p95_m:.0f} mm and "
         f"{found.estimate_p95_deg:.2f} deg p95; touched {', '.join(touched) or 'nothing'}"
@@ -286,7 +286,7 @@ def estimate_line(found: Figures, touched: tuple[str, ...]) -> str:
 
 
 def carriage_line(carried: Carriage) -> str:
-    """What became of the wheelchair, in one line."""
+    """The result of the wheelchair's transport, in one line."""
     return (
         f"wheelchair: docked to {carried.docked_mm:.1f} mm and {carried.docked_deg:.2f} deg before the latch closed, "
         f"carried {carried.carried_m:.1f} m, put down {1e3 * carried.beside_m:.0f} mm and {carried.beside_deg:.1f} deg "
@@ -295,7 +295,7 @@ def carriage_line(carried: Carriage) -> str:
 
 
 def _destination(mission: Mission) -> Pose2 | None:
-    """Where the mission puts the wheelchair down, base_link in map."""
+    """Destination of the wheelchair in the mission, base_link in map."""
     return next((item.pose for item in mission.waypoints if item.action.kind is Kind.UNDOCK), None)
 
 
@@ -307,7 +307,7 @@ def _dock_pose(mission: Mission) -> Pose2:
 
 
 def _stop(recording: Recording | None) -> None:
-    # A second Ctrl-C must not leave half a stack behind.
+    # A second Ctrl-C must not leave processes of the stack behind.
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         if recording is not None:

@@ -1,4 +1,4 @@
-"""A line through points: where a route or the walk of a person leads."""
+"""A line through points, for a route or the walk of a person."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Polyline:
         self.length_m = sum(length_m for _, _, length_m in self._legs)
 
     def pose_at(self, along_m: float) -> Pose2:
-        """So far along the line, facing along it; beyond the end its last point. A single point faces east."""
+        """The pose at a distance on the line, along it; past the end the last point. A single point faces east."""
         for (x0, y0), (x1, y1), length_m in self._legs:
             if along_m <= length_m or (x1, y1) == self._last:
                 share = min(1.0, along_m / length_m)

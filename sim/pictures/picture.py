@@ -68,7 +68,7 @@ def from_above(world: World) -> View:
 
 
 def render(world: World, view: View, width: int, height: int, route: Sequence[tuple[float, float]] = ()) -> Image:
-    """An (height, width, 3) picture of the world as it is, with a route painted on the ground, points x, y in m."""
+    """An (height, width, 3) picture of the present world, with a route painted on the ground, points x, y in m."""
     world.model.vis.quality.offsamples = _SUPERSAMPLING
     world.model.vis.quality.shadowsize = _SHADOW_PIXELS
     world.model.vis.global_.offwidth = max(width, world.model.vis.global_.offwidth)

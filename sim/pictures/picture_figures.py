@@ -1,4 +1,4 @@
-"""What only a picture shows: the markers on the boards, and somebody who sits in the wheelchair."""
+"""Figures for pictures only: the markers on the boards, and a passenger in the wheelchair."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Rgba = tuple[float, float, float, float]
 
 
 def paint_boards(scene: Any, world: World) -> None:
-    """The markers of every board that stands in this world."""
+    """Paints the markers of every board in this world."""
     docks = load_docks()
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, docks.dictionary))
     half = 0.5 * docks.marker_size_m

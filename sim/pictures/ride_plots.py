@@ -26,7 +26,7 @@ _DPI = 130
 def draw_map(
     path: Path, world: WorldFile, ride: Ride, waypoints: Sequence[tuple[str, Pose2]], stood: Sequence[Stop] = ()
 ) -> None:
-    """The world from above with the plans, the true way, the waypoints and, numbered, where it stood, as a PNG."""
+    """The world from above with the plans, the true way, the waypoints and the numbered stops, as a PNG."""
     figure, axes = plt.subplots(figsize=(10.0, 7.0))
     _draw_world(axes, world)
     lines = [line for _, line in ride.plans if len(line)]
@@ -53,7 +53,7 @@ def draw_map(
 
 
 def draw_course(path: Path, ride: Ride) -> None:
-    """Speed, deviation from the plan and error of the believed pose, over time, as a PNG."""
+    """Speed, deviation from the plan and error of the estimated pose, over time, as a PNG."""
     figure, (upper, middle, lower) = plt.subplots(3, 1, figsize=(10.0, 7.5), sharex=True)
     upper.plot([s.time_s for s in ride.samples], [s.speed_mps for s in ride.samples], color=_DRIVEN)
     upper.set(ylabel="speed / m/s")

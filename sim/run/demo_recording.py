@@ -12,7 +12,7 @@ from robot_stack.cli.film import make_film
 from robot_stack.core.config import ConfigError, load
 from robot_stack.film.params import FilmParams
 
-# What fills the disk and keeps a small machine busy, and what neither plots nor film need.
+# Topics of high bandwidth that neither plots nor film need.
 _LEFT_OUT = ("/sensors/lidar/*", "/sensors/overhead_lidar/*", "/sensors/camera/*", "/perception/*", "/local_costmap/*")
 _FINISH_S = 15.0
 
