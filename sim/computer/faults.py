@@ -50,7 +50,7 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     FaultKind("cpu_high", "all processors together", _ONLY, "%", _cpu_high, 0.0, 100.0, 99.0),
     FaultKind("memory_high", "memory that is not available", _ONLY, "%", _memory_high, 0.0, 100.0, 97.0),
     FaultKind("disk_full", "the file system of the recordings is full", _ONLY, "none", _disk_full),
-    # Where there was no page it goes as soon as one has been seen. Pages elsewhere stay, and then nobody misses it.
+    # Without a page, one opens and closes once it has been seen. If other pages stay, the link is not lost.
     FaultKind("screen_lost", "the page on the robot's own screen is gone", _ONLY, "none", _screen_lost),
 )
 BY_NAME = {kind.name: kind for kind in FAULT_KINDS}

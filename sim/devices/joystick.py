@@ -26,7 +26,7 @@ class Joystick:
         self._end: int | None = None
 
     def plug(self) -> None:
-        """Whoever opens the file reads what is sent; does nothing while it is there."""
+        """Creates the file, whose readers receive the sent events; does nothing if it exists."""
         if self._end is None:
             os.mkfifo(self._link)
             # Both ways: a write-only pipe cannot be opened before there is a reader.

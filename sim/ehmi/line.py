@@ -107,11 +107,11 @@ class DisplayLine:
         with self._turn:
             now_s = time.monotonic()
             if self._ends is not None:
-                with contextlib.suppress(OSError):  # nothing there
+                with contextlib.suppress(OSError):  # no data
                     self._firmware.receive(os.read(self._ends[0], _CHUNK), now_s)
             data = self._firmware.transmit(now_s)
             if self._ends is not None and data:
-                with contextlib.suppress(OSError):  # nobody reads
+                with contextlib.suppress(OSError):  # no reader
                     os.write(self._ends[0], data)
             due_s = self._firmware.next_due_s()
         return min(max(0.0, due_s - time.monotonic()), _LONGEST_WAIT_S)

@@ -2,7 +2,7 @@
 
 It waits for a node that is late with a timer, which each node writes to its record (``robot_stack.core.node_record``),
 and for a node that has not taken a message that wakes it (``robot_stack.core.deliveries``). A node whose timer is due
-takes first what was published to it, so that messages which wake nobody are waited for by the timer.
+takes first what was published to it, so that messages without a wake-up are waited for by the timer.
 """
 
 from __future__ import annotations

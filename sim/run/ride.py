@@ -62,7 +62,7 @@ class Ride:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """The robot stood: from when on, how long, where in map, and why as far as somebody said so."""
+    """A stop of the robot: begin, duration, place in map, and the reported reason, if any."""
 
     time_s: float
     duration_s: float
