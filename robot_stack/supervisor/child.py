@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import importlib
+import math
 import os
 import signal
 import sys
@@ -97,6 +98,8 @@ def _follow_the_supervisor(orphaned: threading.Event, grace_s: float) -> None:
     connection.wait([supervisor.sentinel])
     orphaned.set()
     print("the supervisor has died: this process stops", file=sys.stderr, flush=True)
+    # The middleware may hang while it is taken down, with the interpreter lock: no thread would run then.
+    signal.alarm(math.ceil(grace_s) + 1)
     os.kill(os.getpid(), signal.SIGINT)
     time.sleep(grace_s)
     os.killpg(0, signal.SIGKILL)

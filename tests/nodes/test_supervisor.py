@@ -374,6 +374,14 @@ def test_what_a_killed_supervisor_left_is_ended_by_the_next(running: Stack) -> N
     assert f"processes {pid}" in running.log("supervisor")
 
 
+def test_an_orphan_that_hangs_at_its_end_with_the_interpreter_lock_is_ended(running: Stack) -> None:
+    """No thread of it runs any more: only the kernel can end it."""
+    pid = running.entry("spare")["pid"]
+    running.order("spare", "locked")
+    os.kill(ask("status")["pid"], signal.SIGKILL)
+    wait_for(lambda: not _alive(pid), "the orphan to end", 10.0)
+
+
 def test_down_ends_a_supervisor_that_does_not_answer(running: Stack) -> None:
     running.note()
     os.kill(ask("status")["pid"], signal.SIGSTOP)

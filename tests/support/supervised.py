@@ -2,11 +2,13 @@
 
 The folder ``SUPERVISED_ORDERS`` holds one file for each process, named like it, with one word in it:
 hang (the node's loop stands still), stubborn (the same, and it ignores SIGINT and SIGTERM), crash (exit code 1),
-refuse (exit code 2), waiting (not ready). A new process reads it again.
+refuse (exit code 2), waiting (not ready), locked (hangs at its end, with the interpreter lock). A new process reads it
+again.
 """
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import subprocess
@@ -27,7 +29,7 @@ class Supervised(StackNode):
         self._obey()
 
     def _obey(self) -> None:
-        order = self._orders.read_text(encoding="ascii").strip() if self._orders.exists() else ""
+        order = self._order()
         self.set_health(order != "waiting", "working" if order != "waiting" else "/sensors/imu")
         match order:
             case "crash":
@@ -42,6 +44,14 @@ class Supervised(StackNode):
                 signal.signal(signal.SIGINT, signal.SIG_IGN)
                 signal.signal(signal.SIGTERM, signal.SIG_IGN)
                 _stand_still()
+
+    def _order(self) -> str:
+        return self._orders.read_text(encoding="ascii").strip() if self._orders.exists() else ""
+
+    def destroy_node(self) -> None:
+        if self._order() == "locked":
+            ctypes.PyDLL(None).sleep(600)
+        super().destroy_node()
 
 
 def _stand_still() -> None:
