@@ -19,10 +19,9 @@ class WheelchairInput:
     ) -> None:
         """changed: called with each new value of ``attached``. assumed: that value until the first message."""
         self.attached = assumed
-        self._changed = changed
+        self._changed, self._assumed = changed, assumed
         self._passenger = node.subscribe(topics.PASSENGER_ATTACHED, self._update)
         self._latch = node.subscribe(topics.LATCH_STATUS, self._update)
-        self._assumed = assumed
 
     def _update(self, _: object) -> None:
         passenger, latch = self._passenger.latest, self._latch.latest

@@ -25,9 +25,7 @@ from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_set
 from robot_stack.drive.joint_states import encoders as encoders_of
 from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.odometry import Encoders, Odometry
-from robot_stack.drive.parameters import (
-    SwerveControllerParams,
-)
+from robot_stack.drive.parameters import SwerveControllerParams
 from robot_stack.drive.session import DriveSession
 from robot_stack.localization.gyro import ImuSample as GyroSample
 from robot_stack.localization.localizer import Localizer
@@ -183,7 +181,6 @@ class _Drive:
         params = load(SwerveControllerParams, "swerve_controller")
         self._controller = SwerveController(params, robot)
         self._arbiter = Arbiter()
-        self._robot = robot
         self._limits = MotionLimits.of(robot.motion(passenger))
 
     @property

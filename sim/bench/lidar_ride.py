@@ -58,7 +58,7 @@ class Fix:
 
 
 class LidarRide(FewNodes):
-    """world: with its people. site: name or folder of the map. start: what localization is told.
+    """world: with its people. site: name or folder of the map. start: the start pose of localization.
 
     follower: drives, while there is one. fixes: of every tick of the localization so far. localized_from_s: when the
     localization became a running node, virtual time.
@@ -69,16 +69,18 @@ class LidarRide(FewNodes):
         file = Path(self._files.name) / "world.yaml"
         file.write_text(yaml.safe_dump(world.model_dump(mode="json")), encoding="utf-8")
         own = [f"{node}.world={file}" for node in ("sim_world", "lidar_driver")]
-        believed = pose_settings("ndt_localization.start", start)
+        own += [
+            f"ndt_localization.map={site}",
+            "sim_world.people=true",
+            *pose_settings("ndt_localization.start", start),
+        ]
         nodes = (*DRIVE, "lidar_driver")
-        super().__init__(
-            seed, nodes, [*own, f"ndt_localization.map={site}", "sim_world.people=true", *believed, *settings]
-        )
+        super().__init__(seed, nodes, [*own, *settings])
         self.follower: RouteFollower | None = None
         self.fixes: list[Fix] = []
         self.localized_from_s = math.nan
         self._localizer: Any = None
-        self._believed: Pose2 | None = None
+        self._pose: Pose2 | None = None
         self._truths: deque[tuple[float, Pose2, float]] = deque(maxlen=_TRUTHS)
 
     def __enter__(self) -> Self:
@@ -123,7 +125,7 @@ class LidarRide(FewNodes):
 
     def _note_fix(self, estimate: Estimate) -> None:
         localizer = self._localizer
-        self._believed = estimate.pose
+        self._pose = estimate.pose
         if not self._truths:
             return
         _, truth, height_m = min(self._truths, key=lambda item: abs(item[0] - estimate.stamp_s))
@@ -142,8 +144,8 @@ class LidarRide(FewNodes):
         )
 
     def _drive(self) -> None:
-        known = self.follower is not None and self._believed is not None
-        twist = self.follower.twist(self._believed) if known else ZERO_TWIST  # type: ignore[union-attr, arg-type]
+        follower, pose = self.follower, self._pose
+        twist = ZERO_TWIST if follower is None or pose is None else follower.twist(pose)
         self.publish(topics.TELEOP_CMD_VEL, twist_stamped(twist, frames.BASE_LINK, self.stamp()))
 
     def _ros_s(self) -> float:

@@ -6,17 +6,15 @@ fired and been carried over, matches take the time that they would take, and the
 
 from __future__ import annotations
 
-import math
 from collections import deque
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.bench.framework import BenchError
 from robot_stack.core.config import load
-from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.site_map import Cells
 from robot_stack.drive.arbitration import Source
 from robot_stack.drive.odometry import Odometry
@@ -25,6 +23,7 @@ from robot_stack.localization.ndt.gate import Confidence
 from robot_stack.localization.ndt.solver import SweepSolver
 from robot_stack.localization.params import LocalizationParams
 from sim.bench.kernel_stack import KernelStack
+from sim.bench.lidar_ride import Fix, RouteFollower
 from sim.camera.motion import Track
 from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import build_scene
@@ -38,27 +37,6 @@ _SWEEP_S = 0.1
 _CARRIED_S = 0.015  # from the last column to the node: 3.6 MB are packed, sent and read
 _MATCHED_S = 0.010
 _SETTLE_S = 3.0
-
-
-@dataclass(frozen=True, slots=True)
-class Fix:
-    """The published pose beside the truth at its stamp; pose is None while none is published.
-
-    sigma_m: standard deviation of its position, as published.
-    """
-
-    time_s: float
-    pose: Pose2 | None
-    truth: Pose2
-    height_m: float
-    quality: float
-    sigma_m: float
-    score: float
-    confidence: Confidence
-
-    @property
-    def error_m(self) -> float:
-        return math.inf if self.pose is None else self.pose.distance_to(self.truth)
 
 
 class LidarStack(KernelStack):
@@ -75,7 +53,6 @@ class LidarStack(KernelStack):
         people: Mapping[str, Track] | None = None,
         changes: dict[str, object] | None = None,
     ) -> None:
-        self.requested = Twist2(0.0, 0.0, 0.0)
         self.believed: Pose2 | None = None
         self.follower: RouteFollower | None = None
         super().__init__(setup)
@@ -92,7 +69,6 @@ class LidarStack(KernelStack):
         self._track: deque[tuple[float, Array]] = deque(maxlen=round(2.0 * _SWEEP_S / (1e-3 * _TRACK_STEPS)))
         self.fixes: list[Fix] = []
         self._truths: deque[tuple[float, Pose2, float]] = deque(maxlen=200)
-        self.lidar_on = True
         self.every(1000.0 / _TRACK_STEPS, self._note_truth)
         self.every(1.0 / _SWEEP_S, self._sweep)
 
@@ -115,7 +91,7 @@ class LidarStack(KernelStack):
         self._truths.append((self.time_s, truth.pose(), truth.position_m[2]))
 
     def _sweep(self) -> None:
-        if not self.lidar_on or len(self._track) < self._track.maxlen:  # type: ignore[operator]
+        if len(self._track) < self._track.maxlen:  # type: ignore[operator]
             return
         stamp_s = self._track[-1][0]
         base = Track(np.array([item[0] for item in self._track]), np.array([item[1] for item in self._track]))
@@ -170,46 +146,12 @@ class LidarStack(KernelStack):
                 estimate.position_sigma_m,
                 score,
                 self.localizer.confidence,
+                self.localizer.slip is not None,
             )
         )
 
     def _navigation_tick(self) -> None:
-        requested = self.requested
+        requested = ZERO_TWIST
         if self.follower is not None and self.believed is not None:
             requested = self.follower.twist(self.believed)
         self._send(lambda: self.drive.on_command(Source.NAVIGATION, requested, self.time_s))
-
-
-class RouteFollower:
-    """Pure pursuit along points (m, map), heading along the way; slow where it bends."""
-
-    def __init__(self, points: Sequence[tuple[float, float]], speed_mps: float, ahead_m: float = 0.6) -> None:
-        self._way = _densely(np.array(points, float), 0.1)
-        self._speed, self._steps = speed_mps, max(1, round(ahead_m / 0.1))
-        self._at = 0
-
-    @property
-    def ended(self) -> bool:
-        return self._at >= len(self._way) - 3
-
-    def twist(self, pose: Pose2) -> Twist2:
-        near = self._way[self._at : self._at + 30]
-        self._at += int(np.argmin(np.hypot(near[:, 0] - pose.x, near[:, 1] - pose.y)))
-        if self.ended:
-            return Twist2(0.0, 0.0, 0.0)
-        goal = self._way[min(self._at + self._steps, len(self._way) - 1)]
-        far = self._way[min(self._at + 2 * self._steps, len(self._way) - 1)]
-        dx, dy = goal[0] - pose.x, goal[1] - pose.y
-        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-        x, y = c * dx + s * dy, -s * dx + c * dy
-        heading = math.remainder(math.atan2(far[1] - pose.y, far[0] - pose.x) - pose.yaw, math.tau)
-        speed = self._speed * max(0.25, 1.0 - abs(heading) / 0.8)
-        distance = max(math.hypot(x, y), 1e-3)
-        return Twist2(speed * x / distance, speed * y / distance, max(-0.8, min(0.8, 1.5 * heading)))
-
-
-def _densely(points: Array, step_m: float) -> Array:
-    """(n, 2) points every step_m along the way."""
-    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    at = np.arange(0.0, lengths[-1], step_m)
-    return np.stack([np.interp(at, lengths, points[:, 0]), np.interp(at, lengths, points[:, 1])], axis=1)

@@ -55,7 +55,7 @@ def run(apron_m: float = 24.0, speed_mps: float = 1.2, seed: int = 1) -> Result:
 
 
 class _Ride:
-    """From where the first yard is still seen, over the apron, by the pose that the robot believes.
+    """A ride from within sight of the first yard over the apron, by the estimated pose.
 
     beyond_m: how far past the end of the apron.
     """

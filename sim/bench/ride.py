@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from robot_stack.bench.framework import Aim, BenchError, Result
 from robot_stack.core.geometry import Pose2
 from robot_stack.localization.ndt.gate import Confidence
-from sim.bench.lidar_stack import Fix, LidarStack, RouteFollower
+from sim.bench.lidar_ride import Fix, RouteFollower
+from sim.bench.lidar_stack import LidarStack
 from sim.bench.site_changes import changed_world, walkers
 from sim.bench.site_map import site_cells
 from sim.plant.world import Setup

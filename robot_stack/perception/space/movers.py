@@ -100,11 +100,10 @@ class Track:
         return self.x + ahead_m * float(self.course[0]), self.y + ahead_m * float(self.course[1])
 
     def go_by_one_end(self, body: Floats, sigma_m: float) -> None:
-        """Corrected by its nearer end along its course and by its middle across it; its middle is then where the body's
-        is, which changes nothing of what it does."""
-        ahead_m, course, middle = min(self.ends_m(body), key=abs), self.course, body[:, :2].mean(axis=0)
-        aside = np.array([-course[1], course[0]])
-        came = (self.x, self.y) + ahead_m * course + float((middle - (self.x, self.y)) @ aside) * aside
+        """Corrects the track by its nearer end along the course and by the body's centre across it, then moves it to
+        that centre without a change of velocity."""
+        middle, aside = body[:, :2].mean(axis=0), np.array([-self.course[1], self.course[0]])
+        came = self.by_one_end(body) + float((middle - (self.x, self.y)) @ aside) * aside
         self.correct(float(came[0]), float(came[1]), sigma_m)
         self.x, self.y = self.x + float(middle[0] - came[0]), self.y + float(middle[1] - came[1])
         self.shape = body[:, :3] - (*middle, 0.0)
@@ -161,14 +160,15 @@ class Movers:
                 if p.whole * count > before:  # merged with another object: the common centre is elsewhere
                     nearest.stand_in(x, y, body, p.place_sigma_m)
                     continue
-                if nearest.moves and abs(np.subtract(*nearest.ends_m(body))) > p.link_m:
+                apart_m = abs(np.subtract(*nearest.ends_m(body))) if nearest.moves else 0.0
+                if apart_m > p.link_m:
                     self._follow_one_end(nearest, body)
                     continue
                 less, more = sorted((before, count))
                 sigma_m = p.place_sigma_m + 0.5 * (1.0 - less / more) * _width_m(body)
-                if nearest.moves and abs(np.subtract(*nearest.ends_m(body))) > 2.0 * p.place_sigma_m:
+                if apart_m > 2.0 * p.place_sigma_m:
                     nearest.go_by_one_end(body, sigma_m)
-                    nearest.moves = self._moves(nearest)  # where it was, more of it may be by now
+                    nearest.moves = self._moves(nearest)  # its own rear may cover the places that it left
                     continue
                 nearest.correct(x, y, sigma_m)
                 nearest.shape = body[:, :3] - (x, y, 0.0)
@@ -221,7 +221,7 @@ class Movers:
         p, speed_mps = self._params, track.speed_mps
         followed = track.at_s - track.since_s >= p.follow_s
         gone = math.hypot(track.x - track.begin[0], track.y - track.begin[1]) >= p.distance_m
-        doubt_mps = 0.0 if track.moves else p.sure * math.sqrt(track.p22)  # less is seen of who gets hidden
+        doubt_mps = 0.0 if track.moves else p.sure * math.sqrt(track.p22)  # a hidden part shows a lower speed
         sure = speed_mps >= max(p.slowest_mps, doubt_mps)
         return followed and (gone or track.moves) and sure and speed_mps <= p.fastest_mps
 
