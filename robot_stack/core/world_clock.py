@@ -85,6 +85,13 @@ class WorldClock:
         """How far the clock has advanced beyond the time last written by the world."""
         return 1e-9 * self._read()[1]
 
+    def overdue_s(self) -> float:
+        """Real time for which the clock has stood at the end of a step; the world is late with the next one."""
+        _, step_ns, speed_ppm, written_ns = self._page.read()
+        if not speed_ppm:
+            return 0.0
+        return max(0.0, 1e-9 * (time.monotonic_ns() - written_ns - step_ns * _PPM / speed_ppm))
+
     def _read(self) -> tuple[int, int]:
         time_ns, step_ns, speed_ppm, written_ns = self._page.read()
         since_ns = int((time.monotonic_ns() - written_ns) * speed_ppm / _PPM)

@@ -13,8 +13,10 @@ from typing import Protocol
 
 from robot_stack.core.world_clock import WorldClock
 
-# Minimum time between two reads of a simulated clock, which may be late or stand still.
-_LEAST_WAIT_S = 0.0005
+# Limits of the time between two reads of a simulated clock that is late or stands still. In between it grows with the
+# delay: else all nodes of a world that waits for one of them would use up the processor time that this one needs.
+_LEAST_WAIT_S, _LONGEST_WAIT_S = 0.0005, 0.02
+_WAIT_PER_OVERDUE = 0.5
 
 
 class NodeClock(Protocol):
@@ -88,7 +90,8 @@ class SharedWorldClock:
     def real_wait_s(self, due_s: float) -> float:
         if due_s == math.inf:
             return math.inf
-        return max(_LEAST_WAIT_S, (due_s - self._world.now_s()) / self._world.speed)
+        late_s = min(_WAIT_PER_OVERDUE * self._world.overdue_s(), _LONGEST_WAIT_S)
+        return max(_LEAST_WAIT_S, late_s, (due_s - self._world.now_s()) / self._world.speed)
 
 
 class TopicClock:

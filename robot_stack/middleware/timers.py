@@ -78,6 +78,10 @@ class Schedule:
         """Real time to sleep until the next timer may be due."""
         return self._clock.real_wait_s(self.next_due_s())
 
+    def ready(self) -> bool:
+        """True if the next timer is due. A simulated clock may be behind a wait that has ended."""
+        return self.now_s() >= self.next_due_s()
+
     def due(self) -> Iterator[Callable[[], Any]]:
         """The callbacks that are due, each once."""
         now_s = self.now_s()

@@ -92,7 +92,7 @@ class LeanExecutor(Executor):
             node.after_wait()
         if woken:
             self._follow_changes()
-        self._dispatch(ready)
+        self._dispatch(woken, ready)
 
     def idle(self) -> bool:
         """True if it sleeps and nothing that would wake it has arrived. For other threads."""
@@ -171,17 +171,22 @@ class LeanExecutor(Executor):
 
     # --- callbacks ---------------------------------------------------------------------------------------------------
 
-    def _dispatch(self, ready: list[tuple[Any, int]]) -> None:
-        """Messages before timers, so that a tick uses what has already arrived."""
+    def _dispatch(self, woken: bool, ready: list[tuple[Any, int]]) -> None:
+        """Messages before timers, so that a tick uses what has already arrived.
+
+        A wait on a simulated clock may end before the timer is due: then there is nothing to do.
+        """
+        if time.monotonic() >= self._slow_check_s:
+            self._slow_check_s = time.monotonic() + _SLOW_CHECK_S
+            self._start_ready(self._entities.waitables)
+        if not (woken or ready or any(schedule.ready() for schedule in self._entities.schedules)):
+            return
         for entity, count in ready:
             self._take(entity, count)
         for subscription in self._entities.polled:
             self._take_messages(subscription)
         for node in self._entities.stack_nodes:
             node.on_taken()
-        if time.monotonic() >= self._slow_check_s:
-            self._slow_check_s = time.monotonic() + _SLOW_CHECK_S
-            self._start_ready(self._entities.waitables)
         for schedule in self._entities.schedules:
             for callback in schedule.due():
                 self._call(callback)

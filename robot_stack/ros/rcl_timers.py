@@ -21,6 +21,10 @@ class RclTimers:
     def wait_s(self) -> float:
         return min((_wait_s(timer) for timer in self._timers), default=math.inf)
 
+    def ready(self) -> bool:
+        """True if a timer is due."""
+        return self.wait_s() == 0.0
+
     def due(self) -> Iterator[Callable[[], Any]]:
         for timer in self._timers:
             try:

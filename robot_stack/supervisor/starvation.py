@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 # Silence from which waiting time is measured: some missing heartbeats.
 SUSPICIOUS_S = 0.6
+_NICENESS = 16  # in /proc/PID/stat, behind the name
 
 
 @dataclass(frozen=True, slots=True)
 class Turns:
-    """Scheduling of a process's main thread. waited_s: time runnable without a processor, up to its last turn. count:
-    number of turns. runnable: it is runnable now.
+    """Scheduling of a thread. waited_s: time runnable without a processor, up to its last turn. count: number of turns.
+    runnable: it is runnable now.
     """
 
     waited_s: float
@@ -21,34 +23,53 @@ class Turns:
     runnable: bool
 
 
-def turns(pid: int) -> Turns | None:
-    """None if the kernel does not report it, or the process has ended. Source: proc(5), the kernel's sched-stats."""
-    folder = Path(f"/proc/{pid}")
+def turns(pid: int) -> dict[str, Turns]:
+    """By thread, the main thread and those of its priority or a higher one: it may wait for a lock that one of them
+    holds. Empty if the kernel does not report it, or the process has ended. Source: proc(5), the kernel's sched-stats.
+    """
+    found: dict[str, Turns] = {}
     try:
-        _, waited_ns, count = (folder / "schedstat").read_text(encoding="ascii").split()
-        # The name in parentheses may hold anything.
-        state = (folder / "stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()[0]
-        return Turns(1e-9 * int(waited_ns), int(count), state == "R")
+        niceness = _thread(Path(f"/proc/{pid}"))[1]
+        for folder in Path(f"/proc/{pid}/task").iterdir():
+            with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
+                seen, own = _thread(folder)
+                if own <= niceness:
+                    found[folder.name] = seen
     except (OSError, IndexError, ValueError):
-        return None
+        return {}
+    return found
+
+
+def _thread(folder: Path) -> tuple[Turns, int]:
+    """A thread's turns and niceness."""
+    _, waited_ns, count = (folder / "schedstat").read_text(encoding="ascii").split()
+    # The name in parentheses may hold anything.
+    fields = (folder / "stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+    return Turns(1e-9 * int(waited_ns), int(count), fields[0] == "R"), int(fields[_NICENESS])
 
 
 class Starvation:
     """Waiting time of silent processes since the first measurement of their silence. read: see ``turns``."""
 
-    def __init__(self, read: Callable[[int], Turns | None] = turns) -> None:
+    def __init__(self, read: Callable[[int], dict[str, Turns]] = turns) -> None:
         self._read = read
-        self._first: dict[str, tuple[float, Turns]] = {}
+        self._first: dict[str, tuple[float, dict[str, Turns]]] = {}
 
     def of_silence(self, name: str, pid: int, silence_s: float | None, now_s: float) -> float:
-        """Call repeatedly [s]. silence_s: since the last heartbeat, None before the first."""
+        """The longest waiting time of a thread [s]. Call repeatedly. silence_s: since the last heartbeat, None before
+        the first.
+        """
         if silence_s is None or silence_s < SUSPICIOUS_S:
             self._first.pop(name, None)
             return 0.0
         now = self._read(pid)
-        if now is None:
-            return 0.0
         first_s, first = self._first.setdefault(name, (now_s, now))
-        if now.count == first.count and now.runnable:  # the kernel counts a wait when it has ended
-            return now_s - first_s
-        return max(0.0, now.waited_s - first.waited_s)
+        return max(
+            (_waited_s(first[thread], now[thread], now_s - first_s) for thread in first if thread in now), default=0.0
+        )
+
+
+def _waited_s(first: Turns, now: Turns, between_s: float) -> float:
+    if now.count == first.count and now.runnable:  # the kernel counts a wait when it has ended
+        return between_s
+    return max(0.0, now.waited_s - first.waited_s)

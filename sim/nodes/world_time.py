@@ -4,7 +4,7 @@ late."""
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from builtin_interfaces.msg import Time
 
@@ -19,6 +19,8 @@ from sim.run.processes import Processes
 _NANOSECONDS = 1_000_000_000
 # Polling periods while the world waits: short at first, because most messages need no longer.
 _FIRST_LOOK_S, _LAST_LOOK_S = 0.0001, 0.001
+# Period of checks of all nodes and their processes while the world waits; in between it checks only the late ones.
+_ALL_S = 0.02
 _SEARCH_S = 1.0
 _SHOWN_AFTER_S = 0.5
 
@@ -63,13 +65,15 @@ class WorldTime:
         waiting = self._stack.waiting(now_s)
         if not waiting:
             return
-        start_s = real_s = time.monotonic()
+        start_s = real_s = all_s = time.monotonic()
         look_s, shown = _FIRST_LOOK_S, ""
         while waiting and not should_stop():
             time.sleep(look_s)
             look_s = min(2.0 * look_s, _LAST_LOOK_S)
             self._serve()
-            waiting, real_s = self._stack.waiting(now_s), time.monotonic()
+            waiting, real_s = self._stack.late(waiting, now_s), time.monotonic()
+            if not waiting or real_s - all_s > _ALL_S:
+                waiting, all_s = self._stack.waiting(now_s), real_s
             if waiting and real_s - start_s > _SHOWN_AFTER_S:
                 shown = self._show(describe(waiting), shown)
         if shown:
@@ -101,9 +105,13 @@ class _Stack:
         if real_s - self._searched_s > _SEARCH_S:
             self._searched_s = real_s
             self._search()
-        due_s = {name: self._records.due_s(name) for name in self._names}
-        found = self._mail.owed() | late(due_s, now_s, self._tolerance_s)
-        return {name: reason for name, reason in found.items() if self._processes.takes_part(name)} if found else {}
+        found = self.late(self._names, now_s)
+        return {name: reason for name, reason in found.items() if self._processes.takes_part(name)}
+
+    def late(self, names: Collection[str], now_s: float) -> dict[str, str]:
+        """The nodes among ``names`` that are late or have not received a message that wakes them, and why."""
+        due_s = {name: self._records.due_s(name) for name in names}
+        return self._mail.owed(names) | late(due_s, now_s, self._tolerance_s)
 
     @property
     def given_up(self) -> int:

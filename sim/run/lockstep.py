@@ -7,7 +7,7 @@ takes first what was published to it, so that messages without a wake-up are wai
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 from robot_stack.core.deliveries import WAKES, Delivery, debts, publishers_by_row, rows_taken, topic_name
@@ -38,10 +38,12 @@ class Mail:
             _Subscriber(name, pages[name], rows_taken(pages[name], WAKES)) for name in names if name in pages
         ]
 
-    def owed(self) -> dict[str, str]:
-        """By node, the topics of these messages."""
+    def owed(self, among: Container[str] | None = None) -> dict[str, str]:
+        """By node, the topics of these messages. among: only these nodes; None means all."""
         found = {}
         for item in self._subscribers:
+            if among is not None and item.name not in among:
+                continue
             owed = debts(item.page, item.rows, self._publishers)
             if owed:
                 found[item.name] = "message on " + ", ".join(topic_name(debt.row) for debt in owed)

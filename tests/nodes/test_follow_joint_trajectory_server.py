@@ -202,15 +202,19 @@ def test_a_trajectory_is_followed_and_reported(rig: Rig) -> None:
     assert rig.status.engine_time_s - begin_s >= 0.35
     assert rig.status.actual_pos == pytest.approx(HOME, abs=1e-3)
 
-    # a start in the future
+    # a start in the future: nothing moves before it
     message = goal((0.0, HOME), (0.3, THERE))
-    message.trajectory.header.stamp = rig.now(0.6)
+    message.trajectory.header.stamp = rig.now(59.0)
     begin_s = rig.status.engine_time_s
     later = rig.send_message(message)
-    wait_for(lambda: rig.status.engine_time_s - begin_s > 0.3 or not rig.standing, "half of the time to the start")
+    wait_for(lambda: rig.status.engine_time_s - begin_s > 0.7, "more time than the trajectory takes")
     assert rig.standing
-    assert later.result() == (STATUS_SUCCEEDED, 0, "")
-    assert rig.status.engine_time_s - begin_s >= 0.8
+    assert rig.status.actual_pos == pytest.approx(HOME, abs=1e-3)
+    later.cancel()
+    assert later.result()[0] == STATUS_CANCELED
+    message.trajectory.header.stamp = rig.now(3.0)
+    assert rig.send_message(message).result() == (STATUS_SUCCEEDED, 0, "")
+    assert rig.status.actual_pos == pytest.approx(THERE, abs=1e-3)
 
     # the gripper
     assert rig.set_gripper(True) == (True, "Gripper closed successfully")

@@ -22,7 +22,7 @@ from tests.support.processes import ROOT, NodeProcess
 from tests.support.waiting import wait_for
 
 Demo = Callable[..., NodeProcess]
-pytestmark = pytest.mark.timeout(900)
+pytestmark = pytest.mark.timeout(1800)
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def assert_gone(pids: list[int]) -> None:
 def test_ride_ends_at_its_goal(demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tell_what_is_compiled(monkeypatch)
     process = demo("--mission", "short_hop")
-    code = process.wait(800.0)
+    code = process.wait(1700.0)
     output = process.output()
     assert code == 0, output
     assert "START_MISSION short_hop: Short hop, 3 waypoints" in output
@@ -91,7 +91,7 @@ def assert_recorded_and_filmed(folder: Path, output: str) -> None:
 @pytest.mark.slow
 def test_short_demo_carries_the_wheelchair(demo: Demo, tmp_path: Path) -> None:
     process = demo("--short")
-    code = process.wait(800.0)
+    code = process.wait(1700.0)
     output = process.output()
     assert code == 0, output
     assert "START_MISSION short_transport: Short wheelchair transport, 6 waypoints" in output

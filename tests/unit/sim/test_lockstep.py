@@ -45,7 +45,8 @@ def test_a_message_that_wakes_is_waited_for_and_others_are_the_timers() -> None:
     polling.uses[ROW], polling.taken[ROW] = TAKES, 50
     pages = {"sender": sender, "woken": woken, "polling": polling}
     mail = Mail(pages, list(pages))
-    assert mail.owed() == {"woken": "message on /joint_states"}
+    assert mail.owed() == mail.owed({"woken"}) == {"woken": "message on /joint_states"}
+    assert mail.owed({"sender", "polling"}) == {}
     assert Mail(pages, ["sender", "polling"]).owed() == {}
     woken.taken[ROW] = 101
     assert mail.owed() == {}

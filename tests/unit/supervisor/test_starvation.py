@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -22,7 +23,11 @@ class Kernel:
 
     def __init__(self) -> None:
         self.seen: Turns | None = Turns(10.0, 100, runnable=False)
-        self.starvation = Starvation(lambda _: self.seen)
+        self.others: dict[str, Turns] = {}
+        self.starvation = Starvation(self._read)
+
+    def _read(self, _: int) -> dict[str, Turns]:
+        return {} if self.seen is None else {"main": self.seen, **self.others}
 
     def silent(self, now_s: float, silence_s: float = 1.0) -> float:
         return self.starvation.of_silence("x", PID, silence_s, now_s)
@@ -46,6 +51,14 @@ def test_one_that_sleeps_is_not(kernel: Kernel) -> None:
     assert kernel.silent(59.0) == 0.0
     kernel.seen = Turns(10.02, 103, runnable=False)
     assert kernel.silent(60.0) == pytest.approx(0.02)
+
+
+def test_one_whose_other_thread_waits_is_excused(kernel: Kernel) -> None:
+    """It may hold the interpreter lock, or a lock of the middleware."""
+    kernel.others = {"new": Turns(3.0, 10, runnable=False), "ends": Turns(0.0, 1, runnable=True)}
+    assert kernel.silent(0.0) == 0.0
+    kernel.others = {"new": Turns(3.8, 20, runnable=True), "later": Turns(99.0, 1, runnable=True)}
+    assert kernel.silent(1.0) == pytest.approx(0.8)
 
 
 def test_a_heartbeat_starts_the_account_anew(kernel: Kernel) -> None:
@@ -78,13 +91,41 @@ def program(text: str, niceness: int = 0) -> Iterator[int]:
             process.kill()
 
 
+def of_main(pid: int) -> Turns | None:
+    return turns(pid).get(str(pid))
+
+
 def test_the_kernel_says_that_one_waits_for_its_turn() -> None:
     with program(LOOP), program(LOOP, niceness=19) as starved:
-        wait_for(lambda: (seen := turns(starved)) is not None and seen.waited_s > 0.5, "half a second of waiting")
-        wait_for(lambda: (seen := turns(starved)) is not None and seen.runnable, "its wish to run")
+        wait_for(lambda: (seen := of_main(starved)) is not None and seen.waited_s > 0.5, "half a second of waiting")
+        wait_for(lambda: (seen := of_main(starved)) is not None and seen.runnable, "its wish to run")
 
 
 def test_the_kernel_says_that_one_sleeps() -> None:
     with program("import signal; signal.pause()") as sleeper:
-        wait_for(lambda: (seen := turns(sleeper)) is not None and not seen.runnable and seen.count > 0, "its sleep")
-    assert turns(os.getpid()) is not None
+        wait_for(lambda: (seen := of_main(sleeper)) is not None and not seen.runnable and seen.count > 0, "its sleep")
+    assert of_main(os.getpid()) is not None
+
+
+def test_threads_of_lower_priority_do_not_count() -> None:
+    """A helper that computes when nothing else does waits without end on a busy machine."""
+    ids: list[int] = []
+
+    def be_nice() -> None:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), os.getpriority(os.PRIO_PROCESS, 0) + 1)
+        ids.append(threading.get_native_id())
+        done.wait()
+
+    done = threading.Event()
+    equal, nicer = threading.Thread(target=done.wait), threading.Thread(target=be_nice)
+    equal.start()
+    nicer.start()
+    try:
+        wait_for(lambda: ids, "its priority")
+        seen = turns(os.getpid())
+        assert str(equal.native_id) in seen
+        assert str(nicer.native_id) not in seen
+    finally:
+        done.set()
+        equal.join()
+        nicer.join()
