@@ -27,7 +27,7 @@ from tf2_msgs.msg import TFMessage
 
 # Most stories are told in simulated time, in a world that waits for a stack that falls behind: a machine that is busy
 # for a moment then holds the world up instead of looking like a sensor that fell silent. It makes up for no delay.
-_PATIENT = ("sim_world.catch_up_s=0.005",)
+_PATIENT = ("sim_world.catch_up_s=0.005", "touch_ui.server.page_silence_s=60.0")
 # Times real time at the most: as fast as the machine can, since such a world waits for its robot.
 _SPEED = 2.0
 # A world of even asphalt, of which there is no map.

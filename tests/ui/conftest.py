@@ -52,7 +52,9 @@ def browser() -> Iterator[Any]:
 def screen(start: Callable[..., NodeProcess], browser: Any) -> NodeProcess:
     """The node; ``url`` is where it serves its page."""
     pin = f"access.pin_hash:='{hash_pin(PIN)}'"
-    process = start("touch_ui", "-p", "server.port:=0", "-p", pin)
+    # A page or a node without processor time is not a lost link: that is tested where a node is ended.
+    patient = "server.page_silence_s:=60.0"
+    process = start("touch_ui", "-p", "server.port:=0", "-p", pin, "-p", patient)
     process.wait_output("serving http")
     return process
 

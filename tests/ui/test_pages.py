@@ -297,6 +297,7 @@ def test_a_rider_calls_staff(page: Any, robot: StandInRobot) -> None:
 def test_a_page_that_lost_its_link_shows_it_and_keeps_only_the_stop(
     page: Any, robot: StandInRobot, screen: NodeProcess, start: Any, url: str
 ) -> None:
+    page.evaluate("window.touchUi.link.state.link.silence_s = 2.0")
     screen.signal(signal.SIGSTOP)  # hangs, with its sockets open
     page.wait_for_selector(".lost")
     assert page.evaluate("window.touchUi.link.send({t: 'pause'}) && !window.touchUi.link.lost") is False

@@ -84,7 +84,7 @@ class Hub:
 
     def join(self, address: str) -> Page:
         page = Page(next(self._numbers), address, self._params.pages.state_hz)
-        page.changes.offer(self._sections)
+        page.changes.offer({**self._sections, "link": {"silence_s": self._params.server.page_silence_s}})
         self._desk.enter(page.number, self._now_s())
         self._pages[page.number] = page
         self.pages = len(self._pages)

@@ -1,6 +1,7 @@
 // The one WebSocket to the robot. While it is lost nothing waits to be sent but the stop.
 
-const SILENCE_MS = 2500; // the robot says something every second
+const SILENCE_S = 3; // the node sends something every second; its own limit replaces this one
+const STALLED_MS = 1000; // between two checks that are 250 ms apart
 const ALIVE_MS = 1000;
 const RETRY_MS = 500;
 const STOP_AGAIN_MS = 250;
@@ -17,6 +18,7 @@ export class Link {
     this.waiting = new Map();
     this.number = 0;
     this.heardMs = 0;
+    this.lookedMs = performance.now();
     setInterval(() => this.look(), 250);
     setInterval(() => this.visible() && this.send({ t: "alive" }), ALIVE_MS);
     setInterval(() => this.stopWaits && this.sendStop(), STOP_AGAIN_MS);
@@ -73,8 +75,12 @@ export class Link {
   }
 
   look() {
-    const silentMs = performance.now() - Math.max(this.heardMs, this.openedMs);
-    if (silentMs > SILENCE_MS && this.socket.readyState < WebSocket.CLOSING) {
+    const nowMs = performance.now();
+    const stalled = nowMs - this.lookedMs > STALLED_MS;
+    this.lookedMs = nowMs;
+    if (stalled) return; // messages that arrived meanwhile are read before the next check
+    const silentMs = nowMs - Math.max(this.heardMs, this.openedMs);
+    if (silentMs > 1000 * (this.state.link?.silence_s ?? SILENCE_S) && this.socket.readyState < WebSocket.CLOSING) {
       this.socket.close();
       this.lose();
     }
