@@ -1,7 +1,7 @@
-"""A robot on which everything is well unless a story says otherwise, in fake time.
+"""A simulated robot in fake time on which all inputs are healthy unless a story changes them.
 
-``run`` advances the clock tick by tick and feeds the monitor what the story's switches say. What is set to None is
-silent. Every tick brings new IMU noise, as a living sensor does.
+``run`` advances the clock tick by tick and feeds the inputs to the monitor. An input that is None is not sent. Every
+tick brings new IMU noise, as a real sensor does.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ NOBODY = np.empty((0, 5), np.float32)
 OPEN = LatchReading(closed=False, open=True, opening=False)
 CLOSED = LatchReading(closed=True, open=False, opening=False)
 GOOD_AXIS = Axis(servo_on=True, amp_alarm=False, following_error=False)
-_HEALTHY: dict[bytes, bytes] = {}  # pickled stories: as they begin, and once everything has cleared
+_HEALTHY: dict[bytes, bytes] = {}  # pickled stories, initial state -> state after all faults have cleared
 
 
 def params(**changes: Any) -> SafetyParams:
-    """The shipped parameters with some of them changed."""
+    """The shipped parameters with ``changes`` applied."""
     return SafetyParams(**{**PARAMS.model_dump(), **changes})
 
 
 class Story:
-    """Switches, a clock and expectations around one monitor."""
+    """The inputs of one monitor, its clock, and assertions on its verdict."""
 
     def __init__(self, start_s: float = 100.0, memory: Memory | None = None, **changes: Any) -> None:
         self.params = params(**changes)
@@ -88,8 +88,8 @@ class Story:
         self.reporting: set[str] = {"emergency_stop_button", "touch_ui"}
 
     def healthy(self) -> Story:
-        """Runs until everything has cleared: once for equal stories, as equal input gives equal state."""
-        begun = pickle.dumps((os.getpid(), self))  # mutants run in forks: none inherits what another has computed
+        """Runs until all faults have cleared. Equal stories are computed once, since equal input gives equal state."""
+        begun = pickle.dumps((os.getpid(), self))  # mutants run in forks, which must not share results
         if begun not in _HEALTHY:
             _HEALTHY[begun] = pickle.dumps(self.run(3.0).expect(SafetyState.NORMAL))
         self.__dict__ = pickle.loads(_HEALTHY[begun]).__dict__
@@ -101,11 +101,11 @@ class Story:
         return self
 
     def before(self, moment_s: float) -> Story:
-        """Runs until one tick before ``moment_s`` from now: a limit of that length must still be kept."""
+        """Runs until one tick before ``moment_s`` from now, when a limit of that length must not have expired yet."""
         return self.run(moment_s - TICK_S)
 
     def past(self) -> Story:
-        """After ``before``: runs one tick beyond that moment. The exact moment is a matter of rounding."""
+        """After ``before``: runs until one tick after that moment. The exact moment depends on rounding."""
         return self.run(2 * TICK_S)
 
     def tick(self, dt_s: float = TICK_S) -> Story:
@@ -119,7 +119,7 @@ class Story:
         return self
 
     def estop(self, pressed: bool, source: str | None = "touch_ui") -> Story:
-        """A message on /emergency_stop and its report. source: None for somebody who does not report."""
+        """Sends a message on /emergency_stop and its report. With source None no report is sent."""
         self.monitor.observation.emergency_stop(pressed, self.now_s)
         if source is not None:
             self.presses[source] = self.presses.get(source, 0) + pressed
@@ -128,12 +128,12 @@ class Story:
         return self.step()
 
     def report(self, source: str, pid: int = 1) -> None:
-        """One message of /emergency_stop/sources."""
+        """Sends one message on /emergency_stop/sources."""
         report = SourceReport(source, pid, self.presses.get(source, 0), self.pressed.get(source, False))
         self.monitor.observation.stop_source(report, self.now_s)
 
     def carry(self, attached: bool = True) -> Story:
-        """A wheelchair on the closed latch, or none."""
+        """Sets the state of a wheelchair on the closed latch."""
         self.latch = CLOSED if attached else OPEN
         self.monitor.observation.chair.contacts(self.latch)
         self.monitor.observation.chair.said(attached)
@@ -154,7 +154,7 @@ class Story:
         return self
 
     def restarted(self) -> Story:
-        """The story after a crash of the monitor: a new one with the old one's memory."""
+        """Returns a new story with this one's memory, as after a crash of the monitor."""
         story = Story(self.now_s, self.monitor.memory)
         story.presses, story.pressed, story.latch = dict(self.presses), dict(self.pressed), self.latch
         return story

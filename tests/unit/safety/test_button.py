@@ -1,4 +1,4 @@
-"""What the button says, and when it keeps silent."""
+"""The emergency stop button: when it publishes a state and when it publishes nothing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Desk:
         self.button, self.now_s, self.said = EmergencyButton(0.010, 5.0), 50.0, list[bool]()
 
     def hold(self, contact: Contact, seconds: float = 0.1) -> list[bool]:
-        """What it said while the contact read like this."""
+        """Returns the states published while the contact had this value."""
         before = len(self.said)
         for _ in range(round(seconds / 0.004)):
             self.now_s += 0.004

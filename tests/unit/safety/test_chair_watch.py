@@ -1,4 +1,4 @@
-"""A wheelchair on the latch: attached, held, loose, and what may move the robot then."""
+"""A wheelchair on the latch: attached, held or loose, and which source may move the robot in each state."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_only_the_docking_controller_may_move_the_robot(source: str, limit_mps: 
 
 
 def test_a_wheelchair_that_is_undocked_from_does_not_move_with_the_robot() -> None:
-    """Its sides are no obstacle when the robot turns a little while it backs off."""
+    """Its sides are not obstacles if the robot turns slightly while it backs off."""
     story = open_and_undocking()
     story.obstacles = np.array([(1.3, 0.42, 0.5)], np.float32)
     story.driven = Twist2(-0.1, 0.0, 0.05)
@@ -200,7 +200,7 @@ LIMIT = SpeedLimit(0.15, 0.10)
 def test_who_attaches_and_detaches() -> None:
     found = ChairWatch(False, LIMIT, STALE_S)
     found.said(True)
-    assert (found.attached, found.carried) == (True, True)  # nobody states more: it counts
+    assert (found.attached, found.carried) == (True, True)  # no latch statement: the report counts
     found.said(False)
     assert (found.attached, found.carried) == (False, False)
     found.contacts(CLOSED)
@@ -209,7 +209,7 @@ def test_who_attaches_and_detaches() -> None:
     assert (found.closed, found.attached, found.carried) == (False, False, False)
     found.stated(FREE, 0.0)
     found.said(True)
-    assert (found.attached, found.carried) == (False, True)  # its limits and outline; no chair that could be loose
+    assert (found.attached, found.carried) == (False, True)  # sets limits and outline, but no chair can get loose
     found.stated(HELD, 0.0)
     assert found.attached
     found.said(False)

@@ -1,4 +1,4 @@
-"""What is known of the computer and its links: fresh numbers, busy time, and who is missed from when on."""
+"""Monitoring of the computer and its links: stale values, time under load, and when a link counts as missing."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_busy_time_counts_without_a_break() -> None:
     ):
         computer.usage(percent, 0.0, 0.0, at_s)
         assert computer.state(at_s).cpu_high_for_s == busy_s
-    assert computer.state(4.6).cpu_high_for_s == 0.0  # nobody knows any more
+    assert computer.state(4.6).cpu_high_for_s == 0.0  # the last value is stale
     computer.usage(99.0, 0.0, 0.0, 5.0)
     assert computer.state(5.0).cpu_high_for_s == 0.0
 
@@ -81,7 +81,7 @@ def test_a_link_is_missed_from_the_first_heartbeat_of_its_process_on() -> None:
     assert link.silent_s(6.0) == 4.0
     link.alive(7.0)
     assert link.silent_s(7.5) == 0.5
-    assert link.silent_s(6.0) == math.inf  # time that runs backwards
+    assert link.silent_s(6.0) == math.inf  # the clock jumped backwards
 
 
 def test_a_link_that_is_not_required_is_missed_only_after_it_has_been_up() -> None:

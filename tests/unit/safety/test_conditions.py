@@ -288,7 +288,7 @@ def test_computer(code: str, name: str, limit: float, hysteresis: float, detail:
         (NONE, 100.0, 10.0, CLEAR),
         (NONE, 100.0, 10.01, present(WARN, "processor 100 %")),
         (NONE, 95.0, 99.0, CLEAR),
-        (WARN, 96.0, 0.0, present(WARN, "processor 96 %")),  # after a gap in what is told
+        (WARN, 96.0, 0.0, present(WARN, "processor 96 %")),  # after a gap in the measurements
         (WARN, 95.0, 99.0, CLEAR),
         (NONE, math.nan, 99.0, UNKNOWN),
         (WARN, math.nan, 0.0, UNKNOWN),
@@ -355,7 +355,7 @@ def test_without_obstacles_nobody_can_judge(code: str, active_action: SafetyActi
         (NONE, prediction(Approach(1.0, 0.15)), CLEAR),
         (NONE, prediction(Approach(0.99, 5.0)), present(STOP, "collision in 1.0 s")),
         (NONE, prediction(Approach(5.0, 0.149)), present(STOP, "obstacle 0.15 m ahead")),
-        (NONE, prediction(wanted=Approach(0.5, 0.15)), CLEAR),  # it is slow first
+        (NONE, prediction(wanted=Approach(0.5, 0.15)), CLEAR),  # the speed limit applies first
         (NONE, prediction(wanted=Approach(9.0, 0.14)), present(STOP, "obstacle 0.14 m ahead")),
         (STOP, prediction(Approach(1.3, 0.2)), CLEAR),
         (STOP, prediction(Approach(1.29, 5.0)), present(STOP, "collision in 1.3 s")),

@@ -1,4 +1,4 @@
-"""The latch on file: it survives what ends the monitor, and is an emergency stop where nobody can tell what it was."""
+"""The latch on disk: it survives the end of the monitor. A state that cannot be read counts as an emergency stop."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LATCHED = Memory(("ESTOP_PRESSED", "TILT"), True, (Press("touch_ui", 17), Press(
 
 
 class Disk:
-    """A state folder and a runtime folder, a clock, and the worker of the last store that was opened on them."""
+    """A state folder, a runtime folder, a clock, and the worker of the store that was opened last."""
 
     def __init__(self, tmp_path: Path) -> None:
         self.folder, self.shadow = tmp_path / "state" / "safety", tmp_path / "run" / "safety_latch"
@@ -39,7 +39,7 @@ class Disk:
         return self.store().load()
 
     def saved(self, *memories: Memory) -> LatchStore:
-        """A store that has written these, one after the other, to the disk."""
+        """A store that has written these states to the disk in order."""
         store = self.store()
         store.load()
         for memory in memories:
@@ -269,7 +269,7 @@ def test_it_is_said_what_is_wrong_with_a_record() -> None:
 
 
 def test_what_a_longer_record_has_left_behind_a_shorter_one_is_not_read() -> None:
-    """The power went after the write and before the file was cut."""
+    """Power fails after the write and before the file is truncated."""
     many = Memory(presses=tuple(Press(f"source {index}", index) for index in range(300)))
     short = encode(Record(2, LATCHED))
     left = encode(Record(1, many))[len(short) :]
@@ -292,11 +292,11 @@ def test_every_changed_byte_shows() -> None:
         broken = bytearray(data)
         broken[index] ^= 1
         try:
-            assert decode(bytes(broken)) == Record(3, LATCHED), f"byte {index}"  # another way to write the checksum
+            assert decode(bytes(broken)) == Record(3, LATCHED), f"byte {index}"  # another encoding of the same checksum
         except ValueError:
             continue
     for end in range(used):
-        with pytest.raises(ValueError):  # noqa: PT011 - whatever is wrong with it
+        with pytest.raises(ValueError):  # noqa: PT011 - any kind of damage
             decode(data[:end])
 
 
@@ -481,7 +481,7 @@ def test_half_a_write_is_a_failed_one(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_a_copy_is_overwritten_in_place_and_to_the_disk(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A full disk has no room for a second file, and what is not on the disk does not survive a power cut."""
+    """A full disk has no room for a second file. Data that is not on the disk is lost in a power cut."""
     store = disk.saved(Memory())
     inodes = [(disk.folder / name).stat().st_ino for name in COPIES]
     synced: list[int] = []

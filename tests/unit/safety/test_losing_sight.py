@@ -1,4 +1,4 @@
-"""A robot that loses sight brakes hard and is judged by where the obstacles were; one that assumes a chair sees all."""
+"""With stale clouds the robot brakes hard, judged by the last obstacles. An assumed chair hides no obstacle."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RIDE = Twist2(1.0, 0.0, 0.0)
 
 
 def things(x_m: float) -> NDArray[np.float32]:
-    """Somebody 0.4 m wide."""
+    """A person 0.4 m wide."""
     return np.array([(x_m, y, z) for y in (-0.2, -0.1, 0.0, 0.1, 0.2) for z in (0.3, 1.0)], np.float32)
 
 
@@ -43,7 +43,7 @@ def test_a_lidar_that_falls_silent_is_a_hard_stop(sensor: str, row: str) -> None
 
 def test_stale_sight_brakes_hard_before_the_row_is_raised() -> None:
     story = riding()
-    story.obstacles = None  # the newest cloud has just been received
+    story.obstacles = None  # the newest cloud has just arrived
     story.before(SIGHT_STALE_S).expect(NORMAL, (), linear_mps=1.5, reason="")
     story.past().expect(NORMAL, (), linear_mps=0.0, reason="SIGHT_STALE")
     assert story.verdict.hard
@@ -61,7 +61,7 @@ def test_one_cloud_ends_the_limit_of_stale_sight() -> None:
 
 
 def test_the_way_of_a_cloud_to_the_monitor_counts() -> None:
-    """20 clouds a second, each of them received in time, and none of them new enough."""
+    """20 clouds/s arrive on time. While their latency is above the limit, sight is stale."""
     story = riding()
     story.obstacles = None
     for latency_s, reason in ((0.1, ""), (SIGHT_STALE_S + 0.01, "SIGHT_STALE"), (0.1, "")):
@@ -83,7 +83,7 @@ def test_with_stale_sight_a_slow_robot_may_be_as_fast_as_where_nothing_is_seen()
 
 
 def test_points_from_a_clock_that_jumps_are_no_sight() -> None:
-    """A clock that is set back or far ahead: each cloud counts as not received, and the last one ages."""
+    """If a cloud's clock is set back or far ahead, the cloud is rejected and the last accepted one ages."""
     story = riding()
     story.obstacles = None
     for latency_s in (-0.2, 5.0, math.nan, -math.inf):
@@ -110,7 +110,7 @@ def test_without_perception_the_robot_brakes_hard_and_its_last_map_is_judged_unt
     assert "OBSTACLES_TIMEOUT" in story.verdict.faults
     assert story.verdict.hard
     assert "COLLISION_IMMINENT" not in story.verdict.faults
-    story.run(2.0)  # nothing brakes: it comes nearer by the wheels
+    story.run(2.0)  # the robot does not brake: odometry moves the obstacle nearer
     assert "COLLISION_IMMINENT" in story.verdict.faults
     assert 0.0 < story.monitor.nearest_obstacle_m < 1.3
     story.wheel_radps = 0.0
@@ -151,7 +151,7 @@ def test_who_sits_in_a_chair_on_the_closed_latch_is_no_obstacle() -> None:
 
 
 def test_an_assumed_chair_is_part_of_the_outline() -> None:
-    """What is 0.3 m before a chair is 1.2 m before the robot."""
+    """A point 0.3 m in front of the chair is 1.2 m in front of the robot."""
     chair_m = ROBOT.footprint_with_chair.front_m
     story = Story().healthy()
     story.monitor.observation.chair.said(True)

@@ -1,4 +1,4 @@
-"""Who walks into the way of a robot that goes on, or brakes: when it has to stand, and from when on it is slower."""
+"""A person crosses the path of a robot that drives on or brakes: when it must stop, and when it must slow down."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NONE = np.empty((0, 5))
 def judge(
     moving: NDArray[np.float64], request: Twist2 = AHEAD, does: Twist2 | None = None, nearest_m: float = 9.0
 ) -> Meeting:
-    """Of a robot that does what it is asked to, unless ``does`` says otherwise."""
+    """Judges a robot that moves as requested, or with ``does`` if given."""
     watch = MeetingWatch(P, BRAKE_MPS2)
     return watch.judge(moving, nearest_m, BODY, [request if does is None else does], request, 10.0)
 
@@ -44,7 +44,7 @@ def test_nobody_and_a_robot_that_is_asked_nothing() -> None:
 
 
 def test_who_comes_from_the_side_into_the_place_where_the_robot_will_be() -> None:
-    """From 1 m/s it stands 0.6 m farther on. At 1.2 m/s from 2.4 m aside they are before it in 1.7 s."""
+    """From 1 m/s the robot stops within 0.6 m. At 1.2 m/s a person 2.4 m to the side is in front of it after 1.7 s."""
     far, near = who(2.0, 2.4, 0.0, -1.2), who(1.0, 1.2, 0.0, -1.2)
     assert not judge(far).stop
     assert judge(near).stop
@@ -63,9 +63,9 @@ def test_the_nearer_the_slower_then_stop() -> None:
 
 def test_who_stands_or_goes_past_or_away_is_nobody() -> None:
     for moving in (
-        who(1.5, 0.9, -1.5, 0.0),  # past, 0.55 m aside
+        who(1.5, 0.9, -1.5, 0.0),  # passes 0.55 m to the side
         who(-1.5, -0.9, 1.6, 0.0),  # overtakes
-        who(0.8, 0.0, 1.2, 0.0),  # goes ahead
+        who(0.8, 0.0, 1.2, 0.0),  # walks ahead
         who(0.0, 0.6, 0.0, 1.0),  # leaves
     ):
         assert judge(moving, SLOW) == Meeting()
@@ -73,7 +73,7 @@ def test_who_stands_or_goes_past_or_away_is_nobody() -> None:
 
 def test_who_walks_behind_as_fast_is_not_braked_before() -> None:
     assert judge(who(-0.9, 0.0, 1.0, 0.0)) == Meeting()
-    assert judge(who(-1.0, 0.0, 1.8, 0.0)).stop  # who runs into it anyhow
+    assert judge(who(-1.0, 0.0, 1.8, 0.0)).stop  # runs into the robot
 
 
 def test_who_runs_into_a_robot_that_backs_off_or_turns() -> None:
@@ -83,7 +83,7 @@ def test_who_runs_into_a_robot_that_backs_off_or_turns() -> None:
 
 
 def test_what_the_robot_does_counts_beside_what_it_is_asked() -> None:
-    """It is asked to back off, and still goes ahead."""
+    """The robot is asked to reverse but still drives forward."""
     crossing = who(1.0, 0.7, 0.0, -1.0)
     assert judge(crossing, BACK, does=AHEAD).stop
     assert not judge(crossing, BACK, does=BACK).stop
@@ -117,12 +117,12 @@ def test_exactly_the_time_to_go_on_is_still_waited() -> None:
     watch = MeetingWatch(P.model_copy(update={"hold_s": 4.0}), BRAKE_MPS2)
     assert watch.judge(who(0.0, 0.8, 0.0, -1.0), 0.45, BODY, [SLOW], SLOW, 10.0).stop
     assert watch.judge(NONE, 0.45, BODY, [SLOW], SLOW, 14.0).stop
-    assert not watch.judge(NONE, 0.45, BODY, [], Twist2(1e-9, 0.0, 0.0), 14.0).stop  # asks for nothing
+    assert not watch.judge(NONE, 0.45, BODY, [], Twist2(1e-9, 0.0, 0.0), 14.0).stop  # no motion requested
 
 
 @pytest.mark.parametrize(("nearer_m", "comes"), [(0.01, True), (-0.01, False)])
 def test_who_will_be_there_soon_has_walked_up(nearer_m: float, comes: bool) -> None:
-    """Within ahead_s, by a course that drifts."""
+    """Within ahead_s, including the drift margin."""
     watch = MeetingWatch(P, BRAKE_MPS2)
     away_m = P.margin_m + (0.8 + P.drift_mps) * P.ahead_s - nearer_m
     watch.judge(who(0.0, 0.35 + away_m, 0.0, -0.8), 9.0, BODY, [], ZERO_TWIST, 10.0)
@@ -130,7 +130,7 @@ def test_who_will_be_there_soon_has_walked_up(nearer_m: float, comes: bool) -> N
 
 
 def driven_m(speed_mps: float, brakes_s: float, seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(k,) m by the sum of many small steps."""
+    """Returns the distance driven at each time by numerical integration, (k,) m."""
     step_s = 1e-4
     at_s = np.arange(0.0, seconds[-1] + step_s, step_s)
     speeds = np.clip(speed_mps - BRAKE_MPS2 * np.maximum(at_s - brakes_s, 0.0), 0.0, None)
@@ -141,7 +141,7 @@ def driven_m(speed_mps: float, brakes_s: float, seconds: NDArray[np.float64]) ->
 @pytest.mark.parametrize("brakes_s", [0.0, P.reaction_s, P.reaction_s + P.ahead_s])
 @pytest.mark.parametrize("full_mps", [1.5, 1.0, 0.4])
 def test_a_robot_that_brakes_gets_as_far_as_its_brakes_let_it(full_mps: float, brakes_s: float, share: float) -> None:
-    """Towards somebody who stands, or walks ahead of it, a centimetre nearer or farther than it gets."""
+    """A person stands or walks ahead, 1 cm nearer or farther than the braking distance."""
     watch, twist, speed_mps = MeetingWatch(P, BRAKE_MPS2), Twist2(full_mps, 0.0, 0.0), share * full_mps
     times = np.arange(0.0, brakes_s + speed_mps / BRAKE_MPS2 + P.step_s, P.step_s)
     for walks_mps in (0.0, 0.1, 0.3):
@@ -179,7 +179,7 @@ def test_the_limit_is_the_greatest_speed_from_which_a_stop_need_not_be_now() -> 
 
 
 def test_what_it_does_is_judged_at_the_speed_it_does_it() -> None:
-    """At twice its speed it would touch who stands ahead, and who goes ahead of it."""
+    """At twice its speed the robot would touch the person ahead, whether standing or walking."""
     assert not judge(who(1.4, 0.0, 0.0, 0.0), BACK, does=AHEAD).stop
     behind_and_ahead = np.concatenate([who(-0.9, 0.0, 1.0, 0.0), who(1.0, 0.0, 1.5, 0.0)])
     assert not judge(behind_and_ahead, ZERO_TWIST, does=AHEAD).stop

@@ -1,4 +1,4 @@
-"""What the monitor passes on; what it decides is told by stories."""
+"""The monitor's outputs. Its decisions are tested in the stories."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def test_before_its_first_step_nobody_knows_the_nearest_obstacle() -> None:
 
 
 def test_the_limit_that_is_watched_is_the_one_that_is_published(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A hard stop too: a robot that answers it with a gentle one is noticed."""
+    """This includes the hard flag: answering a hard stop with a gentle one is a fault."""
     story = Story().healthy()
     watched: list[tuple[SpeedLimit, bool, float]] = []
     monkeypatch.setattr(story.monitor.observation, "limited", lambda *limit: watched.append(limit))

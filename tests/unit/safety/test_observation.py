@@ -1,4 +1,4 @@
-"""What goes through the observation as it is: memory, limits, why something is missing. The rest is told by stories."""
+"""Memory, limits and the reasons for missing inputs, as the observation passes them on. The stories cover the rest."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_why_something_is_missing() -> None:
 
 
 def too_fast_after_s(found: Observation, *, hard: bool) -> float:
-    """How long a robot may drive on at 1 m/s after it has been told to stand, s."""
+    """Time after a stop command until a robot that still drives at 1 m/s is reported as a fault, s."""
     speed = 1.0 / ROBOT.wheel_radius_m
     velocity = [speed if name.endswith("_drive") else 0.0 for name in JOINTS]
     for tick in range(1000):
@@ -69,7 +69,7 @@ def test_a_hard_stop_is_missed_sooner_than_one_in_comfort() -> None:
 
 
 def test_a_passenger_s_gentle_stop_is_waited_for() -> None:
-    """The two motions as far apart as they may be: what the shipped robot has is nobody's promise."""
+    """Uses motion limits with the largest allowed difference, since the shipped values may change."""
     hasty = ROBOT.empty.model_copy(update={"max_acceleration_mps2": 3.0, "max_jerk_mps3": 30.0})
     gentle = ROBOT.with_passenger.model_copy(update={"max_acceleration_mps2": 0.3, "max_jerk_mps3": 0.5})
     robot = ROBOT.model_copy(update={"empty": hasty, "with_passenger": gentle})
@@ -78,7 +78,7 @@ def test_a_passenger_s_gentle_stop_is_waited_for() -> None:
 
 
 def test_drives_that_are_off_because_somebody_asks_for_the_stop_are_well() -> None:
-    """In the very step in which it is asked for, when nothing is latched yet."""
+    """In the step of the request itself, before anything is latched."""
     story = Story().healthy()
     found, now_s = story.monitor.observation, story.now_s + 0.01
     off = tuple(replace(axis, servo_on=False) for axis in story.axes)
@@ -104,7 +104,7 @@ def test_obstacles_of_just_the_limit_s_age_are_known() -> None:
     assert found.snapshot(False, limit_s).prediction is not None
     assert found.snapshot(False, limit_s + 0.001).prediction is None
     found.joint_states(JOINTS, [0.0] * 8, [1.0, 0.0] * 4, limit_s + 0.01)
-    assert found.snapshot(False, limit_s + 0.01).prediction is not None  # it rolls on
+    assert found.snapshot(False, limit_s + 0.01).prediction is not None  # the robot keeps rolling
 
 
 def test_a_docking_that_says_nothing_any_more_excuses_no_dock() -> None:
@@ -120,7 +120,7 @@ def test_a_docking_that_says_nothing_any_more_excuses_no_dock() -> None:
 
 
 class MeetingRecorder:
-    """Stands in for the meeting watch and keeps what it is asked."""
+    """Replaces the meeting watch and records its inputs."""
 
     def __init__(self) -> None:
         self.motions: list[Twist2] = []
@@ -150,7 +150,7 @@ def test_who_moves_is_judged_by_what_the_drive_does_and_is_asked(monkeypatch: py
 
 
 def test_cameras_have_half_a_second_to_come_once_docking_looks() -> None:
-    """Images from before count no more than none: a camera may have been switched on for this docking."""
+    """Images from before the search do not count, since a camera may have been switched on for this docking."""
     story = Story().healthy()
     story.cameras = [CAMERAS[0].name]
     story.run(1.0)
@@ -158,7 +158,7 @@ def test_cameras_have_half_a_second_to_come_once_docking_looks() -> None:
     story.run(3.0)
     story.docking = "SEARCH"
     story.tick().before(0.5).expect(SafetyState.NORMAL, ())
-    story.docking = "SERVOING"  # the time goes on counting from the first look
+    story.docking = "SERVOING"  # the time still counts from the start of the search
     story.past().expect(SafetyState.DEGRADED, ["CAMERA_TIMEOUT"])
     story.docking = "IDLE"
     story.tick()

@@ -1,4 +1,4 @@
-"""Parameters that make no sense are refused with the field's name."""
+"""Invalid parameters are rejected with the name of the field."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A module that does not point where it is told, and wheels that contradict each other."""
+"""A module that does not follow its steering command, and wheel speeds that contradict each other."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def watch() -> SteeringWatch:
 
 
 def held(commanded: list[float], speeds: list[float], angles: list[float], for_s: float) -> str:
-    """What is found once all of that has lasted so long."""
+    """Returns the finding after this state has lasted for ``for_s``."""
     found = watch()
     for now_s in (0.0, for_s):
         found.commanded(commanded, now_s)
@@ -66,7 +66,7 @@ def test_a_standing_robot_turns_its_modules(faster_mps: float, judged: bool) -> 
 
 
 def test_the_limit_of_the_disagreement() -> None:
-    """Of one wheel that is faster by d the mean takes a quarter, the turn as much as its place gives it."""
+    """If one wheel is faster by d, the mean takes d/4 and the rotation a share that depends on the wheel's position."""
     speeds = [0.5, 0.5, 0.5, 0.5]
     step = MODULES.disagreement_mps([1.5, 0.5, 0.5, 0.5], [0.0] * 4) / 1.0
     assert MODULES.disagreement_mps(speeds, [0.0] * 4) == pytest.approx(0.0)
@@ -92,7 +92,7 @@ def test_commands_that_are_old_or_no_commands_are_not_compared() -> None:
     assert found.judge(0.0) == CLEAR
     assert found.judge(STALE_S) == CLEAR
     found.commanded([0.0] * 4, 0.51)
-    assert found.judge(0.51).level is Level.PRESENT  # without a break
+    assert found.judge(0.51).level is Level.PRESENT  # no interruption
     assert found.judge(0.51 + STALE_S + TINY) == CLEAR
 
 

@@ -1,4 +1,4 @@
-"""Who presses the emergency stop: nobody's press is ended by somebody else."""
+"""Sources of the emergency stop: a press ends only with a release from the same source."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NO_AUTHOR = "a true on /emergency_stop whose source has not reported yet"
 
 
 class Bench:
-    """Two processes per name at most, which publish and report as ``StopSource`` does."""
+    """Up to two processes per name, which publish and report as ``StopSource`` does."""
 
     def __init__(self, presses: tuple[Press, ...] = ()) -> None:
         self.sources = StopSources(EXPLAIN_S, DISCOVERY_S, STALE_S, presses)
@@ -75,7 +75,7 @@ def test_a_report_says_the_same_again_and_again() -> None:
     for _ in range(5):
         bench.after(0.2).repeats("a", True)
     assert bench.standing == "pressed by a"
-    assert bench.nobody_says(True).standing == f"pressed by a; {NO_AUTHOR}"  # a repetition explains no other true
+    assert bench.nobody_says(True).standing == f"pressed by a; {NO_AUTHOR}"  # a repeated report explains no other true
 
 
 def test_a_true_that_nobody_explains_is_unknown_and_is_cleared_by_name() -> None:
@@ -129,14 +129,14 @@ def test_each_true_needs_a_press_of_its_own() -> None:
 
 
 def test_one_report_may_tell_of_several_presses() -> None:
-    """The reports between were lost."""
+    """The reports in between were lost."""
     bench = Bench().repeats("a", False).nobody_says(True).nobody_says(True)
     bench.sources.report(SourceReport("a", 1, 2, True), bench.now_s)
     assert bench.after(2 * EXPLAIN_S).standing == "pressed by a (gone)"
 
 
 def test_of_a_process_from_before_only_the_retained_message_arrives() -> None:
-    """The monitor has just started: three presses of the past explain no more than the one that is still in force."""
+    """The monitor has just started: three earlier presses explain only the message of the one still in force."""
     bench = Bench().nobody_says(True).nobody_says(True)
     bench.sources.report(SourceReport("a", 7, 3, True), bench.now_s)
     assert bench.after(EXPLAIN_S + 0.01).standing == "pressed by a (gone), unknown"
@@ -150,12 +150,12 @@ def test_of_a_process_from_before_only_the_retained_message_arrives() -> None:
 def test_the_first_report_of_a_process_that_came_after_the_monitor_explains_all_its_presses(
     known_before: bool, waited_s: float
 ) -> None:
-    """Its report is found later than its message: it may have pressed twice, and released, before it is heard."""
+    """Its report is discovered after its messages: the process may have pressed twice and released by then."""
     bench = Bench()
     if known_before:
         bench.repeats("a", False, pid=1)
     else:
-        assert bench.standing == ""  # the monitor begins
+        assert bench.standing == ""  # the monitor starts
         bench.after(DISCOVERY_S + 0.1)
     bench.nobody_says(True).nobody_says(True).nobody_says(False).after(waited_s)
     assert bench.standing == (NO_AUTHOR if waited_s < EXPLAIN_S else "pressed by unknown")
@@ -175,7 +175,7 @@ def test_it_explains_no_more_than_its_own_and_none_that_came_long_before() -> No
     assert bench.standing == "pressed by unknown"
     bench = Bench((Press(UNKNOWN, 0),)).repeats("a", False, pid=1).nobody_says(True).after(EXPLAIN_S + 0.1)
     bench.sources.report(SourceReport("a", 2, 2, False), bench.now_s)
-    assert bench.standing == "pressed by unknown"  # from before the restart
+    assert bench.standing == "pressed by unknown"  # the press is older than the restart
 
 
 def test_an_unknown_that_was_cleared_can_be_explained_no_more() -> None:
@@ -241,7 +241,7 @@ def test_a_source_that_started_anew_has_released_nothing() -> None:
 
 
 def test_a_source_that_started_anew_releases_its_own_press_alone() -> None:
-    """A dies pressed; B of the same name presses and releases."""
+    """Process A exits while pressed; process B of the same name presses and releases."""
     bench = Bench().says("ui", True).after(STALE_S + 0.01).says("ui", True, pid=2)
     assert bench.standing == "pressed by ui (gone), ui"
     assert bench.sources.presence(bench.now_s) == {"ui": Presence.GONE}
@@ -266,7 +266,7 @@ def test_a_cleared_name_is_cleared_of_those_that_are_gone_alone() -> None:
 
 
 def test_a_process_that_has_the_number_of_one_before_is_another() -> None:
-    """After a reboot the first processes get the numbers that they had before."""
+    """After a reboot the first processes get the same process ids again."""
     bench = Bench((Press("ui", 1, 100),))
     bench.sources.report(SourceReport("ui", 1, 0, False, 200), bench.now_s)
     assert bench.standing == "pressed by ui (gone)"
@@ -349,13 +349,13 @@ def test_in_any_order_those_are_pressed_whose_last_word_was_true(words: list[tup
 def test_presence_is_asked_for_only_after_it_has_settled() -> None:
     presence = SourcePresence(silence_s=0.5, settle_s=1.0)
     assert presence.missing(math.inf, True, 0.0) is False
-    assert not presence.missing(0.0, False, 1.0)  # busy starting
+    assert not presence.missing(0.0, False, 1.0)  # still starting
     assert not presence.missing(0.0, True, 2.0)
     assert not presence.missing(0.0, True, 2.75)
     assert not presence.missing(0.6, True, 2.9)  # not yet settled
     assert not presence.missing(0.0, True, 3.0)
     assert not presence.missing(0.0, True, 3.5)
-    assert not presence.missing(0.5, True, 4.0)  # exactly settled, and exactly in time
+    assert not presence.missing(0.5, True, 4.0)  # just settled and just within the limit
     assert presence.missing(0.51, True, 4.1)
     assert presence.missing(math.inf, False, 4.2)
     assert not presence.missing(0.1, True, 4.3)

@@ -1,4 +1,4 @@
-"""Stories in fake time: every row of the fault list is raised, acts and clears as its row says."""
+"""Stories in fake time: every row of the fault list is raised, acts and clears as specified."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_normal_start_never_latches() -> None:
     story.communicating = True
     story.run(1.0).expect(DEGRADED, linear_mps=0.0)
     assert story.monitor.details["DRIVE_FAULT"] == f"servo off: {', '.join(JOINTS)}"
-    story.axes = [Axis(False, True, False)] + [GOOD_AXIS] * 7  # an alarm from the last ride
+    story.axes = [Axis(False, True, False)] + [GOOD_AXIS] * 7  # an alarm left from the last ride
     story.run(1.0).expect(DEGRADED, linear_mps=0.0)
     assert story.monitor.details["DRIVE_FAULT"] == "amplifier alarm: fl_drive"
     story.axes = [GOOD_AXIS] * 8
@@ -183,7 +183,7 @@ def test_a_servo_that_goes_off_by_itself_latches() -> None:
 
 def test_servos_that_an_emergency_stop_switches_off_are_no_fault() -> None:
     story = Story().healthy()
-    story.axes = [replace(GOOD_AXIS, servo_on=False)] * 8  # the engine is a little faster than the message
+    story.axes = [replace(GOOD_AXIS, servo_on=False)] * 8  # the engine reports before the message arrives
     story.before(PARAMS.drive_servo_off_s).expect(NORMAL).estop(True).run(5.0).expect(EMERGENCY, ("ESTOP_PRESSED",))
     story.estop(False).run(1.0)
     assert story.reset().success
@@ -229,7 +229,7 @@ def test_joint_states_that_stop_latch_after_their_limit() -> None:
 
 
 def test_a_silence_that_ended_before_anybody_looked_latches_too() -> None:
-    """The whole machine pauses: what comes first afterwards are fresh joint states."""
+    """The whole machine pauses. The first messages afterwards are fresh joint states."""
     story = Story().healthy()
     story.tick(0.09).expect(NORMAL, ())
     story.tick(0.11).expect(EMERGENCY)
@@ -292,7 +292,7 @@ SETTLED_S = 6.0 * PARAMS.attitude_time_constant_s
 
 def test_slope_limits_then_stops_then_tips() -> None:
     story = Story().healthy()
-    story.request = Twist2(-0.5, 0.0, 0.0)  # the robot looks down the slope: uphill
+    story.request = Twist2(-0.5, 0.0, 0.0)  # the robot faces downhill: reversing is uphill
     story.imu_tilt_deg = 4.9
     story.run(SETTLED_S).expect(NORMAL, ())
     story.imu_tilt_deg = 5.1
@@ -314,7 +314,7 @@ def test_slope_limits_then_stops_then_tips() -> None:
 
 
 def test_a_robot_stopped_on_a_ramp_of_10_deg_may_go_on_up_or_down() -> None:
-    """By whatever it was stopped, with an inclination that is wrong by up to 1 deg and noisy."""
+    """Whatever stopped it, and with an inclination error of up to 1 deg plus noise."""
     for ramp_deg in (9.0, 10.0, 11.0):
         story = Story().healthy()
         story.imu_tilt_deg = ramp_deg
@@ -334,7 +334,7 @@ def test_above_the_limit_a_released_robot_may_only_go_downhill() -> None:
     story.imu_tilt_deg = 12.5
     story.run(SETTLED_S).estop(True).run(1.0).estop(False).run(1.0)
     assert story.reset().success
-    story.expect(DEGRADED, ("SLOPE",), linear_mps=0.2, action=SafetyAction.LIMIT)  # nothing is asked yet
+    story.expect(DEGRADED, ("SLOPE",), linear_mps=0.2, action=SafetyAction.LIMIT)  # no motion requested yet
     story.request = Twist2(0.5, 0.0, 0.0)
     story.run(1.0).expect(DEGRADED, ("SLOPE",), linear_mps=0.2, action=SafetyAction.LIMIT)
     assert story.verdict.limit.angular_radps == 0.05
@@ -351,7 +351,7 @@ def test_above_the_limit_a_released_robot_may_only_go_downhill() -> None:
 
 
 def test_whoever_was_refused_uphill_may_plan_again_after_a_while() -> None:
-    """Navigation holds while the limit is zero and asks for nothing: it needs a limit to come down again with."""
+    """Navigation requests nothing while the limit is zero, so a limit above zero must return for the way down."""
     story = Story().healthy()
     story.imu_tilt_deg = 12.5
     story.request = Twist2(-0.3, 0.0, 0.0)
@@ -390,7 +390,7 @@ def test_a_slope_outlives_the_imu_that_saw_it() -> None:
     story.imu_tilt_deg = 12.0
     story.request = Twist2(0.2, 0.0, 0.0)
     story.run(SETTLED_S).expect(DEGRADED, ("SLOPE",), linear_mps=0.2)
-    story.imu_tilt_deg = None  # nobody knows any more where downhill is
+    story.imu_tilt_deg = None  # the downhill direction is unknown
     story.run(5.0).expect(DEGRADED, ("IMU_TIMEOUT", "SLOPE"), linear_mps=0.0, reason="SLOPE")
     story.imu_tilt_deg = 0.0
     story.run(PARAMS.attitude_settle_s - TICK_S).expect(DEGRADED, ("IMU_TIMEOUT", "SLOPE"))
@@ -640,7 +640,7 @@ def test_after_time_ran_backwards_both_keys_still_work() -> None:
     story = Story().healthy()
     story.now_s = 0.0
     story.step().expect(EMERGENCY)
-    # The button's reports lie in the future too: for all anybody knows, its process is dead.
+    # The button's reports also lie in the future, so its process counts as dead.
     story.run(5.0).expect(EMERGENCY, ("ESTOP_PRESSED", "DRIVE_FAULT", "JOINT_STATES_TIMEOUT"))
     story.estop(False).run(1.0)
     assert story.reset() == ResetAnswer(True, "released: ESTOP_PRESSED, DRIVE_FAULT, JOINT_STATES_TIMEOUT")
@@ -648,7 +648,7 @@ def test_after_time_ran_backwards_both_keys_still_work() -> None:
 
 
 def test_an_acceleration_is_no_slope() -> None:
-    """1.5 m/s2 forward looks like 8.7 deg to an accelerometer; the wheels explain it."""
+    """1.5 m/s2 forward looks like 8.7 deg to an accelerometer; the wheel acceleration corrects this."""
     story = Story().healthy()
     story.imu_tilt_deg = None
     speed_mps = 0.0
@@ -753,7 +753,7 @@ def test_the_nearer_the_slower_and_then_a_stop() -> None:
 
 
 def test_a_robot_that_is_held_stays_held_until_it_wants_something_else() -> None:
-    """No stop-and-go before a wall; another direction is free after half a second."""
+    """The robot does not stop and go in front of a wall; another direction is free after half a second."""
     story = Story().healthy()
     story.driven, story.request, story.obstacles = ZERO_TWIST, AHEAD, _wall(0.6)
     story.run(3.0).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
@@ -800,7 +800,7 @@ def test_a_robot_that_rolls_without_a_command_is_judged_too() -> None:
     story.obstacles = _wall(0.7)
     story.wheel_radps = 0.5 / ROBOT.wheel_radius_m
     story.run(0.1).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
-    story.wheel_radps = 0.9 * PARAMS.standstill_mps / ROBOT.wheel_radius_m  # no more than an encoder's noise
+    story.wheel_radps = 0.9 * PARAMS.standstill_mps / ROBOT.wheel_radius_m  # within encoder noise
     story.run(1.0).expect(NORMAL, ())
 
 
@@ -829,12 +829,12 @@ def test_unknown_obstacles_neither_raise_nor_clear_a_collision() -> None:
     story.run(2.0).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR", "OBSTACLES_TIMEOUT"), linear_mps=0.0)
 
 
-# --- what is neither seen nor remembered -----------------------------------------------------------------------------
+# --- unseen space ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("x_m", "linear_mps"), [(0.52, 0.3), (1.05, 0.93), (5.0, 1.5)])
 def test_no_faster_than_to_stop_within_what_is_seen(x_m: float, linear_mps: float) -> None:
-    """It is no fault, and stops nobody: so it is at every start."""
+    """Unseen space limits the speed but is no fault, since it exists at every start."""
     story = Story().healthy()
     story.unseen = np.array([(x_m, y, 0.0) for y in np.arange(-0.5, 0.51, 0.05)], np.float32)
     story.run(0.3).expect(NORMAL, (), linear_mps=1.5, reason="")
@@ -848,7 +848,7 @@ def test_no_faster_than_to_stop_within_what_is_seen(x_m: float, linear_mps: floa
 
 
 def test_with_a_passenger_the_robot_stands_where_known_ground_ends() -> None:
-    """It is no fault either. Backwards the robot gets away, and without a passenger it creeps on as before."""
+    """This is no fault either. Reverse stays possible, and without a passenger the robot still creeps forward."""
     story = Story().healthy()
     story.no_ground = np.array([(1.54, y, 0.0) for y in np.arange(-0.5, 0.51, 0.05)], np.float32)
     story.request = story.driven = AHEAD
@@ -919,7 +919,7 @@ def test_a_computer_in_trouble_warns_and_drives_on(
         story.before(after_s).expect(NORMAL, ())
     story.run(0.05).expect(DEGRADED, (code,), linear_mps=1.5, reason="", action=SafetyAction.WARN)
     story.usage = story.temperature_c = None
-    story.run(3.0).expect(DEGRADED, (code,))  # who falls silent has not recovered
+    story.run(3.0).expect(DEGRADED, (code,))  # missing values do not clear the fault
     story.usage, story.temperature_c = (20.0, 40.0, 60.0), 50.0
     story.tick().expect(NORMAL, ())
 
@@ -981,7 +981,7 @@ def test_a_contact_that_was_never_readable_is_no_press() -> None:
 
 
 def _chair(board_x_m: float) -> NDArray[np.float32]:
-    """Board with its passenger, both rails and the castors between them, as seen from base_link."""
+    """The board with a passenger, both rails and the castors between them, in base_link."""
     board = [(board_x_m, y, z) for y in np.arange(-0.29, 0.30, 0.05) for z in (0.3, 0.6, 1.2)]
     rails = [(board_x_m + x, side * 0.31, 0.2) for x in np.arange(-0.45, 0.0, 0.05) for side in (1, -1)]
     castors = [(board_x_m - 0.2, side * 0.2, 0.14) for side in (1, -1)]
@@ -1021,7 +1021,7 @@ def test_the_chair_is_an_obstacle_unless_it_is_docked_to(why: str) -> None:
 
 @pytest.mark.parametrize("attached", [True, False])
 def test_backing_off_from_the_chair_is_free(attached: bool) -> None:
-    """With its low parts remembered, which the LiDAR on top cannot see; the chair still counts as attached."""
+    """The low parts are remembered, since the top LiDAR cannot see them; the chair still counts as attached."""
     story = Story().healthy()
     story.docking, story.cameras = "FINE_ALIGN", [topic.name for topic in CAMERAS]
     story.dock, story.obstacles = Pose2(0.95, 0.0, 0.0), _chair(0.95)

@@ -1,4 +1,4 @@
-"""What is kept of the obstacle clouds, and where it is while the robot moves."""
+"""Storage of obstacle clouds, and the position of their points while the robot moves."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OBSTACLES = PARAMS.obstacles
 
 
 class Scene:
-    """20 clouds a second around a robot that drives with a constant twist."""
+    """A robot that drives with a constant twist and receives 20 clouds/s."""
 
     def __init__(self, twist: Twist2 | None = None) -> None:
         self.dead_reckoning = DeadReckoning(OBSTACLES.max_latency_s)
@@ -72,11 +72,11 @@ def test_the_age_of_the_points_counts_from_their_time_and_not_from_their_recepti
     assert scene.around.age_s(scene.now_s) == 0.0
     assert scene.go(0.1).around.sight_age_s(scene.now_s) == pytest.approx(0.2)
     for latency_s in (-0.01, OBSTACLES.max_latency_s + 0.01, math.nan):
-        scene.see((2.0, 0.0, 1.0), latency_s=latency_s)  # not received
+        scene.see((2.0, 0.0, 1.0), latency_s=latency_s)  # rejected
     assert scene.around.sight_age_s(scene.now_s) == pytest.approx(0.2)
     assert scene.around.sight_age_s(scene.now_s - 1.0) == math.inf
     assert scene.around.sight_age_s(math.nan) == math.inf
-    assert scene.see(latency_s=0.05).around.sight_age_s(scene.now_s) == pytest.approx(0.05)  # nothing is there
+    assert scene.see(latency_s=0.05).around.sight_age_s(scene.now_s) == pytest.approx(0.05)  # an empty cloud
 
 
 def test_points_move_past_the_robot() -> None:
@@ -154,19 +154,19 @@ def test_of_a_column_the_nearest_point_is_kept_at_the_height_of_the_highest() ->
 def test_the_nearest_of_a_column_beside_the_robot() -> None:
     assert Scene().see((0.01, 1.04, 0.2), (0.03, 1.01, 0.2)).known() == [[0.03, 1.01, 0.2]]
     assert Scene().see((0.01, -1.01, 0.2), (0.03, -1.04, 0.2)).known() == [[0.01, -1.01, 0.2]]
-    assert Scene().see((1.01, 1.03, 0.2), (1.03, 1.01, 0.2)).known() == [[1.01, 1.03, 0.2]]  # the first of equals
+    assert Scene().see((1.01, 1.03, 0.2), (1.03, 1.01, 0.2)).known() == [[1.01, 1.03, 0.2]]  # first of equals
 
 
 @pytest.mark.parametrize("y_m", [0.61, 1.11, -0.74, -0.14])
 def test_columns_are_told_from_each_other(y_m: float) -> None:
-    """Two points in each of 4 by 4 columns: one of each column is kept."""
+    """Two points in each of 4 by 4 columns: one point per column is kept."""
     middles = [(2.0 + 0.05 * column, y_m + 0.05 * row) for column in range(4) for row in range(4)]
     pairs = [point for x, y in middles for point in ((x + 0.02, y, 0.1), (x + 0.01, y, 0.3))]
     assert Scene().see(*pairs).known() == sorted([round(x + 0.01, 3), round(y, 3), 0.3] for x, y in middles)
 
 
 def test_points_of_less_precision_keep_the_precision_of_the_way() -> None:
-    """Clouds are told in float32: far from where dead reckoning began a millimetre would be lost in it."""
+    """Clouds are float32: far from the origin of dead reckoning this would lose a millimetre."""
     scene = Scene()
     scene.dead_reckoning.pose = Pose2(1e5, 0.0, 0.0)
     scene.around.received(cloud((2.001, 0.5, 1.0)).astype(np.float32), 0.0, BODY, scene.now_s)
@@ -193,7 +193,7 @@ def test_time_that_runs_back_begins_anew() -> None:
     assert scene.known() == [[3.0, 0.0, 1.0]]
 
 
-# --- where known space ends ------------------------------------------------------------------------------------------
+# --- the end of known space ------------------------------------------------------------------------------------------
 
 
 def test_the_end_of_known_space_moves_past_the_robot_and_grows_old() -> None:
@@ -235,10 +235,10 @@ def test_an_end_of_known_space_that_makes_no_sense_is_not_received(latency_s: fl
     found = scene.around.unseen(0.3, scene.now_s)
     assert found is not None
     assert len(found) == 0
-    assert scene.around.problem == "never received"  # of the obstacles
+    assert scene.around.problem == "never received"  # of the obstacles, which are separate
 
 
-# --- who moves -------------------------------------------------------------------------------------------------------
+# --- moving objects --------------------------------------------------------------------------------------------------
 
 
 def test_who_moves_goes_on_while_the_robot_does() -> None:
@@ -273,7 +273,7 @@ def test_a_motion_that_makes_no_sense_is_not_received(latency_s: float) -> None:
     found = scene.around.moving(0.3, scene.now_s)
     assert found is not None
     assert found.shape == (0, 5)
-    assert scene.around.problem == "never received"  # of the obstacles
+    assert scene.around.problem == "never received"  # of the obstacles, which are separate
 
 
 # --- docks -----------------------------------------------------------------------------------------------------------
@@ -338,9 +338,9 @@ def test_limits_of_age_belong_to_what_is_known() -> None:
 def test_the_dock_moves_with_the_world_and_grows_old() -> None:
     scene = Scene(Twist2(0.5, 0.0, 0.0)).go(0.5)
     scene.around.dock(Pose2(2.0, 0.0, 0.0), 0.1, scene.now_s)
-    scene.see((1.95, 0.0, 0.5))  # 0.05 m driven since: on the board
+    scene.see((1.95, 0.0, 0.5))  # 0.05 m driven since the measurement: on the board
     assert scene.known(docking=True) == []
-    scene.go(0.1).see((1.87, 0.0, 0.5))  # the board is 1.90 m ahead now
+    scene.go(0.1).see((1.87, 0.0, 0.5))  # the board is now 1.90 m ahead
     assert scene.known(docking=True) == [[1.87, 0.0, 0.5]]
     fresh = Scene()
     fresh.around.dock(Pose2(2.0, 0.0, 0.0), 0.0, fresh.now_s)

@@ -1,4 +1,4 @@
-"""The inputs one by one."""
+"""Each input of the safety monitor on its own."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_pose_age_and_jump() -> None:
     assert pose.age_s(1.0) == math.inf
     assert pose.take_jump_m() == 0.0
     pose.received(100.0, 0.0, 1.0)
-    assert pose.take_jump_m() == 0.0  # the first one jumps from nowhere
+    assert pose.take_jump_m() == 0.0  # the first pose is no jump
     pose.received(103.0, 4.0, 2.0)
     pose.received(103.0, 3.0, 2.5)
     assert pose.age_s(3.0) == 0.5
@@ -143,7 +143,7 @@ def test_the_twist_of_a_robot_that_stands_or_of_which_nobody_knows_is_zero() -> 
     wheels, _ = _wheels(standstill_mps=0.25)
     assert wheels.twist(1.0, 0.5) == ZERO_TWIST
     wheels.received(JOINTS, *_states([2.5] * 4, [0.0] * 4), 1.0)
-    assert wheels.twist(1.5, 0.5).vx == 0.25  # the threshold is a motion, the limit of age is still known
+    assert wheels.twist(1.5, 0.5).vx == 0.25  # at the threshold: motion; at the age limit: still valid
     assert wheels.twist(1.51, 0.5) == ZERO_TWIST
     assert wheels.twist(0.9, 0.5) == ZERO_TWIST
     wheels.received(JOINTS, *_states([2.4] * 4, [0.0] * 4), 2.0)
@@ -175,12 +175,12 @@ def test_wheels_are_up_once_they_have_been_fresh_for_long_enough() -> None:
     for now_s in (1.0, 1.25, 1.5):
         wheels.received(JOINTS, *still, now_s)
         assert not wheels.up(True, now_s, 0.25, 1.0)
-    assert not wheels.up(True, 1.76, 0.25, 1.0)  # a gap
+    assert not wheels.up(True, 1.76, 0.25, 1.0)  # after a gap
     for now_s in (2.0, 2.25, 2.5, 2.75):
         wheels.received(JOINTS, *still, now_s)
         assert not wheels.up(True, now_s, 0.25, 1.0)
     assert wheels.up(True, 3.0, 0.25, 1.0)
-    assert wheels.up(False, 99.0, 0.25, 1.0)  # up is for good; what comes later is a fault
+    assert wheels.up(False, 99.0, 0.25, 1.0)  # stays up; a later loss is a fault
 
 
 def test_wheels_are_not_up_before_the_stack_is_complete() -> None:
@@ -224,7 +224,7 @@ def test_there_is_no_silence_before_the_first_states() -> None:
         ([0.0] * 4, [10.0] * 4, (1.0, 0.0)),
         ([math.pi / 2] * 4, [10.0] * 4, (0.0, 1.0)),
         ([math.pi] * 4, [10.0] * 4, (-1.0, 0.0)),
-        # turning on the spot, modules tangential: the velocities cancel
+        # turning on the spot with tangential modules: the velocities cancel
         ([0.75 * math.pi, 0.25 * math.pi, -0.75 * math.pi, -0.25 * math.pi], [10.0] * 4, (0.0, 0.0)),
         ([0.0, 0.0, math.pi / 2, math.pi / 2], [4.0, 8.0, 4.0, 8.0], (0.3, 0.3)),
     ],
@@ -234,7 +234,7 @@ def test_the_mean_of_the_modules_is_the_velocity_of_the_base(
 ) -> None:
     wheels, motion = _wheels()
     wheels.received(JOINTS, *_states(drive_radps, steer_rad), 1.0)
-    seen = motion.at(1.0, 1.0)  # 1 rad/s: the acceleration is the velocity turned by 90 deg
+    seen = motion.at(1.0, 1.0)  # at 1 rad/s the acceleration is the velocity rotated by 90 deg
     assert (seen.y, -seen.x) == pytest.approx(velocity, abs=1e-9)
 
 
@@ -330,11 +330,11 @@ def test_cameras_are_missed_only_while_a_docking_looks() -> None:
     assert cameras.ages_s(1.0, 0.5) == {}
     cameras.received("rear", 1.0)
     cameras.docking(True, 2.0)
-    assert cameras.ages_s(2.25, 0.5) == {"front": 0.25, "rear": 0.25}  # since it looks
+    assert cameras.ages_s(2.25, 0.5) == {"front": 0.25, "rear": 0.25}  # since the start of the search
     cameras.docking(True, 2.5)
     cameras.received("front", 2.75)
     assert cameras.ages_s(3.0, 0.5) == {"front": 0.25, "rear": 1.0}
-    assert cameras.ages_s(3.01, 0.5) == {}  # nobody says any more that it looks
+    assert cameras.ages_s(3.01, 0.5) == {}  # the docking state is stale
     cameras.docking(False, 4.0)
     assert cameras.ages_s(4.0, 0.5) == {}
     cameras.docking(True, 5.0)
