@@ -1,4 +1,4 @@
-"""Who holds the drive."""
+"""Arbitration of the drive command sources."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_the_highest_source_that_has_spoken_lately_holds():
     arbiter.command(Source.TELEOP, A, 0.1)
     arbiter.command(Source.NAVIGATION, A, 0.25)
     assert arbiter.holder(0.3) is Source.TELEOP
-    assert arbiter.holder(0.31) is Source.NAVIGATION  # docking's last is 0.26 s old, teleop's 0.21 s
+    assert arbiter.holder(0.31) is Source.NAVIGATION  # docking's last command is 0.26 s old, teleop's 0.21 s
     assert arbiter.holder(0.46) is None
 
 
@@ -69,7 +69,7 @@ def test_time_that_runs_back_makes_commands_old():
 def test_rate_and_age_of_a_course():
     arbiter = Arbiter()
     arbiter.command(Source.NAVIGATION, Twist2(0.50, 0.0, 0.0), 1.00)
-    assert arbiter.requested(1.01)[1].rate == ZERO_TWIST  # one command is no course
+    assert arbiter.requested(1.01)[1].rate == ZERO_TWIST  # a rate needs two commands
     arbiter.command(Source.NAVIGATION, Twist2(0.53, 0.0, 0.0), 1.05)
     requested = arbiter.requested(1.07)[1]
     assert requested.rate.vx == pytest.approx(0.6)
@@ -90,7 +90,7 @@ def test_no_rate_across_a_pause_and_none_from_overflow():
 
 
 def released(*, at_s: float = 1.0) -> Arbiter:
-    """An emergency stop has ended."""
+    """Returns an arbiter after the end of an emergency stop."""
     arbiter = Arbiter()
     arbiter.stopped()
     arbiter.released(at_s)

@@ -1,4 +1,4 @@
-"""Wheel odometry: hand-worked motions, exactness, lost messages, slipping wheels, jumping encoders, time that jumps."""
+"""Wheel odometry: motions computed by hand, exactness, lost messages, slip, encoder jumps and clock jumps."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def new_odometry() -> SwerveOdometry:
 
 
 class Wheels:
-    """Encoders of a robot that moves with constant twists, in fake time."""
+    """Encoders of a robot that moves with piecewise constant twists, in fake time."""
 
     def __init__(self) -> None:
         self.stamp_s = 0.0
@@ -46,7 +46,7 @@ class Wheels:
         return Encoders(self.stamp_s, drive, tuple(self.steer_rad))  # type: ignore[arg-type]
 
     def move(self, twist: Twist2, dt_s: float = DT_S, slip: tuple[float, ...] = ZEROS) -> Odometry:
-        """Moves and reads. slip: extra way of each wheel, m/s. The headings are set before the motion, as at rest."""
+        """Steers at rest, moves and reads. slip: additional speed of each wheel, m/s."""
         self.turn(twist)
         self.advance(twist, dt_s, slip)
         return self.odometry.update(self.reading())
@@ -57,7 +57,7 @@ class Wheels:
             if vx or vy:
                 self.steer_rad[i] += math.remainder(math.atan2(vy, vx) - self.steer_rad[i], 2 * math.pi)
         if self.steer_rad != before:
-            for seconds in (0.5, DT_S):  # turning, then standing: the next motion begins with resting headings
+            for seconds in (0.5, DT_S):  # steer, then stand, so that the next motion starts with constant headings
                 self.stamp_s += seconds
                 self.odometry.update(self.reading())
 
@@ -139,7 +139,7 @@ def test_one_metre_straight_ahead():
 
 
 def test_quarter_turn_in_place():
-    # 1 rad/s for pi/2 s; each wheel rolls 0.3905 m/s.
+    # At 1 rad/s for pi/2 s each wheel rolls at 0.3905 m/s.
     wheels = Wheels()
     for _ in range(100):
         got = wheels.move(Twist2(0.0, 0.0, 1.0), math.pi / 200)
@@ -150,7 +150,7 @@ def test_quarter_turn_in_place():
 @given(twists, st.floats(0.005, 0.1))
 @settings(deadline=None)
 def test_constant_twist_is_exact(twist: Twist2, dt_s: float):
-    """A quarter circle or whatever it is: with constant headings nothing is approximated."""
+    """With constant headings the integration is exact for any arc."""
     wheels = Wheels()
     expected = IDENTITY
     wheels.turn(twist)
@@ -188,7 +188,7 @@ def test_mixed_ride_is_integrated_to_a_twentieth_of_a_millimetre(ride: PerfectRi
 
 
 def test_lost_messages_lose_no_distance(ride: PerfectRide):
-    """Every fifth message missing, and a hole of 0.2 s every 6 s."""
+    """Every fifth message is lost, and 0.2 s of messages every 6 s."""
     last = len(ride.stamps_s) - 1
     keep = [i for i in range(last) if i % 5 != 3 and not 200 < i % 300 < 210] + [last]
     got = follow(ride, keep)
@@ -206,7 +206,7 @@ def test_stamps_that_jitter_hardly_matter(ride: PerfectRide):
 
 
 def test_a_reading_right_after_another_does_not_halve_the_speed():
-    """A machine that was held up sends the late reading and the next one at almost the same time."""
+    """After a stall the machine sends the late reading and the next one at almost the same time."""
     odometry = new_odometry()
     for stamp_s in (0.0, DT_S, DT_S + 0.0024, 3 * DT_S, 3 * DT_S + 0.001, 3 * DT_S + 0.003, 3 * DT_S + 0.006, 4 * DT_S):
         got = odometry.update(Encoders(stamp_s, (0.5 * stamp_s / RADIUS,) * 4, ZEROS))
@@ -227,13 +227,13 @@ def test_a_clock_that_was_set_back_leaves_a_speed():
     for stamp_s in (10.0, 10.0 + DT_S):
         odometry.update(Encoders(stamp_s, (0.5 * (stamp_s - 10.0) / RADIUS,) * 4, ZEROS))
     got = odometry.update(Encoders(3.0, (0.5 * DT_S / RADIUS,) * 4, (1e-9,) * 4))
-    assert abs(got.twist.vx) < 1e-6  # the wheels stand
+    assert abs(got.twist.vx) < 1e-6  # the wheels are at rest
     got = odometry.update(Encoders(3.0 + DT_S, (0.5 * 2 * DT_S / RADIUS,) * 4, (1e-9,) * 4))
     assert got.twist.vx == pytest.approx(0.5)
 
 
 def test_encoders_with_counts(ride: PerfectRide):
-    """16384 counts of the drive and 65536 of the steering: rounding stays noise."""
+    """With 16384 counts of the drive and 65536 of the steering, the rounding error stays small."""
     drive_step, steer_step = (
         2 * math.pi / ROBOT.drive.encoder_counts_per_rev,
         2 * math.pi / ROBOT.steer.encoder_counts_per_rev,
@@ -261,7 +261,7 @@ RADIUS_ERRORS, ZERO_ERRORS = (0.002, -0.001, 0.0, -0.001), (0.001, -0.001, 0.000
 
 
 def imperfect(reading: Encoders) -> Encoders:
-    """A greater wheel turns less; a steering encoder shows its zero too much."""
+    """A larger wheel turns less; the zero error adds to the steering angle."""
     drive = [value / (1.0 + error) for value, error in zip(reading.drive_rad, RADIUS_ERRORS, strict=True)]
     steer = [value + error for value, error in zip(reading.steer_rad, ZERO_ERRORS, strict=True)]
     return Encoders(reading.stamp_s, tuple(drive), tuple(steer))  # type: ignore[arg-type]
@@ -270,7 +270,7 @@ def imperfect(reading: Encoders) -> Encoders:
 def test_wheel_radii_and_steering_zeros_are_learnt_from_the_ride(ride: PerfectRide):
     odometry, unlearnt = new_odometry(), SwerveOdometry(POSITIONS, without_learning())
     last = len(ride.stamps_s) - 1
-    for _ in range(2):  # the first time to learn; a reset forgets the pose alone
+    for _ in range(2):  # the first run learns; reset clears only the pose
         odometry.reset()
         unlearnt.reset()
         for index in range(last + 1):
@@ -289,14 +289,14 @@ def test_what_is_learnt_says_how_sure_it_is(ride: PerfectRide):
     learnt = odometry.calibration.learnt()
     assert learnt.radius_errors == pytest.approx(RADIUS_ERRORS, abs=5e-5)
     assert learnt.zero_errors_rad == pytest.approx(ZERO_ERRORS, abs=5e-5)
-    # Encoders without noise are better than what is said of them.
+    # Noise-free encoders yield smaller deviations than the specified ones.
     assert max(learnt.radius_deviations) < 0.1 * ODOMETRY_SETTINGS.calibration.radius_deviation
     assert max(learnt.zero_deviations_rad) < 0.1 * ODOMETRY_SETTINGS.calibration.zero_deviation_rad
     assert learnt.readings > 500
     assert learnt.left_m < 0.2 * learnt.unlike_m
     untold = new_odometry().calibration.learnt()
     assert (untold.readings, untold.unlike_m, untold.left_m) == (0, 0.0, 0.0)
-    # Beside the others: what all four have in common is held at zero.
+    # Deviations are relative to the other wheels: the common part is held at zero.
     prior = ODOMETRY_SETTINGS.calibration.radius_deviation
     assert untold.radius_deviations == pytest.approx([math.sqrt(0.75) * prior] * 4, rel=1e-3)
 
@@ -317,7 +317,7 @@ def test_nothing_is_learnt_from_standing_or_slipping_wheels():
 
 
 def test_what_is_learnt_is_bounded():
-    """A wheel that claims 4 % more than the others is within the tolerance for slip, but no wheel is off by so much."""
+    """An error of 4 % is within the slip tolerance, but larger than any real radius error."""
     wheels = Wheels()
     for _ in range(3000):
         wheels.advance(Twist2(1.0, 0.0, 0.0), slip=(-0.04, 0.0, 0.0, 0.0))
@@ -362,7 +362,7 @@ def test_drive_encoder_that_jumps_is_not_believed(module: int):
     assert module not in got.used
     wheels.advance(Twist2(0.5, 0.0, 0.0))
     after = wheels.odometry.update(wheels.reading())
-    assert near(after.pose, Pose2(0.03, 0.0, 0.0))  # the jump is over: believed again
+    assert near(after.pose, Pose2(0.03, 0.0, 0.0))  # the module is used again
     assert after.faults == ()
 
 
@@ -440,7 +440,7 @@ def test_reset():
 
 
 def test_covariance_of_ten_metres_straight():
-    """sigma_x^2 = 0.01^2 * 10; the yaw's own noise, 0.005^2 per metre, swings y: sum of (10 - s)^2 ds = 10^3 / 3."""
+    """sigma_x^2 = 0.01^2 * 10; yaw noise, 0.005^2 per metre, adds to y: the integral of (10 - s)^2 is 10^3 / 3."""
     wheels = Wheels()
     for _ in range(1000):
         got = wheels.move(Twist2(0.5, 0.0, 0.0))

@@ -1,4 +1,4 @@
-"""The engine session, tick by tick in fake time, on an engine of which only the answers are real."""
+"""The engine session, tick by tick in fake time. The engine is a fake that returns the real return codes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ STEERS = [SteerMove(1, 0.5, 1.0, 10.0)]
 
 
 class FakeEngine:
-    """Answers as the port does. ``codes``: what a call answers, by its name; everything else succeeds."""
+    """Answers as the port does. ``codes``: return code by call name; all other calls succeed."""
 
     def __init__(self) -> None:
         self.codes: dict[str, int] = {}
@@ -54,7 +54,7 @@ class FakeEngine:
     def set_flag(self, flag: Flag, axis: int | slice, value: int) -> None:
         self.snapshot.flags[flag, axis] = value
 
-    # The vendor's names; what a request does to the status is as immediate as it never is.
+    # The vendor's method names. Unlike in the real engine, a request changes the status at once.
 
     def GetDeviceName(self) -> tuple[int, str]:  # noqa: N802
         return self._answer("GetDeviceName"), "node"
@@ -117,7 +117,7 @@ class Story:
 
     def __init__(self) -> None:
         self.engine = FakeEngine()
-        self.refusals: list[int] = []  # codes of the next attempts to open a device
+        self.refusals: list[int] = []  # codes returned by the next attempts to open a device
         self.opened = 0
         self.now_s = 100.0
         self.session = DriveSession(self._open, SETTINGS, AXES)
@@ -174,7 +174,7 @@ def test_wrong_modes_are_set_before_the_servos_come_on(story: Story):
 def test_absent_engine_is_looked_for_often(story: Story):
     story.refusals = [ErrorCode.IMLibIsNotRunning] * 8
     assert story.tick(0.5) == (Stage.CONNECTING, "waiting for the motion engine")
-    assert len(story.refusals) in (3, 4)  # every 0.1 s
+    assert len(story.refusals) in (3, 4)  # one attempt every 0.1 s
     story.tick(1.0)
     assert story.session.ready
 
@@ -200,7 +200,7 @@ def test_servos_need_permission(story: Story):
         "waiting for the safety monitor",
     )
     assert "SetServoOn(1)" not in story.engine.calls
-    assert story.session.state.snapshot is not None  # joint states come all the same
+    assert story.session.state.snapshot is not None  # joint states are published anyway
 
 
 def test_refused_requests_are_told_and_repeated_at_their_pace(story: Story):
@@ -252,7 +252,7 @@ def test_no_motion_during_a_stop(story: Story):
 
 
 def test_stop_that_a_new_session_finds_is_somebody_elses_and_needs_both_keys(story: Story):
-    """A restarted hardware interface holds no key: who stopped the engine may stand in front of the robot."""
+    """A restarted session cannot know the reason of the stop: a person may stand in front of the robot."""
     story.engine.snapshot = replace(story.engine.snapshot, emergency_stop=True)
     story.tick(1.0, may=False)
     stage, text = story.tick(5.0)
@@ -292,7 +292,7 @@ def test_alarm_trips_and_waits_for_a_release(story: Story, flag: Flag, says: str
     assert story.tick() == (Stage.TRIPPED, says)
     assert story.engine.snapshot.emergency_stop
     assert story.tick(2.0)[1] == f"{says}; needs an emergency stop and its release"
-    assert story.engine.snapshot.flags[flag, 4] == 1  # nobody clears it behind the safety monitor's back
+    assert story.engine.snapshot.flags[flag, 4] == 1  # alarms are cleared only by an emergency stop and its release
     story.tick(stop=True)
     assert story.engine.snapshot.flags[flag, 4] == 0
     story.tick(0.2)
@@ -325,7 +325,7 @@ def test_lost_bus_is_started_again_and_then_trips(story: Story):
     stage, text = story.tick(4.1)
     assert (stage, story.session.state.snapshot) == (Stage.COMMUNICATION, None)
     assert text.startswith("starting communication: StartCommunicationError")
-    assert story.engine.calls.count("StartCommunication") == 2  # two seconds apart
+    assert story.engine.calls.count("StartCommunication") == 2  # one attempt every 2 s
     story.engine.codes.clear()
     story.tick(2.1)
     assert story.session.state.stage is Stage.TRIPPED
@@ -345,7 +345,7 @@ def test_ended_engine_is_forgotten_and_found_again(story: Story):
 
 
 def test_engine_that_hangs_is_not_asked_all_the_time(story: Story):
-    """Every call to it would hold the node up for its whole time-out."""
+    """Every call would block the node for its whole timeout."""
     story.ready()
     story.engine.codes |= {
         "GetDeviceName": ErrorCode.APIChannelTimeOut,
@@ -419,7 +419,7 @@ def test_wheels_that_nobody_commands_are_stopped_once(story: Story):
 
 
 def test_engine_counts_the_life_of_every_wheel_that_turns(story: Story):
-    """The dead-man: no turning wheel is ever commanded without an end, and the vendor takes only profiles by times."""
+    """The dead-man: a command to a turning wheel is timed, and timed commands accept only time-based profiles."""
     story.ready()
     still = DriveMove(2, 0.0, 10.0, 25.0, 0.0, 0.0)
     assert story.session.move([*DRIVES, still], []).problem == ""
@@ -427,7 +427,7 @@ def test_engine_counts_the_life_of_every_wheel_that_turns(story: Story):
     rest, turn = story.engine.started
     assert (rest.axis, rest.profile.velocity, rest.profile.dec) == (2, 0.0, 25.0)
     assert turn.profile.type == ProfileType.TimeAccTrapezoidal
-    # Reached after 0.1 s; braking of its own begins 0.2 s after the command, at 25 rad/s2 from 1 rad/s.
+    # The speed is reached after 0.1 s. The built-in braking starts 0.2 s after the command, at 25 rad/s2 from 1 rad/s.
     assert (turn.runTimeMilliseconds, turn.profile.accTimeMilliseconds) == pytest.approx((100.0, 100.0))
     assert turn.profile.decTimeMilliseconds == pytest.approx(40.0)
 
@@ -440,7 +440,7 @@ def test_a_refused_rest_of_some_wheels_leaves_the_others_unmoved(story: Story):
 
 
 def test_session_asks_for_no_watchdog(story: Story):
-    """The fake has no such call: the vendor's stops no axis."""
+    """The fake has no such call, since the vendor's watchdog stops no axis."""
     story.ready()
     story.tick(5.0)
     assert set(story.engine.calls) == {"GetDeviceName"}
