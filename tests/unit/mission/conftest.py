@@ -1,4 +1,4 @@
-"""Stories of the mission manager in fake time, with a journal in memory and outputs that are written down."""
+"""Stories of the mission manager in fake time, with a journal in memory and recorded outputs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STILL = Twist2(0.0, 0.0, 0.0)
 
 
 def make_mission(*actions, mission_id="ride", home=(0.0, 0.0, 0.0)) -> Mission:
-    """Waypoints w0, w1, ... at x = 2, 4, ... m, y = 0, yaw = 0."""
+    """Returns a mission with waypoints w0, w1, ... at x = 2, 4, ... m, y = 0, yaw = 0."""
     waypoints = [
         {"name": f"w{i}", "x": 2.0 * (i + 1), "y": 0.0, "yaw": 0.0, "action": action}
         for i, action in enumerate(actions)
@@ -37,7 +37,7 @@ def make_mission(*actions, mission_id="ride", home=(0.0, 0.0, 0.0)) -> Mission:
 
 
 class MemoryJournal:
-    """A journal that keeps its records, or fails when told to."""
+    """A journal that keeps its records in memory. If ``problem`` is set, saving fails."""
 
     def __init__(self, record: Record | None = None) -> None:
         self.records = [record] if record else []
@@ -53,7 +53,7 @@ class MemoryJournal:
 
 
 class Story:
-    """One mission manager; every method lets something happen and returns the story."""
+    """One mission manager in fake time. Methods that change something return the story."""
 
     def __init__(self, params: MissionParams, record: Record | None = None, problem: str = "") -> None:
         self.params = params
@@ -63,7 +63,7 @@ class Story:
         self.now_s = 1000.0
         self.inputs = ev.Inputs(Pose2(0.0, 0.0, 0.0), STILL, False, True, (), 0.8, None, True, "IDLE")
         self.log: list[object] = []
-        self.warnings: list[float] = []  # seconds until it sets out, as the others are told
+        self.warnings: list[float] = []  # published seconds until departure
         self.statuses: list[ev.Status] = []
         self.goal: Pose2 | None = None
         self.call: int | None = None  # the docking goal that was sent and not cancelled
@@ -95,7 +95,7 @@ class Story:
     def publish_status(self, status: ev.Status) -> None:
         self.statuses.append(status)
 
-    # what happens
+    # inputs
     def happens(self, event: ev.Event) -> Story:
         self.performer.handle(event, self.inputs, self.now_s)
         return self
@@ -106,14 +106,14 @@ class Story:
         return self.departs() if waits and name in (ev.START_MISSION, ev.RESUME) else self
 
     def departs(self) -> Story:
-        """What comes first is over: the warning of people around, if the robot has stood for long."""
+        """Ticks until the departure warning, which a long standstill requires, is over."""
         self.tick()
         while "about to set out" in self.status.reason:
             self.tick()
         return self
 
     def stall(self) -> Story:
-        """Stands until one try more has failed; the warnings that come between are no part of the try."""
+        """Stands still until one more try has failed. Departure warnings are not part of the try."""
         failed, params = self.kernel.record.failed_tries, self.params
         end_s = self.now_s + params.progress_timeout_s + 2.0 * (DEPARTURE.warning_s + 3 * TICK_S)
         while self.kernel.record.failed_tries == failed:
@@ -138,14 +138,14 @@ class Story:
         return self.given(pose=Pose2(x, y, yaw), twist=Twist2(speed, 0.0, 0.0))
 
     def reach(self, x: float) -> Story:
-        """Stands at x for long enough to have arrived."""
+        """Stands at x until the waypoint counts as reached."""
         return self.at(x).tick(self.params.settle_s + 2 * TICK_S)
 
     def emergency(self, active: bool) -> Story:
         self.given(emergency_stop=active)
         return self.happens(ev.EmergencyStopBegan()) if active else self.tick()
 
-    # what is seen
+    # state
     @property
     def state(self) -> State:
         return self.kernel.record.state
@@ -155,7 +155,7 @@ class Story:
         return self.statuses[-1]
 
     def goals(self) -> list[float]:
-        """x of every goal sent so far."""
+        """The x of every goal sent so far."""
         return [entry[1].x for entry in self.log if isinstance(entry, tuple) and entry[0] == "goal"]
 
     def clear(self) -> Story:
@@ -165,17 +165,17 @@ class Story:
 
 
 class DockStory(Story):
-    """A story with a docking controller that does what the test says."""
+    """A story with a docking controller whose answers the test chooses."""
 
     def calls(self) -> list[tuple[str, str]]:
-        """(dock or undock, dock id) of every docking goal sent so far."""
+        """Every docking goal sent so far: (dock or undock, dock id)."""
         return [entry for entry in self.log if isinstance(entry, tuple) and entry[0] in ("dock", "undock")]
 
     def attach(self, attached: bool = True) -> DockStory:
         return self.happens(ev.PassengerChanged(attached))
 
     def arrive(self, x: float) -> DockStory:
-        """Reaches a dock's waypoint; no docking goal has been sent yet."""
+        """Reaches the waypoint of a dock. No docking goal has been sent yet."""
         self.at(x)
         for _ in range(20):
             if self.state in AT_DOCK:
@@ -193,7 +193,7 @@ class DockStory(Story):
         return self.happens(ev.DockingEnded(call or self.call, success, reason, safety_stop)).tick()
 
     def docks(self) -> DockStory:
-        """A docking that succeeds."""
+        """Docks successfully."""
         return self.accept().attach().ends(True)
 
     def called(self) -> int:

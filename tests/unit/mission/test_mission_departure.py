@@ -1,4 +1,4 @@
-"""After a long stop people are warned before the robot begins to move by itself: whatever made it stand."""
+"""After a long standstill a warning precedes any autonomous motion, whatever caused the standstill."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def story(params) -> DockStory:
 
 
 def warned(story: Story) -> float:
-    """Seconds from now to the moment the robot is let go; the light of driving shows all that time."""
+    """Returns the seconds until the goal is sent. The display shows driving during all of that time."""
     begun_s = story.now_s
     while story.goal is None and story.call is None:
         assert story.now_s < begun_s + 20.0, "it never sets out"
@@ -42,7 +42,7 @@ def warned(story: Story) -> float:
 
 
 def begin(story: Story, *actions) -> Story:
-    """START_MISSION, and no tick after it."""
+    """Sends START_MISSION without a tick after it."""
     return story.happens(ev.Command(ev.START_MISSION, make_mission(*actions)))
 
 
@@ -88,7 +88,7 @@ def test_resume_warns_after_a_long_stop_only(story, stood_s, warning_s):
 def test_going_on_after_a_wait(story, wait_s, warning_s):
     story.start({"wait": wait_s}, "park").at(1.0, speed=0.5).tick().reach(2.0)
     assert story.state is State.WAITING
-    story.clear().goal = None  # of the waypoint that was reached
+    story.clear().goal = None  # clears the goal of the reached waypoint
     while story.state is State.WAITING:
         story.tick()
     left = 0.0 if story.goals() else warned(story)
@@ -121,7 +121,7 @@ def test_a_hindrance_within_the_warning_begins_it_anew(story):
 
 
 def test_a_robot_that_stands_without_a_known_reason_is_warned_of_too(story):
-    """Navigation may be waiting for somebody to step aside: it must not drive off on its own after that."""
+    """Navigation may be waiting for a person to step aside: driving off afterwards requires a warning."""
     story.start("park").at(0.5, speed=0.5).tick().at(0.5).given(plan_end=Pose2(2.0, 0.0, 0.0)).clear()
     story.tick(10.5)
     assert story.log == ["cancel"]
@@ -133,7 +133,7 @@ def test_a_navigation_controller_that_comes_back_late_gets_its_goal_after_a_warn
     story.start("park").tick(5.0)
     for _ in range(6):
         story.now_s += 0.9
-        story.happens(ev.PassengerChanged(False))  # time passes without a tick
+        story.happens(ev.PassengerChanged(False))  # advances the time without a tick
     story.clear().happens(ev.NavigationAppeared())
     assert story.goals() == []
     story.goal = None
@@ -148,7 +148,7 @@ def test_motion_by_hand_is_no_stop(story):
 
 
 def test_a_robot_that_stands_under_way_says_that_it_waits_and_chimes_anew_before_it_goes(story):
-    """A sound comes with the beginning of a state: the warning's state must not be the one shown before."""
+    """A sound starts with a new display state, so the display must show another state before the warning."""
     story.start("park").at(0.5, speed=0.5).tick()
     assert story.status.display == Display.NAVIGATING
     story.at(0.5).tick(2.5)

@@ -26,7 +26,7 @@ def story(params) -> DockStory:
 
 @pytest.fixture
 def docking(story) -> DockStory:
-    """At w0, the docking controller has accepted the goal."""
+    """A mission at w0 whose docking goal the docking controller has accepted."""
     story.start(DOCK, "pass", "undock", "park").reach(2.0).tick()
     assert story.state is State.DOCKING
     return story.accept().clear()
@@ -370,7 +370,7 @@ def test_the_stop_of_a_docking_does_not_wait_for_the_journal(docking):
 def test_a_cancelled_goal_is_cancelled_until_it_has_ended(docking):
     call = docking.called()
     docking.command(ev.PAUSE).clear().tick(4.5)
-    assert docking.log.count("cancel docking") == 2  # every 2 s
+    assert docking.log.count("cancel docking") == 2  # one attempt every 2 s
     docking.ends(False, "cancelled", call=call).clear().tick(10.0)
     assert docking.log == []
     assert docking.state is State.PAUSED

@@ -1,4 +1,4 @@
-"""The journal on real disks: power cuts, full disks, damage."""
+"""The journal on real disks: power cuts, full disks and damaged files."""
 
 from __future__ import annotations
 
@@ -308,11 +308,11 @@ def test_a_process_killed_while_it_writes_loses_nothing_it_has_saved(path):
                 line = process.stdout.readline()
         finally:
             process.send_signal(signal.SIGKILL)
-            rest = process.stdout.read()  # communicate would leave out what the line reader has read ahead
+            rest = process.stdout.read()  # communicate would skip the data buffered by readline
             process.wait(timeout=30)
         told = [int(text) for text in (line + rest).split("\n") if text]
         record = reopened(path)
-        # The save that was cut may have been finished without having been told.
+        # The interrupted save may have completed before its number was printed.
         assert record.failed_tries in (told[-1], told[-1] + 1)
         assert record.reason == f"{record.failed_tries} " * 200
         assert record.waypoint == record.failed_tries % 5

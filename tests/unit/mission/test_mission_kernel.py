@@ -53,7 +53,7 @@ def test_start_is_answered(story):
 
 def test_a_whole_ride(story):
     story.start("pass", WAIT_2S, "park")
-    story.at(1.6, speed=1.0).tick()  # within 0.5 m of w0 at x = 2: passed without standing
+    story.at(1.6, speed=1.0).tick()  # passes within 0.5 m of w0 (x = 2) without stopping
     assert story.goals() == [2.0, 4.0]
     story.reach(4.0)
     assert story.state is State.WAITING
@@ -97,7 +97,7 @@ def test_every_change_of_the_ride_is_in_the_journal(story):
     ],
 )
 def test_the_end_is_reached_exactly_and_standing(story, x, yaw, speed, reached):
-    # The only waypoint is the last one: exact even though its action is pass.
+    # The last waypoint must be reached exactly, even if its action is pass.
     story.start("pass").at(x, 0.0, yaw, speed).tick(1.0)
     assert (story.state is State.COMPLETED) == reached
 
@@ -116,7 +116,7 @@ def test_unknown_odometry_is_not_standing(story):
 
 def test_standing_for_a_moment_while_sliding_through_is_not_arrival(story):
     story.start("park")
-    for _ in range(5):  # never settle_s in one piece
+    for _ in range(5):  # never for settle_s without interruption
         story.at(2.0).tick(0.2).at(2.0, speed=0.2).tick()
     assert story.state is State.RUNNING
 
@@ -386,7 +386,7 @@ def test_slow_progress_is_progress(story):
 
 
 def test_a_way_around_is_progress(story):
-    """Along a plan of 8 m, away from the goal and back to it; the straight line grows for the first half."""
+    """A plan of 8 m leads away from the goal and back; the straight-line distance grows for the first half."""
     story.start("park").at(0.0)
     for step in range(400):  # 0.1 m/s for 40 s
         away_m = 0.01 * min(step, 400 - step)
@@ -446,7 +446,7 @@ def test_tries_begin_afresh_at_the_next_waypoint_and_after_resume(story):
 
 def test_a_goal_without_a_plan_is_sent_again(story):
     story.start("park").clear().tick(4.5)
-    assert story.goals() == [2.0, 2.0]  # every 2 s
+    assert story.goals() == [2.0, 2.0]  # one attempt every 2 s
 
 
 def test_a_goal_with_its_plan_is_not_sent_again(story):
@@ -498,7 +498,7 @@ def test_status_once_a_second_while_active_and_silence_otherwise(story):
 
 
 def test_progress_is_by_length(story):
-    # Start 0, waypoints at 2, 4, 6 m: at 3 m half is done.
+    # Start at 0, waypoints at 2, 4 and 6 m: half is done at 3 m.
     story.start("pass", "pass", "park").at(2.0, speed=1.0).tick().at(3.0, speed=1.0).tick(1.1)
     assert story.status.progress == pytest.approx(0.5)
     assert story.status.waypoints_completed == 1
@@ -522,7 +522,7 @@ def test_eta_is_length_over_speed_plus_the_waits(story):
         story.at(1.0, speed=0.5).tick()
         if story.kernel.record.failed_tries:
             break
-    # 5 m to go at 0.5 m/s and 7 s of waiting.
+    # 5 m left at 0.5 m/s, plus 7 s of waiting.
     assert story.status.eta_s == pytest.approx(17.0, abs=0.01)
 
 
@@ -551,7 +551,7 @@ def test_eta_counts_a_wait_down(story):
         ({"faults": ("LOCALIZATION_LOST",)}, Display.LOCALIZATION_LOST),
         ({"faults": ("OBSTACLE_NEAR",)}, Display.OBSTACLE),
         ({"faults": ("OBSTACLE_NEAR",), "twist": Twist2(0.3, 0.0, 0.0)}, Display.NAVIGATING),  # slower, but it drives
-        ({"faults": ("COLLISION_IMMINENT",), "twist": Twist2(0.3, 0.0, 0.0)}, Display.OBSTACLE),  # it stops for it
+        ({"faults": ("COLLISION_IMMINENT",), "twist": Twist2(0.3, 0.0, 0.0)}, Display.OBSTACLE),  # stopped by it
         ({"faults": ("LIDAR_TIMEOUT",)}, Display.ERROR),
         ({"faults": ("IMU_TIMEOUT",)}, Display.NAVIGATING),  # slower, but it drives
         ({"safety_known": False}, Display.ERROR),
@@ -769,7 +769,7 @@ def test_a_restart_under_emergency_stop(params):
 
 
 def test_a_restart_drives_the_mission_as_it_was(params):
-    """The file may have changed since; the journal has its own copy."""
+    """The mission file may have changed since; the journal has its own copy."""
     story = Story(params, journaled(State.RUNNING, make_mission("park", "park"), waypoint=1)).command(ev.RESUME)
     story.reach(4.0)
     assert story.state is State.COMPLETED

@@ -1,4 +1,4 @@
-"""Whatever happens in whatever order: nobody drives while paused, stopped or in an emergency."""
+"""For any events in any order: no motion while paused, stopped or in an emergency."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ steps = st.lists(st.tuples(durations, st.none() | changes, happenings, disks), m
 
 
 class Watched(Story):
-    """Checks the promise at the moment a goal leaves."""
+    """Asserts the preconditions whenever a goal is sent."""
 
     def send_goal(self, pose: Pose2) -> None:
         super().send_goal(pose)
@@ -86,7 +86,7 @@ class Watched(Story):
         if isinstance(event, ev.DockingEnded):
             self.ended.add(event.call)
         if isinstance(event, ev.Tick) and not self.inputs.docking_served:
-            self.ended |= self.started  # they died with the docking controller
+            self.ended |= self.started  # goals end with the docking controller
         return super().happens(event)
 
     def __init__(self, *args) -> None:
@@ -96,7 +96,7 @@ class Watched(Story):
 
 
 def at_dock(story: Story) -> None:
-    """Docking has begun: what chance alone seldom comes to."""
+    """Starts docking, a state that random events rarely reach."""
     story.start(DOCK, "undock", "park").reach(2.0)
     assert story.state is State.DOCKING
 
@@ -128,7 +128,7 @@ def test_no_goal_without_a_running_mission(opening, script):
             assert story.state not in UNDER_WAY
             assert story.state is not State.PAUSED
         assert not problem_of(story.kernel.record)
-        # A full disk takes one step more within the same event: on to the next waypoint, and paused there.
+        # With a full disk one event takes two steps: on to the next waypoint, then paused.
         ways = {target_of(before, trigger) for trigger in Trigger} | ({State.PAUSED} if before in UNDER_WAY else set())
         assert story.state is before or story.state in ways
 
