@@ -1,4 +1,4 @@
-"""A docking without physics: a robot that does what it is told a moment later, a dock, a latch, a camera."""
+"""A docking without physics: a robot that executes commands with a delay, a dock, a latch and a camera."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def planar(pose: Pose2) -> np.ndarray:
 
 
 def markers_at(dock_in_base: Pose2, dock: Dock, stamp_s: float, quality: float = 0.999) -> list[Marker]:
-    """What a perfect camera of the robot sees of a dock."""
+    """Returns the markers of a dock as an ideal camera of the robot measures them."""
     frame = dock.camera_frame
     camera_from_base = np.linalg.inv(CAMERAS[frame])
     board = camera_from_base @ planar(dock_in_base)
@@ -57,9 +57,9 @@ def markers_at(dock_in_base: Pose2, dock: Dock, stamp_s: float, quality: float =
 
 @dataclass
 class Faults:
-    """What a test may break while a docking runs."""
+    """Faults that a test can inject while a docking runs."""
 
-    blind: bool = False  # no marker is seen, images come
+    blind: bool = False  # images without markers
     camera_dead: bool = False  # no images
     odometry_dead: bool = False
     latch_dead: bool = False  # the engine cannot be read
@@ -73,7 +73,7 @@ class Faults:
 
 @dataclass
 class Bench:
-    """start: base_link in the frame of the dock pose (docked: 0, 0, 0)."""
+    """A simulated docking. start: base_link in the frame of the dock pose (docked: 0, 0, 0)."""
 
     name: str = "chair_1"
     start: Pose2 = field(default_factory=lambda: Pose2(-1.5, 0.3, 0.2))

@@ -1,4 +1,4 @@
-"""Before a docking asked for by hand moves a robot that has stood for long, people are warned."""
+"""A docking started by hand after a long standstill warns of the departure first."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ PARAMS = load(DepartureParams, "departure")
 
 @pytest.fixture
 def stood() -> Bench:
-    """At staging, and nobody expects the robot to move."""
+    """A robot at staging whose departure has not been announced."""
     return Bench(departure=Departure(PARAMS))
 
 
 def warnings(bench: Bench) -> int:
-    """Ticks of it so far."""
+    """Returns the number of ticks with a warning so far."""
     return sum(output.text == SETTING_OUT for output in bench.outputs)
 
 

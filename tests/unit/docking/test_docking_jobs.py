@@ -1,4 +1,4 @@
-"""Dockings and undockings as they should go, and everything that may come between."""
+"""Dockings and undockings: the normal sequence, and every disturbance."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ def began(bench: Bench) -> Bench:
 
 
 def begun_far() -> Bench:
-    """In APPROACH: navigation still drives."""
+    """A docking in APPROACH, while navigation still drives."""
     bench = Bench()
     bench.at_staging = False
     return began(bench)
 
 
 def stands(bench: Bench) -> bool:
-    """The robot has been told to stand, and by nobody else it will be moved."""
+    """The last commands are all zero."""
     return all(abs(value) < 1e-12 for twist in bench.commands for value in (twist.vx, twist.vy, twist.omega))
 
 
 def board(bench: Bench) -> tuple[float, float]:
-    """(distance, bearing) of the dock from the robot."""
+    """The dock's (distance, bearing) from the robot."""
     seen = bench.dock_in_odom.relative_to(bench.base)
     return math.hypot(seen.x, seen.y), math.atan2(seen.y, seen.x)
 
@@ -114,7 +114,7 @@ def test_approach_only_ends_at_staging() -> None:
 def test_the_goal_is_repeated_until_navigation_has_it() -> None:
     bench = begun_far()
     bench.run(lambda: False, 5.0)
-    assert len(bench.goals) == 3  # at once, after 2 s and after 4 s
+    assert len(bench.goals) == 3  # after 0 s, 2 s and 4 s
 
 
 def test_undocking_backs_off_straight_and_then_detaches() -> None:
@@ -128,7 +128,7 @@ def test_undocking_backs_off_straight_and_then_detaches() -> None:
     assert (moved.x, moved.y, moved.yaw) == pytest.approx((-0.5, 0.0, 0.0), abs=0.02)
     assert bench.outputs[-1].attached is False
     attached = [output.attached for output in bench.outputs]
-    assert attached[-2] is True  # until the robot is clear, the passenger counts
+    assert attached[-2] is True  # the passenger counts until the robot is clear of the dock
     assert bench.state is State.IDLE
 
 
@@ -231,7 +231,7 @@ def test_an_emergency_stop_ends_an_undocking_with_the_passenger_still_counted(ph
     assert not any(output.emergency for output in bench.outputs)
     bench.safety = Safety(known=True)
     bench.step()
-    assert bench.controller.undock(bench.situation()) is None  # what was begun can be finished
+    assert bench.controller.undock(bench.situation()) is None  # an interrupted undocking can be finished
     assert bench.run_to_end().success
 
 
@@ -276,7 +276,7 @@ def test_markers_lost_for_long_are_searched_for_away_from_the_dock() -> None:
     bench.reach(State.SEARCH, 6.0)
     turned = bench.run(lambda: abs(bench.commands[-1].omega) > 0.3, 20.0)
     assert turned
-    assert -bench.error.x >= params().search.clear_m - 0.05  # a robot that turns beside the dock would hit it
+    assert -bench.error.x >= params().search.clear_m - 0.05  # turning beside the dock would cause a collision
     bench.faults.blind = False
     assert bench.run_to_end().success
 
@@ -289,7 +289,7 @@ def test_markers_that_are_nowhere_end_after_three_searches_of_one_turn() -> None
     assert result.code is DockCode.MARKERS_NOT_FOUND
     assert result.tries == 3
     turned = sum(abs(output.twist.omega) * 0.05 for output in bench.outputs if output.twist)
-    assert turned <= 3 * (2.0 * math.pi + 0.15)  # the measured rate lags two ticks behind, the end one more
+    assert turned <= 3 * (2.0 * math.pi + 0.15)  # the measured rate lags by two ticks, the end by one more
     bench.run(lambda: False, 0.5)
     assert stands(bench)
 
@@ -401,7 +401,7 @@ def test_a_restarted_controller_whose_chair_came_loose_asks_for_an_emergency_sto
     assert all(output.attached is True for output in bench.outputs)
     assert bench.controller.attached is True
     assert bench.state is State.FAILED
-    assert bench.controller.undock(bench.situation()) is None  # the way out of it
+    assert bench.controller.undock(bench.situation()) is None  # undocking clears the fault
     assert bench.run_to_end().success
     assert bench.controller.attached is False
 
@@ -451,7 +451,7 @@ def test_contact_ends_a_try() -> None:
 
 def test_a_slope_is_no_contact() -> None:
     bench = Bench()
-    bench.faults.force_n = 60.0  # 3 deg with 120 kg, all the way
+    bench.faults.force_n = 60.0  # 3 deg with 120 kg, during the whole approach
     assert began(bench).run_to_end().tries == 1
 
 
@@ -530,7 +530,7 @@ def test_far_from_the_dock_bearing_and_range_are_enough() -> None:
     assert bench.run(lambda: bench.outputs[-1].text == "approaching on bearing and range", 1.0)
     nearest_m = -bench.dock.dock_pose.x_m + params().servo.bearing_distance_m
     assert bench.run(lambda: board(bench)[0] < nearest_m + 0.1, params().servo.timeout_s)
-    assert abs(board(bench)[1]) < 0.05  # the camera looks at it
+    assert abs(board(bench)[1]) < 0.05  # the camera points at the dock
     assert board(bench)[0] > nearest_m - 0.05
 
 

@@ -1,4 +1,4 @@
-"""Recordings of dockings that never took place, written as the recorder writes them."""
+"""Generated recordings of dockings, in the format of the recorder."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ for _row in ROWS:
 
 
 def make(type_name: str, **values: Any) -> Any:
-    """A message; fields that are not named are zero, empty or the type's own default."""
+    """Returns a message. Fields without a value are zero, empty or the type's default."""
     fields = STORE.fielddefs[type_name][1]
     return STORE.types[type_name](**{name: values.get(name, _zero(kind)) for name, kind in fields})
 
@@ -64,7 +64,7 @@ def header(at_s: float, frame: str = "base_link") -> Any:
 
 @dataclass
 class Story:
-    """A recording that a test tells: time goes on with ``run``."""
+    """A generated recording. ``run`` advances the time."""
 
     folder: Path
     at_s: float = START_S
@@ -90,7 +90,7 @@ class Story:
         self.bag.write(row.name, at_ns, at_ns, bytes(STORE.serialize_cdr(message, row.type)))
 
     def run(self, state: str, duration_s: float, error_m: float | None = None, yaw_rad: float | None = None) -> None:
-        """10 Hz for so long; the errors go geometrically to those given."""
+        """Writes at 10 Hz for ``duration_s``. The errors shrink geometrically to the given values."""
         steps = round(10 * duration_s)
         shrink = (error_m / self.error_m) ** (1 / steps) if error_m else 1.0
         turn = (yaw_rad / self.yaw_rad) ** (1 / steps) if yaw_rad else 1.0
@@ -122,7 +122,7 @@ class Story:
             topics.SAFETY_STATUS,
             safety_state="EMERGENCY_STOP" if self.emergency else "NORMAL",
             active_faults=list(self.faults),
-            emergency_stop_active=False,  # a latched stop shows in the state alone
+            emergency_stop_active=False,  # a latched stop appears only in safety_state
         )
         linear = make("geometry_msgs/msg/Vector3", x=0.12)
         twist = make("geometry_msgs/msg/Twist", linear=linear)
@@ -131,7 +131,7 @@ class Story:
         self.write(topics.JOINT_STATES, effort=np.array([1.0, -3.5]))
 
     def _marker(self, number: int) -> Any:
-        """Straight ahead of the camera, upright, facing it: a turn by half about x."""
+        """Straight ahead of the camera, upright and facing it: rotated by half a turn about x."""
         pose = make(
             "geometry_msgs/msg/Pose",
             position=make("geometry_msgs/msg/Point", x=0.1 * number, y=0.0, z=1.0),

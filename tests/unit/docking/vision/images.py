@@ -1,4 +1,4 @@
-"""Images of markers by ray casting: exact areas, lens distortion, nothing shared with the code under test."""
+"""Marker images by ray casting, with exact areas and lens distortion, and no code shared with the detector."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ _FINE = 16
 
 @cache
 def _bits(marker: int) -> bytes:
-    """6 x 6 cells of a marker, 1 = white."""
+    """The 6 x 6 cells of a marker, 1 = white."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     return bytes((cv2.aruco.generateImageMarker(dictionary, marker, 6) > 0).astype(np.uint8).ravel())
 
 
 @numba.njit(cache=True)
 def _colour(u: float, v: float, k: Any, h: Any, bits: Any, low: float, high: float, outside: float) -> float:
-    """What a pixel position shows: the marker, its white margin of one cell, or nothing (negative)."""
+    """Grey level at a pixel position: the marker, its white margin of one cell, or ``outside``."""
     xd, yd = (u - k[2]) / k[0], (v - k[3]) / k[1]
     x, y = xd, yd
     for _ in range(8):
@@ -46,7 +46,7 @@ def _colour(u: float, v: float, k: Any, h: Any, bits: Any, low: float, high: flo
     w = h[2, 0] * x + h[2, 1] * y + h[2, 2]
     a = (h[0, 0] * x + h[0, 1] * y + h[0, 2]) / w
     b = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) / w
-    # a, b: marker coordinates in cells from its middle, x right, y up
+    # a, b: marker coordinates in cells from its centre, x right, y up
     column, row = math.floor(a + 3.0), math.floor(3.0 - b)
     if column < -1 or column > 6 or row < -1 or row > 6:
         return outside
@@ -78,7 +78,7 @@ def _draw(image: Any, box: Any, k: Any, h: Any, bits: Any, low: float, high: flo
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Blur sigma px, noise sigma grey levels."""
+    """Image quality: blur sigma in px, noise sigma in grey levels."""
 
     blur_px: float = 0.0
     noise: float = 0.0
@@ -100,7 +100,7 @@ def draw(
     size_m: float = SIZE_M,
     rows: tuple[int, int] | None = None,
 ) -> None:
-    """Draws a marker at (4, 4) ``pose`` in the camera frame, into some rows only if told."""
+    """Draws a marker at (4, 4) ``pose`` in the camera frame. If ``rows`` is given, only those rows are drawn."""
     cell = size_m / 6.0
     plane = pose[:3, [0, 1, 3]] @ np.diag([cell, cell, 1.0])
     k = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy, *intrinsics.distortion])
@@ -132,7 +132,7 @@ def picture(
     without: tuple[int, ...] = (),
     intrinsics: Intrinsics = CAMERA,
 ) -> Image:
-    """The markers of a dock whose frame is at (4, 4) ``board`` in the camera frame."""
+    """Renders the markers of a dock whose frame is at (4, 4) ``board`` in the camera frame."""
     image = background(intrinsics)
     markers = places.markers if isinstance(places, Dock) else places
     for marker, place in markers.items():
@@ -142,7 +142,7 @@ def picture(
 
 
 def project(points: Array, pose: Array, intrinsics: Intrinsics = CAMERA) -> Array:
-    """(n, 2) px of (n, 3) points given in a frame at ``pose``, by OpenCV."""
+    """Projects (n, 3) points, given in a frame at ``pose``, to (n, 2) px with OpenCV."""
     turn, _ = cv2.Rodrigues(pose[:3, :3])
     pixels, _ = cv2.projectPoints(points, turn, pose[:3, 3], intrinsics.matrix(), intrinsics.coefficients())
     return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
@@ -151,11 +151,11 @@ def project(points: Array, pose: Array, intrinsics: Intrinsics = CAMERA) -> Arra
 def facing(
     distance_m: float, yaw_rad: float = 0.0, pitch_rad: float = 0.0, x_m: float = 0.0, y_m: float = 0.0
 ) -> Array:
-    """(4, 4) dock frame in the camera frame: the board's middle (0.45 m up) at distance_m on the axis, then offset.
+    """Returns the (4, 4) dock frame in the camera frame: the board's centre (0.45 m up) at x_m, y_m, distance_m.
 
-    yaw turns the board about its vertical, pitch about the horizontal axis of the image, both about its middle.
+    yaw turns the board about its vertical, pitch about the horizontal axis of the image, both about its centre.
     """
-    # Dock x (into the board) is the camera's z, dock y (left) its -x, dock z its -y.
+    # Dock x (into the board) is the camera's z, dock y (left) is -x, dock z is -y.
     upright = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
     turn, _ = cv2.Rodrigues(np.array([0.0, yaw_rad, 0.0]))
     tilt, _ = cv2.Rodrigues(np.array([pitch_rad, 0.0, 0.0]))

@@ -1,4 +1,4 @@
-"""The marker detector on rendered images: poses, ambiguity, damage, wrong input."""
+"""The marker detector on rendered images: poses, ambiguity, damaged markers and invalid input."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def board_of(seen: MarkerObservation) -> Array:
 
 
 def errors(seen: MarkerObservation, board: Array) -> tuple[float, float]:
-    """Distance (mm) of the board's middle, and yaw (deg)."""
+    """Returns the position error (mm) of the board's centre and the yaw error (deg)."""
     pose = board_of(seen)
     turn = board[:3, :3].T @ pose[:3, :3]
     yaw_deg = math.degrees(math.atan2(turn[1, 0], turn[0, 0]))
@@ -64,7 +64,7 @@ def test_sharp_images_give_the_pose_to_a_fiftieth_of_a_millimetre(detector: Mark
         error_mm, yaw_deg = errors(item, board)
         assert error_mm < 0.02
         assert yaw_deg < 0.005
-        # All entries tell the same pose of the board, and each its own marker's.
+        # All observations contain the same board pose, each with its own marker's pose.
         np.testing.assert_allclose(board_of(item), board_of(seen[0]), atol=1e-12)
         corners = np.array([[-0.075, 0.075, 0.0], [0.075, 0.075, 0.0], [0.075, -0.075, 0.0], [-0.075, -0.075, 0.0]])
         expected = project(corners, board @ DOCK.markers[item.marker_id].pose())
@@ -95,7 +95,7 @@ def test_noise_and_blur_stay_within_these_errors_and_within_the_sigma_told(
 
 def test_a_covered_marker_leaves_the_pose_to_the_others(detector: MarkerDetector) -> None:
     board = facing(1.0, yaw_rad=-0.2)
-    for _ in range(2):  # searched whole, then tracked
+    for _ in range(2):  # full search, then tracking
         seen = detector.detect(picture(DOCK, board, USUAL, without=(2,)), CAMERA, FRAME)
         assert ids(seen) == [0, 1, 3]
         assert errors(seen[0], board)[0] < 0.1
@@ -107,7 +107,7 @@ def test_a_marker_at_the_wrong_place_is_left_out(detector: MarkerDetector) -> No
     for marker, place in DOCK.markers.items():
         pose = board @ place.pose()
         if marker == 1:
-            pose[:3, 3] += pose[:3, :3] @ np.array([0.004, 0.0, 0.0])  # bent by 4 mm
+            pose[:3, 3] += pose[:3, :3] @ np.array([0.004, 0.0, 0.0])  # displaced by 4 mm
         draw(image, marker, pose)
     seen = detector.detect(finish(image, USUAL, np.random.default_rng(0)), CAMERA, FRAME)
     assert ids(seen) == [0, 2, 3]
@@ -135,7 +135,7 @@ def test_a_marker_of_no_dock_has_its_own_pose(detector: MarkerDetector) -> None:
 
 
 def test_the_rolling_shutter_of_a_moving_camera_is_undone_from_the_second_image_on(detector: MarkerDetector) -> None:
-    # Every 15 rows of these images are taken from their own pose, at 0.3 m/s and 0.2 rad/s.
+    # Every 15 rows of these images have their own pose, at 0.3 m/s and 0.2 rad/s.
     row_time_s = PARAMS.shutter.row_time_s
     uncorrected = MarkerDetector(DOCKS, PARAMS)
 
@@ -163,7 +163,7 @@ def test_nothing_is_seen_in_an_empty_image_and_later_images_are_searched_again(d
     empty, full = finish(background(), USUAL, np.random.default_rng(0)), picture(DOCK, board, USUAL)
     for image, count in ((full, 4), (empty, 0), (empty, 0), (full, 4)):
         assert len(detector.detect(image, CAMERA, FRAME)) == count
-    far = picture(DOCK, facing(3.0, x_m=-1.0), USUAL)  # nowhere near the last place
+    far = picture(DOCK, facing(3.0, x_m=-1.0), USUAL)  # far from the last position
     assert len(detector.detect(far, CAMERA, FRAME)) == 4
 
 
