@@ -1,4 +1,4 @@
-"""Who moves and who only seems to: bodies followed by themselves, and behind the simulated LiDARs."""
+"""Moving and apparently moving objects: the tracker alone, and with the simulated LiDARs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LOOK_S = 0.1
 
 
 def body(x: float, y: float, noise: np.random.Generator | None = None, points: int = 12) -> NDArray[np.float64]:
-    """What a post of 0.15 m shows."""
+    """Returns the points of a post with a radius of 0.15 m."""
     angles = np.linspace(-1.2, 1.2, points)
     heights, came = np.linspace(0.1, 1.6, points), np.ones(points)
     rows = np.stack([x - 0.15 * np.cos(angles), y + 0.15 * np.sin(angles), heights, came, came], axis=1)
@@ -29,12 +29,12 @@ def body(x: float, y: float, noise: np.random.Generator | None = None, points: i
 
 
 def blind(x_m: float, y_m: float, top_m: float) -> bool:
-    """No ray passes there."""
+    """A visibility function: no ray passes anywhere."""
     return False
 
 
 def follow(movers: Movers, seconds: float, speed_mps: float, at_s: float = 10.0, noise: bool = True) -> float:
-    """Somebody walks from x = 4 m towards the robot. Returns the moment of the last look."""
+    """Feeds a body that walks from x = 4 m towards the robot. Returns the time of the last look."""
     random = np.random.default_rng(1) if noise else None
     for number in range(round(seconds / LOOK_S) + 1):
         movers.look(body(4.0 - speed_mps * number * LOOK_S, 0.5, random), at_s + number * LOOK_S, blind)
@@ -108,7 +108,7 @@ def test_who_would_come_out_again_and_does_not_is_where_nobody_looks() -> None:
 
 
 def test_who_gets_hidden_keeps_their_velocity() -> None:
-    """The rest of a body has its middle elsewhere."""
+    """The centre of the visible part differs from that of the whole body."""
     movers = Movers(P)
     now_s = follow(movers, 1.5, 1.0, noise=False)
     for number in range(1, 5):
@@ -117,13 +117,13 @@ def test_who_gets_hidden_keeps_their_velocity() -> None:
 
 
 def cart(rear: float, front: float) -> NDArray[np.float64]:
-    """The top of a low one, from its front, the lower x, to its rear, in so far as it is seen."""
+    """Returns the visible top of a low cart, from its front (the lower x) to its rear."""
     x, y = (grid.ravel() for grid in np.meshgrid(np.arange(front, rear + 0.01, 0.06), np.arange(-0.2, 0.21, 0.08)))
     return np.stack([x, y, np.full_like(x, 0.25), *np.ones((2, len(x)))], axis=1)
 
 
 def test_a_cart_whose_front_gets_hidden_goes_on_as_fast_as_its_rear() -> None:
-    """0.8 m long, 1 m/s: what is seen of it ends at the edge of a strip where rays pass above it alone."""
+    """The cart is 0.8 m long at 1 m/s. Beyond the edge of a strip, rays pass only above it."""
     movers, edge_m = Movers(P), 2.8
 
     def above(x_m: float, y_m: float, top_m: float) -> bool:
@@ -140,7 +140,7 @@ def test_a_cart_whose_front_gets_hidden_goes_on_as_fast_as_its_rear() -> None:
 
 
 def test_a_cart_whose_rear_is_taken_for_what_stands_goes_on_by_its_front() -> None:
-    """What has been in a place for a second stands: of a long cart more or less is left, and apart from it a piece."""
+    """Points in place for 1 s count as static: the visible length of a cart varies, and a piece is separate."""
     movers = Movers(P)
     for number in range(24):
         front = 5.0 - 0.08 * number
@@ -155,7 +155,7 @@ def test_a_cart_whose_rear_is_taken_for_what_stands_goes_on_by_its_front() -> No
 
 
 def test_a_slow_cart_keeps_its_speed_while_more_and_more_of_it_is_seen() -> None:
-    """0.48 m/s: its front comes nearer, its rear is seen longer and longer, so that its middle stays behind."""
+    """At 0.48 m/s the front approaches while the visible part grows at the rear, so its centre lags behind."""
     movers = Movers(P)
     for number in range(24):
         front = 4.0 - 0.048 * number
@@ -168,9 +168,9 @@ def test_a_slow_cart_keeps_its_speed_while_more_and_more_of_it_is_seen() -> None
 
 
 def test_a_long_body_moves_on_while_it_leaves_what_its_way_explains() -> None:
-    """1 m long, 0.6 m/s: of where it was 0.6 s ago two thirds are still its own."""
+    """At 1 m long and 0.6 m/s, it still covers two thirds of where it was 0.6 s ago."""
     movers = Movers(P)
-    for number in range(20):  # its front comes first
+    for number in range(20):  # the front appears first
         rear = 5.0 if number < 8 else 4.4 - 0.06 * (number - 8)
         movers.look(cart(rear, 4.4 - 0.06 * number - 0.1), 10.0 + number * LOOK_S, lambda x, y, top: True)
     assert len(movers.at(11.9, IDENTITY)) > 0
@@ -199,7 +199,7 @@ def test_a_walls_end_that_comes_into_view_bit_by_bit_stays() -> None:
 
 
 def test_two_who_meet_go_on_as_they_did() -> None:
-    """They walk one behind the other, 0.5 m aside, until both are one body whose middle is elsewhere."""
+    """They walk one behind the other, 0.5 m apart sideways, until both merge into one body with another centre."""
     movers = Movers(P)
     for number in range(30):
         x = 4.0 - 0.1 * number
@@ -228,38 +228,38 @@ NEAR, FAR = (-3.0, 3.0, 1.52), (-3.0, 3.0, 1.72)
 
 
 def test_only_what_comes_to_a_free_place_has_come() -> None:
-    assert come(Scanner(), NEAR) == 0  # it may have been there for long
+    assert come(Scanner(), NEAR) == 0  # it may have been there before
     assert come(Scanner().look(), NEAR) > 0
     assert come(Scanner().look(FAR), NEAR) > 0
     wall = (-3.0, 3.0, 1.52 + 0.5 * P.apart_m)
-    assert come(Scanner().look(wall, times=12), NEAR) == 0  # its own noise
+    assert come(Scanner().look(wall, times=12), NEAR) == 0  # range noise
     scanner = Scanner().look()
     for _ in range(round(P.new_s / LOOK_S)):
         assert come(scanner, NEAR) > 0
     come(scanner, NEAR)
-    assert come(scanner, NEAR) == 0  # it stands
+    assert come(scanner, NEAR) == 0  # static by now
 
 
 def test_who_went_on_where_nobody_looks_is_remembered_there_and_nowhere_else() -> None:
     someone = np.array([[SEEN[0], SEEN[1], 1.2]])
     scanner = Scanner().look(NEAR)
-    behind = (2.62, 0.02)  # in its shadow
+    behind = (2.62, 0.02)  # in the shadow of the wall
     scanner.space.go_on(np.array([[2.22, 0.02, 1.2]]), 0.4 / P.coast_s, 0.0, IDENTITY)
     assert scanner.at(*behind) == OCCUPIED
     scanner.look(times=PARAMS.passes)
     assert scanner.at(*behind) == FREE
     scanner.space.go_on(someone, -0.4 / P.coast_s, 0.0, IDENTITY)
-    assert scanner.at(SEEN[0] - 0.4, SEEN[1]) == FREE  # one would see them there
+    assert scanner.at(SEEN[0] - 0.4, SEEN[1]) == FREE  # in view: a person there would be visible
     blind = Scanner()
     blind.look(vouch=False)
     blind.space.go_on(np.array([[1.2, 0.0, 1.2]]), -3.0, 0.0, IDENTITY)
     found = blind.remembered()
-    assert len(found) == 0 or found[:, 0].min() > 0.5  # never in the robot
+    assert len(found) == 0 or found[:, 0].min() > 0.5  # never inside the robot
 
 
 def test_one_sees_what_is_higher_than_the_lowest_ray_and_nothing_in_the_robots_own_place() -> None:
     scanner = Scanner(HIGH).look(vouch=True)
-    assert not scanner.space.would_see(*SEEN, 1.7)  # beneath rays of 1.2 m there is room for a child
+    assert not scanner.space.would_see(*SEEN, 1.7)  # a child fits below rays at 1.2 m
     scanner.origin_m = (0.45, 0.0, 0.40)
     scanner.look()
     assert scanner.space.would_see(*SEEN, 1.7)
@@ -271,13 +271,13 @@ def test_one_sees_what_is_higher_than_the_lowest_ray_and_nothing_in_the_robots_o
     scanner.look()
     scanner.origin_m = (0.45, 0.0, 0.40)
     scanner.look()
-    assert scanner.space.would_see(*SEEN, 0.25)  # what a lower ray has just shown
+    assert scanner.space.would_see(*SEEN, 0.25)  # covered by a lower ray just now
     scanner.look(times=round(PARAMS.fade_s / LOOK_S))
     assert not scanner.space.would_see(*SEEN, 0.25)
 
 
 def test_a_child_that_walks_up_is_known_to_come_and_walls_stay_where_they_are() -> None:
-    """While the robot drives, with odometry that is 0.5 % wrong."""
+    """The robot drives, with an odometry error of 0.5 %."""
     yard = Yard(child=CHILD)
     yard.pipeline.motion.on_odometry(100.0, IDENTITY, Twist2(0.0, 0.0, 0.0))
     yard.run(1.0, Twist2(0.5, 0.1, 0.2))
@@ -294,7 +294,7 @@ def test_a_child_that_walks_up_is_known_to_come_and_walls_stay_where_they_are() 
 
 
 def test_who_walks_into_the_wedge_before_the_knees_is_remembered_before_them() -> None:
-    """The strip that neither LiDAR sees."""
+    """The person ends in the strip that neither LiDAR sees."""
     yard = Yard(chair=True, who=ADULT)
     yard.run(0.5)
     yard.at["who"] = (4.0, 0.0)
@@ -305,7 +305,7 @@ def test_who_walks_into_the_wedge_before_the_knees_is_remembered_before_them() -
 
 @pytest.mark.parametrize("speed_mps", [0.5, 1.0])
 def test_a_low_cart_that_goes_before_the_knees_is_remembered_right_before_them(speed_mps: float) -> None:
-    """The strip in which neither LiDAR sees a thing 0.25 m high is 1.5 m long."""
+    """The strip in which neither LiDAR sees an object 0.25 m high is 1.5 m long."""
     yard = Yard(chair=True, who=Post(0.30, 0.25))
     yard.run(1.0)
     yard.at["who"] = (4.5, 0.0)
@@ -315,7 +315,7 @@ def test_a_low_cart_that_goes_before_the_knees_is_remembered_right_before_them(s
 
 
 def test_a_slow_long_cart_that_goes_before_the_knees_is_remembered_right_before_them() -> None:
-    """It takes 2 s to leave a place, longer than what is new stays new."""
+    """The cart takes 2 s to leave a place, longer than a point counts as new."""
     yard = Yard(chair=True, who=Block(0.45, 0.25, 0.05, 0.25))
     yard.run(1.0)
     yard.at["who"] = (4.3, 0.0)

@@ -1,4 +1,4 @@
-"""The model of the space by itself: what looks of sensors make of it."""
+"""The model of the space alone: how sensor looks change it."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from robot_stack.perception.space.view import BIN_M, RISE_M, View, view_of_beams
 
 PARAMS = load(PerceptionParams, "perception_pipeline").space
 ROBOT = load_robot()
-LOW, HIGH = (0.45, 0.0, 0.15), (0.45, 0.0, 1.20)  # a planar scanner before the chassis, and one above most things
+LOW, HIGH = (0.45, 0.0, 0.15), (0.45, 0.0, 1.20)  # a planar scanner in front of the chassis, and one above most objects
 REACH_M = 4.0
 
 
 class Scanner:
-    """A planar scanner ahead of the robot, one beam for each degree, and the space that it shows."""
+    """A planar scanner at the robot's front, one beam per degree, and the space built from it."""
 
     def __init__(self, origin_m: tuple[float, float, float] = LOW) -> None:
         self.space = Space(PARAMS, ROBOT)
@@ -35,7 +35,7 @@ class Scanner:
     def look(
         self, *walls: tuple[float, float, float], pose: Pose2 = IDENTITY, times: int = 1, vouch: bool = True
     ) -> Scanner:
-        """walls: from bearing, to bearing (deg) and range (m): what the beams meet. vouch: the others saw nothing."""
+        """walls: (from bearing, to bearing, range), deg and m. vouch: beams without a return are free up to REACH_M."""
         for _ in range(times):
             self.now_s += 0.1
             self.space.observe(self.view(*walls, vouch=vouch), pose)
@@ -71,7 +71,7 @@ def test_free_is_where_a_ray_passed_and_nowhere_else() -> None:
     scanner = Scanner().look(WALL)
     assert scanner.at(*SEEN) == OCCUPIED
     assert scanner.at(1.5, 0.0) == scanner.at(2.5, 2.0) == FREE
-    assert scanner.at(3.0, 0.0) == UNSEEN  # behind it
+    assert scanner.at(3.0, 0.0) == UNSEEN  # behind the wall
     assert scanner.at(-1.0, 0.0) == UNSEEN  # behind the robot
     assert scanner.at(0.0, 0.0) == scanner.at(-0.45, 0.3) == FREE  # the robot itself
     assert scanner.at(4.8, 0.0) == UNSEEN  # beyond the scanner's reach
@@ -117,14 +117,14 @@ def test_free_that_nobody_watches_is_unseen_again() -> None:
     assert scanner.at(1.5, 0.0) == FREE
     scanner.look((-20.0, 20.0, 0.80))
     assert scanner.at(1.5, 0.0) == UNSEEN
-    assert scanner.at(1.1, 0.0) == FREE  # before it
+    assert scanner.at(1.1, 0.0) == FREE  # in front of the wall
 
 
-HOLLOW = (1.5, 0.0)  # seen over: nothing looks into it but from near by
+HOLLOW = (1.5, 0.0)  # below the rays: seen only from near by
 
 
 def look_past(scanner: Scanner, *hits: tuple[float, float, float], times: int = 1) -> None:
-    """Looks whose rays pass everywhere but over a strip of 0.3 m ahead; hits: what returned."""
+    """Looks whose rays pass everywhere except over a strip of 0.3 m ahead. hits: the returns."""
     for _ in range(times):
         scanner.now_s += 0.1
         bare = scanner.view()
@@ -154,7 +154,7 @@ def test_what_was_not_free_in_a_hollow_is_not_made_so() -> None:
 
 
 def test_few_returns_make_nothing_occupied_and_keep_what_is() -> None:
-    """A thin pole in the far field of a sensor: its rays pass to either side, and a few return."""
+    """A thin pole far from the sensor: most rays pass beside it and few return."""
     for specks, after in (([(1.99, 0.04, 0.3)], OCCUPIED), ([(2.5, 0.0, 0.3)], FREE), ([(math.nan, 0.0, 0.3)], FREE)):
         scanner = Scanner().look(WALL)
         for _ in range(3 * PARAMS.passes):
@@ -167,7 +167,7 @@ def test_few_returns_make_nothing_occupied_and_keep_what_is() -> None:
 
 
 def test_looks_of_two_sensors_need_not_come_in_the_order_of_their_stamps() -> None:
-    """One comes 0.05 s late, with the pose of then: what the other has just seen stays, and nobody has driven."""
+    """One look arrives 0.05 s late with its older pose. It must not overwrite the other sensor's newer look."""
     scanner, late, now = Scanner().look(WALL), Scanner(), Pose2(0.10, 0.0, 0.0)
     for _ in range(200):
         scanner.look((-90.0, -20.0, 0.60), (-20.0, 20.0, 0.80), pose=now)
@@ -226,9 +226,9 @@ def test_a_foot_belongs_to_the_leg_above_it() -> None:
     ("top_m", "ground_deg", "after"),
     [
         (0.06, (-90, 90), FREE),
-        (0.06, (-90, 0), OCCUPIED),  # seen in half of its cell only
-        (0.06, (10, 90), OCCUPIED),  # beside it
-        (0.16, (-90, 90), OCCUPIED),  # a foot, a dog: rays pass below its top, or it is there
+        (0.06, (-90, 0), OCCUPIED),  # ground seen in half of its cell only
+        (0.06, (10, 90), OCCUPIED),  # ground seen beside it only
+        (0.16, (-90, 90), OCCUPIED),  # a foot or a dog: stays until rays pass below its top
     ],
 )
 def test_what_is_hardly_higher_than_the_ground_is_gone_where_ground_is_seen(
@@ -245,11 +245,11 @@ def test_what_is_hardly_higher_than_the_ground_is_gone_where_ground_is_seen(
     assert scanner.at(*SEEN) == after
     scanner.now_s += 0.1
     scanner.space.observe(replace(scanner.view(), hits=hit, bare=seen), IDENTITY)
-    assert scanner.at(*SEEN) == OCCUPIED  # what returns now is there
+    assert scanner.at(*SEEN) == OCCUPIED  # a current return
 
 
 def test_beside_a_pole_nobody_sees_through_it() -> None:
-    """Half of the beams that meet its cell pass it."""
+    """Half of the beams through its cell pass the pole."""
     scanner = Scanner().look((-1.0, 1.0, 0.62))
     scanner.look((0.0, 2.0, 0.62), times=10)
     assert scanner.at(1.07, 0.01) == OCCUPIED
@@ -316,7 +316,7 @@ def test_the_frontier_is_where_known_space_ends_and_no_speck_in_it() -> None:
 
 def test_the_chair_is_free_while_attached_and_unknown_when_it_is_gone() -> None:
     scanner = Scanner().look((-30.0, 30.0, 0.60))
-    assert len(scanner.remembered()) == 0  # seen now
+    assert len(scanner.remembered()) == 0  # currently seen
     scanner.space.chair(True)
     scanner.space.chair(True)
     scanner.look(vouch=False)

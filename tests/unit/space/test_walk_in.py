@@ -1,4 +1,4 @@
-"""What walks into the places that the LiDAR does not see is still there, and nobody who has left is.
+"""Objects that enter a blind area are remembered, and those that leave are removed.
 
 Through the simulated LiDAR, perception and the safety monitor's kernel.
 """
@@ -26,7 +26,7 @@ FOOTPRINT = {
 
 
 def verdict(yard: Yard, requested: Twist2) -> Verdict:
-    """Of a monitor that is shown what perception shows now."""
+    """Returns the verdict of a safety monitor on the current output of perception."""
     story = Story().healthy()
     assert yard.scene is not None
     story.obstacles, story.unseen = yard.scene.obstacles, yard.scene.unseen
@@ -37,7 +37,7 @@ def verdict(yard: Yard, requested: Twist2) -> Verdict:
 
 
 def walked_up(side: str, who: Post, gap_m: float = 0.05) -> tuple[Yard, Twist2]:
-    """Somebody has come from 3 m away and stands ``gap_m`` beside the robot; and the motion that leads there."""
+    """An object comes from 3 m away and stops ``gap_m`` beside the robot. Also returns the motion towards it."""
     x, y, edge_m = FOOTPRINT[side]
     yard = Yard(who=who).run(0.5)
     stands_m = edge_m + gap_m + who.radius_m
@@ -56,7 +56,7 @@ def test_who_walked_up_to_the_robot_stops_it(who: Post, side: str) -> None:
 
 
 def test_nobody_is_forgotten_because_time_goes_by() -> None:
-    """An hour before a thing 0.3 m ahead that is lower than the lowest ray."""
+    """One hour in front of an object 0.3 m ahead that is lower than the lowest ray."""
     yard, towards = walked_up("ahead", LOW_BOX, gap_m=0.30)
     yard.run(0.5)
     assert verdict(yard, towards).limit.linear_mps < 0.2
@@ -94,7 +94,7 @@ def test_a_low_box_is_remembered_while_the_robot_drives_up_to_it_and_seen_again_
     yard.run(3.2, Twist2(0.5, 0.0, 0.0)).run(1.0)
     assert yard.scene is not None
     assert near(yard.scene.obstacles, 2.5 - yard.pose.x, 0.0, 0.2) > 0
-    yard.at["box"] = None  # carried away behind its back
+    yard.at["box"] = None  # removed out of sight
     yard.run(1.0)
     assert state_at(yard, 2.36, 0.0) == OCCUPIED
     yard.run(3.0, Twist2(-0.7, 0.0, 0.0)).run(0.5)
@@ -145,7 +145,7 @@ def test_with_the_chair_a_box_of_10_cm_stops_the_robot(top_m: float, y_m: float 
 
 @pytest.mark.parametrize("overhead", [True, False], ids=["seen from above", "overhead LiDAR silent"])
 def test_who_stands_in_the_shadow_of_the_chair_is_still_there(overhead: bool) -> None:
-    """A person stands 3 m away; the robot turns the chair towards them."""
+    """A person stands 3 m away, and the robot turns until the chair hides them."""
     yard = Yard(chair=True, overhead=overhead, who=ADULT)
     angle = math.radians(60.0)
     yard.at["who"] = (3.0 * math.cos(angle), 3.0 * math.sin(angle))
@@ -161,7 +161,7 @@ def test_who_stands_in_the_shadow_of_the_chair_is_still_there(overhead: bool) ->
     ]
     assert around.count(int(OCCUPIED)) >= (1 if overhead else 4)
     assert around.count(int(FREE)) == 0
-    ahead = yard.pose.compose(Pose2(2.2, 0.5, 0.0))  # within the shadow of the chair, beside that of a head
+    ahead = yard.pose.compose(Pose2(2.2, 0.5, 0.0))  # in the shadow of the chair, outside that of the passenger's head
     assert state_at(yard, ahead.x, ahead.y) == (FREE if overhead else UNSEEN)
     assert yard.scene is not None
     assert near(yard.scene.obstacles, 3.0, 0.0, 0.4) > 0
@@ -179,7 +179,7 @@ def test_who_stood_where_the_chair_hid_them_and_left_is_gone_once_rays_pass_ther
 
 
 def test_what_the_chairs_edge_mixes_with_a_thing_behind_it_is_not_remembered() -> None:
-    """A beam that meets both returns a range in between: beside the chair's front, where no ray will ever pass."""
+    """A beam that hits both returns a range in between, beside the chair's front, where no ray ever passes."""
     yard = Yard(chair=True, mixed=0.3, post=Post(0.30, 1.5))
     yard.at["post"] = (1.9, -0.75)
     yard.run(2.0)
@@ -191,7 +191,7 @@ def test_what_the_chairs_edge_mixes_with_a_thing_behind_it_is_not_remembered() -
 
 @pytest.mark.parametrize("dirt_deg", [(25.0, 55.0), (-60.0, -30.0), (-5.0, 15.0)])
 def test_dirt_beside_and_before_the_chair_is_noticed(dirt_deg: tuple[float, float]) -> None:
-    """No direction is excused: the chair itself returns what meets it."""
+    """No direction is exempt, since the chair itself returns the beams that hit it."""
     yard = Yard(chair=True).run(0.5)
     assert not yard.watch.obstructed.any()
     yard.dirt_deg = dirt_deg
@@ -214,7 +214,7 @@ def test_what_was_seen_of_the_chair_is_no_obstacle_once_it_is_attached() -> None
 
 
 def test_with_the_chair_the_way_ahead_is_seen_from_above() -> None:
-    """The last 0.7 m before the knees, that no ray meets low enough, were seen before the robot came so near."""
+    """The last 0.7 m in front of the knees, which no ray covers low enough, were seen from farther away."""
     yard = Yard(chair=True, mixed=0.3).run(6.5, Twist2(0.3, 0.0, 0.0))
     for twist in (Twist2(1.0, 0.0, 0.0), Twist2(-1.0, 0.0, 0.0), Twist2(0.0, 0.0, 0.5)):
         found = verdict(yard, twist)
@@ -224,13 +224,13 @@ def test_with_the_chair_the_way_ahead_is_seen_from_above() -> None:
 def test_without_the_overhead_lidar_the_way_ahead_is_unseen_and_the_way_back_is_not() -> None:
     yard = Yard(chair=True, overhead=False).run(8.0, Twist2(0.3, 0.0, 0.0))
     ahead, back = (verdict(yard, Twist2(speed, 0.0, 0.0)) for speed in (0.5, -0.5))
-    assert (ahead.limit.linear_mps, ahead.reason, ahead.faults) == (0.0, "WAY_UNSEEN", ())  # no ground was seen there
+    assert (ahead.limit.linear_mps, ahead.reason, ahead.faults) == (0.0, "WAY_UNSEEN", ())  # ground there was not seen
     assert (back.limit.linear_mps, back.reason) == (1.0, "PASSENGER_ONBOARD")
 
 
 @pytest.mark.parametrize("from_y_m", [-2.5, 2.5])
 def test_who_walks_before_the_knees_of_the_passenger_slows_the_robot(from_y_m: float) -> None:
-    """Passenger and lap hide a child of 0.62 m there from both sensors: it was seen going in."""
+    """The passenger hides a child of 0.62 m there from both sensors: it was seen entering."""
     yard = Yard(chair=True, who=CHILD).run(6.5, Twist2(0.3, 0.0, 0.0)).run(1.0)
     who = yard.pose.compose(Pose2(1.60, from_y_m, 0.0))
     to = yard.pose.compose(Pose2(1.60, 0.0, 0.0))

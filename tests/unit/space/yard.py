@@ -1,6 +1,6 @@
-"""A robot among things that come and go, seen by the simulated LiDARs, through perception and safety to a verdict.
+"""A robot among objects that appear and disappear, from the simulated LiDARs through perception to a safety verdict.
 
-Everything is real but ROS and the drive: the robot moves as it is told.
+Everything is real except ROS and the drive: the robot executes every twist exactly.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from sim.parameters import load_sim_params
 
 ROBOT = load_robot()
 PARAMS = load(PerceptionParams, "perception_pipeline")
-CHAIR_M = 0.95  # of the attached wheelchair's frame before base_link
+CHAIR_M = 0.95  # from base_link to the attached wheelchair's frame
 STEP_S = 0.05
 
 
 @dataclass(frozen=True)
 class Post:
-    """An upright cylinder, m: a child, a pole, a leg."""
+    """An upright cylinder, m: a child, a pole or a leg."""
 
     radius_m: float
     top_m: float
@@ -53,7 +53,7 @@ class Post:
 
 @dataclass(frozen=True)
 class Block:
-    """A box, m: half its length, half its width, its lowest and highest point."""
+    """A box, m: half length, half width, lowest and highest point."""
 
     half_x_m: float
     half_y_m: float
@@ -68,18 +68,18 @@ class Block:
 
 Thing = Post | Block
 
-# Nothing is seen of what is nearer than 0.5 m to the sensor, so that a slender child that stands 5 cm before the robot
-# shows no point, and a dog lower than the lowest ray none either.
+# A LiDAR returns nothing nearer than 0.5 m, so a slender child 5 cm in front of the robot yields no point, and neither
+# does a dog lower than the lowest ray.
 CHILD, ADULT, POLE, DOG = Post(0.06, 0.62), Post(0.20, 1.70), Post(0.025, 1.50), Post(0.12, 0.40)
 
 
 class Yard:
-    """``step`` moves the robot by its twist, and shows it half a turn of the LiDAR, and with each second one a frame
-    of the overhead one. Walls stand 12 m away all around.
+    """``step`` moves the robot by its twist and feeds half a LiDAR turn, and with every second one an overhead
+    frame. Walls stand 12 m away all around.
 
-    overhead: False is a robot whose overhead LiDAR is silent. columns: of a sweep, a third of the real one's.
-    mixed: share of the beams at an edge that return a range between both surfaces. things: who may be there; ``at``
-    says where, in odom, and None where somebody is not.
+    overhead: False for a silent overhead LiDAR. columns: per sweep, a third of the real number. mixed: share of
+    beams at an edge that return a range between both surfaces. things: objects; ``at`` holds their positions in
+    odom, None for an absent one.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Yard:
         self.at: dict[str, tuple[float, float] | None] = dict.fromkeys(things)
         self.pose, self.twist, self.now_s = IDENTITY, ZERO_TWIST, 100.0
         self.chair = chair
-        self.dirt_deg: tuple[float, float] | None = None  # directions whose beams do not leave the lens
+        self.dirt_deg: tuple[float, float] | None = None  # bearings whose beams are blocked at the lens
         self._half = 0
         self._lidar = _lidar(things, mixed, columns)
         self._overhead = _overhead_lidar(things, mixed) if overhead else None
@@ -99,7 +99,7 @@ class Yard:
         self.scene: Scene | None = None
 
     def step(self) -> Scene:
-        """One half sweep."""
+        """Runs one half sweep."""
         self.now_s += STEP_S
         before, self.pose = self.pose, self.pose.compose(exp_se2(self.twist, STEP_S))
         motion = self.pipeline.motion
@@ -129,7 +129,7 @@ class Yard:
         return self
 
     def walk(self, name: str, to: tuple[float, float], speed_mps: float = 1.0) -> Yard:
-        """Somebody walks on a straight line while the robot goes on as it does."""
+        """Moves an object on a straight line while the robot keeps its twist."""
         begin = self.at[name]
         assert begin is not None
         distance_m = math.dist(begin, to)
@@ -151,14 +151,14 @@ def _overhead_lidar(things: dict[str, Thing], mixed: float) -> Lidar:
 
 
 def _with_mixed(params: LidarParams, mixed: float) -> LidarParams:
-    """Returns that mix two surfaces would show behind a thing what the thing itself is too near to show."""
+    """Sets the share of mixed returns. These reveal an object that is itself too near to return points."""
     return params.model_validate(
         {**params.model_dump(), "ranging": {**params.ranging.model_dump(), "mixed_share": mixed}}
     )
 
 
 def _scene(things: dict[str, Thing], own: Sequence[Shape]) -> LidarScene:
-    """own: what the sensor sees of the robot itself."""
+    """own: shapes of the robot that the sensor sees."""
     chair = chair_shapes(load_sim_params().wheelchair, 0.3, passenger=True)
     walls = [_wall(12.0, 0.0, 0.1, 12.0), _wall(-12.0, 0.0, 0.1, 12.0), _wall(0.0, 12.0, 12.0, 0.1),
              _wall(0.0, -12.0, 12.0, 0.1)]  # fmt: skip
@@ -185,7 +185,7 @@ def _track(poses: list[tuple[float, Pose2]]) -> Track:
 
 
 def state_at(yard: Yard, x_m: float, y_m: float) -> int:
-    """Of the cell at a place in odom."""
+    """Returns the state of the cell at a place in odom."""
     grid = yard.pipeline.space.grid()
     column = math.floor((x_m - grid.corner_m[0]) / grid.cell_m)
     row = math.floor((y_m - grid.corner_m[1]) / grid.cell_m)
@@ -193,5 +193,5 @@ def state_at(yard: Yard, x_m: float, y_m: float) -> int:
 
 
 def near(points: NDArray[np.float32], x_m: float, y_m: float, within_m: float = 0.25) -> int:
-    """How many points lie so near to a place in base_link."""
+    """Returns the number of points within a distance of a place in base_link."""
     return int((np.hypot(points[:, 0] - x_m, points[:, 1] - y_m) <= within_m).sum())
