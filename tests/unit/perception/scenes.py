@@ -1,4 +1,4 @@
-"""Hand-made scenes: a sensor of 64 rings among boxes on a plane, cast ray by ray."""
+"""Synthetic scenes: a sensor of 64 rings among boxes on a plane, cast ray by ray."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Solid:
 
 @dataclass(frozen=True)
 class Slope:
-    """Ground that rises (or falls) by slope_rad from x = foot_m on, |y| <= half_m, for length_m along x; then level."""
+    """Ground that rises (or falls) by slope_rad from x = foot_m, |y| <= half_m, for length_m along x; then level."""
 
     foot_m: float
     slope_rad: float
@@ -45,9 +45,9 @@ def sweep(
     seed: int = 0,
     ring_bias: tuple[float, float] = (0.0, 0.0),
 ) -> Points:
-    """A full turn of a standing robot, times all 0. hole: x0, x1 and depth of a trench across, without end in y.
+    """Returns a full turn at standstill, all times 0. hole: x0, x1 and depth of a trench without end in y.
 
-    ring_bias: by how much (m, deg) range and elevation of a ring are wrong at most.
+    ring_bias: largest error of range and elevation of a ring, m and deg.
     """
     random = np.random.default_rng(seed)
     own = np.random.default_rng((seed, 1)).uniform(-1.0, 1.0, (2, RINGS))
@@ -97,7 +97,7 @@ def _ground(rays: Array, slope: Slope | None, hole: tuple[float, float, float] |
 
 
 def _plane(rays: Array, x0: float, z0: float, up: float) -> Array:
-    """Range to the plane z = z0 + up * (x - x0)."""
+    """Returns the range to the plane z = z0 + up * (x - x0)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         reach = (z0 + up * (SENSOR_M[0] - x0) - SENSOR_M[2]) / (rays[:, 2] - up * rays[:, 0])
     return np.where(reach > 0.0, reach, np.inf)

@@ -1,4 +1,4 @@
-"""A made-up street: a crowned road between kerbs, parked cars, poles and a hedge, cast ray by ray."""
+"""A synthetic street: a crowned road between kerbs, parked cars, poles and a hedge, cast ray by ray."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _WHEEL_M, _HEDGE_DEEP_M, _FAR_M = 0.6, 0.08, 50.0
 
 @dataclass(frozen=True)
 class Strip:
-    """Ground between two y, z_m high at the first and rising by ``slope`` along y; base_link."""
+    """Ground between two y in base_link: z_m high at the first, rising by ``slope`` along y."""
 
     from_m: float
     to_m: float
@@ -28,9 +28,9 @@ class Strip:
 
 
 def sweep(seed: int, ring_bias: tuple[float, float], aside_m: float = 0.0, columns: int = 2344) -> Points:
-    """A full turn of a robot that stands on the road, its wheels' plane being the road's where it stands.
+    """Returns a full turn of a robot that stands on the road, with the plane of its wheels on the road's surface.
 
-    ring_bias: as in ``scenes.sweep``. aside_m: to the left of the crown; there the plane is that of the road's left.
+    ring_bias: as in ``scenes.sweep``. aside_m: offset to the left of the crown, on the plane of the road's left.
     """
     random = np.random.default_rng(seed)
     own = np.random.default_rng((seed, 1)).uniform(-1.0, 1.0, (2, RINGS))
@@ -53,14 +53,14 @@ def sweep(seed: int, ring_bias: tuple[float, float], aside_m: float = 0.0, colum
 
 
 def moved(solid: Solid, aside_m: float) -> Solid:
-    """As a robot so far to the left of the crown has it: the road's far half then falls away twice as steeply."""
+    """Shifts a solid for a robot left of the crown. The far half of the road then falls away twice as steeply."""
     off = [0.0, -aside_m, 0.0]
     low, high = (tuple(float(a + b) for a, b in zip(corner, off, strict=True)) for corner in (solid.low, solid.high))
     return Solid((low[0], low[1], low[2]), (high[0], high[1], high[2]))
 
 
 def height(y_m: float, aside_m: float = 0.0) -> float:
-    """Of the road, base_link."""
+    """Returns the height of the road in base_link."""
     if aside_m == 0.0:
         return -CROWN * abs(y_m)
     return min(0.0, 2.0 * CROWN * (y_m + aside_m))

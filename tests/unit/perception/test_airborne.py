@@ -1,4 +1,4 @@
-"""Rain, snow, dust and sun are no obstacles; thin, small and half-hidden things and whoever enters are, and at once."""
+"""Rain, snow, dust and sun are no obstacles. Thin, small, half-hidden or new objects are obstacles at once."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def crowd(robot: Robot, params: PerceptionParams) -> Crowd:
 
 
 def patch(at_m: float, size_m: float, robot: Robot) -> np.ndarray:
-    """(n, 3) what a square ``at_m`` ahead of the sensor and at its height returns."""
+    """Returns the (n, 3) points of a square ``at_m`` ahead of the sensor and at its height."""
     sensor = robot.range_sensors[frames.LIDAR]
     across = np.arange(-0.5 * size_m, 0.5 * size_m, at_m * math.radians(sensor.span_deg) / sensor.columns)
     up = np.arange(-0.5 * size_m, 0.5 * size_m, at_m * sensor.ring_spacing_rad)
@@ -54,7 +54,7 @@ def test_the_number_asked_for_has_a_floor_and_a_ceiling(crowd: Crowd, params: Pe
 
 
 def test_what_is_strewn_over_the_height_is_no_thing(crowd: Crowd, robot: Robot, params: PerceptionParams) -> None:
-    """From 6 m: as many as a thing returns, in one column; in as many rings in a row the middle ones are one."""
+    """Both columns have as many returns as an object at 6 m. Only those in adjacent rings are one."""
     count, ring_m = params.obstacles.neighbours_min, 6.0 * robot.range_sensors[frames.LIDAR].ring_spacing_rad
     column = np.full((count, 3), [6.2, 0.0, 0.3], np.float32)
     low, strewn = column.copy(), column.copy()
@@ -75,7 +75,7 @@ def test_what_is_out_of_range_or_not_a_number_is_nothing(crowd: Crowd) -> None:
 
 
 def run(pipeline: Pipeline, weather: Shower, halves: int, begin_s: float = 0.0) -> list[np.ndarray]:
-    """Obstacles after each half sweep."""
+    """Returns the obstacles after each half sweep."""
     found = []
     for step in range(halves):
         stamp_s = begin_s + HALF_S * step
@@ -87,7 +87,7 @@ def run(pipeline: Pipeline, weather: Shower, halves: int, begin_s: float = 0.0) 
 @pytest.mark.parametrize("kind", ["rain", "snow", "dust", "sun"])
 @pytest.mark.parametrize("returns", [100, 300, 1000])
 def test_what_is_in_the_air_is_no_obstacle(kind: str, returns: int, pipeline: Pipeline) -> None:
-    """On an empty plain: whatever is published is a phantom."""
+    """On an empty plain every published obstacle is a phantom."""
     weather = shower(kind, returns, seed=41)
     counts = [len(obstacles) for obstacles in run(pipeline, weather, 20)]
     assert 0.8 * returns < weather.mean_airborne() < 1.2 * returns
@@ -107,7 +107,7 @@ BYSTANDERS = [
 def test_who_enters_is_seen_in_the_first_turn_and_never_lost(
     who: Bystander, place: tuple[float, float], kind: str, pipeline: Pipeline
 ) -> None:
-    """place: from base_link, whose footprint ends 0.5 m ahead. Dead ahead halves meet: each sees one side."""
+    """place: in base_link, whose footprint ends at 0.5 m. Half sweeps meet dead ahead: each sees one side."""
     x_m, y_m = place
     weather = with_bystander(shower(kind, 1000, seed=42), who, x_m, y_m)
     weather.absent = True
@@ -118,7 +118,7 @@ def test_who_enters_is_seen_in_the_first_turn_and_never_lost(
 
 
 def test_what_was_occupied_is_not_free_because_it_now_returns_too_little(pipeline: Pipeline) -> None:
-    """A pole that stands in place, of which only stray returns come back from some moment on."""
+    """A pole stays in place but yields only stray returns from some step on."""
     who, at_m = Bystander("pole", 0.025, 1.0), 2.0
     weather = with_bystander(shower("clear", 0, seed=43), who, at_m)
     run(pipeline, weather, 6)
@@ -127,12 +127,12 @@ def test_what_was_occupied_is_not_free_because_it_now_returns_too_little(pipelin
         obstacles = run(pipeline, weather, 1, step * HALF_S)[0]
         occupied = pipeline.space.remembered(IDENTITY, math.inf)
         assert (np.hypot(occupied[:, 0] - at_m, occupied[:, 1]) < 0.15).any()
-        if step > 9:  # what nothing has hit for 0.15 s is shown from memory
+        if step > 9:  # after 0.15 s without a hit the obstacle comes from memory
             assert (np.hypot(obstacles[:, 0] - at_m, obstacles[:, 1]) < 0.15).any()
 
 
 def test_a_thin_chain_across_the_way_is_seen_and_keeps_its_place(pipeline: Pipeline) -> None:
-    """8 mm, 0.5 m high: where it is thinner than what is believed anew, it stays what it was."""
+    """8 mm thick, 0.5 m high: with too few returns for a new obstacle, the existing one stays."""
     across = Bystander("chain", 0.004, 1.0)
     weather = with_bystander(shower("clear", 0, seed=45), across, 2.0, lying_m=0.5)
     for obstacles in run(pipeline, weather, 12)[4:]:

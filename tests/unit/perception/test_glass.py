@@ -1,4 +1,4 @@
-"""A pane of glass in the way is an obstacle as soon as it is a little dirty; what it mirrors lies behind it."""
+"""A slightly dirty glass pane ahead is an obstacle. Its mirror images lie behind it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def test_a_dirty_pane_is_shown_in_every_cloud_on_the_way_to_it(lit: bool, course
 
 
 def test_mirror_images_lie_behind_the_pane_and_nothing_is_made_up_before_it() -> None:
-    """A dark shop mirrors the parked car: obstacles that are none, but behind one that is."""
+    """A dark shop window mirrors the parked car: phantoms, but behind a real obstacle."""
     missed, behind, before = standing(Window(lit=False, dirt=0.001), 2.0, [SEED])
     assert missed == 0.0
     assert behind > 10.0
@@ -25,7 +25,7 @@ def test_mirror_images_lie_behind_the_pane_and_nothing_is_made_up_before_it() ->
 
 
 def test_a_spotless_pane_before_a_lit_room_is_seen_where_it_is_met_at_right_angles_and_hardly_elsewhere() -> None:
-    """What is not covered, so that nobody takes the simulation's dirt for a property of glass."""
+    """Documents what is not detected: any other detection is due to the simulated dirt, not to the glass."""
     shown = clouds(Window(lit=True, dirt=0.0001), SEED, [5.0] * 12)[-1]
     assert missed_pct(shown) > 50.0
     ahead = (np.abs(shown[:, 0]) < 0.15) & (np.abs(shown[:, 1]) < 0.3)

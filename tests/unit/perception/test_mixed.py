@@ -1,4 +1,4 @@
-"""Beams at the attached chair's edge that return a range between it and what is behind: nothing is there."""
+"""Beams at the edge of the attached chair return a range between it and the background, where no object is."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from sim.worldfile import load_world
 from tests.unit.space.yard import CHILD, POLE, Post, Yard, near
 
 LOW_BOX, STUMP = Post(0.15, 0.30), Post(0.05, 0.20)
-CLEARANCE_M = 0.16  # a little more than what stops the robot
+CLEARANCE_M = 0.16  # slightly above the stopping distance
 
 
 def site_lidar(sensor: str, seed: int) -> Lidar:
@@ -42,7 +42,7 @@ def site_lidar(sensor: str, seed: int) -> Lidar:
 def test_a_ride_with_the_chair_is_not_stopped_by_what_is_not_there(
     pose: Pose2, robot: Robot, params: PerceptionParams
 ) -> None:
-    """Places of the demonstration where such points have stopped the robot, once in some ten sweeps."""
+    """Poses in the demonstration where such points stopped the robot in about one of ten sweeps."""
     lidar, overhead = site_lidar(frames.LIDAR, 3), site_lidar(frames.OVERHEAD_LIDAR, 4)
     latched = load_docks().latched_wheelchair()
     assert latched is not None
