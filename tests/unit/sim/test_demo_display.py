@@ -1,4 +1,4 @@
-"""What a demonstration shows while the robot rides: little on a pipe, a bar and its steps on a terminal."""
+"""The output of a demonstration during a ride: little on a pipe, a progress bar and steps on a terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sim.run.demo_display import Display, describe, doing
 
 
 def observer(waypoint: str = "gate", completed: int = 0, docking: str = "IDLE", **safety: Any) -> Any:
-    """As ``sim.nodes.mission_observer.Rider`` looks to who shows it."""
+    """Returns a stand-in for ``sim.nodes.mission_observer.Rider``."""
     return SimpleNamespace(
         mission=SimpleNamespace(
             state="RUNNING",

@@ -1,4 +1,4 @@
-"""A demonstration stands alone: what earlier runs left does not stop it, and a failure says what to do."""
+"""A demonstration is independent of the state of earlier runs, and a failure reports what to do."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def launched(monkeypatch: pytest.MonkeyPatch, error: Exception) -> list[client.Launch]:
-    """The launches that a demo asked for; each fails."""
+    """Records the launches that a demo requests. Each fails with ``error``."""
     launches: list[client.Launch] = []
 
     def start(launch: client.Launch, *_: Any) -> Any:

@@ -35,7 +35,7 @@ def bench() -> Bench:
 
 @pytest.fixture
 def rolling(bench: Bench) -> Bench:
-    """Servos on, straight ahead at 0.5 m/s."""
+    """Servos on, driving straight ahead at 0.5 m/s."""
     bench.servo()
     bench.ramp(0.5 / ROBOT.wheel_radius_m, 1.0)
     bench.run(0.3)
@@ -65,7 +65,7 @@ def test_a_command_acts_one_cycle_later_and_its_effect_is_seen_one_cycle_after_t
     def torque_of_cycles(speed: float) -> list[float]:
         bench = make_bench()
         bench.servo()
-        bench.ramp(1.0, 1.0)  # rolling, so that no brake is in the way
+        bench.ramp(1.0, 1.0)  # moving, so that the brakes are open
         bench.command(1.0 + speed)
         seen: list[float] = []
         bench.run(0.005, lambda: seen.append(float(bench.inp.torque_percent[FL_DRIVE])))
@@ -78,7 +78,7 @@ def test_a_command_acts_one_cycle_later_and_its_effect_is_seen_one_cycle_after_t
 
 
 def test_positions_come_in_counts(rolling: Bench) -> None:
-    """Counts are the true angle, cut to the encoder's grid, of one cycle ago."""
+    """Counts are the true angle of one cycle ago, rounded down to the encoder's grid."""
     for _ in range(50):
         true = rolling.world.truth().joint_positions_rad.copy()
         rolling.run(0.001)
@@ -89,7 +89,7 @@ def test_positions_come_in_counts(rolling: Bench) -> None:
 
 
 def test_quantisation_is_visible_in_the_speed() -> None:
-    """Without any other noise the speed seen at constant speed still ripples, as counts come in steps."""
+    """Even without noise the measured speed ripples at constant speed, since positions come in counts."""
     quiet = SETTINGS.model_copy(
         update={
             "torque_noise_nm": SETTINGS.torque_noise_nm.model_copy(update={"drive": 0.0, "steer": 0.0}),
@@ -205,7 +205,7 @@ def test_servo_off_in_motion_brakes_softly_before_the_brake_closes(rolling: Benc
 
 
 def test_a_silent_bus_stops_the_robot_by_itself(rolling: Bench) -> None:
-    """0.1 s of silence, then 2.0 m/s2 from 0.5 m/s: at rest after 0.35 s and some lag."""
+    """0.1 s of silence, then 2.0 m/s2 from 0.5 m/s: at rest after 0.35 s plus lag."""
     rolling.talking = False
     rolling.run(SETTINGS.bus_watchdog_s - 0.005)
     assert rolling.twist().vx == pytest.approx(0.5, abs=0.02), "a short silence is no reason to stop"
@@ -273,7 +273,7 @@ def test_one_cycle_of_clear_alarm_is_enough(bench: Bench) -> None:
 
 
 def test_a_frozen_encoder_ends_in_an_overload_alarm(rolling: Bench) -> None:
-    """The drive sees a standing wheel, pushes with all it has, and gives up after the overload time."""
+    """The drive measures a standing wheel, applies its maximum torque, and raises the alarm after the overload time."""
     rolling.world.drives.set_encoder_frozen(FL_DRIVE, True)
     rolling.run(0.1)
     frozen = rolling.inp.position_counts[FL_DRIVE]
@@ -290,7 +290,7 @@ def test_a_steering_command_out_of_reach_is_a_following_error(bench: Bench) -> N
 
 
 def test_a_wheel_that_overspeeds_alarms() -> None:
-    """Freeze nothing, push from outside: a wheel spun beyond its speed by somebody else."""
+    """The wheel is spun beyond its maximum speed from outside, with no fault injected."""
     bench = make_bench()
     bench.servo()
     index = bench.world._index
@@ -307,7 +307,7 @@ def test_a_wheel_that_overspeeds_alarms() -> None:
 
 def test_estop_bit_is_normally_closed(bench: Bench) -> None:
     byte, mask = ROBOT.estop_input_byte, 1 << ROBOT.estop_input_bit
-    # An open latch: its closed switch in the same byte reads 0.
+    # The latch is open: its closed switch in the same byte reads 0.
     others = 0xFF & ~mask & ~(1 << ROBOT.latch.closed_input_bit)
     bench.inp.inputs[byte] |= others
     bench.run(0.001)

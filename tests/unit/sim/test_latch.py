@@ -1,4 +1,4 @@
-"""The latch by its I/O: what it catches, how it draws in, what it keeps, and that nothing but its output opens it."""
+"""The latch through its I/O: catching range, drawing in, holding, and that only its output opens it."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from .bench import PARAMS, ROBOT, Bench
 LATCH, TIMES = ROBOT.latch, PARAMS.latch
 CLOSE, OPEN = 1 << LATCH.close_output_bit, 1 << LATCH.open_output_bit
 DOCK_POSE = load_docks().docks["chair_1"].dock_pose.pose()
-CHAIR = DOCK_POSE.inverse()  # where the chair stands, with the robot docked at the map's origin
+CHAIR = DOCK_POSE.inverse()  # the chair's pose with the robot docked at the map's origin
 MARGIN_S = 0.01
 
 
 def setup(start: Pose2 = IDENTITY, passenger_kg: float = 75.0, slope_deg: float = 0.0, towards: float = 0.0) -> Setup:
-    """The robot off its dock pose by ``start``, in the chair's frame."""
+    """Displaces the robot from its dock pose by ``start``, in the chair's frame."""
     return Setup(
         load_world("flat"),
         1,
@@ -51,7 +51,7 @@ def put(bench: Bench, outputs: int, duration_s: float) -> None:
 
 
 def inputs(bench: Bench) -> tuple[bool, bool]:
-    """Closed, open."""
+    """Returns (closed, open)."""
     value = int(bench.inp.inputs[LATCH.byte])
     return bool(value >> LATCH.closed_input_bit & 1), bool(value >> LATCH.open_input_bit & 1)
 
@@ -65,7 +65,7 @@ def latched(passenger_kg: float = 75.0, slope_deg: float = 0.0, towards: float =
 
 @pytest.fixture
 def engine() -> LocalEngine:
-    """An engine whose bus is up, robot docked, the latch open."""
+    """An engine whose bus is up, with the robot docked and the latch open."""
     made = LocalEngine(load_engine_config(), Simulation(ROBOT, PARAMS, setup()))
     made.start()
     return made
@@ -81,7 +81,7 @@ def held(engine: LocalEngine) -> bool:
 
 
 def bits(engine: LocalEngine) -> tuple[int, int]:
-    """Closed, open, as a client of the engine reads them."""
+    """Returns (closed, open) as a client of the engine reads them."""
     snapshot = engine.status()
     closed, opened = (snapshot.input_bit(LATCH.byte, bit) for bit in (LATCH.closed_input_bit, LATCH.open_input_bit))
     return int(closed), int(opened)
@@ -116,7 +116,7 @@ def test_the_engines_io_closes_and_opens_it(engine: LocalEngine) -> None:
     [(75.0, 0.0, 0.0), (120.0, 3.0, 0.0), (120.0, 3.0, math.pi), (120.0, 3.0, 0.5 * math.pi)],
 )
 def test_it_draws_in_softly_to_the_dock_pose(passenger_kg: float, slope_deg: float, towards: float) -> None:
-    """From 8 mm, -7 mm, 0.8 deg to within 0.3 mm and 0.05 deg, without a jolt for who sits in the chair."""
+    """From 8 mm, -7 mm, 0.8 deg to within 0.3 mm and 0.05 deg, without a jolt for the passenger."""
     bench = make(Pose2(0.008, -0.007, math.radians(0.8)), passenger_kg, slope_deg, towards)
     chair = bench.world.model.joint("wheelchair").dofadr[0]
     speeds: list[np.ndarray] = []
@@ -126,7 +126,7 @@ def test_it_draws_in_softly_to_the_dock_pose(passenger_kg: float, slope_deg: flo
     along, across, yaw = bench.world.dock_error(DOCK_POSE)
     assert max(abs(along), abs(across)) < 0.3e-3
     assert abs(yaw) < math.radians(0.05)
-    # Mean acceleration over 10 ms: a person feels no shorter ones. 10 mm in 0.3 s by a cosine take 0.55 m/s2.
+    # Mean acceleration over 10 ms, as a person feels no shorter peaks. 10 mm in 0.3 s by a cosine takes 0.55 m/s2.
     jolt = np.abs(np.array(speeds[10:]) - np.array(speeds[:-10])).max() / 0.01
     assert jolt < 1.5
 
@@ -218,7 +218,7 @@ def test_trouble_drops_no_chair(engine: LocalEngine, trouble: Callable[[LocalEng
 
 
 def test_an_opening_output_is_no_longer_believed_on_a_dead_bus() -> None:
-    """The telegram that said open was the last: the terminal drops its outputs, the hooks stay where they are."""
+    """The last telegram requested open. The terminal then drops its outputs, and the hooks stay in place."""
     bench = latched()
     bench.out.outputs[LATCH.byte] = OPEN
     bench.run(0.05)
@@ -228,7 +228,7 @@ def test_an_opening_output_is_no_longer_believed_on_a_dead_bus() -> None:
 
 
 def test_it_opens_under_load_and_the_chair_stands() -> None:
-    """120 kg on 3 degrees, pulling on the hooks: let go, the parking brake holds it."""
+    """120 kg on a 3 deg slope pull on the hooks. After the release the parking brake holds the chair."""
     bench = latched(120.0, 3.0, math.pi)
     bench.servo()
     put(bench, OPEN, TIMES.travel_s + MARGIN_S)

@@ -1,4 +1,4 @@
-"""When a simulated world waits for whom."""
+"""Which processes a simulated world waits for, and when."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class TestProcesses:
         started.stdout.close()
 
     def test_one_that_is_stopped_from_outside_takes_part(self, process: subprocess.Popen[str]) -> None:
-        """A debugger, a busy machine: the world waits as long as it lasts."""
+        """The world waits for as long as a debugger or a busy machine stops the process."""
         processes = Processes()
         process.send_signal(signal.SIGSTOP)
         assert processes.takes_part("other")

@@ -1,4 +1,4 @@
-"""The page at a demonstration's end."""
+"""The result page of a demonstration."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RESULT = Result(
 
 
 class Reader(HTMLParser):
-    """Text and pictures; an element that is not closed is an error."""
+    """Collects the text and pictures of a page. An unclosed element is an error."""
 
     def __init__(self, page: str) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Figures of a ride, worked out by hand."""
+"""Metrics of a ride, compared with values computed by hand."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_a_belief_is_compared_with_the_truth_of_its_own_time() -> None:
         along_x((0.0, 0, 0), (1.0, 1, 0)), [(-0.1, Pose2(9, 9, 9)), (0.5, Pose2(0.5, 0.1, 0.2)), (1.1, Pose2(0, 0, 0))]
     )
     errors = estimate_errors(ride)
-    assert errors.shape == (1, 3)  # before the first and after the last sample nobody knows the truth
+    assert errors.shape == (1, 3)  # no truth before the first and after the last sample
     assert errors[0] == pytest.approx([0.5, 0.1, 0.2])
 
 
@@ -130,7 +130,7 @@ def test_what_became_of_the_wheelchair() -> None:
 
 
 def driven(*speeds: tuple[float, float]) -> list[Sample]:
-    """(time in s, speed in m/s) along x, a metre each."""
+    """Samples from (time s, speed m/s) along x, 1 m apart."""
     return [Sample(time_s, Pose2(float(x), 0.0, 0.0), speed) for x, (time_s, speed) in enumerate(speeds)]
 
 

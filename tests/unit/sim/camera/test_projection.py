@@ -1,4 +1,4 @@
-"""Boards are where OpenCV's projection says, to a few hundredths of a pixel."""
+"""Boards appear where OpenCV projects them, within a few hundredths of a pixel."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ BOARD = place(-4.5, 11.0, np.radians(183.0))
 @pytest.mark.parametrize(
     "seen_from",
     [
-        (-0.95, 0.0, 0.0),  # docked: edges along the pixels
+        (-0.95, 0.0, 0.0),  # docked: edges parallel to the pixel grid
         (-1.0, 0.03, 0.05),
         (-1.6, 0.5, -0.35),
         (-2.5, -0.3, 0.1),
@@ -49,7 +49,7 @@ def test_edges_are_where_opencv_projects_them(seen_from: tuple[float, float, flo
 
 
 def test_the_edges_of_the_calibrated_camera_are_elsewhere() -> None:
-    """The measure sees what the tolerances of a calibration do, so that it would see an error of the renderer too."""
+    """Calibration tolerances are detected, so an error of the renderer would be detected too."""
     camera = true_camera()
     base = BOARD @ place(-0.95, 0.0, 0.0)
     picture = renderer(camera, sharp()).render(Motion.still(base, {"chair_1": BOARD}))
@@ -89,7 +89,7 @@ def test_a_true_camera_is_within_the_tolerances_and_drawn_from_its_seed() -> Non
 @settings(max_examples=60, deadline=None)
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 def test_share_of_a_pixel_beyond_an_edge(middle: float, across: float, down: float) -> None:
-    assume(max(abs(across), abs(down), abs(middle)) > 1e-9)  # else there is no edge
+    assume(max(abs(across), abs(down), abs(middle)) > 1e-9)  # otherwise there is no edge
     part = (np.arange(100) + 0.5) / 100 - 0.5
     counted = (middle + across * part[None, :] + down * part[:, None] > 0.0).mean()
     assert half_plane(middle, across, down) == pytest.approx(counted, abs=0.012)
@@ -106,7 +106,7 @@ def test_share_of_a_pixel_beyond_a_moving_edge(middle: float, shift: float, acro
 def test_share_of_a_pixel_by_hand() -> None:
     assert half_plane(0.0, 1.0, 0.0) == 0.5
     assert half_plane(0.25, 1.0, 0.0) == 0.75
-    # A diagonal that cuts a corner of half a pixel's sides off: a triangle of 1/8.
+    # A diagonal that cuts off a corner with sides of half a pixel: a triangle of 1/8.
     assert half_plane(0.5, 1.0, 1.0) == pytest.approx(0.875)
     assert half_plane(-0.5, -1.0, 1.0) == pytest.approx(0.125)
     assert half_plane(0.1, 0.0, 0.0) == 1.0

@@ -1,4 +1,4 @@
-"""The simulated computer's files and disk, as the system monitor's own reading code reads them."""
+"""The simulated computer's files and disk, read by the system monitor's own code."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_a_disk_that_is_full_and_the_machines_own(computer: SimComputer, reader:
 def test_without_namespaces_the_injection_is_refused(
     computer: SimComputer, reader: ComputerReader, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As on a machine whose kernel refuses them."""
+    """As on a machine whose kernel denies namespaces."""
     refusing = tmp_path / "bin" / "unshare"
     refusing.parent.mkdir()
     refusing.write_text("#!/bin/sh\nexit 1\n", encoding="ascii")
@@ -104,7 +104,7 @@ def test_a_screen_can_be_lost_only_where_one_is_served(computer: SimComputer) ->
     with pytest.raises(FaultRefused, match="nobody serves"):
         faults.inject("screen_lost")
     assert not computer.screen.shown
-    tell_touch_screen("http://127.0.0.1:1/")  # nobody listens there
+    tell_touch_screen("http://127.0.0.1:1/")  # no server listens there
     faults.inject("screen_lost")
     assert computer.screen.shown, "it is lost only once it has been seen"
     computer.screen.heard()

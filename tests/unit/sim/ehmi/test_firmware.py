@@ -25,7 +25,7 @@ class Story:
         self.sent = b""
 
     def wait(self, seconds: float) -> list[str]:
-        """The lines it sends meanwhile."""
+        """Returns the lines sent meanwhile."""
         end_s, lines = self.now_s + seconds, []
         while self.now_s < end_s:
             data = self.firmware.transmit(self.now_s)

@@ -1,4 +1,4 @@
-"""Ray casting: against the physics' own rays, and what a sensor sees of hand-made worlds."""
+"""Ray casting, compared with the rays of the physics engine and with expected views of hand-made worlds."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ COLUMNS = 600
 
 @pytest.mark.parametrize("name", ["yard", "ramps"])
 def test_ranges_are_those_of_the_physics(name: str) -> None:
-    """Every beam of sweeps on the move, tilted as well, against mj_multiRay; pits and castors' spheres left out."""
+    """Every beam of moving and tilted sweeps against mj_multiRay, without pits and the castors' spheres."""
     file = load_world(name).model_copy(update={"pits": [], "floor": world().floor})
     physics = World(ROBOT, SIM, Setup(file, 0, Pose2(3.0, 0.0, 0.0), wheelchair_pose=Pose2(6.0, 1.0, 0.3)))
     spheres = physics.model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
@@ -96,7 +96,7 @@ def test_a_pit_shows_its_floor_and_its_far_side() -> None:
     floor = abs(mine["z"] - (-UP_M - 0.3)) < 1e-4
     far = abs(mine["x"] - (4.0 - AHEAD_M)) < 1e-4
     assert (floor.sum() > 20, far.sum() > 20) == (True, True)
-    # The edge hides what lies behind it: at 1.8 m from 0.7 m up a beam falls 0.3 m within 0.77 m.
+    # The edge hides the floor behind it: from 0.7 m up at 1.8 m distance, a beam falls 0.3 m within 0.77 m.
     assert mine["x"][floor].min() > 2.0 - AHEAD_M + 0.75
     sides = abs(abs(mine["y"]) - 2.0) < 1e-4
     assert (floor | far | sides).all()
@@ -117,7 +117,7 @@ def test_people_and_the_chair_are_seen_where_they_are() -> None:
 
 
 def test_columns_see_from_where_the_sensor_was() -> None:
-    """Turning on the spot at 1 rad/s beside a wall: raw points bend, and lie flat again with each one's own pose."""
+    """Turning at 1 rad/s beside a wall bends the raw points. Each point's own pose flattens them again."""
     file = world(walls=[{"name": "wall", "x_m": 0.0, "y_m": 3.5, "length_m": 30.0, "width_m": 1.0, "height_m": 3.0}])
     twist = Twist2(0.5, 0.0, 1.0)
     points, found = sweep_at(file, np.eye(4), twist=twist, params=exact())
@@ -130,7 +130,7 @@ def test_columns_see_from_where_the_sensor_was() -> None:
 
 
 def _at(twist: Twist2, time_s: float) -> np.ndarray:
-    """Where a body was that is at the origin at time 0: by hand, on its circle."""
+    """Returns the pose at ``time_s`` of a body that is at the origin at time 0, by hand on its circle."""
     angle, radius = twist.omega * time_s, twist.vx / twist.omega
     return pose(radius * math.sin(angle), radius * (1.0 - math.cos(angle)), angle)
 

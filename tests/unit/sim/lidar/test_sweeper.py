@@ -1,4 +1,4 @@
-"""Half sweeps as the poses come, in a running world and by hand; what may go wrong with the sensor."""
+"""Half sweeps as poses arrive, in a running world and by hand, and the sensor's faults."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_gap_is_not_made_up_for_and_a_clock_set_back_begins_anew() -> None:
 
 
 def test_a_running_world_has_a_lidar() -> None:
-    """Beside somebody who walks, with a chair attached: both are where the world has them."""
+    """A person walks nearby and a chair is attached: both appear where the world has them."""
     setup = Setup(
         load_world("yard"), 0, Pose2(18.0, -0.8, 0.0), attached_at_start=True, passenger_mass_kg=70.0, people=True
     )
