@@ -1,4 +1,4 @@
-"""The general node's session on an engine whose drives the test can break, without ROS."""
+"""The general node's session, without ROS, on an engine whose drives a test can break."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Log:
 
 
 class Rig:
-    """An engine, a client that looks on, and the session under test."""
+    """An engine, an observing client, and the session under test."""
 
     def __init__(self, harness: ThreadHarness, **params: Any) -> None:
         self.harness, self.log = harness, Log()
@@ -103,7 +103,7 @@ class Rig:
         return answers[0]
 
     def up(self) -> MotionEngine:
-        """Bus and servos on; the client that looks on."""
+        """Switches bus and servos on and returns the observing client."""
         onlooker = self.harness.ready()
         self.start()
         return onlooker
@@ -239,7 +239,7 @@ class TestDevice:
         rig.session.end()
 
     def test_a_command_that_the_engine_took_without_an_answer_is_taken_back(self, harness: ThreadHarness) -> None:
-        """It was in the socket when the engine fell silent, and is carried out when the engine goes on."""
+        """The engine stalls with the command in its socket and executes it when it continues."""
         harness.config = harness.config.model_copy(update={"call_timeout_s": 0.2})
         rig = Rig(harness)
         onlooker = rig.up()
@@ -426,7 +426,7 @@ class TestModes:
         wait_status(onlooker, moving(VEL), "motion")
         rig.move(rig.session.motion.run, [VEL], [0.0], [50.0], [50.0])
         wait_status(onlooker, lambda now: now.velocity_cmd[VEL] == 0.0, "standstill")
-        assert not at_rest(VEL)(status(onlooker))  # to the engine it is a motion that happens to be slow
+        assert not at_rest(VEL)(status(onlooker))  # the engine still counts it as a motion
         assert rig.ask(lambda: rig.session.axes.set_mode([VEL], [0])).success
 
     def test_polarity_and_gear(self, rig: Rig) -> None:
@@ -492,7 +492,7 @@ class TestMotion:
         before = wait_status(onlooker, lambda now: now.pos_cmd[POS] > 0.5, "motion").pos_cmd[POS]
         rig.move(rig.session.motion.go_by, [POS], [20.0], [1000.0], [1000.0], [1.0])
         ended = wait_status(onlooker, at_rest(POS), "the end").pos_cmd[POS]
-        assert before + 1.0 <= ended < 20.0  # not 51: that is what the engine's own relative motion would do
+        assert before + 1.0 <= ended < 20.0  # not 51, which the engine's own relative motion would reach
 
     def test_relative_from_rest_is_exact(self, rig: Rig) -> None:
         onlooker = rig.up()
@@ -551,7 +551,7 @@ class TestEmergencyStop:
         began_s = status(onlooker).engine_time_s
         rig.session.stop()
         ended_s = wait_status(onlooker, at_rest(VEL), "standstill").engine_time_s
-        assert ended_s - began_s < 15.0  # 30 s at its own deceleration, 15 ms at the quick stop's
+        assert ended_s - began_s < 15.0  # 30 s with its own deceleration, 15 ms with the quick stop's
         assert not at_rest(POS)(status(onlooker))
         rig.move(rig.session.motion.run, [VEL], [3.0], [100.0], [100.0])
         rig.log.wait("topic refused: /emergency_stop is in force")
@@ -577,7 +577,7 @@ class TestEmergencyStop:
 
 class TestState:
     def test_is_said_from_the_first_tick_on(self, harness: ThreadHarness) -> None:
-        """As its peer does: servos off until there is an engine, and of an engine whose bus does not run yet."""
+        """The state is published with all servos off until an engine exists, and also while its bus is not running."""
         rig = Rig(harness)
         rig.refusals = [ErrorCode.IMLibIsNotRunning] * 3
         rig.start()
@@ -598,7 +598,7 @@ class TestEnd:
         rig.session.end()
         assert rig.session.worker.failure is None
         assert at_rest(VEL)(status(onlooker))
-        assert status(onlooker).servo_on.all()  # bus and servos stay as they are
+        assert status(onlooker).servo_on.all()  # bus and servos stay on
         assert status(onlooker).communicating
 
     def test_an_axis_that_another_client_has_taken_over_is_not_its_own_any_more(self, harness: ThreadHarness) -> None:
@@ -649,7 +649,7 @@ def test_code_of_a_lost_device_closes_it(harness: ThreadHarness) -> None:
 
 @pytest.mark.parametrize("variant", ["3.5", "newer"])
 def test_the_same_on_the_vendors_engine(variant: str) -> None:
-    """Every service and command through the vendor adapter, on a fake of its module that counts what is misused."""
+    """Every service and command through the vendor adapter, on a fake module that counts misuse."""
     with vendor_harness(variant) as harness:
         onlooker = harness.communicating()
         rig = Rig(harness, velocity_timeout_s=5.0).start()

@@ -1,4 +1,4 @@
-"""What is published of the axes, what services answer, and what the parameters may be."""
+"""The published axis states, the answers of services, and valid parameters."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_twelve_arrays_of_axis_count_entries(axis_count: int) -> None:
 def test_a_flag_shows_on_its_axis_and_in_its_field_alone(name: str) -> None:
     snapshot = standing(3)
     snapshot.flags[Flag.SERVO_ON] = 0
-    snapshot.flags[FLAGS[name], 1] = 5  # the engine's, whatever it writes for true
+    snapshot.flags[FLAGS[name], 1] = 5  # the engine may write any number for true
     fields = axis_state(snapshot, 3, (1.0, 1.0, 1.0))
     assert fields[name].tolist() == [0, 1, 0]
     assert all(not any(fields[other]) for other in FLAGS if other != name)
@@ -58,13 +58,13 @@ def test_a_flag_shows_on_its_axis_and_in_its_field_alone(name: str) -> None:
 def test_a_number_shows_on_its_axis_and_in_its_field_alone(name: str) -> None:
     snapshot = standing(3)
     snapshot.reals[REALS[name], 1] = -1.25
-    fields = axis_state(snapshot, 2, (100.0, 100.0))  # N m, so that percent and N m are one number
+    fields = axis_state(snapshot, 2, (100.0, 100.0))  # N m, so that percent equals N m
     assert fields[name].tolist() == [0.0, -1.25]
     assert all(not any(fields[other]) for other in REALS if other != name)
 
 
 def test_torque_is_in_newton_metres() -> None:
-    """The vendor's status tells percent of the rated torque."""
+    """The vendor's status reports percent of the rated torque."""
     snapshot = standing(3)
     snapshot.reals[Real.ACTUAL_TORQUE] = [50.0, -50.0, 10.0]
     assert axis_state(snapshot, 3, (2.0, 4.0, 30.0))["actual_torque"].tolist() == [1.0, -2.0, 3.0]

@@ -1,4 +1,4 @@
-"""Waiting on statuses one by one, and stopping where an engine refuses a group, without an engine."""
+"""Waiting for statuses one by one, and stopping axes singly if a group is refused, without an engine."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.unit.wmx_general.snapshots import standing
 
 
 class Script:
-    """A device that shows what it is told, and a clock that the test sets."""
+    """A device that shows statuses set by the test, and a fake clock."""
 
     def __init__(self) -> None:
         self.now_s = 0.0
@@ -48,7 +48,7 @@ def waiting(script: Script, axes: Sequence[int], timeout_s: float = 1.0) -> Gene
 
 
 def result(steps: Generator[None, None, dict[int, int]]) -> dict[int, int] | None:
-    """What a wait ends with at this step; None if it goes on."""
+    """Returns the result if the wait ends at this step, otherwise None."""
     try:
         next(steps)
     except StopIteration as end:
@@ -72,7 +72,7 @@ def test_each_axis_has_its_own_end_and_time_runs_out_for_the_rest(script: Script
     script.show(200, on=[1])
     script.now_s = 0.5
     assert result(steps) is None
-    script.show(300, on=[2])  # that axis 1 is off again is not asked any more
+    script.show(300, on=[2])  # axis 1 has its result and is not checked again
     script.now_s = 1.0
     late = int(CoreMotionErrorCode.WaitTimeout)
     assert result(steps) == {0: late, 1: 0, 2: 0}
@@ -92,7 +92,7 @@ def test_nothing_to_wait_for(script: Script) -> None:
 
 
 class Family:
-    """Stops of a mode; refuses every group, and axis 2 by itself."""
+    """The stops of a mode: refuses every group, and axis 2 alone."""
 
     def __init__(self) -> None:
         self.asked: list[list[int]] = []
