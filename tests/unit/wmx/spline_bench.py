@@ -1,4 +1,4 @@
-"""An engine of six position axes, stepped by hand, and the curve that its splines must follow."""
+"""An engine of six position axes, stepped by hand, and the reference curve of its splines."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ CHANNEL = 3
 CYCLE_S = 0.001
 QUICK_DEC, ESTOP_DEC = 20.0, 40.0
 AXES = list(range(N_ARM))
-# All axes move all the time on this way: the fastest reaches about 2 rad/s.
+# All axes move during the whole path; the fastest reaches about 2 rad/s.
 WAY_MS = [500.0, 1000.0, 1500.0, 2000.0]
 WAY = np.array([[0.4], [1.3], [2.2], [2.6]]) * np.array([1.0, -0.8, 0.5, 0.25, -0.6, 0.1])
 
 
 class Arm:
-    """Servos on, positions 0, a buffer on CHANNEL."""
+    """An engine with servos on, all positions 0, and a buffer on CHANNEL."""
 
     def __init__(self, **kind: Any) -> None:
         motion = {"quick_stop_dec_radps2": QUICK_DEC, "estop_dec_radps2": ESTOP_DEC}
@@ -57,7 +57,7 @@ class Arm:
             self.engine.cycle()
 
     def until(self, holds: Callable[[], Any], cycles: int = 20000) -> int:
-        """Cycles until ``holds``."""
+        """Steps until ``holds`` and returns the number of cycles."""
         for count in range(cycles):
             if holds():
                 return count
@@ -65,7 +65,7 @@ class Arm:
         raise AssertionError(f"not within {cycles} cycles")
 
     def at_rest(self) -> int:
-        """Cycles until every axis is idle."""
+        """Steps until every axis is idle and returns the number of cycles."""
         return self.until(lambda: self.engine.at_rest)
 
     def flag(self, row: Flag) -> NDArray[np.int64]:
@@ -98,11 +98,11 @@ class Arm:
         return self.motion.start_spline(self.device, channel, list(axes), path, np.array(times_ms, np.float64))
 
     def soft_stop(self, axis: int = 0, dec: float = 1e-3) -> None:
-        """A stop as gentle as its deceleration of one axis."""
+        """Stops one axis with a low deceleration."""
         self.motion.stop_axis(axis, dec, DetailOperationState.Stop)
 
     def moving(self, cycles: int = 900) -> Arm:
-        """On the way, all axes in motion."""
+        """Starts the path and steps until all axes are in motion."""
         assert self.start() == ErrorCode.PyNone
         self.step(cycles)
         assert self.states == {OperationState.Intpl}
@@ -111,14 +111,14 @@ class Arm:
 
 
 def clamped(points: Any, times_ms: Sequence[float], start: Any = None) -> CubicSpline:
-    """From ``start`` at time 0 through the points, at rest at both ends; time in s."""
+    """Returns the curve from ``start`` at time 0 through the points, at rest at both ends; time in s."""
     path = np.array(points, np.float64).reshape(len(times_ms), -1)
     begin = np.zeros(path.shape[1]) if start is None else np.asarray(start)
     return CubicSpline(np.concatenate(([0.0], np.array(times_ms) * 1e-3)), np.vstack((begin, path)), bc_type="clamped")
 
 
 def off_path(curve: CubicSpline, position: Array, duration_s: float, axes: Sequence[int] = tuple(AXES)) -> float:
-    """How far a position is from a curve in some dimensions; dimension 0 never turns and tells the path time."""
+    """Returns the largest deviation of a position from a curve. Dimension 0 is monotonic and gives the path time."""
     low, high = 0.0, duration_s
     for _ in range(60):
         middle = 0.5 * (low + high)

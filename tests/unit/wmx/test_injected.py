@@ -1,4 +1,4 @@
-"""The port with the drives and the server at hand: conformance again, then faults no client can cause."""
+"""The port with access to drives and server: conformance again, then faults that no client can cause."""
 
 from __future__ import annotations
 
@@ -225,7 +225,7 @@ class TestBusLoss:
 
 class TestEStopSignal:
     def enable(self, harness: ThreadHarness) -> None:
-        """Input 0.0, normally closed, stops the engine."""
+        """Configures input 0.0, normally closed, as the emergency stop."""
         harness.drives.inputs[0] = 1
         engine = harness.connect("configurator")
         config = engine.core_motion.config
@@ -306,7 +306,7 @@ class TestCreationLock:
 
 
 def test_several_nodes_starting_at_once_all_get_in() -> None:
-    """Creation takes 50 ms and excludes the others, who retry."""
+    """A creation takes 50 ms and locks out the other clients, which retry."""
     with runtime_folder() as folder:
         server = {"create_device_s": 0.05, "pause_publish_s": 0.02, "max_clients": 64, "shutdown_stop_s": 2.0}
         harness = ThreadHarness(folder, server=server)
@@ -330,7 +330,7 @@ def test_several_nodes_starting_at_once_all_get_in() -> None:
 
 
 def test_vendor_style_retry_gets_through_contention() -> None:
-    """While one creates its device the other sees 297 and comes in when it tries again."""
+    """While one client creates its device, the other gets error 297 and succeeds on a retry."""
     with runtime_folder() as folder:
         server = {"create_device_s": 0.3, "pause_publish_s": 0.02, "max_clients": 64, "shutdown_stop_s": 2.0}
         harness = ThreadHarness(folder, server=server)
@@ -349,7 +349,7 @@ def test_vendor_style_retry_gets_through_contention() -> None:
 
 
 def _short_watchdogs(harness: ThreadHarness) -> None:
-    """A second instead of the fifteen that a device begins with."""
+    """Reduces the watchdog of every device from the initial 15 s to 1 s."""
     for device in harness.engine.devices:
         device.watchdog_ms = 1000
 
@@ -390,7 +390,7 @@ class TestDeadClients:
 
 
 class TestInjectedConformance(EngineConformance):
-    """Every conformance test on this engine too: its failures are then the port's, not the harness's."""
+    """Runs every conformance test on this engine too: a failure here is the port's, not the harness's."""
 
 
 def test_all_axes_selection_helper() -> None:

@@ -1,4 +1,4 @@
-"""The port on an engine in a process of its own, over socket and shared memory, and what only processes can show."""
+"""The port to an engine in its own process, over socket and shared memory, and effects that only processes have."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ time.sleep(600)
 def test_client_process_that_does_not_run_loses_its_device_and_timed_axes_only(
     harness: ProcessHarness, number: signal.Signals
 ) -> None:
-    """What the watchdog does, and what it does not: an endless motion goes on, a timed one ends by itself."""
+    """The watchdog closes the device: an endless motion continues, a timed one ends by itself."""
     survivor = harness.ready("survivor")
     victim = subprocess.Popen([sys.executable, "-c", CLIENT, str(harness.folder)], stdout=subprocess.PIPE, text=True)
     try:
@@ -131,7 +131,7 @@ def test_sigterm_stops_the_axes_before_the_engine_ends() -> None:
             assert engine.core_motion.velocity.StartVel(vel(VEL, 100.0, acc=0.0)) == ErrorCode.PyNone
             wait_status(engine, cruising(VEL, 100.0), "motion")
             harness.process.send_signal(signal.SIGTERM)
-            # 100 rad/s at 200 rad/s2 takes 0.5 s: time to see it on the way down with the servo on.
+            # Braking from 100 rad/s at 200 rad/s2 takes 0.5 s, long enough to observe it with the servo on.
             slowing = wait_status(engine, lambda now: 0.0 < now.velocity_cmd[VEL] < 100.0, "the ramp")
             assert slowing.servo_on[VEL]
             assert harness.stop() == 0
@@ -169,7 +169,7 @@ def test_bad_configuration_stops_the_start_with_one_line(tmp_path: Path, text: s
 
 
 def test_calls_time_out_when_the_engine_hangs() -> None:
-    """SIGSTOP: the socket takes the call and nothing answers; nothing hangs, and late answers confuse nobody."""
+    """SIGSTOP: the socket accepts calls without an answer. They time out, and late answers are discarded."""
     with runtime_folder() as folder:
         harness = ProcessHarness(folder)
         try:
@@ -180,7 +180,7 @@ def test_calls_time_out_when_the_engine_hangs() -> None:
             wait_for(lambda: engine.read_status()[0] == ErrorCode.StatusChannelError, "stale status")
             assert engine.api.SetDeviceName("late") == ErrorCode.APIChannelTimeOut
             harness.process.send_signal(signal.SIGCONT)
-            # What was given up is answered now; each call still gets its own answer.
+            # The abandoned calls are answered now; each call still gets its own answer.
             answer = wait_for(lambda: _unless_timed_out(engine.api.GetDeviceName()), "the engine back")
             assert answer == (ErrorCode.PyNone, "late")
             engine.close()

@@ -19,7 +19,7 @@ from tests.support.waiting import wait_for
 
 
 class FakeEngine:
-    """``code``: what the status answers."""
+    """``code``: return code of the status."""
 
     def __init__(self) -> None:
         self.api = self
@@ -51,7 +51,7 @@ def session_with(open_engine: Callable[[], object], **options: Any) -> EngineSes
 
 
 class Refusing:
-    """Refuses to open a device, with one code after another; then with the last for ever."""
+    """Fails to open a device with one code after another; the last code repeats."""
 
     def __init__(self, *codes: int) -> None:
         self.codes, self.attempts = list(codes), 0
@@ -63,7 +63,7 @@ class Refusing:
 
 
 def test_engine_is_asked_now_and_then_whether_it_is_there(engine: FakeEngine) -> None:
-    """And that is all: the library feeds the watchdog by itself."""
+    """No other call is made, since the library feeds the watchdog."""
     session = session_with(lambda: engine)
     for tick in range(30):
         assert session.poll(10.0 + 0.01 * tick)
@@ -90,7 +90,7 @@ def test_engine_that_hangs_is_asked_seldom(engine: FakeEngine) -> None:
 
 @pytest.mark.parametrize("code", sorted(ABSENT))
 def test_engine_that_cannot_be_opened_yet_is_waited_for(code: int) -> None:
-    """Among them the vendor's locks: another process creates a device, or starts the engine."""
+    """The codes include the vendor's locks: another process creates a device or starts the engine."""
     open_engine = Refusing(code)
     session = session_with(open_engine)
     for tick in range(20):
@@ -190,7 +190,7 @@ def test_codes_that_are_waited_for_are_the_users_choice() -> None:
 
 
 class Slow:
-    """Opens when it is let."""
+    """Opens a device only once ``let`` is set."""
 
     def __init__(self, engine: FakeEngine) -> None:
         self.engine, self.let, self.attempts = engine, threading.Event(), 0
@@ -211,7 +211,7 @@ def test_a_device_that_takes_its_time_holds_nobody_up(engine: FakeEngine) -> Non
         assert not session.poll(10.0 + 0.1 * tick)
     assert (slow.attempts, session.text) == (1, "waiting for the motion engine")
     slow.let.set()
-    now_s = itertools.count(20.0, 0.01)  # asked at every look, not every half second
+    now_s = itertools.count(20.0, 0.01)  # checked at every poll, not every 0.5 s
     wait_for(lambda: session.poll(next(now_s)), "the device")
     assert (session.engine, session.text, slow.attempts) == (engine, "connected", 1)
 

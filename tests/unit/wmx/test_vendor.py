@@ -1,4 +1,4 @@
-"""The vendor adapter on the fake of the vendor's module: probing, calls, numbers by name, blocks, status, splines."""
+"""The vendor adapter on a fake of the vendor's module: probing, calls, numbers by name, blocks, status, splines."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from tests.unit.wmx.harness import N_AXES, POS, VEL, client_config, status, wait
 from tests.unit.wmx.vendor_calls import CALLS, ELSEWHERE, check
 from tests.unit.wmx.vendor_harness import VendorHarness, vendor_harness
 
-# What each row of a snapshot is with the vendor, from its published status.
+# The vendor's status field for each row of a snapshot.
 _FLAG_FIELDS: dict[Flag, str] = {
     Flag.SERVO_ON: "servoOn",
     Flag.SERVO_REQUESTED: "servoOn",
@@ -170,7 +170,7 @@ class TestProbe:
             import_vendor(str(tmp_path / "other"))
 
     def test_parts_that_are_not_needed(self, tmp_path: Path) -> None:
-        """A version without a network object, without splines and without selections drives a robot all the same."""
+        """A version without a network object, splines and selections can still drive a robot."""
         lacking = "del Ecat, AdvancedMotion\ndel type(CoreMotion(WMX3Api()).motion).Stop_AxisSel"
         with vendor_harness("3.5", lacking) as harness:
             engine = harness.ready()
@@ -204,12 +204,12 @@ class TestCalls:
         inserted = harness.module.VARIANT.inserted
         for name in CALLS:
             if name == "axisControl.SetAxisCommandMode":
-                CALLS[name][0](engine)  # its numbers are the variant's
+                CALLS[name][0](engine)  # its numbers depend on the variant
             elif not (inserted and "Start" in name and name.startswith(("motion", "velocity"))):
                 check(engine, harness.module, name)
 
     def test_session_of_a_node_is_in_order(self, harness: VendorHarness) -> None:
-        """From connecting to closing nothing is asked of the vendor before its turn, or after the end."""
+        """From connecting to closing, no call reaches the vendor out of order or after the end."""
         control = harness.module.CONTROL
         with connect("node", harness.config) as engine:
             assert engine.read_status()[0] == GOOD
@@ -226,7 +226,7 @@ class TestCalls:
         assert called[-1] == "WMX3Api.CloseDevice"
 
     def test_numbers_of_numpy(self, harness: VendorHarness) -> None:
-        """Axes and values often come out of arrays; the vendor's wrapper takes only Python's own numbers."""
+        """Axes and values are often array elements, but the vendor's wrapper accepts only Python numbers."""
         engine = harness.ready()
         axis = np.arange(N_AXES)[POS]
         assert engine.core_motion.axisControl.SetServoOn(axis, np.int64(1)) == GOOD
@@ -247,7 +247,7 @@ class TestCalls:
         engine = harness.ready()
         assert engine.io.SetOutBit(0, 0, value) == ErrorCode.ArgumentOutOfRange
         assert engine.io.GetOutBit(0, 0) == (GOOD, 0)
-        if value > 2**32:  # an overloaded call only says that its arguments are wrong
+        if value > 2**32:  # an overloaded call reports only that its arguments are wrong
             assert engine.api.StartCommunication(value) == ErrorCode.ArgumentOutOfRange
 
     @pytest.mark.parametrize("values", [(99.0,), (), (None,)])
@@ -285,7 +285,7 @@ class TestCalls:
         assert len(harness.module.CONTROL.named("WMX3Api.CreateDevice")) == created
 
     def test_no_time_given_is_no_time_over(self, harness: VendorHarness, monkeypatch: pytest.MonkeyPatch) -> None:
-        """Nodes give no time and look at the status: what the vendor has begun is no failure to them."""
+        """Nodes pass no time and poll the status, so a started operation is no failure."""
         engine, codes = harness.connect(), harness.module.ErrorCode
         native = harness.module.WMX3Api
         started, stopped = codes.CommNotStartedInSpecifiedTime, codes.CommNotStoppedInSpecifiedTime
@@ -355,7 +355,7 @@ class TestNumbers:
         )
 
     def test_code_that_only_a_newer_version_knows(self) -> None:
-        """Its number is one that the port has under another name: it must not be taken for that."""
+        """The port uses its number under another name, which must not be returned."""
         with vendor_harness("newer") as harness:
             engine, module = harness.connect(), harness.module
             stranger = module.CoreMotionErrorCode.EntryOfANewerVersion
@@ -467,7 +467,7 @@ class TestStatus:
         assert snapshot.age_s(snapshot.stamp_ns) == 0.0
 
     def test_following_error_is_in_user_units(self, harness: VendorHarness) -> None:
-        """The vendor's own is in encoder counts, and 0 from a drive that is not set up to send it."""
+        """The vendor's value is in encoder counts, and 0 if the drive is not configured to send it."""
         engine = harness.ready()
         harness.drives.frozen[POS] = True
         assert engine.core_motion.motion.StartPos(pos(POS, 0.5)) == GOOD
@@ -527,7 +527,7 @@ class TestStatus:
         assert reals == {row: values[name] for row, name in _REAL_FIELDS.items()}
 
     def test_dead_bus_has_no_inputs(self, harness: VendorHarness, monkeypatch: pytest.MonkeyPatch) -> None:
-        """Whatever the vendor's image still holds: a normally closed contact must read as open."""
+        """The vendor's image may hold old inputs, but a normally closed contact must read as open."""
         native = getattr(harness.module, harness.module.VARIANT.io)
         monkeypatch.setattr(native, "GetInBytes", lambda _, __, size: (0, [255] * size))
         engine = harness.communicating()
@@ -591,7 +591,7 @@ class TestSplines:
 
 
 class TestMutants:
-    """The fake sees an adapter that does its work wrongly: each fault of the mapping below fails a check."""
+    """The fake detects a wrong adapter: each fault of the mapping below fails a check."""
 
     @pytest.fixture
     def engine(self, harness: VendorHarness) -> MotionEngine:
@@ -627,7 +627,7 @@ class TestMutants:
     def test_field_misspelt(
         self, harness: VendorHarness, engine: MotionEngine, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """The vendor's proxies take any attribute: without the check in the adapter, the fake still tells."""
+        """The vendor's proxies accept any attribute. Without the adapter's check the fake still detects it."""
         command = harness.module.Motion_PosCommand()
         command.tragte = 1.0
         assert harness.module.CONTROL.faults == ["Motion_PosCommand has no field tragte"]
@@ -686,7 +686,7 @@ class TestNothingBlocks:
 
 
 class TestTheFake:
-    """It refuses what the vendor's wrapper refuses; without that it would prove nothing."""
+    """The fake rejects what the vendor's wrapper rejects. Without that it would prove nothing."""
 
     @pytest.fixture
     def module(self, tmp_path: Path) -> Iterator[Any]:

@@ -1,4 +1,4 @@
-"""Engines behind the vendor adapter: the fake module on a simulated engine in a thread, and the vendor's own."""
+"""Engines behind the vendor adapter: the fake module on a simulated engine in a thread, and the vendor's engine."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ N_IO_BYTES = 4
 
 
 class VendorHarness(ThreadHarness):
-    """``config`` names the vendor's engine; ``module`` is the fake that the adapter finds there."""
+    """``config`` selects the vendor's engine; ``module`` is the fake that the adapter imports."""
 
     def __init__(self, folder: Path, module: ModuleType, **changes: Any) -> None:
         super().__init__(folder, **changes)
@@ -38,7 +38,7 @@ class VendorHarness(ThreadHarness):
 
 @contextmanager
 def vendor_harness(variant: str, more: str = "", **changes: Any) -> Iterator[VendorHarness]:
-    """A running engine behind the adapter, until the block ends."""
+    """Yields a running engine behind the adapter."""
     with runtime_folder() as folder, fake_module(folder / "module", variant, more) as module:
         harness = VendorHarness(folder, module, **changes)
         try:
@@ -48,9 +48,9 @@ def vendor_harness(variant: str, more: str = "", **changes: Any) -> Iterator[Ven
 
 
 class RealHarness(Harness):
-    """The vendor's own engine, its first axes set up like those of the test engine.
+    """The vendor's own engine, its first axes configured like those of the test engine.
 
-    Unproven: no such engine has been at hand. Axes 0 to 4 must be virtual ones, or machinery that may turn freely.
+    Untested, since no such engine was available. Axes 0 to 4 must be virtual, or machinery that may turn freely.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -68,7 +68,7 @@ class RealHarness(Harness):
         self._set_up = False
 
     def connect(self, name: str = "test") -> MotionEngine:
-        """A client; the first one of a test sets the parameters, as the engine forgets them when it ends."""
+        """Returns a client. The first one of a test sets the parameters, since the engine forgets them when it ends."""
         client = super().connect(name)
         if not self._set_up:
             self._set_up = True
@@ -78,7 +78,7 @@ class RealHarness(Harness):
         return client
 
     def engine_state(self) -> EngineState:
-        """What a handle without a device is told; an engine that tells it nothing is idle."""
+        """Returns the state read by a handle without a device. If the call fails, the engine is idle."""
         code, status = load_library(self.config).WMX3Api().GetEngineStatus()
         return EngineState.Idle if code else EngineState(status.state)
 

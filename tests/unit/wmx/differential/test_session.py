@@ -1,4 +1,4 @@
-"""The session of two wheels, tick by tick in fake time, on an engine of which only the answers are real."""
+"""The session of two wheels, tick by tick in fake time. The engine is a fake that returns the real return codes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ N_AXES = 4
 
 
 class FakeEngine:
-    """Answers as the port does. ``codes``: what a call answers, by its name; everything else succeeds at once."""
+    """Answers as the port does. ``codes``: return code by call name; all other calls succeed at once."""
 
     def __init__(self) -> None:
         self.codes: dict[str, int] = {}
@@ -143,7 +143,7 @@ class Story:
 
     def __init__(self, parameter_file: str = "") -> None:
         self.engine = FakeEngine()
-        self.refusals: list[int] = []  # codes of the next attempts to open a device
+        self.refusals: list[int] = []  # codes returned by the next attempts to open a device
         self.opened = 0
         self.now_s = 100.0
         session = PARAMS.session
@@ -271,7 +271,7 @@ def test_engine_with_too_few_axes_is_named(story: Story) -> None:
 
 
 def test_both_wheels_in_one_command_with_times_in_milliseconds(story: Story) -> None:
-    """0.5 s to the speeds: in the 0.3 s of a command's life they come 3/5 of the way, at an even rate."""
+    """The change takes 0.5 s: in the 0.3 s lifetime of a command the wheels reach 3/5 of it at a constant rate."""
     story.ready()
     assert story.session.follow(WheelPair(-3.0, 4.0), story.now_s).problem == ""
     assert [command.axis for command in story.engine.commands] == [LEFT, RIGHT]
@@ -283,7 +283,7 @@ def test_both_wheels_in_one_command_with_times_in_milliseconds(story: Story) -> 
 
 
 def test_wheel_slows_down_in_its_time_and_is_stopped_in_its_time(story: Story) -> None:
-    """The engine knows one deceleration for both: the harder."""
+    """The engine accepts one deceleration for both phases: the harder one is used."""
     story.driving()
     story.engine.run(3.0, LEFT)
     story.engine.run(4.0, RIGHT)
@@ -294,7 +294,7 @@ def test_wheel_slows_down_in_its_time_and_is_stopped_in_its_time(story: Story) -
         assert command.profile.velocity == 2.0
         rate = command.profile.velocity / (1e-3 * command.profile.decTimeMilliseconds)
         assert rate == pytest.approx(max(change, 2.0) / 0.25)
-        assert command.runTimeMilliseconds == pytest.approx(50.0)  # 0.3 s in all, of which the change has 0.25 s
+        assert command.runTimeMilliseconds == pytest.approx(50.0)  # of 0.3 s in total the change takes 0.25 s
 
 
 def test_one_wheel_at_rest_and_the_other_not(story: Story) -> None:
@@ -340,7 +340,7 @@ def test_a_wheel_stopped_by_another_is_noticed_while_speeds_change(story: Story)
 
 
 def test_ramp_goes_on_when_its_command_is_renewed(story: Story) -> None:
-    """Not anew: 0.5 s after it began, it is over."""
+    """The ramp does not restart: it ends 0.5 s after it began."""
     story.ready()
     begun_s = story.now_s
     while story.now_s - begun_s < 0.45:
@@ -368,7 +368,7 @@ def test_rest_is_not_sent_to_wheels_at_rest_but_to_others(story: Story) -> None:
     story.ready()
     assert story.session.follow(REST, story.now_s).problem == ""
     assert story.called("StartVel") == 0
-    story.engine.run(1.0, LEFT)  # by somebody else
+    story.engine.run(1.0, LEFT)  # by another client
     story.tick()
     assert story.session.follow(REST, story.now_s).problem == ""
     assert story.called("StartVel") == 1
@@ -388,7 +388,7 @@ def test_nothing_drives_before_it_is_ready(story: Story) -> None:
 
 
 def test_nothing_but_the_engine_s_answer_is_asked_for_by_itself(story: Story) -> None:
-    """What keeps the wheels turning is ``follow``, and nothing else: a node that does not drive lets them stop."""
+    """Only ``follow`` keeps the wheels turning: if a node does not call it, they stop."""
     story.driving()
     story.tick(1.0)
     assert 8 <= story.called("GetDeviceName") <= 11
@@ -437,7 +437,7 @@ def test_wheel_that_is_being_stopped_by_another_stops_the_other_too(story: Story
 
 
 def test_who_was_held_up_does_not_set_stopped_wheels_in_motion_again(story: Story) -> None:
-    """The process hangs between its look and its command; meanwhile the engine stops the wheels by itself."""
+    """The process hangs between the status and the command, while the engine stops the wheels by itself."""
     story.driving()
     story.engine.time_s += 1.0
     story.engine.rest(LEFT, RIGHT)

@@ -33,7 +33,7 @@ class Story:
 
     def __init__(self, **changes: Any) -> None:
         self.engine = FakeEngine()
-        self.refusals: list[int] = []  # codes of the next attempts to open a device
+        self.refusals: list[int] = []  # codes returned by the next attempts to open a device
         self.now_s = 100.0
         self.bring_up = BringUp(self._open, replace(SETTINGS, **changes))
 
@@ -86,7 +86,7 @@ def test_one_step_after_the_other():
         "SetServoOn(1, 1)",
     ]
     assert steps[0] is Step.SCAN
-    assert len(steps) == 10  # three steps take a look of their own at their effect
+    assert len(steps) == 10  # three steps need a second look to check their effect
     assert story.told() == [
         "info: device: open",
         "info: communication: started",
@@ -199,7 +199,7 @@ def test_a_network_scan_that_fails_is_only_told():
 
 
 def test_a_bus_of_an_engine_that_does_not_tell_why_it_ended_is_started_again():
-    """The vendor's status names no cause: somebody who stopped it would be undone, a cable would be waited for."""
+    """The vendor's status names no cause: the restart repairs a cable fault, but also undoes a deliberate stop."""
     story = Story().up()
     story.engine.communicates(False, error=UNTOLD)
     story.run(4.0)
@@ -345,7 +345,7 @@ def test_a_status_that_cannot_be_read_for_a_while():
     story.engine.codes["read_status"] = ErrorCode.StatusChannelError
     assert story.run(2.0) is None
     assert story.bring_up.status_problem == f"status: text {int(ErrorCode.StatusChannelError)} (error 271)"
-    assert story.engine.calls.count("GetDeviceName") == 4  # every half second, not at every tick
+    assert story.engine.calls.count("GetDeviceName") == 4  # every 0.5 s, not at every tick
     story.engine.codes.clear()
     assert story.tick() is not None
     assert story.step is Step.READY

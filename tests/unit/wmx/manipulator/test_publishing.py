@@ -1,4 +1,4 @@
-"""What one tick sends, and in which order."""
+"""The messages of one tick and their order."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STAMP_NS = 5_000_000_006
 
 
 class Sent:
-    """Three senders that note what they are given."""
+    """Three senders that record their messages."""
 
     def __init__(self) -> None:
         self.items: list[tuple[str, bytes]] = []
@@ -33,7 +33,7 @@ class Sent:
 
 
 def node(sent: Sent, *, without: tuple[str, ...] = (), unheard: tuple[str, ...] = (), isaac_stamp: bool = False) -> Any:
-    """As much of the node as a tick needs."""
+    """Returns the parts of the node that a tick needs."""
     senders = (
         None if name in without else sent.sender(name, heard=name not in unheard)
         for name in ("encoder", "isaac", "gazebo")

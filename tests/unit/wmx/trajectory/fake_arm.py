@@ -1,4 +1,4 @@
-"""An arm of two joints in fake time: it follows splines, stops when told, and fails as a test wants."""
+"""An arm of two joints in fake time: it follows splines, stops on request, and fails as a test requires."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def goal(
     at_goal: Tolerances | None = None,
     goal_time_s: float = 0.5,
 ) -> CheckedGoal:
-    """Waypoints are (time, (shoulder, elbow))."""
+    """Returns a goal. Waypoints are (time, (shoulder, elbow))."""
     return CheckedGoal(
         points=Waypoints(
             np.array([time_s for time_s, _ in waypoints], float),
@@ -64,8 +64,8 @@ def goal(
 
 
 class FakeArm:
-    """offset: how far the joints are from their commands. stop_takes_s: None never stops. start_takes_s: until a
-    started motion moves. cut_at_s: the engine ends the motion by itself.
+    """offset: distance of the joints from their commands. stop_takes_s: None for never. start_takes_s: delay until a
+    started motion moves. cut_at_s: when the engine ends the motion by itself.
     """
 
     def __init__(self) -> None:

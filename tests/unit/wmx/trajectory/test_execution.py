@@ -1,4 +1,4 @@
-"""A goal tick by tick in fake time: every way to its end."""
+"""A goal tick by tick in fake time: every way it can end."""
 
 from __future__ import annotations
 
@@ -226,7 +226,7 @@ def test_a_motion_cut_by_a_limit_names_it() -> None:
 
 
 def test_a_motion_that_never_begins() -> None:
-    """The status still shows the last motion's completion: that is no success of this one."""
+    """The status still shows the completion of the previous motion, which must not count as success."""
     arm = FakeArm()
     arm.start_takes_s = 100.0
     run = Run(arm=arm)
@@ -374,10 +374,10 @@ def test_a_refused_stop_becomes_a_quick_stop_at_once() -> None:
 
 
 def test_a_gentle_trajectory_is_stopped_gently() -> None:
-    """Its own greatest acceleration stops it, which takes its time, and no quick stop interferes."""
+    """The trajectory's own maximum acceleration stops it slowly, without a quick stop."""
     run = Run(goal((0.0, (0.0, 0.0)), (20.0, (1.0, 0.0))))
     own_s = run.execution._spline.longest_stop_s()
-    assert own_s == pytest.approx(2.0 * 0.25 * 20.0)  # 1.5 / 20 rad/s at 6 / 20^2 rad/s2, and as long again
+    assert own_s == pytest.approx(2.0 * 0.25 * 20.0)  # 1.5 / 20 rad/s at 6 / 20^2 rad/s2, doubled
     run.arm.stop_takes_s = 5.0
     run.to(3.0)
     run.stop(canceled("canceled"))

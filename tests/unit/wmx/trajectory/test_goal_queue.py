@@ -120,7 +120,7 @@ def test_repeated_cancellations_do_not_postpone_the_quick_stop() -> None:
     desk.arm.stop_takes_s = None
     desk.submit("a", goal((0.0, (0.0, 0.0)), (8.0, (1.0, 0.0))))
     desk.run(0.5)
-    for _ in range(round(4.6 / TICK_S)):  # the stop of this spline may take 4 s, and 0.5 s more
+    for _ in range(round(4.6 / TICK_S)):  # this spline may take 4 s to stop, plus 0.5 s
         desk.queue.cancel("a", desk.now_s)
         desk.run(TICK_S)
     assert desk.ended["a"].outcome is Outcome.CANCELED
@@ -234,7 +234,7 @@ def test_an_emergency_ends_the_one_that_waits_as_well() -> None:
 
 
 def test_a_goal_is_planned_from_where_the_running_one_will_be() -> None:
-    """From here it would be too far in the time; from there it is not."""
+    """From the current position the goal is too far for its time; from the predicted position it is not."""
     desk = Desk(STRICT)
     desk.submit("a", goal((0.0, (0.0, 0.0)), (4.0, (4.0, 0.0))))
     desk.run(0.2)
