@@ -1,4 +1,4 @@
-"""A device's clock to this computer's: what jitter, drift and jumps do to it."""
+"""A device's clock mapped to the computer's: the effects of jitter, drift and jumps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ EPOCH_S = 1_795_000_000.0
 
 
 def run(clock: DeviceClock, begin_s: float, end_s: float, delay, drift: float = 0.0, offset_s: float = EPOCH_S):
-    """(error s, arrival - estimate s) of each sample at 100 Hz; ``delay`` draws what the line adds."""
+    """Returns (error s, arrival - estimate s) of each sample at 100 Hz. ``delay`` returns the delay of the line."""
     found = []
     for taken_s in np.arange(begin_s, end_s, 0.01):
         arrival_s = offset_s + taken_s + delay(taken_s)
@@ -25,7 +25,7 @@ def test_jitter_disappears_and_the_fastest_message_counts() -> None:
     random = np.random.default_rng(1)
     errors = run(DeviceClock(PARAMS), 0.0, 120.0, lambda _: 0.001 + random.exponential(0.004))
     settled = errors[6000:, 0]
-    assert settled.mean() == pytest.approx(0.001, abs=2e-4)  # the fixed part of the delay, which nothing tells
+    assert settled.mean() == pytest.approx(0.001, abs=2e-4)  # the fixed part of the delay is not observable
     assert settled.std() < 1e-4
     assert (errors[:, 1] >= -1e-6).all(), "no sample is later than its arrival"
 

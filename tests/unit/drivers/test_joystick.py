@@ -1,4 +1,4 @@
-"""The joystick: events byte by byte, and every way in which a hand may let go."""
+"""The joystick: events byte by byte, and every way in which the grip can end."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def params(**changes: object) -> JoystickDriverParams:
 
 
 class Hand:
-    """A hand on the joystick, in its own time."""
+    """A hand on the joystick, with a fake clock."""
 
     def __init__(self) -> None:
         self.teleop, self.decoder, self.now_s = Teleop(params()), Decoder(), 100.0
@@ -129,13 +129,13 @@ def test_a_button_that_was_down_when_the_device_was_opened_must_be_released_firs
 
 
 def test_events_that_the_kernel_has_lost_are_a_release() -> None:
-    """It tells how everything stands then, as when the device is opened."""
+    """The kernel then sends the complete state, as when the device is opened."""
     hand = Hand().holds().does(axis(AHEAD, -1.0), button(DEAD_MAN, True, initial=True))
     assert (hand.command, hand.teleop.grip) == (ZERO_TWIST, Grip.REFUSED)
 
 
 def test_a_hand_that_is_not_felt_any_more_is_gone() -> None:
-    """A radio out of reach: the button was never released."""
+    """The radio is out of reach: the button was never released."""
     hand = Hand().holds().does(axis(AHEAD, -1.0)).waits(1.0)
     assert hand.command != ZERO_TWIST
     assert hand.waits(0.01).command == ZERO_TWIST

@@ -1,4 +1,4 @@
-"""An Ouster sensor byte by byte: metadata, packets, geometry; and excerpts of recordings as ouster-sdk reads them."""
+"""An Ouster sensor byte by byte: metadata, packets, geometry, and excerpts of recordings as ouster-sdk reads them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def decoded(data: bytes, device: Os, **changes: object) -> Packet:
 
 
 def stepped(frame: int, column: int, beam: int) -> tuple[int, int]:
-    """Ranges that tell beam and column, in steps of 8 mm; every seventh beam sees nothing."""
+    """Returns a range that encodes beam and column in steps of 8 mm. Every seventh beam returns nothing."""
     return (0, 0) if beam % 7 == 3 else (8 * (200 + 16 * beam + column % 16), (beam + column) % 256)
 
 
@@ -137,7 +137,7 @@ def changed(data: bytes, place: int, new: bytes) -> bytes:
     return data[:place] + new + data[place + len(new) :]
 
 
-COLUMN = 12 + 32 * 12  # bytes, SINGLE of 32 beams
+COLUMN = 12 + 32 * 12  # bytes per column, SINGLE with 32 beams
 
 
 @pytest.mark.parametrize(
@@ -235,7 +235,7 @@ def test_points_lie_where_the_manuals_formula_has_them() -> None:
 
 
 def test_a_beam_that_begins_above_the_origin() -> None:
-    """Of an OS-Dome. By hand: straight ahead at encoder 0, range 5 m, of which 50 mm lie before the beam begins."""
+    """An OS-Dome, by hand: encoder 0 is straight ahead; 50 mm of the range of 5 m lie before the beam's origin."""
     device = Os(lambda frame, column, beam: (5000, 1))
     lifted = [1, 0, 0, 30, 0, 1, 0, 0, 0, 0, 1, 40, 0, 0, 0, 1]
     flat = {"beam_altitude_angles": [0.0] * 32, "beam_azimuth_angles": [0.0] * 32}
@@ -249,7 +249,7 @@ def test_ranges_beyond_the_limits_and_columns_that_were_not_measured_are_no_poin
     ranges = {0: 999, 1: 1000, 2: 2000, 3: 2001}
     device = Os(lambda frame, column, beam: (ranges.get(beam, 0), 1), window=(0, 9))
     metadata = parse(device.metadata(), "here")
-    data = changed(device.packet(0, 0), 32 + 15 * COLUMN + 12, struct.pack("<I", 1500))  # a range, status 0
+    data = changed(device.packet(0, 0), 32 + 15 * COLUMN + 12, struct.pack("<I", 1500))  # a range with status 0
     frame = frame_of(device, [decoded(data, device)])
     points, newest_ns = points_of(frame, geometry_of(metadata, np.eye(3)), Limits(1000, 2000, 1e-3))
     assert len(points) == 2 * 10

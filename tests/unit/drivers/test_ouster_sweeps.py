@@ -1,4 +1,4 @@
-"""What happens to an Ouster's packets on their way, and the sweeps that are made of those that come."""
+"""Transmission faults of an Ouster's packets, and the sweeps built from the packets that arrive."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tests.support.ouster_packets import LEGACY, PROFILES, SINGLE, Os
 
 NOW_S = 1_795_000_000.0
 FLIGHT_S = 0.002  # from a packet's last column to its arrival
-TURN = 32  # packets of 512 columns
+TURN = 32  # packets per turn of 512 columns
 
 
 def builder(device: Os, **changes: object) -> SweepBuilder:
@@ -39,13 +39,13 @@ def builder(device: Os, **changes: object) -> SweepBuilder:
 
 
 def run(built: SweepBuilder, packets: list[bytes | None], begin_s: float = NOW_S, step_s: float = 0.1 / TURN) -> list:
-    """The sweeps of packets that arrive one after the other; None: one that does not."""
+    """Returns the sweeps of packets that arrive in order. None stands for a lost packet."""
     found = [built.received(data, begin_s + i * step_s + FLIGHT_S) for i, data in enumerate(packets) if data]
     return [sweep for sweep in found if sweep is not None]
 
 
 def counted(built: SweepBuilder) -> dict[str, int]:
-    """What is not 0."""
+    """Returns the counters that are not 0."""
     return {name: int(count) for name, count in built.counters.values().items() if count != "0"}
 
 
@@ -70,7 +70,7 @@ def test_a_turn_is_a_sweep_of_the_contract(profile: str) -> None:
         assert whole(sweep)
         assert points["time"][-1] == 0.0
         assert (np.diff(points["time"]) >= 0.0).all()
-        # It begins behind the robot and looks to the left first; the columns' ranges tell where that was.
+        # The sweep starts behind the robot and turns to the left first.
         azimuth = np.degrees(np.arctan2(points["y"], points["x"]))
         columns = np.repeat(np.arange(512), 32)
         off = (azimuth - (180.0 - 360.0 * columns / 512) + 180.0) % 360.0 - 180.0
@@ -129,7 +129,7 @@ def test_a_window_is_a_sweep_of_its_columns(window: tuple[int, int]) -> None:
 
 
 def test_packets_outside_the_window_are_not_waited_for_and_do_no_harm() -> None:
-    """Older firmware sends them all the same, with nothing measured in them."""
+    """Older firmware still sends them, without measured columns."""
     device = Os(window=(16, 47))
     places = [16 * place for place in range(TURN)]
     packets: list[bytes | None] = [device.packet(number, first) for number in range(3) for first in places]
@@ -168,14 +168,14 @@ def test_a_driver_that_starts_in_the_middle_of_a_frame_waits_for_the_next(profil
 def test_lost_packets_leave_holes() -> None:
     device = Os()
     packets: list[bytes | None] = list(device.packets(5 * TURN))
-    for gone in (TURN + 10, TURN + 11, 3 * TURN - 1, 3 * TURN):  # in the middle; the last; the first
+    for gone in (TURN + 10, TURN + 11, 3 * TURN - 1, 3 * TURN):  # mid-turn; the last; the first
         packets[gone] = None
     built = builder(device)
     sweeps = run(built, packets)
     assert [len(sweep.points) // (32 * 16) for sweep in sweeps] == [32, 30, 31, 31, 32]
     assert counted(built) == {LOST: 4}
     stamps = [sweep.stamp_s - NOW_S for sweep in sweeps]
-    ends = [0.1, 0.2, 0.3 - 0.1 / 32, 0.4, 0.5]  # less a column, and it arrives as if it were measured at once
+    ends = [0.1, 0.2, 0.3 - 0.1 / 32, 0.4, 0.5]  # the third lacks its last packet and ends one packet earlier
     assert np.allclose(np.diff(stamps), np.diff(ends), atol=1e-3)
 
 
@@ -305,7 +305,7 @@ def test_a_legacy_sensor_that_was_switched_off_begins_anew_by_its_time() -> None
 
 
 def test_frames_that_are_counted_anew_while_the_time_goes_on() -> None:
-    """A legacy sensor on PTP time that was configured anew."""
+    """A reconfigured legacy sensor on PTP time restarts its frame numbers."""
     device = Os(profile=LEGACY)
     built = builder(device)
     run(built, list(device.packets(TURN + 10)))
@@ -316,7 +316,7 @@ def test_frames_that_are_counted_anew_while_the_time_goes_on() -> None:
 
 
 def test_a_clock_that_is_set_while_it_runs_is_noticed() -> None:
-    """PTP takes hold in the middle of a frame: its packets before and after have nothing to do with each other."""
+    """PTP synchronises in the middle of a frame: its packets before and after are unrelated."""
     before, after = Os(), Os(begin_ns=1_795_000_000_000_000_000)
     built = builder(before)
     packets = [*before.packets(TURN + 10), *after.packets(2 * TURN - 10, TURN + 10)]
@@ -327,7 +327,7 @@ def test_a_clock_that_is_set_while_it_runs_is_noticed() -> None:
 
 
 def test_packets_without_a_measured_column_tell_no_time() -> None:
-    """A sensor that warms up sends them: status 0, and times that may be anything."""
+    """A sensor sends them while it warms up, with status 0 and arbitrary times."""
     device = Os()
     (data,) = device.packets(1)
     column = (len(data) - 64) // 16
@@ -374,7 +374,7 @@ def test_random_bytes_crash_nothing(profile: str, packets: list[bytes]) -> None:
 def test_packets_with_random_errors_crash_nothing_and_yield_finite_points(
     profile: str, sent: list[tuple[int, list[tuple[int, bytes]]]]
 ) -> None:
-    """In any order, lost and doubled at will; three turns undisturbed afterwards are sweeps again."""
+    """Packets arrive in any order, lost or duplicated. Three undisturbed turns afterwards yield sweeps again."""
     built, packets = builder(SMALL[profile]), small(profile, 3 * 16)
     for i, (which, flips) in enumerate(sent):
         data = bytearray(packets[which])

@@ -1,4 +1,4 @@
-"""Clouds of other vendors' drivers: every layout, every stamp, and what is refused with what was seen."""
+"""Clouds of other vendors' drivers: every layout and stamp, and rejections that name what was found."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_every_layout_becomes_the_same_sweep(vendor: Vendor, padding: int) -> No
     sweep = converter.convert(cloud_of(vendor, SEEN, padding=padding), ARRIVAL_S)
     assert_is_the_scene(sweep.points)
     assert sweep.stamp_s == pytest.approx(END_S, abs=1e-6)
-    assert sweep.layout == vendor.name.replace("robosense", "hesai")  # which are one layout
+    assert sweep.layout == vendor.name.replace("robosense", "hesai")  # hesai and robosense share a layout
     assert sweep.stamp_at is StampAt.FIRST
     assert converter.ring_order is (RingOrder.HIGHEST_FIRST if vendor.top_down else RingOrder.LOWEST_FIRST)
 
@@ -84,7 +84,7 @@ def test_a_layout_by_name_takes_its_own_and_refuses_the_others(vendor: Vendor) -
 
 
 def test_bytes_of_one_point_of_each_vendor() -> None:
-    """As the vendors' structures lie in memory; the second point ends the sweep."""
+    """The memory layout of the vendors' structures; the second point ends the sweep."""
     xyz = (1.0, -2.0, 0.5)
     first_ns, last_ns = int(START_S * 1e9), int(END_S * 1e9)
     cases = [
@@ -117,7 +117,7 @@ def test_points_that_are_not_finite_are_left_out(value: float) -> None:
 
 
 def test_points_at_the_origin_are_left_out_but_tell_the_time() -> None:
-    """Ouster's empty points are zeros, and those of the first column, which looks at the sky, begin the sweep."""
+    """Ouster's empty points are zeros. Those of the first column, which points at the sky, start the sweep."""
     sky = SEEN.xyz.copy()
     sky[:400] = 0.0
     sweep = adapter().convert(cloud_of(OUSTER, replace(SEEN, xyz=sky)), ARRIVAL_S)
@@ -188,7 +188,7 @@ def test_offsets_of_a_stamp_at_the_last_point_are_noticed_because_nothing_comes_
     sweep = converter.convert(cloud_of(vendor, SEEN, stamp_s=END_S), ARRIVAL_S)
     assert sweep.stamp_at is StampAt.LAST
     assert sweep.stamp_s == pytest.approx(END_S)
-    # Once noticed it stays, however long a later cloud takes.
+    # Once detected, the stamp stays at the last point, however late a later cloud arrives.
     later = cloud_of(vendor, SEEN, stamp_s=END_S + 0.1)
     assert converter.convert(later, END_S + 0.1 + 0.15).stamp_s == pytest.approx(END_S + 0.1)
     with pytest.raises(CloudRefused, match=r"stamp is at the last point .* expected at the first"):
@@ -203,7 +203,7 @@ def test_offsets_counted_from_the_first_point_below_a_stamp_of_the_last_if_told(
 
 @pytest.mark.parametrize(("zero_s", "at"), [(0.0, "first"), (SPAN_S - 0.001, "last"), (0.04, "trigger")])
 def test_signed_offsets_tell_what_the_stamp_is(zero_s: float, at: str) -> None:
-    """Velodyne's driver stamps the last packet: the offsets of that packet's points are positive."""
+    """Velodyne's driver stamps the last packet, so the offsets of that packet's points are positive."""
     for configured in ("auto", at):
         cloud = cloud_of(VELODYNE, SEEN, stamp_s=START_S + zero_s, zero_s=zero_s)
         sweep = adapter(stamp_at=configured).convert(cloud, ARRIVAL_S)
@@ -351,7 +351,7 @@ def test_one_ring_tells_no_order_and_the_next_sweep_does() -> None:
 
 
 def test_the_vendors_frame_is_turned_into_the_sensors() -> None:
-    """Ouster's os_lidar looks backwards."""
+    """Ouster's os_lidar frame points backwards."""
     points = adapter(rpy_deg=[0.0, 0.0, 180.0]).convert(cloud_of(VELODYNE, SEEN), ARRIVAL_S).points
     assert np.allclose(xyz_of(points), SEEN.xyz * [-1.0, -1.0, 1.0], atol=1e-5)
 
@@ -380,7 +380,7 @@ def test_the_files_of_both_adapters_are_valid(name: str) -> None:
 @pytest.mark.skipif(not KITTI.is_file(), reason="no recorded sweep beside the project")
 @pytest.mark.parametrize("vendor", [VELODYNE, HESAI, LIVOX, NEBULA], ids=lambda vendor: vendor.name)
 def test_a_real_sweep_comes_through_as_it_was(vendor: Vendor) -> None:
-    """124,000 points of a real LiDAR of 64 rings, which are told by elevation, in a vendor's layout."""
+    """124,000 points of a real LiDAR of 64 rings, assigned by elevation, in a vendor's layout."""
     raw = np.fromfile(KITTI, "<f4").reshape(-1, 4)
     elevation = np.arcsin(raw[:, 2] / np.linalg.norm(raw[:, :3], axis=1))
     ring = np.clip((elevation - np.radians(-25.0)) / np.radians(30.0) * 64, 0, 63).astype(int)
@@ -390,7 +390,7 @@ def test_a_real_sweep_comes_through_as_it_was(vendor: Vendor) -> None:
     assert len(sweep.points) == len(raw)
     order = np.argsort(seconds, kind="stable")
     assert np.allclose(sweep.points["time"], seconds[order] - seconds.max(), atol=1e-6)
-    # The newest are exactly the points of the recording; equal times may come in either order.
+    # The points are exactly those of the recording; points with equal times may be in either order.
     ours, theirs = (np.sort(item.view("<f4,<f4,<f4").reshape(-1)) for item in (
         np.ascontiguousarray(xyz_of(sweep.points)), np.ascontiguousarray(raw[order, :3]))
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The battery byte by byte: frames, what they say together, and what is not believed."""
+"""The battery byte by byte: frames, the state they combine to, and rejected values."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def pack_of(*batteries: Battery, now_s: float = 0.0) -> Pack:
 @pytest.mark.parametrize(
     ("number", "data", "frame"),
     [
-        # As US5000 batteries have been seen to send them.
+        # Frames recorded from US5000 batteries.
         (0x351, "1402 C012 C012 C201", Limits(53.2, 480.0, 480.0)),
         (0x355, "5800 5E00", Charge(0.88, 0.94)),
         (0x355, "5400 6000 0000", Charge(0.84, 0.96)),
@@ -52,7 +52,7 @@ def pack_of(*batteries: Battery, now_s: float = 0.0) -> Pack:
         (0x359, "0000 0000 0650 4E", Protection((), ())),
         (0x35C, "C000", Requests(True, True, False)),
         (0x35E, "5059 4C4F 4E20 2020", Manufacturer("PYLON")),
-        # Others send the limit of discharging as a negative current, and requests to be charged.
+        # Other models send the discharge limit as a negative current, and charge requests.
         (0x351, "4402 6400 9CFF 3F02", Limits(58.0, 10.0, 10.0)),
         (0x35C, "60", Requests(False, True, True)),
         (0x35C, "90", Requests(True, False, True)),
@@ -177,7 +177,7 @@ def test_one_old_frame_and_there_is_no_reading(silent: int, name: str) -> None:
 
 
 def test_a_battery_that_never_tells_its_protections_has_no_known_health() -> None:
-    """Newer ones send 0x35A instead of 0x359."""
+    """Newer models send 0x35A instead of 0x359."""
     pack = Pack(params().pack)
     for number, data in Battery().frames():
         if number in (0x355, 0x356):

@@ -1,4 +1,4 @@
-"""A VLP-16 byte by byte: its packets, the sweeps they make, and what happens to packets on their way."""
+"""A VLP-16 byte by byte: its packets, the resulting sweeps, and transmission faults."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from sim.devices.velodyne import PACKET_S, Vlp16
 
 NOW_S = 1_795_000_000.0
 FLIGHT_S = 0.002  # from a packet's first firing to its arrival
-TURN = 76  # packets, and a little
+TURN = 76  # packets per turn, rounded up
 
 
 def room(azimuth_deg: float, elevation_deg: float) -> tuple[float, int]:
-    """The distance tells the azimuth, the reflectivity the elevation; nothing is seen behind 300 deg."""
+    """The distance encodes the azimuth, the reflectivity the elevation. Beyond 300 deg nothing returns."""
     return (5.0 + azimuth_deg / 100.0, 100 + round(elevation_deg)) if azimuth_deg < 300.0 else (0.0, 0)
 
 
@@ -37,7 +37,7 @@ def builder(**changes: object) -> SweepBuilder:
 
 
 def run(built: SweepBuilder, packets: list[bytes], begin_s: float = NOW_S):
-    """The sweeps of packets that arrive one after the other; None: one that does not."""
+    """Returns the sweeps of packets that arrive in order. None stands for a lost packet."""
     found = []
     for i, packet in enumerate(packets):
         if packet is not None:
@@ -97,21 +97,21 @@ def test_a_turn_is_a_sweep_of_the_contract() -> None:
         assert (np.diff(points["time"]) >= 0.0).all()
         assert set(points["ring"]) == set(range(16))
         distance = np.linalg.norm(xyz_of(points), axis=1)
-        # x ahead at azimuth 0, which the sensor counts clockwise; it looks at nothing behind 300 deg.
+        # x points ahead at azimuth 0, which the sensor counts clockwise; nothing returns beyond 300 deg.
         azimuth = -np.degrees(np.arctan2(points["y"], points["x"])) % 360.0
         assert azimuth.max() < 300.5
         assert np.allclose(distance, 5.0 + azimuth / 100.0, atol=0.01)
-        # Ring 0 is the lowest; the lasers sit a little off the centre, by up to 1.2 cm in height.
+        # Ring 0 is the lowest; the lasers are off the centre by up to 1.2 cm in height.
         elevation = np.degrees(np.arcsin(points["z"] / distance))
         assert np.allclose(elevation, -15.0 + 2.0 * points["ring"], atol=0.2)
         assert (points["intensity"] == 100 + np.round(elevation)).mean() > 0.99
 
 
 def test_stamps_are_those_of_the_newest_point() -> None:
-    device = Vlp16(everywhere, hour_s=3599.9)  # the hour ends in the second turn
+    device = Vlp16(everywhere, hour_s=3599.9)  # the hour wraps in the second turn
     sweeps = run(builder(), list(device.packets(5 * TURN)))
     for sweep in sweeps[1:]:
-        # It turns by 3600 deg a second, clockwise from azimuth 0 at the first firing: a point's place tells its time.
+        # The sensor turns clockwise at 3600 deg/s from azimuth 0 at the first firing: the azimuth gives the time.
         turned_deg = -np.degrees(np.arctan2(sweep.points["y"], sweep.points["x"])).astype(float)
         seconds = sweep.stamp_s - NOW_S + sweep.points["time"].astype(float)
         off_deg = (3600.0 * seconds - turned_deg + 180.0) % 360.0 - 180.0
@@ -136,8 +136,8 @@ def test_lost_doubled_and_late_packets_are_counted() -> None:
     packets: list = list(Vlp16(everywhere).packets(4 * TURN))
     built = builder()
     packets[100] = packets[101] = None  # lost
-    packets[120] = packets[119]  # doubled, in the place of a third that is lost
-    packets[150], packets[151] = packets[151], packets[150]  # overtaken: the late one is of no use
+    packets[120] = packets[119]  # duplicated, in place of a third lost packet
+    packets[150], packets[151] = packets[151], packets[150]  # reordered: the late packet is discarded
     sweeps = run(built, packets)
     counted = {name: built.counters[name] for name in (LOST, DOUBLED, OUT_OF_ORDER, CORRUPT, JUMPS)}
     assert counted == {LOST: 4, DOUBLED: 1, OUT_OF_ORDER: 1, CORRUPT: 0, JUMPS: 0}
@@ -174,7 +174,7 @@ def test_a_clock_that_is_set_ahead_counts_no_losses() -> None:
 
 
 def test_half_a_turn_is_no_sweep() -> None:
-    """A sensor that turns twice as fast as config/robot.yaml says."""
+    """The sensor turns twice as fast as config/robot.yaml specifies."""
     built = builder()
     assert run(built, list(Vlp16(everywhere, turns_hz=20.0).packets(3 * TURN))) == []
     assert built.counters[INCOMPLETE] >= 4

@@ -1,4 +1,4 @@
-"""The Xsens unit byte by byte: frames, halves, garbage, packets, and what becomes of them."""
+"""The Xsens unit byte by byte: frames, partial frames, garbage, packets, and the resulting samples."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robot_stack.drivers.xsens.xbus import CORRUPT, SKIPPED, Decoder, Message, e
 from sim.devices.xsens import Motion, Mti, frame, packet
 
 NOW_S = 1_795_000_000.0
-# By hand from the protocol: MTData2 of SampleTimeFine 10,000 alone; FF + 36 + 07 + 10 + 60 + 04 + 27 + 10 = 0x1E7.
+# By hand from the protocol: MTData2 with SampleTimeFine 10,000 only; FF + 36 + 07 + 10 + 60 + 04 + 27 + 10 = 0x1E7.
 BY_HAND = bytes.fromhex("FA FF 36 07 10 60 04 00 00 27 10 19")
 TIME = packet(0x1060, ">I", 10_000)
 LEVEL = packet(0x2010, ">4f", 1.0, 0.0, 0.0, 0.0)
@@ -55,7 +55,7 @@ def test_frames_come_in_pieces() -> None:
 
 @given(st.lists(st.binary(max_size=60), max_size=6), st.integers(1, 40))
 def test_whatever_stands_between_frames_they_are_found(garbage: list[bytes], step: int) -> None:
-    """But for one that a false beginning swallows, whose length reaches beyond it: what follows is found."""
+    """A false start in the garbage can swallow one frame within its length; the frames after it are found."""
     line, _ = decoder()
     stream = b"".join(piece.replace(b"\xfa", b"\x00") + BY_HAND for piece in garbage)
     found = [message for i in range(0, len(stream), step) for message in line.feed(stream[i : i + step])]
@@ -116,7 +116,7 @@ def test_every_packet_is_read() -> None:
     assert found.orientation_wxyz == (1.0, 0.0, 0.0, 0.0)
     assert found.acceleration_mps2 == pytest.approx((0.0, 0.0, 9.81))
     assert found.rotation_radps == (0.0, 0.0, 0.5)
-    without = measurement(packet(0xC020, ">3f", 1.0, 0.0, 0.0) + WHOLE)  # a magnetic field, which nobody asks for
+    without = measurement(packet(0xC020, ">3f", 1.0, 0.0, 0.0) + WHOLE)  # a magnetic field, which is not used
     assert (without.counter, without.clipped, without.settled) == (None, False, True)
 
 
@@ -160,7 +160,7 @@ def test_what_cannot_be_used_is_refused_by_name(data: bytes, what: str) -> None:
 def test_samples_are_stamped_by_the_units_clock_and_counted() -> None:
     unit, device = Unit(params(latency_s=0.0)), Mti(ticks=2**32 - 50)
     frames = [device.sample(Motion()) for _ in range(10)]
-    # The fourth was lost, the sixth came twice, the eighth is corrupt.
+    # The fourth is lost, the sixth sent twice, the eighth corrupt.
     sent = {i: frames[i] for i in range(10) if i != 3}
     sent[7] = sent[7][:-1] + bytes([sent[7][-1] ^ 1])
     samples = []
@@ -175,7 +175,7 @@ def test_samples_are_stamped_by_the_units_clock_and_counted() -> None:
 
 
 def test_the_units_axes_become_the_robots() -> None:
-    """Mounted turned by 90 deg about z: its x looks to the left. The robot is level and heads along the unit's -y."""
+    """The unit is rotated by 90 deg about z: its x points left. The robot is level and heads along the unit's -y."""
     unit = Unit(params(rpy_deg=[0.0, 0.0, 90.0]))
     motion = Motion(acceleration_mps2=(1.0, 0.0, 9.81), rotation_radps=(0.1, 0.2, 0.3))
     (sample,) = unit.received(Mti().sample(motion), NOW_S)
