@@ -1,4 +1,4 @@
-"""The benchmark ``people``: its bodies, its judgement, and that both depend on the safety monitor."""
+"""The benchmark ``people``: its bodies, its judgement, and their dependence on the safety monitor."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def case(walker: Walker, requested: Twist2, run_s: float = 3.5) -> Case:
 
 
 def standing(x_m: float, y_m: float) -> Walker:
-    """Somebody who stands where they want to stand."""
+    """Returns a person standing at the target position."""
     return Walker(Pose2(x_m, y_m, 0.0), (x_m, y_m), 1.0, through=False, remaining_m=0.0)
 
 
@@ -57,7 +57,7 @@ def test_who_stands_ahead_is_touched_only_by_a_robot_without_a_safety_monitor(gu
 
 
 def test_a_push_counts_with_its_greatest_closing_speed_and_its_way() -> None:
-    """A robot that sets out in touch with a pole closes slowly at the first contact only."""
+    """A robot that starts right next to a person closes slowly only at the first contact."""
     beside = OUTLINE.front + 0.03 + adult().radius_m
     touch = play(case(standing(beside, 0.0), Twist2(1.0, 0.0, 0.0), 2.5), guarded=False).touch
     assert touch is not None
@@ -87,7 +87,7 @@ def test_a_run_says_the_same_again() -> None:
 
 
 def moments_until_contact(walker: Walker, twist: Twist2, from_m: float) -> list[Moment]:
-    """A robot that drives on at ``twist`` while somebody walks into it from the left, beginning so far away."""
+    """Returns the moments until contact: the robot keeps ``twist``, a person walks into it from the left."""
     moments, pose = [], Pose2(0.0, 0.0, 0.0)
     walker.pose = Pose2(0.0, from_m, -0.5 * math.pi)
     walker.remaining_m = from_m
@@ -152,7 +152,7 @@ def test_every_touch_is_counted() -> None:
 
 
 def test_a_result_can_be_written() -> None:
-    """Though what numpy draws and computes is no number that JSON knows."""
+    """Numpy's numbers must be converted, since JSON cannot represent them."""
     measured = people.run(runs=1, rides=1, ride_m=0.2)
     assert measured.figures["runs"] == 1.0
     assert "touched" in json.dumps([dict(measured.figures), dict(measured.conditions)])
