@@ -1,4 +1,4 @@
-"""robot-stack calibrate camera, on pictures of a ChArUco board that a known camera took."""
+"""robot-stack calibrate: a camera on rendered pictures of a ChArUco board, a LiDAR and wheels on generated rides."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _FINER = 2  # samples along each side of a pixel
 
 @pytest.fixture(scope="module")
 def pictures() -> dict[str, np.ndarray]:
-    """The board in fifteen places, near and far, tilted both ways, by inverse mapping through the true camera."""
+    """Renders the board at fifteen poses, near and far, tilted both ways, by inverse mapping of the camera."""
     step = 1.0 / _FINER
     x, y = (np.arange(0, size, step) + 0.5 * step - 0.5 for size in (CAMERA.width, CAMERA.height))
     rays = undistort(CAMERA, np.stack(np.meshgrid(x, y), axis=-1))
@@ -144,7 +144,7 @@ def test_the_board_is_printed_to_scale(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def tilted_ride(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording of a LiDAR that is mounted turned by roll 1.2, pitch -0.8 and yaw 1.5 deg."""
+    """A recording of a LiDAR that is mounted with roll 1.2, pitch -0.8 and yaw 1.5 deg."""
     folder = tmp_path_factory.mktemp("rides") / "tilted"
     sweeps = [(time_s, turned(points, (1.2, -0.8, 1.5))) for time_s, points in site.recorded().sweeps]
     with RideWriter(folder) as bag:
@@ -157,7 +157,7 @@ def tilted_ride(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def coarse(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The configuration for a LiDAR of few points."""
+    """Configures the mapping for a LiDAR with few points."""
     folder = tmp_path / "config"
     shutil.copytree(config_dir(), folder, ignore=shutil.ignore_patterns("maps"))
     (folder / "mapping.yaml").write_text(yaml.safe_dump(site.params().model_dump(mode="json")), encoding="utf-8")
@@ -187,7 +187,7 @@ def test_a_mount_that_the_ride_cannot_tell_is_refused(tilted_ride: Path, tmp_pat
 
 
 def wheels_ride(folder: Path, ways: Callable[[float], tuple[float, float]]) -> Path:
-    """40 s of joint states on a robot whose wheels and zeros differ. ways: (m/s, rad) of all modules at a time."""
+    """Records 40 s of joint states with wheel and zero errors. ways: returns (m/s, rad) of all modules at a time."""
     radius_m, way_m = load_robot().wheel_radius_m, np.zeros(4)
     with RideWriter(folder) as bag:
         for tick in range(2000):

@@ -1,4 +1,4 @@
-"""`robot-stack film` on recordings that the project's own writer has made."""
+"""`robot-stack film` on recordings made by the project's own writer."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def write(folder: Path, items: Iterable[Item]) -> Path:
 
 
 def pose_at(time_s: float) -> Pose2:
-    """North from (0, 3) at 1 m/s."""
+    """Returns the pose on a line north from (0, 3) at 1 m/s."""
     return Pose2(0.0, 3.0 + time_s, 0.5 * math.pi)
 
 
@@ -81,7 +81,7 @@ def bodies(time_s: float) -> TFMessage:
 
 
 def ride(*, truth: bool) -> list[Item]:
-    """6 s, at 4 s a wheelchair is attached."""
+    """Returns the messages of a ride of 6 s. At 4 s a wheelchair is attached."""
     items: list[Item] = []
     for index in range(60):
         time_s = 0.1 * index
@@ -135,14 +135,14 @@ def test_story_of_a_simulated_ride_is_its_ground_truth(tmp_path: Path) -> None:
 
 
 def test_story_of_a_real_ride_is_what_the_robot_believed(tmp_path: Path) -> None:
-    """No ground truth: the pose is localization's, the wheelchair where the latch was, obstacles stand in map."""
+    """Without ground truth the pose is localization's, the wheelchair is at the latch, and obstacles are in map."""
     story, _ = read_story(write(tmp_path / "ride", ride(truth=False)), 20.0, quiet)
     assert story.robot.at(BEGUN_S + 3.0).y == pytest.approx(6.0, abs=1e-6)
     chair = story.others["wheelchair"]
     assert (chair.at(BEGUN_S).y, chair.at(BEGUN_S + 5.0).y) == pytest.approx((7.95, 8.95), abs=0.06)
     at_s, points = story.obstacles[0]
     assert len(story.obstacles) > 5
-    here = pose_at(at_s - BEGUN_S)  # looks north: ahead is +y, left is -x
+    here = pose_at(at_s - BEGUN_S)  # facing north: ahead is +y, left is -x
     assert points[0] == pytest.approx((here.x - 1.0, here.y + 2.0), abs=1e-3)
 
 

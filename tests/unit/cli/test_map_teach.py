@@ -1,4 +1,4 @@
-"""robot-stack map teach without ROS: what it does when something ends the ride that nobody asked for."""
+"""robot-stack map teach without ROS: its behaviour if the ride ends unexpectedly."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def messages(everything):
 
 @pytest.fixture(params=["goes on"])
 def heard(messages, monkeypatch, request):
-    """The ride comes some messages at a time, whenever somebody takes. An event: all of it has been taken."""
+    """Every take returns the next messages of the ride. The event is set once all of them are taken."""
     all_taken = threading.Event()
 
     class Heard:
@@ -104,7 +104,7 @@ def test_what_is_recorded_makes_the_same_ride_as_everything_that_came(heard, fol
     with pytest.raises(CommandError, match="ended; the map of this ride"):
         map_teach.teach_map("room", folder / "maps", None, folder / "ride", None)
     taught, whole = ride_of(folder / "ride"), ride_of(everything)
-    # What came first only told that there is a stack: the ride begins with the second sweep, while the robot stands.
+    # The first messages only show that a stack runs: the ride starts with the second sweep, at standstill.
     assert [sweep.stamp_s for sweep in taught.sweeps[1:]] == [sweep.stamp_s for sweep in whole.sweeps[1:]]
     for one, other in zip(taught.sweeps[1:], whole.sweeps[1:], strict=True):
         np.testing.assert_array_equal(one.points, other.points)
@@ -117,7 +117,7 @@ def test_what_is_recorded_makes_the_same_ride_as_everything_that_came(heard, fol
 
 
 def messages_of(recording) -> list[str]:
-    """Topics of a recording's messages."""
+    """Returns the topics of a recording's messages."""
     with open(recording / "ride_0.mcap", "rb") as file:
         return [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
 
@@ -170,7 +170,7 @@ def test_the_picture_shows_what_stands_where(tmp_path):
     picture = cv2.imread(str(file))
     assert max(picture.shape) == 640
     dark, light = (picture < 60).all(axis=2), (picture > 230).all(axis=2)
-    # x to the right, y upward: the box at -5, 4 stands in the upper left corner, the way leads round the middle.
+    # x points right, y up: the box at (-5, 4) is in the upper left corner, and the path leads round the centre.
     low = growing.seen.min(axis=0) - 5
     pixel_m = (growing.seen[:, 0].max() + 6 - low[0]) * size_m / picture.shape[1]
 

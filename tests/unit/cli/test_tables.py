@@ -1,4 +1,4 @@
-"""The tables of `topics` and `status` fit into 100 columns, with everything in them."""
+"""The tables of `topics` and `status` fit into 100 columns without truncation."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def as_in_the_contract(row: Topic, nodes: frozenset[str]) -> Seen:
 
 
 def everything(machine: System, *, wrong: bool = False) -> tuple[Finding, ...]:
-    """All rows of a machine; wrong: nobody publishes anything."""
+    """Returns the findings of all rows of a machine. wrong: no topic is published."""
     rows, nodes = rows_of(machine, use_sim_time=True), nodes_of(machine)
     return judge_all(rows, {} if wrong else {row.name: as_in_the_contract(row, nodes) for row in rows}, nodes, 0.1)
 
