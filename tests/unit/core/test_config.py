@@ -1,4 +1,4 @@
-"""Configuration files: what is wrong is told in one line that names file and field."""
+"""Configuration files: an error is reported in one line that names file and field."""
 
 from __future__ import annotations
 

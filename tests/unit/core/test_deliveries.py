@@ -1,4 +1,4 @@
-"""What a subscriber is owed: pure accounting, without middleware and without time."""
+"""The messages owed to a subscriber: pure accounting, without middleware and without time."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def owed(own: Delivery, *publishers: Delivery) -> list[Debt]:
 
 
 def test_who_took_the_newest_message_is_owed_nothing() -> None:
-    """The middleware's stamp lies between the publisher's note and the end of its call."""
+    """The middleware's stamp lies between the publisher's record and the end of its call."""
     assert owed(subscriber(taken_ns=105), publisher(sent_ns=100)) == []
 
 
@@ -61,7 +61,7 @@ def test_who_has_taken_nothing_yet_may_not_be_matched() -> None:
 def test_what_a_newer_message_overwrote_is_taken_with_it() -> None:
     own, other = subscriber(taken_ns=51), publisher(sent_ns=50)
     other.published[ROW] = 100
-    other.published[ROW] = 150  # of depth 1, the one of 100 is gone
+    other.published[ROW] = 150  # depth 1: this overwrites the one of 100
     assert owed(own, other) == [Debt(ROW, 150)]
     own.taken[ROW] = 151
     assert owed(own, other) == []

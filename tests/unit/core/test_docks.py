@@ -1,4 +1,4 @@
-"""The docks of the site, for those who do not dock."""
+"""The docks of the site, for nodes that do not dock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What processes tell each other in shared memory."""
+"""Data that processes share in memory."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class TestPage:
         assert page.read() == (0, 3)
 
     def test_a_writer_that_is_held_up_shows_what_was_before(self, tmp_path: Path) -> None:
-        """The processor was taken from it in the middle: what is half written is nothing to go by."""
+        """If a writer is preempted, readers must not see its half-written values."""
         writer = SharedPage(tmp_path / "page", 2, create=True)
         for number in (1, 2, 3):
             before = writer.read()
