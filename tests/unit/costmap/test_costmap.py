@@ -1,4 +1,4 @@
-"""What the costmap makes of the space around the robot."""
+"""The costmap computed from the space around the robot."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ RESOLUTION_M = 0.05
 
 
 def space() -> Space:
-    """10 m by 10 m, free, a wall at x = 2 m for |y| < 0.5 m with nothing seen behind it; (0, 0) is in the middle."""
+    """10 m by 10 m, free, with a wall at x = 2 m for |y| < 0.5 m and unseen space behind it; (0, 0) is the centre."""
     state = np.zeros((200, 200), np.int8)
     state[90:110, 141:] = -1
     state[90:110, 140] = 100
@@ -37,7 +37,7 @@ def test_a_wall_its_inflation_and_its_shadow() -> None:
     assert at(costs, 1.80, 0.0) == 99
     assert 0 < at(costs, 1.40, 0.0) < 99
     assert at(costs, 1.0, 0.0) == 0
-    assert at(costs, 2.20, 0.0) == 99  # unseen, but nobody's middle may be there
+    assert at(costs, 2.20, 0.0) == 99  # unseen, but within the inscribed radius of the wall
     assert at(costs, 4.0, 0.0) == -1
     assert at(costs, 2.02, -2.0) == 0
 
