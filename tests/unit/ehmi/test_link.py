@@ -1,4 +1,4 @@
-"""Stories of the link in fake time: a display that answers, is late, refuses, falls silent, is pulled, comes back."""
+"""Stories of the link in fake time: a display that answers, is late, refuses, is silent, unplugged or reconnected."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ IDLE = Shown(1, "ja", 5)
 
 
 class Story:
-    """A link, and a display at the other end that does what the test says. ``heard``: every line it was sent."""
+    """A link and a simulated display. ``heard``: every line that the display received."""
 
     def __init__(self, shown: Shown = IDLE) -> None:
         self.link = Link(PARAMS, shown)
@@ -31,7 +31,7 @@ class Story:
         self.decoder = Decoder()
 
     def act(self) -> Story:
-        """Does what the link wants at this moment, until it wants nothing more."""
+        """Executes the orders of the link until there are none."""
         for _ in range(50):
             order = self.link.step(self.now_s)
             self.closes += order.close
@@ -58,7 +58,7 @@ class Story:
         return self.act()
 
     def wait(self, seconds: float) -> Story:
-        """Time passes; the link is asked whenever it said that it wants to be."""
+        """Advances the time and steps the link whenever it is due."""
         end_s = self.now_s + seconds
         while self.link.next_due_s() <= end_s:
             self.now_s = max(self.now_s, self.link.next_due_s())
@@ -458,7 +458,7 @@ def test_after_any_story_a_display_that_answers_shows_what_is_wanted(script):
 
 
 def run(story: Story, seconds: float) -> None:
-    """As ``wait``, with a port that opens whenever it is asked to."""
+    """As ``wait``, with a port that opens on every request."""
     end_s = story.now_s + seconds
     while True:
         opens = story.opens

@@ -1,4 +1,4 @@
-"""The table of patterns: complete, calm, and never by colour or sound alone; and the page that is written from it."""
+"""The table of patterns: complete, calm, and never colour or sound alone; and the page generated from it."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_brightness_is_in_range_at_any_time(state):
 
 
 def crest(pattern: Pattern, t_s: float) -> int:
-    """The brightest segment among the first eight, a wave's length."""
+    """Returns the brightest of the first eight segments, one wavelength."""
     levels = patterns.light(pattern, t_s)[:8]
     return levels.index(max(levels))
 
