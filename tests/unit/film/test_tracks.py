@@ -1,4 +1,4 @@
-"""Poses over time, and which moments a film shows."""
+"""Poses over time, and the moments shown in a film."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_newest_is_the_last_that_is_not_later() -> None:
 
 
 def test_a_film_gives_standing_little_time() -> None:
-    """10 m in 10 s, then 30 s of standing: as 3.6 m at 0.12 m/s, so a quarter of the frames."""
+    """10 m in 10 s, then 30 s of standing, which count as 3.6 m at 0.12 m/s: a quarter of the frames."""
     track = Track([(0.0, Pose2(0.0, 0.0, 0.0)), (10.0, Pose2(10.0, 0.0, 0.0)), (40.0, Pose2(10.0, 0.0, 0.0))])
     times = moments(track, 1001, standing_mps=0.12, turning_m=0.4)
     assert (times[0], times[-1]) == (0.0, 40.0)
@@ -55,7 +55,7 @@ def test_a_film_shows_turning_on_the_spot() -> None:
 
 
 def test_a_carried_wheelchair_stands_before_and_after() -> None:
-    """Nobody recorded it: it is where the latch was when it closed, then ahead of the robot, then where it was left."""
+    """Its pose follows from the latch: where the latch closed, then ahead of the robot, then where the latch opened."""
     robot = Track([(float(t), Pose2(float(t), 0.0, 0.0)) for t in range(11)])
     chair = carried(robot, [(0.0, False), (3.0, True), (7.0, False)], AHEAD)
     assert chair is not None
