@@ -1,4 +1,4 @@
-"""A robot that drives as told, its wheels and its gyro, in fake time."""
+"""A simulated robot with wheels and a gyro, in fake time."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def reading(stamp_s: float, pose: Pose2 = IDENTITY, twist: Twist2 = ZERO_TWIST, 
 
 @dataclass
 class Story:
-    """Drives a true pose by twists; wheels and gyro report it, each with its own faults, to a localizer.
+    """Drives a true pose by twists. Wheels and gyro report it, each with its own errors, to a localizer.
 
-    wheel_scale: what the wheels report of the true turn rate; bias_radps, noise_radps: of the gyro.
+    wheel_scale: share of the true turn rate that the wheels report. bias_radps, noise_radps: errors of the gyro.
     """
 
     localizer: Localizer
@@ -48,7 +48,7 @@ class Story:
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(5))
 
     def drive(self, twist: Twist2, seconds: float) -> Story:
-        if not self.begun:  # the first reading is taken at rest, where the start pose is
+        if not self.begun:  # the first reading is taken at rest at the start pose
             self.localizer.on_odometry(self.odometry(ZERO_TWIST), self.t_s)
             self.begun = True
         for _ in range(round(seconds / IMU_S)):

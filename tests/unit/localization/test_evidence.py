@@ -1,4 +1,4 @@
-"""Matches of low score: what must speak for them, what contradicts, and a place that nobody here tuned for."""
+"""Matches of low score: required evidence, contradictions, and real sweeps of a place that was not used for tuning."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ needs_sweeps = pytest.mark.skipif(len(list(KITTI.glob("scan_*.bin"))) < 2, reaso
 
 
 def found(score: float, **evidence: float) -> Match:
-    """A match as the gate sees it; what speaks for it as at the right place of the real sweeps."""
+    """Returns a match for the gate. By default its evidence is that of a correct match of the real sweeps."""
     given = {"residual": 1.0, "agreement": 0.6, "contrast": 4.0, "pierced": 0.05, **evidence}
     return Match(pose_of(HERE, 0.0, UP), 1e-4 * np.eye(6), score, 3000, True, 5, 0, **given)
 
@@ -129,7 +129,7 @@ def test_real_sweeps_are_accepted_where_they_are_and_nowhere_else(gone: float) -
     for place in street():
         right, wrong = tracked(place, ndt, gone, maps=3, starts=3, random=random)
         assert right.wrong == wrong.wrong == 0
-        assert len(right.refused) <= (3 if gone > 0.3 else 0)  # of nine; the starts in one of three maps
+        assert len(right.refused) <= (3 if gone > 0.3 else 0)  # of nine: at most all starts in one of three maps
         assert all(metres < 0.03 for metres, _ in right.errors)
         assert right.errors
 
@@ -146,7 +146,7 @@ def test_real_sweeps_are_found_in_their_map_and_not_in_the_courtyard() -> None:
 
 
 class Car:
-    """Stands at the truth; each sweep is the same real one, its intensities aside."""
+    """A car at rest at the true pose. Every sweep is the same real one with another intensity."""
 
     def __init__(self, site: Place, start: Pose2) -> None:
         given = params(start_x_m=start.x, start_y_m=start.y, start_yaw_rad=start.yaw)

@@ -39,7 +39,7 @@ from tests.unit.localization.stories import IMU_S, params, reading
 
 STAND, AHEAD = Twist2(0.0, 0.0, 0.0), Twist2(0.5, 0.0, 0.0)
 FAST, BACK = Twist2(1.4, 0.0, 0.0), Twist2(-1.4, 0.0, 0.0)
-# LOCALIZATION_LOST of the safety monitor begins below this quality.
+# Below this quality the safety monitor raises LOCALIZATION_LOST.
 LOST = load(SafetyParams, "safety_monitor").lost_quality
 _ODOM_EVERY, _SWEEP_EVERY = 2, 10
 _SEEDS = iter(range(100, 100_000))
@@ -47,10 +47,10 @@ _SEEDS = iter(range(100, 100_000))
 
 @dataclass
 class Ride:
-    """A robot in the courtyard: true wheels and gyro, sweeps of where it truly stands, each matched 20 ms later.
+    """A robot in the courtyard: wheels, a gyro, and sweeps from its true pose, each matched 20 ms later.
 
-    seen: what the sensor shows instead of the truth; None: the truth. share: of the wheels' speed that the robot makes,
-    slide_mps: how fast it slides to the left meanwhile.
+    seen: sweep to use instead of the true one. share: fraction of the wheels' speed that the robot makes. slide_mps:
+    its speed to the left while sliding.
     """
 
     localizer: MapLocalizer
@@ -91,7 +91,7 @@ class Ride:
         if self.seen is not None:
             return self.seen
         sweep = sweep_from(self.truth, next(_SEEDS), density=5.0, place=self.place)
-        sweep["time"] = 0.0  # seen at once: distortion is another test's business
+        sweep["time"] = 0.0  # no distortion, which another test covers
         return sweep
 
     def _match(self) -> None:
@@ -119,7 +119,7 @@ def ride(truth: Pose2 = IDENTITY, start: Pose2 = IDENTITY, **changes: object) ->
 
 
 def apron_ride(at_x_m: float, **changes: object) -> Ride:
-    """East of the courtyard; the LiDAR of these tests sees 25 m, so nothing from x = 37 on."""
+    """Starts east of the courtyard. The LiDAR of these tests sees 25 m, so nothing from x = 37 on."""
     start = Pose2(at_x_m, 1.0, 0.0)
     given = params(start_x_m=start.x, start_y_m=start.y, start_yaw_rad=start.yaw, **changes)
     site = apron_solver()
@@ -153,7 +153,7 @@ def test_a_start_one_metre_and_ten_degrees_wrong_is_found_within_a_few_sweeps() 
 def test_the_pose_follows_a_drive_and_outlives_wheels_that_slide() -> None:
     story = ride().drive(1.0).drive(2.0, AHEAD)
     assert story.error_m() < 0.02
-    story.truth = story.truth.compose(Pose2(0.15, 0.1, 0.02))  # pushed: wheels and gyro did not notice
+    story.truth = story.truth.compose(Pose2(0.15, 0.1, 0.02))  # pushed: wheels and gyro did not measure it
     story.drive(1.0)
     assert story.error_m() < 0.05
     assert story.localizer.confidence is Confidence.TRACKING
@@ -173,7 +173,7 @@ SLIPS = "wheels slip: the map sees another way"
     ],
 )
 def test_while_wheels_slip_the_pose_follows_the_map(told: float, share: float, slide_mps: float) -> None:
-    """Without a witness wheels that turn on the spot at 1.0 m/s took the pose 0.65 m along, and it was lost."""
+    """Without slip detection, wheels that spun on the spot at 1.0 m/s moved the pose by 0.65 m, and it was lost."""
     story = ride(Pose2(-4.0, 0.0, 0.0), Pose2(-4.0, 0.0, 0.0)).drive(2.0)
     assert SLIPS not in story.estimate().faults
     story.share, story.slide_mps = share, slide_mps
@@ -240,7 +240,7 @@ def test_a_kidnapped_robot_stops_within_a_second_and_finds_itself() -> None:
     assert story.quality < 0.3
     for _ in range(40):
         story.drive(0.1)
-        assert story.quality < 0.5 or story.error_m() < 0.1  # never sure of a wrong place
+        assert story.quality < 0.5 or story.error_m() < 0.1  # no confidence in a wrong pose
     assert story.error_m() < 0.05
     assert story.localizer.confidence is Confidence.TRACKING
     assert story.quality > 0.5
@@ -413,7 +413,7 @@ def test_walls_that_the_map_has_and_the_sweep_does_not_are_a_contradiction() -> 
     story = ride().drive(1.2)
     for count in range(10):
         sweep = sweep_from(story.truth, 900 + count, density=5.0)
-        story.seen = sweep[sweep["z"] < -0.6]  # the ground, as if the robot had been carried to an open field
+        story.seen = sweep[sweep["z"] < -0.6]  # only the ground, as in an open field
         story.drive(0.1)
         assert story.localizer.confidence is not Confidence.DEAD_RECKONING
     assert story.quality == 0.0
@@ -453,7 +453,7 @@ def test_a_start_in_the_open_is_not_confirmed() -> None:
 
 
 def test_near_a_known_pose_the_mirror_of_a_corridor_is_no_rival() -> None:
-    """One post tells the directions apart too little to be sure."""
+    """A single post does not distinguish the two directions reliably."""
     search_params = params().ndt.search
     site = corridor_solver()
     truth = Pose2(10.0, 0.3, 0.1)
@@ -463,7 +463,7 @@ def test_near_a_known_pose_the_mirror_of_a_corridor_is_no_rival() -> None:
     ahead = search(site.matcher, points, UP, Region(10.5, 0.0, 4.0, 0.0, search_params.near_turn_rad), search_params)
     assert ahead.clear(search_params)
     assert ahead.best is not None
-    assert ahead.best.planar.distance_to(truth) < 0.3  # along the corridor little holds it
+    assert ahead.best.planar.distance_to(truth) < 0.3  # weakly constrained along the corridor
     assert yaw_between(ahead.best.planar, truth) < 0.02
 
 
@@ -488,7 +488,7 @@ def test_headings_near_the_known_one_are_looked_at_only_while_the_gyro_carries_i
 
 
 def lost_in_a_courtyard(truth: Pose2) -> Ride:
-    """Of two equal ones, told a start in neither, until the search has found both."""
+    """In one of two equal courtyards, with a start pose in neither, until the search has found both."""
     site = twins_solver()
     story = Ride(MapLocalizer(params(start_x_m=45.0), 1.5, 1.0, site.matcher), truth, place=twins, solver=site)
     for _ in range(30):
@@ -503,7 +503,7 @@ def lost_in_a_courtyard(truth: Pose2) -> Ride:
 def test_between_two_places_that_look_alike_motion_decides() -> None:
     story = lost_in_a_courtyard(Pose2(-7.0, -4.0, 0.0))
     story.drive(1.0)
-    assert story.localizer.confidence is Confidence.AMBIGUOUS  # standing tells nothing new
+    assert story.localizer.confidence is Confidence.AMBIGUOUS  # standing adds no information
     for _ in range(100):
         story.drive(0.1, Twist2(1.2, 0.0, 0.0))
         assert story.quality == 0.0 or story.error_m() < 0.1
@@ -514,7 +514,7 @@ def test_between_two_places_that_look_alike_motion_decides() -> None:
 
 
 def test_places_that_motion_does_not_tell_apart_stay_unknown() -> None:
-    """What the first courtyard has beyond its walls is not seen from the second: that alone is no proof."""
+    """Features beyond the walls of the first courtyard are not visible from the second: that alone is no proof."""
     story = lost_in_a_courtyard(Pose2(73.0, -4.0, 0.0))
     for _ in range(8):
         story.drive(0.5, Twist2(0.6, 0.0, 0.0))

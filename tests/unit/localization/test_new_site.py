@@ -1,4 +1,4 @@
-"""The ride of a site that has no map yet: how far it leads before the safety monitor stops it."""
+"""A ride at a site without a map: the distance until the safety monitor stops it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _HALF = "quality.position_half_sigma_m"
 
 
 def quality_after(half_sigma_m: float) -> float:
-    """Of 80 m straight ahead, after standing for 3 s."""
+    """Returns the quality after 80 m straight ahead, preceded by 3 s at rest."""
     changed = {**params().quality.model_dump(), "position_half_sigma_m": half_sigma_m}
     ride: Story = story(params={"map": "", "quality": changed}, bias_radps=0.005, noise_radps=0.003)
     ride.drive(ZERO_TWIST, 3.0).drive(Twist2(_SPEED_MPS, 0.0, 0.0), _WAY_M / _SPEED_MPS)
@@ -27,7 +27,7 @@ def quality_after(half_sigma_m: float) -> float:
 
 @pytest.fixture(scope="module")
 def documented() -> dict[str, object]:
-    """What docs/mapping.md has somebody set for such a ride, of ndt_localization."""
+    """The parameters of ndt_localization that docs/mapping.md sets for such a ride."""
     text = (Path(__file__).resolve().parents[3] / "docs" / "mapping.md").read_text(encoding="utf-8")
     settings = re.findall(r"--set '?(\w+\.[\w.]+=[^'\s]+)'?", text)
     parameters = load_plan("robot", settings=settings).parameters

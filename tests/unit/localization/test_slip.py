@@ -1,4 +1,4 @@
-"""The way between two matches beside the wheels': what is a slip, and what is noise."""
+"""The motion between two matches compared with that of the wheels: slip or noise."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def match_at(x_m: float, y_m: float = 0.0, sigma_m: float = 0.015, yaw_rad: floa
 
 
 def run(seconds: float, seen_mps: float, told_mps: float, sigma_m: float = 0.015) -> Slip | None:
-    """What is told at the end; the wheels' frame lies elsewhere and is turned."""
+    """Returns the last report. The frame of the wheels has another origin and heading."""
     witness, zero = SlipWitness(SLIP), Pose2(40.0, -7.0, 2.0)
     told = None
     for k in range(round(seconds / PERIOD_S) + 1):
@@ -51,7 +51,7 @@ def test_a_robot_that_slides_with_its_wheels_at_rest_is_told() -> None:
 def test_ways_that_agree_are_no_slip_whatever_the_frames() -> None:
     for speed_mps in (0.0, 0.3, 1.5):
         assert run(3.0, speed_mps, speed_mps) is None
-    assert run(3.0, seen_mps=1.5, told_mps=1.5 * 1.01) is None  # radii that are off
+    assert run(3.0, seen_mps=1.5, told_mps=1.5 * 1.01) is None  # wrong wheel radii
 
 
 def test_the_noise_of_matches_is_no_slip() -> None:
@@ -68,7 +68,7 @@ def test_along_an_open_direction_a_match_tells_nothing() -> None:
 
 
 def test_only_what_lies_within_the_window_counts() -> None:
-    """A slip that is over is no longer told, and ways before a gap say nothing of those behind it."""
+    """A past slip is no longer reported, and motion before a gap does not count after it."""
     witness = SlipWitness(SLIP)
     assert witness.see(0.0, match_at(0.0), IDENTITY) is None
     assert witness.see(0.5, match_at(0.0), Pose2(0.5, 0.0, 0.0)) is not None
@@ -90,7 +90,7 @@ def test_dead_reckoning_is_the_farther_off_the_longer_ago_the_match() -> None:
 
 
 def test_a_slip_that_has_just_begun_goes_on_at_its_own_rate() -> None:
-    """Not at the mean over a window of which most was before it."""
+    """The rate is not the mean over a window that lies mostly before the slip."""
     witness = SlipWitness(SLIP)
     for k in range(10):
         assert witness.see(k * PERIOD_S, match_at(0.0), IDENTITY) is None
