@@ -1,4 +1,4 @@
-"""A small room that a coarse LiDAR rides round in: what goes into the map builder, and what is true."""
+"""A small room and a ride through it with a coarse LiDAR: the inputs of the map builder, and the ground truth."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ START = Pose2(3.0, 0.0, 0.5 * math.pi)
 SWEEP_S, PERIOD_S, SPEED_MPS, RADIUS_M = 0.1, 0.4, 0.8, 3.0
 DURATION_S = 31.0
 STAND_S = 2.0
-# What the wheels get wrong: they claim more way, and turn that is not there.
+# Errors of the wheels: too long a distance, and a rotation that did not happen.
 SCALE_ERROR, YAW_ERROR_RADPM = 0.02, 0.01
 EPOCH_S = 1_700_000_000.0
 NOISE_M = 0.01
@@ -40,7 +40,7 @@ NOISE_M = 0.01
 
 @dataclass(frozen=True)
 class Recorded:
-    """Times in s since the start; sweeps: (time, points); odometry: (time, pose); true: pose of each sweep in map."""
+    """Times in s since the start. sweeps: (time, points); odometry: (time, pose); true: pose of each sweep in map."""
 
     sweeps: list
     odometry: list
@@ -48,13 +48,13 @@ class Recorded:
 
 
 def true_pose(time_s: float) -> Pose2:
-    """Round the pillar on a circle, after standing still."""
+    """Returns the pose in map: first at rest, then on a circle round the pillar."""
     turned = SPEED_MPS * max(0.0, time_s - STAND_S) / RADIUS_M
     return Pose2(RADIUS_M * math.cos(turned), RADIUS_M * math.sin(turned), START.yaw + turned)
 
 
 def odometry_pose(time_s: float) -> Pose2:
-    """The same way in odom as the wheels see it: from the identity on, a circle of another radius."""
+    """Returns the pose in odom with the wheels' errors: from the identity on, a circle of another radius."""
     way = SPEED_MPS * max(0.0, time_s - STAND_S)
     turned = way / RADIUS_M + YAW_ERROR_RADPM * way
     radius = way * (1.0 + SCALE_ERROR) / turned if turned > 0.0 else 0.0
@@ -62,7 +62,7 @@ def odometry_pose(time_s: float) -> Pose2:
 
 
 def cast(origins, directions, boxes):
-    """(n,) distance to the nearest box or the ground z = 0, inf for neither; slab method."""
+    """Returns the (n,) distance to the nearest box or the ground z = 0, inf for neither; slab method."""
     with np.errstate(divide="ignore", invalid="ignore"):
         nearest = np.where(directions[:, 2] < 0.0, -origins[:, 2] / directions[:, 2], np.inf)
         for low, high in boxes:
@@ -75,7 +75,7 @@ def cast(origins, directions, boxes):
 
 
 def sweep(time_s: float, random, visitor: bool):
-    """(n,) SWEEP, measured during 0.1 s of driving: 8 rings of 110 points, only the nearest of each ray."""
+    """Returns an (n,) SWEEP, measured during 0.1 s of driving: 8 rings of 110 rays, the nearest hit of each."""
     azimuth, elevation = np.meshgrid(np.arange(110) / 110.0, np.radians([-28, -20, -14, -9, -5, -1, 4, 9]))
     since = (azimuth.ravel() - 1.0) * SWEEP_S
     poses = [true_pose(time_s + offset) for offset in (azimuth[0] - 1.0) * SWEEP_S]
@@ -99,7 +99,7 @@ def sweep(time_s: float, random, visitor: bool):
 
 @cache
 def recorded() -> Recorded:
-    """A ride of one round and a little, with a visitor who leaves after 8 s."""
+    """Returns a ride of slightly more than one round, with a visitor during the first 8 s."""
     random = np.random.default_rng(3)
     times = np.arange(0.5, DURATION_S, PERIOD_S)
     sweeps = [(float(time), sweep(float(time), random, visitor=time < 8.0)) for time in times]
@@ -108,7 +108,7 @@ def recorded() -> Recorded:
 
 
 def params() -> MappingParams:
-    """The configured ones, for few points."""
+    """The configured parameters, adapted to few points."""
     base = load(MappingParams, "mapping").model_dump()
     base["lidar_odometry"]["fewest_points"] = 50
     base["refinement"] |= {"rounds": 3, "cell_points": 6}
@@ -120,7 +120,7 @@ def params() -> MappingParams:
 
 
 def collected(recording: Recorded):
-    """The ride as the reader of recordings makes it. The inertial unit feels no slope and a gyro with a bias."""
+    """Returns the ride as the reader of recordings does. The IMU measures no slope, and its gyro has a bias."""
     collector = Collector(params().sweeps, load_robot())
     for time_s in np.arange(0.0, DURATION_S + 0.5, 0.02):
         rate = SPEED_MPS / RADIUS_M if time_s > STAND_S else 0.0

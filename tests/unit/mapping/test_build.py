@@ -1,4 +1,4 @@
-"""A whole map from a small ride: a drift that must go, a visitor who must not stay, walls where they are."""
+"""A complete map from a short ride: the drift is removed, the visitor is not mapped, walls are in place."""
 
 from __future__ import annotations
 

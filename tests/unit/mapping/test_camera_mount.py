@@ -1,4 +1,4 @@
-"""A camera's mount by the robot's way before a board: on made-up views with the noise of LiDAR and camera."""
+"""A camera's mount from the robot's motion in front of a board, on synthetic views with LiDAR and camera noise."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def camera() -> Floats:
 
 
 def way(views: int, ahead_m: float, aside_m: float, turn_deg: float) -> Floats:
-    """To and fro, to both sides, turning to both sides: (views, 4, 4)."""
+    """Returns (views, 4, 4) poses: to and fro, to both sides, turning both ways."""
     t = np.linspace(0.0, 2.0 * math.pi, views)
     return np.array(
         [
@@ -40,7 +40,7 @@ def way(views: int, ahead_m: float, aside_m: float, turn_deg: float) -> Floats:
 
 
 def views(base: Floats, seed: int, place_m: float = 0.003, angle_deg: float = 0.03) -> tuple[Floats, Floats]:
-    """base as a LiDAR of this noise has it, and the board 1.8 m ahead, facing the robot, in the camera."""
+    """Returns base with the noise of a LiDAR, and the board in the camera, 1.8 m ahead and facing the robot."""
     random = np.random.default_rng(seed)
     board = pose_of(np.array([1.8, 0.1, 0.5]), rotation_of(np.array([0.0, 0.0, 0.1])))
     seen = inverse(base @ camera()) @ board
@@ -52,7 +52,7 @@ def views(base: Floats, seed: int, place_m: float = 0.003, angle_deg: float = 0.
 
 
 def errors(found: CameraMountFound) -> tuple[Floats, Floats]:
-    """(angles, rad about base_link's axes; place in x and y, m)"""
+    """Returns the errors (angles about base_link's axes, rad; position in x and y, m)."""
     turn = vector_of(found.pose[:3, :3] @ camera()[:3, :3].T)
     return turn, found.pose[:2, 3] - camera()[:2, 3]
 
@@ -66,13 +66,13 @@ def test_it_finds_the_mount_as_well_as_it_says() -> None:
         assert np.abs(shift).max() < 0.010
         assert found.pose[2, 3] == NOMINAL[2, 3]
         scaled += [*(turn / found.angle_deviation_rad), *(shift / found.place_deviation_m)]
-    # Deviations that are told shall be those of the errors: the root of the mean square of these 60.
+    # The reported deviations must match the errors: the root mean square of these 60 ratios is 1.
     assert math.sqrt(np.mean(np.square(scaled))) == pytest.approx(1.0, abs=0.3)
 
 
 def test_views_that_are_wrong_move_it_little() -> None:
     base, seen = views(way(60, 0.8, 0.5, 14.0), 1)
-    base[::12, 0, 3] += 0.2  # one sweep in twelve was matched wrongly
+    base[::12, 0, 3] += 0.2  # one wrong match in twelve sweeps
     turn, shift = errors(camera_mount_of(base, seen, NOMINAL, SETTINGS))
     assert np.abs(turn).max() < math.radians(0.3)
     assert np.abs(shift).max() < 0.01

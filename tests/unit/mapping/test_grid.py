@@ -1,4 +1,4 @@
-"""Ground, kerbs, ramps and drop-offs on the grid; what moved."""
+"""Ground, kerbs, ramps and drop-offs on the grid, and moving objects."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ SLOPE = np.tan(np.radians(10.0))
 
 
 def height(x, y):
-    """A yard of 8 x 7.5 m: at x = 4 a kerb 15 cm wide and 5 cm high, from x = 5 on a platform 6 cm high, y > 4 a pit of
-    30 cm, y < 1 a ramp of 10 deg up to 0.5 m that ends in a fall.
+    """Returns the height of a yard of 8 x 7.5 m. At x = 4: a kerb 15 cm wide, 5 cm high; x > 5: a platform 6 cm
+    high; y > 4: a pit of 30 cm; y < 1: a ramp of 10 deg up to 0.5 m that ends in a drop.
     """
     z = np.zeros_like(x)
     z[(x > 4.0) & (x < 4.15) & (y > 1.0)] = 0.05
@@ -91,7 +91,7 @@ def test_no_ground_is_an_error():
 
 
 def test_a_voxel_that_is_looked_through_held_a_mover():
-    """Somebody at x = 3 for 2 sweeps, then 10 sweeps see the wall at x = 6 behind; the wall stays."""
+    """A person stands at x = 3 for 2 sweeps, then 10 sweeps see the wall at x = 6 behind. The wall stays."""
     votes = Votes(np.zeros(3), np.array([8.0, 4.0, 3.0]), PARAMS.movers)
     origin, random = np.array([1.0, 2.0, 1.0]), np.random.default_rng(0)
 

@@ -1,4 +1,4 @@
-"""The LiDAR's mount from a ride: known errors of tilt, height and heading are found, and what cannot be is refused."""
+"""The LiDAR's mount from a ride: known errors of tilt, height and heading are found, impossible ones rejected."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SENSOR = np.asarray(load_robot().lidar_xyz_m)
 
 
 def turned(points: np.ndarray, rpy_deg: tuple[float, float, float]) -> np.ndarray:
-    """A sweep as a sensor sees it that is mounted turned by ``rpy_deg``, but taken for one that is not."""
+    """Returns a sweep of a sensor rotated by ``rpy_deg``, interpreted as if it were not rotated."""
     seen = points.copy()
     xyz = np.stack([points["x"], points["y"], points["z"]], axis=1).astype(np.float64)
     own = Rotation.from_euler("xyz", rpy_deg, degrees=True).inv().apply(xyz)
@@ -51,13 +51,13 @@ def found(rpy_deg: tuple[float, float, float]) -> MountFound:
 
 @pytest.mark.parametrize("rpy_deg", [(0.0, 0.0, 0.0), (1.2, -0.8, 1.5), (-2.0, 1.5, -3.0)])
 def test_known_errors_are_found(rpy_deg: tuple[float, float, float]) -> None:
-    """A coarse sensor of 880 beams on a circle of 3 m, wheels that claim 2 % more way and turn that is not there."""
+    """A coarse sensor of 880 beams on a circle of 3 m; the wheels report 2 % more distance and a false rotation."""
     mount = found(rpy_deg)
     error = np.subtract(mount.rpy_deg((0.0, 0.0, 0.0)), rpy_deg)
     assert np.abs(error[:2]).max() < 0.15
     assert abs(error[2]) < 0.4
     assert mount.tilt.height_m == pytest.approx(SENSOR[2], abs=0.01)
-    # What it says of its own certainty; what a robot that drives does to a tilted sweep is no noise.
+    # The error fits the reported deviation. The margin is for the motion distortion of a tilted sweep.
     assert np.hypot(*error[:2]) < 3.0 * math.degrees(mount.tilt.deviation_rad) + 0.03
     assert abs(error[2]) < 3.0 * math.degrees(mount.heading.deviation_rad)
     assert mount.heading.scale == pytest.approx(1.0 / (1.0 + site.SCALE_ERROR), abs=0.015)
@@ -72,7 +72,7 @@ def test_a_driver_that_turned_the_cloud_already_is_counted_in() -> None:
 
 
 def plane(slope: tuple[float, float], yaw: float, rotation: np.ndarray, height_m: float) -> Plane:
-    """Ground that slopes by ``slope`` in odom, as a sensor sees it whose points have to be turned by ``rotation``."""
+    """Returns ground with ``slope`` in odom, as a sensor measures it whose points need ``rotation``."""
     c, s = math.cos(yaw), math.sin(yaw)
     here = np.array([-(c * slope[0] + s * slope[1]), s * slope[0] - c * slope[1], 1.0])
     normal = rotation.T @ (here / np.linalg.norm(here))
@@ -130,11 +130,11 @@ def test_the_ground_is_found_below_things_and_tilted_by_three_degrees() -> None:
 
 @pytest.mark.parametrize("yaw_deg", [-10.0, 0.0, 2.0])
 def test_the_heading_is_exact_on_exact_ways(yaw_deg: float) -> None:
-    """A way with turns; the sensor sits aside of the middle, and the wheels are 1 % too large."""
+    """A path with turns, with the sensor off the centre and wheels 1 % too large."""
     yaw, sensor = math.radians(yaw_deg), np.array([0.4, -0.2])
     true = np.array([planar(0.3 * k, 0.5 * math.sin(0.2 * k), 0.1 * k) for k in range(60)])
     wheels = true.copy()
-    wheels[:, :2, 3] /= 1.01  # and turns as it should
+    wheels[:, :2, 3] /= 1.01  # the rotation is correct
     turn = planar(*(sensor - rotation_of(np.array([0.0, 0.0, yaw]))[:2, :2] @ sensor), yaw)
     seen = inverse(turn) @ true @ turn
     pairs = steps_of(wheels, 1.0)

@@ -1,4 +1,4 @@
-"""What staff see while they drive: the same odometry as the build's, and warnings that are right."""
+"""The display during a teaching ride: the same odometry as the build's, and correct warnings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WELL = Inputs(sweeps=50, without_odometry=0, points_age_s=0.1, odometry_age_s=0.
 
 
 def taught(collector: Collector, together: int = 1) -> GrowingMap:
-    """The ride of ``site``, shown as it comes. together: readings of odometry that are taken before anybody looks."""
+    """Feeds the ride of ``site`` as it arrives. together: number of odometry readings between two updates."""
     growing, seen = GrowingMap(site.params(), site.START), 0
     recording = site.recorded()
     sweeps = iter(recording.sweeps)
@@ -29,7 +29,7 @@ def taught(collector: Collector, together: int = 1) -> GrowingMap:
         while waiting is not None and waiting[0] <= time_s:
             collector.sweep(*waiting)
             waiting = next(sweeps, None)
-        # A slope that changes, as the unit feels it: the way of the wheels follows it.
+        # The IMU measures a changing slope, which the path of the wheels follows.
         collector.imu(time_s, 0.02 * math.sin(time_s), 0.05 * math.sin(0.3 * time_s), 0.0)
         collector.odometry(time_s, pose.x, pose.y, pose.yaw)
         fresh = collector.kept - seen
@@ -66,7 +66,7 @@ def test_what_the_driver_is_told(ridden):
     assert growing.driven_m == pytest.approx(true_m, abs=1.0)
     width, height = growing.size_m
     assert (width, height) == pytest.approx((12.4, 10.4), abs=0.5), "the room with its walls"
-    # The wheels turn too far, and the LiDAR tells by how much.
+    # The wheels report too much rotation, and the LiDAR measures the difference.
     apart_m, apart_rad = growing.apart
     assert apart_rad == pytest.approx(site.YAW_ERROR_RADPM * true_m, abs=0.03)
     assert apart_m > 0.4
@@ -83,7 +83,7 @@ def test_structure_is_what_stands(ridden):
     centres = (standing + 0.5) * size_m
     walls = (np.abs(centres[:, 0]) > 5.7) | (np.abs(centres[:, 1]) > 4.7)
     assert walls.mean() > 0.5
-    # Where the robot drove nothing stands.
+    # No obstacle is on the robot's path.
     way = np.array([pose[:2, 3] for pose in growing.by_lidar])
     assert np.linalg.norm(centres[:, None] - way[None], axis=2).min() > 0.5
 
