@@ -1,4 +1,4 @@
-"""The navigation kernel with a drive in fake time."""
+"""The navigation kernel with a simulated drive in fake time."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_cancel_brakes_and_forgets_the_goal() -> None:
     assert story.controller.path is None
     story.tick()
     assert story.controller.state is NavigationState.BRAKING
-    assert story.outputs[-1].twist.vx > 0.5  # a ramp, not a leap
+    assert story.outputs[-1].twist.vx > 0.5  # a ramp, not a step
     story.run(3.0)
     assert story.controller.state is NavigationState.IDLE
     assert story.drive.twist.speed() < 1e-3
@@ -141,9 +141,9 @@ def test_emergency_stop_zeroes_at_once_and_only_a_new_goal_after_its_release_mov
     assert all(output.twist == ZERO_TWIST for output in story.outputs[-120:])
     assert not story.go(Pose2(8.0, 0.0, 0.0))
     first = story.tick().twist
-    assert first.speed() < 0.1  # no lurch: from rest, within the jerk
+    assert first.speed() < 0.1  # starts from rest within the jerk limit
     commands = [story.tick().twist for _ in range(20)]
-    # In 50 ms the planned 0.7 m/s2 give 0.035 m/s; the feedback adds a little.
+    # In 50 ms the planned 0.7 m/s2 adds 0.035 m/s, and the feedback a little more.
     for before, after in pairwise(commands):
         assert after.vx - before.vx <= 0.035 + 0.015
     story.until_reached()
@@ -171,7 +171,7 @@ def test_after_a_hold_it_waits_for_standstill() -> None:
     story.pose_known = True
     for _ in range(5):
         output = story.tick()
-        assert output.twist == ZERO_TWIST  # it still rolls
+        assert output.twist == ZERO_TWIST  # still rolling
         assert output.state is NavigationState.HELD
     story.until_reached()
 
@@ -263,7 +263,7 @@ def test_held_back_drive_does_not_wind_up() -> None:
     story.run(2.0)
     story.drive.blocked = True
     story.run(8.0)
-    # The plan waits 0.10 m ahead of the robot: all that is commanded is the feedback on that.
+    # The plan waits 0.10 m ahead of the robot, so the command is only the feedback on this error.
     assert story.outputs[-1].error.distance_m() <= 0.101
     assert story.outputs[-1].twist.speed() <= 1.5 * 0.101
     story.drive.blocked = False
@@ -272,14 +272,14 @@ def test_held_back_drive_does_not_wind_up() -> None:
 
 def test_plan_begins_when_the_robot_does() -> None:
     story = ride()
-    story.drive.blocked = True  # as while the wheels turn to their course
+    story.drive.blocked = True  # as while the wheels steer
     story.go(Pose2(4.0, 0.0, 0.0))
     story.run(0.5)
     assert 0.0 < story.outputs[-1].twist.vx < 0.03
     assert story.outputs[-1].planned == IDENTITY
     story.drive.blocked = False
     story.run(1.0)
-    assert max(story.errors_m) < 0.04  # this drive trails by 0.1 s, and 0.02 s are counted on
+    assert max(story.errors_m) < 0.04  # the drive lags by 0.1 s, of which 0.02 s are expected
     story.until_reached()
 
 
@@ -317,7 +317,7 @@ def test_not_finite_pose_never_leaves_as_a_command() -> None:
 
 def test_goal_from_a_moving_robot_without_a_plan_starts_from_its_motion() -> None:
     story = ride()
-    story.drive.twist = Twist2(0.8, 0.0, 0.0)  # somebody else drove it here
+    story.drive.twist = Twist2(0.8, 0.0, 0.0)  # driven by another source
     story.go(Pose2(5.0, 0.0, 0.0))
     first = story.tick().twist
     assert first.vx == pytest.approx(0.8, abs=0.2)

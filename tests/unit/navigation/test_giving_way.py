@@ -1,4 +1,4 @@
-"""Out of a stand-off with somebody who waits for the robot."""
+"""Resolving a stand-off with a person waiting for the robot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MARGIN_M = params().local.governor_margin_m
 
 
 def around(*boxes: tuple[float, float, float, float]) -> LocalMap:
-    """x0, x1, y0, y1 of what stands, 10 m x 10 m around the origin."""
+    """Returns a map of 10 m x 10 m around the origin with obstacles at (x0, x1, y0, y1)."""
     axis = (np.arange(200) + 0.5) * 0.05 - 5.0
     x, y = np.meshgrid(axis, axis)
     lethal = np.zeros(x.shape, np.bool_)
@@ -70,7 +70,7 @@ def test_enough_room_is_no_reason_to_move() -> None:
 
 
 class Stubborn:
-    """Comes through a gate of 1.4 m towards the robot, stops before it, and goes on once it has made room."""
+    """Walks through a gate of 1.4 m towards the robot, stops in front of it, and continues once there is room."""
 
     def __init__(self) -> None:
         self.x, self.at_s, self.begun = 10.5, 10.0, False

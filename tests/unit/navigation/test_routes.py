@@ -1,4 +1,4 @@
-"""Routes that are planned beside the tick: the newest question wins, and what cannot be reached is told once."""
+"""Routes planned beside the tick: the newest request wins, and an unreachable goal is reported once."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NOTHING_SEEN = np.empty((0, 2))
 
 
 def divided(gate: slice | None = None) -> Grid:
-    """The corridor with a wall across at x = 8 m, and a gate in it."""
+    """Returns the corridor with a wall across it at x = 8 m. gate: rows of an opening in the wall."""
     cells = corridor().occupancy.copy()
     cells[:, 80] = OCCUPIED
     if gate is not None:
@@ -48,7 +48,7 @@ def solver(grid: Grid | None) -> RouteSolver:
 
 @dataclass
 class Noted:
-    """Answers as ``PromptRoutes`` does, but ``late`` times that it is asked for them later; notes what it was asked."""
+    """Answers as ``PromptRoutes`` does, but returns an answer only after ``late`` more calls. Records the requests."""
 
     solver: RouteSolver
     late: int = 0
@@ -113,7 +113,7 @@ def test_two_solvers_of_one_map_do_not_see_each_other_s_obstacles() -> None:
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0, 50, 10_000]), st.floats(0.2, 0.5))
 @settings(max_examples=60, deadline=None)
 def test_a_way_is_found_exactly_where_there_is_one(seed: int, flood_cells: int, share: float) -> None:
-    """Cells that touch, also at a corner, are connected: as scipy labels them."""
+    """Cells that touch, also at a corner, are connected, as in the labels of scipy."""
     random = np.random.default_rng(seed)
     free = random.random((40, 50)) > share
     start, goal = ((int(random.integers(40)), int(random.integers(50))) for _ in range(2))
@@ -135,7 +135,7 @@ def test_a_way_is_found_exactly_where_there_is_one(seed: int, flood_cells: int, 
 
 
 def big_divided() -> Grid:
-    """300 m x 300 m in two halves: the search looks at much of it."""
+    """Returns 300 m x 300 m in two halves, where a search covers a large area."""
     cells = np.full((3000, 3000), FREE, np.int8)
     cells[1490:1496, :] = OCCUPIED
     return Grid(0.1, 0.0, 0.0, cells)
@@ -253,7 +253,7 @@ def test_a_goal_behind_a_wall_of_the_map_is_refused_once_and_not_planned_again()
     assert told.controller.goal is None
     assert told.controller.path is None
     assert not told.tick().refused
-    for _ in range(5):  # as a mission manager asks again
+    for _ in range(5):  # as a mission manager repeats its goal
         assert told.go(GOAL) == output.refused
         assert told.tick().text == output.text
     assert len(routes.questions) == 1
@@ -303,7 +303,7 @@ def test_a_late_planner_is_waited_for_and_the_robot_arrives() -> None:
 
 
 def test_a_closed_way_is_planned_anew_only_when_something_else_is_seen() -> None:
-    """A gate that is shut: asked for once, once more each time that something changes."""
+    """A closed gate is planned for once, and once more after each change."""
 
     def shut(now_s: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         gate = (abs(x - 8.05) < 0.06) & (now_s < 17.0)

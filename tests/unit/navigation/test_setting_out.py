@@ -1,4 +1,4 @@
-"""Before a goal given by hand moves a robot that has stood for long, people are warned."""
+"""A goal given by hand after a long standstill warns of the departure before the robot moves."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ PARAMS = load(DepartureParams, "departure")
 
 @pytest.fixture
 def stood() -> Ride:
-    """A robot that nobody expects to move."""
+    """A robot whose departure has not been announced."""
     return ride(departure=Departure(PARAMS))
 
 
 def warned_s(story: Ride, limit_s: float = 30.0) -> float:
-    """Seconds until the first motion."""
+    """Returns the seconds until the first motion."""
     begun_s = story.now_s
     while story.tick().twist == ZERO_TWIST:
         assert story.now_s < begun_s + limit_s, story.outputs[-1].text
@@ -75,7 +75,7 @@ def test_what_forbids_to_move_takes_the_warning_back(stood: Ride, hindrance: str
     assert stood.outputs[-1].text != SETTING_OUT
     stood.emergency_stop, stood.pose_known = False, True
     stood.controller.set_speed_limit(NO_LIMIT)
-    if hindrance == "emergency stop":  # drops the goal: the end of a stop starts no motion
+    if hindrance == "emergency stop":  # the stop drops the goal, so its end starts no motion
         stood.go(GOAL)
     assert warned_s(stood) == pytest.approx(PARAMS.warning_s, abs=0.16)
 
@@ -109,8 +109,8 @@ def test_a_robot_held_for_long_under_way_warns_before_it_goes_on(stood: Ride) ->
 
 
 def test_one_that_waits_for_a_way_warns_only_when_it_is_free() -> None:
-    """Until then nothing is announced: a warning long before the motion warns nobody. What waited has not given up."""
-    closed_until_s = 10.0 + PARAMS.after_s + 1.5  # before it gives up
+    """No warning is given while waiting, since it would be long before the motion. The goal is not given up."""
+    closed_until_s = 10.0 + PARAMS.after_s + 1.5  # before the goal is given up
 
     def wall(now_s: float, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
         return (abs(x - 3.0) < 0.1) & (now_s < closed_until_s)
