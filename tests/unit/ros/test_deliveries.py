@@ -1,4 +1,4 @@
-"""What a node counts, and when its timers wait: without middleware, in no time."""
+"""The counters of a node, and when its timers wait, without middleware in fake time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ROW = NUMBERS[topics.JOINT_STATES]
 
 
 class Now:
-    """The clocks of the module."""
+    """Replaces the clocks of the module."""
 
     def __init__(self) -> None:
         self.s = 100.0
@@ -31,7 +31,7 @@ class Now:
 
 
 class Rig:
-    """A publisher's and a subscriber's node, and the middleware between them."""
+    """A publishing node, a subscribing node, and the middleware between them."""
 
     def __init__(self, now: Now) -> None:
         self.now, self.idle, self.on_the_way = now, False, []
@@ -52,7 +52,7 @@ class Rig:
     def exchange(self, message: str = "first") -> None:
         self.publisher.publish(message)
         self.deliver()
-        self.now.s += 2.0  # the receiver looks for publishers again
+        self.now.s += 2.0  # late enough for the receiver to look for publishers again
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_a_timer_waits_for_what_was_published_before_it(rig: Rig) -> None:
     assert not rig.receiver.owed()
     rig.publisher.publish("second")
     for _ in range(1000):
-        rig.now.s += 10.0  # however long it takes
+        rig.now.s += 10.0  # no timeout
         assert rig.receiver.owed()
     rig.deliver()
     assert not rig.receiver.owed()
@@ -84,7 +84,7 @@ def test_a_timer_does_not_wait_for_what_is_published_meanwhile(rig: Rig) -> None
     rig.deliver()
     rig.publisher.publish("third")
     assert not rig.receiver.owed()
-    assert rig.receiver.owed()  # the next one does
+    assert rig.receiver.owed()  # the next timer waits for it
 
 
 def test_nothing_is_owed_before_the_first_message(rig: Rig) -> None:
@@ -98,7 +98,7 @@ def test_a_lost_message_is_given_up_once_nothing_is_on_its_way(rig: Rig) -> None
     rig.exchange()
     rig.publisher.publish("lost")
     rig.on_the_way.clear()
-    for _ in range(100):  # asleep now and then, as a busy machine lets it look
+    for _ in range(100):  # idle only now and then, as on a busy machine
         for rig.idle in (True, True, True, False):
             rig.now.s += 0.01
             assert rig.receiver.owed()
@@ -122,7 +122,7 @@ def test_many_looks_within_one_moment_count_as_one(rig: Rig) -> None:
 
 def test_a_message_that_wakes_is_looked_after_between_timers(rig: Rig) -> None:
     rig.exchange()
-    assert not rig.receiver.owed()  # finds the publisher
+    assert not rig.receiver.owed()  # discovers the publisher
     assert rig.receiver.wait_s() == math.inf
     rig.publisher.publish("second")
     assert rig.receiver.wait_s() < 0.01
