@@ -1,4 +1,4 @@
-"""Processes that are killed, hang, crash, stop and start again."""
+"""Processes that are killed, hang, crash, stop and restart."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Changes(Observer):
 
 
 def counter(topic):
-    """Builds a node that publishes 1, 2, 3 ... at 10 Hz, beginning with each life."""
+    """Builds a node that publishes 1, 2, 3 ... at 10 Hz, starting again in each life."""
 
     def build(port) -> None:
         publisher, said = port.advertise(topic, topic.name), []
@@ -41,7 +41,7 @@ def test_what_left_a_killed_process_arrives_and_what_did_not_is_lost() -> None:
     with rig() as stage:
         process = stage.node("node", counter(topic))
         taken = stage.listener(topic)
-        # It ticks at 310 and 410 ms; messages leave 3 ms later and take 1 ms.
+        # The node ticks at 310 and 410 ms; messages leave 3 ms later and take 1 ms.
         stage.scheduler.at(313_500_000, process.kill)
         stage.scheduler.run(1.0)
         assert [value for _, value in taken] == [2, 3]
@@ -156,8 +156,8 @@ def test_a_hung_process_does_nothing_and_then_goes_on() -> None:
             stage.say(310.0 + number, number, order)
         stage.scheduler.run(1.0)
         held_up = stage.port("node").report_values()["held up"]
-        assert stage.port("hanging").report_values() == {}  # no timer: it cannot tell
-    assert [at for at, _ in taken] == [214.0, 855.0, 914.0]  # resumed at 851; then on its old beat
+        assert stage.port("hanging").report_values() == {}  # without a timer the hang is not detected
+    assert [at for at, _ in taken] == [214.0, 855.0, 914.0]  # resumes at 851, then keeps its schedule
     assert heard == [(801.0, 2), (801.0, 3)]
     assert held_up == "1 times, last 0.54 s"
     assert [item for item in changes.seen if item[1] == "node"] == [
@@ -187,9 +187,9 @@ def test_a_hang_can_be_ended_before_its_time() -> None:
         stage.scheduler.at(305_000_000, process.hang, 3600.0)
         stage.scheduler.at(350_000_000, process.go_on)
         stage.scheduler.run(0.44)
-        process.go_on()  # does not hang: nothing to end
+        process.go_on()  # not hung: no effect
     assert [count for _, count in taken] == [2, 3, 4]
-    assert taken[1][0] == 354.0  # at once when it goes on
+    assert taken[1][0] == 354.0  # immediately after it resumes
     assert changes.seen[-2:] == [(305, "node", LifeChange.HUNG), (350, "node", LifeChange.RESUMED)]
 
 
@@ -252,7 +252,7 @@ def test_a_restarted_process_is_a_new_life_of_the_same_factory() -> None:
         stage.scheduler.run(0.7)
         assert stage.port("node").process_id != first
         assert process.lives == 2
-        # Begins at 360 ms, known at 510 ms, with its second tick at 560 ms.
+        # The new process starts at 360 ms, is discovered at 510 ms, and ticks for the second time at 560 ms.
         assert taken == [(214.0, 2), (314.0, 3), (564.0, 2), (664.0, 3)]
 
 

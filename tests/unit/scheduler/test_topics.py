@@ -52,7 +52,7 @@ def test_a_queue_of_one_keeps_the_newest_while_its_node_is_busy() -> None:
         for number in range(6):
             stage.say(300.0 + number, number, topic)
         stage.scheduler.run(1.0)
-    assert taken == [(301.0, 0), (351.0, 5)]  # the others came in the 50 ms for which it computed
+    assert taken == [(301.0, 0), (351.0, 5)]  # the others arrived during its 50 ms of computation
     assert deep == [(301.0, 0), (351.0, 3), (351.0, 4), (351.0, 5)]
 
 
@@ -143,7 +143,7 @@ def test_a_cloud_comes_as_a_view_on_the_bytes() -> None:
 
 
 def test_the_time_of_reception_is_that_of_the_arrival() -> None:
-    """A message that wakes nobody lies in its queue; its age counts from its arrival."""
+    """A message that does not wake its node waits in the queue; its age counts from its arrival."""
     topic, ages = row(), []
 
     def build(port) -> None:
@@ -155,7 +155,7 @@ def test_the_time_of_reception_is_that_of_the_arrival() -> None:
     with rig() as stage:
         stage.talker(topic)
         stage.node("slow", build)
-        stage.say(329.0, 1, topic)  # arrives at 330, is taken at the tick at 410: its schedule began at 10 ms
+        stage.say(329.0, 1, topic)  # arrives at 330, taken at the tick at 410, as the schedule starts at 10 ms
         stage.scheduler.run(1.0)
     assert ages == [pytest.approx(0.08)]
 
