@@ -1,4 +1,4 @@
-"""``robot-stack simulate``: its options, what it chooses to run, its result folder and its exit codes."""
+"""``robot-stack simulate``: its options, the choice of what runs, its result folder and its exit codes."""
 
 from __future__ import annotations
 
