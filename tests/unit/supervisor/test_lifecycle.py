@@ -1,4 +1,4 @@
-"""The life of one process, told in fake time."""
+"""The lifecycle of one process, in fake time."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def ready(now_s: float = 0.0) -> Lifecycle:
 
 
 def next_start_s(life: Lifecycle, from_s: float) -> float:
-    """The first time, in steps of 10 ms, at which a start is ordered."""
+    """Returns the first time, in steps of 10 ms, at which a start is ordered."""
     step = 0
     while life.order(from_s + 0.01 * step) is not Order.START:
         step += 1
@@ -135,7 +135,7 @@ def test_silence_is_terminated_then_killed_then_restarted() -> None:
     assert life.order(3.1) is Order.TERMINATE
     assert life.state is State.HUNG
     assert life.order(3.2) is Order.NONE
-    life.heartbeat(4.0, True, "")  # too late: its SIGTERM is on the way
+    life.heartbeat(4.0, True, "")  # too late: SIGTERM has been sent
     assert life.state is State.HUNG
     assert life.order(5.2) is Order.KILL
     life.exited(5.3, -9)
@@ -153,7 +153,7 @@ def test_construction_has_a_limit_of_its_own_and_says_what_it_is_busy_with() -> 
 
 
 def test_a_first_callback_that_compiles_is_no_hang() -> None:
-    """Its loop has run, but it has not been ready: whatever it does then may take as long as a construction."""
+    """The loop has run, but the process is not ready: its callback may take as long as a construction."""
     life = started()
     life.heartbeat(1.0, False, "/sensors/lidar/half_sweep")
     assert life.order(100.0) is Order.NONE
@@ -209,7 +209,7 @@ def test_restart_of_a_running_process_ends_it_and_starts_at_once() -> None:
     life.wanted(10.0)
     assert life.state is State.RESTARTING
     assert life.order(11.0) is Order.NONE
-    assert life.order(12.1) is Order.KILL  # it did not follow the interrupt
+    assert life.order(12.1) is Order.KILL  # the process did not react to the interrupt
     life.exited(12.2, -9)
     assert life.order(12.2) is Order.START
     assert life.restarts == 1
@@ -233,7 +233,7 @@ def test_stopped_stays_stopped() -> None:
     )
 )
 def test_never_more_starts_in_a_minute_than_allowed(events: list[tuple[float, str]]) -> None:
-    """Whatever happens: between operator's restarts, at most max_restarts + 1 starts fall into any minute."""
+    """For any events: between the operator's restarts, at most max_restarts + 1 starts fall into any minute."""
     life, now_s, alive, starts = Lifecycle(LIMITS), 0.0, False, []
     life.wanted(0.0)
     for later_s, event in [(0.0, "order"), *events]:
@@ -257,7 +257,7 @@ def test_never_more_starts_in_a_minute_than_allowed(events: list[tuple[float, st
 
 
 class TestJudged:
-    """Whose silence counts."""
+    """Processes whose silence counts as a fault."""
 
     def test_one_silent_among_others_counts(self) -> None:
         assert "a" in judged({"a": True, "b": False})
@@ -270,7 +270,7 @@ class TestJudged:
 
 
 class TestStartQueue:
-    """Who waits with its first start."""
+    """Processes whose first start has to wait."""
 
     @staticmethod
     def wanted() -> Lifecycle:

@@ -1,4 +1,4 @@
-"""Profiles: the shipped ones are right, wrong ones are refused with a line that names file and field."""
+"""Profiles: the shipped ones are valid, invalid ones are rejected with a line that names file and field."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def test_settings_become_parameters_of_their_node(tmp_path: Path) -> None:
     plan = load_plan(path, settings=["swerve_controller.a=0.5", "sim_world.world=yard", "imu_driver.noise=true"])
     assert plan.parameters["swerve_controller"] == {"a": 0.5, "b": 2}
     assert plan.parameters["sim_world"] == {"world": "yard", "speed": 1.0}
-    assert plan.parameters["imu_driver"] == {"noise": True}  # lives in the world's process
+    assert plan.parameters["imu_driver"] == {"noise": True}  # runs in the world's process
 
 
 @pytest.mark.parametrize("text", ["a", "a=1", ".b=1", "a.=1", "swerve_controller.x=[", "nobody.x=1", "recorder.x=1"])
@@ -178,12 +178,12 @@ def test_engine_of_the_profile_reaches_every_process(tmp_path: Path, monkeypatch
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
     with pytest.raises(ConfigError, match="path must name the installation of the vendor's engine"):
-        load_client_config()  # nobody has said yet where the vendor's engine is
+        load_client_config()  # the path of the vendor's engine is not set
 
 
 def test_shipped_tuning_is_valid_and_slower_than_the_safety_monitor() -> None:
     params = load_params()
-    # NODE_DEAD comes after 1 s: the robot must stand before a critical process returns.
+    # NODE_DEAD is raised after 1 s: the robot must stand before a critical process returns.
     critical = next(backoff for key, backoff in params.backoff.items() if key.value == "critical")
     assert critical.first_s > 1.0
     assert params.hang_after_s > 1.0
