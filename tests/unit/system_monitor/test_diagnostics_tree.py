@@ -1,4 +1,4 @@
-"""The tree of diagnostics by diagnostic_aggregator's conventions."""
+"""The diagnostics tree, with the conventions of diagnostic_aggregator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The parameters: the shipped ones are right, wrong ones are refused."""
+"""The parameters: the shipped ones are valid, invalid ones are rejected."""
 
 from __future__ import annotations
 

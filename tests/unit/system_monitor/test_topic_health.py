@@ -1,4 +1,4 @@
-"""Rates and ages as subscribers tell them, against the contract's rows."""
+"""Rates and ages reported by subscribers, compared with the rows of the contract."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_who_is_silent_tells_nothing() -> None:
     assert health.figures("/odom", 6.0) == TopicFigures(50.1, 0.02)
     assert health.figures("/odom", 6.1) == TopicFigures(10.0, 0.09)
     assert health.figures("/odom", 8.1) is None
-    assert health.figures("/odom", 2.0) == TopicFigures(50.1, 0.02)  # the other lies in the future
+    assert health.figures("/odom", 2.0) == TopicFigures(50.1, 0.02)  # the other report lies in the future
 
 
 def test_a_topic_that_nobody_has_received() -> None:
@@ -107,9 +107,9 @@ def test_rows_of_what_runs_here() -> None:
 
 
 def test_every_topic_with_a_rate_has_a_subscriber_that_tells_of_it() -> None:
-    """Else the monitor would have to count it.
+    """Otherwise the monitor would have to count it.
 
-    Heartbeats are told by the nodes' records, the tree is its own, who tells of the pose tells of its covariance.
+    Node records report heartbeats, the tree is the monitor's own, and reports of the pose cover its covariance.
     """
     nodes = {node for process in PROCESSES for node in process.nodes}
     untold = [
