@@ -1,4 +1,4 @@
-"""Who may do what, the dead-man pad, floods, and two operators at once."""
+"""Permissions, the dead-man pad, message floods, and two operators at once."""
 
 from __future__ import annotations
 
@@ -58,14 +58,14 @@ def test_a_flood_is_refused_but_for_the_stop(desk: d.Desk, params: TouchUiParams
     assert rulings[-1] == d.SLOW_DOWN
     stop = desk.take(RIDER, say('{"t": "stop"}'), 0.0)
     assert isinstance(stop.effect, p.Stop)
-    assert desk.take(OTHER, say('{"t": "alive"}'), 0.0).why == d.OK  # others do not suffer
+    assert desk.take(OTHER, say('{"t": "alive"}'), 0.0).why == d.OK  # other pages are not affected
     assert desk.take(RIDER, say('{"t": "alive"}'), 1.0).why == d.OK
 
 
 def test_login_without_pin_or_while_locked(desk: d.Desk, params: TouchUiParams) -> None:
     login = say('{"t": "login", "pin": "1111"}')
     assert desk.take(RIDER, login, 0.0).effect == login
-    assert desk.take(OTHER, login, 0.0).why == d.WAIT  # one at a time
+    assert desk.take(OTHER, login, 0.0).why == d.WAIT  # one check at a time
     for _ in range(params.access.tries):
         desk.access.end_check(RIDER, False, 0.0)
         desk.access.begin_check(RIDER, 0.0)
@@ -84,7 +84,7 @@ def test_the_audit_log_names_what_operators_do(desk: d.Desk) -> None:
         ('{"t": "call", "on": true}', "staff called"),
         ('{"t": "call", "on": false}', "call answered"),
         ('{"t": "alive"}', ""),
-        ('{"t": "login", "pin": "2468"}', ""),  # its outcome is told later, the PIN never
+        ('{"t": "login", "pin": "2468"}', ""),  # the outcome is logged later, the PIN never
     ):
         assert desk.take(STAFF, say(text), 0.0).audit == what
     assert desk.take(STAFF, pad(0.0), 0.0).audit == "pad pressed"
@@ -105,7 +105,7 @@ def test_the_pad_drives_while_the_finger_is_there(desk: d.Desk, params: TouchUiP
 def test_after_an_emergency_stop_a_finger_begins_with_a_standstill(desk: d.Desk, params: TouchUiParams) -> None:
     desk.take(STAFF, pad(0.0), 0.0)
     desk.pad.stopped()
-    assert desk.pad.command(0.01) == Twist2(params.pad.linear_mps, 0.0, 0.0)  # the drive obeys no held finger
+    assert desk.pad.command(0.01) == Twist2(params.pad.linear_mps, 0.0, 0.0)  # ignored by the drive
     desk.take(STAFF, say('{"t": "lift"}'), 0.02)
     desk.take(STAFF, pad(1000.0), 1.0)
     assert [desk.pad.command(now_s) for now_s in (1.01, 1.05, 1.09)] == [STILL] * 3
@@ -124,7 +124,7 @@ def test_a_page_that_goes_lets_go(desk: d.Desk) -> None:
     desk.take(STAFF, pad(0.0), 0.0)
     desk.leave(STAFF)
     assert desk.pad.command(0.01) == STILL
-    assert desk.take(STAFF, pad(0.0), 0.0).why == d.NEEDS_STAFF  # and its session is over
+    assert desk.take(STAFF, pad(0.0), 0.0).why == d.NEEDS_STAFF  # its session has ended
 
 
 def test_logout_lets_go(desk: d.Desk) -> None:
@@ -137,18 +137,18 @@ def test_messages_that_a_stalled_link_delivers_late_do_not_drive(desk: d.Desk) -
     for tick in range(5):
         desk.take(STAFF, pad(50.0 * tick), 0.05 * tick)
     assert desk.pad.command(0.21) is not None
-    for tick in range(5, 25):  # one second of messages arrives at once, 1.3 s after the first of them was sent
+    for tick in range(5, 25):  # 1 s of messages arrives at once, 1.3 s after the first of them was sent
         desk.take(STAFF, pad(50.0 * tick), 1.55)
         now = desk.pad.command(1.55)
         if tick < 1e3 * (1.55 - 0.201) / 50.0:
             assert now in (STILL, None), f"message of {50 * tick} ms moved the robot"
-    # a page that is in time again drives again
+    # a page whose messages are on time again drives again
     desk.take(STAFF, pad(1600.0), 1.60)
     assert desk.pad.command(1.61) not in (STILL, None)
 
 
 def test_clocks_may_drift(desk: d.Desk) -> None:
-    """0.1 % against the page's clock for an hour is 3.6 s."""
+    """A drift of 0.1 % of the page's clock is 3.6 s after an hour."""
     desk.access.admit(STAFF, 0.0)
     for tick in range(3000):
         now_s = 1.0 * tick
@@ -179,7 +179,7 @@ def test_diagonals_are_no_faster(desk: d.Desk, params: TouchUiParams) -> None:
 
 
 def test_whatever_a_rider_sends_moves_nothing_and_opens_nothing(desk: d.Desk) -> None:
-    """5,000 mutants of every message, from a page that is no staff: no pad, no pose, no goal, no reset."""
+    """5,000 mutated messages from a page without staff rights: no pad, no pose, no goal, no reset."""
     draw = random.Random(7)
     originals = [json.dumps(fields).encode() for fields, _ in GOOD]
     for tick in range(5000):

@@ -1,4 +1,4 @@
-"""What pages show, and that they are told changes only."""
+"""The content of pages, and that only changes are sent."""
 
 from __future__ import annotations
 
@@ -113,13 +113,13 @@ def test_pages_are_told_changes_at_most_five_times_a_second() -> None:
     changes.offer({"b": 4})
     assert changes.take(0.2) == {"b": 4}
     changes.offer({"b": 5})
-    changes.offer({"b": 4})  # back again before anybody was told
+    changes.offer({"b": 4})  # restored before the next update is sent
     assert changes.wait_s(9.0) == math.inf
     changes.forget("b")
     changes.offer({"b": 4})
     assert changes.take(9.0) == {"b": 4}
     changes.offer({"b": 5})
-    assert changes.take(1.0) == {}  # time ran backwards: a period later it goes on
+    assert changes.take(1.0) == {}  # the clock jumped backwards: sending resumes after one period
     assert 0.0 < changes.wait_s(1.0) <= 0.2
 
 
