@@ -1,4 +1,4 @@
-"""Subscriptions follow those who look."""
+"""Subscriptions follow the clients that watch a topic."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ def test_what_is_not_offered_is_left_alone() -> None:
     watching = Watching(ROWS)
     assert watching.begin(1, "/nowhere") == Change()
     assert watching.end(1, "/nowhere") == Change()
-    assert watching.end(7, VOLATILE) == Change()  # never looked
+    assert watching.end(7, VOLATILE) == Change()  # never watched
 
 
 def test_changes_always_add_up_to_what_is_looked_at() -> None:
-    """Any order of comings and goings; a change is applied to a set as the node applies it to its subscriptions."""
+    """Clients come and go in any order. A change is applied to a set as the node applies it to its subscriptions."""
     draw = random.Random(1)
     channels = [VOLATILE, LATCHED, MODEL, *(row.name for row in MODEL_INPUTS)]
     watching, subscribed, looking = Watching(ROWS), set[str](), set[tuple[int, str]]()
