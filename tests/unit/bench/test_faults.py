@@ -1,4 +1,4 @@
-"""What ``bench faults`` makes of the runs it has seen."""
+"""The figures of ``bench faults``, computed from recorded runs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_runs_kinds_pairs_and_the_worst_overrun_are_counted() -> None:
             "runs": 4,
             "kinds": 3,
             "rows": 1,
-            "pairs": 2,  # slip twice is a pair too
+            "pairs": 2,  # the same fault twice is a pair too
             "ended_as_declared_pct": 75.0,
             "worst_overrun_ms": 20.0,
             "invariants_broken": 3,

@@ -1,4 +1,4 @@
-"""Benchmarks are found by name, know their options, and write what they measured under which conditions."""
+"""Benchmarks are found by name, define their options, and write their results with the conditions."""
 
 from __future__ import annotations
 

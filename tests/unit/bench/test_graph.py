@@ -1,4 +1,4 @@
-"""The contract against what was seen in a graph: every difference is named, and nothing else."""
+"""The contract compared with an observed graph: every difference is reported, and nothing else."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def endpoint(row: Topic, node: str) -> Endpoint:
 
 
 def healthy(row: Topic, *nodes: str, window_s: float = 4.0) -> Seen:
-    """As the contract wants it: each node publishes at the row's rate."""
+    """Returns the observation that the contract requires: each node publishes at the row's rate."""
     publishers = tuple(endpoint(row, node) for node in nodes)
     subscribers = tuple(endpoint(row, node) for node in sorted(expected(row.subscribers, NODES, row.sometimes)))
     if row.rate_hz is None:
@@ -113,7 +113,7 @@ class TestRate:
     WINDOW = (10.0, 14.0)
 
     def test_slow_topic_is_measured_exactly(self) -> None:
-        """1 Hz: three or four messages fall into 3.5 s, the rate is 1 Hz all the same."""
+        """At 1 Hz, three or four messages fall into 3.5 s, but the measured rate is 1 Hz."""
         assert message_rate_hz(4, 10.4, 13.4, self.WINDOW, 1.0) == pytest.approx(1.0)
         assert message_rate_hz(3, 10.9, 12.9, (10.0, 13.5), 1.0) == pytest.approx(1.0)
 

@@ -1,4 +1,4 @@
-"""The measure of trajectories, on records of motions that are known exactly."""
+"""The measurement of trajectories, on records of exactly known motions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STAMP_OFFSET_S = 100.0  # monotonic time of engine time 0
 
 
 def record(lag_s: float = 0.0, until_s: float = 9.0) -> Record:
-    """A motion that begins at BEGIN_S, every second cycle of it seen; ``until_s``: of path time, then it stands."""
+    """Returns a motion from BEGIN_S, every second cycle sampled. ``until_s``: path time at which it stops."""
     engine_s = np.arange(4.9, 6.5, 0.002)
 
     def at(time_s: np.ndarray, order: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What the benchmark of the joint states computes."""
+"""The figures of the joint state benchmark."""
 
 from __future__ import annotations
 
