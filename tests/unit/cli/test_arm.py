@@ -1,4 +1,4 @@
-"""``robot-stack arm``: the wave's waypoints, what it refuses, what it shows."""
+"""``robot-stack arm``: the wave's waypoints, rejected arguments and printed output."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def place(number: int) -> Pose2:
 
 
 def sweep(pose: Pose2, random: np.random.Generator) -> np.ndarray:
-    """(n,) SWEEP of a standing robot: 24 rings of 360 points in the room."""
+    """Returns an (n,) SWEEP at standstill: 24 rings of 360 points in the room."""
     azimuth, elevation = np.meshgrid(np.arange(360) * math.tau / 360, np.radians(np.linspace(-24.0, 20.0, 24)))
     flat = np.stack([np.cos(azimuth), np.sin(azimuth), np.tan(elevation)], axis=-1).reshape(-1, 3)
     flat /= np.linalg.norm(flat, axis=1)[:, None]
@@ -152,11 +152,11 @@ def test_images_without_markers_are_refused(tmp_path: Path) -> None:
 
 
 def test_poses_of_base_link_are_those_of_the_frames() -> None:
-    """The camera that looks ahead from robot.yaml's place, and its angles about base_link's axes."""
+    """A camera looking ahead from its place in robot.yaml, and its angles about base_link's axes."""
     pose: Floats = mounting(ROBOT, FRONT_CAMERA)
     assert turned_by_deg(pose[:3, :3], FRONT_CAMERA) == pytest.approx((0.0, 0.0, 0.0))
     robot = ROBOT.model_copy(update={"front_camera_rpy_deg": (0.0, 0.0, 90.0)})
-    assert mounting(robot, FRONT_CAMERA)[:3, 2] == pytest.approx([0.0, 1.0, 0.0])  # looks to the left
+    assert mounting(robot, FRONT_CAMERA)[:3, 2] == pytest.approx([0.0, 1.0, 0.0])  # facing left
     robot = ROBOT.model_copy(update={"front_camera_rpy_deg": (0.0, 30.0, 0.0)})
-    assert mounting(robot, FRONT_CAMERA)[2, 2] == pytest.approx(-0.5)  # and down for a positive pitch
+    assert mounting(robot, FRONT_CAMERA)[2, 2] == pytest.approx(-0.5)  # a positive pitch faces down
     assert turned_by_deg(mounting(robot, FRONT_CAMERA)[:3, :3], FRONT_CAMERA) == pytest.approx((0.0, 30.0, 0.0))

@@ -52,7 +52,7 @@ def test_a_serial_port_is_there_or_what_to_do(config: Path) -> None:
 
 
 def test_a_can_interface_is_there_or_what_to_do(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The kernel's folder of network interfaces is written by hand: this machine need not have such an adapter."""
+    """The kernel's folder of network interfaces is a fake, since the machine may have no such adapter."""
     network = tmp_path / "net"
     monkeypatch.setattr("robot_stack.cli.devices._NETWORK", network)
 
@@ -154,7 +154,7 @@ def test_a_wrong_file_is_told(config: Path) -> None:
 
 
 def test_cameras_are_there_or_what_to_do(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The kernel's folder of cameras is written by hand: this machine need not have one."""
+    """The kernel's folder of cameras is a fake, since the machine may have none."""
     cameras = tmp_path / "video4linux"
     monkeypatch.setattr("robot_stack.cli.devices._CAMERAS", cameras)
     (cameras / "video0").mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""robot-stack map build, show, check: on a small recorded ride, and on everything that is none."""
+"""robot-stack map build, show and check: on a small recorded ride, and on invalid recordings."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def test_what_is_no_recording(tmp_path):
 
 
 def test_a_rosbag2_in_sqlite(recording, tmp_path):
-    """As ros2 bag records it by default: the same ride."""
+    """A ride as ros2 bag records it by default."""
     from rosbags.highlevel import AnyReader
     from rosbags.rosbag2 import Writer
 
@@ -177,7 +177,7 @@ def test_an_origin_is_finite(recording, tmp_path):
 
 
 class Cloud:
-    """A decoded PointCloud2 as little as it can be."""
+    """A minimal decoded PointCloud2."""
 
     def __init__(self, names=("x", "y", "z", "time"), size: int = 32) -> None:
         self.fields = [Field(name, 4 * number) for number, name in enumerate(names)]
@@ -204,7 +204,7 @@ def test_clouds_that_lack_something():
 
 
 def test_the_demonstration_site_has_its_map():
-    """Made from a recorded ride; big enough to drive by, small enough to be kept."""
+    """Built from a recorded ride: large enough to navigate, small enough for the repository."""
     loaded = load_map("yard")
     assert problems_of(loaded) == []
     assert loaded.about["made_from"] == "the recording of a ride"

@@ -1,4 +1,4 @@
-"""robot-stack pin: what it prints lets staff in."""
+"""robot-stack pin: the printed line is a valid configuration of the PIN."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `up` says about safety at its end."""
+"""The safety state that `up` prints at its end."""
 
 from __future__ import annotations
 
