@@ -1,4 +1,4 @@
-"""The clock of the warning before the robot sets out."""
+"""The timing of the departure warning."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MOVING = Twist2(0.5, 0.0, 0.0)
 
 
 def warned_s(departure: Departure, dt_s: float = 0.1) -> float:
-    """Seconds of warning until it may set out."""
+    """Returns the seconds of warning until the departure is permitted."""
     seconds = 0.0
     while not departure.cleared(dt_s):
         assert departure.warning

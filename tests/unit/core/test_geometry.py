@@ -1,4 +1,4 @@
-"""Planar geometry against hand-worked numbers, scipy and its own inverses."""
+"""Planar geometry against values computed by hand, scipy and its own inverses."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_wrap_angle_keeps_the_direction(angle: float) -> None:
 
 
 def test_compose_by_hand() -> None:
-    # One metre ahead of a robot at (1, 2) that looks along +y is (1, 3).
+    # One metre ahead of a robot at (1, 2) that faces +y is (1, 3).
     assert_same(Pose2(1.0, 2.0, math.pi / 2).compose(Pose2(1.0, 0.0, 0.0)), Pose2(1.0, 3.0, math.pi / 2))
 
 
@@ -66,7 +66,7 @@ def test_relative_to_undoes_compose(a: Pose2, b: Pose2) -> None:
 
 
 def test_exp_of_a_quarter_circle() -> None:
-    # Speed 1 m/s and 1 rad/s is a circle of radius 1 m; after a quarter the body is at (1, 1) looking along +y.
+    # 1 m/s at 1 rad/s is a circle of radius 1 m; after a quarter turn the body is at (1, 1) and faces +y.
     assert_same(exp_se2(Twist2(1.0, 0.0, 1.0), math.pi / 2), Pose2(1.0, 1.0, math.pi / 2))
 
 

@@ -1,4 +1,4 @@
-"""Message definitions: what others make of the text must be the type that is installed."""
+"""Message definitions: the text must describe exactly the installed type."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TYPES = sorted({row.type for row in TOPICS})
 
 @pytest.mark.parametrize("type_name", TYPES)
 def test_the_text_describes_the_installed_type(type_name):
-    """rosbags parses the text and computes the type's RIHS01 hash from it: an independent reader of the format."""
+    """rosbags parses the text and computes the type's RIHS01 hash from it, independently of this code."""
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(message_definition(type_name), type_name))
     assert store.hash_rihs01(type_name) == type_hash(type_name)

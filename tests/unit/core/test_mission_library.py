@@ -1,4 +1,4 @@
-"""Missions of two folders, and those that people make: kept whole, judged first, never overwritten unseen."""
+"""Missions from two folders and missions created by users: written whole, validated first, never overwritten unseen."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def test_a_draft_is_judged_at_its_fields() -> None:
 @pytest.mark.parametrize(
     ("actions", "problem"),
     [
-        (("undock", "park"), ""),  # as it begins with a wheelchair attached
+        (("undock", "park"), ""),  # with a wheelchair attached at the start
         (({"dock": "chair_1"}, {"dock": "charger"}), "already carrying a wheelchair"),
         (({"dock": "chair_9"}, "park"), "no dock 'chair_9'"),
         (({"dock": "charger"}, "pass"), "leaves the dock 'charger' without an undock"),

@@ -1,4 +1,4 @@
-"""Deadlines and wake-ups by a clock that only sleeping moves on; the system's slack of sleeps, read back."""
+"""Deadlines and wake-ups on a clock that advances only while sleeping, and the system's timer slack, read back."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SPIN = SpinLimits(longest_s=0.00015, share=0.05, tolerance_s=0.00001, on_time=0.
 
 
 class FakeTime:
-    """Time passes by sleeping, by what a tick takes, and a little by each look at the clock."""
+    """Time advances by sleeping, by the duration of a tick, and slightly with each reading of the clock."""
 
     def __init__(self) -> None:
         self.ns = 0

@@ -1,4 +1,4 @@
-"""Excused pauses: short ones wholly, long ones in part, many of them never enough to hide a silence."""
+"""Excused pauses: short ones fully, long ones partly, and never enough of them to hide a silence."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_pauses_one_after_the_other_use_the_budget_up() -> None:
 def test_the_budget_fills_while_the_process_runs() -> None:
     budget = PauseBudget(0.0)
     assert budget.excuse(0.25, 0.25) == 0.25
-    assert budget.excuse(0.2, 0.85) == pytest.approx(0.1)  # 0.4 s of running, a quarter of it
+    assert budget.excuse(0.2, 0.85) == pytest.approx(0.1)  # a quarter of 0.4 s of running
     assert budget.excuse(0.25, 9.0) == 0.25
 
 
@@ -42,7 +42,7 @@ def test_time_that_runs_backwards_excuses_nothing() -> None:
 
 @given(st.lists(st.tuples(st.floats(0.0, 2.0), st.floats(0.0, 2.0)), max_size=40))
 def test_no_sequence_of_pauses_hides_a_silence(stretches: list[tuple[float, float]]) -> None:
-    """(time of running, pause after it): what is excused stays below a share of all time, plus one pause."""
+    """(running time, following pause): the excused time stays below a share of the total plus one pause."""
     budget, now_s, excused_s = PauseBudget(0.0), 0.0, 0.0
     for ran_s, late_s in stretches:
         now_s += ran_s + late_s
@@ -54,7 +54,7 @@ def test_no_sequence_of_pauses_hides_a_silence(stretches: list[tuple[float, floa
 def test_a_silence_is_noticed_in_time_or_when_the_pause_of_that_moment_ends(
     stretches: list[tuple[float, float]], limit_s: float
 ) -> None:
-    """From a full budget, the silence begins at 0. Noticed: its age without what is excused is above the limit."""
+    """The silence begins at 0 with a full budget and is detected once age - excused time exceeds the limit."""
     budget, now_s, excused_s = PauseBudget(0.0), 0.0, 0.0
     latest_s = (limit_s + LONGEST_S) / (1.0 - SHARE)
     for ran_s, late_s in stretches:

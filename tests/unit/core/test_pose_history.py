@@ -20,7 +20,7 @@ def history() -> PoseHistory:
 def test_between_two_poses_it_steps_straight_and_turns_the_short_way() -> None:
     pose = history().at(10.05)
     assert pose is not None
-    assert abs(pose.yaw) == pytest.approx(math.pi, abs=1e-9)  # half way from 3.0 over pi to -3.0
+    assert abs(pose.yaw) == pytest.approx(math.pi, abs=1e-9)  # halfway from 3.0 over pi to -3.0
     assert (pose.x, pose.y) == pytest.approx((0.1, 0.0), abs=2e-3)
 
 

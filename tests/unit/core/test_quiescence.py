@@ -1,4 +1,4 @@
-"""Whether something is still on its way inside this process."""
+"""Detection of work in progress inside this process."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_datagrams_of_other_processes_do_not_count(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_thread_that_runs_or_would_run_is_on_its_way() -> None:
-    """Deterministic at any load: a thread that never sleeps is in state R, with a processor or without."""
+    """A thread that never sleeps is in state R, with or without a processor, so this is deterministic at any load."""
     ended = threading.Event()
 
     def spin() -> None:

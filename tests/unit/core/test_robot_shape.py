@@ -1,4 +1,4 @@
-"""The drawn robot: where its solids are when its joints turn."""
+"""The drawn robot: poses of its solids as functions of the joint positions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROBOT, SHAPE = load_robot(), load_robot_shape()
 
 
 def wheel(joints: dict[str, float], module: str = "fl") -> np.ndarray:
-    """The pose of a module's spoke, which turns with fork and wheel."""
+    """Returns the pose of a module's spoke, which turns with fork and wheel."""
     return next(
         s.pose for s in robot_solids(ROBOT, SHAPE, joints) if s.part == f"{module}_wheel" and s.solid.kind == "box"
     )
@@ -34,14 +34,14 @@ def test_wheels_stand_where_robot_yaml_puts_them() -> None:
 
 
 def test_a_module_turns_with_its_steering_joint() -> None:
-    """At +90 degrees the wheel's forward is base_link's left."""
+    """At +90 degrees the wheel faces base_link's left."""
     pose = wheel({"fl_steer": math.pi / 2})
     assert pose[:3, 0] == pytest.approx((0.0, 1.0, 0.0), abs=1e-12)
     assert wheel({"fl_steer": math.pi / 2}, "fr")[:3, 0] == pytest.approx((1.0, 0.0, 0.0))
 
 
 def test_a_wheel_that_rolls_ahead_goes_down_in_front() -> None:
-    """A quarter turn ahead: what looked forward looks down."""
+    """After a quarter turn ahead, the direction that pointed forward points down."""
     assert wheel({"fl_drive": math.pi / 2})[:3, 0] == pytest.approx((0.0, 0.0, -1.0), abs=1e-12)
     both = wheel({"fl_steer": math.pi / 2, "fl_drive": math.pi / 6})
     assert both[:3, 0] == pytest.approx((0.0, math.cos(math.pi / 6), -0.5), abs=1e-12)
@@ -59,7 +59,7 @@ def test_tyres_are_upright_cylinders_of_robot_yaml() -> None:
 
 
 def test_the_body_fits_the_footprint() -> None:
-    """What is drawn as robot, chair and passenger lies within the footprints that the robot plans with."""
+    """The drawn robot, chair and passenger lie within the footprints used for planning."""
     chair = planar(Pose2(0.95, 0.0, 0.0))
     both = [*placed("", SHAPE.wheelchair, chair), *placed("", SHAPE.passenger, chair)]
     for solids, footprint in ((robot_solids(ROBOT, SHAPE, {}), ROBOT.footprint), (both, ROBOT.footprint_with_chair)):
@@ -67,14 +67,14 @@ def test_the_body_fits_the_footprint() -> None:
             reach = np.abs(solid.pose[:3, :3]) @ (0.5 * np.array(solid.solid.size_m))
             low, high = solid.pose[:3, 3] - reach, solid.pose[:3, 3] + reach
             assert low[0] >= footprint.rear_m, solid
-            assert high[0] <= footprint.front_m + 0.2, solid  # toes and foot rest, the size that the decision left open
+            assert high[0] <= footprint.front_m + 0.2, solid  # toes and foot rest, whose size is not specified
             assert max(-low[1], high[1]) <= 0.5 * footprint.width_m, solid
             assert low[2] > -1e-9, solid
 
 
 def test_turns_are_about_the_parents_axes_in_order() -> None:
     pose = transform((1.0, 2.0, 3.0), (90.0, 0.0, 90.0))
-    # About x first: y -> z; then about z: z stays.
+    # First about x: y -> z; then about z: z is unchanged.
     assert pose @ (0.0, 1.0, 0.0, 0.0) == pytest.approx((0.0, 0.0, 1.0, 0.0), abs=1e-12)
     assert pose[:3, 3] == pytest.approx((1.0, 2.0, 3.0))
 

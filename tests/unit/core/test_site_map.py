@@ -1,4 +1,4 @@
-"""A map folder gives back what was saved, and says what is wrong with it."""
+"""A saved map folder is loaded unchanged, and errors in it are reported."""
 
 from __future__ import annotations
 
