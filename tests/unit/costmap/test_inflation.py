@@ -1,4 +1,4 @@
-"""Costs by distance: Nav2's numbers, and the distance transform against every pair of cells."""
+"""Costs by distance: Nav2's values, and the distance transform compared with every pair of cells."""
 
 from __future__ import annotations
 
