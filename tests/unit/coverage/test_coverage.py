@@ -1,4 +1,4 @@
-"""What is seen around the robot: the band, simple layouts whose answer is known, and the robot's own layout."""
+"""The coverage around the robot: the band, simple layouts with known results, and the robot's own layout."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ BARE = Body([], FOOTPRINT)
 
 
 def ring(**changed: object) -> RangeSensor:
-    """A planar scanner that sees all around, 0.2 m above the ground."""
+    """Returns a planar scanner with a full field of view, 0.2 m above the ground."""
     values = {
         "device": "ring",
         "xyz_m": (0.0, 0.0, 0.2),
@@ -51,7 +51,7 @@ def ring(**changed: object) -> RangeSensor:
 
 
 def test_the_band_is_as_large_as_its_formula_says() -> None:
-    """Sides, ends and four quarters of a circle, without the strip where a thing would touch the robot."""
+    """Sides, ends and four quarters of a circle, without the strip where an object would touch the robot."""
     inner, outer = 0.5 * PARAMS.thing_width_m, PARAMS.band_m
     area = 2.0 * (1.0 + 0.7) * (outer - inner) + math.pi * (outer**2 - inner**2)
     grid = band(FOOTPRINT, PARAMS)
@@ -83,7 +83,7 @@ def test_a_turned_scanner_looks_where_it_is_turned() -> None:
 
 
 def test_an_upside_down_sensor_looks_down() -> None:
-    """One ring 45 deg above its own horizon, hung upside down at 1.5 m: it meets the ground 1.5 m away."""
+    """A ring 45 deg above its own horizon, mounted upside down at 1.5 m, meets the ground 1.5 m away."""
     hung = ring(xyz_m=(0.0, 0.0, 1.5), rpy_deg=(180.0, 0.0, 0.0), lowest_deg=45.0, highest_deg=46.0, rings=2)
     assert hung.beams()[:, 2].max() < -0.7
     seen = look({"ring": hung}, BARE, PARAMS)
@@ -122,7 +122,7 @@ def test_the_robot_sees_what_it_must() -> None:
 
 
 def test_the_lidar_alone_does_not_see_past_the_passenger() -> None:
-    """The finding: 25 deg to either side of straight ahead are hidden by board and passenger."""
+    """Board and passenger hide 25 deg to either side of straight ahead."""
     robot = load_robot()
     standing = bodies(robot, load_robot_shape(), load_docks())
     seen = look({"lidar": robot.range_sensors["lidar"]}, standing["chair"], PARAMS)

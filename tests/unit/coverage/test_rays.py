@@ -1,4 +1,4 @@
-"""Beams against solids and things, by hand-worked numbers and by points on the solids themselves."""
+"""Beams against solids and objects, compared with values computed by hand and with points on the solids."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_the_nearest_solid_counts() -> None:
 def test_a_ray_to_a_point_on_a_cylinder_is_no_longer_than_the_way_there(
     x: float, y: float, z: float, angle: float, radius: float, top: float
 ) -> None:
-    """From outside, towards any point of its side: it is met there or before."""
+    """From outside towards any point of its side: the first hit is there or nearer."""
     if math.hypot(x, y) <= radius + 1e-3:
         return
     goal = np.array([radius * math.cos(angle), radius * math.sin(angle), 0.5 * top])
@@ -70,7 +70,7 @@ def test_a_ray_to_a_point_on_a_cylinder_is_no_longer_than_the_way_there(
 
 
 def test_a_thing_is_met_by_the_beams_towards_it_and_by_no_other() -> None:
-    """A ring of 360 beams, a thing of 0.2 m width 1 m away: asin(0.1) is 5.7 deg to either side."""
+    """A ring of 360 beams and an object 0.2 m wide at 1 m: asin(0.1) is 5.7 deg to either side."""
     angles = np.radians(np.arange(-179.5, 180.0))
     beams = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
     cells = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]])
