@@ -1,4 +1,4 @@
-"""Whether a wheelchair was attached: what cannot be read counts as attached."""
+"""The file that records an attached wheelchair: an unreadable file counts as attached."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_what_cannot_be_read_counts_as_attached_and_is_told_when_it_cannot_be_wr
     assert file.load()
     assert "wheelchair_attached cannot be written" in file.save(True)
     path.rmdir()
-    assert file.save(True) == ""  # it is tried again
+    assert file.save(True) == ""  # saving is retried
 
 
 def test_the_same_is_written_once(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Sightings and the odometry that belongs to them, whichever comes first."""
+"""Sightings and their odometry, in either order of arrival."""
 
 from __future__ import annotations
 

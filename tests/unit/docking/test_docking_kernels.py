@@ -1,4 +1,4 @@
-"""The parts that docking is made of, by hand-worked numbers."""
+"""The components of docking, with values computed by hand."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_a_camera_that_nods_moves_the_dock_by_less_than_its_height() -> None:
     ]
     seen = sighting(markers, dock("chair_1"), CAMERAS[FRONT_CAMERA])
     assert seen is not None
-    assert abs(seen.dock.x - 0.95) < 1e-4  # projected from the dock's origin on the ground it would be 0.9 mm
+    assert abs(seen.dock.x - 0.95) < 1e-4  # at the dock's origin on the ground the error would be 0.9 mm
 
 
 def test_what_cannot_be_used_is_not_seen() -> None:
@@ -105,7 +105,7 @@ def test_what_cannot_be_used_is_not_seen() -> None:
         (good.pose, 0.9, math.inf),
     ):
         assert sighting([Marker(stamp_s, FRONT_CAMERA, 0, pose, quality)], own, camera) is None
-    assert sighting([Marker(1.0, FRONT_CAMERA, 7, good.pose, 0.9)], own, camera) is None  # another dock's
+    assert sighting([Marker(1.0, FRONT_CAMERA, 7, good.pose, 0.9)], own, camera) is None  # a marker of another dock
     assert sighting([], own, camera) is None
 
 
@@ -175,7 +175,7 @@ def test_a_dock_that_is_pushed_gently_is_followed() -> None:
 # --- motion -----------------------------------------------------------------------------------------------------------
 
 
-# Too fast to slow down before the last 0.1 m; as fast as it may be; sideways as well.
+# Too fast to slow down before the last 0.1 m; at the permitted speed; the same sideways.
 @example(x=-0.125, y=0.0, yaw=0.0, vx=0.125, approach_sign=1.0)
 @example(x=-0.101, y=0.0, yaw=0.0, vx=0.2, approach_sign=1.0)
 @example(x=-0.11, y=0.3, yaw=0.3, vx=-0.2, approach_sign=-1.0)
@@ -351,14 +351,14 @@ DOCK_POSE = Pose2(-0.95, 0.0, 0.0)
 
 
 def test_a_camera_that_is_off_is_corrected_by_what_the_latch_knows() -> None:
-    error = Pose2(0.001, -0.002, 0.0017)  # of the mounting, at base_link
+    error = Pose2(0.001, -0.002, 0.0017)  # error of the mounting, at base_link
     true_dock = DOCK_POSE.inverse()
     sighted = [error.compose(true_dock)] * 5
     found = learnt(Correction(), sighted, DOCK_POSE, 0.5, 0.01, 0.02)
     assert isinstance(found, Correction)
     corrected = found.apply(error.compose(true_dock))
     assert (corrected.x, corrected.y, corrected.yaw) == pytest.approx((0.95, 0.0, 0.0), abs=1e-12)
-    elsewhere = Pose2(2.0, 0.3, 0.1)  # the same camera, another place
+    elsewhere = Pose2(2.0, 0.3, 0.1)  # the same camera at another place
     again = found.apply(error.compose(elsewhere))
     assert again.distance_to(elsewhere) < 1e-12
 

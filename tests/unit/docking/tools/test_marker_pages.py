@@ -1,4 +1,4 @@
-"""Printed markers: what a camera would read off the paper, and where on it."""
+"""Printed markers: the content and position that a camera would detect on the paper."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DPI = 300
 
 
 def rendered(page) -> np.ndarray:
-    """The page as the printer puts it on paper, 8 bit grey."""
+    """Renders the page as printed, 8 bit grey."""
     buffer = io.BytesIO()
     draw(page).savefig(buffer, format="png", dpi=DPI)
     return cv2.imdecode(np.frombuffer(buffer.getvalue(), np.uint8), cv2.IMREAD_GRAYSCALE)

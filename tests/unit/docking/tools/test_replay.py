@@ -1,4 +1,4 @@
-"""robot-stack docking replay: what it says of recordings in which something is known to be wrong."""
+"""robot-stack docking replay: its reports on recordings with known faults."""
 
 from __future__ import annotations
 
@@ -262,7 +262,7 @@ def test_pictures_text_and_numbers(tmp_path, capsys):
     assert min(plot.shape[:2]) > 1000
     images = cv2.imread(str(tmp_path / "pictures" / "docking_1_images.png"))
     assert images.shape == (3 * (360 + 26), 2 * 640, 3)
-    # Marker 0 stands 1 m straight ahead: 135 px wide around the image's middle; half of that here, under the label.
+    # Marker 0 is 1 m straight ahead and 135 px wide around the image's centre; here half of that, under the label.
     third = images[386:772, :640]
     left, top = 639.5 / 2 - 67.5 / 2, 26 + 359.5 / 2 - 67.5 / 2
     for x, y in ((left, top + 33), (left + 67.5, top + 33), (left + 33, top), (left + 33, top + 67.5)):

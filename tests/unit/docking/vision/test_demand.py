@@ -1,4 +1,4 @@
-"""When markers are looked for."""
+"""When the detection of markers is requested."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Edges of markers, to fractions of a pixel."""
+"""Edges of markers with subpixel accuracy."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CORNERS = np.array([[-H, H, 0.0], [H, H, 0.0], [H, -H, 0.0], [-H, -H, 0.0]])
 
 
 def at(x_m: float, y_m: float, z_m: float, turn_rad: float = 0.0) -> Array:
-    """(4, 4) of a marker that faces the camera, turned in the image."""
+    """Returns the (4, 4) pose of a marker that faces the camera, rotated in the image plane."""
     c, s = np.cos(turn_rad), np.sin(turn_rad)
     pose = np.eye(4)
     pose[:3, :3] = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ np.diag([1.0, -1.0, -1.0])
@@ -45,7 +45,7 @@ def image_of(pose: Array, look: Look = CLEAN) -> Image:
 
 
 def fitted(image: Image, pose: Array, start_error_px: float = 1.5) -> tuple[Array, Array]:
-    """(4, 2) px corners from beside the true ones, and the sides."""
+    """Returns the (4, 2) px corners fitted from displaced ones, and the sides."""
     pixels = project(CORNERS, pose)
     start = pixels + start_error_px * np.array([[1.0, 0.4], [-0.7, 0.9], [0.5, -1.0], [-1.0, -0.6]])
     corners = undistort_points(VECTOR, start).reshape(1, 4, 2)
@@ -70,7 +70,7 @@ def test_corners_of_a_sharp_image_are_exact_to_a_fiftieth_of_a_pixel(pose: Array
 def test_frontal_edges_show_no_bias_with_their_place_between_pixels() -> None:
     errors = []
     for k in range(8):
-        # Steps that are no multiple of the sixteenths of a pixel in which the images are drawn.
+        # The steps are no multiple of the sixteenth of a pixel used for rendering.
         pose = at(0.618 * k / 900.0, 0.236 * k / 900.0, 1.0 + 0.0007 * k)
         corners, _ = fitted(image_of(pose, Look(blur_px=0.5)), pose)
         errors.append(corners - project(CORNERS, pose))
@@ -86,7 +86,7 @@ def test_blur_and_noise_leave_a_thirtieth_of_a_pixel() -> None:
 
 
 def test_lens_distortion_bends_no_side() -> None:
-    # At the image's rim a straight fit in pixels would be off by the sagitta of the bent side, here 0.3 px.
+    # At the image's rim a straight fit in pixels would be wrong by the sagitta of the curved side, here 0.3 px.
     pose = at(-0.42, 0.2, 0.7, 0.4)
     pixels = project(np.linspace(CORNERS[0], CORNERS[1], 3), pose)
     chord = 0.5 * (pixels[0] + pixels[2])
@@ -113,7 +113,7 @@ def test_a_shadow_across_the_sides_moves_no_corner() -> None:
         assert (sides[:, COUNT] > 0).all()
         errors.append(corners - project(CORNERS, pose))
     assert np.abs(np.mean(errors, axis=0)).max() < 0.04
-    # In the dark part the noise is three times as great beside the contrast.
+    # In the dark part the noise relative to the contrast is three times as large.
     assert np.sqrt(np.mean(np.square(errors))) < 0.05
 
 

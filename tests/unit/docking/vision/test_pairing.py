@@ -1,4 +1,4 @@
-"""Which images leave together."""
+"""Which images are output together."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_cameras_triggered_together_leave_together_and_once() -> None:
 def test_at_other_phases_the_leading_image_leaves_at_once_beside_the_others_newest() -> None:
     queue = sets()
     queue.add(shot(FRONT, 1.0))
-    assert items(queue.take(1.04, BOTH, FRONT)) == ["front 1"]  # waited 0.03 s once
+    assert items(queue.take(1.04, BOTH, FRONT)) == ["front 1"]  # has already waited for 0.03 s
     for k in range(1, 4):
         queue.add(shot(REAR, 0.95 + 0.1 * k))
         assert queue.take(0.96 + 0.1 * k, BOTH, FRONT) == ()
@@ -57,7 +57,7 @@ def test_a_camera_just_dead_is_waited_for_briefly_whichever_leads() -> None:
     assert queue.take(1.039, BOTH, FRONT) == ()
     assert items(queue.take(1.041, BOTH, FRONT)) == ["front 1"]
     queue.add(shot(REAR, 1.1))
-    assert queue.take(1.15, BOTH, FRONT) == ()  # the front camera's may still come
+    assert queue.take(1.15, BOTH, FRONT) == ()  # the front camera's image may still arrive
     assert items(queue.take(1.172, BOTH, FRONT)) == ["rear 1.1"]
 
 
