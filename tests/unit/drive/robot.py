@@ -1,4 +1,4 @@
-"""The robot and the parameters that the drive's tests share."""
+"""The robot and the parameters shared by the tests of the drive."""
 
 from __future__ import annotations
 

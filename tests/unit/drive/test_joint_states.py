@@ -1,4 +1,4 @@
-"""Joint state arrays that must not be used are refused with the field and its limit."""
+"""Invalid joint state arrays are rejected with the field and its limit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Swerve kinematics against numbers worked by hand and against WPILib."""
+"""Swerve kinematics compared with values computed by hand and with WPILib."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_turn_about_a_point_beside_the_robot():
 
 
 def test_worst_corner_needs_desaturation():
-    # robot_facts 1.3: 1.5 m/s with 1.0 rad/s asks 1.89 m/s of a corner when the motion points at it.
+    # robot_facts 1.3: 1.5 m/s with 1.0 rad/s needs 1.89 m/s at a corner in the direction of motion.
     direction = math.atan2(0.30, 0.25)
     twist = Twist2(1.5 * math.sin(direction), -1.5 * math.cos(direction), 1.0)
     assert fastest_wheel_mps(POSITIONS, twist) == pytest.approx(1.89, abs=0.01)
@@ -112,7 +112,7 @@ def test_x_lock_points_at_the_centre():
         (101.0, 0.0, 1.0, -79.0, -1.0),
         (180.0, 0.0, 1.0, 0.0, -1.0),
         (-101.0, 0.0, 1.0, 79.0, -1.0),
-        (180.0, 0.0, -1.0, 0.0, -1.0),  # rolls backward already
+        (180.0, 0.0, -1.0, 0.0, -1.0),  # already rolling backward
         (85.0, 0.0, -1.0, -95.0, -1.0),
         (79.0, 0.0, -1.0, 79.0, 1.0),
         (-170.0, 170.0, 1.0, 20.0, 1.0),  # through the wrap
@@ -135,7 +135,7 @@ def test_turn_to_always_ends_on_the_direction(direction: float, angle: float, wh
 
 @given(angles, st.floats(-0.08, 0.08))
 def test_no_chatter_at_ninety_degrees(angle: float, wobble: float):
-    """A direction that hovers at 90 deg within the hysteresis never changes the sense, whichever it is."""
+    """A direction that varies around 90 deg within the hysteresis never changes the sense of rotation."""
     for wheel_direction in (1.0, -1.0):
         assert turn_to(angle + math.pi / 2 + wobble, angle, wheel_direction, HYSTERESIS)[1] == wheel_direction
 
@@ -147,7 +147,7 @@ def test_turn_to_without_hysteresis_agrees_with_wpilib(direction: float, angle: 
 
     turn, new_direction = turn_to(direction, angle, wheel_direction, 0.0)
     if abs(abs(turn) - math.pi / 2) < 1e-6:
-        return  # both answers are right at exactly 90 deg
+        return  # both results are valid at exactly 90 deg
     state = SwerveModuleState(1.0, Rotation2d(direction))
     state.optimize(Rotation2d(angle))
     assert math.copysign(1.0, state.speed) == new_direction
@@ -193,7 +193,7 @@ def test_steering_arrives_without_overshoot(turn: float, dt_s: float, max_rate: 
         left -= step
         assert abs(rate) <= max_rate * (1 + 1e-12)
         assert abs(rate - before) <= max_acceleration * dt_s * (1 + 1e-9)
-        assert left * turn >= -1e-9  # never beyond the target
+        assert left * turn >= -1e-9  # no overshoot
         if abs(left) < 1e-9 and abs(rate) < 1e-6:
             break
     assert abs(left) < 1e-9
@@ -201,7 +201,7 @@ def test_steering_arrives_without_overshoot(turn: float, dt_s: float, max_rate: 
 
 
 def test_steering_follows_a_steadily_turning_target_exactly():
-    """A target at 2 rad/s, below the 3 rad/s that 60 rad/s2 reaches in one step of 0.05 s: no lag once it is caught."""
+    """A target at 2 rad/s, below the 3 rad/s that 60 rad/s2 reaches in 0.05 s: no lag after it is reached."""
     angle = rate = 0.0
     for k in range(1, 40):
         step, rate = steering_step(2.0 * 0.05 * k - angle, rate, 8.0, 60.0, 0.05)

@@ -27,7 +27,7 @@ def close(a: Twist2, b: Twist2, tolerance: float = 1e-9) -> bool:
 
 
 def test_limit_applies_to_the_norm():
-    # (3, 4) has speed 5; at most 1 m/s leaves a fifth of it, of the turn too.
+    # (3, 4) has speed 5, so 1 m/s leaves a fifth of it, including the turn.
     assert close(limit_speed(Twist2(3.0, 4.0, 0.5), 1.0, 1.0), Twist2(0.6, 0.8, 0.1))
 
 
@@ -62,7 +62,7 @@ States = list[tuple[Twist2, Twist2]]
 
 
 def ride(start: Twist2, target: Twist2, limits: MotionLimits, dt_s: float = TICK_S, ticks: int = 400) -> States:
-    """(twist, acceleration) after each step from rest at ``start`` towards a target that stays."""
+    """Returns (twist, acceleration) after each step from rest at ``start`` towards a constant target."""
     states = [(start, ZERO_TWIST)]
     for _ in range(ticks):
         twist, acceleration = states[-1]
@@ -82,7 +82,7 @@ def assert_within(states: States, limits: MotionLimits, dt_s: float) -> None:
 @given(twists, twists, st.sampled_from([EMPTY, WITH_PASSENGER]), st.sampled_from([0.01, 0.02, 0.05, 0.1]))
 @settings(deadline=None, max_examples=60)
 def test_from_steady_motion_to_any_target(start: Twist2, target: Twist2, limits: MotionLimits, dt_s: float):
-    """Within acceleration and jerk all the way, along the straight line, never beyond the target, and there in time."""
+    """Acceleration and jerk stay within limits, along the straight line, without overshoot and in time."""
     states = ride(start, target, limits, dt_s, ticks=int(12.0 / dt_s))
     assert_within(states, limits, dt_s)
     way = Twist2(target.vx - start.vx, target.vy - start.vy, target.omega - start.omega)
@@ -99,7 +99,7 @@ def test_from_steady_motion_to_any_target(start: Twist2, target: Twist2, limits:
 @given(twists, st.lists(st.floats(0.045, 0.055), min_size=160, max_size=160))
 @settings(deadline=None, max_examples=40)
 def test_steps_of_uneven_length_end_exactly_at_rest(start: Twist2, steps_s: list[float]):
-    """Timers are late now and then: the ramp to a stop never runs through zero, ends there and stays."""
+    """With late timers the ramp to a stop never crosses zero, ends exactly there and stays."""
     twist, acceleration = start, ZERO_TWIST
     for dt_s in steps_s:
         twist, acceleration = approach(twist, acceleration, ZERO_TWIST, ZERO_TWIST, EMPTY, dt_s)
@@ -109,7 +109,7 @@ def test_steps_of_uneven_length_end_exactly_at_rest(start: Twist2, steps_s: list
 
 
 def test_time_of_an_s_curve():
-    """0 to 1 m/s at 1 m/s2 and 2 m/s3 takes v/a + a/j = 1.5 s; sampled, give or take some ticks."""
+    """0 to 1 m/s at 1 m/s2 and 2 m/s3 takes v/a + a/j = 1.5 s, within a few ticks of sampling."""
     states = ride(ZERO_TWIST, Twist2(1.0, 0.0, 0.0), EMPTY)
     arrival = next(k for k, (twist, _) in enumerate(states) if twist == Twist2(1.0, 0.0, 0.0))
     assert 1.4 <= arrival * TICK_S <= 1.75
@@ -118,7 +118,7 @@ def test_time_of_an_s_curve():
 @given(st.lists(twists, min_size=2, max_size=8), st.sampled_from([EMPTY, WITH_PASSENGER]))
 @settings(deadline=None, max_examples=60)
 def test_targets_that_jump_at_any_time(targets: list[Twist2], limits: MotionLimits):
-    """Acceleration never exceeds its limit, and it builds up no faster than the jerk. (Dropping it is free.)"""
+    """Acceleration never exceeds its limit and increases no faster than the jerk. (Its decrease is not limited.)"""
     twist = acceleration = ZERO_TWIST
     for k in range(len(targets) * 9):
         before = acceleration
@@ -126,7 +126,7 @@ def test_targets_that_jump_at_any_time(targets: list[Twist2], limits: MotionLimi
         slack = 1.0 + 1e-9
         assert math.hypot(acceleration.vx, acceleration.vy) <= limits.acceleration_mps2 * slack
         assert abs(acceleration.omega) <= limits.yaw_acceleration_radps2 * slack
-        # In the norm in which a part is dropped (1 m per rad for this robot) dropping only shrinks it.
+        # In the norm used for dropping a part (1 m per rad for this robot) dropping only reduces it.
         gain = _size(acceleration) - _size(before)
         assert gain <= math.hypot(limits.jerk_mps3, limits.yaw_jerk_radps3) * TICK_S * slack
         assert twist.is_finite()
@@ -146,7 +146,7 @@ def test_told_to_slow_down_it_never_speeds_up_first():
 
 
 def test_moving_target_within_the_limits_is_followed_without_lag():
-    """A jerk-limited course, sampled: after one second every step ends on it."""
+    """A sampled, jerk-limited target: after one second every step ends on it."""
 
     def speed(t_s: float) -> float:
         return 0.5 - 0.5 * math.cos(t_s)  # at most 0.5 m/s2 and 0.5 m/s3
@@ -163,7 +163,7 @@ def test_moving_target_within_the_limits_is_followed_without_lag():
 
 
 def test_a_course_that_stops_at_the_limit_is_hardly_overshot():
-    """A ramp at full acceleration that ends without notice: one tick's worth beyond, no more, and back again."""
+    """A ramp at full acceleration that ends without notice: it overshoots by at most one tick and returns."""
     twist = acceleration = ZERO_TWIST
     seen = []
     for k in range(60):

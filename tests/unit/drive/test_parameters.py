@@ -1,4 +1,4 @@
-"""Parameter files are complete, and values out of range are refused with the field's name."""
+"""Parameter files are complete, and values out of range are rejected with the field's name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stop wins over everything, and silence is a stop."""
+"""A stop has priority over everything, and silence is a stop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The drive's set point: starting, turning, stopping, holding; modules never asked for more than they can."""
+"""The drive's set point: starting, turning, stopping, holding; modules stay within their limits."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def close(a: Twist2, b: Twist2, tolerance: float = 1e-9) -> bool:
 
 
 def slip_mps(output: DriveOutput) -> float:
-    """Largest difference between the velocity a wheel is given and the one the body's twist needs there."""
+    """Returns the largest difference between a wheel's commanded velocity and that of the body's twist there."""
     needed = wheel_velocities(POSITIONS, output.twist)
     pairs = zip(output.modules.speeds_mps, output.modules.angles_rad, needed, strict=True)
     return max(math.hypot(v * math.cos(a) - x, v * math.sin(a) - y) for v, a, (x, y) in pairs)
@@ -107,7 +107,7 @@ def test_limit_of_zero_ramps_to_a_stop():
     story = Story()
     story.ride(FORWARD, 2.0)
     outputs = story.ride(FORWARD, 3.0, EMPTY.slower(STANDSTILL))
-    assert outputs[0].twist.vx > 0.9  # a ramp, no leap
+    assert outputs[0].twist.vx > 0.9  # a ramp, no step
     assert story.output.twist == ZERO_TWIST
     assert all(close(output.twist, Twist2(output.twist.vx, 0.0, 0.0)) for output in outputs)
 
@@ -130,7 +130,7 @@ def test_tiny_wish_is_none():
 
 
 @given(st.lists(twists, min_size=1, max_size=5), st.sampled_from([EMPTY, WITH_PASSENGER]))
-@example(  # a wheel within the hysteresis beyond 90 degrees stands, so that all of its speed is slip
+@example(  # a wheel within the hysteresis beyond 90 degrees stands, so all of its speed is slip
     [
         Twist2(0.30078125, 0.0, 0.0),
         Twist2(-0.421875, 0.0, 0.0),
@@ -139,10 +139,10 @@ def test_tiny_wish_is_none():
     ],
     WITH_PASSENGER,
 )
-@example([Twist2(2.0, 0.0, 1.0), Twist2(2.0, 0.0, 0.0)], EMPTY)  # a target that jumps while the robot speeds up
+@example([Twist2(2.0, 0.0, 1.0), Twist2(2.0, 0.0, 0.0)], EMPTY)  # the target jumps while the robot accelerates
 @settings(deadline=None, max_examples=80)
 def test_modules_are_never_asked_for_the_impossible(requests: list[Twist2], limits: MotionLimits):
-    story = Story(measured=None)  # the set points alone, without the cosine for a lagging axis
+    story = Story(measured=None)  # only the set points, without the cosine for a lagging axis
     before = story.output
     rates = [0.0] * 4
     for requested in requests:
@@ -166,7 +166,7 @@ def test_modules_are_never_asked_for_the_impossible(requests: list[Twist2], limi
 @given(st.lists(twists, min_size=1, max_size=4), twists)
 @settings(deadline=None, max_examples=60)
 def test_every_wish_is_reached(before: list[Twist2], requested: Twist2):
-    """From whatever the robot has been doing: no command leaves the modules in each other's way for ever."""
+    """For any previous motion: no command makes the modules block each other for ever."""
     story = Story()
     for other in before:
         story.ride(other, 0.7)
@@ -304,7 +304,7 @@ def test_without_measured_headings_it_still_drives():
 
 
 def test_a_sampled_course_is_carried_on_to_now():
-    """Commands 20 ms old that grow by 0.5 m/s2: the set point ends where the course will be at the end of the step."""
+    """Commands 20 ms old that grow by 0.5 m/s2: the set point is extrapolated to the end of the step."""
     drive = new_drive()
     drive.halt(ZEROS)
     for k in range(60):

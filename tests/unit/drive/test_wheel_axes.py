@@ -1,4 +1,4 @@
-"""From wheel commands to moves of axes."""
+"""Conversion of wheel commands to axis moves."""
 
 from __future__ import annotations
 
@@ -67,16 +67,16 @@ def test_an_ordinary_change_takes_exactly_one_period():
 
 
 def test_a_leap_is_spread_over_the_time_it_needs_and_all_wheels_arrive_together():
-    # The hardest change, 1.0 m/s at 4.0 m/s2, takes 0.25 s; the others take as long.
+    # The largest change, 1.0 m/s at 4.0 m/s2, takes 0.25 s; the others take as long.
     moves = drive_moves((1.0, 0.5, -0.5, 0.25), [0.0] * 4, SETTINGS)
     assert [move.acceleration_radps2 * RADIUS for move in moves] == pytest.approx([4.0, 2.0, 2.0, 1.0])
-    # In the life of one command, 0.2 s, it goes no further than 4/5 of it.
+    # Within the lifetime of one command, 0.2 s, it reaches 4/5 of the change.
     assert [move.velocity_radps * RADIUS for move in moves] == pytest.approx([0.8, 0.4, -0.4, 0.2])
     assert [move.reached_s for move in moves] == pytest.approx([0.2] * 4)
 
 
 def test_wheels_that_slow_down_would_be_stopped_as_they_slow_down():
-    # 1.0 to 0.95 m/s in 50 ms is 1 m/s2, exactly even; 1.0 to 0.975 m/s would be half of it.
+    # 1.0 to 0.95 m/s in 50 ms is exactly 1 m/s2; 1.0 to 0.975 m/s would be half of it.
     slowing, growing, through, harder = drive_moves(
         (0.95, 1.0, -0.05, 0.8), [1.0 / RADIUS, 0.95 / RADIUS, 0.05 / RADIUS, 1.0 / RADIUS], SETTINGS
     )
@@ -94,7 +94,7 @@ def test_wheels_that_slow_down_would_be_stopped_as_they_slow_down():
 
 @given(st.tuples(speeds, speeds, speeds, speeds), st.tuples(speeds, speeds, speeds, speeds))
 def test_no_change_outlasts_the_life_of_its_command(now: tuple[float, ...], wanted: tuple[float, ...]):
-    """An engine left alone brakes ``command_lifetime_s`` after the command, whatever that was."""
+    """Without further commands the engine brakes ``command_lifetime_s`` after the last one."""
     moves = drive_moves(wanted, [speed / RADIUS for speed in now], SETTINGS)  # type: ignore[arg-type]
     if any(wanted):
         for move, before, after in zip(moves, now, wanted, strict=True):
