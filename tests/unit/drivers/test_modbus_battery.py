@@ -1,4 +1,4 @@
-"""A battery over Modbus: registers as the vendor's own register test expects them, blocks, what cannot be true."""
+"""A battery over Modbus: registers as in the vendor's own register test, blocks, and impossible values."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from robot_stack.drivers.modbus.battery import REFUSED, TAKEN, Block, ModbusBatt
 from robot_stack.drivers.modbus.params import ModbusBatteryDriverParams
 from sim.devices.modbus import Registers, crc
 
-# From the tests of Victron's dbus_modbustcp: a battery of 52 V, +11 A, 34.5 degrees, 85 %, 99 % of health, and what its
-# registers hold then. There every alarm is raised to 1.
+# From the tests of Victron's dbus_modbustcp: a battery of 52 V, +11 A, 34.5 degrees, 85 %, 99 % health, and its
+# register values. That test raises every alarm to 1.
 VENDOR = {259: 5200, 261: 110, 262: 345, 266: 850, 304: 990}
 ALARMS = dict.fromkeys((268, 269, 273, 274, 278, 279, 320, 321, 323, 324, 325), 0)
 
@@ -147,7 +147,7 @@ def test_wrong_parameters_are_named(key: str, value: object, says: str) -> None:
 
 
 def test_frames_of_the_modicon_guide() -> None:
-    """Device 17 is asked for registers 108 to 110."""
+    """Requests registers 108 to 110 from device 17."""
     device = Registers(0x11, {0x6B: 0xAE41, 0x6C: 0x5652, 0x6D: 0x4340})
     assert device.over_serial(bytes.fromhex("1103006B00037687")) == bytes.fromhex("110306AE4156524340 49AD")
     assert device.over_serial(bytes.fromhex("1103006B00037688")) == b"", "a broken sum"

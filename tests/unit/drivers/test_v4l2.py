@@ -1,4 +1,4 @@
-"""Buffers of cameras: what is an image, which of them become one, and whose moment they show."""
+"""Camera buffers: valid images, which of them are decoded, and their stamps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PERIOD_S = 1.0 / PARAMS.frame_rate_hz
 
 
 def ramp() -> NDArray[np.uint8]:
-    """Brightness that grows with the column and the row."""
+    """Returns an image whose brightness grows with column and row."""
     return (np.arange(WIDTH, dtype=np.uint8)[None, :] * 3 + np.arange(HEIGHT, dtype=np.uint8)[:, None]).astype(np.uint8)
 
 
@@ -32,7 +32,7 @@ def changed(**changes: object) -> V4l2CameraDriverParams:
 def test_grey_is_the_bytes() -> None:
     data = ramp().reshape(1, -1)
     pixels = decode(data, PixelFormat.GREY, HEIGHT, WIDTH)
-    data[:] = 0  # the buffer goes back to the kernel
+    data[:] = 0  # the kernel reuses the buffer
     np.testing.assert_array_equal(pixels, ramp())
 
 
@@ -105,7 +105,7 @@ def test_a_camera_on_another_clock_is_refused_by_name(stamp_s: float) -> None:
 
 
 def test_the_stamp_is_the_middle_of_the_middle_rows_exposure() -> None:
-    # rows begin one after the other in 16 ms, and each is exposed for 4 ms
+    # rows start one after the other within 16 ms, each exposed for 4 ms
     first = FrameChooser(changed(stamp_at="start_of_exposure", pixel_format="GREY"), HEIGHT, WIDTH)
     last = FrameChooser(changed(stamp_at="end_of_frame", pixel_format="GREY"), HEIGHT, WIDTH)
     for chooser, time_s in ((first, 100.010), (last, 99.990)):

@@ -1,4 +1,4 @@
-"""Clouds as vendors' drivers publish them: their fields' offsets and types, their stamps, their empty points."""
+"""Clouds as vendors' drivers publish them: field offsets and types, stamps and empty points."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_stack.drivers.point_cloud.cloud import TYPES, Cloud, Field
 
-# 2026-11-22, by the sensor's and by this computer's clock.
+# 2026-11-22, on the sensor's and on this computer's clock.
 START_S = 1_795_000_000.0
 SPAN_S = 0.0999
 U8, U16, U32, F32, F64 = 2, 4, 6, 7, 8
@@ -66,7 +66,7 @@ VENDORS = (OUSTER, VELODYNE, HESAI, ROBOSENSE, LIVOX, LIVOX_OFFSET, NEBULA)
 
 @dataclass(frozen=True)
 class Scene:
-    """Every point of a sweep column by column: xyz (n, 3) m, ring from the lowest, seconds from the first column."""
+    """All points of a sweep, column by column: xyz (n, 3) m, ring from the lowest, seconds from the first column."""
 
     xyz: np.ndarray
     ring: np.ndarray
@@ -76,7 +76,7 @@ class Scene:
 
 
 def scene(rings: int = 16, columns: int = 200) -> Scene:
-    """A cylinder of 10 m around the sensor."""
+    """Returns a cylinder of 10 m around the sensor."""
     azimuth = np.repeat(np.pi - np.arange(columns) * 2.0 * np.pi / columns, rings)
     elevation = np.tile(np.radians(np.linspace(-15.0, 15.0, rings)), columns)
     xyz = np.stack([10.0 * np.cos(azimuth), 10.0 * np.sin(azimuth), 10.0 * np.tan(elevation)], axis=1)
@@ -88,7 +88,7 @@ def cloud_of(
     vendor: Vendor, seen: Scene, *, stamp_s: float | None = None, zero_s: float = 0.0, start_s: float = START_S,
     padding: int = 0,
 ) -> Cloud:  # fmt: skip
-    """stamp_s: of the header, by default the first point's. zero_s: after the first point, where offsets count from.
+    """stamp_s: header stamp, by default the first point's. zero_s: zero of the offsets after the first point.
 
     padding: bytes behind each row.
     """
@@ -109,7 +109,7 @@ def cloud_of(
         if name in dtype.names:
             points[name] = 100
     shape = (1, len(points))
-    if vendor.organised:  # row 0 is ring 0 of the vendor's
+    if vendor.organised:  # row 0 is the vendor's ring 0
         columns = points.reshape(seen.columns, seen.rings)
         points, shape = (columns[:, ::-1] if vendor.top_down else columns).T, (seen.rings, seen.columns)
     rows = np.ascontiguousarray(points).reshape(shape).view(np.uint8)
@@ -122,7 +122,7 @@ def cloud_of(
 
 
 def with_points(cloud: Cloud, vendor: Vendor, name: str, index: int, value: float) -> Cloud:
-    """A copy with another number in one field of one point, counted in the order of the bytes."""
+    """Returns a copy with another value in one field of one point, counted in byte order."""
     data = cloud.data.copy()
     offset, kind = next((offset, kind) for field, offset, kind in vendor.fields if field == name)
     row, column = divmod(index, cloud.width)
