@@ -1,4 +1,4 @@
-"""Which state is shown, from what is asked and what is known."""
+"""The state to show, from requests and known states."""
 
 from __future__ import annotations
 

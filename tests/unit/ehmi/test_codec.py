@@ -1,4 +1,4 @@
-"""The line protocol: whatever happens to the bytes, no other command comes out than was put in."""
+"""The line protocol: for any corruption of the bytes, no command other than the sent one is decoded."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_every_end_of_a_line(end):
 
 @given(commands, st.data())
 def test_a_changed_byte_gives_no_other_command(command, data):
-    """Between two good lines, so that a line's end that comes or goes is tried too."""
+    """The line is between two valid ones, to cover line ends that are added or lost."""
     line = codec.encode(command.text)
     place = data.draw(st.integers(0, len(line) - 1))
     value = data.draw(st.integers(0, 255).filter(lambda byte: byte != line[place]))
