@@ -110,7 +110,7 @@ def test_lines_lie_on_the_ground() -> None:
 
 
 def test_the_yards_map_has_its_buildings_and_no_lid() -> None:
-    """A wall around the site is drawn as a wall: nothing covers the ways."""
+    """A wall around the site is drawn as a wall and covers no path."""
     site = drawn_site(load_map("yard"), PARAMS.wall_height_m)
     heights = [height for _, height in site.roofs]
     assert len(heights) >= 25
@@ -124,7 +124,7 @@ def test_the_yards_map_has_its_buildings_and_no_lid() -> None:
 
 def test_what_the_map_knows_is_no_obstacle() -> None:
     points = np.array([[19.0, 4.0], [9.0, 2.0], [-5.0, 2.0], [100.0, 100.0]])
-    # At the hall's wall; on the open way; inside the depot; beyond the map.
+    # At the hall's wall; on the open path; inside the depot; beyond the map.
     assert unmapped(points, load_map("yard").grid).tolist() == [[9.0, 2.0], [100.0, 100.0]]
     assert unmapped(np.empty((0, 2)), load_map("yard").grid).shape == (0, 2)
 
