@@ -1,4 +1,4 @@
-"""A small site of planes, and sweeps of it: ground, four walls, a shed and a pillar, nothing symmetric."""
+"""A small site of planes and sweeps of it: ground, four walls, a shed and a pillar, without symmetry."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ Floats = npt.NDArray[np.float64]
 UP = np.array([0.0, 0.0, 1.0])
 LIDAR = (0.20, 0.0, 0.70)
 NOISE_M = 0.01
-# Points of a site, (n, 3) in map, by their density per m2 and a seed.
+# (density per m2, seed) -> points of a site, (n, 3) in map.
 Place = Callable[[float, int], Floats]
 
 
 def surfaces(density: float, seed: int) -> Floats:
-    """(n, 3) points in map, density per m2."""
+    """Returns (n, 3) points in map; density per m2."""
     random = np.random.default_rng(seed)
     parts = [_plane(random, density, (-8.0, 12.0), (-6.0, 8.0), (0.02, 0.02))]
     for x, y in (((-8.0, 12.0), (8.0, 8.0)), ((-8.0, 12.0), (-6.0, -6.0)), ((-8.0, -8.0), (-6.0, 8.0))):
@@ -41,7 +41,7 @@ def surfaces(density: float, seed: int) -> Floats:
 
 
 def apron(density: float, seed: int) -> Floats:
-    """The courtyard and 65 m of bare ground east of it; its last thing, seen from there, is the wall at x = 12."""
+    """The courtyard and 65 m of bare ground east of it; the last visible object from there is the wall at x = 12."""
     random = np.random.default_rng(seed + 50_000)
     open_ground = _plane(random, density, (12.0, 77.0), (-6.0, 8.0), (0.02, 0.02))
     return np.concatenate([surfaces(density, seed), open_ground])
@@ -70,7 +70,7 @@ def solver() -> SweepSolver:
 
 
 def corridor_with_posts(density: float, seed: int) -> Floats:
-    """The corridor with pilasters, and a post: turned by 180 deg about (10, 0) it looks nearly the same."""
+    """The corridor with pilasters and a post: rotated by 180 deg about (10, 0) it is nearly identical."""
     random = np.random.default_rng(seed + 60_000)
     parts = [corridor(density, seed)]
     for x in 10.0 + np.array([-17.0, -11.5, -7.0, -3.0, 3.0, 7.0, 11.5, 17.0]):
@@ -81,7 +81,7 @@ def corridor_with_posts(density: float, seed: int) -> Floats:
 
 
 def twins(density: float, seed: int) -> Floats:
-    """Two equal courtyards, 80 m apart; east of the first one stands a hall."""
+    """Two equal courtyards, 80 m apart, with a hall east of the first."""
     random = np.random.default_rng(seed + 70_000)
     other = surfaces(density, seed + 80_000) + np.array([80.0, 0.0, 0.0])
     parts = [surfaces(density, seed), other, _plane(random, density, (12.0, 72.0), (-6.0, 8.0), (0.02, 0.02))]
@@ -109,13 +109,13 @@ def matcher() -> NdtMatcher:
 
 
 def seen_from(pose: Floats, points: Floats, range_m: float = 25.0) -> Floats:
-    """(n, 3) of the points in base_link at ``pose`` (4, 4)."""
+    """Returns the (n, 3) points in base_link at ``pose`` (4, 4)."""
     local: Floats = (points - pose[:3, 3]) @ pose[:3, :3]
     return np.ascontiguousarray(local[np.linalg.norm(local, axis=1) < range_m])
 
 
 def sweep_from(pose: Pose2, seed: int = 2, density: float = 12.0, place: Place = surfaces) -> Points:
-    """A sweep, SWEEP in the sensor frame, of a robot that stands on the ground."""
+    """Returns a SWEEP in the sensor frame of a robot at rest on the ground."""
     local = seen_from(pose_of(pose, 0.0, UP), place(density, seed)) - LIDAR
     sweep = np.zeros(len(local), SWEEP)
     sweep["x"], sweep["y"], sweep["z"] = local.T

@@ -1,4 +1,4 @@
-"""The Kalman filter and its history of a second."""
+"""The Kalman filter and its history of one second."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_motion_is_composed_in_the_body_frame() -> None:
 
 def test_wheels_and_gyro_share_by_their_variances() -> None:
     kalman = pose_filter(bias_sigma=0.0)
-    # Wheels say 0.10 with variance 3e-4, the gyro 0.14 with 1e-4: (1 * 0.10 + 3 * 0.14) / 4 = 0.13.
+    # The wheels measure 0.10 with variance 3e-4, the gyro 0.14 with 1e-4: (1 * 0.10 + 3 * 0.14) / 4 = 0.13.
     kalman.predict(step(motion=Pose2(0.0, 0.0, 0.10), yaw_variance=3e-4, gyro=GyroIncrement(0.14, 1e-4)))
     state = kalman.state()
     assert state.pose.yaw == pytest.approx(0.13)

@@ -24,7 +24,7 @@ def test_constant_rate() -> None:
     gyro = integrator()
     for i in range(11):
         gyro.add(sample(i * 0.01, 0.5))
-    assert gyro.take(0.0) is None  # the first call only sets the beginning
+    assert gyro.take(0.0) is None  # the first call only sets the start
     increment = gyro.take(0.1)
     assert increment is not None
     assert increment.angle_rad == pytest.approx(0.05)
@@ -55,7 +55,7 @@ def test_a_held_rate_is_made_good_by_the_next_increment() -> None:
     assert first is not None
     assert second is not None
     assert first.angle_rad == pytest.approx(0.01 + 0.01)
-    # The whole, as if the third sample had been known: (1 + 3 + 3) * 0.01.
+    # The same total as with the third sample in time: (1 + 3 + 3) * 0.01.
     assert first.angle_rad + second.angle_rad == pytest.approx(0.07)
 
 

@@ -1,4 +1,4 @@
-"""Several places that fit, by hand: what drops one, what does not, and when one is left."""
+"""Several matching places, by hand: what removes one, what does not, and when one remains."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def two() -> Hypotheses:
 
 
 def went(places: Hypotheses, way_m: float, scores: tuple[float, float]) -> None:
-    """One sweep way_m on: each place is found where wheels and gyro put it."""
+    """Moves by way_m and judges one sweep. Each place is matched where wheels and gyro predict it."""
     travelled = Pose2(way_m, 0.0, 0.0)
     guesses = places.guesses(travelled)
     places.judge([match(pose, score) for pose, score in zip(guesses, scores, strict=False)], travelled)

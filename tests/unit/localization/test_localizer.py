@@ -55,7 +55,7 @@ def test_bias_is_learnt_standing_and_does_not_turn_the_robot() -> None:
     ride = story(bias_radps=0.01, noise_radps=0.003).drive(STAND, 5.0)
     assert ride.localizer.estimate(ride.t_s).gyro_bias_radps == pytest.approx(0.01, abs=0.0005)
     ride.drive(AHEAD, 20.0)
-    assert ride.yaw_error_rad() < 0.01  # unlearnt it would be 0.2
+    assert ride.yaw_error_rad() < 0.01  # without learning it would be 0.2
     assert ride.localizer.estimate(ride.t_s).standing is False
 
 
@@ -70,7 +70,7 @@ def test_standing_still_adds_no_uncertainty() -> None:
 
 def test_wheels_that_scrub_in_turns_are_outweighed_by_the_gyro() -> None:
     ride = story(wheel_scale=0.95, noise_radps=0.003).drive(STAND, 3.0).drive(Twist2(0.5, 0.0, 0.5), 12.0)
-    assert ride.yaw_error_rad() < 0.02  # the wheels alone would be off by 0.3
+    assert ride.yaw_error_rad() < 0.02  # with the wheels alone the error would be 0.3
 
 
 def test_slip_told_by_the_covariance_raises_the_uncertainty() -> None:
@@ -109,7 +109,7 @@ def test_frozen_imu_is_named_and_left_out() -> None:
     estimate = ride.localizer.estimate(ride.t_s)
     assert not estimate.gyro_used
     assert any("frozen" in fault for fault in estimate.faults)
-    assert ride.yaw_error_rad() == pytest.approx(turned)  # nothing more is taken from it
+    assert ride.yaw_error_rad() == pytest.approx(turned)  # no further turn is taken from the gyro
     assert turned < 0.05
 
 
@@ -140,7 +140,7 @@ def test_silent_odometry_fades_the_quality_then_silences_the_pose() -> None:
     assert estimate.pose is None
     assert estimate.quality == 0.0
     assert "/odom silent" in estimate.faults
-    ride.odometry_on = True  # the wheels counted on meanwhile
+    ride.odometry_on = True  # the wheels kept counting meanwhile
     ride.drive(AHEAD, 0.1)
     assert ride.localizer.estimate(ride.t_s).pose is not None
     assert ride.error_m() < 0.001
@@ -155,7 +155,7 @@ def test_restarted_odometry_holds_the_pose() -> None:
     assert event is OdometryEvent.RESTARTED
     assert after.pose == before.pose
     assert after.position_sigma_m > before.position_sigma_m
-    assert after.map_to_odom == after.pose  # odom begins where the robot is
+    assert after.map_to_odom == after.pose  # odom starts at the robot's pose
     assert any("restarted" in fault for fault in after.faults)
 
 
@@ -252,7 +252,7 @@ def test_quality_scale() -> None:
     assert quality(0.0, 0.17, 0.0, True, scale) == pytest.approx(0.5)
     assert quality(0.5, 0.17, 0.0, True, scale) == pytest.approx(0.5)
     assert quality(0.0, 0.0, 0.0, False, scale) == pytest.approx(0.7)
-    assert quality(0.0, 0.0, 0.3, True, scale) == pytest.approx(0.5)  # half way between 0.1 and 0.5 s
+    assert quality(0.0, 0.0, 0.3, True, scale) == pytest.approx(0.5)  # halfway between 0.1 and 0.5 s
     assert quality(0.0, 0.0, 9.0, True, scale) == 0.0
     assert quality(math.nan, 0.0, 0.0, True, scale) == 0.0
 

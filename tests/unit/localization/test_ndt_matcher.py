@@ -1,4 +1,4 @@
-"""P2D-NDT: derivatives against differences, poses found again, covariance, and what must be refused."""
+"""P2D-NDT: derivatives against differences, recovered poses, covariance, and matches that must be rejected."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TRUTH = Pose2(1.0, 2.0, 0.4)
 
 
 def test_gradient_and_hessian_are_those_of_the_objective() -> None:
-    # Away from voxel borders, where the set of neighbours changes, so that differences see one smooth function.
+    # Away from voxel borders the set of neighbours is constant, so differences see one smooth function.
     field = field_of(merged(cells(), 1.0), 6)
     random = np.random.default_rng(3)
     rotation = kernels.turned(np.eye(3), np.array([0.05, -0.1, 0.8]))
@@ -45,7 +45,7 @@ def test_gradient_and_hessian_are_those_of_the_objective() -> None:
         kernels.derivatives(points, turn, position + step[:3], field, -2.0, 0.9, scratch, matrix)
         return scratch.copy()
 
-    # Slopes at the moved pose are by increments there; half of both orders is the second derivative of exp at 0.
+    # Slopes at the moved pose use its own increments; the mean of both orders is the second derivative of exp at 0.
     curves = np.array([(slope(h * e) - slope(-h * e)) / (2.0 * h) for e in unit])
     curves = 0.5 * (curves + curves.T)
     assert np.abs(hessian - curves).max() < 1e-3 * np.abs(hessian).max()
@@ -91,7 +91,7 @@ def test_errors_are_within_what_the_covariance_says() -> None:
         error = np.array([truth[0, 3] - match.planar.x, truth[1, 3] - match.planar.y, 0.0])
         error[2] = math.remainder(0.3 * seed - match.planar.yaw, math.tau)
         squares.append(float(error @ np.linalg.solve(match.planar_covariance, error)))
-    assert np.mean(squares) < 3.0  # what an honest covariance of three numbers gives
+    assert np.mean(squares) < 3.0  # as for a correct covariance of three values
 
 
 def test_a_bare_corridor_leaves_the_pose_open_along_it() -> None:
@@ -157,14 +157,14 @@ def test_sweep_is_thinned_and_moved_to_its_stamp() -> None:
     sweep = np.zeros(5, SWEEP)
     sweep["x"], sweep["z"] = [5.0, 5.1, np.nan, 0.3, 80.0], -0.2
     sweep["time"] = [-0.1, -0.1, 0.0, 0.0, 0.0]
-    # 1 m/s ahead for 0.1 s: a point seen 5.05 m ahead of the sensor then is 4.95 m ahead of it now.
+    # At 1 m/s ahead for 0.1 s, a point measured 5.05 m ahead of the sensor is now 4.95 m ahead of it.
     motion = np.array([[-0.1, -0.1, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
     points = cloud.subsample(sweep, np.array([0.2, 0.0, 0.7]), motion, 0.5, 1.0, 50.0)
     assert points == pytest.approx(np.array([[5.15, 0.0, 0.5]]), abs=1e-6)
 
 
 def test_a_sweep_of_many_places_keeps_them_all() -> None:
-    """More voxels than the first table takes: 100 x 100 of them."""
+    """More voxels than the initial table holds: 100 x 100."""
     sweep = np.zeros(20_000, SWEEP)
     grid = np.arange(100) * 0.5 + 0.25 - 25.0
     sweep["x"], sweep["y"] = np.tile(np.repeat(grid, 100), 2), np.tile(grid, 200)

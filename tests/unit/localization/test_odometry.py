@@ -24,7 +24,7 @@ def test_first_reading_moves_nothing() -> None:
 def test_increment_is_in_the_frame_of_the_earlier_pose() -> None:
     odometry = increments()
     odometry.take(reading(10.0, Pose2(1.0, 2.0, math.pi / 2.0)))
-    # The robot looks along +y of odom and moves 0.01 m along +y: forward in its own frame.
+    # The robot faces +y of odom and moves 0.01 m along +y: forward in its own frame.
     step = odometry.take(reading(10.02, Pose2(1.0, 2.01, math.pi / 2.0)))
     assert step.event is OdometryEvent.MOTION
     assert (step.motion.x, step.motion.y, step.motion.yaw) == pytest.approx((0.01, 0.0, 0.0), abs=1e-12)
