@@ -1,4 +1,4 @@
-"""Poses from what is known between them."""
+"""Poses from relative measurements."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def edges(first, second, measured, deviation=0.01, robust=np.inf) -> Edges:
 
 
 def test_a_loop_spreads_its_error_evenly():
-    """Four steps of 1 m on a line, and a measurement that the end is at 4.2 m: each step takes its fifth of 0.2 m."""
+    """Four steps of 1 m on a line, and a measurement of 4.2 m for the end: each edge takes a fifth of 0.2 m."""
     anchor = Edges(np.array([-1]), np.array([0]), np.eye(4)[None], FIRM)
     chain = edges(range(4), range(1, 5), [planar(1.0, 0.0, 0.0)] * 4)
     loop = edges([0], [4], [planar(4.2, 0.0, 0.0)])
@@ -43,7 +43,7 @@ def test_a_wrong_loop_loses_its_say():
 
 
 def test_the_horizon_levels_a_pose():
-    """Up is 3 deg to the side of z in the pose's frame: it rolls by 3 deg."""
+    """Up is tilted by 3 deg from z towards the side in the pose's frame, so the pose rolls by 3 deg."""
     roll = math.radians(3.0)
     wanted = from_angles(np.array([roll]), np.zeros(1), np.zeros(1))
     anchor = Edges(np.array([-1]), np.array([0]), np.eye(4)[None], np.array([[1e4, 1e4, 1e4, 1e-3, 1e-3, 1e4]]))

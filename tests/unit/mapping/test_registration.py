@@ -1,4 +1,4 @@
-"""A sweep laid onto distributions."""
+"""Registration of a sweep on distributions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robot_stack.mapping.registration import align, target_of
 
 
 def corner(random, count: int) -> np.ndarray:
-    """Points on a floor and two walls, 1 cm rough, m."""
+    """Returns points on a floor and two walls with 1 cm roughness, m."""
     a, b = random.uniform(0.05, 5.95, (2, 3 * count))
     rough = random.normal(0.0, 0.01, 3 * count)
     floor, wall_x, wall_y = np.split(np.arange(3 * count), 3)
@@ -45,7 +45,7 @@ def test_a_displaced_sweep_comes_back(targets, seed):
 
 
 def test_what_holds_the_guess_holds_it_where_nothing_else_does(targets):
-    """A bare floor says nothing of x, y and yaw."""
+    """A bare floor does not constrain x, y and yaw."""
     random = np.random.default_rng(1)
     floor = np.stack([random.uniform(1.0, 5.0, 900), random.uniform(1.0, 5.0, 900), np.full(900, 0.02)], axis=1)
     guess = moved(np.eye(4), np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0]))
