@@ -1,4 +1,4 @@
-"""How long a node sleeps on the clock of a simulated world."""
+"""Sleep times of a node on the clock of a simulated world."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STEP_S = 0.005
 
 
 class Machine:
-    """A world's clock, and the computer's own in fake time."""
+    """The clock of a world, and the computer's own clock in fake time."""
 
     def __init__(self) -> None:
         self.now_ns = 1_000_000_000
@@ -46,7 +46,7 @@ def test_a_node_sleeps_until_its_timer_is_due(machine: Machine) -> None:
 
 
 def test_a_node_looks_ever_less_often_at_a_clock_that_stands(machine: Machine) -> None:
-    """Twenty nodes that look every half millisecond leave no processor to the one that the world waits for."""
+    """Twenty nodes that poll every 0.5 ms would leave no processor time for the node the world waits for."""
     machine.write(10.0)
     woken, due_s = 0, 10.006
     end_ns = machine.now_ns + 1_000_000_000
@@ -57,7 +57,7 @@ def test_a_node_looks_ever_less_often_at_a_clock_that_stands(machine: Machine) -
 
 
 def test_a_node_is_soon_awake_when_the_clock_goes_on(machine: Machine) -> None:
-    """Late by at most half of the time for which the clock stood, and by 20 ms."""
+    """The delay is at most half of the time the clock was stopped, and at most 20 ms."""
     for stood_s in (0.001, 0.003, 0.01, 0.03, 0.3, 3.0):
         machine.write(10.0)
         due_s, stood_ns = 10.006, machine.now_ns + round(1e9 * (STEP_S + stood_s))

@@ -157,6 +157,6 @@ def test_timers_that_are_held_back_come_when_they_are_let_go() -> None:
     assert asked == [0]  # nothing was due
     clock.now_s += 1.0
     assert list(schedule.due()) == []
-    assert schedule.next_due_s() == 101.0  # the world sees that the node is late
+    assert schedule.next_due_s() == 101.0  # the world must detect that the node is late
     held[0] = False
     assert len(list(schedule.due())) == 1

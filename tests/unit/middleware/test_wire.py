@@ -1,4 +1,4 @@
-"""Clouds and images read from bytes, against the middleware's own serialisation."""
+"""Clouds and images read from bytes, compared with the middleware's own serialisation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from robot_stack.middleware.wire import READERS, CloudView, ImageView
-from robot_stack.ros import transport  # noqa: F401 - the wheels' libraries are found by it
+from robot_stack.ros import transport  # noqa: F401 - needed to find the wheels' libraries
 
 read_cloud, read_image = READERS["sensor_msgs/msg/PointCloud2"], READERS["sensor_msgs/msg/Image"]
 
