@@ -1,4 +1,4 @@
-"""What the external display shows where an operator, and no mission, lets the robot go."""
+"""The external display while an operator, without a mission, moves the robot."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ GOAL = Pose2(5.0, 0.0, 0.0)
 
 @pytest.fixture
 def story(params) -> DockStory:
-    """A robot that stands, without a mission."""
+    """A robot at rest, without a mission."""
     return DockStory(params).tick(5.0)
 
 
@@ -87,7 +87,7 @@ def test_an_emergency_stop_wins(story):
 
 
 def test_the_others_hear_of_the_mission_managers_own_warning(story):
-    """So that navigation does not warn once more."""
+    """This prevents a second warning by navigation."""
     story.start("park")
     assert story.warnings[0] == pytest.approx(DEPARTURE.warning_s)
     assert story.warnings[-1] == 0.0

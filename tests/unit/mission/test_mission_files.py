@@ -1,4 +1,4 @@
-"""Mission files: what is accepted, and the one clear line for what is not."""
+"""Mission files: which are accepted, and the single clear line for rejected ones."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ DELETE = object()
 
 
 def changed(path, value):
-    """GOOD with the entry at ``path`` replaced, or removed."""
+    """Returns GOOD with the entry at ``path`` replaced or removed."""
     data = copy.deepcopy(GOOD)
     target = data
     for key in path[:-1]:

@@ -1,4 +1,4 @@
-"""The wheelchair transport keeps clear of everything in the yard, with the chair and without it.
+"""The wheelchair transport keeps its clearance in the yard, with and without the chair.
 
 The footprint is swept along straight lines with the yaw turning in proportion, which is what navigation drives.
 """
@@ -25,21 +25,21 @@ from sim.settings import SHORT_MISSION, SHORT_START
 from sim.worldfile import load_world
 
 CLEARANCE_M = 0.25
-# Gaps above this are not measured.
+# Larger gaps are not measured.
 FAR_M = 0.4
-# Between two poses of a sweep no corner (at most 1.46 m from base_link) moves more than 0.12 m, so that a gap shrinks
-# by no more than 0.06 m unseen: added to what is asked for.
+# Between two poses of a sweep no corner (at most 1.46 m from base_link) moves more than 0.12 m, so a gap is
+# overestimated by at most 0.06 m, which is added to the required clearance.
 STEP_M = 0.05
 STEP_RAD = 0.05
 UNSEEN_M = 0.06
 START = Pose2(0.0, 0.0, 0.0)
-# Driven over; everything else, kerbs too, is kept clear of.
+# May be driven over; everything else, kerbs included, needs clearance.
 FLAT = {"patch"}
 PASSED_M = load(MissionParams, "mission_manager").pass_position_tolerance_m
 
 
 def outline(footprint: Footprint, pose: Pose2) -> NDArray[np.float64]:
-    """(4, 2) corners in map, m, anticlockwise."""
+    """Returns the (4, 2) corners in map, m, anticlockwise."""
     front, rear, half = footprint.front_m, footprint.rear_m, 0.5 * footprint.width_m
     return rectangle(pose, front, rear, half)
 
@@ -51,14 +51,14 @@ def rectangle(pose: Pose2, front: float, rear: float, half: float) -> NDArray[np
 
 
 def distance_m(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Gap between two convex polygons, m; 0 where they overlap."""
+    """Returns the gap between two convex polygons, m; 0 where they overlap."""
     if not separated(a, b):
         return 0.0
     return min(corner_gap_m(a, b), corner_gap_m(b, a))
 
 
 def separated(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
-    """Separating axis theorem: some edge's normal divides them."""
+    """Separating axis theorem: some edge's normal separates them."""
     for polygon in (a, b):
         edges = np.roll(polygon, -1, axis=0) - polygon
         normals = np.c_[edges[:, 1], -edges[:, 0]]
@@ -69,7 +69,7 @@ def separated(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
 
 
 def corner_gap_m(corners: NDArray[np.float64], polygon: NDArray[np.float64]) -> float:
-    """Smallest distance of the corners to the polygon's edges, m."""
+    """Returns the smallest distance of the corners to the polygon's edges, m."""
     start = polygon[None]
     edge = np.roll(polygon, -1, axis=0)[None] - start
     offset = corners[:, None] - start
@@ -78,7 +78,7 @@ def corner_gap_m(corners: NDArray[np.float64], polygon: NDArray[np.float64]) -> 
 
 
 def obstacles() -> dict[str, NDArray[np.float64]]:
-    """Outline of every solid of the yard, (n, 2) in map; a cylinder as a polygon around it, ramps as on the map."""
+    """Outlines of all solids of the yard, (n, 2) in map; a cylinder as a circumscribed polygon, ramps as on the map."""
     found = {}
     for solid in solids(load_world("yard")):
         if solid.kind in FLAT:
@@ -108,13 +108,13 @@ def sweep(a: Pose2, b: Pose2) -> Iterator[Pose2]:
 def legs(
     mission: Mission, start: Pose2 = START
 ) -> Iterator[tuple[str, Pose2, Pose2, Footprint, NDArray[np.float64] | None]]:
-    """(name, from, to, footprint, chair that stands about) for each leg; docking and undocking end where they end."""
+    """Yields (name, from, to, footprint, parked chair) per leg; docking and undocking end at their final poses."""
     robot = load_robot()
     here, footprint, chair = start, robot.footprint, attached_chair(docked("chair_1"))
     passed: Pose2 | None = None
     for waypoint in mission.waypoints:
         yield waypoint.name, here, waypoint.pose, footprint, chair
-        if passed is not None:  # a waypoint to pass counts as reached on the way to it: the corner is cut
+        if passed is not None:  # a waypoint to pass counts as reached before it: the corner is cut
             yield f"{waypoint.name}, corner cut", passed, waypoint.pose, footprint, chair
         passed = short_of(here, waypoint.pose) if waypoint.action.kind is Kind.PASS else None
         here = waypoint.pose
@@ -132,21 +132,21 @@ def legs(
 
 
 def short_of(a: Pose2, b: Pose2) -> Pose2:
-    """Where a waypoint to pass at ``b`` counts as reached on the way from ``a``."""
+    """Returns the pose at which a waypoint to pass at ``b`` counts as reached on the way from ``a``."""
     share = max(0.0, 1.0 - PASSED_M / a.distance_to(b))
     turn = wrap_angle(b.yaw - a.yaw)
     return Pose2(a.x + share * (b.x - a.x), a.y + share * (b.y - a.y), wrap_angle(a.yaw + share * turn))
 
 
 def docked(dock_id: str) -> Pose2:
-    """base_link in map when docked to the wheelchair where the yard has it."""
+    """Returns base_link in map when docked to the wheelchair at its place in the yard."""
     place = load_world("yard").wheelchair
     assert place is not None
     return place.pose().compose(load_docks().docks[dock_id].dock_pose.pose())
 
 
 def attached_chair(base: Pose2) -> NDArray[np.float64]:
-    """Outline of the chair in front of a robot at ``base``: from the robot's front to that of the pair."""
+    """Outline of the chair attached to a robot at ``base``: from the robot's front to that of the pair."""
     robot = load_robot()
     with_chair = robot.footprint_with_chair
     return rectangle(base, with_chair.front_m, robot.footprint.front_m, 0.5 * with_chair.width_m)
@@ -158,7 +158,7 @@ def transport() -> Mission:
 
 
 def clearances(mission: Mission, start: Pose2 = START) -> dict[tuple[str, str], float]:
-    """Smallest gap between the swept footprint and each thing that stands about, m, by (leg, thing)."""
+    """Smallest gap between the swept footprint and each obstacle, m, by (leg, obstacle)."""
     found: dict[tuple[str, str], float] = {}
     yard = obstacles()
     for name, a, b, footprint, chair in legs(mission, start):
@@ -173,7 +173,7 @@ def clearances(mission: Mission, start: Pose2 = START) -> dict[tuple[str, str], 
 
 
 def boxes_gap_m(polygon: NDArray[np.float64], a: Pose2, b: Pose2) -> float:
-    """Distance between the bounding boxes of the polygon and of a line, m: never more than between the two."""
+    """Distance between the bounding boxes of a polygon and a line, m: a lower bound of their distance."""
     line = np.array([[a.x, a.y], [b.x, b.y]])
     apart = np.maximum(polygon.min(axis=0) - line.max(axis=0), line.min(axis=0) - polygon.max(axis=0))
     return float(np.linalg.norm(np.maximum(0.0, apart)))
@@ -201,13 +201,13 @@ def test_it_begins_docking_at_the_staging_pose_and_ends_in_the_bay(transport):
 
 
 def test_no_turn_is_near_half_a_turn(transport):
-    """Which way round the robot turns must not hang on the noise of its pose."""
+    """The direction of rotation must not depend on the noise of the pose."""
     for name, a, b, _, _ in legs(transport):
         assert abs(wrap_angle(b.yaw - a.yaw)) < math.radians(150.0), name
 
 
 def test_a_square_beside_a_square():
-    """The measure itself, by hand: 1 m squares, 3 m between the centres; one turned by 45 deg reaches 0.7071 m."""
+    """The distance by hand: 1 m squares, 3 m between the centres; one rotated by 45 deg reaches 0.7071 m."""
     square = rectangle(Pose2(0.0, 0.0, 0.0), 0.5, -0.5, 0.5)
     assert distance_m(square, rectangle(Pose2(3.0, 0.0, 0.0), 0.5, -0.5, 0.5)) == pytest.approx(2.0)
     assert distance_m(square, rectangle(Pose2(3.0, 0.0, math.pi / 4), 0.5, -0.5, 0.5)) == pytest.approx(
@@ -218,7 +218,7 @@ def test_a_square_beside_a_square():
 
 
 def test_the_check_notices_what_is_in_the_way(transport):
-    """Straight from the pick-up to the destination leads through planter_2."""
+    """The straight line from the pick-up to the destination crosses planter_2."""
     shortcut = transport.model_copy(
         update={"waypoints": tuple(w for w in transport.waypoints if w.action.kind is not Kind.PASS)}
     )

@@ -1,4 +1,4 @@
-"""Every row of the table of transitions is walked, and nothing walks a way that is not in it."""
+"""Every row of the transition table is taken, and no transition outside of it."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def undocking(story: DockStory) -> None:
     story.attach().start("undock").arrive(2.0)
 
 
-# How to come into a state, by default; where the way matters for what follows, the row has its own.
+# The default way into each state. A row whose history matters has its own.
 INTO: dict[State, Step] = {
     State.IDLE: lambda story: None,
     State.RUNNING: lambda story: story.start("park"),
@@ -88,7 +88,7 @@ def stopped(dock: Step) -> Step:
     return way
 
 
-# Rows that need another way into their source than the default.
+# Rows that need another way into their source state than the default.
 VIA: dict[tuple[State, Trigger], Step] = {
     (State.PAUSED, Trigger.RESUME_DOCKING): stopped_at(docking),
     (State.PAUSED, Trigger.RESUME_UNDOCKING): stopped_at(undocking),
