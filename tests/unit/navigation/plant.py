@@ -1,4 +1,4 @@
-"""A robot in fake time: what /cmd_vel does to a drive with a delay, jerk and acceleration limits, and a lag."""
+"""A simulated robot in fake time: /cmd_vel drives it with a delay, jerk and acceleration limits, and a lag."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def params(**overrides: object) -> NavigationParams:
 
 @dataclass
 class Drive:
-    """Takes twists after ``delay_s``, lags by ``lag_s``, and changes speed no faster than the robot's limits."""
+    """Applies twists after ``delay_s``, lags by ``lag_s``, and keeps the robot's acceleration limits."""
 
     motion: Motion
     delay_s: float = 0.06

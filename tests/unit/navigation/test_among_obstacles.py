@@ -1,4 +1,4 @@
-"""The controller among obstacles, in fake time: a robot that follows its commands and a costmap drawn by hand."""
+"""The controller among obstacles, in fake time: a robot that follows its commands and a synthetic costmap."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Painter = Callable[[float, npt.NDArray[np.float64], npt.NDArray[np.float64]], np
 
 
 class Story:
-    """paint(time, x, y) says which points of the ground are obstacles."""
+    """paint(time, x, y) returns which points of the ground are obstacles."""
 
     def __init__(
         self,
@@ -107,7 +107,7 @@ def reached(output: Output) -> bool:
 
 
 def corridor() -> Grid:
-    """16 x 10 m, closed all round."""
+    """Returns a closed area of 16 x 10 m."""
     cells = np.full((100, 160), FREE, np.int8)
     cells[[0, -1], :] = OCCUPIED
     cells[:, [0, -1]] = OCCUPIED
@@ -160,7 +160,7 @@ def test_narrow_gate_is_passed_slowly_in_its_middle() -> None:
 
 
 def test_blocked_way_is_planned_anew() -> None:
-    """The left gate closes when the robot is near; there is another."""
+    """The left gate closes when the robot is near; another one is open."""
     cells = corridor().occupancy.copy()
     cells[:, 80] = OCCUPIED
     cells[43:57, 80] = FREE
@@ -206,8 +206,8 @@ def test_person_who_crosses_is_let_pass() -> None:
     story.go(Pose2(13.0, 5.0, 0.0))
     story.until(reached)
     met = min(pose.distance_to(Pose2(8.0, 1.0 + 0.8 * (0.05 * (i + 1)), 0.0)) for i, pose in enumerate(story.poses))
-    assert met > 0.95  # 0.61 m is the robot's corner, 0.25 m the person
-    assert max(abs(pose.y - 5.0) for pose in story.poses) < 1.0  # no swerve
+    assert met > 0.95  # 0.61 m is the robot's corner, 0.25 m the person's radius
+    assert max(abs(pose.y - 5.0) for pose in story.poses) < 1.0  # no evasive motion
 
 
 @pytest.mark.parametrize("chair", [False, True])
@@ -239,11 +239,11 @@ NOTHING = np.full((10, 10), 10.0, np.float32), 1.0, -5.0, -5.0, OUTLINE
     ("twist", "person", "free_s"),
     [
         ((0.5, 0.0, 0.0), PERSON, 1.7),  # 1.25 m gap: 0.35 is reached after 1.8 s
-        ((0.0, 0.5, 0.0), PERSON, 3.0),  # past him
-        ((-0.5, 0.0, 0.0), PERSON, 3.0),  # away from him
-        ((0.0, 0.0, 0.0), np.array([2.0, 0.0, -1.0, 0.0, 0.25, 0.35]), 3.0),  # he comes: not the robot's motion
-        ((0.5, 0.0, 0.0), np.array([0.9, 0.0, 0.0, 0.0, 0.25, 0.35]), 0.0),  # too near already, and nearer
-        ((-0.5, 0.0, 0.0), np.array([0.9, 0.0, 0.0, 0.0, 0.25, 0.35]), 3.0),  # too near already, and away
+        ((0.0, 0.5, 0.0), PERSON, 3.0),  # past the person
+        ((-0.5, 0.0, 0.0), PERSON, 3.0),  # away from the person
+        ((0.0, 0.0, 0.0), np.array([2.0, 0.0, -1.0, 0.0, 0.25, 0.35]), 3.0),  # approaches: not the robot's motion
+        ((0.5, 0.0, 0.0), np.array([0.9, 0.0, 0.0, 0.0, 0.25, 0.35]), 0.0),  # already too near, and approaching
+        ((-0.5, 0.0, 0.0), np.array([0.9, 0.0, 0.0, 0.0, 0.25, 0.35]), 3.0),  # already too near, and moving away
     ],
 )
 def test_free_time_of_people(twist: tuple[float, float, float], person: Array, free_s: float) -> None:
@@ -319,7 +319,7 @@ def test_goals_in_the_wall_are_refused_and_the_robot_stands() -> None:
 
 
 def test_staging_before_a_wheelchair_is_reached() -> None:
-    """1.5 m before the dock pose, 0.95 m before the board: the chair stands in the costmap, not in the map."""
+    """1.5 m before the dock pose, 0.95 m before the board: the chair is in the costmap but not in the map."""
     story = Story(box(8.0, 9.1, 4.67, 5.33), corridor())
     story.go(Pose2(8.0 - 2.45, 5.0, 0.0))
     story.until(reached)

@@ -1,4 +1,4 @@
-"""Routes over known grids."""
+"""Routes on known grids."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_begins_and_ends_exactly_and_looks_ahead() -> None:
 def test_gate_is_passed_in_its_middle() -> None:
     poses = route(wall_with_gate(1.3, 6.5)).poses
     at = poses[np.argmin(abs(poses[:, 0] - 7.55))]
-    # The gate's free cells reach from 5.8 (58 * 0.1) to 7.2 less rounding of 1.3 m to cells.
+    # The gate's free cells reach from 5.8 (58 * 0.1) to 7.2, minus the rounding of 1.3 m to cells.
     assert at[1] == pytest.approx(6.5, abs=0.15)
     assert abs(at[2]) < 0.5
 
@@ -89,7 +89,7 @@ def test_whole_way_is_clear_of_the_oriented_footprint() -> None:
 
 def test_too_narrow_for_the_chair_but_not_for_the_robot() -> None:
     cells = wall_with_gate(1.0)
-    # The chair needs 0.8 m, 0.08 m to either side, and half a cell more.
+    # The chair needs 0.8 m, 0.08 m to either side, and half a cell.
     assert route(wall_with_gate(1.2)).length_m < 11.5
     found = planner(cells).plan(START, GOAL, ROBOT.footprint_with_chair)
     assert isinstance(found, NoWay)
@@ -167,7 +167,7 @@ def test_not_finite_is_no_way() -> None:
 
 def test_way_out_of_a_tight_spot() -> None:
     cells = grid()
-    cells[50, 26] = OCCUPIED  # 0.15 m before the front
+    cells[50, 26] = OCCUPIED  # 0.15 m ahead of the front
     found = planner(cells).plan(START, GOAL, ROBOT.footprint)
     assert isinstance(found, Path)
 
@@ -180,7 +180,7 @@ def test_outline_of_the_footprint() -> None:
 
 
 def corridor_with_gate() -> np.ndarray:
-    """A corridor of 1.7 m whose gate leads off at a right angle: where the way bends the chair cannot turn."""
+    """Returns a corridor of 1.7 m with a gate at a right angle: the chair cannot turn at the bend."""
     cells = grid()
     cells[:, 57] = cells[:, 75] = OCCUPIED
     cells[80:93, 75] = FREE

@@ -75,6 +75,6 @@ def test_rounded_corner_bends_one_way() -> None:
     start = MotionState(IDENTITY, velocity=(1.0, 0.0))
     path = path_of(plan_motion(start, Pose2(2.0, 6.0, 0.0), LIMITS), 0.1, 500)
     assert path.curvature_per_m.min() > -1e-3
-    # Turned in all by the angle between the first course and the last.
+    # The total rotation is the angle between the first and the last course.
     bends = np.diff(np.unwrap(np.arctan2(np.diff(path.poses[:, 1]), np.diff(path.poses[:, 0]))))
     assert 0.9 < bends.sum() < math.pi / 2.0

@@ -1,4 +1,4 @@
-"""Plans: limits kept at every moment, the goal met, no leap in velocity or acceleration."""
+"""Plans: limits kept at all times, the goal reached, velocity and acceleration continuous."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def states(trajectory: Trajectory) -> list[MotionState]:
 
 
 def check_limits(trajectory: Trajectory, limits: MotionLimits, max_speed: float | None = None) -> None:
-    """Speed, acceleration, and, over steps of 10 ms, jerk and the continuity of everything."""
+    """Checks speed and acceleration, and jerk and continuity over steps of 10 ms."""
     speed = limits.speed_mps if max_speed is None else max_speed
     for before, after in pairwise(states(trajectory)):
         assert before.is_finite()
@@ -74,7 +74,7 @@ def test_yaw_turns_evenly_beside_a_diagonal() -> None:
     middle = trajectory.at(0.5 * trajectory.duration_s)
     assert (middle.pose.x, middle.pose.y, middle.pose.yaw) == pytest.approx((3.0, 4.0, 0.6))
     assert middle.velocity == pytest.approx((0.6, 0.8))
-    assert middle.yaw_rate < 0.15  # the 1.2 rad are spread over the whole way
+    assert middle.yaw_rate < 0.15  # the 1.2 rad are spread over the whole path
     check_limits(trajectory, LIMITS)
     check_end(trajectory, goal)
 
@@ -131,7 +131,7 @@ def test_lower_limits_while_driving_brake_smoothly() -> None:
     check_limits(trajectory, slow, max_speed=1.0)
     check_end(trajectory, Pose2(10.0, 0.0, 0.0))
     assert trajectory.at(2.0).speed() == pytest.approx(0.3, abs=1e-6)
-    assert all(state.speed() > 0.299 for state in states(trajectory) if state.pose.x < 9.0)  # no swing below the limit
+    assert all(state.speed() > 0.299 for state in states(trajectory) if state.pose.x < 9.0)  # no undershoot
 
 
 def test_stop_from_speed_keeps_the_course() -> None:

@@ -1,4 +1,4 @@
-"""The pose now, out of slow poses and fast odometry."""
+"""The current pose from slow poses and fast odometry."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def source() -> PoseSource:
 
 
 def driven(map_to_odom: Pose2 = IDENTITY) -> PoseSource:
-    """1 m/s along x of odom from 10.0 s to 11.0 s; the pose of 10.9 s arrives at 11.0 s."""
+    """Drives 1 m/s along x of odom from 10.0 s to 11.0 s; the pose of 10.9 s arrives at 11.0 s."""
     poses = source()
     for i in range(51):
         t = 10.0 + 0.02 * i
@@ -33,7 +33,7 @@ def test_old_pose_is_carried_on_to_now() -> None:
     located, problem = driven(Pose2(5.0, 1.0, math.pi / 2.0)).located(now_s=11.03, steady_s=11.03)
     assert problem == ""
     assert located is not None
-    # 1.0 m of odometry and 0.03 s more at 1 m/s, along +y of the map.
+    # 1.0 m of odometry and 0.03 s of extrapolation at 1 m/s, along +y of the map.
     assert (located.pose.x, located.pose.y, located.pose.yaw) == pytest.approx((5.0, 2.03, math.pi / 2.0))
     assert located.twist == AHEAD
 
@@ -137,6 +137,6 @@ def test_any_frame_any_motion(map_to_odom: Pose2, speed: float, omega: float, st
     assert problem == ""
     assert located is not None
     truth = map_to_odom.compose(exp_se2(twist, 1.05))
-    # Between two odometry poses the way is taken as straight: 20 ms at 1.4 m/s and 0.9 rad/s bend by 60 um.
+    # The path between two odometry poses is taken as straight: 20 ms at 1.4 m/s and 0.9 rad/s deviate by 60 um.
     assert located.pose.distance_to(truth) < 2e-4
     assert abs(wrap_angle(located.pose.yaw - truth.yaw)) < 1e-6

@@ -1,4 +1,4 @@
-"""The table of the navigation's states: the controller takes each row, with a drive and a costmap in fake time."""
+"""The state table of navigation: the controller takes each row, with a simulated drive and costmap in fake time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SHUT_IN_M = 1.9
 
 
 class Site:
-    """A robot on open ground, with what can happen to it."""
+    """A robot on open ground, and events that a test can cause."""
 
     def __init__(self) -> None:
         self._things: list[tuple[float, float]] = []
@@ -37,7 +37,7 @@ class Site:
         return lethal
 
     def put(self, x: float, y: float) -> None:
-        """An obstacle, beside the robot."""
+        """Adds an obstacle at a position relative to the robot."""
         place = self.story.drive.pose.compose(Pose2(x, y, 0.0))
         self._things.append((place.x, place.y))
 
@@ -108,7 +108,7 @@ BROUGHT_TO: dict[NavigationState, Callable[[Site], None]] = {
 def way_clear(site: Site) -> None:
     site.clear()
     site.permit(True)
-    if site.story.controller.state not in (NavigationState.HELD, NavigationState.FOLLOWING):  # which wait for it
+    if site.story.controller.state not in (NavigationState.HELD, NavigationState.FOLLOWING):  # these wait for it
         site.goal_ahead(3.0)
 
 

@@ -58,11 +58,11 @@ def test_a_slower_plan_asks_for_less_speed() -> None:
     [
         (Pose2(0.0, 0.0, 0.0), 1.0),
         (Pose2(-0.03, 0.0, 0.0), 1.0),
-        (Pose2(-0.065, 0.0, 0.0), 0.5),  # half way between 0.03 and 0.10 m
+        (Pose2(-0.065, 0.0, 0.0), 0.5),  # halfway between 0.03 and 0.10 m
         (Pose2(-0.2, 0.0, 0.0), 0.0),
         (Pose2(0.2, 0.0, 0.0), 1.0),  # ahead of the plan
         (Pose2(0.0, 0.2, 0.0), 1.0),  # beside it
-        (Pose2(0.0, 0.0, -0.1), 0.5),  # half way between 0.05 and 0.15 rad
+        (Pose2(0.0, 0.0, -0.1), 0.5),  # halfway between 0.05 and 0.15 rad
         (Pose2(0.0, 0.0, 0.1), 1.0),
         (Pose2(-0.065, 0.0, -0.15), 0.0),
     ],
@@ -79,7 +79,7 @@ def test_a_plan_at_rest_waits_for_nobody() -> None:
 def test_begun_means_moved_towards_the_plan() -> None:
     start, soon = MotionState(IDENTITY), MotionState(IDENTITY, velocity=(0.0, 0.02))
     assert begun(start, soon, Pose2(0.0, 0.0015, 0.0), TRACKING)
-    assert not begun(start, soon, Pose2(0.01, 0.0005, 0.1), TRACKING)  # other motion, left over from before
+    assert not begun(start, soon, Pose2(0.01, 0.0005, 0.1), TRACKING)  # a remaining earlier motion
     turning = MotionState(IDENTITY, yaw_rate=-0.02)
     assert begun(start, turning, Pose2(0.0, 0.0, -0.003), TRACKING)
     assert not begun(start, turning, Pose2(0.0, 0.0, 0.003), TRACKING)
