@@ -32,7 +32,7 @@ def pipeline(robot: Robot, params: PerceptionParams) -> Pipeline:
 
 @dataclass(frozen=True)
 class Look:
-    """free_m: (sectors,) around the sensor, how far ground was seen."""
+    """free_m: (sectors,) around the sensor, the distance up to which ground was seen."""
 
     obstacles: np.ndarray
     broken: int
@@ -41,7 +41,7 @@ class Look:
 
 @pytest.fixture
 def look(pipeline: Pipeline) -> Callable[[Points], Look]:
-    """What a standing robot makes of a sweep."""
+    """Runs the pipeline on a sweep of a robot at rest."""
 
     def scene(points: Points) -> Look:
         pipeline.forget()
@@ -52,6 +52,6 @@ def look(pipeline: Pipeline) -> Callable[[Points], Look]:
 
 
 def inside(xyz: np.ndarray, x: tuple[float, float], y: tuple[float, float]) -> np.ndarray:
-    """The points within a rectangle in plan."""
+    """Returns the points within a rectangle in plan."""
     mask = (xyz[:, 0] >= x[0]) & (xyz[:, 0] <= x[1]) & (xyz[:, 1] >= y[0]) & (xyz[:, 1] <= y[1])
     return xyz[mask]

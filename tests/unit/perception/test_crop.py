@@ -1,4 +1,4 @@
-"""Crop: what belongs to the world."""
+"""Crop: removes points that do not belong to the environment."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_a_time_that_is_no_number_takes_its_point_along(robot: Robot, params: Pe
 
 
 def test_points_are_read_where_they_are(robot: Robot, params: PerceptionParams) -> None:
-    """Fields at other places, and bytes that may not be written, give the same result."""
+    """Fields at other offsets and read-only bytes give the same result."""
     points = cloud(np.array([[5.0, 1.0, 0.0], [0.0, -7.0, 1.0]]))
     other = np.dtype([("flag", "u1"), ("time", "<f4"), ("z", "<f4"), ("y", "<f4"), ("x", "<f4")])
     packed = np.zeros(2, other)

@@ -1,4 +1,4 @@
-"""De-skew: every point as if seen at the stamp."""
+"""De-skew: moves every point to the stamp of the sweep."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DESKEW = load(PerceptionParams, "perception_pipeline").deskew
 
 
 def driven(twist: Twist2, until_s: float = 0.0) -> Motion:
-    """Odometry at 50 Hz of a constant twist, from -0.5 s on."""
+    """Feeds odometry at 50 Hz with a constant twist from -0.5 s on."""
     motion = Motion(DESKEW)
     for step in range(1000):
         stamp_s = -0.5 + 0.02 * step
@@ -30,7 +30,7 @@ def driven(twist: Twist2, until_s: float = 0.0) -> Motion:
 
 
 def test_a_wall_ahead_comes_nearer_by_what_was_driven() -> None:
-    """1 m/s for 0.05 s: a point seen 5.00 m ahead then is 4.95 m ahead now."""
+    """1 m/s for 0.05 s: a point measured 5.00 m ahead is now 4.95 m ahead."""
     motion = driven(Twist2(1.0, 0.0, 0.0))
     xyz = np.array([[5.0, 0.0, 0.5], [4.95, 0.0, 0.5]], np.float32)
     moved = deskew(xyz, np.array([-0.05, 0.0], np.float32), motion.steps(0.0, -0.05), DESKEW.step_s)
@@ -61,7 +61,7 @@ def test_a_fixed_point_stays_where_it_is(
 
 
 def test_pitching_over_an_edge_is_taken_out() -> None:
-    """Nose up by 2 deg in 0.1 s: level ground 10 m ahead seems to sink by 0.35 m in base_link."""
+    """Nose up by 2 deg in 0.1 s: level ground 10 m ahead appears 0.35 m lower in base_link."""
     motion = driven(Twist2(0.0, 0.0, 0.0))
     for step in range(31):
         stamp_s = -0.3 + 0.01 * step

@@ -1,4 +1,4 @@
-"""What the overhead LiDAR adds: frames of the simulated sensor, with robot, wheelchair and passenger in its way."""
+"""The overhead LiDAR: frames of the simulated sensor, partly blocked by robot, wheelchair and passenger."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def odometry(motion: Motion, twist: Twist2 = ZERO_TWIST) -> None:
 
 
 def seen(points: Points, robot: Robot, params: PerceptionParams, chair: bool = False, **at: Any) -> np.ndarray:
-    """Obstacles of one frame, (n, 3) base_link."""
+    """Returns the obstacles of one frame, (n, 3) base_link."""
     motion = Motion(params.deskew)
     odometry(motion, **at)
     overhead = Overhead(robot, params, motion)
@@ -84,14 +84,14 @@ def test_even_ground_robot_mast_and_passenger_are_no_obstacles(
     chair: bool, twist: Twist2, robot: Robot, params: PerceptionParams
 ) -> None:
     assert len(seen(frame(chair=chair, twist=Twist2(0, 0, 0)), robot, params, chair)) == 0
-    if not chair:  # a chair that rides along would have to move too
+    if not chair:  # an attached chair would have to move too
         assert len(seen(frame(twist=twist), robot, params, twist=twist)) == 0
 
 
 def test_ranges_between_the_edges_of_mast_and_passenger_and_the_ground_are_no_obstacles(
     robot: Robot, params: PerceptionParams
 ) -> None:
-    """Some beams at an edge report a range in between: behind the mast they were obstacles in every tenth frame."""
+    """Some beams at an edge report a range in between; behind the mast every tenth frame had such obstacles."""
     for seed in range(25):
         found = seen(frame(base=Pose2(0.3 * seed, 0.0, 0.1 * seed), chair=True, seed=seed), robot, params, chair=True)
         assert len(found) == 0, (seed, found)
@@ -102,7 +102,7 @@ def test_ranges_between_the_edges_of_mast_and_passenger_and_the_ground_are_no_ob
     [
         ((-1.5, 0.0), True),
         ((-0.43, 0.0), True),
-        ((-0.40, 0.0), False),  # before it
+        ((-0.40, 0.0), False),  # in front of it
         ((-1.5, 0.06), True),  # 1.95 m away: 0.045 m of shadow, and 0.04 m of margin
         ((-1.5, -0.10), False),
         ((1.5, 0.0), False),
@@ -123,14 +123,14 @@ def test_a_sensor_on_top_of_its_mast_has_nothing_behind_it(robot: Robot) -> None
 def test_a_person_before_the_passenger_is_seen(
     ahead_m: float, aside_m: float, robot: Robot, params: PerceptionParams
 ) -> None:
-    """The finding: with a wheelchair the LiDAR on the deck does not see 25 deg to either side of straight ahead."""
+    """With a wheelchair the LiDAR on the deck does not see 25 deg to either side of straight ahead."""
     points = frame(people=[Pose2(ahead_m, aside_m, 0.0)], chair=True)
     assert near(seen(points, robot, params, chair=True), ahead_m, aside_m) > 50
 
 
 @pytest.mark.parametrize(("x_m", "y_m"), [(-2.0, 0.25), (-1.2, 0.0), (-0.9, 0.0)])
 def test_a_bag_behind_the_deck_is_seen(x_m: float, y_m: float, robot: Robot, params: PerceptionParams) -> None:
-    """0.2 m wide and 0.3 m high: the deck hides it from the other LiDAR. Far behind the mast its shadow is as wide."""
+    """0.2 m wide and 0.3 m high, hidden by the deck from the other LiDAR. Far behind, the mast's shadow is as wide."""
     bag = {"name": "bag", "x_m": x_m, "y_m": y_m, "length_m": 0.2, "width_m": 0.2, "height_m": 0.3}
     assert near(seen(frame(world(boxes=[bag])), robot, params), x_m, y_m, 0.25) >= params.obstacles.neighbours_min
 
@@ -180,7 +180,7 @@ def test_a_robot_without_it_goes_without(robot: Robot, params: PerceptionParams)
 
 
 def test_what_follows_from_a_mounting(robot: Robot) -> None:
-    """Where the rings meet the ground: 0.7 m / tan(30 deg), and 1.9 m / tan(52 deg) of the one that hangs."""
+    """Where the rings meet the ground: 0.7 m / tan(30 deg), and 1.9 m / tan(52 deg) for the upside-down sensor."""
     lidar, overhead = robot.range_sensors[frames.LIDAR], robot.range_sensors[SENSOR]
     assert lidar.first_ground_m() == pytest.approx(0.70 / math.tan(math.radians(30.0)))
     assert overhead.first_ground_m() == pytest.approx(1.90 / math.tan(math.radians(52.0)), rel=1e-3)

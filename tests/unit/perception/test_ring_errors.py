@@ -1,4 +1,4 @@
-"""Rings that are wrong by themselves: what no mean over many points takes away is no kerb."""
+"""Rings with constant errors, which no averaging removes, are not kerbs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.unit.perception.scenes import Solid, sweep
 
 
 def made(robot: Robot, params: PerceptionParams, bias: tuple[float, float]) -> Pipeline:
-    """With a sensor whose data sheet allows such errors (m, deg) of a ring."""
+    """Returns a pipeline for a sensor whose data sheet allows these errors (m, deg) of a ring."""
     own = {"range_bias_m": bias[0], "elevation_bias_deg": bias[1]}
     lidar = robot.range_sensors[frames.LIDAR].model_copy(update=own)
     return Pipeline(robot.model_copy(update={"range_sensors": {frames.LIDAR: lidar}}), params)

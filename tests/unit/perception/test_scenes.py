@@ -1,4 +1,4 @@
-"""Whole scenes through all stages: what is an obstacle, and what is not."""
+"""Complete scenes through all stages: which points are obstacles and which are not."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TEN_DEG = math.radians(10.0)
 
 
 def free_at(seen: Seen, angle_rad: float) -> float:
-    """Of a direction of the sensor, m from base_link, 0 if no ground was seen."""
+    """Returns the distance of free ground in a direction of the sensor, m from base_link; 0 if no ground was seen."""
     count = len(seen.free_m)
     free_m = float(seen.free_m[int((angle_rad + math.pi) / (2.0 * math.pi) * count) % count])
     return free_m + SENSOR_M[0] * math.cos(angle_rad) if free_m > 0.0 else 0.0
@@ -44,13 +44,13 @@ def test_flat_ground_with_lost_returns_has_no_obstacles(look: Look) -> None:
 def test_a_ramp_is_ground(look: Look, slope_rad: float, foot_m: float) -> None:
     scene = look(sweep(slope=Slope(foot_m, slope_rad, 4.0)))
     assert len(inside(scene.obstacles, (0.3, 10.0), (-3.0, 3.0))) == 0
-    # A crest hides what lies behind: the slope down is seen from near only.
+    # A crest hides the ground behind it: a downward slope is visible only from near.
     assert free_at(scene, 0.0) > foot_m + (0.3 if slope_rad > 0.0 or foot_m < 3.0 else -0.4)
 
 
 @pytest.mark.parametrize("slope_rad", [TEN_DEG, -TEN_DEG])
 def test_a_robot_on_a_long_ramp_sees_ground_with_and_without_the_attitude(pipeline: Pipeline, slope_rad: float) -> None:
-    """The plane it stands on is base_link's."""
+    """The plane under the robot is base_link's."""
     points = sweep()
     xyz = (np.stack([points["x"], points["y"], points["z"]], axis=1) + SENSOR_M).astype(np.float32)
     near = np.hypot(xyz[:, 0], xyz[:, 1]) < 8.0
@@ -61,13 +61,13 @@ def test_a_robot_on_a_long_ramp_sees_ground_with_and_without_the_attitude(pipeli
 
 
 def test_a_robot_on_a_ramp_sees_the_level_ground_behind_its_foot(pipeline: Pipeline) -> None:
-    """In base_link the ground behind the foot rises by 10 deg; by gravity it is level."""
+    """In base_link the ground behind the foot rises by 10 deg; relative to gravity it is level."""
     points = sweep(slope=Slope(1.0, TEN_DEG, 30.0))
     xyz = (np.stack([points["x"], points["y"], points["z"]], axis=1) + SENSOR_M).astype(np.float32)
     near = np.hypot(xyz[:, 0], xyz[:, 1]) < 6.0
     raised = (cells.OBSTACLE, cells.KERB)
     assert not np.isin(pipeline.segment(xyz, Attitude(0.0, TEN_DEG)).labels[near], raised).any()
-    # Without the attitude the bend at the foot is a bend of 10 deg in the robot's own plane: no worse than a ramp.
+    # Without the attitude the foot is a bend of 10 deg in the robot's own plane: no worse than a ramp.
     assert np.isin(pipeline.segment(xyz, None).labels[near], raised).mean() < 1e-3
 
 

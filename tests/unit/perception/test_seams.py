@@ -1,4 +1,4 @@
-"""Half sweeps of a moving robot end in a seam, where one column alone, turned back to the stamp, shows the ground."""
+"""Half sweeps of a moving robot end in a seam, where a single column shows the ground after de-skew."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_even_ground_has_no_obstacles_for_a_robot_that_turns(
     beams = load_lidar_params().with_columns(columns)
     lidar = Lidar(build_scene(load_world("flat"), beams, load_sim_params().wheelchair), beams, robot, 1)
     false = 0
-    for share in np.linspace(0.5, 1.5, 12):  # a seam falls differently into the cells at each rate of turn
+    for share in np.linspace(0.5, 1.5, 12):  # each turn rate places the seam differently in the cells
         turning = Twist2(*(float(share) * value for value in (twist.vx, twist.vy, twist.omega)))
         for half in (0, 1):
             pipeline = Pipeline(robot, params)

@@ -1,4 +1,4 @@
-"""A made-up street whose sensor's rings are wrong: its road is plain, and what stands on and beside it is found."""
+"""A synthetic street and a sensor with ring errors: the road is free, objects on and beside it are found."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ BIASES = [(0.01, 0.025), (0.02, 0.05), (0.03, 0.05)]
 def cloud(
     robot: Robot, params: PerceptionParams, bias: tuple[float, float], seed: int, aside_m: float = 0.0
 ) -> np.ndarray:
-    """What is published of one turn by a robot whose configuration knows how wrong the rings may be."""
+    """Returns the published cloud of one turn, with the ring errors specified in the configuration."""
     points = street.sweep(seed, bias, aside_m)
     found = made(robot, params, bias).scene(points, 0.0).obstacles
     return found[np.hypot(found[:, 0], found[:, 1]) < 8.0]
 
 
 def away(xyz: np.ndarray, solid: Solid) -> np.ndarray:
-    """(n,) how far each point is from a box, in plan."""
+    """Returns the (n,) distance of each point from a box, in plan."""
     out = [np.maximum(np.maximum(solid.low[i] - xyz[:, i], xyz[:, i] - solid.high[i]), 0.0) for i in (0, 1)]
     return np.asarray(np.hypot(*out))
 

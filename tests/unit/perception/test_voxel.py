@@ -1,4 +1,4 @@
-"""Voxels, and what is carried over to the next sweep."""
+"""Voxels, and obstacles carried over to the next sweep."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_far_away_a_column_is_one_point() -> None:
 
 
 def test_obstacles_move_with_the_robot() -> None:
-    """The robot drove 1 m ahead and turned left by 90 deg: what was 3 m ahead now is 2 m to its right."""
+    """The robot drives 1 m ahead and turns left by 90 deg: a point 3 m ahead is then 2 m to its right."""
     step = Pose2(0.0, 0.0, 0.0).relative_to(Pose2(1.0, 0.0, np.pi / 2))
     ahead = np.array([[3.0, 0.0, 0.5]], np.float32)
     nowhere = np.zeros(360, np.bool_)
@@ -37,7 +37,7 @@ def test_obstacles_move_with_the_robot() -> None:
 
 
 def test_what_this_sweep_looked_at_is_not_carried_over() -> None:
-    """The directions of a sensor at x = 0.2 m: one of the two points lies in a covered one."""
+    """The directions of a sensor at x = 0.2 m: one of the two points is in a covered direction."""
     covered = np.zeros(360, np.bool_)
     covered[180] = True
     points = np.array([[3.0, 0.01, 0.5], [3.0, 0.5, 0.5], [0.2, -1.0, 0.5]], np.float32)

@@ -1,4 +1,4 @@
-"""Sweeps that cannot be trusted."""
+"""Detection of unreliable sweeps."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_too_few_returns_are_a_cover() -> None:
 
 
 def dark_deg(watch: Watch) -> list[int]:
-    """Where the blind directions begin."""
+    """Returns the start of the blind directions, deg."""
     return [-180 + 10 * int(i) for i in np.flatnonzero(watch.blind_sectors)]
 
 
@@ -96,7 +96,7 @@ def test_near_returns_cover_a_direction() -> None:
 
 
 def test_a_blind_direction_is_an_obstacle_beside_the_robot(robot: Robot) -> None:
-    """Ahead of a robot that has driven up to a wall nothing is seen: there it must not drive, elsewhere it may."""
+    """Directly in front of a wall nothing is seen ahead: the robot must not drive there, but elsewhere it may."""
     params = load(PerceptionParams, "perception_pipeline")
     pipeline = Pipeline(robot, params)
     obstructed = np.zeros(DIRECTIONS, np.bool_)
@@ -117,13 +117,13 @@ def test_one_lost_half_sweep_blinds_nobody() -> None:
 
 
 def test_a_chair_excuses_only_what_is_too_near_to_be_seen(robot: Robot) -> None:
-    """Its board is 0.75 m before the LiDAR, and returns from 0.6 m on count: dirt is noticed there as anywhere."""
+    """The board is 0.75 m from the LiDAR, which measures from 0.6 m on: dirt is detected there as elsewhere."""
     assert not too_near(robot, LATCHED, WATCH).any()
     assert not too_near(robot, None, WATCH).any()
     lidar = robot.range_sensors["lidar"].model_copy(update={"xyz_m": (0.45, 0.0, 0.70)})
     nearer = robot.model_copy(update={"range_sensors": {"lidar": lidar}})
     excused = too_near(nearer, LATCHED, WATCH)
-    # 0.5 m to the board: 0.6 m are reached 34 deg to either side of ahead.
+    # At 0.5 m to the board, 0.6 m are reached 34 deg to either side of ahead.
     assert [int(i) for i in np.flatnonzero(excused)] == list(range(14, 22))
     watch = Watch(WATCH, HEIGHT_M)
     for step in range(10):
@@ -146,7 +146,7 @@ def test_with_a_chair_every_direction_still_shows_something() -> None:
 
 
 def hidden_low(step: int, from_deg: float, width_deg: float) -> Points:
-    """A half sweep without the beams that lead down steeply in some directions, and all others there."""
+    """Returns a half sweep without the steep downward beams in some directions."""
     half = halves(step)[step % 2]
     angle = np.degrees(np.arctan2(half["y"], half["x"]))
     low = half["z"] < -0.28 * np.hypot(half["x"], half["y"])
@@ -155,7 +155,7 @@ def hidden_low(step: int, from_deg: float, width_deg: float) -> Points:
 
 @pytest.mark.parametrize(("width_deg", "least", "most"), [(3.0, 0, 0), (6.0, 4, 7), (30.0, 28, 31)])
 def test_what_is_too_near_to_be_seen_hides_the_ground_behind_it(width_deg: float, least: int, most: int) -> None:
-    """The world is seen over a child's head, the ground before its feet is not."""
+    """The background is visible above a child's head, but the ground in front is not."""
     watch = Watch(WATCH, HEIGHT_M)
     for step in range(10):
         assert watch.blind(hidden_low(step, 20.0, width_deg), 0.05 * step) == ""
