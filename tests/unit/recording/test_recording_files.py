@@ -1,4 +1,4 @@
-"""Recordings as others read them: whole, split, cut off at any byte, and on a disk that is full."""
+"""Recordings as other tools read them: complete, split, cut at any byte, and on a full disk."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def fill(bag: BagWriter, count: int, first: int = 0) -> None:
 
 
 def waypoints(folder: Path) -> list[str]:
-    """The mission waypoints of a recording as rosbags reads them."""
+    """Returns the mission waypoints of a recording as rosbags reads them."""
     with AnyReader([folder]) as reader:
         connections = [item for item in reader.connections if item.topic == "/mission/status"]
         rows = reader.messages(connections=connections)
@@ -186,7 +186,7 @@ def test_a_folder_that_exists_is_not_touched(tmp_path):
 
 
 def flushed_bag(folder: Path, parts=(30, 30, 30), **form) -> bytes:
-    """The bytes of a file that was flushed after each part and never completed, the recorder's lock released."""
+    """Returns the bytes of a file flushed after each part but never completed, with the recorder's lock released."""
     bag = make_bag(folder, Format(**{"split_bytes": 10_000_000, "chunk_bytes": 100_000, "compress": True, **form}))
     done = 0
     for count in parts:
@@ -289,7 +289,7 @@ def test_a_power_cut_that_leaves_zeros_loses_the_last_chunk_only(tmp_path, hole)
 
 
 def _is_chunk(data: bytes, position: int) -> bool:
-    """A chunk record begins here: its times are those of the test."""
+    """Returns whether a chunk record with the test's times begins here."""
     return int.from_bytes(data[position + 9 : position + 17], "little") // 10**18 == START_NS // 10**18
 
 
@@ -354,7 +354,7 @@ def background(tmp_path: Path, **changes) -> BackgroundWriter:
 
 @pytest.fixture
 def roomy_disk(monkeypatch):
-    """The disk of the machine that runs the tests may be as full as it likes."""
+    """Makes the tests independent of the disk use of the machine."""
     use = {"share": 0.5}
     monkeypatch.setattr("robot_stack.recording.background.disk_use", lambda folder: use["share"])
     return use
@@ -424,7 +424,7 @@ print(writer.problem)
 
 
 def test_a_disk_without_room_ends_the_recording_and_keeps_what_was_written(tmp_path):
-    """For real: the operating system refuses to let the file grow. max_disk_use normally ends it before."""
+    """The operating system really refuses to extend the file. Normally max_disk_use stops the recording earlier."""
     code = "import robot_stack.recording.background as b; b.disk_use = lambda folder: 0.5\n" + _FILL_THE_DISK
     command = [sys.executable, "-c", code, str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=os.getcwd(), check=False)
@@ -437,7 +437,7 @@ def test_a_disk_without_room_ends_the_recording_and_keeps_what_was_written(tmp_p
 
 # --- SIGKILL ---------------------------------------------------------------------------------------------------------
 
-# Prints after each flush how many messages were written before it.
+# After each flush, prints the number of messages written before it.
 _RECORD_FOR_EVER = """
 import sys, threading
 from pathlib import Path
@@ -480,7 +480,7 @@ def test_a_killed_recorder_loses_nothing_that_was_flushed(tmp_path):
     finally:
         process.send_signal(signal.SIGKILL)
         rest, _ = process.communicate(timeout=30)
-    # The last line may be cut.
+    # The last line may be incomplete.
     flushed = max([flushed, *map(int, rest.splitlines()[:-1])])
     recover_folder(tmp_path / "ride")
     names = waypoints(tmp_path / "ride")

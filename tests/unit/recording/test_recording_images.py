@@ -63,7 +63,7 @@ def test_never_more_than_the_rate(steps, rate_hz):
         if thinning.wants("/front", now):
             passed.append(now)
     span = passed[-1] - passed[0]
-    # On the beat: one message may come a period early against the one before, the mean holds.
+    # One message may come a period early relative to the previous one, but the mean rate holds.
     assert len(passed) <= span * rate_hz + 2.0
     assert passed[0] == 1000.0 + steps[0]
 
