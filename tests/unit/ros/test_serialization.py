@@ -1,4 +1,4 @@
-"""Serialised messages of every type of the contract: the same bytes each time."""
+"""Serialised messages of every type of the contract are reproducible byte by byte."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TYPES = sorted({row.type for row in topics.TOPICS})
 
 
 def filled(message: Any, length: int) -> Any:
-    """Strings and sequences of odd lengths in every field, so that what follows them is badly aligned."""
+    """Fills every field with strings and sequences of odd lengths, to misalign the following fields."""
     for name, kind in message.get_fields_and_field_types().items():
         value = getattr(message, name)
         if kind.startswith("string"):
@@ -47,7 +47,7 @@ def test_the_same_message_has_the_same_bytes(type_name: str, length: int) -> Non
     message = filled(interface_class(type_name)(), length)
     data = serialize_message(message)
     assert deserialize_message(data, type(message)) == message
-    # Memory that was used for other things shows in what an allocator gives out next.
+    # An allocator returns recently freed memory, whose content would show in the bytes.
     for rubbish in (b"\xaa", b"\x55"):
         kept = [rubbish * len(data) for _ in range(20)]
         del kept

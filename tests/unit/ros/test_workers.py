@@ -13,7 +13,7 @@ from tests.support.waiting import wait_for
 
 
 class Loop:
-    """A node's loop that runs when the test says so."""
+    """A node's loop that runs on demand of the test."""
 
     def __init__(self) -> None:
         self.soon: deque[Callable[[], None]] = deque()
