@@ -1,4 +1,4 @@
-"""The most severe action wins, of several limits the smallest."""
+"""The most severe action has priority; of several limits the smallest applies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Inclination from gyroscope and accelerometer: exact at rest, blind to the robot's own acceleration, quick to tip."""
+"""Inclination from gyroscope and accelerometer: exact at rest, unaffected by driving, fast on tipping."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _feed(up: UpDirection, sample: ImuSample, start_s: float, duration_s: float,
 
 
 def _at_rest(roll_deg: float, pitch_deg: float) -> ImuSample:
-    """Specific force of a body that rests with this roll and pitch (z-y-x): R^T (0, 0, g)."""
+    """Returns the specific force of a body at rest with this roll and pitch (z-y-x): R^T (0, 0, g)."""
     roll, pitch = math.radians(roll_deg), math.radians(pitch_deg)
     return ImuSample(
         -G * math.sin(pitch), G * math.sin(roll) * math.cos(pitch), G * math.cos(roll) * math.cos(pitch), 0.0, 0.0, 0.0
@@ -102,7 +102,7 @@ def test_settling_averages_the_noise_away() -> None:
 
 @pytest.mark.parametrize("axis", ["roll", "pitch", "roll back", "pitch back"])
 def test_the_gyroscope_leads_when_it_tips(axis: str) -> None:
-    """Half a second at 0.5 rad/s is 14.3 deg, however slow the filter is."""
+    """Half a second at 0.5 rad/s is 14.3 deg, independent of the filter's time constant."""
     up = _up(time_constant_s=1e9)
     now_s = _feed(up, _at_rest(0.0, 0.0), 0.0, 1.0)
     rate = -0.5 if "back" in axis else 0.5
@@ -112,7 +112,7 @@ def test_the_gyroscope_leads_when_it_tips(axis: str) -> None:
 
 
 def test_gyroscope_and_accelerometer_agree_on_the_sign() -> None:
-    """Roll to 20 deg and back: both sensors true, so the estimate follows within the gyroscope's integration error."""
+    """Roll to 20 deg and back, both sensors exact: the estimate is within the gyroscope's integration error."""
     up = _up()
     now_s = _feed(up, _at_rest(0.0, 0.0), 0.0, 1.0)
     rate = math.radians(20.0)
@@ -131,7 +131,7 @@ def test_yaw_alone_is_no_tilt() -> None:
 
 
 def test_a_slope_stays_put_while_the_robot_turns_on_it() -> None:
-    """Turning at 1 rad/s on 8 deg: the direction of gravity turns in the body, its angle does not change."""
+    """Turning at 1 rad/s on 8 deg: the direction of gravity turns in the body, but its angle is constant."""
     up, tilt = _up(), math.radians(8.0)
     for index in range(700):
         now_s = index * DT_S
@@ -142,7 +142,7 @@ def test_a_slope_stays_put_while_the_robot_turns_on_it() -> None:
 
 
 def test_the_accelerometer_pulls_with_the_time_constant() -> None:
-    """A step of 10 deg without any rate: after one time constant 1 - 1/e of it."""
+    """A step of 10 deg without angular rate: after one time constant the estimate has 1 - 1/e of it."""
     up = _up(time_constant_s=2.0)
     now_s = _feed(up, _at_rest(0.0, 0.0), 0.0, 1.0)
     _feed(up, _at_rest(0.0, 10.0), now_s, 2.0)

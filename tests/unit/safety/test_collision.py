@@ -1,4 +1,4 @@
-"""When does the moving footprint touch a point? Worked by hand, and against small steps."""
+"""Time until the moving footprint touches a point, computed by hand and with small steps."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_inside_and_how_far_outside() -> None:
     [
         (2.5, 0.0, 1.0, 0.0, 2.0),
         (2.5, 0.3, 0.5, 0.0, 4.0),
-        (2.5, 0.31, 1.0, 0.0, math.inf),  # beside the way
+        (2.5, 0.31, 1.0, 0.0, math.inf),  # beside the path
         (2.5, 0.0, -1.0, 0.0, math.inf),  # behind the motion
         (-1.4, 0.1, -0.5, 0.0, 2.0),
         (0.0, 1.3, 0.0, 0.5, 2.0),  # sideways
@@ -56,7 +56,7 @@ def test_inside_and_how_far_outside() -> None:
         (1.5, 1.3, 1.0, 1.0, 1.0),
         (1.0, 1.3, 1.0, 1.0, 1.0),
         (1.0, 0.5, 1.0, 1.0, 0.5),
-        (1.5, 0.3, 1.0, 1.0, math.inf),  # passes before the front
+        (1.5, 0.3, 1.0, 1.0, math.inf),  # passes in front
         (1.5, 2.3, 1.0, 1.0, math.inf),
     ],
 )
@@ -84,7 +84,7 @@ def test_on_the_spot(x: float, y: float, omega: float, seconds: float) -> None:
 def test_along_a_curve() -> None:
     """Centre of rotation at (0, 1): a point at (0.9, 1.0) is 0.9 m from it."""
     quarter = math.pi / 2
-    expected = quarter - math.asin(0.5 / 0.9)  # the front edge lies at that angle from straight below the centre
+    expected = quarter - math.asin(0.5 / 0.9)  # the front edge is at that angle from straight below the centre
     assert time_to(0.9, 1.0, 1.0, 0.0, 1.0) == pytest.approx(expected)
     assert time_to(0.0, 3.0, 1.0, 0.0, 1.0) == math.inf  # 2 m from the centre, beyond the outer corner's 1.39 m
     assert time_to(0.0, 1.5, 1.0, 0.0, 1.0) == math.inf  # 0.5 m from it, within the inner edge's 0.7 m
@@ -94,7 +94,7 @@ def test_a_very_wide_curve_is_a_line() -> None:
     straight, wide = time_to(4.0, 0.1, 1.0, 0.0, 0.0), time_to(4.0, 0.1, 1.0, 0.0, 0.99e-3)
     assert wide == straight == pytest.approx(3.5)
     assert time_to(4.0, 0.1, 1.0, 0.0, 1.01e-3) == pytest.approx(straight, abs=1e-3)
-    assert time_to(4.0, 0.3, 1.0, 0.0, -2e-3) == math.inf  # it is 3 mm beside
+    assert time_to(4.0, 0.3, 1.0, 0.0, -2e-3) == math.inf  # 3 mm beside the path
 
 
 def test_a_point_at_the_centre_of_rotation_stays_there() -> None:
@@ -118,7 +118,7 @@ def test_the_same_as_in_small_steps(twist: Twist2, place: tuple[float, float]) -
     times = np.linspace(0.0, 6.0, 1201)
     inside = np.array([_within(place, twist, at, shrunk=0.0) for at in times])
     if not inside.any():
-        # what steps see may miss a corner that is only grazed
+        # the steps may miss a corner that is only grazed
         assert exact > 6.0 - 0.005 or not _within(place, twist, exact + 0.01, shrunk=0.01)
         return
     first = int(np.argmax(inside))
@@ -127,7 +127,7 @@ def test_the_same_as_in_small_steps(twist: Twist2, place: tuple[float, float]) -
 
 
 def _within(place: tuple[float, float], twist: Twist2, at_s: float, shrunk: float) -> bool:
-    """Whether the outline, smaller by ``shrunk``, covers a place after a time."""
+    """Returns whether the outline, smaller by ``shrunk``, covers a place after a time."""
     pose = exp_se2(twist, at_s)
     c, s = math.cos(pose.yaw), math.sin(pose.yaw)
     dx, dy = place[0] - pose.x, place[1] - pose.y
@@ -164,7 +164,7 @@ def test_approach_is_the_soonest_and_the_nearest() -> None:
 
 
 def test_clearance_is_the_way_of_the_point_and_counts_from_the_body() -> None:
-    """Turning on the spot the farther point travels more until it is touched at the same moment."""
+    """Turning on the spot, the farther point travels a longer distance until it is touched at the same time."""
     found = approach(points((0.0, 0.5)), BODY, Twist2(0.0, 0.0, -0.5))
     turn = math.pi / 2 - math.atan2(0.3, 0.4)
     assert (found.time_s, found.clearance_m) == pytest.approx((turn / 0.5, turn * 0.5))
@@ -174,7 +174,7 @@ def test_clearance_is_the_way_of_the_point_and_counts_from_the_body() -> None:
 
 
 def test_clearance_beside_a_robot_that_goes_sideways_and_turns() -> None:
-    """The two motions of the place add up before the robot's middle and are taken from each other behind it."""
+    """The two motions of the point add up in front of the robot's centre and subtract behind it."""
     twist = Twist2(0.0, 0.5, 0.5)
     for x_m in (0.3, -0.3):
         place = points((x_m, BODY.half + 0.2))
@@ -211,7 +211,7 @@ def test_clearance_depends_on_the_direction_alone(twist: Twist2, factor: float, 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_all_around_every_centre_of_rotation_as_in_small_steps(seed: int) -> None:
-    """Centres of rotation before, behind, beside and within the robot, and points on every side of them."""
+    """Centres of rotation in front of, behind, beside and within the robot, with points on all sides."""
     random = np.random.default_rng(seed)
     vx, vy = random.uniform(-1.0, 1.0, 2)
     twist = Twist2(float(vx), float(vy), float(random.choice([-1.0, -0.4, 0.4, 1.0])))
@@ -254,7 +254,7 @@ WIDENED = Outline(front=0.55, rear=-0.45, half=0.35, margin=0.05)
 @pytest.mark.parametrize(
     ("vx", "vy", "seconds"),
     [
-        (0.9, 0.15, 0.04 / 0.15),  # too flat to get deeper into the margin, and yet the body meets it
+        (0.9, 0.15, 0.04 / 0.15),  # too flat to get deeper into the margin, but the body touches it
         (0.4, 0.04, 1.0),
         (0.4, 0.01, math.inf),  # past the wall before that
         (0.9, 0.0, math.inf),

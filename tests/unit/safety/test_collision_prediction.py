@@ -1,4 +1,4 @@
-"""Which motions are judged, and how fast the robot may go."""
+"""The motions that are judged, and the permitted speed."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_the_margin_widens_the_way_and_not_the_distance() -> None:
         (0.3, 0.12),
         # 2 m/s2 and 0.3 s: sqrt(0.36 + 4 * 0.03) - 0.6 = 0.0928, less than 0.18 / 2.5 = 0.072
         (0.18, 0.07),
-        # sqrt(0.36 + 4 * 0.01) - 0.6 = 0.0325: not less than the slowest
+        # sqrt(0.36 + 4 * 0.01) - 0.6 = 0.0325, limited to the lowest speed
         (0.16, 0.05),
         (0.15, 0.05),
         (0.0, 0.05),
@@ -193,7 +193,7 @@ def test_commands_grow_stale() -> None:
     commands.request("/cmd_vel", BACK, 1.0)
     assert (commands.driven(1.25), commands.requested(1.25)) == (AHEAD, BACK)
     assert (commands.driven(1.26), commands.requested(1.26)) == (None, ZERO_TWIST)
-    assert (commands.driven(0.9), commands.requested(0.9)) == (None, ZERO_TWIST)  # time ran back
+    assert (commands.driven(0.9), commands.requested(0.9)) == (None, ZERO_TWIST)  # the clock jumped backwards
 
 
 def test_the_highest_source_is_what_is_wished() -> None:
@@ -208,7 +208,7 @@ def test_the_highest_source_is_what_is_wished() -> None:
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_commands_that_are_no_numbers(bad: float) -> None:
-    """The drive's own word is then unknown; a source that says nonsense stops the robot, as the drive takes it."""
+    """The drive's motion is then unknown. A source with invalid commands stops the robot, as in the drive."""
     commands = CommandWatch(0.2)
     commands.limited(AHEAD, 1.0)
     commands.limited(Twist2(bad, 0.0, 0.0), 1.1)
@@ -256,7 +256,7 @@ def test_a_covered_sensor_is_a_silent_one(cover: float) -> None:
 
 def test_returns_are_counted_by_their_share_of_the_sample() -> None:
     sweep = SWEEP.copy()
-    sweep[::2] = math.nan  # every other direction: still all sectors
+    sweep[::2] = math.nan  # half of the directions: still all sectors
     watch = LidarWatch(L)
     watch.received(sweep, 2 * L.min_returns, 1.0)
     assert watch.problem == ""

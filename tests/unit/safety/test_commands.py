@@ -1,4 +1,4 @@
-"""Commands of any size are judged by their direction, and none of them ends the monitor."""
+"""Commands of any size are judged by their direction, and no command crashes the monitor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the robot moves by its wheels, and where it was a moment ago."""
+"""The robot's motion by wheel odometry, and its pose a moment ago."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_it_goes_with_the_twist_and_not_over_gaps() -> None:
     dead_reckoning.update(twist, 5.3)
     assert dead_reckoning.pose.x == pytest.approx(0.3)
     dead_reckoning.update(twist, 5.61)
-    dead_reckoning.update(twist, 5.0)  # time ran back
+    dead_reckoning.update(twist, 5.0)  # the clock jumped backwards
     assert dead_reckoning.pose.x == pytest.approx(0.3)
     dead_reckoning.update(Twist2(-2.0, 0.0, 0.0), 5.1)
     assert dead_reckoning.pose.x == pytest.approx(0.1)
@@ -62,7 +62,7 @@ def test_it_turns_with_the_robot() -> None:
 
 
 def test_the_longest_gap_is_no_gap_yet() -> None:
-    """Seconds that a computer's numbers hold exactly."""
+    """Times that binary floating point represents exactly."""
     dead_reckoning = DeadReckoning(0.25)
     dead_reckoning.update(Twist2(1.0, 0.0, 0.0), 5.0)
     dead_reckoning.update(Twist2(1.0, 0.0, 0.0), 5.25)

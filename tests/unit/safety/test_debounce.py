@@ -1,4 +1,4 @@
-"""A contact counts once a whole debounce time of readings agrees."""
+"""A contact state counts once all readings agree for a debounce time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The drives' history, tick by tick. The times are binary fractions, so that limits can be met exactly."""
+"""The drives' history, tick by tick. The times are binary fractions, so limits can be met exactly."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ class Drives:
     def look(
         self, now_s: float, *axes: Axis, communicating: bool = True, emergency: bool = False, complete: bool = True
     ) -> Finding:
-        """A new cycle with the given first axes, the others good."""
+        """Feeds a new cycle with the given first axes; the other axes are good."""
         self.cycle += 1
         all_axes = (*axes, *[GOOD] * (8 - len(axes)))
         self.watch.received(DriveReading(communicating, self.cycle, all_axes), now_s)
         return self.watch.judge(emergency, complete, now_s)
 
     def up(self) -> Drives:
-        """Up at 17.0 s."""
+        """Brings the drives up at 17.0 s."""
         for now_s in (16.375, 16.5, 16.625, 16.75, 16.875):
             assert self.look(now_s).level is Level.WAITING
         assert self.look(17.0) == CLEAR
@@ -194,7 +194,7 @@ def test_after_a_release_only_servos_may_take_their_time() -> None:
     drives.watch.released(20.0)
     assert drives.look(20.5, ALARM) == fault("amplifier alarm: fl_drive")
     assert drives.look(21.0) == CLEAR
-    assert drives.look(21.1, OFF) == Finding(Level.UNKNOWN)  # they were back: the patience is used up
+    assert drives.look(21.1, OFF) == Finding(Level.UNKNOWN)  # the servos were back: the grace period has ended
 
 
 def test_an_emergency_while_starting_does_not_use_up_the_patience() -> None:

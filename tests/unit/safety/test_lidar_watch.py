@@ -1,4 +1,4 @@
-"""A sweep that shows the world, and what looks like one: a covered lens, a frozen sensor."""
+"""A valid sweep and invalid ones: a covered lens, a frozen sensor."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Point = tuple[float, float, float]
 
 
 def ring(*sectors: int, radius_m: float = 8.0) -> list[Point]:
-    """A point in the middle of each of these sectors, counted from behind, counterclockwise."""
+    """Returns a point in the middle of each sector, counted counterclockwise from behind."""
     bearings = [2.0 * math.pi * ((sector + 0.5) / LIMITS.sectors - 0.5) for sector in sectors]
     return [(radius_m * math.cos(bearing), radius_m * math.sin(bearing), 0.0) for bearing in bearings]
 
@@ -88,7 +88,7 @@ def test_returns_from_enough_directions() -> None:
 
 
 def test_straight_behind_belongs_to_one_direction() -> None:
-    """Half a turn is the end of the last sector and the beginning of the first."""
+    """Straight behind is both the end of the last sector and the beginning of the first."""
     behind = (-8.0, 0.0, 0.0)
     assert problem(*ring(1, 2, 3, 4, 5, 6), behind) == ""
     assert problem(*ring(0, 1, 2, 3, 4, 5), behind).startswith("covered: returns from 60%")
@@ -103,7 +103,7 @@ def test_a_frozen_sensor_falls_silent() -> None:
     watch.received(after, 1000, 3.0)
     assert (watch.problem, watch.age_s(3.0)) == ("", 0.0)
     watch.received(sweep(), 1000, 4.0)
-    watch.received(after, 1000, 5.0)  # nor does what comes between make it new
+    watch.received(after, 1000, 5.0)  # still a duplicate, despite the sweep in between
     assert (watch.problem, watch.age_s(5.0)) == ("frozen", 2.0)
 
 

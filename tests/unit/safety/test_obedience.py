@@ -1,4 +1,4 @@
-"""Is the speed limit obeyed? A limit that falls is kept along the permitted ramp, and no slower."""
+"""Compliance with the speed limit: a falling limit must be followed along the permitted ramp."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def test_permitted_falls_after_the_notice_and_rises_at_once() -> None:
     seen = [speed.update(0.5, 0.125, 2.0, tick * TICK_S) for tick in range(14)]
     assert seen == [1.5, 1.5, 1.5, 1.375, 1.25, 1.125, 1.0, 0.875, 0.75, 0.625, 0.5, 0.5, 0.5, 0.5]
     assert speed.update(1.2, 0.125, 2.0, 1.0) == 1.2
-    assert speed.update(1.0, 0.125, 2.0, 1.1) == 1.2  # another fall, another notice
-    assert speed.update(1.0, 0.125, 2.0, 0.0) == 1.2  # time that ran back begins it anew
+    assert speed.update(1.0, 0.125, 2.0, 1.1) == 1.2  # each fall has its own notice time
+    assert speed.update(1.0, 0.125, 2.0, 0.0) == 1.2  # a clock that jumps backwards restarts it
     assert speed.update(1.0, 0.125, 2.0, 1.0) == 1.0
 
 
@@ -74,7 +74,7 @@ def test_a_hard_stop_is_expected_sooner_than_a_gentle_one() -> None:
     stop, twist = SpeedLimit(0.0, 0.0), Twist2(1.5, 0.0, 0.0)
     hard_s, gentle_s = (Rig().seconds_until_fault(stop, twist, hard=hard) for hard in (True, False))
     aboard_s = Rig().seconds_until_fault(stop, twist, passenger=True)
-    # notice, then 1.4 m/s of 1.5 are permitted no more after 0.1 m/s / (0.5 x deceleration), then the holding time
+    # notice, then after 0.1 m/s / (0.5 x deceleration) less than 1.4 m/s of 1.5 is permitted, then the holding time
     assert hard_s == pytest.approx(0.25 + 0.1 / 1.0 + 0.25, abs=2 * TICK_S)
     jerk_s = ROBOT.empty.max_acceleration_mps2 / ROBOT.empty.max_jerk_mps3
     gentle_mps2, aboard_mps2 = ROBOT.empty.max_acceleration_mps2, ROBOT.with_passenger.max_acceleration_mps2
@@ -86,7 +86,7 @@ def test_a_turn_is_expected_to_end_with_its_own_deceleration() -> None:
     stop, turn = SpeedLimit(0.0, 0.0), Twist2(0.0, 0.0, 0.9)
     motion = ROBOT.with_passenger
     jerk_s = motion.max_acceleration_mps2 / motion.max_jerk_mps3
-    ramp_s = 0.3 / (0.5 * motion.max_yaw_acceleration_radps2)  # from 1.0 to 0.7 rad/s, and the margin
+    ramp_s = 0.3 / (0.5 * motion.max_yaw_acceleration_radps2)  # from 1.0 to 0.7 rad/s, plus the margin
     took_s = Rig().seconds_until_fault(stop, turn, passenger=True)
     assert took_s == pytest.approx(0.25 + jerk_s + ramp_s + 0.25, abs=2 * TICK_S)
 
@@ -102,7 +102,7 @@ def test_a_limit_that_has_long_been_reached_gives_notice_when_it_falls_again() -
 
 @pytest.mark.parametrize("passenger", [False, True])
 def test_the_ramp_of_the_drive_is_obedience(passenger: bool) -> None:
-    """A deceleration that begins late, limited by its jerk, down to a limit that has fallen."""
+    """A deceleration that starts late and is limited by its jerk, down to a lowered limit."""
     rig, motion = Rig(), ROBOT.motion(passenger)
     speed_mps, brake_mps2 = motion.max_speed_mps, 0.0
     limit = SpeedLimit(0.3, 0.3)

@@ -1,4 +1,4 @@
-"""The two-key release: what it needs, what it says when something is missing, and that nothing else works."""
+"""The two-key release: its conditions, its messages when one is missing, and that nothing else releases."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_a_true_without_an_author_is_cleared_by_name() -> None:
     assert story.monitor.pressed_by(story.now_s) == {"unknown": Presence.UNKNOWN}
     assert story.clear("touch_ui") == ResetAnswer(False, "refused: 'touch_ui' is not pressed; pressed: unknown")
     assert story.clear("unknown") == ResetAnswer(True, "cleared: unknown")
-    story.expect(EMERGENCY)  # it is no reset
+    story.expect(EMERGENCY)  # clearing is no reset
     assert story.reset().success
 
 
@@ -89,7 +89,7 @@ def test_a_source_that_died_pressed_stays_pressed_until_cleared_by_name() -> Non
     assert story.reset() == ResetAnswer(False, f"refused: {STILL_TRUE} (gone)")
     assert story.monitor.pressed_by(story.now_s) == {"touch_ui": Presence.GONE}
     story.presses["touch_ui"], story.pressed["touch_ui"] = 0, False
-    story.report("touch_ui", pid=2)  # its successor, which knows of no press
+    story.report("touch_ui", pid=2)  # the restarted process, which has no press
     assert not story.reset().success
     assert story.clear("touch_ui").success
     assert story.reset().success
@@ -266,7 +266,7 @@ def test_a_release_does_not_touch_what_is_not_latched() -> None:
 
 @dataclass
 class Keys:
-    """The release as the rules say it, kept apart from the monitor's own bookkeeping."""
+    """The release rules, implemented independently of the monitor."""
 
     latched: bool = False
     last_stop: bool | None = None
@@ -279,7 +279,7 @@ class Keys:
     def may_release(self, now_s: float) -> bool:
         if self.last_stop or (self.last_stop is None and self.stop_latched) or self.alarm:
             return False
-        # A monitor that has come up beside broken drives has not seen them good yet.
+        # A monitor that starts while the drives are faulty has not seen them good yet.
         if now_s - self.good_since_s < PARAMS.startup_settle_s:
             return False
         settled = self.last_stop is None or now_s - self.released_at_s >= PARAMS.release_settle_s - 1e-6
@@ -287,7 +287,7 @@ class Keys:
 
 
 class TwoKeys(RuleBasedStateMachine):
-    """Whatever happens in whatever order: out of the emergency stop only with both keys, and until then no motion."""
+    """For any events in any order: only both keys end the emergency stop, and until then no motion is permitted."""
 
     @initialize(crashed=st.booleans())
     def start(self, crashed: bool) -> None:
@@ -334,7 +334,7 @@ class TwoKeys(RuleBasedStateMachine):
     def reset(self) -> None:
         was_latched = self.keys.latched
         if abs(self.story.now_s - self.keys.good_since_s - PARAMS.startup_settle_s) < TICK_S / 2.0:
-            self.wait(TICK_S)  # the exact moment is a matter of rounding
+            self.wait(TICK_S)  # the exact moment depends on rounding
         answer = self.story.reset()
         assert answer.success == (not was_latched or self.keys.may_release(self.story.now_s)), answer.message
         if answer.success:
@@ -344,11 +344,11 @@ class TwoKeys(RuleBasedStateMachine):
     def crash(self) -> None:
         old = self.story
         self.story = old.restarted()
-        self.story.axes = old.axes  # and the wheels stand: a drive without a monitor brakes
+        self.story.axes = old.axes  # the wheels stand: without a monitor the drive brakes
         self.keys.last_stop = None
         self.keys.fast_until_s = self.story.now_s
         self.keys.good_since_s = math.inf if self.keys.alarm else -math.inf
-        # long enough for the engine's cycles to be seen and the settling of the sensors
+        # long enough to observe the engine's cycles and for the sensors to settle
         self.story.run(3.0)
 
     @invariant()

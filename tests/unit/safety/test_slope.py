@@ -1,4 +1,4 @@
-"""How steep, and which way down: every limit at, below and above, and every course around the compass."""
+"""Steepness and downhill direction: every limit at, below and above, and every course around the compass."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ bearings = st.floats(-math.pi, math.pi)
 
 
 class Watch:
-    """A slope watch asked once a second. Downhill is ahead unless said otherwise."""
+    """A slope watch updated once a second. Downhill is ahead by default."""
 
     def __init__(self, modules_m: Points | None = None) -> None:
         self._watch, self.now_s = SlopeWatch(PARAMS, modules_m or ROBOT.module_positions_m()), 10.0
@@ -95,7 +95,7 @@ def test_a_rest_ends_what_is_under_way() -> None:
 @pytest.mark.parametrize("turn", [1.0, -1.0])
 @pytest.mark.parametrize(("downhill_deg", "lever_m"), [(0.0, 0.25), (90.0, 0.30), (180.0, 0.25), (-90.0, 0.30)])
 def test_a_turn_is_a_descent_only_while_no_wheel_rolls_uphill(turn: float, downhill_deg: float, lever_m: float) -> None:
-    """The wheels stand at x = +-0.3, y = +-0.25 m; what a turn adds along the fall line goes with the lever across."""
+    """The wheels are at x = +-0.3, y = +-0.25 m; a turn adds speed along the fall line with the lateral lever arm."""
     downhill_rad = math.radians(downhill_deg)
     assert limited(Watch()(STEEP_DEG, Twist2(0.0, 0.0, turn), downhill_rad=downhill_rad)) is None
     for share, expected in ((1.0 - 1e-9, DESCENT), (1.0 + 1e-9, None)):
@@ -105,7 +105,7 @@ def test_a_turn_is_a_descent_only_while_no_wheel_rolls_uphill(turn: float, downh
 
 @pytest.mark.parametrize(("turn", "expected"), [(0.5, DESCENT), (0.5 + 1e-9, None), (-9.0, DESCENT)])
 def test_a_wheel_that_stands_still_in_a_turn_rolls_not_uphill(turn: float, expected: SpeedLimit | None) -> None:
-    """A wheel to the left of the course is held back by a turn to the left, and carried on by one to the right."""
+    """A left turn slows a wheel to the left of the course, and a right turn speeds it up."""
     assert limited(Watch(((0.0, 0.5),))(STEEP_DEG, Twist2(0.25, 0.0, turn))) == expected
     sideways = Watch(((-0.5, 0.0),))(STEEP_DEG, Twist2(0.0, 0.25, turn), downhill_rad=0.5 * math.pi)
     assert limited(sideways) == expected
@@ -131,9 +131,9 @@ def test_a_robot_that_is_asked_nothing_may_be_asked_unless_it_was_just_refused()
     assert limited(watch(STEEP_DEG, after_s=P.ask_again_s)) == DESCENT
     assert limited(watch(STEEP_DEG, course(0.0))) == DESCENT
     watch(STEEP_DEG, course(math.pi))
-    assert limited(watch(STEEP_DEG, course(0.0), after_s=0.02)) == DESCENT  # without a wait
+    assert limited(watch(STEEP_DEG, course(0.0), after_s=0.02)) == DESCENT  # without a waiting time
     watch(STEEP_DEG, course(math.pi))
-    assert limited(watch(STEEP_DEG, after_s=-5.0)) == DESCENT  # time that ran back hides no motion: none is asked
+    assert limited(watch(STEEP_DEG, after_s=-5.0)) == DESCENT  # the clock jumped backwards; no motion is requested
 
 
 @given(deg=st.floats(11.6, 80.0), downhill=bearings, heading=bearings, speed=st.floats(0.01, 2.0))
@@ -148,7 +148,7 @@ def test_only_what_goes_down_is_ever_allowed(deg: float, downhill: float, headin
 
 @given(degs=st.lists(st.floats(0.0, 14.9), max_size=20), ramp=st.floats(9.0, 11.0), heading=bearings)
 def test_no_history_traps_a_robot_at_10_deg(degs: list[float], ramp: float, heading: float) -> None:
-    """After anything measured before, 10 deg measured with 1 deg of error is passable in any direction."""
+    """After any earlier measurements, 10 deg measured with 1 deg of error is passable in any direction."""
     watch = Watch()
     for deg in degs:
         watch(deg, course(heading))

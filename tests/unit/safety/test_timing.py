@@ -1,4 +1,4 @@
-"""Ages and holds: exact, and on the safe side when time misbehaves."""
+"""Ages and hold times: exact, and on the safe side if the clock misbehaves."""
 
 from __future__ import annotations
 
