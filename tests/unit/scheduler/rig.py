@@ -1,4 +1,4 @@
-"""Small nodes and rows for the tests of the scheduler."""
+"""Small nodes and contract rows for the tests of the scheduler."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ VOLATILE, LATCHED = Durability.VOLATILE, Durability.TRANSIENT_LOCAL
 
 
 def row(name: str = "/count", *, depth: int = 10, durability: Durability = VOLATILE, bulk: bool = False) -> Topic:
-    """A topic of integers that belongs to any node."""
+    """Returns a topic of integers that any node may use."""
     return Topic(
         name, "std_msgs/msg/Int32", Qos(Reliability.RELIABLE, durability, depth), ("*",), ("*",), "test", bulk=bulk
     )
@@ -26,8 +26,8 @@ def constant(milliseconds: float) -> dict[str, float]:
 
 
 def params(**changes: Any) -> SchedulerParams:
-    """Durations without spread: latency 1 ms, calls 2 ms, discovery 100 ms, start 10 ms, construction 50 ms, computing
-    3 ms, jobs 20 ms. changes: top-level entries.
+    """Returns durations without jitter: latency 1 ms, calls 2 ms, discovery 100 ms, start 10 ms, construction 50 ms,
+    computing 3 ms, jobs 20 ms. changes: top-level entries.
     """
     named = {"names": {}}
     values: dict[str, Any] = {
@@ -42,11 +42,11 @@ def params(**changes: Any) -> SchedulerParams:
 
 
 READY_S = 0.2
-"""With ``params``: nodes that were spawned at 0 run and know each other: 10 + 50 + 100 ms."""
+"""With ``params``: time after which nodes spawned at 0 run and have discovered each other: 10 + 50 + 100 ms."""
 
 
 class Bare:
-    """A node that does nothing but what ``build`` makes of its port."""
+    """A node that only does what ``build`` sets up on its port."""
 
     def __init__(self, name: str, build: Callable[[Port], Any]) -> None:
         self.port = open_port(name)
@@ -77,7 +77,7 @@ class Rig:
         return life.ports[0]
 
     def talker(self, topic: Topic, name: str = "talker") -> Process:
-        """A node whose publisher is used from outside its loop: see ``say``."""
+        """Adds a node whose publisher is used from outside its loop, by ``say``."""
         return self.node(
             name, lambda port: self._publishers.__setitem__((name, topic.name), port.advertise(topic, topic.name))
         )
@@ -85,7 +85,7 @@ class Rig:
     def listener(
         self, topic: Topic, name: str = "listener", *, wakes: bool = True, depth: int | None = None, **options: Any
     ) -> list[tuple[float, int]]:
-        """A node that subscribes. Returns the virtual times in ms and the values that it takes."""
+        """Adds a node that subscribes. Returns its received (virtual time in ms, value) pairs."""
         taken: list[tuple[float, int]] = []
 
         def build(port: Port) -> None:

@@ -28,7 +28,7 @@ def test_a_service_answers_after_both_ways() -> None:
         stage.node("client", lambda port: clients.append(port.client(_TYPE, "/set")))
         stage.scheduler.run(0.1)
         assert not clients[0].service_is_ready()
-        clients[0].call(SetBool.Request(data=True), got.append)  # lost: the server is not known yet
+        clients[0].call(SetBool.Request(data=True), got.append)  # lost: the server is not discovered yet
         stage.scheduler.run(0.3)
         assert clients[0].service_is_ready()
         clients[0].call(
@@ -144,7 +144,7 @@ def test_a_new_life_of_the_server_does_not_know_the_goal() -> None:
 
 
 def jobs(*, parallel: bool) -> list[tuple[float, int]]:
-    """Results of a worker with their times."""
+    """Returns the results of a worker with their times."""
     got: list[tuple[float, int]] = []
 
     def build(port) -> None:

@@ -1,4 +1,4 @@
-"""Decoded messages are those of the middleware, of every type of the contract."""
+"""Decoded messages equal those of the middleware, for every type of the contract."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.unit.ros.test_serialization import TYPES, filled
 
 
 def alike(one: Any, other: Any) -> bool:
-    """Equal in value and in every type, inside as well."""
+    """Returns whether two values are equal, including all types inside."""
     if type(one) is not type(other):
         return False
     if hasattr(one, "get_fields_and_field_types"):
@@ -35,7 +35,7 @@ def test_a_message_is_that_of_the_middleware(type_name: str, length: int) -> Non
 
 
 def test_all_types_of_the_contract_are_decoded_here() -> None:
-    """Read from the bytes of a message, none falls back to the middleware."""
+    """All types are decoded from the bytes, without a fallback to the middleware."""
     for name in TYPES:
         _message(name)
 

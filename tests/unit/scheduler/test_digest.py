@@ -1,4 +1,4 @@
-"""The same seed makes the same run, whatever the process; recordings; stack nodes."""
+"""The same seed gives the same run in every process; recordings; stack nodes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NAMES = ("swerve_hardware_interface", "swerve_controller", "docking_controller"
 
 
 class Node(StackNode):
-    """Publishes what its rows allow at 20 Hz, and subscribes to the rest."""
+    """Publishes the topics of its rows at 20 Hz and subscribes to the rest."""
 
     def __init__(self, name: str) -> None:
         super().__init__(name)

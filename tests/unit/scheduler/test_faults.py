@@ -1,4 +1,4 @@
-"""Faults of messages, and random streams that do not shift each other."""
+"""Message faults, and independent random streams."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LATE = Spread(median_ms=15.0, p99_ms=15.0)
 
 
 def taken_with(*rules: MessageRule, count: int = 4) -> tuple[list[tuple[float, int]], list[tuple[float, int]]]:
-    """What two listeners take of messages at 300, 310 ... ms under some rules."""
+    """Returns the messages that two listeners receive under fault rules, sent at 300, 310 ... ms."""
     topic = row()
     with rig() as stage:
         for rule in rules:

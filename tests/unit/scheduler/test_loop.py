@@ -1,4 +1,4 @@
-"""When a node wakes, what it takes then, and how long it is busy."""
+"""When a node wakes, which messages it takes, and how long it is busy."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def test_timers_come_at_exact_periods() -> None:
     with rig() as stage:
         stage.node("node", lambda port: port.add_timer(0.05, lambda: times.append(stage.scheduler.now_ns)))
         stage.scheduler.run(60.01)
-    # The schedule begins with the construction at 10 ms, whose 50 ms end exactly at the first tick. Timers count in
-    # floating point: some nanoseconds.
+    # The schedule starts with the construction at 10 ms, whose 50 ms end exactly at the first tick. Timers use floating
+    # point, hence a few nanoseconds.
     assert [round(item, -3) for item in times] == [60_000_000 + 50_000_000 * k for k in range(1199)]
 
 
@@ -115,7 +115,7 @@ def test_messages_of_a_wake_up_leave_at_its_end_and_stamps_are_of_its_begin() ->
         taken = stage.listener(topic)
         stage.scheduler.run(0.35)
     assert stamps == [110, 210, 310]
-    assert taken == [(214.0, 2), (314.0, 3)]  # 3 ms of computing, 1 ms of latency; the first before the discovery
+    assert taken == [(214.0, 2), (314.0, 3)]  # 3 ms of computing, 1 ms of latency; first sent before discovery
 
 
 def test_a_call_from_outside_wakes_the_loop() -> None:
