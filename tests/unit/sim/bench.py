@@ -1,4 +1,4 @@
-"""A world with a hand on its drives: commands in joint units, as an engine would send them, without an engine."""
+"""A world with direct access to its drives: commands in joint units, as from an engine, without an engine."""
 
 from __future__ import annotations
 
@@ -70,13 +70,13 @@ class Bench:
         self.run(n * self.world.dt_s, follow)
 
     def drive(self, twist: Twist2, acceleration_mps2: float = 1.0) -> None:
-        """Turns the modules for a twist, then ramps the wheels up to it."""
+        """Steers the modules for a twist, then ramps the wheels up to it."""
         speeds, angles = wheels(twist)
         self.turn_modules(angles)
         self.ramp(speeds, acceleration_mps2, angles)
 
     def turn_modules(self, angles_rad: NDArray[np.float64], duration_s: float = 0.8) -> None:
-        """Smooth (cosine) position profile for the steering axes, wheels at rest, with speed feed-forward."""
+        """Moves the steering axes along a smooth (cosine) profile with speed feed-forward, wheels at rest."""
         start = self.out.position_counts[STEERS] * STEER_RAD_PER_COUNT
         n = round(duration_s / self.world.dt_s)
         k = 0
@@ -99,7 +99,7 @@ class Bench:
 
 
 def wheels(twist: Twist2) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Wheel speeds rad/s and module angles rad (+-90 deg) of a twist: v = (vx - w y, vy + w x) at each module."""
+    """Returns wheel speeds rad/s and module angles rad (+-90 deg) of a twist: module v = (vx - w y, vy + w x)."""
     speeds, angles = np.zeros(4), np.zeros(4)
     for i, (x, y) in enumerate(ROBOT.module_positions_m()):
         vx, vy = twist.vx - twist.omega * y, twist.vy + twist.omega * x
@@ -116,7 +116,7 @@ def make_bench(
     passenger_kg: float | None = None,
     params: SimParams = PARAMS,
 ) -> Bench:
-    """A bench; with a number for passenger_kg the wheelchair and that passenger hang on the latch."""
+    """Returns a bench. If passenger_kg is given, a wheelchair with that passenger is attached."""
     file = load_world(world)
     attached = passenger_kg is not None
     setup = Setup(

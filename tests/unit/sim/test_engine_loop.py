@@ -1,4 +1,4 @@
-"""An engine with its plant in one loop: cycles, faults, tasks, and an end that waits for the clients."""
+"""An engine with its plant in one loop: cycles, faults, tasks, and a shutdown that waits for the clients."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Rig:
         assert self.state() is EngineState.Communicating
 
     def inject(self, *fault: object) -> str:
-        """As a service does: from another thread, while the loop runs."""
+        """Injects a fault as a service does: from another thread, while the loop runs."""
         said: list[str] = []
         asker = threading.Thread(target=lambda: said.append(self.loop.inject(*fault)))  # type: ignore[arg-type]
         asker.start()

@@ -1,4 +1,4 @@
-"""Each fault does what its row says, ends when it should, and refuses what it cannot do."""
+"""Each fault acts as specified, ends on time, and rejects impossible requests."""
 
 from __future__ import annotations
 
@@ -215,7 +215,7 @@ def test_wheelchair_is_latched_and_let_go(rig: Rig) -> None:
 
 @pytest.fixture
 def docked() -> Rig:
-    """The robot before a standing chair, where the latch can take it."""
+    """A robot in front of a standing chair, within the latch's catching range."""
     made = Rig(wheelchair_pose=load_docks().docks["chair_1"].dock_pose.pose().inverse())
     made.run(0.05)
     return made
@@ -227,7 +227,7 @@ def close(rig: Rig, duration_s: float = 0.8) -> None:
 
 
 def latch_inputs(rig: Rig) -> tuple[int, int]:
-    """Closed, open."""
+    """Returns (closed, open)."""
     value = int(rig.inp.inputs[ROBOT.latch.byte])
     return value >> ROBOT.latch.closed_input_bit & 1, value >> ROBOT.latch.open_input_bit & 1
 
@@ -272,7 +272,7 @@ def test_the_standing_chair_is_moved_in_its_own_frame(docked: Rig) -> None:
     docked.run(0.25)
     pose = docked.sim.world.wheelchair_pose()
     assert pose is not None
-    # From (0.95, 0): 0.3 ahead, then turned by 90 degrees its left is -x.
+    # From (0.95, 0): after 0.3 ahead and a turn of 90 degrees, left is -x.
     assert pose[:2, 3] == pytest.approx([0.95 + 0.3 - 0.2, 0.0], abs=2e-3)
     assert math.degrees(math.atan2(pose[1, 0], pose[0, 0])) == pytest.approx(90.0, abs=0.1)
     docked.run(0.5)

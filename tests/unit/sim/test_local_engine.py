@@ -1,4 +1,4 @@
-"""The engine in the caller's process drives the physics by the same API as in its own."""
+"""The engine in the caller's process drives the physics through the same API as in its own process."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .bench import PARAMS, ROBOT
 
 @pytest.fixture
 def ready() -> tuple[LocalEngine, Simulation]:
-    """Bus up, all servos on."""
+    """An engine with the bus up and all servos on."""
     file = load_world("flat")
     sim = Simulation(ROBOT, PARAMS, Setup(file, 1, file.start.pose()))
     engine = LocalEngine(load_engine_config(), sim)

@@ -1,4 +1,4 @@
-"""The model has the masses and the geometry of the configuration, and the ground is where the world file says."""
+"""The model has the masses and geometry of the configuration, and the ground is as in the world file."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def test_chair_is_attached_in_motion_and_let_go() -> None:
     place = chair.xpos[0]
     bench.world.detach_wheelchair()
     bench.ramp(0.0, 2.0)
-    # 0.5 m/s on its parking brake: v^2 / (2 x 0.5 g) = 25 mm.
+    # 0.5 m/s against its parking brake: v^2 / (2 x 0.5 g) = 25 mm.
     assert 0.005 < chair.xpos[0] - place < 0.05
 
 

@@ -1,4 +1,4 @@
-"""What the robot does on the ground: it reaches its speeds, holds, climbs, stops and slips as a real one."""
+"""The robot's motion on the ground: it reaches its speeds, holds, climbs, stops and slips realistically."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RAMPS = {ramp.slope_deg: ramp for ramp in load_world("ramps").ramps}
 
 
 def on_slope(slope_deg: float, passenger_kg: float | None) -> Bench:
-    """The robot, and the chair with it, half way up a ramp."""
+    """Returns the robot, with the chair if attached, half way up a ramp."""
     ramp, slope = RAMPS[slope_deg], math.radians(slope_deg)
     up_m = 0.4 * ramp.run_m / math.cos(slope)
     bench = make_bench(
@@ -42,7 +42,7 @@ def on_slope(slope_deg: float, passenger_kg: float | None) -> Bench:
 
 
 def measured(bench: Bench, duration_s: float) -> tuple[Twist2, np.ndarray]:
-    """Mean twist and greatest mean slip (4, 2) over a while."""
+    """Returns the mean twist and the largest mean slip (4, 2) over a duration."""
     twists: list[tuple[float, float, float]] = []
     slips: list[np.ndarray] = []
 
@@ -66,7 +66,7 @@ def measured(bench: Bench, duration_s: float) -> tuple[Twist2, np.ndarray]:
     ],
 )
 def test_commanded_speed_is_reached_with_little_slip(requested: Twist2) -> None:
-    """Within 0.5 % of the speed; one clean contact point slips 2 mm/s or less at 1 m/s, twice that in a curve."""
+    """Within 0.5 % of the speed; a single contact point slips by at most 2 mm/s at 1 m/s, and twice that in a curve."""
     bench = make_bench()
     bench.servo()
     bench.drive(requested)
@@ -83,7 +83,7 @@ def test_commanded_speed_is_reached_with_little_slip(requested: Twist2) -> None:
     "requested", [Twist2(1.0, 0.0, 0.0), Twist2(0.0, 0.5, 0.0), Twist2(0.0, 0.0, 0.6), Twist2(0.5, 0.2, 0.4)]
 )
 def test_with_chair_and_120_kg_the_drive_follows_within_2_percent(requested: Twist2) -> None:
-    """The chair swings 0.95 m ahead; the latch gives way by less than 0.5 mm and 0.1 deg, and no motor is short."""
+    """The chair swings 0.95 m ahead; the latch deflects by less than 0.5 mm and 0.1 deg, and no motor saturates."""
     rig = Rig(ROBOT, PARAMS, Setup(load_world("flat"), 1, IDENTITY, attached_at_start=True, passenger_mass_kg=120.0))
     dock_pose = load_docks().docks["chair_1"].dock_pose.pose()
     errors: list[tuple[float, float, float]] = []
@@ -126,7 +126,7 @@ def test_brake_holds_on_a_slope(slope_deg: float, passenger_kg: float | None, se
 
 
 def test_without_brakes_it_would_roll() -> None:
-    """The same slope with brakes that hold nothing: the robot rolls off, so the brake test can fail."""
+    """The same slope with brakes that do not hold: the robot rolls off, so the brake test can fail."""
     bench = on_slope(10.0, None)
     bench.world.drives._parameters[loops.P_BRAKE_TORQUE] = 0.0
     bench.run(2.0)
@@ -148,7 +148,7 @@ def test_climbs_5_degrees_at_half_a_metre_per_second(passenger_kg: float | None)
 
 @pytest.mark.parametrize("passenger_kg", [None, 120.0])
 def test_emergency_stop_from_1_mps(passenger_kg: float | None) -> None:
-    """Speed command down at 2.0 m/s2: 0.25 m by the command, less than 0.40 m on the ground, and no wheel locks."""
+    """The command falls at 2.0 m/s2: 0.25 m by the command, less than 0.40 m on the ground, no wheel locks."""
     bench = make_bench(passenger_kg=passenger_kg)
     bench.servo()
     bench.drive(Twist2(1.0, 0.0, 0.0), 0.5)
@@ -198,7 +198,7 @@ def test_braking_pitches_the_robot_forward() -> None:
 
 
 def test_a_slippery_wheel_spins() -> None:
-    """Friction 0.02 under one wheel: 4 N at most, where 1 m/s2 asks it for 20 N; on dry ground it hardly slips."""
+    """Friction 0.02 under one wheel: at most 4 N, while 1 m/s2 needs 20 N; on dry ground the wheel hardly slips."""
 
     def worst_slip(friction: float | None) -> float:
         bench = make_bench()
@@ -266,7 +266,7 @@ def test_a_wall_stops_the_robot() -> None:
 
 
 def ride(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Final state and speed readings of one short ride."""
+    """Returns the final state and speed readings of one short ride."""
     bench = make_bench(seed=seed)
     bench.servo()
     seen: list[np.ndarray] = []

@@ -1,6 +1,6 @@
-"""Robots of three sizes, their LiDAR mounted in three ways: config/robot.yaml differs and nothing else.
+"""Robots of three sizes with three LiDAR mountings: only config/robot.yaml differs.
 
-On the deterministic scheduler, by the nodes of drive, localization, navigation and docking.
+On the deterministic scheduler, with the nodes of drive, localization, navigation and docking.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @pytest.fixture(params=list(SIZES))
 def size(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """The configuration in force is that of a robot of this size."""
+    """Makes the configuration that of a robot of this size."""
     name: str = request.param
     shipped, own = config_dir(), SIZES[name].write(tmp_path)
     monkeypatch.setenv("ROBOT_STACK_CONFIG", str(own))
@@ -57,7 +57,7 @@ def size(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def sweep_of(robot: Robot, world: WorldFile, at: Pose2 = IDENTITY) -> Sweep:
-    """What its LiDAR publishes of a standing robot, of fewer columns."""
+    """Returns the published sweep of the robot's LiDAR at rest, with fewer columns."""
     params = load_lidar_params().with_columns(COLUMNS)
     scene = build_scene(world, params, load_sim_params().wheelchair)
     return Lidar(scene, params, robot, seed=3).sweep(still(pose_of(at, 0.0, UP)), 0.0)
@@ -79,7 +79,7 @@ def test_it_drives_to_a_goal(size: str) -> None:
         assert measured.distance_to(pose) < 0.02, "odometry measures with the robot's own wheels"
 
 
-@pytest.mark.timeout(900)  # two dockings, of which the first teaches
+@pytest.mark.timeout(900)  # two dockings, the first of which teaches
 def test_it_docks(size: str) -> None:
     trial = Trial(
         seed=5,
@@ -114,7 +114,7 @@ def test_its_lidar_sees_level_ground_and_what_stands_on_it(size: str) -> None:
 
 
 def test_its_lidar_finds_it_in_the_map(size: str) -> None:
-    """The map is the shipped one, made by the shipped robot."""
+    """The map is the shipped one, built with the shipped robot."""
     robot, at = load_robot(), Pose2(9.0, 1.2, 0.4)
     params = load(LocalizationParams, "ndt_localization")
     solver = SweepSolver(load_map(params.map).cells, params.ndt, robot.lidar_xyz_m)
@@ -139,7 +139,7 @@ def test_what_other_files_would_repeat_follows_from_it(size: str) -> None:
 
 
 def test_a_turned_lidar_publishes_in_the_robots_axes(size: str) -> None:
-    """Beams go out as it is mounted, points come with base_link's axes: level ground is level."""
+    """Beams leave as mounted, points arrive in base_link's axes: level ground is level."""
     robot = load_robot()
     xyz = xyz_of(sweep_of(robot, load_world("flat")).points)
     assert abs(float(np.median(xyz[:, 2])) + robot.lidar_xyz_m[2]) < 0.02

@@ -1,4 +1,4 @@
-"""Pacing, requests between threads, and the loop, without a clock of their own where possible."""
+"""Pacing, requests between threads, and the loop, with a fake clock where possible."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_a_short_lag_is_caught_up_at_twice_the_pace_and_counted() -> None:
         if now_s < 0.001 * steps:  # on time again
             break
         now_s += 1e-6
-    # 19.5 ms behind: each half period brings half a period.
+    # 19.5 ms behind: each half period catches up by half a period.
     assert len(begun_s) == pytest.approx(39, abs=2)
     assert min(later - earlier for earlier, later in itertools.pairwise(begun_s)) > 0.00049
     report = pacer.report(now_s)

@@ -1,4 +1,4 @@
-"""People: they walk as written, stop before machines, can be touched, and can be left out."""
+"""People: they walk along their paths, stop in front of machines, can be touched, and can be omitted."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ def test_nobody_jumps(time_s: float, dt_s: float) -> None:
 
 def test_a_person_stops_while_the_robot_is_close_ahead_and_goes_on() -> None:
     walker = Walker(Person(name="a", points_m=[(0.0, 0.0), (9.0, 0.0)], speed_mps=1.0))
-    robot = Pose2(4.0, 0.0, 0.5 * math.pi)  # across the way: its side is at x = 3.65
+    robot = Pose2(4.0, 0.0, 0.5 * math.pi)  # across the path: its side is at x = 3.65
     for _ in range(600):
         walker.step(0.01, robot, ROBOT.footprint)
-    # Radius 0.25 and 0.6 of room before the side of the robot.
+    # Radius 0.25 plus 0.6 of clearance to the side of the robot.
     assert walker.pose().x == pytest.approx(4.0 - 0.5 * ROBOT.footprint.width_m - 0.85, abs=0.02)
     for _ in range(300):
         walker.step(0.01, FAR, ROBOT.footprint)
@@ -64,14 +64,14 @@ def test_a_person_stops_while_the_robot_is_close_ahead_and_goes_on() -> None:
 def test_who_has_waited_long_enough_turns_back() -> None:
     walker = Walker(Person(name="a", points_m=[(0.0, 0.0), (9.0, 0.0)], speed_mps=1.0, pause_s=2.0))
     robot = Pose2(4.0, 0.0, 0.5 * math.pi)
-    for _ in range(690):  # 2.8 s of walking, 4 s of patience
+    for _ in range(690):  # 2.8 s of walking, 4 s of waiting
         walker.step(0.01, robot, ROBOT.footprint)
     stopped = walker.pose()
     assert math.cos(stopped.yaw) == pytest.approx(-1.0)
     for _ in range(100):
         walker.step(0.01, robot, ROBOT.footprint)
     assert walker.pose().x == pytest.approx(stopped.x - 1.0)
-    for _ in range(400):  # home, rests there, and comes again
+    for _ in range(400):  # returns to the start, rests there, and walks again
         walker.step(0.01, FAR, ROBOT.footprint)
     assert 0.1 < walker.pose().x < 0.5
     assert math.cos(walker.pose().yaw) == pytest.approx(1.0)
@@ -83,7 +83,7 @@ def test_what_stands_behind_a_person_is_not_in_the_way() -> None:
     assert not in_the_way(person, Pose2(-1.2, 0.0, 0.0), ROBOT.footprint)
     assert not in_the_way(person, Pose2(0.0, 1.0, 0.0), ROBOT.footprint)
     assert not in_the_way(person, Pose2(1.5, 0.0, 0.0), ROBOT.footprint)
-    # With the chair in front it reaches 1.4 m.
+    # With the chair in front the outline reaches 1.4 m.
     assert in_the_way(person, Pose2(2.0, 0.0, math.pi), ROBOT.footprint_with_chair)
     assert in_the_way(person, Pose2(0.1, 0.0, 0.0), ROBOT.footprint), "inside the machine"
 

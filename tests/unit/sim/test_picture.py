@@ -1,4 +1,4 @@
-"""Pictures of the robot, rendered off screen in a process of their own."""
+"""Pictures of the robot, rendered off screen in a separate process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A line through points: places along it, and distances from it."""
+"""A line through points: positions along it and distances from it."""
 
 from __future__ import annotations
 

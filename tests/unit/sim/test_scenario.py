@@ -88,7 +88,7 @@ def moment(time_s: float, x_m: float, speed_mps: float) -> Moment:
 
 
 def test_figures_of_a_ride_by_hand() -> None:
-    """1 m in 1 s at 1 m/s, an event, 0.25 m in 0.5 s to standstill; wheels commanded 1.0 and then 0.5 m/s."""
+    """1 m in 1 s at 1 m/s, an event, 0.25 m in 0.5 s to standstill; wheels commanded 1.0, then 0.5 m/s."""
     run_log = RunLog(
         moments=[moment(0.0, 0.0, 1.0), moment(1.0, 1.0, 1.0), moment(1.5, 1.25, 0.0), moment(2.0, 1.25, 0.0)]
     )
@@ -127,7 +127,7 @@ def test_nothing_noted_is_an_error() -> None:
 
 
 class Constant:
-    """A controller with one set point for ever."""
+    """A controller with one constant set point."""
 
     def __init__(self, speed_mps: float, angle_rad: float) -> None:
         self._modules = ModuleSetPoints((speed_mps,) * 4, (angle_rad,) * 4)

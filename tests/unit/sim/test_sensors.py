@@ -137,7 +137,7 @@ def test_idle_power_discharges_it_slowly() -> None:
 
 
 def test_voltage_by_hand() -> None:
-    """Charge 0.9: 13 x 4.05 V = 52.65 V open. 60 W idle: 1.141 A, 0.068 V lost inside."""
+    """Charge 0.9: 13 x 4.05 V = 52.65 V open-circuit. 60 W idle: 1.141 A, 0.068 V internal drop."""
     pack = battery()
     assert pack.open_circuit_v() == pytest.approx(52.65)
     pack.draw(np.zeros(8), np.zeros(8), 0.0)
@@ -175,7 +175,7 @@ def test_a_charger_fills_the_pack_and_says_so():
     reading = pack.read()
     assert reading.charging
     assert reading.current_a > 0.0
-    # 500 W less what the computer takes, at about 50 V, for an hour.
+    # 500 W minus the computer's power, at about 50 V, for an hour.
     power_w = 500.0 - PARAMS.battery.idle_power_w
     assert pack.charge - 0.5 == pytest.approx(power_w / 49.0 / PARAMS.battery.capacity_ah, rel=0.1)
     pack.charger_w = PARAMS.battery.idle_power_w / 2.0

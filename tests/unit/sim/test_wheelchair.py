@@ -1,4 +1,4 @@
-"""The wheelchair as a body of its own: where it stands, that it stays there, what it is in the way of."""
+"""The wheelchair as a separate body: its pose, its brake, and what it obstructs."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_world_without_a_chair_shows_none() -> None:
 
 
 def test_the_chargers_board_is_where_its_dock_frame_says() -> None:
-    """A ray from 1 m before the board, at its middle height, meets it at the frame's x = 0."""
+    """A ray from 1 m in front of the board, at its middle height, hits it at the frame's x = 0."""
     file = load_world("yard")
     world = World(ROBOT, PARAMS, Setup(file, 1, Pose2(5.0, 0.0, 0.0)))
     pose = file.stations["charger"].pose()
@@ -117,7 +117,7 @@ def test_nothing_touches_where_the_latch_can_take_it(off_m: tuple[float, float],
 
 
 def test_the_robot_pushes_it_with_effort() -> None:
-    """105 kg on a brake of 0.5: 515 N, which the latch's plates press on the rails 20 mm before the dock pose."""
+    """105 kg on a brake of 0.5 need 515 N, which the latch's plates apply to the rails 20 mm before the dock pose."""
     bench = make(CHAIR)
     bench.servo()
     forces: list[float] = []
@@ -129,7 +129,7 @@ def test_the_robot_pushes_it_with_effort() -> None:
 
 
 def test_dock_error_is_seen_from_the_chair() -> None:
-    """The chair at (2, 1) facing +y; docked the robot is at (2, 0.05). It stands 3 cm short and 2 cm to the right."""
+    """The chair at (2, 1) faces +y; docked, the robot is at (2, 0.05). It is 3 cm short and 2 cm to the right."""
     bench = make(Pose2(2.0, 1.0, 0.5 * math.pi), start=Pose2(2.02, 0.02, 0.5 * math.pi + 0.1))
     along, across, yaw = bench.world.dock_error(DOCK_POSE)
     assert (along, across, yaw) == pytest.approx((-0.03, -0.02, 0.1), abs=1e-6)
@@ -159,7 +159,7 @@ def test_robot_and_chair_fit_into_the_footprint_with_chair() -> None:
 
 
 def test_the_rails_cover_no_marker() -> None:
-    """Seen from wherever the camera can be on the way in, rails and castors lie below and beside every marker."""
+    """From any camera position on the approach, rails and castors are below and beside every marker."""
     chair, size = PARAMS.wheelchair, load_docks().marker_size_m
     lowest = min(place.z_m for place in DOCKS["chair_1"].markers.values()) - 0.5 * size
     widest = max(abs(place.y_m) for place in DOCKS["chair_1"].markers.values()) + 0.5 * size

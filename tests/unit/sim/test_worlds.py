@@ -1,4 +1,4 @@
-"""World files: what they refuse, and that the ground is where they say."""
+"""World files: rejected content, and the geometry of the ground."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def make_world(name: str) -> World:
 
 
 def height_at(world: World, x: float, y: float) -> float:
-    """Height of the topmost surface: a ray straight down from 10 m."""
+    """Returns the height of the topmost surface, by a ray straight down from 10 m."""
     hit = np.zeros(1, np.int32)
     groups = np.array([1, 0, 0, 0, 0, 0], np.uint8)
     start, down = np.array([x, y, 10.0]), np.array([0.0, 0.0, -1.0])
@@ -94,7 +94,7 @@ def test_the_yard_is_40_by_30_m() -> None:
 
 @pytest.mark.parametrize("name", [name for name in WORLDS if load_world(name).routes])
 def test_routes_are_free_of_obstacles(name: str) -> None:
-    """Within its half width a route meets nothing but flat ground or a ramp that it climbs."""
+    """Within its half width a route meets only flat ground or a ramp that it climbs."""
     world, file = make_world(name), load_world(name)
     for route in file.routes.values():
         for (x0, y0), (x1, y1) in zip(route.points_m, route.points_m[1:], strict=False):
@@ -200,9 +200,9 @@ def test_the_most_slippery_area_counts() -> None:
 
 
 def test_the_missions_of_the_yard_stay_on_free_ground() -> None:
-    """Straight from waypoint to waypoint of each mission without a dock, 0.8 m to either side.
+    """Straight lines between the waypoints of each mission without a dock, 0.8 m to either side.
 
-    A mission that has a route of its own name is meant for a planner: its way is that route.
+    A mission with a route of its own name is meant for a planner: its path is that route.
     """
     world, routes = make_world("yard"), load_world("yard").routes
     for path in sorted((config_dir() / "missions").glob("*.yaml")):

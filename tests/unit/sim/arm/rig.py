@@ -1,4 +1,4 @@
-"""The arm on a bus that a test serves itself: commands in rad at the joints, as an engine would send them."""
+"""The arm on a bus that a test serves: commands in rad at the joints, as an engine would send them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def arm_params(**changes: Any) -> ArmParams:
 
 
 class ArmRig:
-    """An arm and the master of its bus."""
+    """An arm and its bus master."""
 
     def __init__(self, **changes: Any) -> None:
         self.params = arm_params(**changes)
@@ -52,14 +52,14 @@ class ArmRig:
         self.out.velocity_counts_per_s[:] = speeds * self._counts_per_rad
 
     def on(self) -> ArmRig:
-        """Servos on where the arm stands."""
+        """Switches the servos on at the arm's current position."""
         self.out.servo_on[:] = True
         self.run(0.15)
         assert self.inp.servo_on.all()
         return self
 
     def follow(self, path: Any, seconds: float) -> None:
-        """Sends path(t) and path(t, 1), rad and rad/s, each cycle; ``worst`` keeps the largest following errors."""
+        """Sends path(t) and path(t, 1), rad and rad/s, each cycle; ``worst`` holds the largest following errors."""
         self.worst[:] = 0.0
         for step in range(1, round(seconds / DT_S) + 1):
             wanted = path(step * DT_S)
@@ -68,7 +68,7 @@ class ArmRig:
             np.maximum(self.worst, np.abs(wanted - self.positions), out=self.worst)
 
     def go(self, goal: Row, seconds: float) -> None:
-        """To ``goal`` along a cubic, then 0.2 s of rest."""
+        """Moves to ``goal`` along a cubic, followed by 0.2 s of rest."""
         start = self.commanded
         way = goal - start
 
@@ -86,15 +86,15 @@ class ArmRig:
 
     @property
     def positions(self) -> Row:
-        """(6,) rad, what the encoders say."""
+        """(6,) encoder positions, rad."""
         return np.asarray(self.inp.position_counts / self._counts_per_rad)
 
     @property
     def truth(self) -> Row:
-        """(6,) rad, where the joints are."""
+        """(6,) true joint positions, rad."""
         return self.arm.truth().positions[:N_JOINTS]
 
     @property
     def speeds(self) -> Row:
-        """(6,) rad/s, how fast the joints are."""
+        """(6,) joint speeds, rad/s."""
         return self.arm.truth().speeds[:N_JOINTS]

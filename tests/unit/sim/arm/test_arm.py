@@ -1,4 +1,4 @@
-"""The arm as a machine: its size, its gripper, its fit to the engine's configuration, its faults."""
+"""The arm as a machine: its size, gripper, match with the engine's configuration, and faults."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_fingers_move_at_their_speed_and_the_bit_decides() -> None:
     assert rig.arm.truth().positions[6:] == pytest.approx([0.5 * stroke] * 2, abs=0.003)
     rig.run(0.5 * stroke / speed + 0.1)
     assert rig.arm.truth().positions[6:] == pytest.approx([stroke] * 2, abs=1e-3)
-    rig.out.outputs[0] = 0b11111110  # other bits do not matter
+    rig.out.outputs[0] = 0b11111110  # other bits are ignored
     rig.run(stroke / speed + 0.1)
     assert rig.arm.truth().positions[6:] == pytest.approx([0.0, 0.0], abs=1e-3)
 
@@ -88,7 +88,7 @@ def test_the_cube_is_grasped_lifted_and_let_go() -> None:
     rig.go(at, 0.8)
     rig.out.outputs[0] = 1
     rig.run(0.5)
-    assert (rig.arm.truth().positions[6:] < 0.03).all()  # it keeps the fingers apart
+    assert (rig.arm.truth().positions[6:] < 0.03).all()  # the cube keeps the fingers apart
     rig.go(above, 0.8)
     assert rig.arm.cube_position_m()[2] == pytest.approx(0.1 + 0.5 * cube.edge_m, abs=0.02)
     rig.out.outputs[0] = 0
@@ -98,7 +98,7 @@ def test_the_cube_is_grasped_lifted_and_let_go() -> None:
 
 
 def joints_of(arm: ArmWorld, tool_m: np.ndarray, guess: np.ndarray) -> np.ndarray:
-    """Joint angles that bring the tool there, pointing down, fingers along the base's axes."""
+    """Returns joint angles that place the tool there, pointing down, fingers along the base's axes."""
     data = mujoco.MjData(arm.model)
 
     def miss(joints: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The joint drives in physics: they hold the arm's weight, follow, stay within limits, and end in a safe state."""
+"""The joint drives in physics: they hold the arm's weight, follow, keep their limits, and end in a safe state."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _TRACKING_RAD = 0.005
 
 
 def weight_at_joint_2(rig: ArmRig) -> float:
-    """Nm about joint 2 of the arm stretched out horizontally, from masses and lengths alone."""
+    """Returns the torque about joint 2 of the arm stretched out horizontally, Nm, from masses and lengths alone."""
     body, gripper, mass = rig.params.body, rig.params.gripper, rig.params.body.mass_kg
     elbow, wrist = body.upper_arm_m, body.upper_arm_m + body.forearm_m
     spread = 1.0 - body.elbow_share
@@ -45,9 +45,9 @@ def test_the_stretched_arm_is_held_by_its_motors() -> None:
     motor = rig.arm.bus.torques_nm
     expected = weight_at_joint_2(rig)
     assert expected == pytest.approx(36.1, abs=0.1)
-    # Dry friction bears a part of it: how much, depends on how the joint came to rest.
+    # Dry friction carries a part of it, which depends on how the joint came to rest.
     assert -motor[1] == pytest.approx(expected, abs=rig.params.kind(1).friction_nm)
-    # The engine sees it in percent of the rated torque, in the encoder's direction, which is reversed here.
+    # The engine reads it in percent of the rated torque, in the encoder's direction, which is reversed here.
     assert rig.inp.torque_percent[1] == pytest.approx(-100.0 * motor[1] / rig.rated_nm[1], abs=0.1)
 
 
@@ -79,7 +79,7 @@ def test_servo_on_is_reported_when_the_brake_is_open() -> None:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_random_splines_are_followed(seed: int) -> None:
-    """Up to 2 rad/s: a cycle of the bus alone is 0.002 rad of it."""
+    """Up to 2 rad/s: one cycle of the bus alone is 0.002 rad."""
     random = np.random.default_rng(seed)
     knots = random.uniform(-0.8, 0.8, (5, 6))
     start = np.array([0.0, 0.3, 0.6, 0.0, 0.3, 0.0])
@@ -93,7 +93,7 @@ def test_random_splines_are_followed(seed: int) -> None:
 
     rig.follow(path, 4.0 * slowed)
     assert rig.worst.max() < _TRACKING_RAD
-    assert rig.worst.max() > 0.0005  # it did move
+    assert rig.worst.max() > 0.0005  # the arm has moved
     assert not rig.inp.alarm_code.any()
 
 
@@ -104,7 +104,7 @@ def test_following_error_in_steady_motion_is_one_cycle_of_the_bus() -> None:
     rig.follow(lambda t, derivative=0: np.asarray(ramp(t, derivative)), 1.5)
     rig.worst[:] = 0.0
     last = np.abs(rig.commanded - rig.positions)
-    # The feedback is of before the telegram, whose target is one cycle later: the rest is friction and inertia.
+    # The feedback is from before the telegram, whose target is one cycle later: the rest is friction and inertia.
     assert last[0] == pytest.approx(rate[0] * DT_S, abs=3e-4)
     assert last[5] == pytest.approx(rate[5] * DT_S, abs=3e-4)
 
@@ -126,8 +126,8 @@ def test_three_kilograms_are_carried_within_the_motors_limits() -> None:
 def test_a_load_beyond_the_motor_is_an_alarm_and_the_brake_holds_it() -> None:
     rig = ArmRig(
         start_rad=(*STRETCHED[:4], math.pi / 2, 0.0)
-    ).on()  # the gripper upright: nothing for the wrist to hold
-    rig.arm.set_payload(12.0)  # 73 Nm more than the 36 Nm of the arm: the motor has 90
+    ).on()  # the gripper is upright, so the wrist holds no weight
+    rig.arm.set_payload(12.0)  # 73 Nm in addition to the 36 Nm of the arm; the motor has 90 Nm
     highest = 0.0
     for _ in range(1500):
         rig.cycle()

@@ -1,4 +1,4 @@
-"""Arm and simulated engine together, through the client API that nodes use."""
+"""Arm and simulated engine together, through the client API used by nodes."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_positions_are_the_joints_angles(machine: EngineWithArm) -> None:
 
 
 def test_gravity_shows_in_the_torque_of_the_axis(machine: EngineWithArm) -> None:
-    """36.1 Nm of 56 Nm rated, less or more what friction bears; the axis has the joint's direction again."""
+    """36.1 Nm of 56 Nm rated, plus or minus friction; the axis has the joint's direction again."""
     torque = machine.status.actual_torque[1]
     assert torque == pytest.approx(-100.0 * 36.1 / 56.0, abs=100.0 * 3.0 / 56.0)
 

@@ -1,4 +1,4 @@
-"""What the camera tests share: cameras, places, and edges found in pictures without knowing how they were drawn."""
+"""Shared by the camera tests: cameras, poses, and edge detection that is independent of the rendering."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ FRAME = "front_camera"
 DOCKS: Docks = load_docks()
 PARAMS = load_camera_params()
 NOMINAL = mounting(load_robot(), FRAME)
-REACH_PX = 6  # to either side of where an edge is looked for
+REACH_PX = 6  # search range to either side of the expected edge
 
 
 def place(x_m: float, y_m: float, yaw_rad: float = 0.0, z_m: float = 0.0) -> Array:
-    """(4, 4) planar pose."""
+    """Returns a (4, 4) planar pose."""
     pose = np.eye(4)
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     pose[:2, :2], pose[:3, 3] = [[c, -s], [s, c]], (x_m, y_m, z_m)
@@ -57,7 +57,7 @@ def renderer(camera: TrueCamera, params: CameraParams, seed: int = 0) -> Rendere
 
 
 def project_on(camera: TrueCamera, points: Array, board: Array, base: Array) -> Array:
-    """(n, 2) pixels of (n, 3) points of the dock frame, by OpenCV."""
+    """Projects (n, 3) points of the dock frame to (n, 2) pixels with OpenCV."""
     view = np.linalg.inv(base @ camera.mounting) @ board
     turn, _ = cv2.Rodrigues(view[:3, :3])
     k, d = camera.intrinsics.matrix(), camera.intrinsics.coefficients()
@@ -74,7 +74,7 @@ def marker_sides(marker: int, points: int = 200) -> list[Array]:
 
 
 def edge_errors(picture: NDArray[np.uint8], sides: list[Array]) -> Array:
-    """How far (px, along rows or columns) the edges in a picture are from where curves of pixels (n, 2) say."""
+    """Returns the edge errors (px, along rows or columns) relative to expected curves of pixels (n, 2)."""
     found = []
     for index, curve in enumerate(sides):
         upright = index in (1, 3)
@@ -91,8 +91,8 @@ def edge_errors(picture: NDArray[np.uint8], sides: list[Array]) -> Array:
 
 
 def edge_in_line(values: Array, middle: int) -> float:
-    """Place of an edge in a line of pixels: where a step of the same area would be."""
+    """Returns the position of an edge in a line of pixels: the position of a step with the same area."""
     part = values[middle - REACH_PX : middle + REACH_PX + 1]
     before, after = part[:2].mean(), part[-2:].mean()
-    share = (part - after).sum() / (before - after)  # pixels that are still on the first side
+    share = (part - after).sum() / (before - after)  # pixels on the first side
     return middle - REACH_PX - 0.5 + float(share)

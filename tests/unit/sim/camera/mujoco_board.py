@@ -41,11 +41,11 @@ def board_texture() -> tuple[np.ndarray, tuple[float, float]]:
 def main(path: str, distance_m: float, left_m: float, yaw_rad: float) -> None:
     image, (width_m, height_m) = board_texture()
     _, png = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
-    # The board stands in the dock frame at x = 0, its face towards -x; seen by a camera that looks along x.
+    # The board is at x = 0 in the dock frame and faces -x; the camera looks along x.
     y, low, high = 0.5 * width_m, 0.45 - 0.5 * height_m, 0.45 + 0.5 * height_m
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     fovy = math.degrees(2.0 * math.atan(0.5 * HEIGHT / FOCAL_PX))
-    # The quad itself is flat, which MuJoCo wants no hull of: a point far behind it gives the mesh a volume.
+    # MuJoCo needs a hull, but the quad is flat: a point far behind it gives the mesh a volume.
     eye = f'pos="{-distance_m} {left_m} 0.45" xyaxes="{s} {-c} 0 0 0 1" fovy="{fovy}"'
     xml = f"""<mujoco><visual><global offwidth="{WIDTH}" offheight="{HEIGHT}"/><map znear="0.01"/>
       <quality offsamples="0"/><headlight ambient="0 0 0" diffuse="0 0 0" specular="0 0 0"/></visual>

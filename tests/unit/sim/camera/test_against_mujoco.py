@@ -1,4 +1,4 @@
-"""The same board in MuJoCo's own renderer: edges at the same places."""
+"""The same board in MuJoCo's renderer has its edges at the same places."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def by_mujoco(path: Path, distance_m: float, left_m: float, yaw_rad: float) -> n
 @pytest.mark.parametrize(("distance_m", "left_m", "yaw_rad"), [(0.6, 0.0, 0.0), (0.9, 0.25, -0.2)])
 def test_edges_agree(tmp_path: Path, distance_m: float, left_m: float, yaw_rad: float) -> None:
     theirs = by_mujoco(tmp_path / "board.png", distance_m, left_m, yaw_rad)
-    # base_link such that the nominal camera, 0.35 m ahead of it, is where MuJoCo's is.
+    # base_link such that the nominal camera, 0.35 m ahead of it, is at MuJoCo's camera.
     base = place(-distance_m, left_m, yaw_rad) @ place(-0.35, 0.0)
     ours = renderer(PINHOLE, sharp()).render(Motion.still(base, {"chair_1": np.eye(4)}))
     for marker in DOCKS.docks["chair_1"].markers:
         sides = [project_on(PINHOLE, side, np.eye(4), base) for side in marker_sides(marker)]
         apart = edge_errors(ours, sides) - edge_errors(theirs, sides)
         assert len(apart) > 300
-        # MuJoCo samples a pixel in its middle: along one line its edges are only so good.
+        # MuJoCo samples a pixel at its centre, which limits the accuracy of an edge along one line.
         assert np.abs(apart).max() < 0.1

@@ -1,4 +1,4 @@
-"""Each condition does to a picture what it says, and only the seed decides what is random."""
+"""Each condition changes a picture as specified, and randomness depends only on the seed."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def marker_patch(picture: NDArray[np.uint8], marker: int) -> NDArray[np.uint8]:
 
 @pytest.fixture(scope="module")
 def plain() -> Renderer:
-    """Sharp and free of noise."""
+    """Returns a sharp camera without noise."""
     return renderer(CAMERA, sharp())
 
 
@@ -164,7 +164,7 @@ def test_what_stands_before_a_board_hides_it() -> None:
     charger = place(-3.45, 0.0, np.pi)
     behind_the_depot = place(-7.0, 0.0, 0.0)
     assert ids(view.render(Motion.still(place(-1.5, 0.0, np.pi), {"charger": charger}))) == {4, 5, 6, 7}
-    turned = charger @ place(0.0, 0.0, np.pi)  # its front towards the depot
+    turned = charger @ place(0.0, 0.0, np.pi)  # its front faces the depot
     assert ids(view.render(Motion.still(behind_the_depot, {"charger": turned}))) == set()
 
 

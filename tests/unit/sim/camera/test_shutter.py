@@ -1,4 +1,4 @@
-"""Rolling shutter and motion blur: what moves is sheared and smeared by the pixels that its speed says."""
+"""Rolling shutter and motion blur: moving objects are sheared and smeared according to their speed."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def sliding(base: np.ndarray, left_mps: float) -> Track:
 def left_edge(
     picture: np.ndarray, base: np.ndarray, rows: range, beside: np.ndarray | float = 0.0, camera: TrueCamera = CAMERA
 ) -> np.ndarray:
-    """Columns of marker 0's left side in rows of a picture; looked for ``beside`` where a still camera sees it."""
+    """Returns the columns of marker 0's left side in rows of a picture, ``beside`` a still camera's columns."""
     curve = project_on(camera, marker_sides(0)[3], BOARD, base)
     order = np.argsort(curve[:, 1])
     wanted = np.interp(rows, curve[order, 1], curve[order, 0]) + beside
@@ -58,14 +58,14 @@ def test_a_yawing_camera_shears_the_board() -> None:
     params = sharp(exposure_s=1e-6, row_time_s=row_s)
     pinhole = TrueCamera(FRAME, replace(calibrated(), distortion=(0.0,) * 5), NOMINAL)
     view = renderer(pinhole, params)
-    # A time of its own: what counts is the time relative to the picture's.
+    # An arbitrary time: only the time relative to the picture counts.
     calm = view.render(Motion.still(base, {"chair_1": BOARD}))
     track = turning(base, rate)
     moved = view.render(Motion(7.0, Track(track.times_s + 7.0, track.poses), {"chair_1": still(BOARD)}))
     rows = range(110, 270)
     column = left_edge(calm, base, rows, camera=pinhole)
-    # A turn to the left moves what is seen to the right: f (1 + x^2) per rad, x the column's normalized coordinate;
-    # and the camera, 0.35 m ahead of the turning point, to the left: f / distance per metre, 0.65 m from the board.
+    # A left turn moves the image to the right: f (1 + x^2) per rad, x the column's normalized coordinate; and the
+    # camera, 0.35 m ahead of the turning point, to the left: f / distance per metre, 0.65 m from the board.
     x = (column.mean() - CAMERA.intrinsics.cx) / CAMERA.intrinsics.fx
     per_rad = CAMERA.intrinsics.fx * (1.0 + x * x + 0.35 / 0.65)
     expected = rate * (np.array(rows) - 359.5) * row_s * per_rad
@@ -103,7 +103,7 @@ def test_motion_blur_is_as_long_as_the_way_during_the_exposure(speed_mps: float)
     columns = np.arange(len(weights))
     variance = weights @ (columns - weights @ columns) ** 2
     length = CAMERA.intrinsics.fx / 0.6 * speed_mps * exposure
-    # The pixel, the difference of pixels and the way, each a box: variances 1/12, 1/12 and length^2 / 12.
+    # The pixel, the difference of pixels and the motion are boxes: variances 1/12, 1/12 and length^2 / 12.
     assert math.sqrt(max(0.0, 12.0 * variance - 2.0)) == pytest.approx(length, rel=0.03)
 
 

@@ -1,4 +1,4 @@
-"""A camera at rest composes its picture once: what it shows is what a camera shows that has just arrived."""
+"""A camera at rest composes its picture once; the result equals that of a camera that has just arrived."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small worlds and sensors that the tests of the LiDAR share."""
+"""Small worlds and sensors shared by the tests of the LiDAR."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def world(**more: Any) -> WorldFile:
 
 @cache
 def exact(columns: int = 360) -> LidarParams:
-    """No noise, no errors of rings, nothing lost, nominal mounting."""
+    """Returns parameters without noise, ring errors and losses, with the nominal mounting."""
     return changed(
         columns,
         ranging={"noise_m": 0.0, "lost_share": 0.0, "mixed_share": 0.0, "range_at_ten_percent_m": 1e6, **TRUE_RINGS},
@@ -55,7 +55,7 @@ def lidar(file: WorldFile, params: LidarParams, seed: int = 0, people: tuple[str
 
 
 def pose(x: float, y: float, yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0, z: float = 0.0) -> np.ndarray:
-    """(4, 4)."""
+    """Returns a (4, 4) pose."""
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix()
     matrix[:3, 3] = x, y, z

@@ -1,4 +1,4 @@
-"""Panes of glass: the sensor reports the pane, what is behind it, or a mirror image behind it."""
+"""Panes of glass: the sensor reports the pane, the background, or a mirror image behind the pane."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sensor's own doing: noise, drop-outs, wet ground, faults, the order of beams, the true mounting."""
+"""Effects of the sensor: noise, drop-outs, wet ground, faults, the order of beams, the true mounting."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def wall_points(noise: dict[str, float], conditions: Conditions, seed: int = 3) 
 
 
 def misses(points: np.ndarray) -> np.ndarray:
-    """Range less what the wall's face at 4.8 m would give."""
+    """Returns the range error relative to the wall's face at 4.8 m."""
     xyz = np.c_[points["x"], points["y"], points["z"]].astype(float)
     far = np.linalg.norm(xyz, axis=1)
     return far - 4.8 * far / xyz[:, 0]

@@ -1,4 +1,4 @@
-"""A low sun: false returns at any range in the beams that look near it, and true ones that drown."""
+"""A low sun: false returns at any range in beams near it, and lost true returns."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def xyz_of(sweep: Sweep) -> np.ndarray:
 
 
 def away_deg(xyz: np.ndarray, sun: Sun, yaw_deg: float = 0.0) -> np.ndarray:
-    """Of each point's beam from the sun, as the sensor sees it."""
+    """Returns the angle of each point's beam from the sun, as the sensor sees it."""
     towards = Sun(sun.azimuth_deg - yaw_deg, sun.elevation_deg).direction()
     cosine = xyz @ towards / np.linalg.norm(xyz, axis=1)
     return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
@@ -38,7 +38,7 @@ def away_deg(xyz: np.ndarray, sun: Sun, yaw_deg: float = 0.0) -> np.ndarray:
 
 @pytest.mark.parametrize("yaw_deg", [0.0, 120.0])
 def test_false_returns_stand_before_the_sun_at_any_range(yaw_deg: float) -> None:
-    """The sun stays where it is in map when the robot turns."""
+    """The sun keeps its direction in map when the robot turns."""
     sweep = sensor().sweep(still(pose(0.0, 0.0, math.radians(yaw_deg))), 0.0, conditions=SUN)
     false = xyz_of(sweep)[sweep.labels == labels.AIRBORNE]
     assert len(false) > 200

@@ -1,4 +1,4 @@
-"""Rain, snow and dust: what is in the air returns from near and dimly, and dims what is behind it."""
+"""Rain, snow and dust: airborne returns are near and weak, and weaken the returns behind them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def sensor(seed: int = 3, walls: bool = False) -> Lidar:
 
 
 def airborne(weather: Weather, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
-    """Ranges and intensities."""
+    """Returns the ranges and intensities of airborne returns."""
     sweep = sensor(seed).sweep(HERE, 0.0, conditions=Conditions(weather=weather))
     mine = sweep.labels == labels.AIRBORNE
     return far_of(sweep)[mine], sweep.points["intensity"][mine]
@@ -55,7 +55,7 @@ def test_harder_rain_has_more_and_farther_drops_and_extinction_as_measured() -> 
 
 
 def test_the_mean_number_is_that_of_the_table() -> None:
-    """Beams that look at the sky, whatever they meet is seen."""
+    """Beams towards the sky detect every particle that they hit."""
     device = sensor()
     sky = int((np.linspace(-30.0, 15.0, 64) > 0.5).sum()) * 1200
     counts = []
