@@ -1,4 +1,4 @@
-"""The ground around the robot by itself: what floors of looks make of it."""
+"""The ground model around the robot alone: how the floors of looks change it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Surface = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 def floor(surface: Surface, *, within_m: float = 2.8, noise_m: float = 0.0, returns: int = 10) -> NDArray[np.float32]:
-    """Ground whose height depends on x alone, seen in every cell ahead and around."""
+    """Returns ground whose height depends on x alone, seen in every cell around."""
     at = np.arange(-within_m, within_m, 0.05) + 0.012
     x, y = (grid.ravel() for grid in np.meshgrid(at, at))
     z = surface(x) + noise_m * np.random.default_rng(1).standard_normal(len(x)) / math.sqrt(returns)
@@ -44,14 +44,14 @@ def slope_down(deg: float, begin_m: float = -9.0, end_m: float = 9.0) -> Surface
 
 
 def between(points: NDArray[np.float32], low_m: float, high_m: float) -> NDArray[np.float32]:
-    """Those of points (n, 3) or (n, 4) that do not lie between two distances ahead."""
+    """Returns the points (n, 3) or (n, 4) outside of an interval of distances ahead."""
     return points[(points[:, 0] < low_m) | (points[:, 0] > high_m)]
 
 
 @pytest.mark.parametrize("depth_m", [0.05, 0.08, 0.3, 3.0])
 def test_ground_that_falls_is_an_edge(depth_m: float) -> None:
     edges = footing(floor(step_down(depth_m), noise_m=0.014)).edges(IDENTITY)
-    assert len(np.unique(np.round(edges[:, 1], 2))) > 90  # all along
+    assert len(np.unique(np.round(edges[:, 1], 2))) > 90  # along the whole edge
     assert edges[:, 0].min() > 1.3
     assert edges[:, 0].max() < 1.6
     assert not edges[:, 2].any()
@@ -65,7 +65,7 @@ def test_ground_that_falls_is_an_edge(depth_m: float) -> None:
         slope_down(10.0),
         slope_down(10.0, 1.0, 2.0),
         slope_down(-10.0, 1.0, 2.0),
-        slope_down(18.0),  # too steep to climb, and even
+        slope_down(18.0),  # even, but too steep to climb
     ],
     ids=["level", "kerb down of 3 cm", "slope", "crest and foot", "ramp up", "steep slope"],
 )
@@ -89,7 +89,7 @@ def test_a_ramp_explains_a_fall_across_what_is_hidden() -> None:
 
 
 def test_the_direction_of_the_fall_does_not_matter() -> None:
-    """Behind, aside and at an angle."""
+    """Behind, to the side and at an angle."""
     points = floor(step_down(0.10))
     for yaw in (math.pi, 0.5 * math.pi, 0.25 * math.pi, -0.75 * math.pi):
         c, s = math.cos(yaw), math.sin(yaw)
@@ -151,7 +151,7 @@ def test_odometry_that_begins_anew_forgets_the_ground() -> None:
 
 
 def test_heights_are_those_of_one_plane_however_the_robot_climbs() -> None:
-    """Up a slope of 10 deg: what was seen before lies lower now, seen from base_link."""
+    """Up a slope of 10 deg: in base_link the ground seen before becomes lower."""
     found, tilt = Footing(PARAMS.footing, PARAMS.space), (math.tan(math.radians(10.0)), 0.0)
     for x in np.arange(0.0, 1.5, 0.1):
         seen = floor(lambda ahead: tilt[0] * ahead, within_m=1.2 + 0.1 * round(x) % 3)

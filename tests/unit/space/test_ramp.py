@@ -1,4 +1,4 @@
-"""A ramp too steep to climb is ground nevertheless: the robot stops on it by its slope, not before it."""
+"""A ramp too steep to climb is still ground: the slope limit stops the robot on it, not an obstacle in front of it."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from sim.worldfile import load_world
 from tests.unit.space.yard import PARAMS, ROBOT, STEP_S, _track
 
 FOOT_M, CREST_M, ASIDE_M = 1.5, 4.1, 0.5  # of config/worlds/steep_ramp.yaml
-REACHED_M = 1.0  # of base_link: the front stands on the foot
+REACHED_M = 1.0  # of base_link: the front is at the foot
 _ELSEWHERE = _track([(0.0, Pose2(100.0, 100.0, 0.0))])
 
 
 class Ride:
-    """Straight towards the ramp, with both LiDARs, until the front wheels are about to climb."""
+    """Drives straight towards the ramp, with both LiDARs, until the front wheels are about to climb."""
 
     def __init__(self, seed: int, columns: int) -> None:
         world, chair = load_world("steep_ramp"), load_sim_params().wheelchair
@@ -36,7 +36,7 @@ class Ride:
         self.pose, self._now_s, self._half = IDENTITY, 100.0, 0
 
     def step(self, vx_mps: float) -> NDArray[np.float32]:
-        """Half a turn of the LiDAR. Returns the obstacles between robot and crest, (n, 3) odom."""
+        """Runs half a turn of the LiDAR. Returns the obstacles between robot and crest, (n, 3) odom."""
         self._now_s += STEP_S
         before, self.pose = self.pose, self.pose.compose(Pose2(vx_mps * STEP_S, 0.0, 0.0))
         self.pipeline.motion.on_odometry(self._now_s, self.pose, Twist2(vx_mps, 0.0, 0.0))
@@ -53,7 +53,7 @@ class Ride:
 
 @pytest.mark.parametrize(("columns", "seed"), [(400, 1), (400, 2), (800, 3)])
 def test_a_ramp_too_steep_to_climb_is_no_obstacle_at_its_foot(columns: int, seed: int) -> None:
-    """Nor remembered as one: the robot would stand before it. Far up single cells may be taken for steps."""
+    """A remembered obstacle would stop the robot in front of it. Far up, single cells may appear as steps."""
     ride = Ride(seed, columns)
     while ride.pose.x < REACHED_M:
         found = ride.step(0.5)
