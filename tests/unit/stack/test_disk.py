@@ -1,4 +1,4 @@
-"""Faults of the disk under the files that outlive a process."""
+"""Disk faults under the files that outlive a process."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _STOPPED = Memory((ESTOP_PRESSED,), passenger=True)
 
 
 class Prompt:
-    """A worker whose jobs are done at once."""
+    """A worker that executes jobs at once."""
 
     def submit(self, job: Callable[[], Any], done: Callable[[Any], None]) -> None:
         done(job())
 
     def close(self, timeout_s: float) -> None:
-        """Nothing runs."""
+        """No thread to end."""
 
 
 class Stage:

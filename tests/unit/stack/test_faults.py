@@ -1,4 +1,4 @@
-"""Plans of faults, faults by chance, and the smallest list that fails."""
+"""Fault plans, random faults, and the smallest list that still fails."""
 
 from __future__ import annotations
 

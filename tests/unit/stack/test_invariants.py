@@ -1,4 +1,4 @@
-"""Each invariant can fail: the violation is made directly, on a world of a few numbers."""
+"""Each invariant can fail: the violation is made directly, on a minimal fake world."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _TIMED = (
 
 
 class Scene:
-    """A stack in which nothing is but what the invariants look at. All messages arrive unless ``missing`` has them."""
+    """A fake stack with only the parts that the invariants read. All messages arrive unless listed in ``missing``."""
 
     def __init__(self) -> None:
         pose = SimpleNamespace(x=0.0, y=0.0, yaw=0.0)
@@ -131,7 +131,7 @@ def test_motion_in_an_emergency_stop(scene: Scene) -> None:
     scene.safety("EMERGENCY_STOP", "ESTOP_PRESSED")
     scene.limit(0.0)
     scene.run(0.8, speed_mps=1.0)
-    assert "moves_while_stopped" not in scene.names  # it may still brake
+    assert "moves_while_stopped" not in scene.names  # braking is still permitted
     scene.run(1.0, speed_mps=0.2)
     assert "moves_while_stopped" in scene.names
 

@@ -1,4 +1,4 @@
-"""Rides drawn from a seed: each is a scenario, and none begins where something may touch a robot that stands."""
+"""Rides drawn from a seed: each is a valid scenario, and nothing can touch the robot at its start."""
 
 from __future__ import annotations
 
