@@ -1,4 +1,4 @@
-"""What the fleet writes for its processes."""
+"""The files that the fleet writes for its processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logs, control socket, leftovers: what the supervisor does to the machine."""
+"""Logs, control socket and leftovers: the supervisor's effects on the machine."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class TestLogs:
 
 @pytest.fixture
 def server(runtime_dir: Path) -> Iterator[list[dict[str, Any]]]:
-    """A control server that answers status with 1, keeps ``down`` unanswered, in a thread of its own."""
+    """A control server in its own thread: it answers status with 1 and never answers ``down``."""
     asked: list[dict[str, Any]] = []
     kept: list[Reply] = []
     selector = selectors.DefaultSelector()
@@ -115,7 +115,7 @@ class TestControl:
         with socket.socket(socket.AF_UNIX) as connection:
             connection.settimeout(5.0)
             connection.connect(str(socket_path()))
-            with pytest.raises(OSError):  # noqa: PT011 - broken pipe or reset, as the kernel likes
+            with pytest.raises(OSError):  # noqa: PT011 - broken pipe or reset, depending on the kernel
                 connection.sendall(b"x" * 10_000_000)
         assert ask("status") == {"answer": 1}
 

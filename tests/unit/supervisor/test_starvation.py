@@ -1,4 +1,4 @@
-"""How long a silent process has waited for a processor, and what the kernel says of real ones."""
+"""Waiting time of a silent process for a processor, and the kernel's data on real processes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PID = 7
 
 
 class Kernel:
-    """What it says of a process."""
+    """The kernel's data on a process."""
 
     def __init__(self) -> None:
         self.seen: Turns | None = Turns(10.0, 100, runnable=False)
@@ -42,7 +42,7 @@ def test_one_that_waits_for_its_turn_is_excused(kernel: Kernel) -> None:
     kernel.seen = Turns(10.0, 100, runnable=True)
     assert kernel.silent(0.0) == 0.0
     assert kernel.silent(0.7) == pytest.approx(0.7)
-    kernel.seen = Turns(10.9, 101, runnable=True)  # the wait has ended, and counts
+    kernel.seen = Turns(10.9, 101, runnable=True)  # the completed wait counts
     assert kernel.silent(1.0) == pytest.approx(0.9)
 
 
@@ -54,7 +54,7 @@ def test_one_that_sleeps_is_not(kernel: Kernel) -> None:
 
 
 def test_one_whose_other_thread_waits_is_excused(kernel: Kernel) -> None:
-    """It may hold the interpreter lock, or a lock of the middleware."""
+    """That thread may hold the interpreter lock or a lock of the middleware."""
     kernel.others = {"new": Turns(3.0, 10, runnable=False), "ends": Turns(0.0, 1, runnable=True)}
     assert kernel.silent(0.0) == 0.0
     kernel.others = {"new": Turns(3.8, 20, runnable=True), "later": Turns(99.0, 1, runnable=True)}
@@ -82,7 +82,7 @@ def test_one_that_has_never_beaten_or_is_gone_is_not_excused(kernel: Kernel) -> 
 
 @contextmanager
 def program(text: str, niceness: int = 0) -> Iterator[int]:
-    """Runs on processor 0 only."""
+    """Runs a program on processor 0 only."""
     here = f"import os; os.sched_setaffinity(0, [0]); os.nice({niceness})\n{text}"
     with subprocess.Popen([sys.executable, "-c", here]) as process:
         try:
@@ -108,7 +108,7 @@ def test_the_kernel_says_that_one_sleeps() -> None:
 
 
 def test_threads_of_lower_priority_do_not_count() -> None:
-    """A helper that computes when nothing else does waits without end on a busy machine."""
+    """A helper thread of lower priority waits without end on a busy machine."""
     ids: list[int] = []
 
     def be_nice() -> None:
