@@ -1,4 +1,4 @@
-"""The system clock against the steady one."""
+"""The system clock compared with the steady clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The computer's figures: windows, hottest zones, the kernel's texts; what is not known is NaN."""
+"""The computer's figures: windows, hottest zones, the kernel's texts; unknown values are NaN."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_rare_looks_have_the_time_between_two_as_their_window() -> None:
         (None, 2.0),
         (CpuTimes(0.5, 9.0), 2.0),  # counters that run backwards
         (CpuTimes(2.0, 3.0), 2.0),
-        (CpuTimes(9.0, 9.0), 0.5),  # time does
+        (CpuTimes(9.0, 9.0), 0.5),  # the clock runs backwards
         (CpuTimes(9.0, 9.0), 1.0),
         (CpuTimes(1.0, 4.0), 2.0),  # nothing has been counted
     ],
