@@ -1,4 +1,4 @@
-"""PIN, sessions and where pages may come from."""
+"""PINs, sessions and permitted origins of pages."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_each_row_of_wrong_pins_locks_for_longer() -> None:
     tries.tried(True, now_s)
     for _ in range(2):
         tries.tried(False, now_s)
-    assert tries.wait_s(now_s) == 0.0  # the right one began a new row
+    assert tries.wait_s(now_s) == 0.0  # the correct PIN started a new series
 
 
 def try_wrong(access: Access, client: int, now_s: float, times: int) -> None:
@@ -117,10 +117,10 @@ def test_sessions_end(params: TouchUiParams) -> None:
         access.touch(1, now_s)
         now_s += 0.5 * idle_s
     assert access.role(1, now_s) is Role.RIDER
-    access.touch(1, now_s)  # a rider's touch makes no staff
+    access.touch(1, now_s)  # a rider's touch gives no staff role
     assert access.role(1, now_s) is Role.RIDER
     access.admit(1, 100.0)
-    assert access.role(1, 99.0) is Role.RIDER  # time ran backwards
+    assert access.role(1, 99.0) is Role.RIDER  # the clock jumped backwards
     access.admit(1, 0.0)
     access.dismiss(1)
     assert access.role(1, 0.0) is Role.RIDER
@@ -154,7 +154,7 @@ def test_only_our_own_pages_may_speak() -> None:
         (None, "127.0.0.1:8460"),
         ("null", "127.0.0.1:8460"),
         ("http://evil.example", "127.0.0.1:8460"),
-        ("http://evil.example:8460", "evil.example:8460"),  # a name that was made to point here
+        ("http://evil.example:8460", "evil.example:8460"),  # a foreign name that resolves to this host
         ("http://127.0.0.1:9999", "127.0.0.1:8460"),
         ("https://127.0.0.1:8460", "127.0.0.1:8460"),
         ("http://localhost:8460", "127.0.0.1:8460"),

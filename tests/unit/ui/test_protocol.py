@@ -1,4 +1,4 @@
-"""Messages of pages: what is taken, what is refused, and that nothing else ever happens."""
+"""Messages of pages: which are accepted, which are rejected, and that nothing else happens."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_every_kind_of_message_is_in_the_list_above() -> None:
 
 
 def mutate(text: bytes, draw: random.Random) -> bytes:
-    """A message as a broken or hostile page may send it."""
+    """Returns a message as a broken or hostile page may send it."""
     data = bytearray(text)
     for _ in range(draw.randint(1, 6)):
         at = draw.randrange(len(data) + 1)
@@ -121,7 +121,7 @@ def mutate(text: bytes, draw: random.Random) -> bytes:
 
 
 def test_fuzzed_messages_are_refused_or_what_they_say() -> None:
-    """20,000 mutants, the same ones in every run."""
+    """20,000 mutants, identical in every run."""
     draw = random.Random(20_251_215)
     originals = [json.dumps(fields).encode() for fields, _ in GOOD]
     taken = refused = 0
@@ -133,6 +133,6 @@ def test_fuzzed_messages_are_refused_or_what_they_say() -> None:
             refused += 1
             continue
         taken += 1
-        assert message.t == json.loads(text)["t"]  # nothing was read into it
+        assert message.t == json.loads(text)["t"]  # no other type was accepted
     assert refused > 10_000
-    assert taken > 100  # the mutants are near enough to be worth trying
+    assert taken > 100  # enough mutants are valid to be useful

@@ -1,4 +1,4 @@
-"""The catalogue of texts: every language, every fault, nothing missing, nothing unused, every character has a font."""
+"""The catalogue of texts: every language and fault, no missing or unused text, a font for every character."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robot_stack.ui.nodes.server import WEB
 TEXTS: dict[str, dict[str, str]] = json.loads((WEB / "texts.json").read_text(encoding="utf-8"))
 SCRIPTS = [path for path in WEB.rglob("*.js") if "vendor" not in path.parts]
 CODE = "\n".join(path.read_text(encoding="utf-8") for path in SCRIPTS)
-# Keys that scripts put together, by their beginning: what may come behind it.
+# Prefixes of keys that scripts compose, with their possible suffixes.
 FAMILIES = {
     "fault.": {fault.code for fault in FAULTS},
     "todo.": {fault.code for fault in FAULTS},
@@ -41,7 +41,7 @@ FAMILIES = {
 
 
 def used() -> set[str]:
-    """Keys that scripts and the node name, and those they put together."""
+    """Returns the keys named or composed by scripts and the node."""
     named = set(re.findall(r'"([a-z]+\.[A-Za-z_]+)"', CODE)) & (set(TEXTS) | set(re.findall(r't\("([^"]+)"', CODE)))
     for beginning, ends in FAMILIES.items():
         assert f"`{beginning}${{" in CODE, f"no script puts {beginning}... together"
@@ -76,7 +76,7 @@ def test_reasons_are_those_that_the_view_gives() -> None:
 
 
 def test_no_page_has_words_of_its_own() -> None:
-    """Between tags there are signs, figures and texts of the catalogue."""
+    """Between tags there are only signs, figures and texts of the catalogue."""
     for path in SCRIPTS:
         words = re.findall(r">\s*([A-Za-z][a-z]+(?: [A-Za-z]+)*)\s*</", path.read_text(encoding="utf-8"))
         assert not words, (path.name, words)
@@ -129,4 +129,4 @@ def test_licences_lie_beside_what_they_are_of() -> None:
 def test_the_page_asks_for_every_module_at_once() -> None:
     asked = set(re.findall(r'rel="modulepreload" href="/([^"]+)"', (WEB / "index.html").read_text(encoding="utf-8")))
     modules = {path.relative_to(WEB).as_posix() for path in WEB.rglob("*.js")}
-    assert asked == modules - {"app.js", "start.js"}  # which the page names itself
+    assert asked == modules - {"app.js", "start.js"}  # named by the page itself
