@@ -1,4 +1,4 @@
-"""What viewers are offered, machine by machine."""
+"""The channels offered to viewers, by machine."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def test_another_machine_offers_its_own_rows_of_shared_names() -> None:
     rows = offered(System.WMX)
     assert rows["/joint_states"] is topics.WMX_JOINT_STATES
     assert rows["/cmd_vel"] is topics.WMX_CMD_VEL
-    assert "/diagnostics" in rows  # every node's
+    assert "/diagnostics" in rows  # published by every node
     assert "/swerve/wheel_commands" not in rows
     assert not has_model(System.WMX)
 

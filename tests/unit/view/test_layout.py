@@ -1,4 +1,4 @@
-"""The committed layout names nothing that the live view does not offer."""
+"""The committed layout uses only what the live view offers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def panels(node: Any) -> Iterator[str]:
 
 
 def topics_of(value: Any) -> Iterator[str]:
-    """Names of topics, and of message paths up to the first field."""
+    """Returns the names of topics, and of message paths up to the first field."""
     match value:
         case dict():
             for key, item in value.items():

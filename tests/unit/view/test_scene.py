@@ -21,7 +21,7 @@ def test_wheelchair_and_passenger_are_there_while_they_hang_at_the_latch() -> No
     assert parts == {"base", "fl_wheel", "fr_wheel", "rl_wheel", "rr_wheel"}
     chair = [solid for solid in MODEL.solids({}, attached=True) if solid.part == "wheelchair"]
     assert chair
-    assert min(solid.pose[0, 3] for solid in chair) > ROBOT.footprint.front_m  # before the robot
+    assert min(solid.pose[0, 3] for solid in chair) > ROBOT.footprint.front_m  # in front of the robot
 
 
 @pytest.mark.parametrize("attached", [False, True])
@@ -33,7 +33,7 @@ def test_footprint_is_the_one_in_force(attached: bool) -> None:
 
 
 def test_update_encodes_every_part_once() -> None:
-    """Field 3 of an entity is its id: the wire holds each part's name once, and the frame they are locked to."""
+    """Field 3 of an entity is its id: the message contains each part's name once, and the frame it is locked to."""
     wire = MODEL.update({"fl_steer": 0.3}, attached=True, now_ns=NOW_NS).encode()
     for part in (b"base", b"fl_wheel", b"rr_wheel", b"wheelchair", b"footprint"):
         assert wire.count(b"\x1a" + bytes([len(part)]) + part) == 1
