@@ -1,8 +1,8 @@
-"""What any implementation of the engine port must do. A test class inherits it and brings the fixture ``harness``.
+"""Requirements for any implementation of the engine port. A test class inherits it and adds the fixture ``harness``.
 
-The tests use the port alone: commands, codes and status. Expected codes are the vendor's names; motion is checked
-against hand-worked kinematics. The observer is a process among others and may look late: phases that a test must see
-last half a second or more of engine time, and exact cycles are the business of the engine's own tests.
+The tests use the port alone: commands, codes and status. Expected codes are the vendor's names; motion is compared
+with kinematics computed by hand. The observer is a separate process and may read late: phases that a test must see
+last at least half a second of engine time, and exact cycles are tested in the engine's own tests.
 """
 
 from __future__ import annotations
@@ -79,18 +79,18 @@ def vel(axis: int, velocity: float, acc: float = 400.0, dec: float = 400.0) -> V
 
 
 def along(axis: int, velocity: float, dec: float = 400.0) -> Motion_PosCommand:
-    """A position so far away that the axis runs on at a velocity."""
+    """Returns a command to a position so far away that the axis keeps moving at a velocity."""
     return Motion_PosCommand(
         axis, math.copysign(LONG_WAY, velocity), Profile.SetupTrapezoidal(abs(velocity), 400.0, dec)
     )
 
 
 def code_of(answer: Any) -> int:
-    """The code of an answer, whatever its shape."""
+    """Returns the code of an answer of any shape."""
     return answer[0] if isinstance(answer, tuple) else answer
 
 
-# Calls that start motion, on axes of their own mode.
+# Calls that start motion, on axes in the matching mode.
 STARTS: dict[str, Call] = {
     "StartPos": lambda e: e.core_motion.motion.StartPos(pos(POS, LONG_WAY, SLOW)),
     "StartPos_n": lambda e: e.core_motion.motion.StartPos(
@@ -107,11 +107,11 @@ STARTS: dict[str, Call] = {
 STARTED_AXIS = {name: VEL if "Vel" in name else POS for name in STARTS}
 
 AxisCall = Callable[[MotionEngine, int], Any]
-_ELSEWHERE = ("CreateDevice", "IsDeviceValid", "SetEmergencyStopParam")  # they answer no code, or need a good block
+_ELSEWHERE = ("CreateDevice", "IsDeviceValid", "SetEmergencyStopParam")  # return no code, or need a valid block
 
 
 def _argument(kind: Any, axis: int) -> Any:
-    """What every row takes, on an axis that is idle."""
+    """Returns an argument that every row accepts, on an idle axis."""
     if kind is AxisSelection:
         return AxisSelection.of(axis)
     if isinstance(kind, Commands):
@@ -149,7 +149,7 @@ _ROWS = [
     for name, call in table.items()
     if name not in _ELSEWHERE and name != "StartCSplinePos_PointTime"
 ]
-# What needs a running bus, and what works without one too.
+# Calls that need a running bus, and calls that also work without one.
 AXIS_COMMANDS: dict[str, AxisCall] = {
     full: _on_axis(owner, name, call) for full, owner, name, call, axes in _ROWS if axes and call.bus
 } | {"advMotion.StartCSplinePos_PointTime": start_of_one_axis}
@@ -170,7 +170,7 @@ def parametrize(name: str, table: dict[str, Any]) -> pytest.MarkDecorator:
 
 
 def assert_at_rest(engine: MotionEngine) -> None:
-    """Nothing moves and nothing is about to. In velocity mode the position is the drive's, which may still settle."""
+    """Asserts that nothing moves or is about to. In velocity mode the position is measured, which may still settle."""
     before = status(engine)
     after = some_cycles(engine)
     for snapshot in (before, after):
@@ -190,7 +190,7 @@ def cruising(axis: int, velocity: float) -> Callable[[StatusSnapshot], bool]:
 
 
 def braking(axis: int, rate: float) -> Callable[[StatusSnapshot], bool]:
-    """The axis, turning in its positive direction, slows down at ``rate``."""
+    """Returns a predicate: the axis, turning in its positive direction, decelerates at ``rate``."""
     return lambda snapshot: bool(snapshot.reals[Real.CMD_ACC, axis] == pytest.approx(-rate))
 
 
@@ -440,7 +440,7 @@ class EngineConformance(SplineConformance):
         assert_at_rest(engine)
 
     def test_home_offset_of_an_absolute_axis(self, harness: Harness) -> None:
-        # Polarity -1 and home offset 0.5: the user position is the mirrored encoder's less 0.5.
+        # With polarity -1 and home offset 0.5, the user position is the mirrored encoder position minus 0.5.
         snapshot = status(harness.communicating())
         encoder = snapshot.flags[Flag.ENCODER_FEEDBACK, POS_MIRRORED] * 2.0 * math.pi / 131072
         assert snapshot.actual_pos[POS_MIRRORED] == pytest.approx(-encoder - 0.5)
@@ -872,7 +872,7 @@ class EngineConformance(SplineConformance):
 
     @pytest.mark.parametrize("name", ["Stop_AxisSel", "ExecQuickStop_AxisSel"])
     def test_stop_of_several_axes_stops_those_that_it_can_and_says_so(self, harness: Harness, name: str) -> None:
-        """An error does not mean that nothing stops: one of the axes is not in the mode of the call."""
+        """An error does not mean that nothing stops: only one of the axes is not in the mode of the call."""
         engine = harness.ready()
         assert engine.core_motion.motion.StartPos(along(POS, 5.0)) == GOOD
         assert engine.core_motion.velocity.StartVel(vel(VEL, 5.0)) == GOOD
@@ -1196,7 +1196,7 @@ class EngineConformance(SplineConformance):
         assert config.SetGearRatio(POS, 1000.0, 2.0) == GOOD
         assert config.GetGearRatio(POS) == (GOOD, 1000.0, 2.0)
         assert_at_rest(engine)
-        assert engine.core_motion.home.SetCommandPos(POS, 0.0) == GOOD  # in the new unit it may be far away
+        assert engine.core_motion.home.SetCommandPos(POS, 0.0) == GOOD  # in the new unit the position may be far away
         assert motion.StartPos(pos(POS, 3.0)) == GOOD
         wait_idle(engine, POS)
         snapshot = status(engine)
@@ -1481,7 +1481,7 @@ class EngineConformance(SplineConformance):
         assert some_cycles(two, 50).op_state[[VEL, VEL_MIRRORED]].tolist() == [OperationState.Velocity] * 2
 
     def test_a_client_that_says_nothing_keeps_its_device_and_its_motion(self, harness: Harness) -> None:
-        """The library reports for it as long as its process runs: the watchdog is no dead-man."""
+        """The library resets the watchdog while its process runs: the watchdog is no dead-man."""
         one, two = harness.ready("one"), harness.connect("two")
         assert [device.watchdog for device in two.api.GetAllDevices()[1].devices] == [15_000, 15_000]
         assert one.core_motion.velocity.StartVel(vel(VEL, 5.0)) == GOOD

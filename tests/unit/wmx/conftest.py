@@ -1,4 +1,4 @@
-"""A suite that runs on several engines need not ask the later ones every question with every value."""
+"""A suite that runs on several engines runs with fewer values on the later ones."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def bench(shared: Machine) -> Machine:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Of each test of the thinned suites at most so many sets of values, evenly spread; all with the variable set."""
+    """Limits the value sets per test of the thinned suites, evenly spread; keeps all if the variable is set."""
     if os.environ.get(ALL_VARIABLE) == "all":
         return
     groups: dict[str, list[pytest.Item]] = defaultdict(list)

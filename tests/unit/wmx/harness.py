@@ -1,4 +1,4 @@
-"""Engines to test against: one in a process of its own, one in a thread whose drives the test can break."""
+"""Engines under test: one in a separate process, one in a thread with drives that a test can break."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from robot_stack.wmx.simulated.server import SOCKET_FILE, EngineServer
 from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
 from tests.support.waiting import wait_for
 
-# Axes of the test engine: position and velocity mode, plain and mirrored, and one with an awkward gear.
+# Axes of the test engine: position and velocity mode, plain and mirrored, and one with an uneven gear.
 POS, VEL, POS_MIRRORED, VEL_MIRRORED, POS_GEARED = range(5)
 N_AXES = 5
 POSITION_AXES = (POS, POS_MIRRORED, POS_GEARED)
@@ -40,7 +40,7 @@ _SPEED = 4.0
 
 
 def axis_kind(**changes: Any) -> dict[str, Any]:
-    """One kind of axis; following errors off unless a test wants them."""
+    """Returns one kind of axis. Following errors are off unless a test sets them."""
     kind: dict[str, Any] = {
         "mode": "position",
         "gear_numerator": 131072.0,
@@ -107,7 +107,7 @@ def engine_config(**changes: Any) -> EngineConfig:
 
 
 def client_config(folder: Path) -> ClientConfig:
-    """Clients as patient as a loaded machine needs."""
+    """Returns a client configuration with timeouts for a loaded machine."""
     data = {
         "engine": "simulated",
         "path": str(folder),
@@ -124,7 +124,7 @@ def client_config(folder: Path) -> ClientConfig:
 
 @contextmanager
 def runtime_folder() -> Iterator[Path]:
-    """A folder with a short path: a socket's path has little room."""
+    """Yields a folder with a short path, since the path of a socket is limited."""
     folder = Path(tempfile.mkdtemp(prefix="wmx-", dir="/dev/shm" if os.access("/dev/shm", os.W_OK) else "/tmp"))
     try:
         yield folder
@@ -141,36 +141,36 @@ class Harness:
         self._clients: list[MotionEngine] = []
 
     def connect(self, name: str = "test") -> MotionEngine:
-        """A client that ends with the test."""
+        """Returns a client that is closed with the test."""
         client = connect(name, self.config)
         self._clients.append(client)
         return client
 
     def communicating(self, name: str = "test") -> MotionEngine:
-        """A client of an engine that communicates, servos off."""
+        """Returns a client of a communicating engine, servos off."""
         client = self.connect(name)
         assert client.api.StartCommunication(20000) == ErrorCode.PyNone
         return client
 
     def ready(self, name: str = "test") -> MotionEngine:
-        """A client of an engine that communicates, all servos on, positions named 0."""
+        """Returns a client of a communicating engine, all servos on, positions set to 0."""
         client = self.communicating(name)
         all_axes = AxisSelection.of(*range(N_AXES))
         assert client.core_motion.axisControl.SetServoOn_AxisSel(all_axes, 1) == ErrorCode.PyNone
         wait_for(lambda: status(client).servo_on.all(), "all servos on", poll_s=0.001)
-        for axis in POSITION_AXES:  # wherever the test before left the drives, positions begin at 0
+        for axis in POSITION_AXES:  # positions start at 0, wherever the previous test left the drives
             assert client.core_motion.home.SetCommandPos(axis, 0.0) == ErrorCode.PyNone
         return client
 
     def raw_socket(self) -> socket.socket:
-        """A connection without a client behind it."""
+        """Returns a connection without a client behind it."""
         connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        connection.connect(str(self.folder / SOCKET_FILE))  # blocking: waits for room in the queue
+        connection.connect(str(self.folder / SOCKET_FILE))  # blocks until the queue has room
         connection.settimeout(20.0)
         return connection
 
     def end_test(self) -> None:
-        """Leaves the engine as it was found: idle, without devices."""
+        """Restores the initial state of the engine: idle, without devices."""
         stopper = next((client for client in self._clients if client.api.IsDeviceValid()), None)
         if stopper is None:
             stopper = connect("cleaner", self.config)
@@ -181,7 +181,7 @@ class Harness:
 
 
 class ProcessHarness(Harness):
-    """The engine in a process of its own, on virtual drives, faster than real time."""
+    """The engine in a separate process, on virtual drives, faster than real time."""
 
     def __init__(self, folder: Path, stale_socket: bool = False) -> None:
         super().__init__(folder)
@@ -199,12 +199,12 @@ class ProcessHarness(Harness):
         return path.exists() and path.stat().st_ctime_ns >= self._not_before_ns
 
     def close_pipes(self) -> None:
-        """After the process was killed."""
+        """Closes the pipes of a killed process."""
         if self.process.stderr is not None:
             self.process.stderr.close()
 
     def stop(self) -> int:
-        """Asks the engine to end; its exit code."""
+        """Asks the engine to end and returns its exit code."""
         self.process.send_signal(signal.SIGTERM)
         _, errors = self.process.communicate(timeout=30.0)
         assert errors == ""
@@ -212,7 +212,7 @@ class ProcessHarness(Harness):
 
 
 class ThreadHarness(Harness):
-    """The engine in a thread of the test, whose drives and server are at hand. Paced like the real one."""
+    """The engine in a thread of the test, with access to drives and server. Paced like the real one."""
 
     def __init__(self, folder: Path, **changes: Any) -> None:
         super().__init__(folder)
@@ -236,7 +236,7 @@ class ThreadHarness(Harness):
 
 @contextmanager
 def engine_in_thread(**changes: Any) -> Iterator[ThreadHarness]:
-    """In a folder of its own; ends with the context. changes: of its configuration."""
+    """Yields an engine in its own folder. changes: of its configuration."""
     with runtime_folder() as folder:
         harness = ThreadHarness(folder, **changes)
         try:
@@ -246,7 +246,7 @@ def engine_in_thread(**changes: Any) -> Iterator[ThreadHarness]:
 
 
 def part(engine: MotionEngine, owner: str) -> Any:
-    """The port's object of a name of the surface."""
+    """Returns the port's object for a name of the surface."""
     whole = {"WMX3Api": engine.api, "CoreMotion": engine.core_motion, "Io": engine.io, "Ecat": engine.ecat}
     if owner in whole:
         return whole[owner]
@@ -254,14 +254,14 @@ def part(engine: MotionEngine, owner: str) -> Any:
 
 
 def status(client: MotionEngine) -> StatusSnapshot:
-    """The present status, which must be good."""
+    """Returns the current status, which must be readable."""
     code, snapshot = client.read_status()
     assert code == ErrorCode.PyNone
     return snapshot
 
 
 def wait_status(client: MotionEngine, holds: Callable[[StatusSnapshot], Any], what: str) -> StatusSnapshot:
-    """The first status for which ``holds``."""
+    """Waits for and returns the first status for which ``holds``."""
 
     def read() -> StatusSnapshot | None:
         snapshot = status(client)
@@ -273,16 +273,16 @@ def wait_status(client: MotionEngine, holds: Callable[[StatusSnapshot], Any], wh
 
 
 def wait_idle(client: MotionEngine, *axes: int) -> StatusSnapshot:
-    """The first status in which the axes are idle."""
+    """Waits for and returns the first status in which the axes are idle."""
     return wait_status(client, lambda now: not now.op_state[list(axes)].any(), f"rest of {axes}")
 
 
 def some_cycles(client: MotionEngine, count: int = 5) -> StatusSnapshot:
-    """The status after at least ``count`` further cycles."""
+    """Returns the status after at least ``count`` further cycles."""
     start = status(client).cycle_counter
     return wait_status(client, lambda now: now.cycle_counter >= start + count, f"{count} cycles")
 
 
 def engine_state(folder: Path) -> EngineState:
-    """What the engine says of itself, without a device."""
+    """Returns the engine's own state, without a device."""
     return StatusView(folder, 5.0).read()[1].engine_state

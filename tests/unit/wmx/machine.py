@@ -1,4 +1,4 @@
-"""An engine and its virtual drives without a process: cycles by hand, switches where the test wants them."""
+"""An engine and its virtual drives without a process: cycles by hand, switches at positions set by a test."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Machine:
         self.flags, self.reals = self.engine.arrays.flags, self.engine.arrays.reals
 
     def restart(self) -> None:
-        """As new."""
+        """Restores the initial state."""
         engine, drives = self.engine, self.drives
         drives.connected, drives.lose_cycles = True, 0
         engine.stop_engine()
@@ -64,7 +64,7 @@ class Machine:
             self.engine.cycle()
 
     def until(self, holds: Callable[[], Any], what: str, cycles: int = 20_000) -> int:
-        """Cycles until ``holds``."""
+        """Steps until ``holds``."""
         for count in range(cycles):
             if holds():
                 return count
@@ -93,7 +93,7 @@ class Machine:
         return abs(float(self.engine.arrays.params[rows.COUNTS_PER_UNIT, axis]))
 
     def switches(self, axis: int, **where_rad: float) -> None:
-        """Switches of a drive by name, in rad of the drive's own direction from its present position."""
+        """Sets the switches of a drive by name, in rad of the drive's own direction from its present position."""
         here, scale = float(self.drives.position[axis]), self.counts_per_rad(axis)
         counts = {name: value * scale + here for name, value in where_rad.items()}
         self.drives.switches[axis] = DriveSwitches(**counts)
@@ -113,12 +113,12 @@ class Machine:
         return self.engine.motion.start_position(0, [Motion_PosCommand(axis, target, profile)], relative=False)
 
     def along(self, axis: int, speed: float) -> int:
-        """Far away, at a signed speed."""
+        """Starts a motion to a far target at a signed speed."""
         return self.move(axis, math.copysign(1000.0, speed), abs(speed))
 
 
 def machine() -> Machine:
-    """For a module's tests, which restart it."""
+    """Returns a machine for a module's tests, which restart it."""
     made = Machine()
     assert made.drives.n_axes == N_AXES
     return made

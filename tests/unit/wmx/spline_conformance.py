@@ -1,4 +1,4 @@
-"""What any implementation of the engine port must do about splines. Part of the conformance tests; see there."""
+"""Requirements for splines of any implementation of the engine port. Part of the conformance tests."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ from tests.unit.wmx.spline_bench import clamped
 GOOD = ErrorCode.PyNone
 CHANNEL = 2
 AXES = list(POSITION_AXES)
-# Half a minute of a straight way: each axis at its own constant velocity, but for the ends.
+# Half a minute on a straight path: each axis at its own constant velocity, except at the ends.
 VELOCITIES = np.array([2.0, -1.0, 0.5])
 LONG_MS = [100.0 * tenth for tenth in range(1, 301)]
 LONG_WAY = np.outer(np.arange(1.0, 301.0) * 0.1, VELOCITIES)
 STRAIGHT = 3.0
-"""Of axis POS. The curve of the start has faded by then: it does so by a factor of 3.7 from point to point."""
+"""Of axis POS. By then the curve of the start has decayed, by a factor of 3.7 per point."""
 
 
 def spline(
@@ -59,7 +59,7 @@ def spline(
     axes: Sequence[int] = tuple(AXES),
     channel: int = CHANNEL,
 ) -> int:
-    """StartCSplinePos_PointTime; ``points`` has a row per point and a column per axis."""
+    """Calls StartCSplinePos_PointTime; ``points`` has a row per point and a column per axis."""
     command = AdvMotion_PointTimeSplineCommand(dimensionCount=len(axes))
     for dimension, axis in enumerate(axes):
         command.SetAxis(dimension, axis)
@@ -74,7 +74,7 @@ def spline(
 
 
 def start_of_one_axis(engine: MotionEngine, axis: int) -> int:
-    """A spline of one axis, with a buffer if there is none."""
+    """Starts a spline of one axis, and creates the buffer if there is none."""
     _advanced(engine).CreateSplineBuffer(CHANNEL, 10)
     return spline(engine, [[1.0]], [1000.0], [axis])
 
@@ -90,7 +90,7 @@ def _ready(harness: Harness, name: str = "test") -> MotionEngine:
 
 
 def _moving(harness: Harness, name: str = "test", quick_stop: float = 4.0) -> MotionEngine:
-    """All position axes on the long way, at full speed."""
+    """Returns an engine with all position axes on the long path at full speed."""
     engine = _ready(harness, name)
     config = engine.core_motion.config
     for axis in AXES:
@@ -110,13 +110,13 @@ def _at_rest(snapshot: StatusSnapshot) -> bool:
 
 
 def _greatest_acceleration() -> float:
-    """Of the long way, of all axes together: it is linear between the points."""
+    """Returns the largest acceleration of the long path over all axes: it is linear between the points."""
     knots = 1e-3 * np.append(0.0, LONG_MS)
     return float(np.linalg.norm(clamped(LONG_WAY, np.asarray(LONG_MS))(knots, 2), axis=1).max())
 
 
 def _assert_stopped_on_the_straight_way(engine: MotionEngine) -> None:
-    """All at rest, none completed, positions still in the proportion of the velocities."""
+    """All axes are at rest, none completed, and the positions are still proportional to the velocities."""
     snapshot = wait_status(engine, _at_rest, "rest")
     assert not snapshot.motion_complete[AXES].any()
     assert STRAIGHT < snapshot.pos_cmd[POS] < LONG_WAY[-1, 0]
@@ -291,7 +291,7 @@ class SplineConformance:
         assert stop(*arguments.get(name, [POS_GEARED])) == GOOD
         snapshot = status(engine)
         assert _states(snapshot) == {OperationState.Stop}
-        if name in ("Stop", "Stop_AxisSel"):  # the fastest axis, at the greatest acceleration of all axes together
+        if name in ("Stop", "Stop_AxisSel"):  # the fastest axis, with the largest acceleration of all axes together
             assert snapshot.reals[Real.CMD_ACC, POS] == pytest.approx(-_greatest_acceleration(), rel=1e-3)
         else:  # 2 rad/s at 4 rad/s2
             assert snapshot.reals[Real.CMD_ACC, POS] == pytest.approx(-4.0, rel=1e-3)

@@ -1,4 +1,4 @@
-"""Devices that cannot be closed at once."""
+"""Devices that cannot be closed immediately."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The engine's configuration files: those of the robot are right, wrong ones are refused by name."""
+"""The engine's configuration files: those of the robot are valid, invalid ones are rejected by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The machines' parameter files: the documented keys and no others, read as ROS reads them, fit for the nodes."""
+"""The parameter files of the machines: exactly the documented keys, read as ROS reads them, valid for the nodes."""
 
 from __future__ import annotations
 
@@ -55,14 +55,14 @@ IN_FILES = [(file, node) for file in ARM_FILES for node in ("manipulator_state",
 
 
 def parameters(file: str, node: str) -> dict[str, Any]:
-    """As rcl reads them from ``--params-file``."""
+    """Returns the parameters as rcl reads them from ``--params-file``."""
     path = config_dir() / "wmx" / f"{file}.yaml"
     found = parameter_dict_from_yaml_file(str(path), target_nodes=[node])
     return {name: parameter_value_to_python(item.value) for name, item in found.items()}
 
 
 def loaded(file: str, node: str) -> Any:
-    """The node's parameters with the file on top, as the node makes them."""
+    """Returns the node's parameters with the file applied, as the node builds them."""
     base = read_yaml(config_dir() / f"{node}.yaml")
     return validate(MODELS[node], {**base, **parameters(file, node)}, file)
 
@@ -94,7 +94,7 @@ def test_a_file_names_no_node_that_does_not_exist(file: str) -> None:
     ],
 )
 def test_each_computer_mirrors_to_its_own_simulator(file: str, topics: tuple[str, str, str]) -> None:
-    """Encoder, Isaac Sim and Gazebo topic; no publisher where the file says no_param."""
+    """Encoder, Isaac Sim and Gazebo topic; no publisher where the file has no_param."""
     assert loaded(file, "manipulator_state").topics == topics
 
 

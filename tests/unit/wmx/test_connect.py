@@ -97,7 +97,7 @@ def test_error_names_and_texts() -> None:
     assert error_text(1563, ErrorCode) == "starting previous command"
 
 
-# The numbers that the vendor's C++ application and public samples confirm, and those computed beside them.
+# Numbers confirmed by the vendor's C++ application and public samples, and the numbers derived from them.
 @pytest.mark.parametrize(
     ("member", "number"),
     [

@@ -1,4 +1,4 @@
-"""The engine by itself, cycle by cycle: no clock, no socket, every cycle counted."""
+"""The engine alone, cycle by cycle, without clock and socket."""
 
 from __future__ import annotations
 
@@ -234,7 +234,7 @@ class TestDriveCommands:
     def test_servo_off_sends_rest_where_the_axis_is(self, bench: Bench) -> None:
         bench.engine.set_servo_on(range(N_AXES), 0)
         bench.step(5)
-        bench.drives.position[:] = [1000, -2000, 3000, -4000, 5000]  # pushed by hand
+        bench.drives.position[:] = [1000, -2000, 3000, -4000, 5000]  # moved by hand
         bench.step(2)
         out = bench.engine.commands
         assert out.position_counts.tolist() == [1000, -2000, 3000, -4000, 5000]
@@ -334,7 +334,7 @@ class TestOverrides:
     def test_velocity_is_continuous_over_any_sequence_of_targets(
         self, commands: list[tuple[int, float, float, float, float]]
     ) -> None:
-        """Overshooting allowed, so that no deceleration exceeds the command's: then no step exceeds acc or dec."""
+        """Overshoot is allowed, so no deceleration exceeds the command's and no step exceeds acc or dec."""
         bench = _shared_bench()
         bench.engine.arrays.work[16, POS] = profile.OVERTRAVEL_DISABLED
         target = bench.real(Real.POS_CMD)[POS]
@@ -377,7 +377,7 @@ _BENCH: list[Bench] = []
 
 
 def _shared_bench() -> Bench:
-    """One bench for all examples of a property, at rest."""
+    """Returns one bench for all examples of a property, at rest."""
     if not _BENCH:
         _BENCH.append(Bench().ready())
     bench = _BENCH[0]
@@ -392,7 +392,7 @@ def _shared_bench() -> Bench:
 
 
 class TestRequests:
-    """Whatever a client sends: an answer, never an exception, and nothing moves that was not asked to."""
+    """Any request gets an answer and no exception, and only requested motion occurs."""
 
     VALUES = (
         st.none()
@@ -449,7 +449,7 @@ def _fuzz_bench() -> Bench:
 
 class TestGearsOverTime:
     def test_a_wheel_that_turns_for_hours_keeps_its_precision(self, bench: Bench) -> None:
-        """1e9 counts on: velocity and position are still to the count."""
+        """After 1e9 counts, velocity and position are still exact to the count."""
         bench.engine.set_servo_on([VEL], 0)
         bench.step(3)
         bench.drives.position[VEL] = 1e12
@@ -474,7 +474,7 @@ class TestGearsOverTime:
 
 class TestBrokenBus:
     def test_bus_that_lies_about_nothing_else_is_not_believed(self) -> None:
-        """Feedback of a cycle that the bus calls lost is not used."""
+        """Feedback of a cycle that the bus reports as lost is not used."""
 
         class Liar(VirtualDrives):
             def exchange(self, out: DriveCommands, inp: DriveFeedback) -> bool:
@@ -506,7 +506,7 @@ class TestBrokenBus:
 
 class TestCompilation:
     def test_nothing_is_compiled_once_the_engine_is_up(self, bench: Bench) -> None:
-        """A compilation in the middle of a ride would halt the cycle for seconds."""
+        """A compilation during a ride would stop the cycle for seconds."""
         compiled = [
             function
             for module in (kernel, profile)

@@ -1,4 +1,4 @@
-"""Homing: where home is found for each type, what interrupts it, and what is left then."""
+"""Homing: where each type finds home, what interrupts it, and the state afterwards."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CYCLE_M = 2.0 * FAST * 0.001  # two cycles of the bus at the fast speed
 
 
 def home(bench: Machine, axis: int = POS) -> list[int]:
-    """Starts homing and waits for its end; the home states it went through."""
+    """Starts homing, waits for its end and returns the home states in order."""
     assert bench.engine.start_home([axis]) == 0
     assert bench.flag(Flag.OP_STATE, axis) == OperationState.Home
     assert not bench.flag(Flag.HOME_DONE, axis)
@@ -42,7 +42,7 @@ def home(bench: Machine, axis: int = POS) -> list[int]:
 
 
 def drive_position(bench: Machine, axis: int = POS) -> float:
-    """Where the drive stands, in rad of its own from where it started."""
+    """Returns the drive's position relative to its start, in its own rad."""
     return float(bench.drives.position[axis] / bench.counts_per_rad(axis))
 
 
@@ -79,7 +79,7 @@ class TestTypes:
         homed_at(bench, -0.5)
 
     def test_of_a_mirrored_axis(self, bench: Machine) -> None:
-        """Positive for the axis is negative for its drive."""
+        """The axis's positive direction is the drive's negative one."""
         bench.switches(POS_MIRRORED, home_from=-0.6, home_to=-0.5)
         bench.homing(POS_MIRRORED, homeType=Type.HS)
         home(bench, POS_MIRRORED)
@@ -155,7 +155,7 @@ class TestSensorOnAtStart:
 class TestLimitOnTheWay:
     @pytest.mark.parametrize("action", [Config_LimitSwitchType.PyNone, Config_LimitSwitchType.ServoOff])
     def test_turns_round_to_a_home_switch_behind(self, bench: Machine, action: Config_LimitSwitchType) -> None:
-        """The limit does not act as it does otherwise."""
+        """The limit switch does not have its usual effect."""
         bench.switches(POS, home_from=-0.6, home_to=-0.5, positive_limit=0.3, negative_limit=-2.0)
         bench.limits(POS, lsType=action)
         bench.homing(POS, homeType=Type.HS, homingReverseDistance=0.05, maxLSReverseDistance=2.0)
@@ -218,7 +218,7 @@ class TestLimitOnTheWay:
         bench.until(lambda: bench.flag(Flag.HOME_STATE, POS) == HomeState.HSSearch, "the second search")
         sensors = bench.drives.switches[POS]
         assert sensors is not None
-        sensors.home_from = sensors.home_to = 1e12  # the switch has broken
+        sensors.home_from = sensors.home_to = 1e12  # the switch breaks
         bench.rest(POS)
         failed(bench, HomeError.LSTriggered)
         assert drive_position(bench) > 0.3

@@ -1,4 +1,4 @@
-"""The parameter file: what is read, what is refused and why, and that nothing is half set."""
+"""The parameter file: what is read, what is rejected and why, and that nothing is set partially."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ WHOLE = list(GLOBAL_ENTRIES)
 
 
 def small(block: str = "", axis: str = "0", head: str = "") -> bytes:
-    """A file of one axis with one section."""
+    """Returns a file of one axis with one section."""
     inner = f'<AxisParameters Axis="{axis}">{block}</AxisParameters>'
     return f"{head}<Parameters><GlobalParameters/>{inner}</Parameters>".encode()
 
@@ -58,7 +58,7 @@ def engine() -> Engine:
 
 @pytest.fixture
 def fresh(engine: Engine) -> Engine:
-    """The engine with its configuration's parameters, communicating, servos on."""
+    """Returns an engine with its configuration's parameters, communicating, servos on."""
     engine.stop_engine()
     for _ in range(20):
         engine.cycle()
@@ -78,7 +78,7 @@ def values(engine: Engine) -> ParameterValues:
 
 
 def changed(engine: Engine, axis: int | None, key: str, value: Any) -> ParameterValues:
-    """The engine's parameters with one number changed; ``axis`` None is the engine as a whole."""
+    """Returns the engine's parameters with one number changed; ``axis`` None stands for the engine as a whole."""
     present = values(engine)
     if axis is None:
         present.of_engine[WHOLE.index(key)] = value

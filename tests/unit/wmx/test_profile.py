@@ -1,4 +1,4 @@
-"""Motion profiles: hand-worked numbers, then properties for any command from any state of motion."""
+"""Motion profiles: values computed by hand, then properties for any command from any state of motion."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def empty() -> Plan:
 
 
 def sample(plan: Plan, n: int, count: int = 400) -> list[tuple[float, float, float, float]]:
-    """(time, position, velocity, acceleration) over the whole plan."""
+    """Returns (time, position, velocity, acceleration) over the whole plan."""
     end = plan[n - 1, 0] if n else 0.0
     return [(t, *evaluate(plan, n, t)[:3]) for t in np.linspace(0.0, end, count, endpoint=False)]
 
@@ -118,7 +118,7 @@ class TestByHand:
 
 
 class TestProperties:
-    # A way so short that no deceleration stops within it.
+    # A distance so short that no deceleration stops within it.
     @example(start=0.0, speed=1.0, target=2.2e-313, limit=1.0, acc=1.0, dec=1.0, overtravel=1)
     @settings(max_examples=300, deadline=None)
     @given(positions, velocities, positions, limits, rates, rates, overtravels)
@@ -185,11 +185,11 @@ class TestProperties:
     def test_plan_renewed_on_the_way_changes_nothing(
         self, start: float, speed: float, target: float, limit: float, acc: float, dec: float
     ) -> None:
-        """The same command again, as a controller repeats it at 20 Hz, follows the same curve to its end."""
+        """Repeating the same command, as a controller does at 20 Hz, follows the same curve to its end."""
         plan, again = empty(), empty()
         n = plan_position(plan, start, speed, target, limit, acc, dec, OVERTRAVEL_CHANGE_DECELERATION)
         if n == 0 or (n == 1 and plan[0, 3] * plan[0, 2] < 0.0):
-            return  # braking harder than asked: the harder deceleration is not part of the command
+            return  # braking harder than requested: the harder deceleration is not part of the command
         end = plan[n - 1, 0]
         for part in (0.25, 0.5, 0.9):
             position, velocity, _, _ = evaluate(plan, n, part * end)
@@ -250,7 +250,7 @@ class TestProperties:
     def test_sampled_velocity_never_jumps(
         self, start: float, speed: float, target: float, limit: float, acc: float, dec: float, cycle: float
     ) -> None:
-        """What a drive is sent from cycle to cycle, the end of the plan included."""
+        """The velocity sent to a drive from cycle to cycle, including the end of the plan."""
         plan = empty()
         n = plan_position(plan, start, speed, target, limit, acc, dec, OVERTRAVEL_DISABLED)
         before = speed

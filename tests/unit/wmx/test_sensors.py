@@ -21,7 +21,7 @@ from tests.unit.wmx.conformance import GOOD, along
 from tests.unit.wmx.harness import N_AXES, POS, ThreadHarness, engine_in_thread, status, wait_idle, wait_status
 
 TURN = 131072.0
-"""Counts of a turn of the axis; a drive of the tests stands at 0 when it is new."""
+"""Counts of a turn of the axis. A new drive of the tests is at 0."""
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def harness(running: ThreadHarness) -> Iterator[ThreadHarness]:
 
 
 def ready(harness: ThreadHarness, sensors: DriveSwitches) -> MotionEngine:
-    """A client, servos on; ``sensors`` lie in counts from where the drive of POS stands."""
+    """Returns a client, servos on. ``sensors`` are in counts relative to the drive of POS."""
     engine = harness.ready()
     here = float(harness.drives.position[POS])
     harness.drives.switches[POS] = DriveSwitches(
@@ -59,7 +59,7 @@ def ready(harness: ThreadHarness, sensors: DriveSwitches) -> MotionEngine:
 
 
 def record(engine: MotionEngine) -> tuple[bool, bool, bool, int, int]:
-    """positiveLS, negativeLS, homeSwitch, homeState, homeError."""
+    """Returns positiveLS, negativeLS, homeSwitch, homeState, homeError."""
     flags = status(engine).flags[:, POS].tolist()
     state, error = flags[Flag.HOME_STATE], flags[Flag.HOME_ERROR]
     return bool(flags[Flag.POSITIVE_LS]), bool(flags[Flag.NEGATIVE_LS]), bool(flags[Flag.HOME_SWITCH]), state, error

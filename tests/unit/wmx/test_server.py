@@ -1,4 +1,4 @@
-"""The engine's server against clients that misbehave, and its pace."""
+"""The engine's server with misbehaving clients, and its pace."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ class TestMisbehaviour:
             for _ in range(80):
                 sockets.append(harness.raw_socket())
             assert engine.api.GetDeviceName()[0] == ErrorCode.PyNone
-            # 63 of them hold a place beside the device; one beyond that is closed at once.
+            # 63 connections occupy a place beside the device; one more is closed at once.
             wait_for(lambda: _is_closed(sockets[-1]), "the surplus client to be closed")
             assert not _is_closed(sockets[0])
         finally:
@@ -194,7 +194,7 @@ class TestMisbehaviour:
                 harness.stop()
 
     def test_seeded_random_frames(self, harness: ThreadHarness) -> None:
-        """1000 requests of known names with random arguments: every one is answered and the engine lives on."""
+        """1000 requests of known names with random arguments: each one is answered and the engine keeps running."""
         seed = 20250101
         rng = random.Random(seed)
         engine = harness.ready()
@@ -213,13 +213,13 @@ class TestMisbehaviour:
 
 
 class _EndlessTalk:
-    """The same well-formed frame again and again, wherever the socket's buffer cuts it."""
+    """Repeats one well-formed frame, cut at arbitrary places by the socket's buffer."""
 
     def __init__(self, connection: socket.socket, frame: bytes) -> None:
         self._socket, self._frame, self._left = connection, frame, frame
 
     def goes_on(self) -> bool:
-        """False once the other side has cut the connection; a full buffer is no cut."""
+        """Returns False once the peer has closed the connection; a full buffer does not count."""
         try:
             self._left = self._left[self._socket.send(self._left) :] or self._frame
         except TimeoutError:
@@ -253,7 +253,7 @@ def _random_value(rng: random.Random, depth: int = 0) -> object:
 
 
 class Manual:
-    """A server whose turns the test takes, on a clock that the test sets."""
+    """A server stepped by the test, on a clock set by the test."""
 
     def __init__(self, folder: Path) -> None:
         self.now_ns = time.monotonic_ns()
@@ -289,7 +289,7 @@ class TestTurns:
         assert later.cycle_counter == first.cycle_counter
 
     def test_standing_world_answers_and_shows_it_first(self, manual: Manual, monkeypatch: pytest.MonkeyPatch) -> None:
-        """The status says what a call did before the call returns."""
+        """The status contains the effect of a call before the call returns."""
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
             client.connect(str(manual.server._path))
             client.sendall(encode([1, "CreateDevice", 0]))
@@ -316,7 +316,7 @@ class TestTurns:
             assert Decoder().feed(client.recv(1000)) == [[7, int(ErrorCode.SystemError)]]
 
     def test_requests_that_wait_do_not_pile_up_in_the_engine(self, manual: Manual) -> None:
-        """A flood stays in the socket's buffer, which is limited, and its sender has to wait."""
+        """A flood stays in the limited socket buffer, so its sender has to wait."""
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as flood:
             flood.connect(str(manual.server._path))
             flood.setblocking(False)

@@ -1,4 +1,4 @@
-"""Splines of the engine, cycle by cycle: the curve against another implementation of it, refusals, stops, faults."""
+"""Splines of the engine, cycle by cycle: the curve against another implementation, rejections, stops, faults."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ _SHARED: list[Arm] = []
 
 @pytest.fixture
 def shared() -> Iterator[Arm]:
-    """One arm for tests that leave it as they found it: at rest and whole."""
+    """One arm for tests that restore its state: at rest and without faults."""
     if not _SHARED:
         _SHARED.append(Arm())
     yield _SHARED[0]
@@ -66,7 +66,7 @@ def shared() -> Iterator[Arm]:
 
 class TestCurve:
     def test_one_segment_by_hand(self, arm: Arm) -> None:
-        """From 0 to 1 in 1 s at rest at both ends: 3 t^2 - 2 t^3."""
+        """From 0 to 1 in 1 s, at rest at both ends: 3 t^2 - 2 t^3."""
         assert arm.start([[1.0]], [1000.0], axes=[2]) == GOOD
         for cycle in range(1, 1000):
             arm.step()
@@ -87,7 +87,7 @@ class TestCurve:
         curve = np.empty((n, d, 4))
         farthest = spline_kernel.plan_spline(times, points, curve)
         other = clamped(points[1:], times[1:] * 1e3, points[0])
-        # Power basis of both: cubic coefficients of segments that are short are large, hence relative.
+        # Both are in power basis: coefficients of short segments are large, hence a relative comparison.
         scale = np.abs(other.c).max(axis=(1, 2))[::-1]
         assert np.abs(curve.transpose(2, 0, 1)[::-1] - other.c).max(axis=(1, 2))[::-1] == pytest.approx(
             0.0, abs=1e-8 * scale.max()
@@ -108,7 +108,7 @@ class TestCurve:
     @settings(max_examples=25, deadline=None)
     @given(st.data())
     def test_continuous_bounded_and_exact_at_the_end(self, data: st.DataObject) -> None:
-        """Position moves by no more than the curve's own speed allows, and ends exactly on the last point."""
+        """The position moves no faster than the curve, and ends exactly on the last point."""
         arm = _rested()
         n = data.draw(st.integers(1, 6))
         axes = data.draw(st.permutations(AXES))[: data.draw(st.integers(1, N_ARM))]
@@ -119,7 +119,7 @@ class TestCurve:
         start = arm.position[axes]
         steps = np.abs(np.diff(np.vstack((start, points)), axis=0)).max(axis=1)
         if (steps < 1e-5).any():
-            return  # points that are too close are dropped: another test's business
+            return  # points too close together are dropped, which another test covers
         other = clamped(points, times, start)
         fastest = np.abs(other(np.linspace(0.0, times[-1] * 1e-3, 4000), 1)).max(axis=0)
         assert arm.start(points, times, axes) == GOOD
@@ -426,7 +426,7 @@ _RESTED: list[Arm] = []
 
 
 def _rested() -> Arm:
-    """One arm for all examples of a property, at rest."""
+    """Returns one arm for all examples of a property, at rest."""
     if not _RESTED:
         _RESTED.append(Arm())
     arm = _RESTED[0]
@@ -481,7 +481,7 @@ class TestStops:
         assert 90 <= arm.at_rest() <= 110
 
     def test_a_gentle_spline_is_stopped_gently(self) -> None:
-        """At its own greatest acceleration, of all axes together, and not at the quick-stop deceleration."""
+        """With the largest acceleration of the spline over all axes, not with the quick-stop deceleration."""
         arm = Arm()
         times_ms = [4.0 * time_ms for time_ms in WAY_MS]
         greatest = np.linalg.norm(clamped(WAY, times_ms)(1e-3 * np.append(0.0, times_ms), 2), axis=1).max()
@@ -503,7 +503,7 @@ class TestStops:
     @settings(max_examples=40, deadline=None)
     @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0), st.sampled_from(["Stop", "ExecQuickStop"]))
     def test_bounded_in_time_and_deceleration_wherever_it_begins(self, seed: int, when: float, name: str) -> None:
-        """The two bounds that the spline kernel promises, on curves that know no limits of their own."""
+        """The two guarantees of the spline kernel, on curves without limits of their own."""
         arm = _rested()
         random = np.random.default_rng(seed)
         n = int(random.integers(2, 9))
@@ -777,7 +777,7 @@ class TestWire:
     @settings(max_examples=80, deadline=None)
     @given(st.data())
     def test_any_numbers(self, data: st.DataObject) -> None:
-        """Whatever the points and times: an answer, and a state that is finite, in motion and in the stop from it."""
+        """For any points and times: an answer, and a finite state, in motion and during the stop."""
         arm = _rested()
         if arm.splines.points(CHANNEL)[0]:
             arm.splines.create(CHANNEL, 1000)
@@ -798,7 +798,7 @@ class TestWire:
             arm.step(30)
             assert np.isfinite(arm.engine.arrays.reals).all()
         if np.abs(arm.position).max() > 100.0:
-            _RESTED.clear()  # far away, where others do not begin
+            _RESTED.clear()  # too far away to start other examples
 
     def test_request(self, arm: Arm) -> None:
         arguments = [CHANNEL, [0, 1], pack([[1.0, 2.0], [3.0, 4.0]]), pack([100.0, 200.0])]

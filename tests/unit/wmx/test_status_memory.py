@@ -1,4 +1,4 @@
-"""Status in shared memory: never torn, never silently old, cheap to read."""
+"""Status in shared memory: never torn, never undetectably old, cheap to read."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ def make_engine(n_axes: int = N_AXES) -> Engine:
 
 
 def hammer(folder: Path, n_axes: int, checked: bool, go: Event, stop: Event) -> None:
-    """Publishes as fast as it can; everything in one publication says the same number."""
+    """Publishes as fast as possible. All fields of one publication contain the same number."""
     engine = make_engine(n_axes)
     writer = StatusWriter(engine, folder, checked)
     count = 0
-    gap_ns = 400 * n_axes  # about as long as a copy takes a reader, so that it meets both gaps and writing
+    gap_ns = 400 * n_axes  # about a reader's copy time, so that readers meet both gaps and writes
     while not stop.is_set():
         for _ in range(200):
             count += 1
@@ -79,7 +79,7 @@ def test_never_torn(folder: Path, n_axes: int, checked: bool) -> None:
         while len(seen) < 1000 and time.monotonic() < begun_s + (5.0 if len(seen) >= 200 else 90.0):
             try:
                 snapshot = reader.read()
-            except StatusUnreadable:  # the writer lost its processor for long while it was writing: not torn
+            except StatusUnreadable:  # the writer was preempted for long while writing: not torn
                 continue
             number = snapshot.cycle_counter
             assert snapshot.stamp_ns == number
@@ -188,7 +188,7 @@ def test_writer_that_died_while_writing(folder: Path) -> None:
 
 
 def test_checksum_refuses_contents_that_do_not_belong_together(folder: Path) -> None:
-    """What another core's reordered stores would look like: an even number, but mixed contents."""
+    """As after another core's reordered stores: an even number, but mixed contents."""
     writer = StatusWriter(make_engine(), folder, checked=True)
     writer.publish(1)
     reader = StatusReader(folder)

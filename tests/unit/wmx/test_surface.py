@@ -1,4 +1,4 @@
-"""The tables of the surface and the port's protocols say the same."""
+"""The tables of the surface match the protocols of the port."""
 
 from __future__ import annotations
 

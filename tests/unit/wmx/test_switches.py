@@ -1,4 +1,4 @@
-"""Limit switches: what they do to an axis that runs into one, and to one that does not."""
+"""Limit switches: their effect on an axis that moves into one, and on others."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Type = Config_LimitSwitchType
 
 
 def run_into(bench: Machine, axis: int, **limits: object) -> None:
-    """Moves an axis at 1 rad/s into its switches at +-0.5 rad and waits for it to stand, or for long enough."""
+    """Moves an axis at 1 rad/s into its switches at +-0.5 rad and runs 1500 cycles."""
     bench.switches(axis, positive_limit=0.5, negative_limit=-0.5)
     bench.limits(axis, **limits)
     assert bench.along(axis, 1.0) == 0
@@ -57,7 +57,7 @@ class TestActions:
     def test_decelerations(self, bench: Machine, kind: Type, dec: float, servo_off: bool) -> None:
         run_into(bench, POS, lsType=kind)
         assert bench.flag(Flag.OP_STATE, POS) == OperationState.Idle
-        # v^2 / 2a beyond the switch, and a cycle or two of the bus at 1 mm per cycle
+        # v^2 / 2a beyond the switch, plus one or two cycles of the bus at 1 mm per cycle
         assert bench.position(POS) == pytest.approx(0.5 + 1.0 / (2.0 * dec), abs=0.004)
         assert bench.flag(Flag.SERVO_ON, POS) == (not servo_off)
         if not servo_off:
@@ -225,7 +225,7 @@ class TestVirtualSwitches:
     def test_the_process_gives_them_to_its_drives(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        """The parameter file of a configuration is written without serving anybody."""
+        """The parameter file of a configuration can be written without running a server."""
         where = dict.fromkeys(("positive_limit_rad", "negative_limit_rad", "home_from_rad", "home_to_rad"), 1.0) | {
             "negative_limit_rad": -1.0,
             "home_to_rad": 2.0,

@@ -1,7 +1,7 @@
-"""The vendor adapter must do what any implementation of the port does.
+"""The vendor adapter must meet the requirements for any implementation of the port.
 
-Twice: on the fake of the vendor's module, in a version whose numbers, names and shapes all differ from the port's; and
-on the vendor's library itself wherever the environment names it.
+Twice: on the fake of the vendor's module, in a version whose numbers, names and shapes all differ from the port's;
+and on the vendor's library itself if the environment names it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from tests.unit.wmx.conftest import ALL_VARIABLE
 from tests.unit.wmx.harness import Harness
 from tests.unit.wmx.vendor_harness import LIBRARY_VARIABLE, RealHarness, VendorHarness, vendor_harness
 
-# What these show is how the engine moves, which the fake has from the simulated engine: its own suites run them all.
+# Tests of engine motion, which the fake takes from the simulated engine, whose own suites run them all.
 KINEMATICS = (
     "test_override_that_cannot_stop_in_time",
     "test_estop_stops_every_kind_of_motion",
@@ -46,7 +46,7 @@ def engine() -> Iterator[VendorHarness]:
 
 
 class TestAdapterOnTheFake(EngineConformance):
-    """The conformance tests but the kinematics, with fewer values; ROBOT_STACK_WMX_CONFORMANCE=all runs everything."""
+    """The conformance tests except kinematics, with fewer values; ROBOT_STACK_WMX_CONFORMANCE=all runs everything."""
 
     if os.environ.get(ALL_VARIABLE) != "all":
         for _name in KINEMATICS:
@@ -77,4 +77,4 @@ else:
 
     @pytest.mark.skip(reason=f"{LIBRARY_VARIABLE} names no library of the vendor to test")
     def test_vendor_library() -> None:
-        """Stands in the report for the conformance suite on the vendor's library."""
+        """Represents the conformance suite on the vendor's library in the report."""

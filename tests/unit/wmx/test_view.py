@@ -1,4 +1,4 @@
-"""The engine's status as a thread follows it, and what a pause of that thread must not look like."""
+"""The thread that follows the engine's status, and pauses of that thread, which must not appear as a fault."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ POLL_HZ = 250.0
 
 
 class Ended(Exception):
-    """The story is over."""
+    """Ends the story."""
 
 
 class Story:
     """An engine, and the virtual time of the thread that follows it.
 
-    stale_from_s: from then on the engine's status is stale. hold: called at each reading, returns for how long the
-    thread does not run meanwhile. statuses: what the thread reported, and when.
+    stale_from_s: time from which the engine's status is stale. hold: called at each reading, returns the time for
+    which the thread is paused. statuses: the thread's reports with their times.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -34,7 +34,7 @@ class Story:
         monkeypatch.setattr(view, "time", self)
         monkeypatch.setattr(view, "connect", lambda *_, **__: self)
 
-    # As the module time.
+    # Replaces the module time.
     def monotonic(self) -> float:
         return self.now_s
 
@@ -43,17 +43,17 @@ class Story:
         if self.now_s >= self.end_s:
             raise Ended
 
-    # As an engine.
+    # Replaces an engine.
     def read_status(self) -> tuple[int, StatusSnapshot]:
         code = STALE if self.now_s >= self.stale_from_s else 0
         self.now_s += self.hold(self.now_s)
         return code, empty_snapshot()
 
     def close(self) -> None:
-        """Nothing is held."""
+        """No resources to release."""
 
     def run(self) -> list[float]:
-        """The times at which the thread reported that there is no status to trust, once there had been one."""
+        """Returns the times at which the thread reported an unknown status after the first known one."""
         follower = EngineView("test", POLL_HZ, lambda status: self.statuses.append((self.now_s, status is not None)))
         with pytest.raises(Ended):
             follower._follow()

@@ -1,4 +1,4 @@
-"""Every call of the surface with arguments that differ, and what must reach the vendor's module for it."""
+"""Every call of the surface with distinct arguments, and the expected call of the vendor's module."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robot_stack.wmx.api.surface import SURFACE, Call, Commands, Plain
 from tests.unit.wmx.harness import part
 
 ELSEWHERE: Final = frozenset({"CreateDevice", "ErrorToString"})
-"""Calls of the port that have tests of their own: they are more than one call of the vendor's, or none."""
+"""Calls of the port with tests of their own: they are several calls of the vendor's, or none."""
 
 _PROFILE: Final = {
     "type": 0,
@@ -37,7 +37,7 @@ _PROFILE: Final = {
     "movingAverageTimeMilliseconds": 0.0,
 }
 _LAST: Final = ("WMX3Api.StopCommunication", "WMX3Api.StopEngine", "WMX3Api.CloseDevice")
-"""After these the others would fail before they reach anything."""
+"""Called last, since calls after these fail at once."""
 
 
 def _command(kind: type) -> tuple[Any, dict[str, Any]]:
@@ -49,7 +49,7 @@ def _command(kind: type) -> tuple[Any, dict[str, Any]]:
 
 
 def _sample(kind: Any, place: int) -> tuple[Any, Any]:
-    """An argument and how the vendor's module must see it."""
+    """Returns an argument and its expected form in the vendor's module."""
     if isinstance(kind, Commands):
         return _command(kind.kind)
     if kind is AxisSelection:
@@ -108,11 +108,11 @@ def _case(full: str, call: Call) -> Case:
 CALLS: Final[dict[str, Case]] = {
     full: _case(full, call) for full, call in _listed().items() if full.partition(".")[2] not in ELSEWHERE
 }
-"""Setters of blocks, which are two calls of the vendor's, have tests of their own."""
+"""Setters of blocks are two calls of the vendor's and have tests of their own."""
 
 
 def check(engine: MotionEngine, module: Any, name: str) -> None:
-    """Makes one call. Asserts that it reached the vendor's module as listed, and that nothing was wrong with it."""
+    """Makes one call. Asserts that it reached the vendor's module as listed, without faults."""
     control = module.CONTROL
     call, expected = CALLS[name]
     if name.startswith("Ecat.") and module.VARIANT.ecat_takes_master:

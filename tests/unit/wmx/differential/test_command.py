@@ -1,4 +1,4 @@
-"""The newest twist, its age, and the rest that must come before motion."""
+"""The newest twist, its age, and the required rest before motion."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def fields(linear: float = 0.0, angular: float = 0.0, **others: float) -> dict[s
 
 @pytest.fixture
 def command() -> TwistCommand:
-    """One that has seen rest."""
+    """A command that has received rest."""
     command = TwistCommand(timeout_s=0.25)
     assert command.requested(10.0) == REST
     return command
@@ -64,7 +64,7 @@ def test_a_twist_is_as_old_as_its_stamp_says(command: TwistCommand) -> None:
     command.receive(fields(0.5), 10.0, age_s=0.2)
     assert command.requested(10.05) == Command(0.5, 0.0)
     assert speeds(command.requested(10.06)) == (0.0, 0.0)
-    command.receive(fields(0.5), 10.1, age_s=-5.0)  # a clock ahead of ours does not make it last longer
+    command.receive(fields(0.5), 10.1, age_s=-5.0)  # a publisher's clock that is ahead does not extend the lifetime
     assert command.requested(10.36).text == "no command for 0.25 s"
 
 
@@ -98,7 +98,7 @@ def test_zero_or_silence_is_rest(command: TwistCommand, rest: str) -> None:
 
 
 def test_what_was_not_heard_before_rest_was_demanded_is_no_silence(command: TwistCommand) -> None:
-    """A node that hung: its first look finds an old twist and a drive that was stopped, then the stream goes on."""
+    """A node hung: its first read finds an old twist and a stopped drive, then the stream continues."""
     command.receive(fields(0.5), 10.0)
     assert speeds(command.requested(15.0)) == (0.0, 0.0)
     command.demand_rest(15.0)
@@ -111,19 +111,19 @@ def test_what_was_not_heard_before_rest_was_demanded_is_no_silence(command: Twis
 
 
 def test_twist_before_anything_was_seen_must_wait() -> None:
-    """A node that comes up under a stream of commands must not leap."""
+    """A node that starts while commands are being published must not start the motion at once."""
     command = TwistCommand(timeout_s=0.25)
     command.receive(fields(0.5), 10.0)
     assert command.requested(10.0).blocked
 
 
 def test_nothing_received_is_no_silence_until_every_sender_must_be_known() -> None:
-    """A stream that was there before this node is discovered only after a while: it must not set the base in motion."""
+    """The node discovers an existing stream only after a while; that stream must not start the base."""
     command = TwistCommand(timeout_s=0.25, heard_from_s=2.5)
     command.requested(1.0)
     command.receive(fields(0.5), 1.1)
     assert command.requested(1.15).blocked
-    assert command.requested(1.5).linear_mps == 0.0  # silent: now it counts
+    assert command.requested(1.5).linear_mps == 0.0  # the silence counts from now on
     command.receive(fields(0.5), 1.6)
     assert command.requested(1.65).linear_mps == 0.5
 

@@ -1,4 +1,4 @@
-"""Odometry of two wheels: exact arcs, refused jumps, and how the uncertainty grows."""
+"""Odometry of two wheels: exact arcs, rejected jumps, and the growth of the uncertainty."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SETTINGS = OdometrySettings(
 
 
 def driven(*ways: tuple[float, float], steps: int = 1) -> Odometry:
-    """The odometry after ways of (left, right) in rad, each within half a second."""
+    """Returns the odometry after moves of (left, right) in rad, each within half a second."""
     odometry = WheelOdometry(BASE, SETTINGS)
     left, right, stamp_s = 3.0, -7.0, 100.0
     result = odometry.update(WheelReading(stamp_s, WheelPair(left, right)))
@@ -45,13 +45,13 @@ def test_straight() -> None:
 
 
 def test_on_the_spot() -> None:
-    """A quarter turn: each wheel goes a quarter of the circle of 0.25 m radius."""
+    """A quarter turn: each wheel travels a quarter of the circle of 0.25 m radius."""
     way_rad = 0.5 * math.pi * 0.25 / 0.1
     assert xyyaw(driven((-way_rad, way_rad))) == pytest.approx((0.0, 0.0, 0.5 * math.pi))
 
 
 def test_quarter_circle_of_one_metre_in_one_reading() -> None:
-    """The exact arc ends at (1, 1); the chord that later Euler steps would take does not."""
+    """The exact arc ends at (1, 1); the chord of an Euler step would not."""
     left, right = 0.5 * math.pi * 0.75 / 0.1, 0.5 * math.pi * 1.25 / 0.1
     assert xyyaw(driven((left, right))) == pytest.approx((1.0, 1.0, 0.5 * math.pi))
 
@@ -110,8 +110,8 @@ def test_after_a_reading_that_is_none_the_way_meanwhile_counts() -> None:
 
 
 def test_uncertainty_of_a_straight_metre_by_hand() -> None:
-    """Each wheel's way has the variance q = 4e-4 m2. Mean: q/2 along. Difference over the track: 2q/0.25 of yaw, of
-    which the chord makes half a metre of lever across.
+    """Each wheel's distance has the variance q = 4e-4 m2. Mean: q/2 along. Difference over the track: 2q/0.25 of
+    yaw, to which the chord adds a lateral lever arm of half a metre.
     """
     covariance = np.array(driven((10.0, 10.0)).covariance).reshape(3, 3)
 
@@ -121,14 +121,14 @@ def test_uncertainty_of_a_straight_metre_by_hand() -> None:
 
 
 def test_uncertainty_of_an_arc_is_that_of_its_end() -> None:
-    """Only the right wheel turns, so only its way is uncertain: where the arc ends if it were a little longer."""
+    """Only the right wheel turns, so only its distance is uncertain: the end varies along a longer arc."""
     way_rad, step_rad = 1.0, 1e-5
     covariance = np.array(driven((0.0, way_rad)).covariance).reshape(3, 3)
     longer, shorter = (np.array(xyyaw(driven((0.0, way_rad + sign * step_rad)))) for sign in (1.0, -1.0))
     per_m = (longer - shorter) / (2.0 * step_rad * BASE.radius_m)
     variance_m2 = SETTINGS.deviation_per_sqrt_m**2 * way_rad * BASE.radius_m
 
-    # The chord's Jacobians stand for the arc's: the error grows with the square of the turn, 0.2 rad here.
+    # The Jacobians are the chord's, not the arc's: the error grows with the square of the turn, 0.2 rad here.
     assert covariance == pytest.approx(variance_m2 * np.outer(per_m, per_m), rel=0.02)
 
 

@@ -1,4 +1,4 @@
-"""Parameters: the shipped file is the documented one, and what is wrong in a file is named."""
+"""Parameters: the shipped file is the documented one, and errors in a file are named."""
 
 from __future__ import annotations
 

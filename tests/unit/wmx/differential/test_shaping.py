@@ -1,4 +1,4 @@
-"""Twists within limits of acceleration and jerk, tick by tick."""
+"""Twists limited in acceleration and jerk, tick by tick."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SILENT = Command(0.0, 0.0, "no command for 0.25 s")
 
 
 class Drive:
-    """Wheels that follow at once."""
+    """Wheels that follow their commands at once."""
 
     def __init__(self, limits: MotionLimits | None = LIMITS) -> None:
         self.shaper = TwistShaper(BASE, MOST_RADPS, limits, TICK_S)
@@ -56,7 +56,7 @@ def test_speed_grows_within_acceleration_and_jerk_and_arrives() -> None:
     assert max(rates) == pytest.approx(1.0, abs=1e-6)
     assert max(abs(b - a) for a, b in itertools.pairwise(rates)) <= 4.0 * TICK_S + 1e-6
     assert max(speed for speed, _ in drive.twists) <= 0.8 + 1e-9, "no overshoot"
-    # 0.8 s at full acceleration, and 0.25 s more for its growth and its end
+    # 0.8 s at full acceleration, plus 0.25 s for its increase and decrease
     arrived = next(i for i, (speed, _) in enumerate(drive.twists) if speed > 0.8 - 1e-3)
     assert arrived * TICK_S == pytest.approx(1.05, abs=0.05)
 
@@ -80,7 +80,7 @@ def test_after_a_silence_it_begins_from_what_the_wheels_do() -> None:
     drive = Drive()
     drive.run(0.8, 0.0, 2.0)
     drive.step(SILENT)
-    drive.wheels = WheelPair(5.0, 5.0)  # 0.5 m/s: still slowing down
+    drive.wheels = WheelPair(5.0, 5.0)  # 0.5 m/s: still decelerating
     drive.step(Command(0.8, 0.0))
     assert drive.twists[-1][0] == pytest.approx(0.5, abs=0.001)
 

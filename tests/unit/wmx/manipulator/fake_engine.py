@@ -1,4 +1,4 @@
-"""An engine of which only the answers are real; what a request does to the status is as immediate as it never is."""
+"""A fake engine that returns the real return codes. Unlike in the real engine, a request changes the status at once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robot_stack.wmx.axes import AxisFeedback, Flag, StatusSnapshot, axis_feedba
 
 
 class FakeEngine:
-    """``codes``: what a call answers, by its name; everything else succeeds. ``deaf``: calls without an effect."""
+    """``codes``: return code by call name; all other calls succeed. ``deaf``: calls without an effect."""
 
     def __init__(self, n_axes: int = 3) -> None:
         self.codes: dict[str, int] = {}
@@ -49,7 +49,7 @@ class FakeEngine:
             self.flag(Flag.SERVO_ON, slice(None), 0)
 
     def _answer(self, call: str) -> bool:
-        """True if the call has its effect."""
+        """Returns True if the call has an effect."""
         self.calls.append(call)
         name = call.partition("(")[0]
         return name not in self.deaf and not self._code(call)

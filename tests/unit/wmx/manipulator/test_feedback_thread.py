@@ -1,4 +1,4 @@
-"""The thread's deadlines, and how it ends."""
+"""The deadlines of the thread, and its end."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.support.waiting import wait_for
 
 @pytest.fixture(autouse=True)
 def _as_before() -> Iterator[None]:
-    """The thread takes its process for its own."""
+    """Restores the process settings that the thread changes."""
     interval_s = sys.getswitchinterval()
     yield
     sys.setswitchinterval(interval_s)
@@ -27,7 +27,7 @@ def _as_before() -> Iterator[None]:
 
 
 class FakeBringUp:
-    """Ready from the beginning. ``status``: what a poll answers. ``changed_at``: the look that no longer suffices."""
+    """Ready from the start. ``status``: result of a poll. ``changed_at``: first look without a result."""
 
     def __init__(self) -> None:
         self.progress = Progress(Step.READY)

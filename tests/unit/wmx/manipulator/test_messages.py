@@ -1,4 +1,4 @@
-"""The bytes are those of the middleware's own serialisation."""
+"""The bytes equal those of the middleware's own serialisation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NAMES = ["joint1", "joint2", "joint3", "joint4", "joint5", "joint6", "picker_1_j
 
 
 def _written(ours: bytes, theirs: bytes) -> bool:
-    """The same but for padding, which the middleware leaves unwritten, and for the room it keeps unused at the end."""
+    """Equal except for padding, which the middleware does not write, and unused space at its end."""
     return len(ours) <= len(theirs) and all(a == b for a, b in zip(ours, theirs, strict=False) if a)
 
 
@@ -30,8 +30,8 @@ def test_a_joint_state_by_hand():
             "00010000",  # CDR, little endian
             "03000000 04000000",  # stamp
             "01000000 00000000",  # frame_id: one byte, the zero; padding
-            "01000000 03000000 61620000",  # one name, 3 bytes, a b 0; padding
-            "01000000 00000000 0000f03f",  # one position at a multiple of 8 from behind the first four bytes
+            "01000000 03000000 61620000",  # one name of 3 bytes, a b 0; padding
+            "01000000 00000000 0000f03f",  # one position, aligned to 8 after the first four bytes
             "01000000 00000000 00000000 000000c0",  # one velocity; padding before it
             "00000000",  # no effort
         ]

@@ -1,4 +1,4 @@
-"""Parameters that are refused, and the documented ways of not setting a name."""
+"""Rejected parameters, and the documented ways of leaving a name unset."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The steps of the start, by hand-worked times."""
+"""The steps of the start, with times computed by hand."""
 
 from __future__ import annotations
 

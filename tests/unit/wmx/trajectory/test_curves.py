@@ -1,4 +1,4 @@
-"""What the engine is given for points with velocities, for a late start, and for a slower one."""
+"""The spline for points with velocities, for a late start, and for a slower motion."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NEAR_RAD = NO_LIMITS.near.deviation_rad
 
 
 def through(*states: tuple[float, float, float, float], accelerations: bool = False) -> Waypoints:
-    """Of (time, position, velocity, acceleration), the joints alike but for the place from which they start."""
+    """Returns waypoints from (time, position, velocity, acceleration), both joints equal except for their start."""
     t, p, v, a = np.array(states).T
     both = [np.column_stack([column, column]) for column in (p, v, a)]
     return Waypoints(t, both[0] + HERE, both[1], both[2] if accelerations else None)
@@ -41,7 +41,7 @@ def refusal(points: Waypoints, late_s: float = 0.0, limits: PlanLimits = NO_LIMI
 
 
 def test_velocities_are_driven_through() -> None:
-    """Positions alone would pass the middle at 1.5 rad/s."""
+    """Without velocities the spline would pass the middle at 1.5 rad/s."""
     spline = plan(through((0.0, 0.0, 0.0, 0.0), (1.0, 1.0, 0.4, 0.0), (2.0, 2.0, 0.0, 0.0)))
     position, velocity, _ = spline.evaluate(1.0)
     assert position == pytest.approx(HERE + 1.0, abs=1e-9)
@@ -82,7 +82,7 @@ def test_the_engine_follows_the_curve_of_the_goal(
     curve = curve_of(points.after_rest(HERE))
     at = np.linspace(0.0, spline.times_s[-1], 997)
     assert np.abs(spline.positions_at(at) - curve(at)).max() <= 2.0 * NEAR_RAD
-    # Or what the acceleration makes of it in a cycle or two.
+    # Or the change by the acceleration within one or two cycles.
     fastest_radps = NO_LIMITS.near.deviation_radps + 2e-3 * np.abs(curve(at, 2)).max()
     assert np.abs(spline.velocities_at(at) - curve(at, 1)).max() <= fastest_radps
     assert np.diff(spline.times_s).min() > 1e-6
@@ -156,7 +156,7 @@ def test_points_are_reached_when_they_are_due() -> None:
 
 
 def test_a_point_that_cannot_be_reached_in_time_is_left_out() -> None:
-    """0.01 s to the point at 1 s: that would be far more than anybody asked for."""
+    """Reaching the point at 1 s within 0.01 s would need far more acceleration than requested."""
     spline = plan(PLAIN, 0.99, EAGER)
     assert spline.times_s[-1] == pytest.approx(2.01)
     assert spline.max_acceleration().max() < 6.0

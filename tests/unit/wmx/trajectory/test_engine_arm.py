@@ -1,4 +1,4 @@
-"""The arm on an engine that records its calls and answers with the codes of a test."""
+"""The arm on an engine that records its calls and returns codes set by a test."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SPLINE = ClampedSpline(np.array([0.0, 0.5, 1.25]), np.array([[0.0, 0.0], [0.1, -
 
 
 class FakeEngine:
-    """codes: answers by call, 0 where none is given. Each module explains codes in its own name."""
+    """codes: return code by call, 0 by default. Each module explains codes under its own name."""
 
     def __init__(self) -> None:
         self.calls: list[tuple[Any, ...]] = []
@@ -110,7 +110,7 @@ def test_the_buffer_is_created_once_with_room_for_the_present_position(bench: Be
 
 
 def test_a_trajectory_that_a_dead_server_left_is_stopped_before_anything_else(bench: Bench) -> None:
-    """The engine goes on with it: nothing stops a spline but its end or a stop."""
+    """The engine continues the trajectory: only its end or a stop ends a spline."""
     bench.engine.snapshot.flags[Flag.OP_STATE, :2] = OperationState.Intpl
     assert bench.poll() == "stopping a trajectory whose server is gone"
     assert len(bench.named("Stop")) == 1
@@ -120,7 +120,7 @@ def test_a_trajectory_that_a_dead_server_left_is_stopped_before_anything_else(be
     assert bench.named("CreateSplineBuffer") == []
     bench.engine.snapshot.flags[Flag.OP_STATE, :2] = OperationState.Idle
     assert bench.poll(1.1) == ""
-    bench.engine.snapshot.flags[Flag.OP_STATE, :2] = OperationState.Intpl  # its own, from now on
+    bench.engine.snapshot.flags[Flag.OP_STATE, :2] = OperationState.Intpl  # from now on its own
     stops = len(bench.named("Stop"))
     assert bench.poll(5.0) == ""
     assert len(bench.named("Stop")) == stops

@@ -1,4 +1,4 @@
-"""Goals: what is accepted, in whose order, and which code and words refuse the rest."""
+"""Goals: which are accepted, the order of joints, and the codes and texts of rejections."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Time rules: what the engine is given for a goal, and what it is spared."""
+"""Time rules: the spline for a goal, and points that are not sent to the engine."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robot_stack.wmx.trajectory.waypoints import Waypoints
 from tests.unit.wmx.trajectory.fake_arm import JOINTS, NO_LIMITS
 
 HERE = np.array([0.5, -0.5])
-# What the engine documents of itself.
+# The documented limits of the engine.
 ENGINE_GAP_S, ENGINE_SAME_RAD = 1e-6, 1e-6
 
 
@@ -62,7 +62,7 @@ def test_points_the_engine_would_refuse_are_merged() -> None:
 
 
 def test_a_pause_on_the_way_stays_one() -> None:
-    """The engine would drop the repeated point, and with it three seconds."""
+    """The engine would drop the repeated point and with it three seconds."""
     spline = plan((1.0, (1.0, 0.0)), (2.5, (1.0, 0.0)), (4.0, (1.0, 0.0)), (5.0, (2.0, 0.0)))
     assert spline is not None
     assert spline.times_s.tolist() == [0.0, 1.0, 2.5, 4.0, 5.0]

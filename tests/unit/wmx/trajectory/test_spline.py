@@ -1,4 +1,4 @@
-"""The clamped spline against what can be worked out by hand, and its peaks."""
+"""The clamped spline compared with values computed by hand, and its peaks."""
 
 from __future__ import annotations
 

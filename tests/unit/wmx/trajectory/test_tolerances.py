@@ -1,4 +1,4 @@
-"""Which joint is out of its tolerance, and by how much."""
+"""The joint outside of its tolerance, and its deviation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cubics and quintics through points that give velocities and accelerations, and turns of continuous joints."""
+"""Cubics and quintics through points with velocities and accelerations, and turns of continuous joints."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STATES = st.lists(st.tuples(st.floats(0.05, 2.0), *[VALUE] * 6), min_size=2, max
 
 
 def waypoints(states: list[tuple[float, ...]]) -> Waypoints:
-    """Of (gap, two positions, two velocities, two accelerations)."""
+    """Returns waypoints from (gap, two positions, two velocities, two accelerations)."""
     rows = np.array(states)
     return Waypoints(np.cumsum(rows[:, 0]), rows[:, 1:3], rows[:, 3:5], rows[:, 5:7])
 
@@ -99,7 +99,7 @@ def test_slower_is_the_same_path() -> None:
         (0.0, 0.3, 0.3),
         (6.2, 0.1, 0.1 + 2.0 * math.pi),
         (-20.0, 0.0, -6.0 * math.pi),
-        (0.0, math.pi, math.pi),  # half a turn: in the direction in which the goal counts
+        (0.0, math.pi, math.pi),  # half a turn: the direction of the goal's sign
         (0.0, -math.pi, -math.pi),
         (0.0, 3.0 * math.pi, math.pi),
         (4.0 * math.pi, math.pi, 3.0 * math.pi),
