@@ -1,4 +1,4 @@
-"""Status snapshots of axes that stand, servos on, for what is decided by looking at one."""
+"""Status snapshots of axes at rest with servos on, for decisions based on one status."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robot_stack.wmx.axes import Flag, StatusSnapshot, empty_snapshot
 
 
 def standing(n_axes: int = 4, **fields: Any) -> StatusSnapshot:
-    """Communicating, every servo on, position mode, idle, at zero."""
+    """Returns a status: communicating, every servo on, position mode, idle, at zero."""
     snapshot = replace(empty_snapshot(n_axes), **{"engine_state": EngineState.Communicating, **fields})
     snapshot.flags[Flag.SERVO_ON] = 1
     snapshot.flags[Flag.SERVO_OFFLINE] = 0

@@ -1,4 +1,4 @@
-"""Motion messages: what is refused, in which words, and what the good ones become."""
+"""Motion messages: which are rejected, with which texts, and the resulting commands."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_limits(velocity: float, acc: float, dec: float, text: str) -> None:
 def test_one_axis_that_cannot_obey_refuses_all(flag: Flag, value: int, mode: AxisCommandMode, text: str) -> None:
     with pytest.raises(Refused, match=text):
         check_ready([0, 1], mode, with_flag(flag, 1, value))
-    check_ready([0, 2], mode, with_flag(flag, 1, value))  # the same trouble on an axis that is not asked
+    check_ready([0, 2], mode, with_flag(flag, 1, value))  # the same fault on an axis that is not part of the command
 
 
 def test_velocity_needs_velocity_mode() -> None:
@@ -141,10 +141,10 @@ def test_commands_carry_every_field_to_its_axis() -> None:
 @pytest.mark.parametrize(
     ("now", "velocity", "reached", "run_ms", "acc_ms"),
     [
-        (0.0, 1.0, 1.0, 150.0, 100.0),  # 1 rad/s at 10 rad/s2, and the rest of 0.25 s at it
+        (0.0, 1.0, 1.0, 150.0, 100.0),  # 1 rad/s at 10 rad/s2, and the rest of 0.25 s at this speed
         (0.5, 1.0, 1.0, 200.0, 50.0),
-        (0.0, -9.0, -2.5, 1.0, 250.0),  # as far as it gets
-        (2.0, 1.0, 1.0, 200.0, 1.0),  # down at 20 rad/s2
+        (0.0, -9.0, -2.5, 1.0, 250.0),  # as far as possible in the time
+        (2.0, 1.0, 1.0, 200.0, 1.0),  # deceleration at 20 rad/s2
         (1.0, -1.0, -1.0, 100.0, 100.0),  # through zero: 50 ms down, 100 ms up
     ],
 )

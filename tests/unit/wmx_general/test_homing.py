@@ -1,4 +1,4 @@
-"""When a homing is over, and how."""
+"""When a homing is complete, and with which result."""
 
 from __future__ import annotations
 
