@@ -1,4 +1,4 @@
-"""Which DDS settings a process takes, whatever its parent has chosen for itself."""
+"""The DDS settings of a process, independent of its parent's settings."""
 
 from __future__ import annotations
 
