@@ -1,4 +1,4 @@
-"""Conditions that spoil pictures, drawn at random: what the marker benchmark is run under."""
+"""Randomly drawn conditions that degrade images, for the marker benchmark."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ _BAD_SHARE = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """What is drawn for one run. start: base_link beside the staging pose; chair: the dock beside its nominal pose."""
+    """Drawn values of one run. start: base_link against the staging pose; chair: the dock against its nominal pose."""
 
     seed: int
     start: Pose2
@@ -57,7 +57,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """One run. Errors: base_link beside the dock pose when the controller said DOCKED, before the latch drew it in."""
+    """One run. Errors: base_link relative to the dock pose when the controller reports DOCKED, before the latch."""
 
     trial: Trial
     success: bool
@@ -73,9 +73,9 @@ class Outcome:
 def run(
     runs: int = 200, seed: int = 1, workers: int = 0, untaught_every: int = 5
 ) -> tuple[dict[str, float], dict[str, object]]:
-    """(figures, conditions). Every robot is another one: wheels, steering zeros, camera and mounting are drawn anew.
+    """Returns (figures, conditions). Wheels, steering zeros, camera and mounting are drawn anew for each run.
 
-    workers: processes; 0: one for each core. untaught_every: each so manieth robot has never been at a closed latch.
+    workers: processes; 0: one per core. untaught_every: each n-th run has no teaching from an earlier closed latch.
     """
     if runs < 1 or untaught_every < 2:
         raise BenchError(f"runs must be at least 1 and untaught_every at least 2, are {runs} and {untaught_every}")
@@ -101,7 +101,7 @@ def run(
 
 
 def _counted(outcomes: Iterable[Outcome], runs: int) -> list[Outcome]:
-    """All outcomes; a terminal shows how many there are, because 200 runs take ten minutes."""
+    """Collects all outcomes and shows the progress on a terminal, because 200 runs take ten minutes."""
     done: list[Outcome] = []
     for outcome in outcomes:
         done.append(outcome)
@@ -128,8 +128,8 @@ def draw(seed: int, *, taught: bool) -> Trial:
 
 
 def dock(trial: Trial, learnt: Path | None = None) -> Outcome:
-    """Drives one trial. learnt: the file with what dockings have taught and teach; a taught robot without it docks
-    once before, on even ground and in clear light.
+    """Drives one trial. learnt: the file with the corrections taught by dockings; without it a taught robot docks once
+    before the trial, on even ground and in clear light.
     """
     if learnt is None:
         with tempfile.TemporaryDirectory() as folder:
@@ -189,7 +189,7 @@ class Docking:
 
 
 def settings_of(trial: Trial) -> list[str]:
-    """The stack of a trial: its localization begins as if the robot stood at the staging pose."""
+    """The settings of a trial: the localization starts at the staging pose, not at the true start."""
     staging = load_docks().docks[_DOCK].staging.pose()
     return [
         "sim_world.world=flat",
@@ -205,14 +205,14 @@ def settings_of(trial: Trial) -> list[str]:
 
 
 def dock_nominal() -> Pose2:
-    """The dock frame in map when everything is where ``config/docks.yaml`` says."""
+    """The dock frame in map at the nominal pose of ``config/docks.yaml``."""
     definition = load_docks().docks[_DOCK]
     ahead = Pose2(1.5, 0.0, 0.0)
     return definition.staging.pose().compose(ahead).compose(definition.dock_pose.pose().inverse())
 
 
 def light_of(trial: Trial) -> Callable[[float], Conditions]:
-    """The light of a trial: the same for all its pictures, but for what moves with the camera by itself."""
+    """The light of a trial, constant for all its images except the effects that vary with the camera motion."""
     random = np.random.default_rng([trial.seed, 11])
     if trial.weather in BAD:
         conditions = BAD[trial.weather](random, load_intrinsics(camera_file("front_camera")))

@@ -12,15 +12,15 @@ from sim.bench.drops_run import Outcome, play
 
 NAME = "drops"
 AIMS = {"over_the_edge": Aim("<=", 0.0), "false_stops": Aim("<=", 0.0)}
-# Whoever tunes uses other seeds.
+# Not used for tuning.
 _FIRST_SEED = 41_001
 
 
 def run(drops: int = cases.ROUND, passable: int = 24, first: int = _FIRST_SEED, workers: int = 1) -> Result:
-    """Simulated time, kernels of perception, safety monitor and drive behind the simulated LiDARs; no ROS.
+    """Runs perception, safety monitor and drive in simulated time behind the simulated LiDARs, without ROS.
 
-    drops: 70 are one of each direction and depth, with and without the chair. passable: ways that may be driven. first:
-    seed of the first run. workers: processes; the figures do not depend on it.
+    drops: 70 cover each direction and depth, with and without the chair. passable: number of routes. first: seed of the
+    first run. workers: processes; the figures do not depend on it.
     """
     drawn = [cases.drop(number, first + number) for number in range(drops)]
     open_ways = [cases.passable(number, first + drops + number) for number in range(passable)]

@@ -1,4 +1,4 @@
-"""Drawn cases of the benchmark ``drops``: an edge in the robot's way, and a way that may be driven."""
+"""Drawn cases of the benchmark ``drops``: a drop in the robot's path, or a passable route."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ Direction = Literal["ahead", "behind", "aside", "turn"]
 DIRECTIONS: tuple[Direction, ...] = ("ahead", "ahead", "behind", "aside", "turn")
 DEPTHS_M = (0.05, 0.10, 0.15, 0.30, 0.50, 1.0, 3.0)
 WIDTHS_M = (1.0, 3.0, 12.0)
-# Each direction and depth once with the chair and once without; the widths take turns.
+# Each direction and depth occurs once with the chair and once without; the widths alternate.
 ROUND = 2 * len(DIRECTIONS) * len(DEPTHS_M)
 PASSABLE = ("ramp_up", "ramp_down", "ramp_over", "kerb_down", "level", "wall")
 SETTLE_S = 1.0
-_LENGTH_M = 4.0  # of a drop along the way
+_LENGTH_M = 4.0  # length of a drop in the driving direction
 _TURN_AFTER_M = 3.5
-_KERB_M = 0.03  # that the wheels take
+_KERB_M = 0.03  # kerb height that the wheels can pass
 _RAMP_DEG = (4.0, 10.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A command until the robot has driven so far, m, or for ever."""
+    """A command that holds until the robot has driven the given distance, m, or without limit."""
 
     requested: Twist2
     until_m: float
@@ -39,9 +39,9 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """legs: what the robot is asked to do, one after the other. start: of base_link in map. what: in words.
+    """legs: the successive commands. start: pose of base_link in map. what: a description.
 
-    to_m: driven at the end of a way that may be driven, inf where a drop ends it.
+    to_m: x at the end of a passable route; inf for a drop.
     """
 
     seed: int
@@ -55,7 +55,7 @@ class Case:
 
 
 def drop(number: int, seed: int) -> Case:
-    """number: which of a round's combinations."""
+    """number: index of the combination within a round."""
     chair, rest = number % 2 == 0, number // 2
     depth, kind = rest // len(DIRECTIONS), rest % len(DIRECTIONS)
     depth_m, width_m = DEPTHS_M[depth % len(DEPTHS_M)], WIDTHS_M[(depth + kind + 2) % len(WIDTHS_M)]
@@ -96,7 +96,7 @@ def drop(number: int, seed: int) -> Case:
 
 
 def passable(number: int, seed: int) -> Case:
-    """A way that may be driven, to its end."""
+    """A passable route, driven to its end."""
     kind, chair = PASSABLE[number % len(PASSABLE)], number // len(PASSABLE) % 2 == 0
     random = np.random.default_rng(seed)
     most_mps = 1.0 if chair else 1.5
@@ -126,7 +126,7 @@ def passable(number: int, seed: int) -> Case:
 
 @cache
 def contacts(*, chair: bool) -> NDArray[np.float64]:
-    """(n, 2) where wheels, and the wheelchair's castors, stand on the ground, base_link."""
+    """(n, 2) ground contact points of the wheels, and of the wheelchair's castors, in base_link."""
     wheels = np.array(load_robot().module_positions_m())
     return np.concatenate([wheels, np.add(castors(), (chair_ahead().x, 0.0))]) if chair else wheels
 
@@ -136,7 +136,7 @@ def _wall(side: float, aside_m: float) -> Box:
 
 
 def _beside(front: Pose2, width_m: float, random: np.random.Generator) -> Ramp:
-    """Up and away beside the drop, which the way does not lead to."""
+    """Ramps up and down beside the drop, off the route."""
     side = random.choice([-1.0, 1.0])
     foot = front.compose(Pose2(0.0, side * (0.5 * width_m + 1.2), 0.0))
     return Ramp(

@@ -1,4 +1,4 @@
-"""One run of the benchmark ``drops``: a case played, by the ground under the wheels."""
+"""One run of the benchmark ``drops``: plays a case and checks the ground under the wheels."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from sim.bench.people_stage import STEP_S, Stage
 from sim.bench.people_terrain import inside, terrain_of
 from sim.lidar.params import load_lidar_params
 
-_DEEP_M = 0.04  # a drop; the wheels take 3 cm
-_ATTITUDE_SIGMA_RAD = 0.004  # as the inertial unit's, config/imu_driver.yaml
+_DEEP_M = 0.04  # the wheels can pass 3 cm
+_ATTITUDE_SIGMA_RAD = 0.004  # of the inertial unit, config/imu_driver.yaml
 _SHORT_M = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """over: a wheel or castor got over an edge; at_mps: how fast the robot was then.
+    """over: a wheel or castor crossed an edge; at_mps: the robot's speed at that moment.
 
-    distance_m: driven. stops: when the limit became 0 on the way, and why. reason: of the limit at the end.
+    distance_m: driven distance. stops: where and why the limit became 0. reason: of the limit at the end.
     """
 
     case: Case
@@ -34,12 +34,12 @@ class Outcome:
 
     @property
     def passed(self) -> bool:
-        """A way that may be driven was driven to its end without a stop."""
+        """True if a passable route was driven to its end without a stop."""
         return not self.stops and self.distance_m >= self.case.to_m - _SHORT_M
 
 
 def play(case: Case, *, guarded: bool = True) -> Outcome:
-    """guarded: False is a robot whose safety monitor lets it do anything."""
+    """guarded: if False, the safety monitor's limit is ignored."""
     random = np.random.default_rng([case.seed, 3])
     roll, pitch = random.normal(0.0, _ATTITUDE_SIGMA_RAD, 2)
     terrain = terrain_of(case.world, load_lidar_params(), (float(roll), float(pitch)))

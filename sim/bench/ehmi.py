@@ -33,7 +33,7 @@ _MOST_CHANGES = 4
 
 
 class _Rig:
-    """The bridge's own port against the simulated firmware, on a real pseudo terminal."""
+    """The bridge's port connected to the simulated firmware over a pseudo terminal."""
 
     def __init__(self, folder: Path) -> None:
         self.bridge = load(EhmiParams, "ehmi_bridge")
@@ -71,7 +71,7 @@ def _within(condition: Callable[[], bool], limit_s: float = _DEADLINE_S) -> bool
 
 
 def run(states: int = 1000, pulls: int = 100, frames: int = 100_000) -> tuple[dict[str, float], dict[str, object]]:
-    """states: changes of state that are timed. pulls: of the cable. frames: corrupted ones, half to the display."""
+    """states: timed state changes. pulls: cable disconnections. frames: corrupted ones, half sent to the display."""
     with tempfile.TemporaryDirectory(dir="/dev/shm") as folder:
         rig = _Rig(Path(folder))
         try:
@@ -114,7 +114,7 @@ def _changes(rig: _Rig, count: int) -> tuple[list[float], int]:
 
 
 def _pulls(rig: _Rig, count: int) -> tuple[int, list[float], int]:
-    """Links that came back, the seconds that took, and states that were not shown after it."""
+    """Counts links that recovered, measures the recovery times, and counts states not shown after recovery."""
     recovered, times_s, lost = 0, [], 0
     for number in range(count):
         rig.line.pull()
@@ -135,7 +135,7 @@ def _pulls(rig: _Rig, count: int) -> tuple[int, list[float], int]:
 
 
 def _corrupt_frames(count: int, seed: int) -> int:
-    """How many damaged frames were understood as something else than was sent."""
+    """Counts corrupted frames that were decoded as a frame other than the one sent."""
     random = np.random.default_rng(seed)
     commands = [
         *(codec.state_command(state) for state in _STATES),

@@ -29,7 +29,7 @@ AIMS = {
     "worst_overrun_ms": Aim("<", 50.0),
     "invariants_broken": Aim("<=", 0),
 }
-# Invariants about the fault list; the others are about the robot and what is around it.
+# Invariants about the fault list; the other invariants concern the robot and its surroundings.
 _DECLARED = {"row_not_raised", "action_missing"}
 _SEEDS = 1_000_000_000
 
@@ -50,10 +50,10 @@ def run(
     until_s: float = 40.0,
     workers: int = 2,
 ) -> Result:
-    """Simulated time, light sensors. Each run that breaks an invariant is printed with the command that repeats it.
+    """Runs in simulated time with light sensors. Prints the command to repeat each run that breaks an invariant.
 
-    first: seed of the first run, 0 to draw it. scenario: as for ``robot-stack simulate``. count: faults in each run, 0
-    for one and two in turn. until_s: of each run. workers: processes; the figures do not depend on it.
+    first: seed of the first run, 0 to draw it. scenario: as for ``robot-stack simulate``. count: faults in each run; 0
+    alternates one and two. until_s: length of each run. workers: processes; the figures do not depend on it.
     """
     first = first or 1 + secrets.randbelow(_SEEDS)
     cases = [_Case(scenario, seed, count or 1 + seed % 2, until_s) for seed in range(first, first + runs)]
@@ -71,7 +71,7 @@ def _play(case: _Case) -> Outcome:
 
 
 def _reported(outcomes: Iterable[Outcome], runs: int) -> Iterator[Outcome]:
-    """Prints one line per run to stderr, more for one that breaks an invariant."""
+    """Prints one line per run to stderr, and details of a run that breaks an invariant."""
     for number, outcome in enumerate(outcomes, 1):
         print(f"{number}/{runs} {describe(outcome)}", file=sys.stderr, flush=True)
         yield outcome

@@ -1,6 +1,6 @@
-"""A few nodes of the stack on the deterministic scheduler, for benchmarks that need no whole robot.
+"""A few nodes of the stack on the deterministic scheduler, for benchmarks that do not need the whole robot.
 
-A peer publishes what the safety monitor would: NORMAL, and one speed limit, which the benchmark chooses.
+A peer publishes in place of the safety monitor: the state NORMAL and a speed limit chosen by the benchmark.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ _DISCOVERED_S = 2.0
 
 
 class FewNodes(SimulatedStack):
-    """Entering it returns when all nodes are ready and have discovered each other.
+    """On entry, waits until all nodes are ready and have discovered each other.
 
-    nodes: processes of the profile. settings: ``node.parameter=value``. Raises ConfigError, on entering BenchError.
+    nodes: processes of the profile. settings: ``node.parameter=value``. Raises ConfigError; BenchError on entry.
     """
 
     def __init__(self, seed: int, nodes: Sequence[str], settings: Sequence[str]) -> None:
@@ -78,7 +78,7 @@ class FewNodes(SimulatedStack):
         return truth.pose().compose(exp_se2(twist, self.world.age_s)), twist
 
     def publish(self, row: Topic, message: Any) -> None:
-        """From a tool. The first call waits until the publisher is known."""
+        """Publishes as a tool. The first call waits until the publisher is discovered."""
         publisher = self._publishers.get(row.name)
         if publisher is None:
             publisher = self._publishers[row.name] = self.advertise(row)

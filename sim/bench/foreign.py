@@ -33,18 +33,18 @@ AIMS = {
 Float = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 _NEAR_M, _FAR_M = 8.0, 30.0
-_OWN_M = 3.0  # the car that carried the sensor
+_OWN_M = 3.0  # removes the car that carried the sensor
 _CELL_M, _PLAIN_M, _THING_M, _HIGH_M = 0.2, 0.06, 0.2, 2.0
 _DEGREE_M = 4.0
 _ROUNDS = 12
-# Of the sensor that recorded them, seen on scan_000000: an old one, whose rings are known to be off.
+# Measured on scan_000000: biases of the old sensor that recorded the sweeps.
 _RANGE_BIAS_M, _ELEVATION_BIAS_DEG = 0.03, 0.15
 
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Cells of 0.2 m, (rows, columns) from -8 m on: plain: nothing but road in them and in the eight around them;
-    thing: something 0.2 to 2 m above the road, of 5 points at least.
+    """Cells of 0.2 m, (rows, columns) from -8 m on. plain: only road in the cell and its eight neighbours; thing: at
+    least 5 points 0.2 to 2 m above the road.
     """
 
     plain: Mask
@@ -52,7 +52,7 @@ class Truth:
 
 
 def run(repeats: int = 5, folder: str = str(FOLDER)) -> Result:
-    """repeats: timed runs per sweep. folder: of the sweeps. Raises BenchError without them."""
+    """repeats: timed runs per sweep. folder: contains the sweeps. Raises BenchError if it contains none."""
     files = sorted(Path(folder).glob("scan_*.bin"))
     if not files:
         raise BenchError(f"no scan_*.bin in {folder}")
@@ -79,7 +79,7 @@ def run(repeats: int = 5, folder: str = str(FOLDER)) -> Result:
 
 
 def sweep(file: Path) -> Float:
-    """(n, 3) points within 30 m, on the road under the sensor; without the car itself."""
+    """(n, 3) points within 30 m without the car, shifted so that z = 0 is the road."""
     xyz = np.fromfile(file, np.float32).reshape(-1, 4)[:, :3]
     away = np.hypot(xyz[:, 0], xyz[:, 1])
     kept = xyz[(away < _FAR_M) & (away > _OWN_M)]
@@ -87,7 +87,7 @@ def sweep(file: Path) -> Float:
 
 
 def car(robot: Robot) -> Robot:
-    """The robot with the sensor that recorded the sweeps, where it was."""
+    """The robot with the recording sensor's mounting and biases."""
     own = {
         "xyz_m": (0.0, 0.0, SENSOR_HEIGHT_M),
         "range_bias_m": _RANGE_BIAS_M,
@@ -98,13 +98,13 @@ def car(robot: Robot) -> Robot:
 
 
 def obstacles(pipeline: Pipeline, crowd: Crowd, params: PerceptionParams, xyz: Float) -> Float:
-    """(k, 3) voxels of what the pipeline would publish."""
+    """(k, 3) obstacle voxels that the pipeline would publish."""
     seen = pipeline.segment(xyz)
     return _thinned(raised(seen.xyz, seen.labels), crowd, params)
 
 
 def truth(xyz: Float) -> Truth:
-    """From a smooth surface through the lowest points, which knows nothing of rings or of either method."""
+    """Labels cells relative to a smooth surface through the lowest points, independent of rings and of both methods."""
     near = xyz[np.hypot(xyz[:, 0], xyz[:, 1]) < _NEAR_M + 2 * _CELL_M]
     height = near[:, 2] - _surface(near)
     size = round(2 * _NEAR_M / _CELL_M)
@@ -123,7 +123,7 @@ def truth(xyz: Float) -> Truth:
 
 
 def _surface(xyz: Float) -> NDArray[np.float64]:
-    """(n,) height of the road below each point: a surface of second degree, fitted to less and less of what is high."""
+    """(n,) height of the road at each point: a quadratic surface, fitted iteratively without raised points."""
     x, y = xyz[:, 0] / _DEGREE_M, xyz[:, 1] / _DEGREE_M
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1).astype(np.float64)
     road, factors = np.abs(xyz[:, 2]) < 0.3, np.zeros(6)
@@ -140,14 +140,14 @@ def _thinned(points: Float, crowd: Crowd, params: PerceptionParams) -> Float:
 
 
 def _judged(found: Float, road: Truth, work: Callable[[], object], repeats: int) -> tuple[int, float, list[float]]:
-    """(phantoms, share of things missed in percent, milliseconds of each run)."""
+    """(phantoms, share of missed obstacles in percent, milliseconds of each run)."""
     size = len(road.plain)
     cells = np.floor((found[:, :2] + _NEAR_M) / _CELL_M).astype(np.int64)
     inside = np.all((cells >= 0) & (cells < size), axis=1) & (np.hypot(found[:, 0], found[:, 1]) < _NEAR_M)
     row, column = cells[inside, 1], cells[inside, 0]
     shown = np.zeros_like(road.plain)
     shown[row, column] = True
-    # An obstacle at a cell's edge may lie in the next one.
+    # An obstacle at a cell's edge may lie in the next cell.
     missed = road.thing & ~ndimage.binary_dilation(shown, np.ones((3, 3)))
     times = []
     for _ in range(repeats):

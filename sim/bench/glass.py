@@ -27,7 +27,7 @@ from sim.worldfile import WorldFile
 NAME = "glass"
 Float = NDArray[np.float32]
 _HALF_S, _HALVES, _SETTLE = 0.05, 16, 8
-_FACE_M, _HALF_WIDTH_M, _ROOM_M = 0.0, 3.0, 4.0  # the pane stands across x; its room is behind it
+_FACE_M, _HALF_WIDTH_M, _ROOM_M = 0.0, 3.0, 4.0  # the pane lies along y at this x; the room is behind it
 DIRT = (0.01, 0.001, 0.0001)
 _DISTANCES_M = (1.5, 2.0, 3.0, 5.0)
 _CELL_M, _WITHIN_M, _APART_M = 0.2, 0.15, 0.3
@@ -38,13 +38,13 @@ _COURSES_DEG = (0, 60)
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """A shop's window, 6 m wide. lit: 4 m behind it is a wall; otherwise nothing returns from there but the ground."""
+    """A shop window, 6 m wide. lit: a wall stands 4 m behind it; otherwise only the ground behind it returns points."""
 
     lit: bool
     dirt: float
 
     def world(self) -> WorldFile:
-        """The street is at x < 0: a pole, a parked car, a house across."""
+        """The street is at x < 0, with a pole, a parked car and a house opposite."""
         walls = [_box("pane", 0.01, 0.0, 0.02, 2.0 * _HALF_WIDTH_M, 2.5), _box("across", -12.0, 0.0, 0.5, 30.0, 6.0)]
         walls += [_box("room", _ROOM_M + 0.1, 0.0, 0.2, 12.0, 3.0)] if self.lit else []
         floor = {"min_x_m": -25, "max_x_m": 25, "min_y_m": -25, "max_y_m": 25}
@@ -89,7 +89,7 @@ def run(seeds: int = 3, seed: int = 2101) -> Result:
 
 
 def standing(window: Window, far_m: float, seeds: Sequence[int]) -> tuple[float, float, float]:
-    """From so far: % of the pane's cells that a cloud misses; its points behind and before it that are on nothing."""
+    """At distance far_m: % of the pane's cells that a cloud misses; phantom points behind and before the pane."""
     missed, behind, before = [], [], []
     for seed in seeds:
         for shown in clouds(window, seed, [far_m] * _HALVES)[_SETTLE:]:
@@ -101,7 +101,7 @@ def standing(window: Window, far_m: float, seeds: Sequence[int]) -> tuple[float,
 
 
 def approached(window: Window, seeds: Sequence[int], course_deg: float = 0.0) -> float:
-    """The least way to go, base_link to pane, at which a cloud did not show it in the robot's way; 0: all did."""
+    """The least distance from base_link to the pane at which a cloud lacks it in the robot's way; 0 if none does."""
     steps = round((_FROM_M - _TO_M) / (_SPEED_MPS * _HALF_S))
     to_go = [_FROM_M - _SPEED_MPS * _HALF_S * step for step in range(steps + 1)]
     course = math.radians(course_deg)
@@ -115,7 +115,7 @@ def approached(window: Window, seeds: Sequence[int], course_deg: float = 0.0) ->
 
 
 def missed_pct(shown: Float) -> float:
-    """Of the pane's middle 4 m, in cells of 0.2 m. shown: (n, 3), map."""
+    """Missed share of the pane's middle 4 m, in cells of 0.2 m. shown: (n, 3), map."""
     at_pane = shown[np.abs(shown[:, 0] - _FACE_M) < _WITHIN_M, 1]
     cells = round(2.0 * (_HALF_WIDTH_M - 1.0) / _CELL_M)
     found = np.unique(np.floor((at_pane + _HALF_WIDTH_M - 1.0) / _CELL_M).astype(int))
@@ -123,7 +123,7 @@ def missed_pct(shown: Float) -> float:
 
 
 def _from_nothing(shown: Float, window: Window) -> NDArray[np.bool_]:
-    """(n,) which points (n, 3), map, are farther than 0.3 m in plan from every solid."""
+    """(n,) True for points (n, 3), map, farther than 0.3 m in plan from every solid."""
     x, y = shown[:, 0], shown[:, 1]
     near = np.zeros(len(shown), np.bool_)
     file = window.world()
@@ -137,7 +137,7 @@ def _from_nothing(shown: Float, window: Window) -> NDArray[np.bool_]:
 
 
 def clouds(window: Window, seed: int, to_go_m: Sequence[float], course: float = 0.0) -> list[Float]:
-    """(n, 3) map: what is published after each half sweep, base_link being so far from the pane on a course (rad)."""
+    """(n, 3) map: points published after each half sweep, at the given distances to the pane and course (rad)."""
     params = window.params()
     lidar = Lidar(build_scene(window.world(), params, load_sim_params().wheelchair), params, load_robot(), seed)
     pipeline, out = Pipeline(load_robot(), load(PerceptionParams, "perception_pipeline")), []

@@ -28,7 +28,7 @@ from sim.nodes.imu_driver import ImuDriverParams
 NAME = "ground"
 AIMS = {"ms_p50": Aim("<", 5.0), "f1": Aim(">=", 0.97), "f1_minus_patchworkpp": Aim(">=", 0.0)}
 Float = NDArray[np.float32]
-# Threads of the linear algebra that made the sweeps spin on for some 30 ms, and process time would count them.
+# Linear algebra threads of the sweep generation spin for some 30 ms and would count as process time.
 _QUIET_S = 0.1
 Mask = NDArray[np.bool_]
 
@@ -98,7 +98,7 @@ class _Score:
 
 
 def _cropped(shot: Shot, pipeline: Pipeline, params: PerceptionParams, mount: Float) -> tuple[Float, NDArray[np.int64]]:
-    """(m, 3) base_link without the robot, and which rows of the sweep these are."""
+    """(m, 3) points in base_link without the robot, and the mask of the sweep's rows kept."""
     numbered = shot.points.copy()
     numbered["time"] = np.arange(len(numbered))
     robot = load_robot()

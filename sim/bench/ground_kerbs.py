@@ -1,4 +1,4 @@
-"""How far kerbs are seen: a robot that faces them, from near to far."""
+"""Detection range of kerbs: a robot that faces a kerb, from near to far."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SHARE = 0.8
 
 
 def kerb_ranges(pipeline: Pipeline, seeds: int, seed: int) -> dict[str, float]:
-    """By kind and height: the greatest distance up to which every sweep showed 80 % of the front."""
+    """By kind and height: the greatest distance up to which every sweep shows 80 % of the front."""
     return {
         f"{kind}_{round(100 * height)}cm": _range(pipeline, width, height, seeds, seed)
         for kind, width in WIDTHS_M.items()

@@ -1,4 +1,4 @@
-"""Top views of segmented sweeps, coloured by what each point was taken for."""
+"""Top views of segmented sweeps, coloured by the class of each point."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def draw(
     truth: NDArray[np.bool_],
     counts: NDArray[np.bool_],
 ) -> None:
-    """Left: classes. Right: ground missed and ground invented. base_link in the middle, x to the right."""
+    """Left: classes. Right: missed ground and false ground. base_link in the middle, x to the right."""
     folder.mkdir(parents=True, exist_ok=True)
     figure, (left, right) = plt.subplots(1, 2, figsize=(20, 10), dpi=80)
     for label, colour, name in _CLASSES:
@@ -56,7 +56,7 @@ def draw(
 
 
 def _directions(axes: object, seen: Segmented) -> None:
-    """Where free ground ends, and the edges of drop-offs."""
+    """The end of free ground by direction, and the edges of drop-offs."""
     sectors = len(seen.profile.free_m)
     angles = (np.arange(sectors) + 0.5) * (2.0 * np.pi / sectors) - np.pi
     for values, style, name in ((seen.profile.free_m, "g.", "free ground ends"), (seen.profile.drop_m, "kx", "edge")):

@@ -1,4 +1,4 @@
-"""Ground removal on two real sweeps that lie beside the project, if they do."""
+"""Ground removal on two real sweeps, if they are stored beside the project."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Real:
 
 
 def real_agreement(params: PerceptionParams, robot: Robot, folder: Path = FOLDER) -> Real:
-    """Share of points within 30 m that both call ground, or both do not. Nobody knows the truth there."""
+    """Share of points within 30 m with equal ground labels from both methods. There is no ground truth."""
     files = sorted(folder.glob("scan_*.bin"))
     if not files:
         return Real({}, f"none in {folder}: agreement not measured")

@@ -1,4 +1,4 @@
-"""Labelled sweeps for the benchmark of ground removal: places in the worlds, and what is truly ground there."""
+"""Labelled sweeps for the benchmark of ground removal: places in the worlds, with the true ground labels."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from sim.lidar.views import sweep_at
 from sim.worldfile import Ramp, WorldFile, load_world
 
 F64 = NDArray[np.float64]
-# Lower points of solids are left out of the score: with 2 cm of noise they are as good as ground.
+# Lower points of solids are not scored: with 2 cm of noise they are indistinguishable from ground.
 FOOT_M = 0.03
 _ON_SURFACE_M = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """points: sensor frame. ground: (n,) truly drivable; scored: (n,) counts. base: (4, 4) base_link in map."""
+    """points: sensor frame. ground: (n,) truly drivable; scored: (n,) is scored. base: (4, 4) base_link in map."""
 
     name: str
     points: Points
@@ -37,7 +37,7 @@ class Shot:
 
 
 def shots(robot: Robot, attitude_sigma_rad: float, seed: int) -> Iterator[Shot]:
-    """Every place once; the attitude is as wrong as the inertial unit's."""
+    """One shot per place; the attitude has the inertial unit's error."""
     random = np.random.default_rng(seed)
     for number, (name, world_name, base, people) in enumerate(_places()):
         world = load_world(world_name)

@@ -1,7 +1,7 @@
-"""The stack's kernels and the physics in one process, in lockstep: no ROS, no clock, faster than real time.
+"""The stack's kernels and the physics in one process, in lockstep, without ROS and faster than real time.
 
-Every kernel runs at the rate of its node, at a phase drawn from the seed, because nodes start whenever they start; what
-passes between two nodes arrives one transport delay later. The safety monitor is not part of it: the drive may move.
+Every kernel runs at the rate of its node, at a phase drawn from the seed, because nodes start at arbitrary times. A
+message between two nodes arrives one transport delay later. Without a safety monitor the drive is always permitted.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class KernelStack:
         return truth.pose(), Twist2(truth.linear_mps[0], truth.linear_mps[1], truth.angular_radps[2])
 
     def run(self, until: Callable[[], bool], limit_s: float) -> bool:
-        """Steps until the condition holds, asked after every step; False if ``limit_s`` went by first."""
+        """Steps until the condition, evaluated after every step, holds. Returns False if ``limit_s`` elapses first."""
         end_s = self.time_s + limit_s
         while self.time_s < end_s - _ROUNDING_S:
             self._step()
@@ -107,7 +107,7 @@ class KernelStack:
         self.after(self._transport_steps * _STEP_S, deliver)
 
     def after(self, delay_s: float, task: Task) -> None:
-        """Calls ``task`` once, after so much simulated time."""
+        """Calls ``task`` once, after the given simulated time."""
         heapq.heappush(self._messages, (self.sim.world.steps + round(delay_s / _STEP_S), next(self._order), task))
 
     # --- nodes -------------------------------------------------------------------------------------------------------
@@ -139,7 +139,7 @@ class KernelStack:
         self._send(deliver)
 
     def on_odometry(self, stamp_s: float, odometry: Odometry) -> None:
-        """For what else listens to odometry."""
+        """Hook for subclasses that use odometry."""
 
     def _drive_tick(self) -> None:
         modules = self.drive.tick(self.time_s)
@@ -147,15 +147,15 @@ class KernelStack:
             self._send(lambda: self.hardware.command(modules))
 
     def _localization_tick(self) -> None:
-        """For what localizes."""
+        """Hook for the localization of subclasses."""
 
     @abstractmethod
     def _navigation_tick(self) -> None:
-        """Commands the drive."""
+        """Hook of subclasses that command the drive."""
 
 
 class _Hardware:
-    """The hardware interface's kernels on an engine in this process."""
+    """The hardware interface's kernels with an engine in this process."""
 
     def __init__(self, robot: Robot, sim: Simulation) -> None:
         params = load(SwerveHardwareParams, "swerve_hardware_interface")
@@ -166,7 +166,7 @@ class _Hardware:
         self.session = DriveSession(lambda: engine, session_settings(params.session), axes)
 
     def tick(self, now_s: float) -> Encoders | None:
-        """Follows the engine; the encoders, once they can be trusted."""
+        """Updates from the engine and returns the encoders once they are valid."""
         snapshot = self.session.poll(now_s, stop=False, may_switch_on=True).snapshot
         return None if snapshot is None else encoders_of(now_s, JOINTS, snapshot.actual_pos[: len(JOINTS)].tolist())
 
@@ -175,7 +175,7 @@ class _Hardware:
 
 
 class _Drive:
-    """The swerve controller, with the permission to drive."""
+    """The swerve controller, always permitted to drive."""
 
     def __init__(self, robot: Robot, passenger: bool) -> None:
         params = load(SwerveControllerParams, "swerve_controller")
@@ -194,7 +194,7 @@ class _Drive:
         self._arbiter.command(source, twist, now_s)
 
     def tick(self, now_s: float) -> ModuleSetPoints | None:
-        """What to command the modules; None before the first encoders."""
+        """The command for the modules; None before the first encoder values."""
         if self._controller.measured_rad is None:
             return None
         _, requested = self._arbiter.requested(now_s)

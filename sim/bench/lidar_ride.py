@@ -1,6 +1,6 @@
 """Localization against a map on the deterministic scheduler: drive, LiDAR and localization, driven along routes.
 
-The robot is driven by the pose that its localization publishes, over the topic of a person's hand. Figures compare each
+A route follower drives by the pose that the localization publishes, over the teleoperation topic. Figures compare each
 estimate with ground truth at its stamp.
 """
 
@@ -37,7 +37,7 @@ _TRUTHS = 200
 
 @dataclass(frozen=True, slots=True)
 class Fix:
-    """One estimate of the localization beside the truth at its stamp; pose is None while none is published.
+    """One estimate of the localization and the truth at its stamp; pose is None while none is published.
 
     sigma_m: standard deviation of its position, as published. slips: the wheels' way differs from the map's.
     """
@@ -58,10 +58,10 @@ class Fix:
 
 
 class LidarRide(FewNodes):
-    """world: with its people. site: name or folder of the map. start: the start pose of localization.
+    """world: includes its people. site: name or folder of the map. start: the start pose of localization.
 
-    follower: drives, while there is one. fixes: of every tick of the localization so far. localized_from_s: when the
-    localization became a running node, virtual time.
+    follower: drives the robot if it is set. fixes: one per tick of the localization. localized_from_s: virtual time at
+    which the localization became a running node.
     """
 
     def __init__(self, seed: int, world: WorldFile, site: str, start: Pose2, *settings: str) -> None:
@@ -111,7 +111,7 @@ class LidarRide(FewNodes):
         self._files.cleanup()
 
     def run(self, condition: Callable[[], bool], limit_s: float, otherwise: str) -> None:
-        """Until the condition holds. Raises BenchError with the text ``otherwise``."""
+        """Runs until the condition holds. On timeout raises BenchError with the text ``otherwise``."""
         if not self.scheduler.run_for(limit_s, condition):
             raise BenchError(f"{otherwise} after {limit_s:.0f} s; robot at {self.truth()[0]}")
 
@@ -153,7 +153,7 @@ class LidarRide(FewNodes):
 
 
 class RouteFollower:
-    """Pure pursuit along points (m, map), heading along the way; slow where it bends."""
+    """Pure pursuit along points (m, map) with the heading along the path; slows down in bends."""
 
     def __init__(self, points: Sequence[tuple[float, float]], speed_mps: float, ahead_m: float = 0.6) -> None:
         self._way = _densely(np.array(points, float), 0.1)
@@ -181,7 +181,7 @@ class RouteFollower:
 
 
 def _densely(points: Array, step_m: float) -> Array:
-    """(n, 2) points every step_m along the way."""
+    """(n, 2) points every step_m along the path."""
     lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     at = np.arange(0.0, lengths[-1], step_m)
     return np.stack([np.interp(at, lengths, points[:, 0]), np.interp(at, lengths, points[:, 1])], axis=1)

@@ -1,7 +1,7 @@
-"""The stack's kernels on the physics with a LiDAR in it: drive, odometry, localization against a map, a route follower.
+"""The stack's kernels with a simulated LiDAR: drive, odometry, localization against a map, and a route follower.
 
-Sweeps are those of the simulated sensor, seen from the true motion; they reach the localizer when the last column has
-fired and been carried over, matches take the time that they would take, and the robot drives by the pose it believes.
+Sweeps are simulated from the true motion. They reach the localizer after the last column and the transport delay, and
+matches take their measured time. The robot drives by its estimated pose.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _SETTLE_S = 3.0
 
 
 class LidarStack(KernelStack):
-    """world: what the sensor sees (setup.world is what the physics has). start: what the localizer is told.
+    """world: what the sensor sees; setup.world is the world of the physics. start: the localizer's start pose.
 
     people: tracks of persons in map, by the name of the body (``person_...``).
     """
@@ -73,7 +73,7 @@ class LidarStack(KernelStack):
         self.every(1.0 / _SWEEP_S, self._sweep)
 
     def settle(self) -> None:
-        """Until the start is confirmed. Raises BenchError if it is not."""
+        """Runs until the start is confirmed. On timeout raises BenchError."""
         if not self.run(lambda: self.map_localizer.confidence is Confidence.TRACKING, _SETTLE_S):
             raise BenchError(f"the start is not confirmed: {self.map_localizer.estimate(self.time_s)}")
 
@@ -108,7 +108,7 @@ class LidarStack(KernelStack):
         self._match()
 
     def _match(self) -> None:
-        """As the node does: a sweep is matched as soon as odometry has reached its stamp."""
+        """Like the node, matches a sweep as soon as odometry has reached its stamp."""
         if not isinstance(self.localizer, MapLocalizer):
             return
         request = self.localizer.request()

@@ -24,13 +24,13 @@ AIMS = {
     "stops": Aim("<=", 0.0),
     "error_at_end_m": Aim("<", 0.3),
 }
-_SIGHT_M = 50.0  # of the LiDAR, and of what is matched
+_SIGHT_M = 50.0  # range of the LiDAR and of the matcher
 _BIAS_S = 3.0
 _BEFORE_M, _AFTER_M = 6.0, 10.0
 
 
 def run(apron_m: float = 24.0, speed_mps: float = 1.2, seed: int = 1) -> Result:
-    """apron_m: of the way, on which nothing is within sight; what is in sight is matched from some 2 m nearer on."""
+    """apron_m: length of the way with nothing in range. A match needs the structure some 2 m nearer."""
     ride = _Ride(apron_m, speed_mps, seed, _AFTER_M)
     figures = {
         "stops": float(ride.stops()),
@@ -55,7 +55,7 @@ def run(apron_m: float = 24.0, speed_mps: float = 1.2, seed: int = 1) -> Result:
 
 
 class _Ride:
-    """A ride from within sight of the first yard over the apron, by the estimated pose.
+    """A ride by the estimated pose from within range of the first yard over the apron.
 
     beyond_m: how far past the end of the apron.
     """
@@ -64,12 +64,12 @@ class _Ride:
         begin_m, end_m = _SIGHT_M - _BEFORE_M, _SIGHT_M + apron_m
         start = Pose2(begin_m, 0.0, 0.0)
         world = _world(apron_m, start)
-        # The grid is navigation's, which does not run.
+        # Only navigation uses the grid, and it does not run here.
         nothing = Grid(1.0, 0.0, 0.0, np.zeros((1, 1), np.int8))
         with tempfile.TemporaryDirectory() as folder:
             save_map(SiteMap("lost", cells_at_true_poses(world, 1000 * seed), nothing), Path(folder))
             with LidarRide(seed, world, folder, start) as stack:
-                # The gyro's bias is learnt at standstill, as before any ride.
+                # The gyro bias is estimated at standstill, as before any ride.
                 stack.scheduler.run_for(_BIAS_S)
                 begin = len(stack.fixes)
                 points = [(begin_m, 0.0), (end_m + beyond_m, 0.0)]
@@ -92,7 +92,7 @@ class _Ride:
 
 
 def _world(apron_m: float, start: Pose2) -> WorldFile:
-    """A yard west of x = 0, and one as far east of the apron as can be seen; a route between them for the map."""
+    """A yard west of x = 0, one just out of range east of the apron, and a route between them for the map."""
     far_m = apron_m + 2.0 * _SIGHT_M
     boxes = [
         Box(name=f"{side}_{index}", x_m=x, y_m=y, yaw_deg=yaw, length_m=length, width_m=width, height_m=3.0)

@@ -42,16 +42,16 @@ _DOCK = "chair_1"
 # Distance from the camera to the board's middle, m, and the speed there: 0.03 m/s on the last 0.1 m, else 0.15 m/s.
 _SPEEDS_MPS = {0.5: 0.03, 1.0: 0.15, 3.0: 0.15}
 _TILT_RAD = math.radians(25.0)
-_SLOPE_RAD = math.radians(3.0)  # robot against board: how far the board's middle lies off the image's middle row
+_SLOPE_RAD = math.radians(3.0)  # robot against board: offset of the board's middle from the image's middle row
 _YAW_RATE_RADPS = 0.05
 _PERIOD_S = 0.1
-# A pose farther off than this share of the distance is no detection.
+# A pose error above this share of the distance does not count as a detection.
 _WRONG_SHARE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """One image and the truth: (4, 4) dock in the camera frame at the stamp. again: follows another of its scene."""
+    """One image and its truth: (4, 4) dock in the camera frame at the stamp. again: a later image of the same scene."""
 
     image: Image
     board: Array
@@ -62,7 +62,7 @@ class Shot:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What was made of a shot; errors are NaN where nothing was found. ms: thread CPU time, wall_ms: on the clock."""
+    """The detection in a shot; errors are NaN if nothing was found. ms: thread CPU time, wall_ms: wall-clock time."""
 
     shot: Shot
     error_mm: float
@@ -76,7 +76,7 @@ class Reading:
 
 
 def run(poses: int = 60, bad_poses: int = 30, seed: int = 1) -> tuple[dict[str, float], dict[str, object]]:
-    """(figures, conditions). poses: scenes for each distance; bad_poses: for each bad condition; two images each."""
+    """Returns (figures, conditions). poses: scenes per distance; bad_poses: per bad condition; two images each."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
@@ -109,7 +109,7 @@ class _Bench:
     def shots(
         self, distance_m: float, scenes: int, draw: Callable[[np.random.Generator, Intrinsics], Conditions]
     ) -> Iterator[Shot]:
-        """Two images of each scene, 0.1 s apart, from a robot that moves slowly."""
+        """Two images of each scene, 0.1 s apart, from a slowly moving robot."""
         for _ in range(scenes):
             board = self._board(distance_m)
             base, speed = np.eye(4), _SPEEDS_MPS[distance_m]
@@ -149,7 +149,7 @@ class _Bench:
         return Reading(shot, error_mm, yaw_deg, sigma_mm, ms, wall_ms)
 
     def _board(self, distance_m: float) -> Array:
-        """A random pose of the board that shows all markers, or, so near that it cannot, two at least."""
+        """A random pose of the board that shows all markers, or at least two if the distance is too short for that."""
         needed = 4 if distance_m > 0.6 else 2
         while True:
             tilt = self._random.uniform(0.0, _TILT_RAD)
@@ -174,7 +174,7 @@ class _Bench:
 
 
 def _drive(base: Array, speed_mps: float, random: np.random.Generator) -> Track:
-    """Slow motion forwards with something to the side and a turn, from before the first image to after the second."""
+    """Slow forward motion with a lateral part and a turn, from before the first image to after the second."""
     times = np.array([-0.1, 0.3])
     side, rate = random.uniform(-0.3, 0.3) * speed_mps, random.uniform(-1.0, 1.0) * _YAW_RATE_RADPS * speed_mps / 0.15
     poses = []
@@ -206,7 +206,7 @@ def _figures(
         figures[f"sigma_mm_median_{name}"] = _median(reading.sigma_mm for reading in readings)
         figures[f"yaw_deg_p95_{name}"] = _p95(reading.yaw_deg for reading in readings)
     figures |= {
-        # What the first image of a scene cannot know: how the robot moves while the rows are read.
+        # The first image of a scene cannot include the robot's motion during the row readout.
         "err_mm_p95_1m_first_image": _p95(reading.error_mm for reading in clean[1.0] if not reading.shot.again),
         "yaw_deg_p95_1m_first_image": _p95(reading.yaw_deg for reading in clean[1.0] if not reading.shot.again),
         "detect_ms_p95": _p95(reading.ms for reading in everything),
@@ -236,7 +236,7 @@ def _median(values: Iterable[float]) -> float:
 
 
 def _percentile(values: Iterable[float], share: float) -> float:
-    """Of the images in which something was found; NaN if there are none."""
+    """Over the images with a detection; NaN if there are none."""
     known = [value for value in values if not math.isnan(value)]
     return percentile(known, share) if known else math.nan
 

@@ -46,19 +46,19 @@ AIMS = {
     "success_pct": Aim(">", 98.0),
     "known_success_pct": Aim(">=", 100.0),
 }
-# Courses that everybody knows, as a regression.
+# Fixed courses that serve as a regression test.
 _KNOWN = range(1, 51)
 _STEP_S, _TICK_S, _COSTMAP_S = 0.01, 0.05, 0.2
 _DELAY_S, _COSTMAP_DELAY_S = 0.05, 0.1
 _LIMIT_S = 150.0
-# A route is there at the earliest so long after it was asked for, which is more than any of these takes on this robot.
+# Simulated delay of a route after its request, longer than any planning time measured on this robot.
 _PLAN_S = 0.2
 _POSE_SIGMA_M, _POSE_SIGMA_RAD = 0.008, 0.002
 
 
 @dataclass
 class Body:
-    """The holonomic robot: takes commands late and changes its speed no faster than robot.yaml allows."""
+    """The holonomic robot: applies commands with a delay and accelerates within the limits of robot.yaml."""
 
     motion: Motion
     pose: Pose2
@@ -80,7 +80,7 @@ class Body:
 
 
 class LateRoutes:
-    """The node's planner on simulated time: an answer is there after ``_PLAN_S``, however long it took."""
+    """The node's planner on simulated time: an answer arrives after ``_PLAN_S``, independent of the computing time."""
 
     def __init__(self, solver: RouteSolver) -> None:
         self._solver = solver
@@ -105,7 +105,7 @@ class LateRoutes:
 
 
 def drive(made: Course, params: NavigationParams, robot: Robot, seed: int, *, chair: bool = False) -> Result:
-    """One course, from its start until the goal is reached, given up, or the time is over."""
+    """One course, from its start until the goal is reached, aborted, or the time limit expires."""
     made_routes: list[LateRoutes] = []
 
     def routes(solver: RouteSolver) -> LateRoutes:
@@ -152,7 +152,7 @@ def _drive(
             still, person = made.clearance_m(body.pose, footprint)
             moving = body.twist.speed() > 0.02
             result.clearance_m = min(result.clearance_m, still)
-            # Who walks into a robot that stands has touched it, not been touched.
+            # A person who walks into a standing robot does not count as a contact.
             result.person_m = min(result.person_m, person) if moving else result.person_m
             touches = still <= 0.0 or (moving and person <= 0.0)
             result.collisions += touches and not touching
@@ -191,7 +191,7 @@ def configured() -> NavigationParams:
 
 
 def courses(seeds: Iterable[int], params: NavigationParams, robot: Robot) -> list[tuple[int, bool, Result]]:
-    """(seed, with wheelchair and passenger, result) of each course; every fifth is with wheelchair and passenger."""
+    """(seed, with wheelchair and passenger, result) of each course; every fifth carries wheelchair and passenger."""
     driven = []
     for seed in seeds:
         chair = seed % 5 == 0
@@ -201,8 +201,8 @@ def courses(seeds: Iterable[int], params: NavigationParams, robot: Robot) -> lis
 
 
 def run(fresh: int = 100, first: int = 9001, pictures: str = "results") -> tuple[dict[str, float], dict[str, object]]:
-    """(figures, conditions). fresh: so many courses beside the known ones, from seed ``first`` on: nobody has worked on
-    them. pictures: folder for the picture, empty for none.
+    """Returns (figures, conditions). fresh: number of courses beside the known ones, from seed ``first`` on, not used
+    for tuning. pictures: folder for the picture, empty for none.
     """
     params, robot = configured(), load_robot()
     warm_up()
@@ -264,7 +264,7 @@ def _conditions(
 
 
 def _over_free(driven: Iterable[tuple[int, bool, Result]], params: NavigationParams, robot: Robot) -> float:
-    """Mean ratio to the time that the route's length takes at the cruising speed."""
+    """Mean ratio of the driving time to the time of the route's length at cruising speed."""
     ratios = []
     for _, chair, result in driven:
         if result.reached:

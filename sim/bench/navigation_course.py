@@ -1,4 +1,4 @@
-"""Courses of the benchmark ``navigation``: walls, boxes, gates and people from a seed, and what is seen of them."""
+"""Courses of the benchmark ``navigation``: walls, boxes, gates and people from a seed, and a simulated sensor."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Box:
 
 @dataclass
 class Walker:
-    """Walks to and fro between two points. Stops for a robot right ahead, as people do, and for a while at the ends."""
+    """Walks to and fro between two points. Stops if a robot is right ahead, as people do, and pauses at the ends."""
 
     a: tuple[float, float]
     b: tuple[float, float]
@@ -83,7 +83,7 @@ def body(pose: Pose2, footprint: Footprint) -> Box:
 
 @dataclass
 class Course:
-    """known: in the map. unknown: only to be seen. start, goal: poses in map."""
+    """known: boxes in the map. unknown: boxes not in the map. start, goal: poses in map."""
 
     start: Pose2
     goal: Pose2
@@ -101,10 +101,10 @@ class Course:
         return Grid(MAP_RESOLUTION_M, 0.0, 0.0, np.where(occupied, OCCUPIED, FREE).astype(np.int8))
 
     def clearance_m(self, pose: Pose2, footprint: Footprint) -> tuple[float, float]:
-        """True least distance from the footprint to (what stands, who walks)."""
+        """True least distance from the footprint to (static boxes, walkers)."""
         edge = _edge(pose, footprint)
         still = min((float(box.distance(edge).min()) for box in self.boxes), default=9.0)
-        # A corner of a box against the robot's side is seen from the box.
+        # A corner of a box against the robot's side needs the distance measured from the box.
         robot = body(pose, footprint)
         for box in self.boxes:
             still = min(still, float(robot.distance(_corners(box)).min()))
@@ -133,7 +133,7 @@ def _corners(box: Box) -> Array:
 def raster(
     boxes: list[Box], shape: tuple[int, int], x0: float, y0: float, resolution_m: float
 ) -> npt.NDArray[np.bool_]:
-    """(rows, columns) cells whose middle lies within half a cell of a box."""
+    """(rows, columns) True for cells whose centre lies within half a cell of a box."""
     ys, xs = np.mgrid[0 : shape[0], 0 : shape[1]]
     points = np.column_stack((x0 + (xs.ravel() + 0.5) * resolution_m, y0 + (ys.ravel() + 0.5) * resolution_m))
     inside = np.zeros(len(points), np.bool_)
@@ -173,7 +173,7 @@ def course(seed: int, footprint: Footprint) -> Course:
             continue
         if any(math.hypot(box.x - pose.x, box.y - pose.y) < reach + 1.8 for pose in (start, goal)):
             continue
-        # Between two things is either nothing or room for the chair.
+        # Two boxes either overlap or leave room for the chair between them.
         if any(
             math.hypot(box.x - other.x, box.y - other.y) < reach + math.hypot(other.half_x, other.half_y) + 1.5
             for other in (known[8:] + unknown)
@@ -189,7 +189,7 @@ def course(seed: int, footprint: Footprint) -> Course:
         inside = (1.0 < bx < LENGTH_M - 1.0) and (1.0 < by < WIDTH_M - 1.0)
         free = inside and all(float(box.distance(line).min()) > 0.5 for box in made.boxes)
         away = min(math.hypot(x - start.x, y - start.y), math.hypot(bx - start.x, by - start.y)) > 2.5
-        # Nobody walks to and fro through a goal: whoever stands on it cannot be driven through.
+        # No walker's line passes near the goal: a person standing on it would block it.
         if free and away and float(np.hypot(line[:, 0] - goal.x, line[:, 1] - goal.y).min()) > 2.0:
             made.walkers.append(Walker((x, y), (bx, by), float(random.uniform(0.6, 1.4))))
     return made
@@ -197,7 +197,7 @@ def course(seed: int, footprint: Footprint) -> Course:
 
 @numba.njit(cache=True)
 def _seen(occupied: npt.NDArray[np.bool_], row: float, column: float, rays: int, reach: float) -> npt.NDArray[np.int8]:
-    """(rows, columns): -1 not seen, 0 seen free, 100 first hit of a ray, from a point in cells."""
+    """(rows, columns): -1 unseen, 0 free, 100 first hit of a ray cast from a point given in cells."""
     out = np.full(occupied.shape, np.int8(-1))
     for k in range(rays):
         dx, dy = math.cos(2 * math.pi * k / rays), math.sin(2 * math.pi * k / rays)
@@ -216,7 +216,7 @@ def _seen(occupied: npt.NDArray[np.bool_], row: float, column: float, rays: int,
 
 
 class Sensor:
-    """A costmap around the robot from what is in line of sight, in odom; what was seen of standing things is kept."""
+    """A costmap around the robot in odom from line-of-sight rays; static obstacles remain marked once seen."""
 
     def __init__(self, made: Course, random: np.random.Generator) -> None:
         self._course, self._random = made, random
@@ -225,7 +225,7 @@ class Sensor:
         self._memory = np.full(shape, -1, np.int8)
 
     def costmap(self, pose: Pose2) -> tuple[Pose2, npt.NDArray[np.int8]]:
-        """(origin, cells). The map's frame is the odom frame here."""
+        """(origin, cells). Here the odom frame equals the map frame."""
         r, n = COSTMAP_RESOLUTION_M, round(COSTMAP_M / COSTMAP_RESOLUTION_M)
         occupied = self._still.copy()
         for one in self._course.walkers:
@@ -233,7 +233,7 @@ class Sensor:
             _disc(occupied, (one.x + jitter[0]) / r, (one.y + jitter[1]) / r, PERSON_RADIUS_M / r)
         lidar = pose.compose(Pose2(0.2, 0.0, 0.0))
         seen = _seen(occupied, lidar.y / r, lidar.x / r, _RAYS, _RANGE_M / r)
-        # Who walks is shown while it is in sight and leaves nothing behind, as in a costmap whose marks decay.
+        # Walkers are marked only while visible, as in a costmap whose marks decay.
         walks = (seen == OCCUPIED) & ~self._still
         self._memory = np.where((seen >= 0) & ~walks, seen, self._memory)
         shown = np.where(walks, seen, self._memory)

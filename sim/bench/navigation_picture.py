@@ -18,7 +18,7 @@ _MOST = 6
 
 
 def draw(driven: Sequence[tuple[int, bool, Result]], path: Path) -> None:
-    """The courses that came out worst, by failure, then clearance."""
+    """Draws the courses with the worst results, ordered by failure, then clearance."""
     worst = sorted(driven, key=lambda item: (item[2].reached, -item[2].collisions, item[2].clearance_m))[:_MOST]
     columns = 2 if len(worst) > 1 else 1
     rows = -(-len(worst) // columns)

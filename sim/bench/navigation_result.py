@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Result:
-    """trace: (x, y, yaw, speed) each tick. step_ms: CPU time of each tick. contacts: touched something itself."""
+    """Result of one course. trace: (x, y, yaw, speed) each tick. step_ms: CPU time of each tick."""
 
     reached: bool
     time_s: float

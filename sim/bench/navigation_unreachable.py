@@ -1,4 +1,4 @@
-"""Goals that cannot be reached on a site of 300 m x 300 m, at the real rate: when it is told, what it costs a tick."""
+"""Unreachable goals on a site of 300 m x 300 m, at the real rate: time to the refusal and cost per tick."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _LIMIT_S = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """told_s: real time from the goal to the refusal; cpu_s: of all threads until then.
+    """told_s: real time from the goal to the refusal; cpu_s: CPU time of all threads until then.
 
-    wall_ms, cpu_ms: of each tick until a second after it.
+    wall_ms, cpu_ms: of each tick until a second after the refusal.
     """
 
     told_s: float
@@ -55,7 +55,7 @@ def town() -> Cells:
 
 
 def sites() -> dict[str, Cells]:
-    """By name, sites without a way from one corner to the other."""
+    """By name, sites without a route from one corner to the other."""
     closed_in, river, field = town(), town(), np.full((_CELLS, _CELLS), FREE, np.int8)
     closed_in[2960:2964, 2960:] = closed_in[2960:, 2960:2964] = OCCUPIED
     river[1490:1496, :] = field[1490:1496, :] = OCCUPIED
@@ -63,7 +63,7 @@ def sites() -> dict[str, Cells]:
 
 
 def tell(cells: Cells, params: NavigationParams, robot: Robot) -> Told:
-    """One goal, from the controller with its worker, ticking in real time."""
+    """Requests one goal from the controller with its worker, ticking in real time."""
     planners: list[BackgroundPlanner] = []
 
     def routes(solver: RouteSolver) -> BackgroundPlanner:
@@ -84,7 +84,7 @@ def _ticks(controller: NavigationController) -> Told:
     goal = GoalRequest("map", 0.0, (_GOAL.x, _GOAL.y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
     located = Located(_START, ZERO_TWIST, IDENTITY)
     costmap = np.zeros((200, 200), np.int8)
-    costmap[150:152, 60:140] = 100  # seen, not in the map: the map alone is asked too
+    costmap[150:152, 60:140] = 100  # in the costmap, not in the map: the planner also checks the map alone
     told_s, used_s, text = math.nan, math.nan, ""
     wall_ms: list[float] = []
     cpu_ms: list[float] = []

@@ -47,7 +47,7 @@ AIMS = {
     "kitti_wrong_found_pct": Aim("<=", 0.0),
 }
 _UP = np.array([0.0, 0.0, 1.0])
-# What a prediction over 0.1 s is off when the filter tracks: standard deviations.
+# Standard deviations of a tracking filter's prediction error over 0.1 s.
 _TRACKING_M, _TRACKING_RAD = 0.02, 0.004
 _NEAR_M, _NEAR_DEG = 0.1, 1.0
 _BASIN_SHARE = 0.95
@@ -57,7 +57,7 @@ _BASIN_DEG = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0)
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A sweep taken in motion, base_link at its stamp, and the motion as odometry knows it."""
+    """A sweep taken in motion, base_link at its stamp, and the motion from odometry."""
 
     sweep: Points
     truth: Pose2
@@ -86,7 +86,7 @@ def run(
 ) -> Result:
     """sweeps: along all routes, between the map's own places. starts: for each sweep and radius of the basin.
 
-    yard: with what matching there costs and how far it reaches. kitti: folder of real sweeps; left out without them.
+    yard: also measures matching time and range. kitti: folder of real sweeps; omitted if empty.
     """
     site = load_world(world)
     cells, origin = site_cells(site, world, seed=2000)
@@ -171,7 +171,7 @@ class _Bench:
         return outcome(match.pose, shot.truth, ms, nees)
 
     def share(self, shots: list[Shot], starts: int, metres: float, degrees: float) -> float:
-        """Of the starts at this distance from the truth, how many end near it."""
+        """Share of the starts at this distance from the truth that converge near it."""
         good = [
             near(self.ndt(shot, guess, off_m=5.0))
             for _ in range(starts)
@@ -181,9 +181,9 @@ class _Bench:
 
 
 class _Vgicp:
-    """small_gicp's voxelized GICP, one thread, against the points that have the cells' own distributions.
+    """small_gicp's voxelized GICP, one thread, on points that have the cells' distributions.
 
-    The target is given the same cells: points drawn from them fill its voxels.
+    Points drawn from the same cells fill its target voxels.
     """
 
     def __init__(self, bench: _Bench) -> None:
@@ -203,7 +203,7 @@ class _Vgicp:
         )
 
     def run(self, shot: Shot, guess: Array, *, shared: bool) -> Outcome:
-        """shared: with our thinned and de-skewed points; else with its own thinning, the motion still taken out."""
+        """shared: with this project's thinned and de-skewed points; else with its own thinning, still de-skewed."""
         gicp, c = self._gicp, self._bench.params.cloud
         given = None if shared else _deskewed(shot, self._bench.lidar, c.min_range_m, c.max_range_m)
         began_s = time.thread_time()
@@ -229,17 +229,17 @@ class _Vgicp:
 
 
 def _drawn(cells: Cells, each: int = 30) -> Array:
-    """(n, 3) points with the cells' means and spreads, and not outside them."""
+    """(n, 3) points with the cells' means and covariances, bounded to the cells."""
     random = np.random.default_rng(0)
     value, vector = np.linalg.eigh(cells.covariance)
-    # Uniform over +-sqrt(3) sigma has the right spread, and a surface's points are spread evenly.
+    # A uniform distribution over +-sqrt(3) sigma has the right variance and matches the even points of a surface.
     local = random.uniform(-1.0, 1.0, (len(cells.key), each, 3)) * np.sqrt(3.0 * np.maximum(value, 0.0))[:, None]
     points = cells.mean[:, None] + np.einsum("nij,nkj->nki", vector, local)
     return np.ascontiguousarray(points.reshape(-1, 3))
 
 
 def _deskewed(shot: Shot, lidar: Array, min_range_m: float, max_range_m: float) -> Array:
-    """Every usable point in base_link at the stamp."""
+    """All valid points in base_link at the stamp."""
     xyz = np.stack([shot.sweep[axis] for axis in "xyz"], axis=1).astype(np.float64)
     flat = np.hypot(xyz[:, 0], xyz[:, 1])
     kept = (flat >= min_range_m) & (np.linalg.norm(xyz, axis=1) <= max_range_m)
@@ -250,7 +250,7 @@ def _deskewed(shot: Shot, lidar: Array, min_range_m: float, max_range_m: float) 
 
 
 def _shots(site: WorldFile, count: int, people: int, seed: int) -> list[Shot]:
-    """Evenly along all routes, off their middle, at 0.3-1.2 m/s and up to 0.5 rad/s, people around."""
+    """Evenly along all routes, off their middle, at 0.3-1.2 m/s and up to 0.5 rad/s, with people around."""
     random, params = np.random.default_rng(seed), load_lidar_params()
     poses = level_poses(site, 1.5, 0.5)
     chosen = [poses[int(k)] for k in np.linspace(0, len(poses) - 1, min(count, len(poses)))]
@@ -286,7 +286,7 @@ def near(result: Outcome) -> bool:
 
 
 def _basin(shares: dict[float, float]) -> float:
-    """The largest radius up to which the share holds; 0 if it does at none."""
+    """The largest radius at which the share still holds; 0 if there is none."""
     held = 0.0
     for radius, share in shares.items():
         if share < _BASIN_SHARE:

@@ -1,7 +1,7 @@
-"""Which matches are believed in a place that nobody tuned for: real sweeps beside the project, if they are there.
+"""Match acceptance in a place not used for tuning: real sweeps beside the project, if they exist.
 
-The map is made of one sweep, the other one is matched against it, both ways; where they lie to each other small_gicp
-says. Pieces of the map are taken away as in a world that changed.
+The map is made of one sweep and the other is matched against it, in both directions. small_gicp provides the reference
+pose. Parts of the map are removed to simulate a changed world.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ GONE = (0.0, 0.2, 0.35)
 NEAR_M, NEAR_RAD = 0.1, math.radians(1.0)
 _LIDAR = (0.0, 0.0, SENSOR_HEIGHT_M)
 _UP = np.array([0.0, 0.0, 1.0])
-_CAR_M, _FAR_M = 3.0, 80.0  # nearer is the car that carried the sensor
+_CAR_M, _FAR_M = 3.0, 80.0  # removes the car that carried the sensor
 _CELL_M, _CELL_POINTS = 0.5, 5
-# What a tracking filter's prediction may be off, and how far it says it is: standard deviations.
+# Standard deviations of a tracking filter's prediction: error and covariance.
 _START_M, _START_RAD, _SIGMA_M, _SIGMA_RAD, _OFF_M = 0.3, math.radians(2.0), 0.1, 0.01, 0.4
 _BOX_M, _SECTOR_RAD = 10.0, math.radians(24.0)
 _ELSEWHERE_M, _TURNED_RAD = 3.0, math.radians(30.0)
@@ -42,7 +42,7 @@ _ELSEWHERE_M, _TURNED_RAD = 3.0, math.radians(30.0)
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A map, a sweep that is not in it, and base_link of that one in the map.
+    """A map, a sweep that is not in it, and base_link of the sweep in the map.
 
     motion: (k, 4), see :func:`robot_stack.localization.ndt.cloud.subsample`. lidar: sensor in base_link, m.
     """
@@ -56,7 +56,7 @@ class Place:
 
 @dataclass
 class Tally:
-    """What became of matches. errors: m and rad of those accepted at the right place. refused: why."""
+    """Counts of match results. errors: m and rad of matches accepted at the right place. refused: reasons."""
 
     tried: int = 0
     errors: list[tuple[float, float]] = field(default_factory=list)
@@ -66,7 +66,7 @@ class Tally:
     mistakes: list[str] = field(default_factory=list)
 
     def add(self, match: Match | None, problem: str, truth: Pose2 | None) -> None:
-        """truth: None where no place is right."""
+        """truth: None if no pose in the map is right."""
         self.tried += 1
         if match is not None:
             self.scores.append(match.score)
@@ -96,9 +96,9 @@ class Tally:
 
 
 def places(folder: Path = FOLDER) -> tuple[list[Place], float]:
-    """The first two sweeps of the folder, both ways, and how far apart the reference is both ways, m.
+    """The first two sweeps of the folder, in both directions, and the round-trip error of the reference, m.
 
-    None without two sweeps. Raises BenchError where small_gicp is missing or contradicts itself.
+    Returns no places if there are fewer than two sweeps. Raises BenchError if small_gicp is missing or inconsistent.
     """
     files = sorted(folder.glob("scan_*.bin"))[:2]
     if len(files) < 2:
@@ -117,7 +117,7 @@ def places(folder: Path = FOLDER) -> tuple[list[Place], float]:
 def tracked(
     place: Place, params: NdtParams, gone: float, maps: int, starts: int, random: np.random.Generator
 ) -> tuple[Tally, Tally]:
-    """Matches as while tracking: from starts near the truth, and as many from starts that are wrong."""
+    """Matches with tracking priors: from starts near the truth, and as many from wrong starts."""
     right, wrong = Tally(), Tally()
     for count in range(maps if gone else 1):
         solver = SweepSolver(without(place.cells, gone, count % 2 == 0, params, random), params, place.lidar)
@@ -130,7 +130,7 @@ def tracked(
 
 
 def searched(place: Place, params: NdtParams, gone: float, times: int, random: np.random.Generator) -> Tally:
-    """Searches of the whole map; each with other pieces gone, the robot turned anyhow."""
+    """Searches of the whole map, each with other parts removed and the robot at a random yaw."""
     tally = Tally()
     for count in range(times):
         seen = turned(place, random.uniform(-math.pi, math.pi))
@@ -142,7 +142,7 @@ def searched(place: Place, params: NdtParams, gone: float, times: int, random: n
 def in_another_world(
     cells: Cells, places: Sequence[Place], params: NdtParams, starts: int, random: np.random.Generator
 ) -> tuple[Tally, Tally]:
-    """Sweeps that were taken nowhere in the map: matches from anywhere, and a search each. None of them is right."""
+    """Sweeps from outside the map: matches from random poses, and one search each. Every acceptance is wrong."""
     matches, searches = Tally(), Tally()
     for place in places:
         solver = SweepSolver(cells, params, place.lidar)
@@ -155,7 +155,7 @@ def in_another_world(
 def figures(
     params: NdtParams, yard: Sequence[Place], seed: int, folder: Path = FOLDER
 ) -> tuple[dict[str, float], dict[str, object]]:
-    """Figures and conditions of the yard and of the real sweeps; of those none, and why, where there are none."""
+    """Figures and conditions of the yard and the real sweeps; without real sweeps, the conditions give the reason."""
     random = np.random.default_rng(seed)
     foreign, apart_m = places(folder)
     out, conditions = _of_a_site("yard", yard, foreign, params, 24, 1, random)
@@ -187,7 +187,7 @@ def _of_a_site(
     starts: int,
     random: np.random.Generator,
 ) -> tuple[dict[str, float], dict[str, object]]:
-    """others: places elsewhere, whose sweeps are no part of the site. The maps share out the places."""
+    """others: places of another site, whose sweeps match nowhere here. The maps are divided among the places."""
     out: dict[str, float] = {}
     counted, wrong, lost = Tally(), Tally(), Tally()
     said: dict[str, str] = {}
@@ -254,7 +254,7 @@ def _packed(cells: Cells) -> NDArray[np.int64]:
 
 
 def _match(solver: SweepSolver, params: NdtParams, place: Place, guess: Pose2) -> tuple[Match | None, str]:
-    """The match from a guess, and what the gate has against it."""
+    """The match from a guess, and the gate's reason for a rejection."""
     z_m = solver.matcher.ground_m(guess.x, guess.y)
     start = pose_of(guess, z_m if math.isfinite(z_m) else 0.0, _UP)
     answer = solver.solve(MatchRequest(0.0, place.sweep, place.motion, start, _UP, _OFF_M, None, IDENTITY, 0))
@@ -276,7 +276,7 @@ def _near(truth: Pose2, random: np.random.Generator) -> Pose2:
 
 
 def _elsewhere(solver: SweepSolver, truth: Pose2, count: int, random: np.random.Generator) -> Iterator[Pose2]:
-    """Along the street with its heading, at the right place with a wrong heading, and anywhere with any, in turns."""
+    """In turns: along the street with its heading, at the right place with a wrong heading, and any pose."""
     anywhere = _anywhere(solver, 10 * count, random)
     for k in range(count):
         if k % 3 == 0:
@@ -297,7 +297,7 @@ def _anywhere(solver: SweepSolver, count: int, random: np.random.Generator) -> I
 
 
 def _points(file: Path) -> Array:
-    """(n, 3) on the road under the sensor, without the car itself."""
+    """(n, 3) points without the car, shifted so that z = 0 is the road."""
     xyz = np.fromfile(file, np.float32).reshape(-1, 4)[:, :3].astype(np.float64)
     kept = (np.hypot(xyz[:, 0], xyz[:, 1]) > _CAR_M) & (np.linalg.norm(xyz, axis=1) < _FAR_M)
     points: Array = xyz[kept] + np.array(_LIDAR)
@@ -305,7 +305,7 @@ def _points(file: Path) -> Array:
 
 
 def _road() -> Array:
-    """(n, 3) of the road under the car, which its sensor cannot see: a search asks where there is ground."""
+    """(n, 3) road points under the car, outside the sensor's view: a search needs ground at the robot's position."""
     x, y = np.meshgrid(*[np.arange(-_CAR_M - 1.0, _CAR_M + 1.0, 0.1)] * 2)
     inside = np.hypot(x, y) < _CAR_M + 1.0
     height_m = 0.01 * np.random.default_rng(0).standard_normal(np.count_nonzero(inside))
@@ -313,7 +313,7 @@ def _road() -> Array:
 
 
 def turned(place: Place, turn_rad: float) -> Place:
-    """The same place, base_link turned by ``turn_rad``: so no heading is one that a search looks at first."""
+    """The place with base_link turned by ``turn_rad``, so that no true heading equals the first heading of a search."""
     c, s = math.cos(turn_rad), math.sin(turn_rad)
     sweep, motion = place.sweep.copy(), place.motion.copy()
     sweep["x"], sweep["y"] = c * place.sweep["x"] + s * place.sweep["y"], c * place.sweep["y"] - s * place.sweep["x"]
@@ -327,14 +327,14 @@ def turned(place: Place, turn_rad: float) -> Place:
 
 
 def _sweep(xyz: Array) -> Points:
-    """As the sensor sends it, motion taken out (it is, in this data)."""
+    """As the sensor sends it, already de-skewed, like this data."""
     sweep = np.zeros(len(xyz), SWEEP)
     sweep["x"], sweep["y"], sweep["z"] = (xyz - np.array(_LIDAR)).T
     return sweep
 
 
 def _reference(target: Array, source: Array) -> Array:
-    """(4, 4) source's base_link in the target's, by small_gicp's VGICP after its GICP: nobody here made them."""
+    """(4, 4) source's base_link in the target's, by small_gicp's VGICP after its GICP, an independent reference."""
     try:
         import small_gicp
     except ModuleNotFoundError as error:

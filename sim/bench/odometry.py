@@ -21,14 +21,14 @@ from sim.worldfile import load_world
 NAME = "odometry"
 AIMS = {"integration_error_mm": Aim("<", 2.0), "drift_pct_100m": Aim("<", 0.5)}
 _WORLD = "flat"
-# The mixed ride makes more than this on average, the ramp at the start included.
+# The mean speed of the mixed ride exceeds this, the ramp at the start included.
 _LEAST_MEAN_MPS = 0.9
 
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """of_way: distance between odometry and truth at the end, over the length of the true path. yaw_rad: the same of
-    the yaw.
+    """of_way: distance between odometry and truth at the end over the length of the true path. yaw_rad: yaw error over
+    the same.
     """
 
     of_way: float
@@ -37,9 +37,9 @@ class Drift:
 
 
 def run(distance_m: float = 78.0, drift_m: float = 100.0, seeds: int = 3) -> tuple[dict[str, float], dict[str, object]]:
-    """(figures, conditions).
+    """Returns (figures, conditions).
 
-    distance_m: of the ride with perfect encoders. drift_m: of each ride in physics. seeds: as many machines, each
+    distance_m: of the ride with perfect encoders. drift_m: of each ride in physics. seeds: number of machines, each
     with its own wheel radii, steering zeros and noise.
     """
     robot = load_robot()
@@ -66,7 +66,7 @@ def run(distance_m: float = 78.0, drift_m: float = 100.0, seeds: int = 3) -> tup
 
 
 def drift(seed: int, distance_m: float) -> Drift:
-    """Odometry against the truth after a mixed ride of ``distance_m`` in physics, as the machine of this seed."""
+    """Odometry against the truth after a mixed ride of ``distance_m`` in physics, with parameters of the seed."""
     rig = Rig(load_robot(), load_sim_params(), Setup(load_world(_WORLD), seed, IDENTITY))
     controller = TwistController(rig.robot, _course, passenger=False)
     start = last = rig.moment().pose

@@ -1,4 +1,4 @@
-"""Patchwork++ set up for a low sensor, as the peer of the ground removal."""
+"""Patchwork++ configured for a low sensor, as a reference for the ground removal."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _MIN_RANGE_M = 0.3
 
 
 class Patchwork:
-    """th_dist None: its own default, 0.125 m."""
+    """th_dist None: the default of Patchwork++, 0.125 m."""
 
     def __init__(self, sensor_height_m: float, th_dist_m: float | None = None, max_range_m: float = 60.0) -> None:
         params = pypatchworkpp.Parameters()
@@ -27,7 +27,7 @@ class Patchwork:
         )
 
     def ground(self, xyz: Float) -> NDArray[np.bool_]:
-        """(n,) which points (n, 3), sensor frame, are ground."""
+        """(n,) True for points (n, 3), sensor frame, that are ground."""
         self._kernel.estimateGround(np.column_stack([xyz, np.zeros(len(xyz), np.float32)]))
         found = np.zeros(len(xyz), np.bool_)
         found[np.asarray(self._kernel.getGroundIndices(), dtype=np.int64)] = True

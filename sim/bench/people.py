@@ -25,16 +25,16 @@ AIMS = {
     "speed_at_touch_max_mps": Aim("<=", 0.0),
     "false_stops_per_100m": Aim("<", 1.0),
 }
-# The other seeds below are for whoever tunes: figures come from seeds that nobody has looked at.
+# The published figures use seeds not used for tuning.
 _FIRST_SEED = 20_001
 
 
 def run(
     runs: int = cases.ROUND, first: int = _FIRST_SEED, rides: int = 6, ride_m: float = 52.0, workers: int = 1
 ) -> Result:
-    """Simulated time, kernels of perception, safety monitor and drive behind the simulated LiDARs; no ROS.
+    """Runs perception, safety monitor and drive in simulated time behind the simulated LiDARs, without ROS.
 
-    runs: 128 are one of each kind, manoeuvre and side. first: seed of the first run. rides: for the false stops, every
+    runs: 128 cover each kind, manoeuvre and side. first: seed of the first run. rides: for the false stops, every
     second one with wheelchair and passenger, each ``ride_m`` long. workers: processes; the figures do not depend on it.
     """
     robot = load_robot()
@@ -63,7 +63,7 @@ def _figures(played: Sequence[Outcome], ridden: Sequence[Ride]) -> dict[str, flo
         "slowed_pct": 100.0 * sum(one.slow_m for one in ridden) / distance_m if distance_m else math.nan,
         "ride_m": distance_m,
     }
-    return {name: float(value) for name, value in figures.items()}  # JSON knows no numbers of numpy's
+    return {name: float(value) for name, value in figures.items()}  # JSON does not accept numpy numbers
 
 
 def _fastest(touches: Sequence[Touch]) -> float:

@@ -1,6 +1,6 @@
-"""Who gets into the robot's way: what the LiDARs see of them, where they touch, and how they walk.
+"""Bodies that get into the robot's way: what the LiDARs see of them, contacts with the robot, and motion.
 
-They look at nothing: on their straight way nobody stops for the robot, only at it.
+A walker does not react to the robot on its way; it stops only at contact.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Kind = Literal["child", "adult", "pole", "cart"]
 KINDS: tuple[Kind, ...] = ("child", "adult", "pole", "cart")
 SPEEDS_MPS = {"child": (0.6, 2.0), "adult": (0.6, 1.7), "pole": (0.3, 1.2), "cart": (0.4, 1.4)}
 _EDGE_STEP_M = 0.02
-_LAST_STEPS_M = 1.2  # so far from the robot nobody follows its motion any more
+_LAST_STEPS_M = 1.2  # within this distance of the target a walker's heading is fixed
 _LIGHT = 0.4
 
 
@@ -37,17 +37,17 @@ class Body:
 
     @property
     def radius_m(self) -> float:
-        """Of the smallest circle around its middle that holds it."""
+        """Radius of the smallest circle around the body's origin that contains it."""
         return float((np.hypot(self.discs[:, 0], self.discs[:, 1]) + self.discs[:, 2]).max())
 
     def placed(self, pose: Pose2) -> Floats:
-        """(n, 3) discs of the body that stands at ``pose``."""
+        """(n, 3) discs of the body at ``pose``."""
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         x, y, radius = self.discs.T
         return np.column_stack([pose.x + c * x - s * y, pose.y + s * x + c * y, radius])
 
     def outline(self, pose: Pose2) -> Floats:
-        """(m, 2) points on the outline of the body that stands at ``pose``."""
+        """(m, 2) points on the outline of the body at ``pose``."""
         discs, around = self.placed(pose), np.linspace(0.0, 2.0 * math.pi, 16, endpoint=False)
         ring = np.column_stack([np.cos(around), np.sin(around)])
         points: Floats = (discs[:, None, :2] + discs[:, None, 2:] * ring).reshape(-1, 2)
@@ -55,7 +55,7 @@ class Body:
 
 
 def drawn_body(kind: Kind, random: np.random.Generator) -> Body:
-    """One of its kind: from toddler to schoolchild, from a pole on wheels to a low trolley."""
+    """A random body of the kind: from toddler to schoolchild, from a pole on wheels to a low trolley."""
     match kind:
         case "child":
             top_m = random.uniform(0.62, 1.20)
@@ -83,7 +83,7 @@ def _of_cylinders(kind: Kind, shapes: tuple[Shape, ...]) -> Body:
 
 
 def _edge(half_x: float, half_y: float) -> Floats:
-    """Discs without size along the edge of a rectangle."""
+    """Discs of zero radius along the edge of a rectangle."""
     x = np.arange(-half_x, half_x + _EDGE_STEP_M, _EDGE_STEP_M).clip(max=half_x)
     y = np.arange(-half_y, half_y + _EDGE_STEP_M, _EDGE_STEP_M).clip(max=half_y)
     sides = [(x, np.full_like(x, side)) for side in (-half_y, half_y)]
@@ -93,7 +93,7 @@ def _edge(half_x: float, half_y: float) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """gap_m: from the body to the outline, negative within it. x, y: where the outline is nearest, base_link, m.
+    """gap_m: from the body to the outline, negative inside it. x, y: nearest point of the outline, base_link, m.
 
     towards: unit vector from there to the body.
     """
@@ -104,17 +104,17 @@ class Contact:
     towards: tuple[float, float]
 
     def speed_mps(self, twist: Twist2) -> float:
-        """Of the outline at this place."""
+        """Speed of the outline at this point."""
         return math.hypot(twist.vx - twist.omega * self.y, twist.vy + twist.omega * self.x)
 
     def closing_mps(self, twist: Twist2) -> float:
-        """How fast the outline itself comes nearer to the body; negative: it moves away from it."""
+        """Speed of the outline towards the body; negative: away from it."""
         vx, vy = twist.vx - twist.omega * self.y, twist.vy + twist.omega * self.x
         return vx * self.towards[0] + vy * self.towards[1]
 
 
 def contact(body: Body, seen_from_robot: Pose2, outline: Outline) -> Contact:
-    """How near a body at a pose in base_link is to the outline."""
+    """The gap between the outline and a body at a pose in base_link."""
     discs = body.placed(seen_from_robot)
     nearest = int(np.argmin(outline.distances(discs) - discs[:, 2]))
     cx, cy, radius = (float(value) for value in discs[nearest])
@@ -134,10 +134,10 @@ def contact(body: Body, seen_from_robot: Pose2, outline: Outline) -> Contact:
 
 @dataclass(slots=True)
 class Walker:
-    """Walks to a place beside the robot, wherever that is by then, and stays there or goes straight on.
+    """Walks to a place beside the moving robot, and stays there or goes straight on.
 
-    pose: in map, facing the way. target: that place in base_link. through: does not stay. With 1.2 m left the
-    direction stays as it is.
+    pose: in map, facing the way. target: the place in base_link. through: goes straight on. For the last 1.2 m the
+    heading is fixed.
     """
 
     pose: Pose2
@@ -148,7 +148,7 @@ class Walker:
 
     @property
     def arrived(self) -> bool:
-        """Stands where they wanted to."""
+        """True if the walker stands at its target."""
         return not self.through and self.remaining_m is not None and self.remaining_m <= 0.0
 
     def step(self, dt_s: float, robot: Pose2, twist: Twist2) -> None:
@@ -164,7 +164,7 @@ class Walker:
 
     def _aim(self, robot: Pose2, twist: Twist2) -> None:
         remaining_m, heading = self._to_target(robot)
-        for _ in range(3):  # to where the target will be on arrival
+        for _ in range(3):  # to the predicted target position on arrival
             remaining_m, heading = self._to_target(robot.compose(exp_se2(twist, remaining_m / self.speed_mps)))
         self.pose = Pose2(self.pose.x, self.pose.y, heading)
         if remaining_m <= _LAST_STEPS_M:

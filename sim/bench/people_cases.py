@@ -1,4 +1,4 @@
-"""Drawn cases of the benchmark ``people``: who walks into which place beside the robot, and what the robot does."""
+"""Drawn cases of the benchmark ``people``: the body, its target beside the robot, and the robot's manoeuvre."""
 
 from __future__ import annotations
 
@@ -16,20 +16,19 @@ from sim.bench.people_senses import chair_ahead
 
 Manoeuvre = Literal["start", "drive", "turn", "dock"]
 MANOEUVRES: tuple[Manoeuvre, ...] = ("start", "drive", "turn", "dock")
-SIDES = 8  # from ahead on, to the left
-# One case of each kind, manoeuvre and side; with the chair or without takes turns.
+SIDES = 8  # counterclockwise from ahead
+# One case of each kind, manoeuvre and side; cases with and without the chair alternate.
 ROUND = len(KINDS) * len(MANOEUVRES) * SIDES
-SETTLE_S = 1.0  # until everything has come up
-_APART_M = 1.2  # at the begin
+SETTLE_S = 1.0  # until all nodes are ready
+_APART_M = 1.2  # initial gap
 _TRIES = 200
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """walker: at its place at the begin. requested: what the robot is asked to do from ``request_s`` on, for the
-    whole run.
+    """walker: in its initial state. requested: the command to the robot from ``request_s`` on, for the whole run.
 
-    dock: where a wheelchair stands that the robot creeps towards. run_s: whole run, from the begin.
+    dock: pose of a wheelchair that the robot creeps towards. run_s: length of the whole run.
     """
 
     seed: int
@@ -45,7 +44,7 @@ class Case:
 
 
 def drawn(number: int, seed: int, robot: Robot) -> Case:
-    """number: which of a round's combinations. Raises RuntimeError if none of many tries gives a case."""
+    """number: index of the combination within a round. Raises RuntimeError if no try gives a valid case."""
     kind, manoeuvre = KINDS[number % 4], MANOEUVRES[number // 4 % 4]
     side = number // 16 % SIDES
     chair = bool((number + number // 4 + number // 16 + number // 128) % 2)
@@ -73,7 +72,7 @@ def drawn(number: int, seed: int, robot: Robot) -> Case:
 def _target(
     outline: Outline, side: int, body: Body, dock: Pose2 | None, random: np.random.Generator
 ) -> tuple[float, float]:
-    """The place of the body's middle: some centimetres beside the outline, on that side."""
+    """The target of the body's origin: some centimetres beside the outline, on the given side."""
     angle = 2.0 * math.pi * (side + random.uniform(-0.5, 0.5)) / SIDES
     middle, half_x = 0.5 * (outline.front + outline.rear), 0.5 * (outline.front - outline.rear)
     gap_m = random.uniform(0.02, 0.25) + body.radius_m
@@ -90,14 +89,14 @@ def _target(
 
 
 def _bearing(side: int, dock: Pose2 | None, random: np.random.Generator) -> float:
-    """From where they come, seen from their target, base_link."""
+    """Direction of the walker's start, seen from its target, in base_link."""
     if dock is not None and side in (0, 1, SIDES - 1):  # the chair stands there
         return math.copysign(random.uniform(0.45, 0.55) * math.pi, 1 if side == 1 else -1)
     return 2.0 * math.pi * side / SIDES + random.uniform(-1.0, 1.0)
 
 
 def _in_the_chair(begin: Pose2, there: Pose2, dock: Pose2 | None) -> bool:
-    """Nobody walks through the chair that waits at a dock."""
+    """True if the walker's line crosses the chair that waits at a dock."""
     if dock is None:
         return False
     steps = np.linspace(0.0, 1.0, 50)
@@ -108,7 +107,7 @@ def _in_the_chair(begin: Pose2, there: Pose2, dock: Pose2 | None) -> bool:
 def _robot_does(
     manoeuvre: Manoeuvre, side: int, chair: bool, arrive_s: float, robot: Robot, random: np.random.Generator
 ) -> tuple[Twist2, float, Pose2 | None]:
-    """(command, from when on, dock); s after everything has come up."""
+    """(command, its start, dock); the start in seconds after the settling time."""
     most_mps = robot.motion(chair).max_speed_mps
     match manoeuvre:
         case "start":
@@ -128,7 +127,7 @@ def _robot_does(
 
 
 def _docks(chair: bool, arrive_s: float, random: np.random.Generator) -> tuple[Twist2, float, Pose2 | None]:
-    """Without the chair it creeps to one that stands ahead; with it it creeps on to put it down, or backs off."""
+    """Without the chair, creeps to one that stands ahead; with it, creeps on to put it down, or backs off."""
     speed_mps = random.uniform(0.04, 0.15)
     if not chair:
         return Twist2(speed_mps, 0.0, 0.0), 0.0, chair_ahead().compose(Pose2(random.uniform(0.6, 1.2), 0.0, 0.0))

@@ -1,6 +1,6 @@
-"""Rides of the benchmark ``people`` on which nothing is in the way: does the robot stop all the same?
+"""Rides of the benchmark ``people`` with a free path, which count false stops.
 
-A corridor of walls, kerbs and posts, and people who walk past on both sides; everything stays 0.5 m and more aside.
+The route is a corridor of walls, kerbs and posts, and people walk past on both sides, all at least 0.5 m aside.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from sim.bench.people_stage import STEP_S, Stage
 from sim.lidar import labels
 from sim.lidar.shapes import BOX, CYLINDER, Shape
 
-_SWAY_M, _SWAY_LENGTH_M = 0.15, 14.0  # of the way about the corridor's middle
+_SWAY_M, _SWAY_LENGTH_M = 0.15, 14.0  # of the route about the corridor's middle
 _AHEAD_M = 1.0
 _START_S = 8.0
 _PEOPLE = 6
@@ -33,9 +33,9 @@ _EDGE_M = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Ride:
-    """distance_m: driven. stops: that nothing in the way justifies, with what the monitor said. justified: the others.
+    """distance_m: driven. stops: false stops, with the monitor's details. justified: number of the other stops.
 
-    slow_m: of the way at less than 0.8 of the requested speed, the first metres until the way has been seen left out.
+    slow_m: distance driven below 0.8 of the requested speed, except the first metres over unseen ground.
     """
 
     distance_m: float
@@ -46,7 +46,7 @@ class Ride:
 
 @dataclass(slots=True)
 class Passer:
-    """Walks along the corridor, to and fro with the robot."""
+    """Walks along the corridor, to and fro around the robot."""
 
     body: Body
     pose: Pose2
@@ -55,12 +55,12 @@ class Passer:
     def step(self, dt_s: float, robot_x: float) -> None:
         self.pose = self.pose.compose(Pose2(self.speed_mps * dt_s, 0.0, 0.0))
         away = self.pose.x - robot_x
-        if abs(away) > 9.0 and away * math.cos(self.pose.yaw) > 0.0:  # turns round where nobody sees it
+        if abs(away) > 9.0 and away * math.cos(self.pose.yaw) > 0.0:  # turns round out of the robot's view
             self.pose = Pose2(self.pose.x, self.pose.y, self.pose.yaw + math.pi)
 
 
 def ride(seed: int, length_m: float, *, chair: bool) -> Ride:
-    """Along x, until ``length_m`` are driven or twice the time is over that they take, and what a start takes."""
+    """Drives along x to ``length_m``; ends early after the start time and twice the nominal driving time."""
     random = np.random.default_rng([seed, 2])
     fixed, passers, speed_mps = _drawn(length_m, chair, random)
     edges = _edges(fixed)
@@ -98,9 +98,9 @@ def _follow(pose: Pose2, speed_mps: float) -> Twist2:
 
 
 def _drawn(length_m: float, chair: bool, random: np.random.Generator) -> tuple[list[Shape], dict[str, Passer], float]:
-    """What stands, who walks, and how fast the robot shall go."""
+    """(static shapes, passers, requested speed)."""
     half_m = 0.40 if chair else 0.35
-    # Aside of the way's sway, and of the front's when the robot turns with it.
+    # Beside the sway of the route, and of the front when the robot turns.
     aside_m = half_m + _SWAY_M + 2.0 * math.pi * _SWAY_M / _SWAY_LENGTH_M * (1.4 if chair else 0.5) + PASSING_M
     fixed = []
     for x in np.arange(-2.0 * _SECTION_M, length_m + 4.0 * _SECTION_M, _SECTION_M):
@@ -138,7 +138,7 @@ def _box(x: float, y: float, half: tuple[float, float, float], label: int, light
 
 
 def _edges(fixed: list[Shape]) -> NDArray[np.float64]:
-    """(n, 2) points on the edges of what stands, in plan."""
+    """(n, 2) points on the edges of the static shapes, in plan."""
     points = []
     for shape in fixed:
         x, y, half = *shape.centre_m[:2], shape.half_m
@@ -148,7 +148,7 @@ def _edges(fixed: list[Shape]) -> NDArray[np.float64]:
 
 
 def _in_the_way(stage: Stage, edges: NDArray[np.float64], passers: dict[str, Passer]) -> bool:
-    """By true places, the safety monitor's own thresholds, and what the robot does or tries to do."""
+    """Applies the safety monitor's thresholds to true positions and to the robot's actual and commanded motion."""
     pose, limits = stage.body.pose, stage.params.collision
     bodies = [passer.body.outline(passer.pose) for passer in passers.values()]
     points = near(np.concatenate([edges, *bodies]), pose, _NEAR_M)

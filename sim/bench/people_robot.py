@@ -1,4 +1,4 @@
-"""The robot of the benchmark ``people``: the drive's own kernels obey the safety monitor's limit, as late as really."""
+"""The robot of the benchmark ``people``: the drive's kernels apply the safety monitor's limit with real delays."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from robot_stack.drive.permission import Action, SafetyLimit, Situation, permit
 from robot_stack.drive.swerve_drive import SwerveDrive
 from robot_stack.safety.arbiter import Verdict
 
-# From a wheel command to the wheels' motion: message, engine cycle, servo. With it 1.0 m/s takes 0.29 m to standstill,
-# as the benchmark ``stop`` measures on the whole stack with its physics.
+# From a wheel command to the wheels' motion: message, engine cycle, servo. With this value, stopping from 1.0 m/s takes
+# 0.29 m, as the benchmark ``stop`` measures on the whole stack with its physics.
 ACTUATION_S = 0.04
 
 
 class DrivenRobot:
-    """Kinematic: it moves as the drive commanded ``ACTUATION_S`` ago. pose: in map, where it starts at the origin."""
+    """Kinematic: follows the command of ``ACTUATION_S`` ago. pose: in map, starts at the origin."""
 
     def __init__(self, robot: Robot, chair: bool) -> None:
         params = load(SwerveControllerParams, "swerve_controller")
@@ -46,15 +46,15 @@ class DrivenRobot:
 
     @property
     def set_point(self) -> Twist2:
-        """What the drive tries to do, as it says on /cmd_vel_limited."""
+        """The drive's set point, as published on /cmd_vel_limited."""
         return self._drive.twist
 
     def obey(self, verdict: Verdict) -> None:
-        """A message of /safety/velocity_limit."""
+        """Applies a message of /safety/velocity_limit."""
         self._limit = SafetyLimit(verdict.limit.linear_mps, verdict.limit.angular_radps, verdict.reason)
 
     def free(self) -> None:
-        """Nobody limits it."""
+        """Removes the limit."""
         limits = self._limits[self._chair]
         self._limit = SafetyLimit(limits.speed_mps, limits.yaw_rate_radps, "")
 
@@ -62,7 +62,7 @@ class DrivenRobot:
         self._arbiter.command(source, twist, now_s)
 
     def tick(self, now_s: float) -> None:
-        """Of the swerve controller."""
+        """One tick of the swerve controller."""
         holder, requested = self._arbiter.requested(now_s)
         situation = Situation(False, True, True, self._limit, True, self._chair, holder, requested)
         permission = permit(situation, *self._limits)
@@ -78,7 +78,7 @@ class DrivenRobot:
         self._late.append((now_s + ACTUATION_S, output.twist, output.modules))
 
     def move(self, now_s: float, dt_s: float) -> None:
-        """Until ``now_s``."""
+        """Moves until ``now_s``."""
         while self._late and self._late[0][0] <= now_s:
             _, self.twist, self._modules = self._late.popleft()
         self.pose = self.pose.compose(exp_se2(self.twist, dt_s))

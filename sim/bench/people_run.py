@@ -1,4 +1,4 @@
-"""One run of the benchmark ``people``: a case played, and its contacts judged."""
+"""One run of the benchmark ``people``: plays a case and classifies its contacts."""
 
 from __future__ import annotations
 
@@ -19,21 +19,20 @@ from sim.bench.people_cases import Case
 from sim.bench.people_senses import chair_ahead
 from sim.bench.people_stage import REACTION_S, STEP_S, Stage
 
-# Whoever walks past so far aside must not stop the robot: whoever comes nearer may.
+# A body that passes at this distance must not stop the robot; a nearer one may.
 PASSING_M = 0.5
 MOVING_MPS = 0.02  # of the outline at the contact
 _WHO = "who"
-_DOCKED_M = 0.02  # the latch draws in from here
+_DOCKED_M = 0.02  # the latch closes from here on
 
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """The first contact while the robot moves. speed_mps: the greatest of the outline at a contact of the run.
+    """The first contact while the robot moves. speed_mps: greatest speed of the outline at a contact of the run.
 
-    closing_mps: the greatest speed of the outline towards the body at a contact of the run, negative: it only moved
-    away. pushed_m: the way of the outline towards the body during contact. x, y: of the first contact, base_link.
-    at_s: from the begin. stood: whoever is touched had come to where they wanted and stood there. faults: of the
-    verdict then. avoidable: see ``avoidable``.
+    closing_mps: greatest speed of the outline towards the body at a contact of the run; negative: it only moved away.
+    pushed_m: way of the outline towards the body during contact. x, y: of the first contact, base_link. at_s: from the
+    start of the run. stood: the body stood at its target. faults: of the verdict at that time.
     """
 
     speed_mps: float
@@ -49,7 +48,7 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """touch: None if the robot stood at every contact. near_m: the least gap. distance_m: what the robot drove."""
+    """touch: None if the robot stood at every contact. near_m: the least gap. distance_m: driven by the robot."""
 
     case: Case
     touch: Touch | None
@@ -59,7 +58,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """Where everybody was."""
+    """State of robot and walker at one step."""
 
     pose: Pose2
     twist: Twist2
@@ -67,7 +66,7 @@ class Moment:
 
 
 def play(case: Case, *, guarded: bool = True) -> Outcome:
-    """guarded: False is a robot whose safety monitor lets it do anything."""
+    """guarded: if False, the safety monitor's limit is ignored."""
     stage = Stage(case.seed, [], {_WHO: case.body.shapes}, chair=case.chair, dock=case.dock, guarded=guarded)
     if case.chair:
         stage.drive_in()
@@ -106,7 +105,7 @@ def _requested(case: Case, at_s: float, robot: Pose2) -> Twist2:
 
 
 def _walk(walker: Walker, body: Body, outline: Outline, robot: Pose2, twist: Twist2) -> None:
-    """One step, which ends at the robot: nobody walks through it."""
+    """Moves the walker by one step, but not further into the robot."""
     before = replace(walker)
     walker.step(STEP_S, robot, twist)
     gap_m = contact(body, walker.pose.relative_to(robot), outline).gap_m
@@ -115,10 +114,10 @@ def _walk(walker: Walker, body: Body, outline: Outline, robot: Pose2, twist: Twi
 
 
 def avoidable(case: Case, moments: list[Moment], robot: Robot, params: CollisionParams) -> bool:
-    """Could an ideal observer with the robot's reaction time have stood before the contact that ends the moments?
+    """True if an ideal observer with the robot's reaction time could have stopped before the last moment's contact.
 
-    The ideal observer knows every place exactly and nobody's intentions. It brakes once a body is nearer than
-    ``PASSING_M`` to the outline, or where the motion leads by the safety monitor's own thresholds.
+    The ideal observer has exact positions and no intentions. It brakes if a body is nearer than ``PASSING_M`` to the
+    outline, or if the motion leads to it by the safety monitor's own thresholds.
     """
     outline = outline_of(robot.footprint_with_chair if case.chair else robot.footprint)
     alarm = next(i for i, moment in enumerate(moments) if _alarming(case.body, moment, outline, params))

@@ -35,17 +35,17 @@ from sim.lidar.sensor import Lidar
 from sim.lidar.shapes import Shape, pack
 from sim.parameters import load_sim_params
 
-# Rows that look at the surroundings; everything else on the robot is well and not part of the story.
+# Rows that monitor the surroundings; the others are left out, because the rest of the robot counts as healthy.
 ROWS = ("ESTOP_PRESSED", "OVERSPEED", "COLLISION_IMMINENT", "OBSTACLE_NEAR", "OBSTACLES_TIMEOUT")
 SWEEP_S = 0.1
 Floats = NDArray[np.float64]
 NO_RECTS: Floats = np.empty((0, 7))
-_DRIFT = 0.003  # of odometry, relative, up to
+_DRIFT = 0.003  # relative drift limit of the odometry
 _KEPT_S = 0.13
 
 
 class Whereabouts:
-    """Where everything that moves has been lately, for sensors that take their time over a sweep."""
+    """Recent poses of everything that moves, for sensors whose sweep takes time."""
 
     def __init__(self) -> None:
         self._poses: dict[str, deque[tuple[float, Floats]]] = {}
@@ -69,7 +69,7 @@ def _track(poses: Iterable[tuple[float, Floats]]) -> Track:
 class SimulatedSensors:
     """Both LiDARs with their configured noise, mixed returns and mountings.
 
-    fixed: what stands in map. movers: shapes of what moves, by the name its poses have. The wheelchair is among them.
+    fixed: static shapes in map. movers: shapes of moving bodies, by the name of their poses; includes the wheelchair.
     rects: pits, see ``sim.lidar.scene.ground_rects``.
     """
 
@@ -91,12 +91,12 @@ class SimulatedSensors:
         self._half = 0
 
     def half_sweep(self, now_s: float, tracks: Mapping[str, Track]) -> Points:
-        """The half that has just ended; the two take turns."""
+        """The half sweep that has just ended; the two halves alternate."""
         self._half = 1 - self._half
         return self._lidar.half_sweep(tracks[BASE], now_s, self._half, _others(tracks)).points
 
     def frame(self, now_s: float, tracks: Mapping[str, Track]) -> Points:
-        """Of the overhead LiDAR."""
+        """One frame of the overhead LiDAR."""
         return self._overhead.sweep(tracks[BASE], now_s, _others(tracks)).points
 
 
@@ -138,14 +138,14 @@ class Perception:
         self._pipeline.overhead(points, stamp_s)
 
     def scene(self, points: Points, stamp_s: float) -> Scene | None:
-        """None where the node would publish nothing."""
+        """None if the node would publish nothing."""
         if self._watch.blind(points, stamp_s, self._excused) or self._pipeline.motion.problem(stamp_s):
             return None
         return self._pipeline.scene(points, stamp_s, self._watch.obstructed)
 
 
 def safety_params() -> SafetyParams:
-    """The configured ones with the rows that look at the surroundings."""
+    """The configured parameters with only the rows that monitor the surroundings."""
     return load(SafetyParams, "safety_monitor", {"rows": list(ROWS), "expected_processes": []})
 
 
@@ -167,14 +167,14 @@ def chair_ahead() -> Pose2:
 
 @cache
 def castors() -> Floats:
-    """(4, 2) where the wheelchair stands on the ground, in its own frame, m."""
+    """(4, 2) ground contact points of the wheelchair, in its own frame, m."""
     chair = load_sim_params().wheelchair
     half = 0.5 * chair.castor_track_m
     return np.array([(x, y) for x in (chair.castor_front_x_m, chair.castor_rear_x_m) for y in (half, -half)])
 
 
 def near(points: Floats, pose: Pose2, within_m: float) -> Floats:
-    """(k, 3) base_link at ``pose``: those of some points (n, 2) in map that are so near."""
+    """(k, 3) in base_link at ``pose``: those of the points (n, 2) in map that lie within the distance."""
     found = points[np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) <= within_m]
     c, s = math.cos(pose.yaw), math.sin(pose.yaw)
     dx, dy = found[:, 0] - pose.x, found[:, 1] - pose.y

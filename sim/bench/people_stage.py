@@ -1,6 +1,6 @@
-"""One robot among bodies that move, in simulated time: sensors, perception, safety monitor and drive, each at its rate.
+"""One robot among moving bodies, in simulated time: sensors, perception, safety monitor and drive, each at its rate.
 
-Every node's phase is drawn from the seed, and what passes between them arrives late as measured on the whole stack.
+Each node's phase is drawn from the seed, and each message has the delay measured on the whole stack.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from sim.lidar.scene import WHEELCHAIR
 from sim.lidar.shapes import Shape
 
 STEP_S = 0.005
-# docs/figures.md: points_to_obstacles_ms_p95 28.0; and the message of the sweep, which the LiDAR's node sends.
+# docs/figures.md: points_to_obstacles_ms_p95 28.0, plus the transport of the LiDAR driver's message.
 PERCEPTION_S = 0.035
 TRANSPORT_S = 0.002
-# From a body's place to the robot's brakes, in the mean: half a turn of the LiDAR, half a tick of monitor and drive.
+# Mean delay from a body's position to braking: half a turn of the LiDAR, half a tick of monitor and drive.
 _TICKS_S = 0.01 + 0.5 / topics.WHEEL_COMMANDS.nominal_rate_hz
 REACTION_S = 0.5 * senses.SWEEP_S + PERCEPTION_S + TRANSPORT_S + _TICKS_S + ACTUATION_S
 _REQUEST_S, _BEGIN_S = 0.05, 100.0
@@ -39,9 +39,9 @@ _TOPIC = {Source.TELEOP: topics.TELEOP_CMD_VEL, Source.DOCKING: topics.DOCKING_C
 class Stage:
     """``advance`` moves everything by one step of 5 ms.
 
-    poses: in map, of what moves beside the robot; whoever walks writes it. chair: the robot carries wheelchair and
-    passenger. dock: a wheelchair stands there, which the robot is on its last way to. guarded: False is a robot whose
-    safety monitor lets it do anything. terrain: what the robot drives on; without one level ground.
+    poses: in map, of the moving bodies; written by the caller. chair: the robot carries wheelchair and passenger. dock:
+    pose of a wheelchair on the robot's final approach. guarded: if False, the safety monitor's limit is ignored.
+    terrain: the ground under the robot; level by default.
     """
 
     def __init__(
@@ -89,9 +89,9 @@ class Stage:
             heapq.heappop(self._messages)[2]()
 
     def drive_in(self, way_m: float = 3.0) -> None:
-        """Straight to where the robot stands, over ground that its sensors see on the way; no limit applies.
+        """Drives straight to the start so that the sensors see the ground on the way; no limit applies.
 
-        A robot that has not come from anywhere knows no ground before the chair, and may not drive ahead.
+        Without this way the ground before the chair is unseen, and the robot is not permitted to drive ahead.
         """
         guarded, self._guarded = self._guarded, False
         self.body.pose = self.body.pose.compose(Pose2(-way_m, 0.0, 0.0))
@@ -105,10 +105,10 @@ class Stage:
         while self.body.twist != ZERO_TWIST:
             self.advance()
         self._guarded = guarded
-        self.monitor = senses.monitor(self.robot, self.params, self.chair, self.now_s)  # what it permitted is forgotten
+        self.monitor = senses.monitor(self.robot, self.params, self.chair, self.now_s)  # discards its state
 
     def seen_from_robot(self, name: str) -> Pose2:
-        """A mover in base_link."""
+        """The pose of a mover in base_link."""
         return self.poses[name].relative_to(self.body.pose)
 
     def _nodes(self) -> list[tuple[int, int, Callable[[], None]]]:

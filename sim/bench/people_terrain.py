@@ -1,4 +1,4 @@
-"""What the robot of the kinematic benchmarks drives on: level ground, ramps and edges, as its LiDARs see them too."""
+"""The ground of the kinematic benchmarks: level ground, ramps and edges, also visible to the LiDARs."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Terrain:
-    """ramps, pits: what the ground's height follows from. shapes, rects: the same for the ray caster.
+    """ramps, pits: define the ground's height. shapes, rects: the same for the ray caster.
 
-    error_rad: of roll and pitch as the inertial unit reports them.
+    error_rad: of roll and pitch from the inertial unit.
     """
 
     ramps: tuple[Ramp, ...] = ()
@@ -33,7 +33,7 @@ class Terrain:
     error_rad: tuple[float, float] = (0.0, 0.0)
 
     def height_m(self, x: float, y: float) -> float:
-        """Of the ground at a place in map."""
+        """Height of the ground at a position in map."""
         for ramp in self.ramps:
             along, across = _within(ramp.x_m, ramp.y_m, ramp.yaw_rad, x, y)
             if 0.0 <= along <= ramp.total_length_m and abs(across) <= 0.5 * ramp.width_m:
@@ -42,7 +42,7 @@ class Terrain:
         return -max((pit.depth_m for pit in self.pits if inside(pit, x, y)), default=0.0)
 
     def standing(self, pose: Pose2, contacts: Floats) -> Floats:
-        """(4, 4) in map of a body that stands there on its wheels, (n, 2) in its own frame."""
+        """(4, 4) in map of a body that stands on the ground with its wheels, (n, 2) in its own frame."""
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
         if not self.ramps and not self.pits:
             return level(pose)
@@ -55,7 +55,7 @@ class Terrain:
         return matrix
 
     def attitude(self, base: Floats) -> Attitude:
-        """As measured, of base_link (4, 4) in map."""
+        """The measured attitude of base_link (4, 4) in map."""
         roll, pitch = math.atan2(base[2, 1], base[2, 2]), -math.asin(base[2, 0])
         return Attitude(roll + self.error_rad[0], pitch + self.error_rad[1])
 
@@ -64,7 +64,7 @@ LEVEL_TERRAIN = Terrain()
 
 
 def terrain_of(world: WorldFile, params: LidarParams, error_rad: tuple[float, float]) -> Terrain:
-    """The ground of a world, and what stands on it."""
+    """The ground of a world and the objects on it."""
     return Terrain(
         tuple(world.ramps),
         tuple(world.pits),

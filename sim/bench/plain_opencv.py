@@ -1,4 +1,4 @@
-"""What OpenCV finds by itself: the yardstick of the marker detector."""
+"""Marker detection with OpenCV alone, as a reference for the marker detector."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class PlainOpenCv:
         self._detector = cv2.aruco.ArucoDetector(dictionary, settings)
         self._corners = board_corners(docks.docks[dock].markers, docks.marker_size_m)
         self._camera = intrinsics.matrix(), intrinsics.coefficients()
-        # IPPE wants the board in the plane z = 0: x right and y up, as its viewer sees it.
+        # IPPE requires the board in the plane z = 0: x right and y up, from the viewer's side.
         self._axes = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 
     def detect(self, image: NDArray[np.uint8]) -> Array | None:

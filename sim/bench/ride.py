@@ -42,7 +42,7 @@ def run(
     world: str = "yard",
     pictures: str = "results/ride",
 ) -> Result:
-    """The start pose is 1 m and 10 deg wrong. changed_share: of the boxes and cylinders, against the map."""
+    """The start pose is 1 m and 10 deg wrong. changed_share: share of the boxes and cylinders changed since the map."""
     mapped = load_world(world)
     cells, origin = site_cells(mapped, world, seed=1000)
     present, changes = changed_world(mapped, changed_share, seed)
@@ -70,7 +70,7 @@ def run(
 
 
 def _drive(stack: LidarStack, world: WorldFile, length_m: float, speed_mps: float) -> list[Fix]:
-    """Routes one after the other until the way is long enough, every time another one."""
+    """Drives different routes in sequence until the distance is reached."""
     begin = len(stack.fixes)
     names = [name for name in ("site_ride", "lap", "tour") if name in world.routes]
     if not names:

@@ -36,9 +36,9 @@ def run(
     seed: int = 1,
     speed: bool = True,
 ) -> Result:
-    """ride: SCENARIO of ``robot-stack simulate`` for the speeds. pair_ride: for the digests, light.
+    """ride: SCENARIO of ``robot-stack simulate`` for the speeds. pair_ride: for the digests, with light sensors.
 
-    until_s: 0 for whole rides. speed: False measures digests alone. Nothing else may run beside the speeds.
+    until_s: 0 for whole rides. speed: False computes only digests. Run nothing else while measuring speeds.
     """
     figures: dict[str, float] = {}
     conditions: dict[str, Any] = {"seed": seed}
@@ -64,7 +64,7 @@ def run(
 
 
 def _pairs(ride: str, until_s: float, first_seed: int, count: int) -> tuple[int, list[int]]:
-    """How many pairs are equal, and the seeds of the others."""
+    """The number of equal pairs, and the seeds of the others."""
     equal, differing = 0, []
     for index, seed in enumerate(range(first_seed, first_seed + count)):
         with busy_loops(_BUSY) if index % 2 else nullcontext():
@@ -82,7 +82,7 @@ def _pairs(ride: str, until_s: float, first_seed: int, count: int) -> tuple[int,
 def simulate(
     ride: str, seed: int, until_s: float = 0.0, *, light: bool = False, serial: bool = False, hash_seed: int = 0
 ) -> dict[str, Any]:
-    """figures.json of one run in a process of its own. Raises BenchError if it was not carried out."""
+    """figures.json of one run in its own process. Raises BenchError if the run fails."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "sim.stack.simulate", *_arguments(ride, seed, until_s), "--output", folder]
         command += [*(("--light",) if light else ()), *(("--serial",) if serial else ()), "--no-plots"]

@@ -1,4 +1,4 @@
-"""A world that is no longer as it was mapped, and people who walk in it. All from a seed; routes stay free."""
+"""A world that has changed since it was mapped, and people who walk in it. All from a seed; routes stay free."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from sim.polyline import Polyline
 from sim.worldfile import Box, Cylinder, WorldFile
 
 Array = NDArray[np.float64]
-_CLEARANCE_M = 0.15  # beyond a route's own half width
+_CLEARANCE_M = 0.15  # beyond a route's half width
 _TRIES = 200
 
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """Names of what was taken away, moved, and put there anew."""
+    """Names of the removed, moved and added objects."""
 
     removed: tuple[str, ...]
     moved: tuple[str, ...]
@@ -83,7 +83,7 @@ def _walk(route: Array, random: np.random.Generator, duration_s: float) -> Track
 
 
 def _elsewhere(item: Box | Cylinder, world: WorldFile, random: np.random.Generator, reach_m: float) -> Box | Cylinder:
-    """The same thing at a free place within reach_m of where it stood, or anywhere; where it stood if there is none."""
+    """The object at a free place within reach_m, or anywhere for None; at its old place if none is free."""
     floor = world.floor
     for _ in range(_TRIES):
         if math.isfinite(reach_m):

@@ -1,4 +1,4 @@
-"""The cells that a bench localizes against: the site's map where there is one, else one made from true poses."""
+"""The cells for a bench's localization: the site's map if it exists, else one made from true poses."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ON_RAMP_M = 1.2
 
 
 def site_cells(world: WorldFile, name: str, seed: int) -> tuple[Cells, str]:
-    """The cells of the map ``name`` and what they are."""
+    """The cells of the map ``name`` and a description of their origin."""
     try:
         site = load_map(name)
     except ConfigError:
@@ -34,7 +34,7 @@ def site_cells(world: WorldFile, name: str, seed: int) -> tuple[Cells, str]:
 
 
 def cells_at_true_poses(world: WorldFile, seed: int) -> Cells:
-    """Every 1.5 m of every route, level ground only."""
+    """Cells from poses every 1.5 m of every route, level ground only."""
     lidar, up = np.array(load_robot().lidar_xyz_m), np.array([0.0, 0.0, 1.0])
     params = load(LocalizationParams, "ndt_localization").ndt.cloud
     cells = CellAccumulator(_CELL_M)
@@ -47,7 +47,7 @@ def cells_at_true_poses(world: WorldFile, seed: int) -> Cells:
 
 
 def level_poses(world: WorldFile, step_m: float, offset: float) -> list[Pose2]:
-    """Poses every step_m along all routes, heading along them, but not on ramps. offset: of a step, 0 to 1."""
+    """Poses every step_m along all routes, heading along them, but not on ramps. offset: fraction of a step, 0 to 1."""
     found = []
     for route in world.routes.values():
         points = np.array(route.points_m, float)

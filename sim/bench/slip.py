@@ -16,14 +16,14 @@ AIMS = {
     "stops": Aim("<=", 0.0),
     "false_alarms": Aim("<=", 0.0),
 }
-_WITHOUT_M = 1e6  # ways never are so far apart
+_WITHOUT_M = 1e6  # greater than any difference, so no slip is detected
 
 
 def run(friction: float = 0.02, seconds: float = 40.0, speed_mps: float = 1.2, seed: int = 1) -> Result:
-    """friction: of the ice, everywhere. seconds: of each ride along the yard's lap; dry, then twice on ice."""
+    """friction: of the ice, everywhere. seconds: of each ride along the yard's lap; one dry, then two on ice."""
     world = load_world("yard")
     lap = world.routes["lap"].points_m
-    # Those who walk in the yard would be in the way.
+    # People of the yard would block the route.
     world = world.model_copy(update={"people": []})
     rides = {
         name: _Ride(ground, seed, least_m, lap, speed_mps, seconds)
@@ -64,7 +64,7 @@ def run(friction: float = 0.02, seconds: float = 40.0, speed_mps: float = 1.2, s
 
 
 def icy(world: WorldFile, friction: float) -> WorldFile:
-    """The same world with ice everywhere."""
+    """The world with ice on the whole ground."""
     ground = world.floor
     ice = Patch(
         name="ice",
@@ -80,7 +80,7 @@ def icy(world: WorldFile, friction: float) -> WorldFile:
 class _Ride:
     """The fixes of a ride along the points, until the route or the time ends.
 
-    least_m: from where on ways that are apart are a slip; None: as configured.
+    least_m: least difference of the ways that counts as a slip; None: as configured.
     """
 
     def __init__(

@@ -28,7 +28,7 @@ AIMS = {
     "standstill_distance_m_max": Aim("<", 0.40),
     "runs": Aim(">=", 100),
 }
-_CHAIR_KG = 30.0  # config/robot.yaml chair_mass_kg, which the simulated wheelchair weighs
+_CHAIR_KG = 30.0  # config/robot.yaml chair_mass_kg, also the mass of the simulated wheelchair
 _BUSY = 2
 
 
@@ -42,9 +42,9 @@ def run(
 ) -> Result:
     """Forwards and backwards in turn, in the simulation on the system clock; distances are ground truth.
 
-    runs: by a message of this process. other_runs: by the emergency-stop button, counted from the message that its
-    process sends; and by a message of this process beside two busy loops at ordinary priority.
-    load_kg: wheelchair and passenger together. seed: of the moment of the stop within the controller's period.
+    runs: stopped by a message of this process. other_runs: stopped by the emergency-stop button, counted from its
+    process's message, and stopped by a message of this process beside two busy loops at ordinary priority. load_kg:
+    wheelchair and passenger together. seed: of the stop's phase within the controller's period.
     """
     from robot_stack.bench.nodes.stop_latency_meter import StopLatencyMeter
 
@@ -57,7 +57,7 @@ def run(
             f"mission_manager.journal_file={Path(folder) / 'mission.db'}",
         ]
         with running_stack("sim", settings, system_time=True):
-            # Who looks must not wait for the processor behind those it looks at.
+            # The meter must not wait for the processor behind the processes it measures.
             first = go_first(0, PRIORITY)
             with StopLatencyMeter(random.Random(seed)) as stopper:
                 stopper.begin(passenger=True)

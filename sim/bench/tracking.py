@@ -25,13 +25,13 @@ NAME = "tracking"
 AIMS = {"rms_mm": Aim("<", 20.0)}
 _WORLD = "flat"
 _LEG_LIMIT_S = 60.0
-# The path is compared with at this spacing: a corner of 1 m radius lies 0.05 mm beside its chords.
+# Spacing of the compared points of the path: on a corner of 1 m radius, chords deviate by 0.05 mm.
 _SPACING_M, _POSES = 0.02, 5000
 
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """A goal, and whether the robot stops at it or the next one is sent before."""
+    """A goal. The robot stops at it, or the next goal is sent before."""
 
     goal: Pose2
     stop: bool
@@ -39,7 +39,7 @@ class Leg:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One tick of the navigation controller: its output and plan, the pose it had, and what was true (poses in map)."""
+    """One tick of the navigation controller: its output, plan and pose, and the true state (poses in map)."""
 
     output: Output
     path: Path | None
@@ -49,7 +49,7 @@ class Sample:
 
 
 class TrackedRide(FewNodes):
-    """Drive, localization by wheels and gyro, and navigation in the world "flat". samples: of every tick so far."""
+    """Drive, localization by wheels and gyro, and navigation in the world "flat". samples: one per tick."""
 
     def __init__(self, seed: int, *settings: str) -> None:
         nodes = (*DRIVE, "navigation_controller")
@@ -86,10 +86,10 @@ ROUTE = (
 def run(
     speed_mps: float = 1.0, seeds: int = 3, stand_s: float = 10.0, pass_m: float = 1.0, passenger_kg: float = 0.0
 ) -> tuple[dict[str, float], dict[str, object]]:
-    """(figures, conditions) of the route, driven once for each seed.
+    """Returns (figures, conditions) of the route, driven once for each seed.
 
-    stand_s: standstill before the ride, in which the gyro's bias is learnt. pass_m: how far ahead of a goal that is
-    only passed the next one is sent. passenger_kg: above 0, with wheelchair and passenger, at their limits.
+    stand_s: standstill before the ride, for the estimate of the gyro bias. pass_m: distance before a passed goal at
+    which the next goal is sent. passenger_kg: above 0, with wheelchair and passenger and their limits.
     """
     rides = [ride(seed, speed_mps, stand_s, pass_m, passenger_kg) for seed in range(1, seeds + 1)]
     driving = [sample for samples in rides for sample in samples if sample.output.state is NavigationState.DRIVING]
@@ -126,7 +126,7 @@ def ride(seed: int, speed_mps: float, stand_s: float, pass_m: float, passenger_k
     with TrackedRide(seed, *settings) as stack:
         if passenger_kg > 0.0:
             stack.publish(topics.PASSENGER_ATTACHED, Bool(data=True))
-        # Plans keep a share of the limit, so that the ride itself has the speed asked for.
+        # Plans use a share of the limit, so the limit is raised to drive at the requested speed.
         stack.limit_mps = speed_mps / stack.node("navigation_controller").params.limits.speed_share
         stack.scheduler.run_for(stand_s)
         for leg in ROUTE:

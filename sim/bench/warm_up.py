@@ -1,4 +1,4 @@
-"""Compiles what the benches' own surroundings run through, or loads it."""
+"""Compiles the benches' own numba functions, or loads them from the cache."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ from sim.bench.navigation_course import Sensor, course
 
 
 def warm_up() -> None:
-    """One look around a course."""
+    """Computes one costmap of a course."""
     Sensor(course(1, load_robot().footprint), np.random.default_rng(0)).costmap(Pose2(2.0, 2.0, 0.0))

@@ -45,7 +45,7 @@ _DROR_FACTOR, _DROR_LEAST_M, _DROR_NEIGHBOURS = 3.0, 0.04, 3
 
 
 def run(seeds: int = 3, seed: int = 2001) -> Result:
-    """seeds: sensors and showers for each figure, from ``seed`` on; below 1000 the filter was tuned on."""
+    """seeds: sensors and showers for each figure, from ``seed`` on; seeds below 1000 were used for tuning."""
     warm_up()
     drawn = range(seed, seed + seeds)
     figures: dict[str, float] = {}
@@ -62,7 +62,7 @@ def _pipeline() -> Pipeline:
 
 
 def _published(weather: Shower, halves: int) -> list[tuple[Sweep, Float]]:
-    """Half sweeps and what is published after each, by a pipeline that begins with them."""
+    """Half sweeps and the obstacles published after each, by a new pipeline."""
     pipeline, out = _pipeline(), []
     for step in range(halves):
         stamp_s = _HALF_S * step
@@ -73,7 +73,7 @@ def _published(weather: Shower, halves: int) -> list[tuple[Sweep, Float]]:
 
 
 def _phantoms(kind: str, returns: float, world: str, seeds: Sequence[int]) -> float:
-    """Mean of published points that are farther than 0.3 m, in plan, from whatever a dry sensor shows or returns."""
+    """Mean of published points farther than 0.3 m, in plan, from all returns and published points of a dry sensor."""
     counts = []
     for seed in seeds:
         dry = _published(shower("clear", 0, seed, world), _HALVES)
@@ -85,7 +85,7 @@ def _phantoms(kind: str, returns: float, world: str, seeds: Sequence[int]) -> fl
 
 
 def _solid(sweep: Sweep) -> Float:
-    """(n, 3) base_link: what returned from neither ground nor air."""
+    """(n, 3) base_link: returns from neither ground nor air."""
     return _xyz(sweep)[~np.isin(sweep.labels, (labels.GROUND, labels.RAMP, labels.MIRROR, labels.AIRBORNE))]
 
 
@@ -95,7 +95,7 @@ def _xyz(sweep: Sweep) -> Float:
 
 
 def _ranges(seeds: Sequence[int]) -> dict[str, float]:
-    """Of each, in clear air, rain and sun: the greatest distance up to which all clouds but the first two show it."""
+    """By target, in clear air, rain and sun: the greatest distance up to which all clouds but the first two show it."""
     figures = {}
     for kind in ("clear", "rain", "sun"):
         for who in WHO:
@@ -130,7 +130,7 @@ def _kerb_reached(kind: str, seeds: Sequence[int]) -> float:
 
 
 def _filtered(seeds: Sequence[int]) -> dict[str, float]:
-    """The filter alone on the points of yard and plain, beside DROR; and the cells that are missed behind it."""
+    """The filter alone on the points of yard and plain, beside DROR; and the missed cells after filtering."""
     params, robot = load(PerceptionParams, "perception_pipeline"), load_robot()
     crowd = crowd_of(robot.range_sensors[frames.LIDAR], params.obstacles, params.obstacles.range_m)
     ms, theirs_ms, left, kept = [], [], np.zeros((2, 2)), np.zeros((2, 2))
@@ -140,7 +140,7 @@ def _filtered(seeds: Sequence[int]) -> dict[str, float]:
             pipeline = _pipeline()
             for sweep, obstacles in _published(shower(kind, _RETURNS[-1], seed, "yard"), 4)[2:]:
                 missed.setdefault(kind, []).append(_missed_pct(sweep, obstacles))
-                # Points hold their number instead of a time: what became of each is known so.
+                # segment() does not move points, so their coordinates identify them after the filter.
                 seen = pipeline.segment(_xyz(sweep))
                 xyz = raised(seen.xyz, seen.labels)
                 air = np.isin(_keys(xyz), _keys(_xyz(sweep)[sweep.labels == labels.AIRBORNE]))
@@ -162,12 +162,12 @@ def _filtered(seeds: Sequence[int]) -> dict[str, float]:
 
 
 def _keys(xyz: Float) -> NDArray[np.void]:
-    """(n,) each point as one value."""
+    """(n,) each point as one comparable value."""
     return np.ascontiguousarray(xyz, np.float32).view(np.dtype((np.void, 12))).ravel()
 
 
 def _dror(xyz: Float, columns: int) -> NDArray[np.bool_]:
-    """(n,) of points (n, 3), sensor frame: what dynamic radius outlier removal keeps (Charron et al. 2018)."""
+    """(n,) True for points (n, 3), sensor frame, kept by dynamic radius outlier removal (Charron et al. 2018)."""
     radius = np.maximum(_DROR_LEAST_M, _DROR_FACTOR * 2.0 * np.pi / columns * np.linalg.norm(xyz, axis=1))
     away, _ = cKDTree(xyz).query(xyz, k=_DROR_NEIGHBOURS + 1)
     kept: NDArray[np.bool_] = away[:, -1] <= radius
@@ -175,7 +175,7 @@ def _dror(xyz: Float, columns: int) -> NDArray[np.bool_]:
 
 
 def _missed_pct(sweep: Sweep, obstacles: Float) -> float:
-    """Of cells with 5 solid returns 0.1 to 2 m high, in which or beside which nothing is published."""
+    """Of cells with 5 solid returns 0.1 to 2 m high, those without a published point in or beside them."""
     solid, size = _solid(sweep), round(2.0 * _NEAR_M / _CELL_M)
     solid = solid[(solid[:, 2] > 0.1) & (solid[:, 2] < 2.0)]
     truth, shown = np.zeros((size, size), np.int64), np.zeros((size, size), np.bool_)

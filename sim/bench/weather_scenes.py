@@ -1,4 +1,4 @@
-"""A robot that stands in rain, snow, dust or a low sun, with so many false returns in a sweep, and who is before it."""
+"""A standing robot in rain, snow, dust or a low sun, with a given number of false returns, and a bystander."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from sim.worldfile import WorldFile, load_world
 AMOUNTS: dict[Kind, float] = {"rain": 25.0, "snow": 1.0, "dust": 100.0}
 SUN = "sun"
 KINDS = (*AMOUNTS, SUN)
-ASIDE = 0.15  # y of a bystander by its x: beside where half sweeps meet
-_LOW_SUN = Sun(math.degrees(math.atan(ASIDE)))  # right behind the bystander
+ASIDE = 0.15  # y of a bystander over its x, away from the seam of half sweeps
+_LOW_SUN = Sun(math.degrees(math.atan(ASIDE)))  # directly behind the bystander
 _WHO = "bystander"
 _ROUNDS, _SWEEPS, _TUNING_SEED = 4, 4, 900
 
 
 @dataclass(frozen=True, slots=True)
 class Bystander:
-    """An upright cylinder, or a bar across. light: share of light that it throws back; a dark, wet coat 0.05."""
+    """An upright cylinder, or a bar across. light: reflectivity; a dark, wet coat 0.05."""
 
     name: str
     radius_m: float
@@ -43,7 +43,7 @@ class Bystander:
 
 @dataclass
 class Shower:
-    """Half sweeps through one weather, or into the sun. fewer_of_bystander: share of its returns that is left."""
+    """Half sweeps in one weather, or into the sun. fewer_of_bystander: kept share of the bystander's returns."""
 
     lidar: Lidar
     base: Track
@@ -54,7 +54,7 @@ class Shower:
     _counts: list[int] = field(default_factory=list)
 
     def half_sweep(self, stamp_s: float, half: int) -> Sweep:
-        """The robot stands, so its track is the same at any time."""
+        """Robot and bystander stand, so their tracks do not depend on the time."""
         movers = {} if self.at is None or self.absent else {_WHO: self.at}
         sweep = self.lidar.half_sweep(self.base, stamp_s, half, movers, self.conditions)
         self._counts.append(int((sweep.labels == labels.AIRBORNE).sum()))
@@ -65,12 +65,12 @@ class Shower:
         return sweep
 
     def mean_airborne(self) -> float:
-        """Airborne returns in a full sweep so far."""
+        """Mean airborne returns in a full sweep so far."""
         return 2.0 * float(np.mean(self._counts))
 
 
 def shower(kind: Kind | str, returns: float, seed: int, world: str = "flat") -> Shower:
-    """kind "clear": none. returns: airborne ones in a full sweep of that world."""
+    """kind "clear": none. returns: airborne returns in a full sweep of that world."""
     lidar = Lidar(scene_of(world), load_lidar_params(), load_robot(), seed)
     return Shower(lidar, start_of(world), conditions_of(kind, returns, world))
 
@@ -78,7 +78,7 @@ def shower(kind: Kind | str, returns: float, seed: int, world: str = "flat") -> 
 def with_bystander(
     weather: Shower, who: Bystander, x_m: float, y_m: float = 0.0, lying_m: float | None = None
 ) -> Shower:
-    """The same weather and sensor on a plain, with somebody there from base_link. lying_m: a bar so high, across."""
+    """Adds a bystander at (x_m, y_m) in base_link on a plain. lying_m: height of a bar across instead."""
     params = load_lidar_params()
     half_m = 0.5 * who.height_m
     r_m = who.radius_m
@@ -103,7 +103,7 @@ def with_bystander(
 
 @cache
 def conditions_of(kind: Kind | str, returns: float, world: str) -> Conditions:
-    """The weather's own sizes and ranges, so dense that a sweep holds ``returns``; by a seed of its own."""
+    """The weather with its density tuned so that a sweep holds ``returns``, by a seed of its own."""
     if kind == "clear":
         return CLEAR
     lidar = Lidar(scene_of(world), load_lidar_params(), load_robot(), _TUNING_SEED)
@@ -116,7 +116,7 @@ def conditions_of(kind: Kind | str, returns: float, world: str) -> Conditions:
 
 
 def _conditions(kind: Kind | str, factor: float) -> Conditions:
-    """Worlds' robots look along x, as the sun's azimuth takes for granted."""
+    """The sun's azimuth requires that the robot looks along x."""
     if kind == SUN:
         return Conditions(sun=replace(_LOW_SUN, returns_factor=factor))
     assert kind in AMOUNTS
@@ -130,7 +130,7 @@ def scene_of(world: str) -> Scene:
 
 
 def start_of(world: str) -> Track:
-    """Where the world's file lets the robot begin."""
+    """The start pose of the world's file."""
     place, start = np.eye(4), load_world(world).start
     place[:2, 3] = start.x_m, start.y_m
     c, s = np.cos(np.radians(start.yaw_deg)), np.sin(np.radians(start.yaw_deg))
@@ -139,7 +139,7 @@ def start_of(world: str) -> Track:
 
 
 def of_world(kind: Kind | str, returns: float, seed: int, world: WorldFile) -> Shower:
-    """On a plain with something on it: the weather is that of the empty plain."""
+    """A plain with objects on it, in the weather conditions of the empty plain."""
     params = load_lidar_params()
     scene = build_scene(world, params, load_sim_params().wheelchair)
     return Shower(Lidar(scene, params, load_robot(), seed), start_of("flat"), conditions_of(kind, returns, "flat"))

@@ -1,4 +1,4 @@
-"""Node camera_driver: the simulated front and rear cameras, pictures of where the bodies really are."""
+"""Node camera_driver: the simulated front and rear cameras, with images of the true poses of all bodies."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class _Camera:
 
 
 class CameraDriverNode(StackNode):
-    """Takes a picture once the bodies' history reaches past its exposure."""
+    """Takes an image once the history of the bodies covers its exposure."""
 
     def __init__(self) -> None:
         super().__init__("camera_driver", CameraDriverParams)
@@ -82,7 +82,7 @@ class CameraDriverNode(StackNode):
         markers = [marker for dock in self._docks.docks.values() for marker in dock.markers]
         self._faults = CameraFaults(_ROWS, markers, size)
         self._tf.publish(TFMessage(transforms=[self._mounting(frame) for frame, _, _ in _ROWS.values()]))
-        # Asked before each picture; a run that is not about vision leaves out what nobody looks at.
+        # Called before each image; returns False in runs that do not need images.
         self.wants_pictures: Callable[[], bool] = lambda: True
         self.conditions: Callable[[str, float], Conditions] = self._faults.conditions
         self._worker = self.worker("camera", world_waits=True)
@@ -150,7 +150,7 @@ class CameraDriverNode(StackNode):
         return cameras
 
     def _mounting(self, frame: str) -> TransformStamped:
-        """The nominal mounting: what the stack knows."""
+        """The nominal mounting, without the simulated camera's mounting error."""
         pose = mounting(self.robot, frame)
         message = TransformStamped(child_frame_id=frame)
         message.header.frame_id, message.header.stamp = frames.BASE_LINK, self.stamp()
@@ -161,14 +161,14 @@ class CameraDriverNode(StackNode):
 
 
 def _picture(camera: _Camera, time_s: float, motion: Motion | None, conditions: Conditions) -> bytes:
-    """On the worker: the message of a picture; without a motion it shows what the one before showed."""
+    """Runs on the worker: the message of an image. If motion is None, the previous image is sent again."""
     if motion is not None:
         camera.renderer.render(motion, conditions, camera.picture)
     return camera.image.filled(camera.picture, time_from_s(time_s))
 
 
 def _dock_by_body(docks: Docks) -> dict[str, str]:
-    """Dock ids by the body that carries the board: a station by its own name, the wheelchair by its kind."""
+    """Dock ids by the body that carries the board: a station by its name, the wheelchair by its kind."""
     return {_WHEELCHAIR_BODY if dock.kind == "wheelchair" else name: name for name, dock in docks.docks.items()}
 
 

@@ -55,7 +55,7 @@ class SimWorldParams(Config):
     clock_start_s: Annotated[float, Field(gt=0.0)]
 
     def setup(self) -> Setup:
-        """What these parameters make. Raises ConfigError for an unknown or wrong world."""
+        """The set-up from these parameters. Raises ConfigError for an unknown or invalid world."""
         file = load_world(self.world)
         start = _either((self.start_x_m, self.start_y_m, self.start_yaw_rad), file.start.pose())
         chair = (self.wheelchair_x_m, self.wheelchair_y_m, self.wheelchair_yaw_rad)
@@ -89,7 +89,7 @@ def _either(given: tuple[float | None, float | None, float | None], default: Pos
 
 
 class SimWorld(StackNode):
-    """Publishes what the loop gives it; ``inject`` is set by the loop and carries faults into it."""
+    """Publishes the output of the simulation loop. The loop sets ``inject``, which passes faults to it."""
 
     def __init__(self) -> None:
         super().__init__("sim_world", SimWorldParams)
@@ -113,7 +113,7 @@ class SimWorld(StackNode):
 
     @property
     def real_time(self) -> bool:
-        """The world lives on the system clock."""
+        """True if the world runs on the system clock."""
         return not self.simulated_time
 
     def publish_clock(self, stamp: Time) -> None:
@@ -122,35 +122,35 @@ class SimWorld(StackNode):
 
     def publish_truth(self, truth: Truth, stamp: Time) -> None:
         odometry = self._odometry_bytes
-        odometry.put(85, (*truth.position_m, *truth.quaternion_xyzw))  # before a covariance, a twist and its covariance
+        odometry.put(85, (*truth.position_m, *truth.quaternion_xyzw))  # before the twist and two covariances
         odometry.put(42, (*truth.linear_mps, *truth.angular_radps))
         self._truth.publish(odometry.stamped(stamp))
         joints = self._joint_bytes
-        joints.put(26, truth.joint_positions_rad.tolist())  # each row of eight begins with its length
+        joints.put(26, truth.joint_positions_rad.tolist())  # each array of eight numbers follows its length
         joints.put(17, truth.joint_speeds_radps.tolist())
         joints.put(8, truth.joint_torques_nm.tolist())
         self._joints.publish(joints.stamped(stamp))
 
     def publish_bodies(self, bodies: list[tuple[str, NDArray[np.float64]]], stamp: Time) -> None:
-        """Frame ids and poses in map: (7,) x y z m, w x y z."""
+        """bodies: frame ids and poses in map, (7,) x y z m, w x y z."""
         self._bodies.publish(self._body_bytes.filled(bodies, stamp))
 
     def publish_touched(self, names: Iterable[str]) -> None:
-        """Says it again only when there is something new."""
+        """Publishes only if the names have changed."""
         text = ",".join(names)
         if text != self._touched_text:
             self._touched_text = text
             self._touched.publish(String(data=text))
 
     def show_waiting(self, text: str) -> None:
-        """For which nodes the world stands still; empty: it goes on."""
+        """Reports the nodes the world waits for; an empty text means it runs."""
         self.report.values["waits_for"] = text
         if text:
             self.report.values["waited_for_last"] = text
             self.get_logger().warning(f"the world waits for {text}", throttle_duration_sec=5.0)
 
     def show_pace(self, report: PaceReport, total_overruns: int, total_dropped_s: float, waited_s: float) -> None:
-        """The loop's statistics, into /diagnostics."""
+        """Reports the loop's statistics in /diagnostics."""
         self.report.values |= {
             "sim_speed": f"{report.speed:.4f}",
             "overruns": str(total_overruns),

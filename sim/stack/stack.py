@@ -1,4 +1,4 @@
-"""The robot's whole stack on the deterministic scheduler: one seed is one run."""
+"""The robot's whole stack on the deterministic scheduler: a seed determines the run."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from sim.stack.world import ScheduledWorld
 
 _WORLD = "sim_world"
 _STATE_VARIABLES = ("XDG_STATE_HOME", "XDG_DATA_HOME")
-# Nodes are started in any order within this time.
+# Nodes start in random order within this time.
 _START_WITHIN_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class StackSetup:
-    """What makes one run. settings: ``node.parameter=value`` on top of the profile. only: processes, all if empty."""
+    """Settings of one run. settings: ``node.parameter=value`` on top of the profile. only: processes, all if empty."""
 
     seed: int
     settings: tuple[str, ...] = ()
@@ -52,7 +52,7 @@ class StackSetup:
 class SimulatedStack(Observer):
     """A context manager. ``world`` is None until the process of the world has constructed its nodes.
 
-    Files of state go to a folder of the run's own, ``folder``, which goes at the end.
+    State files are written to ``folder``, a temporary folder of the run that is deleted on exit.
     """
 
     def __init__(self, setup: StackSetup, *, parallel: bool = True) -> None:
@@ -80,7 +80,7 @@ class SimulatedStack(Observer):
         self.operator, self.test_tool = self.tool(topics.OPERATOR_TOOL), self.tool(topics.TEST_TOOL)
         start, begun_s = self.scheduler.streams.generator("start order"), self.scheduler.now_s
         for row in self.plan.processes:
-            # The world first: whatever else there is, the ground is.
+            # The world starts first, because the ground exists before any node.
             wait_s = 0.0 if row.name == _WORLD else _START_WITHIN_S * float(start.random())
             self.scheduler.spawn(row.name, *node_factories(row), at_s=begun_s + wait_s, parameters=self.plan.parameters)
         self.supervision = Supervision(self.scheduler, self.plan.processes)
@@ -96,16 +96,16 @@ class SimulatedStack(Observer):
 
     @property
     def server(self) -> ScheduledServer | None:
-        """The touch screen's, while there is one."""
+        """The touch screen's server, or None if it does not run."""
         return self._devices.server
 
     def advertise(self, row: Topic) -> Publisher:
-        """The publisher of the tool that may publish the row. Raises ContractViolation if none may."""
+        """The publisher of the tool node that may publish the row. Raises ContractViolation if neither may."""
         tool = self.operator if self.operator.port.name in row.publishers else self.test_tool
         return tool.advertise(row)
 
     def tool(self, name: str) -> ToolNode:
-        """A node of this name outside of the process table, which is there at once."""
+        """A node outside of the process table that runs when this returns."""
         tools: list[ToolNode] = []
 
         def make() -> ToolNode:
@@ -135,7 +135,7 @@ class SimulatedStack(Observer):
         scheduler.every(world.block_ns, world.run_block, start_ns=scheduler.now_ns + world.block_ns)
 
     def _open_engine(self, port: Port) -> MotionEngine:
-        """Raises EngineError, as long as there is no world too."""
+        """Raises EngineError while no world runs."""
         if self.world is None or self.world.ended:
             code = ErrorCode.IMLibIsNotRunning
             raise EngineError(f"{port.name}: no motion engine runs", code, error_name(code))
@@ -143,7 +143,7 @@ class SimulatedStack(Observer):
 
 
 def node_factories(row: Row) -> Sequence[Callable[[], StackNode]]:
-    """What constructs the nodes of a process of the contract."""
+    """Factories of the nodes of a process of the contract."""
     if row.name == _WORLD:
         return SimWorld, ImuDriver, BatteryDriver
     assert row.module is not None

@@ -22,7 +22,7 @@ _TOUCHED_RATE_HZ = 10.0
 
 
 class ScheduledWorld:
-    """Built by the process ``sim_world`` when its nodes exist.
+    """The process ``sim_world`` builds it when its nodes exist.
 
     now_ns: virtual time. ros_ns: the ROS clock at virtual time 0, which a step of the system clock changes.
     after_block: called at the end of each block.
@@ -33,7 +33,7 @@ class ScheduledWorld:
     def __init__(
         self, nodes: tuple[SimWorld, ImuDriver, BatteryDriver], now_ns: Callable[[], int], ros_ns: Callable[[], int]
     ) -> None:
-        AttachedFile().forget()  # this is another wheelchair than the one of the world before
+        AttachedFile().forget()  # removes the state of the previous world's wheelchair
         self.node = nodes[0]
         params = load_sim_params()
         self.sim = build_simulation(self.node, params)
@@ -57,16 +57,16 @@ class ScheduledWorld:
 
     @property
     def time_s(self) -> float:
-        """Since the world began."""
+        """Time since the start of the world."""
         return self.sim.time_s
 
     @property
     def age_s(self) -> float:
-        """Since the end of the newest block."""
+        """Time since the end of the newest block."""
         return (self._now_ns() - self._begun_ns) / NANOSECONDS - self.time_s
 
     def end(self) -> None:
-        """The process of the world has ended, and its motion engine with it: the last state remains for who looks."""
+        """Ends the world and its motion engine with their process; the last state stays readable."""
         self.ended = self.engine.ended = True
 
     def run_block(self) -> None:
@@ -88,12 +88,12 @@ class ScheduledWorld:
             callback()
 
     def switch_engine_off(self) -> None:
-        """The computer of the motion engine has lost its power: no telegram reaches the drives."""
+        """Power loss of the motion engine's computer: no telegram reaches the drives."""
         self.sim.engine_cycle = _no_cycle
         self.sim.world.drives.set_bus(False)
 
     def switch_engine_on(self) -> None:
-        """A new motion engine, which remembers nothing of the one before."""
+        """Starts a new motion engine without the state of the previous one."""
         self.sim.world.drives.set_bus(True)
         self.engine = self._new_engine()
 
@@ -109,4 +109,4 @@ class ScheduledWorld:
 
 
 def _no_cycle() -> None:
-    """No engine runs."""
+    """Replaces the cycle while no engine runs."""
