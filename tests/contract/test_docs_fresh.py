@@ -1,4 +1,4 @@
-"""``docs/interfaces.md`` says what the contract says."""
+"""``docs/interfaces.md`` matches the contract."""
 
 from __future__ import annotations
 

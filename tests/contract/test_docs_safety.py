@@ -1,4 +1,4 @@
-"""``docs/safety.md`` and ``docs/hazards.md`` name tests, modules and fault codes that exist, and every fault code."""
+"""``docs/safety.md`` and ``docs/hazards.md`` name existing tests, modules and fault codes, and every fault code."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MONITOR = yaml.safe_load((ROOT / "config" / "safety_monitor.yaml").read_text(enc
 ROBOT = yaml.safe_load((ROOT / "config" / "robot.yaml").read_text(encoding="utf-8"))
 CLEARS_S = {code: fault.clear_after_s for code, fault in faults.BY_CODE.items()}
 P, COLLISION, SLOPE = MONITOR, MONITOR["collision"], MONITOR["slope_stop_deg"]
-# Row of the fault table, or definition, of docs/safety.md: the numbers that it must say, by unit.
+# Row of the fault table, or definition, of docs/safety.md: the numbers it must contain, by unit.
 NUMBERS: list[tuple[str, list[float], str]] = [
     ("ESTOP_PRESSED", [P["stop_sources"]["button_silence_s"]], "s"),
     ("DRIVE_FAULT", [P["drive_silence_s"], P["drive_servo_off_s"]], "s"),
@@ -126,12 +126,12 @@ def defined(path: str) -> frozenset[str]:
 
 
 def problems(text: str) -> list[str]:
-    """What the test references of a document name and does not exist, by line."""
+    """References of a document to tests that do not exist, by line."""
     found: list[str] = []
     path = ""
     for number, line in enumerate(text.splitlines(), 1):
         if line.startswith(("|", "- ", "#")) or not line:
-            path = ""  # a row, an item or a paragraph names its own file
+            path = ""  # the file applies to one row, item or paragraph
         for reference in _references(line):
             match = _TEST.fullmatch(reference)
             if match is None:
@@ -179,7 +179,7 @@ def codes(cell: str) -> list[str]:
 
 
 def place(subject: str) -> str:
-    """What docs/safety.md says about a fault, the reason of a limit, or a term."""
+    """The text of docs/safety.md about a fault, the reason of a limit, or a term."""
     text = SAFETY.read_text(encoding="utf-8")
     for line in text.splitlines():
         if line.startswith("| `") and subject in codes(line.split("|")[1]):
@@ -193,7 +193,7 @@ def place(subject: str) -> str:
 
 
 def numbers(text: str, unit: str) -> set[float]:
-    """Numbers that are followed by a unit; any number if it is empty."""
+    """Numbers followed by the unit; all numbers if the unit is empty."""
     followed = rf" {re.escape(unit)}(?![\w/])" if unit else ""
     return {float(number.replace(",", "")) for number in re.findall(rf"(\d[\d,]*(?:\.\d+)?){followed}", text)}
 

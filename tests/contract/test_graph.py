@@ -1,4 +1,4 @@
-"""Who must have an endpoint, and who must not: every difference is named, both ways."""
+"""Required and forbidden endpoints: every difference is reported, in both directions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The interface packages against the documents that specify them: names, order and types of every field."""
+"""The interface packages against their specifications: names, order and types of every field."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ ROBOT_MESSAGES = {
     "UICommand": {"header": "std_msgs/Header", "command_type": "string", "mission_id": "string"},
 }
 
-# From the motion engine's topic and service documents; gear ratio with its denominator spelt right.
+# From the motion engine's topic and service documents; the spelling of the gear ratio's denominator is corrected.
 _AXIS_REPLY = {"success": "boolean", "message": "string"}
 _INTS, _DOUBLES, _BYTES = "sequence<int32>", "sequence<double>", "sequence<uint8>"
 _BYTES_REPLY = {"success": "boolean", "data": _BYTES, "message": "string"}
@@ -86,7 +86,7 @@ WMX_TYPES: dict[str, list[dict[str, str]]] = {
     "srv.SetEngine": [{"data": "boolean", "path": "string", "name": "string"}, _AXIS_REPLY],
     "srv.SetAxis": [{"index": _INTS, "data": _INTS}, _AXIS_REPLY],
     "srv.SetAxisGearRatio": [{"index": _INTS, "numerator": _DOUBLES, "denominator": _DOUBLES}, _AXIS_REPLY],
-    # Beyond those documents, as newer versions of the vendor's application have them.
+    # Beyond those documents, from newer versions of the vendor's application.
     "srv.GetIoBit": [_BIT, {"success": "boolean", "value": "int32", "message": "string"}],
     "srv.GetIoBytes": [{"byte": "int32", "length": "int32"}, _BYTES_REPLY],
     "srv.SetIoBit": [{**_BIT, "value": "int32"}, _AXIS_REPLY],
@@ -101,7 +101,7 @@ WMX_TYPES: dict[str, list[dict[str, str]]] = {
     "srv.EcatStartHotconnect": [_MASTER, _AXIS_REPLY],
 }
 
-# Every set of states a document closes: the constants must be exactly these.
+# Every closed set of states in a document: the constants must be exactly these.
 CONSTANTS = {
     "DockingStatus": {"IDLE", "APPROACH", "SEARCH", "SERVOING", "FINE_ALIGN", "DOCKED", "FAILED"},
     "SafetyStatus": {"NORMAL", "DEGRADED", "COLLISION_AVOIDANCE", "EMERGENCY_STOP"},
@@ -165,7 +165,7 @@ def test_ehmi_states_are_numbered_as_specified() -> None:
 
 @pytest.mark.parametrize("path", INTERFACE_FILES, ids=lambda path: path.name)
 def test_every_field_says_what_it_is(path: Path) -> None:
-    """Unit, frame and range stand in a comment behind each field; constants are explained above their group."""
+    """Each field has a comment with unit, frame and range; constants are explained above their group."""
     lines = [line for line in path.read_text().splitlines() if line and not line.startswith(("#", "---"))]
     fields = [line for line in lines if "=" not in line.split("#")[0]]
 
@@ -175,7 +175,7 @@ def test_every_field_says_what_it_is(path: Path) -> None:
 
 @pytest.mark.parametrize("path", INTERFACE_FILES, ids=lambda path: path.name)
 def test_every_definition_is_built(path: Path) -> None:
-    """A file that the package's CMakeLists.txt forgets would be no interface."""
+    """A file missing in the package's CMakeLists.txt would generate no interface."""
     package, kind = path.parts[-3:-1]
 
     assert f"{package}/{kind}/{path.stem}" in installed(package)

@@ -1,4 +1,4 @@
-"""The contract's rows against the interface documents, written down here by hand, one line per documented interface."""
+"""The contract's rows against the interface documents, transcribed by hand, one line per documented interface."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ ROBOT = (
         ("mission_manager", "touch_ui", "ehmi_bridge"),
     ),
     Documented("/safety/status", "custom_msgs/msg/SafetyStatus", B, VOLATILE, 1, 10.0, ("safety_monitor",), (EVERY,)),
-    # Its rate is not documented: see the decision on how soon its silence stops the robot.
+    # Its rate is not documented: see the decision about its timeout.
     Documented(
         "/safety/velocity_limit",
         "custom_msgs/msg/VelocityLimit",
@@ -398,7 +398,7 @@ ACTIONS = {
     "/docking/undock": ("custom_msgs/action/Undock", "docking_controller"),
 }
 
-# code -> (most severe action, state, latched until a reset, seconds it must be gone)
+# code -> (most severe action, state, latched until a reset, seconds it must be absent)
 FAULTS = {
     "ESTOP_PRESSED": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "CHAIR_LOOSE": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
@@ -514,7 +514,7 @@ def test_row_is_sound(row: topics.Topic) -> None:
     assert row.note
     assert (row.rate_hz is None) == (row.stale_s is None), "a rate and a staleness limit belong together"
     if row.rate_hz is not None and row.stale_s is not None:
-        # One lost message of a periodic topic is no fault.
+        # One lost message of a periodic topic must not raise a fault.
         assert row.stale_s >= 2.0 / row.rate_hz
     if row.qos.durability is LATCHED:
         assert row.qos.reliability is R, "best effort makes a latched message worthless"
@@ -533,7 +533,7 @@ def test_ground_truth_is_for_tests_operators_and_simulated_drivers_only() -> Non
 
 def test_only_these_nodes_may_move_the_wheels() -> None:
     assert topics.WHEEL_COMMANDS.publishers == ("swerve_controller",)
-    assert topics.WHEEL_COMMANDS.subscribers == ("swerve_hardware_interface", "safety_monitor")  # which compares only
+    assert topics.WHEEL_COMMANDS.subscribers == ("swerve_hardware_interface", "safety_monitor")  # for comparison only
 
 
 def test_process_names_are_unique_and_lead_their_nodes() -> None:

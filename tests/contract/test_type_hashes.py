@@ -1,4 +1,4 @@
-"""Type hashes: upstream's, without which nobody understands us, and our own, so that no change slips in."""
+"""Type hashes: upstream's, needed to communicate with others, and our own, so that every change is detected."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.contract.type_hashes import (
 
 @pytest.mark.parametrize("package", UPSTREAM_PACKAGES)
 def test_types_of_upstream_packages_have_upstreams_hashes(package: str) -> None:
-    """A full upstream package may hold more types than ours; those that ours holds must be upstream's."""
+    """A full upstream package may hold more types than ours; the types of ours must be upstream's."""
     expected = {name: value for name, value in locked(UPSTREAM_LOCK).items() if name.startswith(f"{package}/")}
     present = installed(package)
 
@@ -25,7 +25,7 @@ def test_types_of_upstream_packages_have_upstreams_hashes(package: str) -> None:
 
 
 def test_follow_joint_trajectory_and_tf_are_locked() -> None:
-    """The types the stack needs of the upstream packages."""
+    """The upstream types that the stack needs."""
     names = locked(UPSTREAM_LOCK)
 
     assert {"control_msgs/action/FollowJointTrajectory", "tf2_msgs/msg/TFMessage"} <= set(names)

@@ -1,8 +1,8 @@
-"""The type hashes (RIHS01) of the installed interface packages. As a program it locks those of the project's own types:
+"""The type hashes (RIHS01) of the installed interface packages. Run as a program to lock those of the project's types:
 
     .venv/bin/python -m tests.contract.type_hashes
 
-Two computers talk only if their hashes agree, so a new lock is a change of the robot's interfaces, never a formality.
+Two computers communicate only if their hashes agree, so a new lock is a change of the robot's interfaces.
 """
 
 from __future__ import annotations

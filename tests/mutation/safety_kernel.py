@@ -1,13 +1,13 @@
-"""Mutation testing of the safety kernel with mutmut: would the tests notice if a line of it were wrong?
+"""Mutation testing of the safety kernel with mutmut: do the tests detect a wrong line?
 
     python -m tests.mutation.safety_kernel                   every mutant: hours of one core
     python -m tests.mutation.safety_kernel --sample 40       a sample, always the same for the same --seed
     python -m tests.mutation.safety_kernel --module conditions    those of a module, by its own tests, if it has any
 
-Works on a copy in a temporary folder. A mutant that no test reaches survives as one does that all tests pass. What
-survives a module's own tests is judged by all. Survivors that cannot be told from the original by any input are listed,
-each with the reason, in ``equivalent.yaml``; any other survivor fails the run. mutmut does not mutate properties,
-validators and module-level code; those rest on the branch coverage of 100 % alone.
+Works on a copy in a temporary folder. A mutant that no test reaches survives, like one that passes all tests. All tests
+check the mutants that survive a module's own tests. ``equivalent.yaml`` lists the survivors that behave like the
+original for every input, each with the reason; any other survivor fails the run. mutmut does not mutate properties,
+validators and module-level code; these rely on the branch coverage of 100 % alone.
 """
 
 from __future__ import annotations
@@ -59,15 +59,15 @@ PYTEST = """
 addopts = --import-mode=importlib -p no:cacheprovider
 pythonpath = .
 """
-# Any one: mutmut generates all mutants and looks up which tests reach them before it runs the first.
+# An arbitrary mutant: before the first run mutmut generates all mutants and finds the tests that reach them.
 FIRST = "robot_stack.safety.timing.x_age_s__mutmut_1"
-# Exit codes of mutmut: every test passed; there was none to run.
+# Exit codes of mutmut: every test passed, or there was no test to run.
 SURVIVED = (0, 5, 33)
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What a mutant changes: the function, the lines it takes out and those it puts in."""
+    """The change of a mutant: the function, the removed and the added lines."""
 
     function: str
     removed: str
@@ -79,7 +79,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """of: mutants there are; checked, killed: of those that ran; unexplained: survivors that are not listed."""
+    """of: number of all mutants; checked, killed: of those that ran; unexplained: survivors that are not listed."""
 
     of: int
     checked: int
@@ -89,12 +89,12 @@ class Result:
 
     @property
     def score(self) -> float:
-        """Share of the mutants that can be told from the original and were."""
+        """Share of killed mutants among the non-equivalent ones."""
         return self.killed / (self.checked - len(self.equivalent))
 
 
 class Workshop:
-    """A copy of the kernel and its tests in which mutmut works. module: mutates that one alone. tests: that judge."""
+    """A copy of the kernel and its tests for mutmut. module: the only one to mutate. tests: run against the mutants."""
 
     def __init__(self, folder: Path, module: str | None = None, tests: str = ALL_TESTS) -> None:
         self._folder = folder
@@ -112,7 +112,7 @@ class Workshop:
         (folder / "pytest.ini").write_text(PYTEST)
 
     def run(self, names: list[str]) -> None:
-        """Runs the mutants of these names, all if there are none. Raises RuntimeError if mutmut fails."""
+        """Runs the named mutants, or all if the list is empty. Raises RuntimeError if mutmut fails."""
         log = self._folder / "mutmut.log"
         command = [sys.executable, "-m", "mutmut", "run", "--max-children", "1", *names]
         with open(log, "wb") as output:
@@ -121,7 +121,7 @@ class Workshop:
             raise RuntimeError(f"mutmut failed with {code}:\n{log.read_text(errors='replace')[-3000:]}")
 
     def exit_codes(self) -> dict[str, int | None]:
-        """Exit code of the tests by mutant; None for one that has not run."""
+        """Exit code of the tests by mutant; None if it has not run."""
         codes: dict[str, int | None] = {}
         for file in sorted((self._folder / "mutants").rglob("*.meta")):
             codes |= json.loads(file.read_text())["exit_code_by_key"]
@@ -139,7 +139,7 @@ def _lines(diff: list[str], sign: str) -> str:
 
 
 def listed() -> dict[Change, str]:
-    """The listed equivalent mutants and why each is one."""
+    """The listed equivalent mutants with their reasons."""
     entries = yaml.safe_load(EQUIVALENT.read_text()) or []
     return {Change(entry["function"], entry["removed"], entry["added"]): entry["why"] for entry in entries}
 
@@ -147,9 +147,9 @@ def listed() -> dict[Change, str]:
 def check_mutants(
     folder: Path, sample: int | None = None, seed: int = 0, module: str | None = None, only: str = ""
 ) -> Result:
-    """All mutants, or a sample of them; with ``module`` of that module alone.
+    """Checks all mutants or a sample; with ``module`` only those of the module.
 
-    A sample of a module is one of ``timing``, where FIRST is. only: a regular expression, found in the mutant's name.
+    A sample needs the module ``timing``, which contains FIRST. only: a regular expression for the mutant's name.
     """
     known = listed()
     own = f"{ALL_TESTS}/test_{module}.py"
@@ -168,7 +168,7 @@ def check_mutants(
 
 
 def _run(workshop: Workshop, sample: int | None, seed: int, only: str, *, whole: bool) -> tuple[list[str], list[str]]:
-    """(names of all mutants, of those that were to be run and have run). whole: all at once."""
+    """(names of all mutants, names of the chosen mutants, which have run). whole: runs all at once."""
     workshop.run([] if whole else [FIRST])
     every = sorted(workshop.exit_codes())
     chosen = [name for name in every if re.search(only, name)]

@@ -1,4 +1,4 @@
-"""The safety kernel: every branch is tested, and a sample of mutants is noticed."""
+"""The safety kernel: every branch is tested, and a sample of mutants is detected."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import pytest
 
 from tests.mutation.safety_kernel import ROOT, check_mutants
 
-# The longest tests. Tracing triples the time of each, and the other tests reach every branch by themselves.
+# The slowest tests. Tracing triples their time, and the other tests reach every branch.
 UNTRACED = ("tests/unit/safety/test_stories.py", "tests/unit/safety/test_release.py::TestTwoKeys")
-SAMPLE = 3  # of one small module: shows that the tool still works; the whole kernel takes hours
+SAMPLE = 3  # of one small module, which shows that the tool works; the whole kernel takes hours
 
 
-@pytest.mark.timeout(3600)  # three minutes of work, at the lowest priority
+@pytest.mark.timeout(3600)  # takes three minutes at the lowest priority
 def test_every_branch_of_the_kernel_is_tested(tmp_path: Path) -> None:
     coverage = [sys.executable, "-m", "coverage"]
     data = f"--data-file={tmp_path / 'coverage'}"
     run = [*coverage, "run", data, "--branch", "--source=robot_stack.safety", "--omit=*/safety/nodes/*"]
-    # Under coverage and beside others a single test may take minutes: this test's own limit is the only one.
+    # Under coverage and load a single test may take minutes, so only this test's own limit applies.
     tests = ["-m", "pytest", "-q", "-p", "no:cacheprovider", "--timeout=0"]
     traced = ["tests/unit/safety", *(f"--deselect={name}" for name in UNTRACED)]
     subprocess.run([*run, *tests, *traced], cwd=ROOT, check=True)

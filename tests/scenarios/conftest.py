@@ -1,4 +1,4 @@
-"""Each scenario is a whole robot and its world, which need both cores of a fast machine for real time."""
+"""Each scenario runs a whole robot and its world, which need both cores of a fast machine for real time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from tests.support import waiting
 
 _SLOWER = 4.0
-# That of the stack's critical processes: a world that runs as fast as the machine can leaves nothing to anybody below.
+# The niceness of the stack's critical processes: a simulation at full speed leaves no CPU time to lower priorities.
 _NICENESS = -10
 
 
@@ -24,7 +24,7 @@ def patience() -> Iterator[None]:
 
 @pytest.fixture(scope="package", autouse=True)
 def priority() -> Iterator[None]:
-    """Whoever operates the robot is not starved by it. Without the privilege all have the same priority anyway."""
+    """Gives the test the stack's priority. Without the privilege all processes have the same priority."""
     before = os.getpriority(os.PRIO_PROCESS, 0)
     with contextlib.suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICENESS)

@@ -1,4 +1,4 @@
-"""The demonstration as a newcomer runs it: it rides, tells how it was, and leaves nothing behind, however it ends."""
+"""The demonstration: it runs a ride, reports the result, and leaves no process behind, however it ends."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ pytestmark = pytest.mark.timeout(1800)
 
 @pytest.fixture
 def demo(start: Callable[..., NodeProcess], tmp_path: Path) -> Iterator[Demo]:
-    """``demo("--mission", ID)`` starts it with its results below tmp_path. A stack that it leaves behind is ended: the
-    supervisor is a process of its own, which does not end with a demo that had to be killed.
+    """``demo("--mission", ID)`` starts it with its results below tmp_path. Any remaining stack is stopped at the end:
+    the supervisor is a separate process, which does not end with a killed demo.
     """
 
     def run(*arguments: str) -> NodeProcess:
@@ -65,7 +65,7 @@ def test_ride_ends_at_its_goal(demo: Demo, tmp_path: Path, monkeypatch: pytest.M
     assert f"  {folder / 'map.png'}" in output
     result = json.loads((folder / "figures.json").read_text())
     assert result["state"] == "COMPLETED"
-    # 1.5 + 1.6 + 1.7 m between the waypoints; without a map the pose drifts with the wheels.
+    # 1.5 + 1.6 + 1.7 m between the waypoints; without a map the pose drifts with the wheel odometry.
     assert 4.5 < result["figures"]["distance_m"] < 5.5
     assert result["figures"]["final_error_m"] < 0.10
     assert (folder / "course.png").stat().st_size > 1000
@@ -73,7 +73,7 @@ def test_ride_ends_at_its_goal(demo: Demo, tmp_path: Path, monkeypatch: pytest.M
     assert f"all of it on one page: {(folder / 'result.html').as_uri()}" in output
     assert 'src="film.gif"' in page
     assert all(f"<td>{name}</td>" in page for name in ("by", "stop", "end"))
-    assert "about to set out" in result["stops"][0]["why"]  # people are warned for 2 s
+    assert "about to set out" in result["stops"][0]["why"]  # departure warning of 2 s
     assert_recorded_and_filmed(folder, output)
     assert stack_processes() == []
     assert_set_up_compiled_everything(folder / "logs")
@@ -82,7 +82,7 @@ def test_ride_ends_at_its_goal(demo: Demo, tmp_path: Path, monkeypatch: pytest.M
 def assert_recorded_and_filmed(folder: Path, output: str) -> None:
     for name in ("recording", "film.gif"):
         assert f"  {folder / name}" in output
-    assert (folder / "recording" / "metadata.yaml").is_file()  # completed
+    assert (folder / "recording" / "metadata.yaml").is_file()  # exists only for a completed recording
     with Image.open(folder / "film.gif") as film:
         assert film.n_frames > 100
     assert (folder / "film.gif").stat().st_size < 3e6
@@ -99,7 +99,7 @@ def test_short_demo_carries_the_wheelchair(demo: Demo, tmp_path: Path) -> None:
     folder = (tmp_path / "results" / "demo-latest").resolve()
     result = json.loads((folder / "figures.json").read_text())
     assert result["state"] == "COMPLETED"
-    # Of the world's time, whatever the machine is busy with; 15 s more are start, film and end.
+    # In simulated time, independent of the machine's load; 15 s of it are start, film and end.
     assert result["figures"]["time_s"] < 75.0
     assert result["wheelchair"]["carried_m"] > 5.0
     assert result["wheelchair"]["beside_m"] < 0.10
@@ -128,7 +128,7 @@ def test_interrupt_during_the_start_stops_everything(demo: Demo) -> None:
 
 
 def test_sigterm_ends_it_even_where_sigint_is_ignored(tmp_path: Path) -> None:
-    """As under a shell that has started it in the background."""
+    """A shell that starts it in the background ignores SIGINT."""
     script = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
         "from sim import demo; demo.client.refuse_second = lambda: None\n"

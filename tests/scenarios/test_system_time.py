@@ -1,4 +1,4 @@
-"""The stack on the system clock, where the world waits for nothing, as on the robot. Nothing is timed here."""
+"""The stack on the system clock, where the world waits for nothing, as on the robot. No durations are checked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The repository's folders are ordinary ROS 2 packages: colcon finds and builds them on top of an installed ROS 2."""
+"""The repository's folders are ordinary ROS 2 packages: colcon finds and builds them on an installed ROS 2."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WHEELS_FIX = ROOT / "launch_scripts/lib/wheels_include_dirs.cmake"
 
 
 def environment() -> dict[str, str]:
-    """As after sourcing an installed ROS 2; here that is the virtual environment."""
+    """The environment after sourcing an installed ROS 2; here that is the virtual environment."""
     foreign = ("PYTHONPATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH", "LD_LIBRARY_PATH")
     clean = {key: value for key, value in os.environ.items() if key not in foreign}
     path = f"{PREFIX / 'bin'}{os.pathsep}{clean.get('PATH', '')}"
@@ -51,7 +51,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_colcon_finds_the_packages_in_the_repository() -> None:
-    """A package.xml that colcon does not like would show as another type, or not at all."""
+    """colcon would list an invalid package.xml as another type, or not at all."""
     listing = run(["colcon", "--log-base", os.devnull, "list", "--base-paths", str(ROOT)], ROOT)
 
     found = {(name, kind) for name, _, kind in (line.split("\t") for line in listing.splitlines())}

@@ -1,4 +1,4 @@
-"""Each declared dependency is used: imported, called by a script or a setting, or asked for by what is built."""
+"""Each declared dependency is used: imported, called by a script or a setting, or required by a build."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 RUN, GROUPS = PROJECT["project"]["dependencies"], PROJECT["dependency-groups"]
 
-# Distributions that no module imports, and a text that shows who uses them instead.
+# Distributions that no module imports, and a text in a file that uses them.
 CALLED = {
     "pip": ("launch_scripts/lib/set_up.py", "pip"),
     "uv": ("launch_scripts/lib/set_up.py", "uv"),
@@ -48,7 +48,7 @@ def name_of(entry: str) -> str:
 
 @cache
 def modules() -> dict[str, set[str]]:
-    """The modules of each distribution. One whose files do not tell has the module of its own name."""
+    """The modules of each distribution; a distribution without file information gets the module of its own name."""
     found: dict[str, set[str]] = {}
     for module, distributions in packages_distributions().items():
         for distribution in distributions:
@@ -58,7 +58,7 @@ def modules() -> dict[str, set[str]]:
 
 @cache
 def imported(*folders: str) -> frozenset[str]:
-    """Whatever any module in these folders imports, by its first name."""
+    """First names of all modules imported in these folders."""
     names: set[str] = set()
     for path in (path for folder in folders for path in (ROOT / folder).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -71,7 +71,7 @@ def imported(*folders: str) -> frozenset[str]:
 
 @cache
 def build_files() -> str:
-    """What describes our packages, and the installed ones that they are built with."""
+    """Build descriptions of our packages, and of the installed packages that they are built with."""
     installed = (
         path for pattern in ("*/package.xml", "*/cmake/**/*.cmake", "*/cmake/**/*.py") for path in share().glob(pattern)
     )
@@ -107,7 +107,7 @@ def test_the_tests_or_a_tool_use_it(entry: str) -> None:
 
 @pytest.mark.parametrize("entry", GROUPS["build"])
 def test_the_build_uses_it(entry: str) -> None:
-    """ROS packages: as a dependency, or as something to be found, of ours or of what they are built with."""
+    """ROS packages: a dependency or a find_package of our packages or of their build dependencies."""
     name = name_of(entry)
     package = name.removeprefix("ros-jazzy-").replace("-", "_")
     assert called(name) or re.search(rf"\b{package}\b", build_files())

@@ -1,4 +1,4 @@
-"""The environment that the set-up made: nodes in the ament index, launchers, messages that travel."""
+"""The environment made by the set-up: nodes in the ament index, launchers, message transport."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_environment_of_a_prefix_without_wheels_is_left_alone(tmp_path: Path) ->
 
 
 def test_rclpy_loads_without_a_second_interpreter_start() -> None:
-    """With the hook of the wheels told that all is done, a wrong library path would fail the import."""
+    """The environment marks the wheels' library hook as done, so a wrong library path would fail the import."""
     inherited = {key: value for key, value in os.environ.items() if key not in ("LD_LIBRARY_PATH", "AMENT_PREFIX_PATH")}
     code = (
         "import rclpy, custom_msgs.msg as m; from rclpy.serialization import serialize_message as s; s(m.Heartbeat())"
@@ -81,7 +81,7 @@ def test_every_built_node_has_an_executable_and_no_other_has() -> None:
 
 
 def test_launcher_becomes_the_node_process(tmp_path: Path) -> None:
-    """The process id stays: signals of ros2 run and of a supervisor reach the node itself. Arguments pass through."""
+    """The process id stays, so signals of ros2 run and of a supervisor reach the node. Arguments pass through."""
     launcher = (PREFIX / "lib/robot_stack" / available()[0].name).read_text()
     probe = tmp_path / "probe"
     program = "import os, sys; print(os.getpid(), os.environ['LD_LIBRARY_PATH'], *sys.argv[1:])"
@@ -113,7 +113,7 @@ def wheel_commands() -> Any:
 
 @pytest.mark.usefixtures("ros_domain")
 def test_custom_message_travels_unchanged_and_with_the_locked_type_hash() -> None:
-    """What peers compare on the wire is the hash of the compiled type support, not the one in the share folder."""
+    """Peers compare the hash of the compiled type support on the wire, not the one in the share folder."""
     import rclpy
     from rclpy.context import Context
     from rclpy.executors import SingleThreadedExecutor

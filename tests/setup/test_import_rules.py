@@ -1,4 +1,4 @@
-"""The import rules of the architecture bite: each forbidden import, put into a copy of the code, breaks its rule."""
+"""The import rules of the architecture are effective: each forbidden import in a copy of the code breaks its rule."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which interface packages are built, and what counts as a change of them."""
+"""Which interface packages are built, and which changes trigger a build."""
 
 from __future__ import annotations
 

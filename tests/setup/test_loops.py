@@ -1,4 +1,4 @@
-"""The set-up compiles every loop, and says so where it does not."""
+"""The set-up compiles every loop and reports a failure."""
 
 from __future__ import annotations
 

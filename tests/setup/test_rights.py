@@ -1,4 +1,4 @@
-"""Rights of an ordinary user: what is asked for, which are missing, and what grants them."""
+"""Rights of an ordinary user: the requested ones, the missing ones, and how to grant them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The set-up: what it does when nothing changed, what it says when it cannot work, and what the lock promises."""
+"""The set-up: behaviour without changes, error messages, and guarantees of the lock."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_missing_compiler_is_named_with_advice() -> None:
 
 @pytest.mark.parametrize("code", [0, 1, 3])
 def test_nothing_is_repeated(tmp_path: Path, code: int) -> None:
-    """``given_tests`` of launch_scripts/lib/tests.sh, with a Python that ends with ``code`` and notes its calls."""
+    """Runs ``given_tests`` of launch_scripts/lib/tests.sh; its fake Python exits with ``code`` and records calls."""
     functions = (SCRIPTS / "lib" / "tests.sh").read_text()
     fake = f'python() {{ echo "$@" >>calls; return {code}; }}'
     script = f"set -uo pipefail\n{fake}\n{functions}\ngiven_tests some/test.py\n"
@@ -92,18 +92,18 @@ def test_every_locked_package_is_pinned_and_hashed() -> None:
     packages = locked_packages()
 
     assert len(packages) > 100
-    pinned = r"{}(\[[a-z,]+\])?==\d"  # pip asks for what is needed with extras by that name
+    pinned = r"{}(\[[a-z,]+\])?==\d"  # pip lists a package required with extras under that name
     assert [name for name, lines in packages.items() if not re.match(pinned.format(name), lines[0])] == []
     assert [name for name, lines in packages.items() if not any("--hash=sha256:" in line for line in lines)] == []
 
 
 def test_lock_holds_every_declared_dependency() -> None:
-    """An entry of pyproject.toml that is missing here: run launch_scripts/lock."""
+    """If an entry of pyproject.toml is missing here: run launch_scripts/lock."""
     assert declared_dependencies() - set(locked_packages()) == set()
 
 
 def test_lock_names_no_host() -> None:
-    """Where packages come from is the machine's business."""
+    """Each machine configures its own package index."""
     suspicious = re.compile(r"://|--index-url|--extra-index-url|--find-links|--trusted-host|file:")
 
     assert [line for line in LOCK.read_text().splitlines() if suspicious.search(line)] == []

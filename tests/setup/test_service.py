@@ -1,4 +1,4 @@
-"""The systemd unit: it starts what is installed, its state outlives everything, and it gets only what it needs."""
+"""The systemd unit: it starts the installed stack, keeps its state, and has minimal rights."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_the_unit_is_understood() -> None:
 
 @needs_systemd
 def test_the_service_gets_only_what_it_needs() -> None:
-    """An exposure of 9.2 of 10 is that of a unit without any hardening."""
+    """For comparison: a unit without any hardening has an exposure of 9.2 of 10."""
     command = ["systemd-analyze", "security", "--offline=true", "--no-pager", str(UNIT)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     level = re.search(r"Overall exposure level for \S+: ([0-9.]+)", done.stdout)
@@ -60,7 +60,7 @@ def test_no_other_user_can_create_the_runtime_folder_first() -> None:
 
 
 def test_the_state_lies_in_the_services_state_folder(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same folder for the service, which is told by systemd, and for an operator's shell."""
+    """The same folder for the service, by systemd's variable, and for an operator's shell."""
     text = UNIT.read_text()
     assert "StateDirectory=robot_stack\n" in text
     assert "XDG_STATE_HOME=/var/lib " in text

@@ -1,1 +1,1 @@
-"""What the tests share: conditions with deadlines, ROS domains of their own, real node processes."""
+"""Shared test helpers: conditions with deadlines, separate ROS domains, real node processes."""

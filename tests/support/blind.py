@@ -1,4 +1,4 @@
-"""Arguments of a navigation controller that a test runs without a LiDAR and without a map."""
+"""Arguments for a navigation controller under test without a LiDAR and without a map."""
 
 from __future__ import annotations
 

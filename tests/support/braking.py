@@ -1,4 +1,4 @@
-"""How long a drive axis takes to stand still, read off the engine's status by a process that may look late."""
+"""Braking time of a drive axis, computed from engine status samples that may arrive late."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ WaitStatus = Callable[[Callable[[StatusSnapshot], object], str], object]
 
 
 def braking_s(wait_status: WaitStatus, axis: int, from_radps: float) -> float:
-    """Time of the whole change from ``from_radps`` to standstill, by the slope between what was seen of it [s]."""
+    """Time from ``from_radps`` to standstill [s], extrapolated from the slope of the observed samples."""
     seen: dict[float, float] = {}
 
     def stands(snapshot: StatusSnapshot) -> bool:

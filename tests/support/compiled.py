@@ -1,4 +1,4 @@
-"""Proof that a stack compiles nothing while it runs: everything was compiled by the set-up."""
+"""Checks that a running stack compiles nothing, because the set-up has compiled everything."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _ENTRY = re.compile(r"^\[cache\] data (loaded from|saved to) '(.*)'$", re.MULTIL
 
 
 def tell_what_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is started from now on writes every access to numba's cache into its log."""
+    """Processes started from now on log every access to numba's cache."""
     monkeypatch.setenv("NUMBA_DEBUG_CACHE", "1")
 
 
 def assert_set_up_compiled_everything(logs: Path) -> None:
-    """logs: the folder of a stack's runs. What another test has compiled meanwhile does not count as set up."""
+    """logs: the folder of a stack's runs. Loops that another test compiled since the set-up do not count."""
     entries = [entry for log in logs.rglob("*.log") for entry in _ENTRY.findall(log.read_text(errors="replace"))]
     assert entries, f"no compiled loop was used, or {logs} has no logs"
     saved = {Path(path).name for what, path in entries if what == "saved to"}

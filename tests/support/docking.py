@@ -23,18 +23,18 @@ _CLOSE_S = 30.0
 
 
 class _Moment:
-    """Awaited, it lets the executor do something else."""
+    """Yields to the executor when awaited."""
 
     def __await__(self) -> Generator[None]:
         yield
 
 
 class FakeDocking:
-    """What it does with the next goals is in its attributes; ``goals`` notes what it was asked for.
+    """Attributes determine the behaviour for the next goals; ``goals`` records the requested goals.
 
-    rejects: goals are refused. hangs: a goal goes on until it is cancelled. cancel_s: how long a cancelled goal takes
-    to end. error: (code, reason) of a failure, None for success. steps: states of the feedback before the end,
-    each for step_s.
+    rejects: goals are refused. hangs: a goal runs until it is cancelled. cancel_s: how long a cancelled goal takes to
+    end. error: (code, reason) of a failure, None for success. steps: states of the feedback before the end, each for
+    step_s.
     """
 
     def __init__(self) -> None:
@@ -104,7 +104,7 @@ class FakeDocking:
         return action.Result(success=True)
 
     async def _wait(self, goal: Any, seconds: float) -> bool:
-        """True as soon as the goal is cancelled (or this server closes)."""
+        """Returns True as soon as the goal is cancelled or this server closes."""
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
             if goal.is_cancel_requested or self._closing:
@@ -124,7 +124,7 @@ class FakeDocking:
 
     def close(self) -> None:
         self._closing = True
-        # Goals end while the executor still spins: what ends after its servers have gone raises.
+        # Goals must end while the executor still spins, because a goal that outlives its server raises.
         wait_for(lambda: not self._executor._tasks, "the goals' end", _CLOSE_S)
         self._executor.stop()
         self._thread.join(_CLOSE_S)

@@ -1,4 +1,4 @@
-"""A ROS domain for each test, held by a lock so that parallel test runs never share one."""
+"""A separate ROS domain for each test, locked so that parallel test runs never share one."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _DOMAINS = range(20, 102)
 
 @contextmanager
 def held_domain() -> Iterator[int]:
-    """A domain id that no other test of this machine holds."""
+    """A domain id that no other test of this machine uses."""
     folder = Path(tempfile.gettempdir()) / "robot_stack_test_domains"
     with contextlib.suppress(FileExistsError):
         folder.mkdir()
-        folder.chmod(0o1777)  # domains belong to the machine, whoever runs tests on it
+        folder.chmod(0o1777)  # all users of the machine share the domains
     for domain in random.SystemRandom().sample(_DOMAINS, len(_DOMAINS)):
         with _opened(folder / str(domain)) as file:
             try:
@@ -34,7 +34,7 @@ def held_domain() -> Iterator[int]:
 
 
 def _opened(path: Path) -> IO[bytes]:
-    """A file to lock: one that another user has made can be locked if it is opened to read only."""
+    """Opens a lock file read-only, because another user may have created it."""
     with contextlib.suppress(FileExistsError):
         path.touch(0o644, exist_ok=False)
     return path.open("rb")

@@ -1,4 +1,4 @@
-"""A simulated motion engine in a process of its own, with the inputs and faults that a test wants."""
+"""A simulated motion engine in its own process, with inputs and faults set by the test."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BUTTON_RELEASED, BUTTON_PRESSED = 1, 0
 
 
 class TestEngine:
-    """The engine process and a device on it. The device brings up bus and servos and clears alarms, nothing else."""
+    """The engine process and a device on it. The device only starts bus and servos and clears alarms."""
 
     __test__ = False
 
@@ -30,7 +30,7 @@ class TestEngine:
         self.process: NodeProcess | None = None
 
     def run(self) -> TestEngine:
-        """Starts the process; without communication yet."""
+        """Starts the process without starting communication."""
         self.set()
         script = ROOT / "tests" / "nodes" / "scripts" / "engine_process.py"
         self.process = self._start("engine", command=[sys.executable, str(script), str(self._control)])
@@ -38,7 +38,7 @@ class TestEngine:
         return self
 
     def up(self) -> TestEngine:
-        """Bus and servos on."""
+        """Starts the bus and switches the servos on."""
         assert self.device.api.StartCommunication(5000) == 0
         self.servos(1)
         return self
@@ -56,7 +56,7 @@ class TestEngine:
         os.replace(beside, self._control)
 
     def recover(self) -> None:
-        """What the hardware interface does after a fault: clear the alarms, servos on."""
+        """Recovers like the hardware interface after a fault: clears the alarms and switches the servos on."""
         self.set(alarms={}, connected=True)
         if not self.device.read_status()[1].communicating:
             assert self.device.api.StartCommunication(5000) == 0
@@ -76,7 +76,7 @@ class TestEngine:
 
     @property
     def n_axes(self) -> int:
-        """Of the configuration in force: 8 unless ROBOT_STACK_WMX_ENGINE_CONFIG names another."""
+        """Number of axes in the active configuration: 8 unless ROBOT_STACK_WMX_ENGINE_CONFIG names another."""
         return load_engine_config().n_axes
 
     @property

@@ -1,4 +1,4 @@
-"""The environment of a stack that several tests share: its own ROS domain, runtime folder and state folder."""
+"""The environment of a stack that several tests share: a separate ROS domain, runtime folder and state folder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.support.processes import ROOT
 
 @contextmanager
 def own_config(folder: Path, **missions: str) -> Iterator[Path]:
-    """A copy of the configuration in ``folder``, in force while the context lasts. missions: texts of more of them."""
+    """A copy of the configuration in ``folder``, active within the context. missions: texts of additional missions."""
     config = shutil.copytree(ROOT / "config", folder / "config")
     for name, text in missions.items():
         (config / "missions" / f"{name}.yaml").write_text(text, encoding="utf-8")
@@ -26,7 +26,7 @@ def own_config(folder: Path, **missions: str) -> Iterator[Path]:
 
 @contextmanager
 def stack_environment(folder: Path) -> Iterator[None]:
-    """In force while the context lasts. ``folder`` takes logs and state."""
+    """Active within the context. ``folder`` contains logs and state."""
     with held_domain() as domain, pytest.MonkeyPatch.context() as monkeypatch:
         runtime = Path(f"/dev/shm/robot_stack_test-{domain}")
         shutil.rmtree(runtime, ignore_errors=True)

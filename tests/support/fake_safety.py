@@ -1,4 +1,4 @@
-"""A safety monitor of ten lines, for tests of who asks it."""
+"""A minimal safety monitor for tests of nodes that call it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robot_stack.contract import services, topics
 
 
 class FakeSafety:
-    """Shows what was last asked, and resets as it is told to. peer: on ROS, or on the scheduler."""
+    """Reports the last requested state; attributes control the answers. peer: a ROS peer or a scheduler peer."""
 
     def __init__(self, peer: Any) -> None:
         self.obeys = True

@@ -1,4 +1,4 @@
-"""Imported by the server that test processes are forked from, before the first fork."""
+"""The server that forks test processes imports this before the first fork."""
 
 from robot_stack.contract.processes import available
 from robot_stack.supervisor.preload import preload

@@ -1,6 +1,6 @@
-"""Python processes of tests, forked from a server that has imported what the nodes share, as the supervisor does it.
+"""Python processes of tests, forked from a server that has imported the nodes' common modules, like the supervisor's.
 
-A test that starts three processes would else spend most of its time, and of the machine, on importing.
+Otherwise a test that starts three processes would spend most of its time on imports.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _PRELOAD = "tests.support.fork_preload"
 
 
 class Forked:
-    """What tests use of ``subprocess.Popen``, for ``[python, "-m", module, ...]`` or ``[python, script, ...]``."""
+    """The subset of ``subprocess.Popen`` for ``[python, "-m", module, ...]`` or ``[python, script, ...]``."""
 
     def __init__(self, command: Sequence[str], folder: Path, log: Path) -> None:
         context = multiprocessing.get_context("forkserver")
@@ -45,7 +45,7 @@ class Forked:
 
     def send_signal(self, number: int) -> None:
         if self.poll() is None:
-            with contextlib.suppress(ProcessLookupError):  # ended and collected by the server in this moment
+            with contextlib.suppress(ProcessLookupError):  # has ended and was collected by the server meanwhile
                 os.kill(self.pid, number)
 
     def kill(self) -> None:
@@ -53,7 +53,7 @@ class Forked:
 
 
 def _run(arguments: Sequence[str], folder: Path, log: Path, environment: Mapping[str, str]) -> None:
-    """Body of the forked process: becomes what the command line would have started."""
+    """Body of the forked process: runs the module or script of the command line."""
     from robot_stack.supervisor.child import die_with_the_forkserver, write_to
 
     die_with_the_forkserver()

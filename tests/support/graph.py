@@ -1,6 +1,6 @@
-"""A running stack against the contract, both ways: publishers, subscribers, types, QoS.
+"""Compares a running stack with the contract, in both directions: publishers, subscribers, types, QoS.
 
-Rates are tested in simulated time (tests/simulated/test_graph.py): here they are those of the machine.
+tests/simulated/test_graph.py checks the rates in simulated time, because here they depend on the machine.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PEER = "scenario_peer"
 
 
 def without_the_test(seen: Seen) -> Seen:
-    """Without the endpoints of the test's peer, which is not bound by the contract, and without ages and rates."""
+    """Removes ages, rates and the endpoints of the test's peer, which is not bound by the contract."""
     kept = [tuple(item for item in side if item.node != PEER) for side in (seen.publishers, seen.subscribers)]
     age_s = None if seen.traffic.age_s is None else 0.0
     traffic = replace(seen.traffic, age_s=age_s)
@@ -27,7 +27,7 @@ def without_the_test(seen: Seen) -> Seen:
 
 
 def assert_graph_is_the_contracts(plan: Plan) -> None:
-    """Repeated until all of it fits: on a busy machine discovery and first messages take long."""
+    """Repeats until everything matches: on a busy machine discovery and first messages take long."""
     from robot_stack.bench.graph import judge_all, rows_of, unknown_topics
     from robot_stack.bench.nodes.meter import Meter
 

@@ -1,6 +1,6 @@
-"""An Ouster sensor as it speaks by UDP, written from the Firmware User Manual's "Lidar Data", byte by byte.
+"""Simulates an Ouster sensor's UDP packets, written byte by byte from the Firmware User Manual's "Lidar Data".
 
-Nothing of the decoder is used here. The head turns clockwise from the connector, which looks back.
+It uses no code of the decoder. The head turns clockwise from the connector, which points backwards.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ TICKS = 90112
 LEGACY, SINGLE = "LEGACY", "RNG19_RFL8_SIG16_NIR16"
 DUAL, LOW_RATE = "RNG19_RFL8_SIG16_NIR16_DUAL", "RNG15_RFL8_NIR8"
 PROFILES = (LEGACY, SINGLE, DUAL, LOW_RATE)
-NOISE = 0xA5  # in everything that is not read
+NOISE = 0xA5  # in all bytes that are not read
 
-# What beam i sees in a column of a frame: mm and reflectivity; 0 mm: nothing.
+# Range and reflectivity of beam i in a column of a frame, mm; 0 mm: no return.
 Seen = Callable[[int, int, int], tuple[int, int]]
 
 
@@ -28,7 +28,7 @@ def wall(frame: int, column: int, beam: int) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Os:
-    """begin_ns: of its clock. window: first and last column that are measured. serial, initialization: of headers."""
+    """begin_ns: start of its clock. window: first and last measured column. serial, initialization: of headers."""
 
     seen: Seen = wall
     profile: str = SINGLE
@@ -55,11 +55,11 @@ class Os:
         return (4.2, 1.4, -1.4, -4.2)[beam % 4]
 
     def time_ns(self, number: int, column: int) -> int:
-        """Of a column of the ``number``-th frame."""
+        """Time of a column of the ``number``-th frame."""
         return self.begin_ns + round(1e8 * (number + column / self.columns))
 
     def metadata(self, **changes: Any) -> str:
-        """As ``GET /api/v1/sensor/metadata`` answers since firmware 3; a value of None is left out."""
+        """The response of ``GET /api/v1/sensor/metadata`` since firmware 3; a value of None is left out."""
         data: dict[str, dict[str, Any]] = {
             "sensor_info": {
                 "prod_line": f"OS-1-{self.beams}",
@@ -92,7 +92,7 @@ class Os:
         return json.dumps(data)
 
     def flat_metadata(self) -> str:
-        """As ``get_config_txt`` and its like answered before firmware 3: one object, but for the data format."""
+        """The responses before firmware 3, such as ``get_config_txt``: one flat object, except the data format."""
         data = json.loads(self.metadata())
         flat = {"data_format": data["lidar_data_format"], "lidar_mode": data["config_params"]["lidar_mode"]}
         return json.dumps(flat | data["sensor_info"] | data["beam_intrinsics"] | data["lidar_intrinsics"])
@@ -101,7 +101,7 @@ class Os:
         return replace(self, **changes)
 
     def packets(self, count: int, skip: int = 0) -> Iterator[bytes]:
-        """``count`` of them, those of the window alone, after ``skip``; one every ``packet_s`` in a whole turn."""
+        """``count`` packets of the window after skipping ``skip``; a full turn has one every ``packet_s``."""
         sent = 0
         for index in range(1 << 20):
             number, place = divmod(index, self.packets_per_frame)
@@ -119,7 +119,7 @@ class Os:
         return begin <= column <= end if begin <= end else column >= begin or column <= end
 
     def packet(self, number: int, first: int) -> bytes:
-        """Of the ``number``-th frame, from column ``first`` on."""
+        """The packet of the ``number``-th frame that starts with column ``first``."""
         frame = (self.first_frame + number) % 65536
         columns = b"".join(self._column(number, frame, first + i) for i in range(COLUMNS_PER_PACKET))
         if self.profile == LEGACY:
@@ -139,7 +139,7 @@ class Os:
         return struct.pack("<QHH", time_ns, column, 1 if good else 0) + pixels
 
     def _pixel(self, mm: int, reflectivity: int) -> bytes:
-        """Signal, near infrared and what is reserved are noise; so is the second return."""
+        """Signal, near infrared, reserved bytes and the second return are noise."""
         if self.profile == LEGACY:
             return struct.pack("<IH", mm | NOISE << 24, reflectivity) + bytes([NOISE]) * 6
         if self.profile == SINGLE:

@@ -1,4 +1,4 @@
-"""A plain rclpy node beside the node under test: it publishes, listens and calls services in a thread of its own."""
+"""A plain rclpy node beside the node under test: it publishes, subscribes and calls services in its own thread."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ASK_AGAIN_S = 10.0
 
 
 class Heard:
-    """What a peer has received on a topic: (steady time of reception, message) pairs."""
+    """Messages that a peer has received on a topic: (steady time of reception, message) pairs."""
 
     def __init__(self) -> None:
         self.items: list[tuple[float, Any]] = []
@@ -42,17 +42,17 @@ class Heard:
         return self.items[-1][1] if self.items else None
 
     def wait_connected(self) -> None:
-        """Until a publisher is known: what one says once is lost on who does not know it yet."""
+        """Waits until a publisher is discovered: messages published before are lost."""
         wait_for(self.subscription.get_publisher_count, f"a publisher of {self.subscription.topic_name}")
 
     def wait(self, condition: Callable[[Any], bool], what: str, deadline_s: float = DEADLINE_S) -> Any:
-        """The newest message, once ``condition`` holds for it."""
+        """Waits until ``condition`` holds for the newest message, and returns it."""
         wait_for(lambda: self.items and condition(self.last), what, deadline_s, poll_s=0.002)
         return self.last
 
 
 class Peer:
-    """Not bound by the contract: tests publish what they like."""
+    """A node that the contract does not restrict: tests publish any message."""
 
     def __init__(self, name: str = "peer") -> None:
         self.context = Context()
@@ -87,9 +87,9 @@ class Peer:
         return self._publishers[row.name]
 
     def publish(self, row: Topic, message: Any) -> None:
-        """Publishes once somebody is connected: what a topic does not keep is lost on who comes later.
+        """On a volatile topic, waits for a connected subscriber before publishing, because later ones lose the message.
 
-        Once is enough on reliable topics only: the other side may not know of the connection yet.
+        One message is enough on reliable topics only: the subscriber may not have discovered this publisher yet.
         """
         publisher = self.publisher(row)
         if row.qos.durability is Durability.VOLATILE:
@@ -97,7 +97,7 @@ class Peer:
         publisher.publish(message)
 
     def stop_source(self) -> StopSource:
-        """This peer as a source of the emergency stop, which reports itself."""
+        """This peer as a source of the emergency stop that also publishes its reports."""
         if self._source is None:
             stop, reports = self.publisher(topics.EMERGENCY_STOP), self.publisher(topics.EMERGENCY_STOP_SOURCES)
             clock = self.node.get_clock()
@@ -126,18 +126,18 @@ class Peer:
         self.node.create_service(interface_class(row.type), row.name, callback)
 
     def in_loop(self, function: Callable[[], Any]) -> Any:
-        """What a function returns that runs where messages are taken. rclpy registers a goal only after it has sent it:
-        sent from another thread, an answer that comes at once is thrown away.
+        """Runs a function on the peer's thread and returns its result. rclpy registers a goal only after sending it: if
+        another thread sends the goal, an immediate answer is dropped.
         """
         task = self._executor.create_task(function)
         wait_for(task.done, "the peer's own thread")
         return task.result()
 
     def call(self, row: Service, request: Any = None, deadline_s: float = DEADLINE_S) -> Any:
-        """The response of a service. Raises AssertionError if there is none in time.
+        """The response of a service. Raises AssertionError on timeout.
 
-        It is asked for again after a while, as a person would: what is sent to a server that was killed is lost, and
-        DDS names a dead server for 20 s.
+        The request is repeated after a while: a request sent to a killed server is lost, and DDS still lists a dead
+        server for 20 s.
         """
         service = interface_class(row.type)
         client = self.node.create_client(service, row.name)

@@ -1,4 +1,4 @@
-"""Real node processes for tests; each is ended by its own pid, whatever happens."""
+"""Real node processes for tests; each is always ended by its pid."""
 
 from __future__ import annotations
 
@@ -69,5 +69,5 @@ def _fresh(command: list[str], log: Path, preload: Path) -> subprocess.Popen[byt
 
 
 def node_command(name: str, *ros_args: str) -> list[str]:
-    """The command of a contract process: ``ros_args`` go behind --ros-args."""
+    """The command of a contract process; ``ros_args`` follow --ros-args."""
     return [sys.executable, "-m", "robot_stack.ros.main", name, *(("--ros-args", *ros_args) if ros_args else ())]

@@ -1,4 +1,4 @@
-"""What the processes of an ordinary user cannot promise on a busy machine."""
+"""Guarantees that processes of an ordinary user cannot give on a busy machine."""
 
 from __future__ import annotations
 

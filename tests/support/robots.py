@@ -1,4 +1,4 @@
-"""Robots of other dimensions: a configuration folder each, in which robot.yaml alone differs from the shipped one."""
+"""Robots of other dimensions: one configuration folder each, in which only robot.yaml differs from the shipped one."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ import yaml
 
 from robot_stack.core.config import config_dir, read_yaml
 
-_HOOK_M = 0.02  # from the rails' ends, where the latch holds them, back to the chassis
-_CHAIR_M = 0.90  # from the latch ahead to the front of a wheelchair that hangs on it
-_LATCH_PLATES_M = 0.70  # what carries the hooks is that wide: wheelchairs are the same for small and large robots
+_HOOK_M = 0.02  # from the ends of the rails, held by the latch, back to the chassis
+_CHAIR_M = 0.90  # from the latch to the front of a latched wheelchair
+_LATCH_PLATES_M = 0.70  # width of the plates with the hooks; wheelchairs are the same for small and large robots
 
 
 @dataclass(frozen=True, slots=True)
 class Size:
-    """factor: of all lengths that the robot does not share with the wheelchair. camera_m: height of both cameras, which
-    look at a board 0.45 m above the ground. lidar: x, y, z m and roll, pitch, yaw deg of its mounting."""
+    """factor: scales all lengths not shared with the wheelchair. camera_m: height of both cameras, whose target is a
+    board 0.45 m above the ground. lidar: x, y, z m and roll, pitch, yaw deg of its mounting."""
 
     factor: float
     camera_m: float
@@ -54,7 +54,7 @@ class Size:
         return made
 
     def write(self, folder: Path) -> Path:
-        """The configuration folder of such a robot, made in ``folder``."""
+        """Writes the configuration folder of such a robot into ``folder``."""
         made = folder / "config"
         shutil.copytree(config_dir(), made)
         robot = self.robot(read_yaml(made / "robot.yaml"))
@@ -67,4 +67,4 @@ SIZES = {
     "middle": Size(1.0, 0.45, (-0.12, 0.06, 0.85), (0.0, 4.0, 0.0)),
     "large": Size(1.25, 0.47, (0.32, 0.0, 1.05), (1.5, -3.0, -35.0)),
 }
-"""Three robots, each with its LiDAR mounted in another way."""
+"""Three robots with different LiDAR mountings."""

@@ -1,4 +1,4 @@
-"""The whole stack on the simulation, as tests operate and watch it."""
+"""The whole stack on the simulation, with the operations and observations of tests."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ from tests.support.stick import Stick
 from tests.support.waiting import DEADLINE_S, wait_for
 from tf2_msgs.msg import TFMessage
 
-# Most stories are told in simulated time, in a world that waits for a stack that falls behind: a machine that is busy
-# for a moment then holds the world up instead of looking like a sensor that fell silent. It makes up for no delay.
+# Most tests run in simulated time, in a world that waits for a stack that falls behind. A busy machine then pauses the
+# world instead of looking like a silent sensor. The world makes up for no delay.
 _PATIENT = ("sim_world.catch_up_s=0.005", "touch_ui.server.page_silence_s=60.0")
-# Times real time at the most: as fast as the machine can, since such a world waits for its robot.
+# Upper limit of the speed, times real time: as fast as the machine can, because the world waits for its robot.
 _SPEED = 2.0
-# A world of even asphalt, of which there is no map.
+# A world of even asphalt, which has no map.
 FLAT = (*world_settings("flat"), *FEW_BEAMS)
-# Slower than this counts as standing: physics never rests at exactly 0.
+# Slower than this counts as standstill: the physics never rests at exactly 0.
 STANDSTILL_MPS = 0.01
 STANDSTILL_RADPS = 0.02
 
 
 def true_pose(bodies: TFMessage, name: str) -> Pose2:
-    """Of a body of /sim/bodies."""
+    """The true pose of a body in /sim/bodies."""
     return pose_from_transform(next(item.transform for item in bodies.transforms if item.child_frame_id == name))
 
 
 class StackUnderTest:
-    """Started by the supervisor like any other; listened to and disturbed by a peer outside the contract."""
+    """Started by the supervisor like any other stack; a peer outside the contract subscribes and injects faults."""
 
     def __init__(self, logs: Path, *settings: str) -> None:
         self.logs = logs
@@ -76,7 +76,7 @@ class StackUnderTest:
         self.peer.close()
         client.stop()
 
-    # --- what is seen ------------------------------------------------------------------------------------------------
+    # --- observations -------------------------------------------------------------------------------------------------
 
     @property
     def speed_mps(self) -> float:
@@ -89,19 +89,19 @@ class StackUnderTest:
         return self.speed_mps < STANDSTILL_MPS and abs(self.truth.last.twist.twist.angular.z) < STANDSTILL_RADPS
 
     def at(self) -> Pose2:
-        """Where the robot truly is."""
+        """The true pose of the robot."""
         return pose_from_msg(self.truth.last.pose.pose)
 
     def now_s(self) -> float:
-        """The world's time."""
+        """The simulated time."""
         return time_to_s(self.truth.last.header.stamp)
 
     def wait_within(self, limit_s: float, condition: Callable[[], Any], what: str) -> None:
-        """A limit that is part of a story counts in the world's time, however slow the machine makes the world."""
+        """Waits for the condition within a limit of simulated time, however slow the machine simulates."""
         end_s = self.now_s() + limit_s
 
         def ended() -> str:
-            in_vain = self.now_s() > end_s  # before the condition, which may have come true at the last moment
+            in_vain = self.now_s() > end_s  # read before the condition, which may become true at the last moment
             return "met" if condition() else "in vain" if in_vain else ""
 
         assert wait_for(ended, what) == "met", f"waited {limit_s} s of the world in vain for: {what}"
@@ -128,10 +128,10 @@ class StackUnderTest:
     def log(self, name: str) -> str:
         return "".join(path.read_text(errors="replace") for path in sorted(self.logs.glob(f"*/{name}.log")))
 
-    # --- what is done ------------------------------------------------------------------------------------------------
+    # --- operations ---------------------------------------------------------------------------------------------------
 
     def drive(self, vx_mps: float, vy_mps: float = 0.0, omega_radps: float = 0.0) -> None:
-        """Teleoperation at 20 Hz until ``let_go``. A stick that is taken begins at rest, as a joystick does."""
+        """Teleoperates at 20 Hz until ``let_go``. The first commands are zero, as those of a joystick."""
         message = TwistStamped()
         message.twist.linear.x, message.twist.linear.y, message.twist.angular.z = vx_mps, vy_mps, omega_radps
         at_rest = [] if self.stick.idle_s == 0.0 else [TwistStamped() for _ in range(3)]
@@ -149,7 +149,7 @@ class StackUnderTest:
             raise AssertionError(f"{error}; it is {told}; {near}; swerve_controller: {drive}") from None
 
     def let_go(self) -> None:
-        """Returns when the drive takes it for let go: who drives on at once after a stop has not asked anew."""
+        """Returns when the drive considers the stick released: after a stop, only a new command may drive again."""
         self.stick.let_go()
         silent_s = 2.0 * topics.TELEOP_CMD_VEL.stale_limit_s
         wait_for(lambda: self.stick.idle_s > silent_s, "the drive takes the stick for let go")
@@ -167,7 +167,7 @@ class StackUnderTest:
         return self.peer.call(services.SAFETY_RESET)
 
     def release(self, deadline_s: float = DEADLINE_S) -> None:
-        """Both keys, repeated until the monitor agrees."""
+        """Releases the stop and repeats the reset until the monitor accepts it."""
         self.estop(False)
         last = [""]
 
@@ -188,7 +188,7 @@ class StackUnderTest:
         self.peer.publish(topics.UI_COMMAND, UICommand(command_type=command_type, mission_id=mission_id))
 
     def kill(self, name: str, number: signal.Signals = signal.SIGKILL) -> int:
-        """A signal to a process of this stack; returns the pid it had."""
+        """Sends a signal to a process of this stack and returns its pid."""
         pid = int(self.process(name)["pid"])
         os.kill(pid, number)
         return pid
@@ -201,7 +201,7 @@ class StackUnderTest:
         wait_for(again, f"{name} runs again", deadline_s, poll_s=0.1)
 
     def make_ready(self) -> None:
-        """Back to a robot that stands, without faults, at NORMAL, whatever a test left behind."""
+        """Restores a standing robot without faults in state NORMAL, whatever the previous test did."""
         self.let_go()
         self.inject("clear")
         self.wait_stands()

@@ -1,4 +1,4 @@
-"""A worker whose jobs run when the test says so, for what works beside a node's loop."""
+"""A worker whose jobs run on the test's command, for work beside a node's loop."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 class SteppedWorker:
-    """See ``robot_stack.core.worker.Worker``. ``start`` runs a job, ``deliver`` hands its result to the node's loop."""
+    """See ``robot_stack.core.worker.Worker``. ``start`` runs a job, ``deliver`` passes its result to the loop."""
 
     def __init__(self) -> None:
         self.closed = False
@@ -41,12 +41,12 @@ class SteppedWorker:
         self.deliver()
 
     def finish(self) -> None:
-        """Runs all jobs, and those that their results lead to."""
+        """Runs all jobs, and the jobs that their results submit."""
         while self._queue:
             self.step()
 
     def close(self, timeout_s: float) -> None:
-        """A loop that has ended takes no results."""
+        """A closed loop accepts no results."""
         assert timeout_s > 0.0
         self.closed = True
         while self._queue:

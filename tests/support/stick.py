@@ -1,4 +1,4 @@
-"""The stick that drives the robot by hand, held by somebody who lives in the time of its world."""
+"""A simulated teleoperation stick that runs on the world's clock."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _LOOK_S = 0.002
 class Stick:
     """Calls ``publish`` at 20 Hz while it is held.
 
-    A world that waits for its robot waits for the stick too: a test that is held up for a moment on a busy machine has
-    not let go of it.
+    A world that waits for its robot also waits for the stick, so that a short delay of the test on a busy machine does
+    not count as a release.
     """
 
     def __init__(self) -> None:
@@ -36,21 +36,21 @@ class Stick:
         self._thread.start()
 
     def hold(self, publish: Callable[[], None]) -> None:
-        """From now on, until ``let_go``; replaces what was held before."""
+        """Publishes from now on, until ``let_go``; replaces the previous function."""
         self._set(publish)
 
     def let_go(self) -> None:
-        """Nothing is published any more once this returns."""
+        """After this returns, nothing is published."""
         self._set(None)
 
     @property
     def idle_s(self) -> float:
-        """How long nothing has been published for, on the world's time; 0 while it is held."""
+        """Time since the last message, on the world's clock; 0 while the stick is held."""
         return 0.0 if self._publish is not None else self._clock.now_s() - self._published_s
 
     @contextmanager
     def held_up(self) -> Iterator[None]:
-        """As if this process had no time for it."""
+        """Blocks the stick, like a process without CPU time."""
         with self._changed:
             yield
 

@@ -1,9 +1,8 @@
-"""A node process for the supervisor's tests, in a profile's ``extra``. It misbehaves when a file tells it to.
+"""A node process for the supervisor's tests, in a profile's ``extra``. A file selects its misbehaviour.
 
-The folder ``SUPERVISED_ORDERS`` holds one file for each process, named like it, with one word in it:
-hang (the node's loop stands still), stubborn (the same, and it ignores SIGINT and SIGTERM), crash (exit code 1),
-refuse (exit code 2), waiting (not ready), locked (hangs at its end, with the interpreter lock). A new process reads it
-again.
+The folder ``SUPERVISED_ORDERS`` holds one file for each process, named like it, with one word in it: hang (the node's
+loop blocks), stubborn (the same, and it ignores SIGINT and SIGTERM), crash (exit code 1), refuse (exit code 2), waiting
+(not ready), locked (hangs at its end, holding the interpreter lock). A restarted process reads it again.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A LiDAR on the loopback interface: sends what is due, by a clock of its own."""
+"""A LiDAR on the loopback interface that sends due packets by its own clock."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from collections.abc import Callable
 
 
 class UdpLidar:
-    """packet: the bytes of the n-th, one every ``packet_s``. sends: False while its cable is pulled.
+    """packet: the bytes of the n-th packet, one every ``packet_s``. sends: False simulates a pulled cable.
 
-    extra: sent once, between two packets. port: where it sends to, free when this was made.
+    extra: sent once, between two packets. port: destination port, chosen from the free ports.
     """
 
     IP = "127.0.0.1"

@@ -1,4 +1,4 @@
-"""A page of the touch screen without a browser: a real WebSocket client, and what it has been told."""
+"""A touch screen page without a browser: a real WebSocket client that records what it receives."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PIN = "2468"
 
 
 class WebPage:
-    """state: the sections as told so far. frames: binary frames by their first byte. alive: it says so at 2 Hz."""
+    """state: the received sections. frames: binary frames by their first byte. alive: sends a heartbeat at 2 Hz."""
 
     def __init__(self, port: int, *, origin: str | None = None, alive: bool = True) -> None:
         own = f"http://127.0.0.1:{port}"
@@ -40,7 +40,7 @@ class WebPage:
             self._beater.start()
 
     def say(self, t: str, **fields: Any) -> int:
-        """Sends a message; its number, under which it is answered."""
+        """Sends a message and returns its number, which the answer contains."""
         self._ids += 1
         self.send(json.dumps({"t": t, "id": self._ids, **fields}))
         return self._ids

@@ -1,4 +1,4 @@
-"""The rest of the robot for tests of the touch screen: real DDS peers that answer as the robot's nodes do."""
+"""The rest of the robot for tests of the touch screen: real DDS peers that answer like the robot's nodes."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ _REPORT = {"input /odom": "120 received, 50.0 Hz, age 0.01 s", "input /current_p
 
 
 class StandInRobot:
-    """Stands at x 2 m, y 1 m; obeys the touch screen's commands and notes what it was told.
+    """Stands at x 2 m, y 1 m; executes the touch screen's commands and records them.
 
-    faults: what /safety/status shows beside the emergency stop. pressed: the stop button is pressed.
+    faults: reported in /safety/status beside the emergency stop. pressed: the stop button is pressed.
     """
 
     def __init__(self, peer: Peer) -> None:
@@ -85,7 +85,7 @@ class StandInRobot:
         self._say_plan()
         peer.publish(topics.NAVIGATION_STATUS, String(data="no goal"))
 
-    # --- said to the screen ------------------------------------------------------------------------------------------
+    # --- messages to the screen ---------------------------------------------------------------------------------------
 
     def say_ride(self, **changes: Any) -> None:
         for name, value in changes.items():
@@ -151,17 +151,17 @@ class StandInRobot:
         )
 
     def _people(self) -> Any:
-        """One who walks to the right, one who stands, and a thing."""
+        """A person who walks to the right, a standing person, and an object."""
         x, y = self.x, self.y
         people = (
             Person(0.0, x + 1.5, y - 1.2, 1.1, 0.3, sightings=9, walks=True, walked=True),
             Person(0.0, x - 1.6, y + 1.4, sightings=9, walked=True),
             Person(0.0, x + 3.0, y + 2.0, radius_m=0.4, sightings=9),
-            Person(0.0, x, y, sightings=1),  # seen once: perhaps nothing
+            Person(0.0, x, y, sightings=1),  # a single sighting may be false
         )
         return people_markers(people, Time(), 0.0, 3)
 
-    # --- told by the screen ------------------------------------------------------------------------------------------
+    # --- messages from the screen -------------------------------------------------------------------------------------
 
     def _on_stop(self, message: Any) -> None:
         self.told.append(f"stop {message.data}")
@@ -215,7 +215,7 @@ def _obstacles() -> Any:
 
 
 def _picture() -> Any:
-    """A camera image with the markers of a dock, made once."""
+    """A camera image with the markers of a dock, computed once."""
     grey = np.full((720, 1280), 150, np.uint8)
     grey[430:] = 110
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)

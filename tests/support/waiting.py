@@ -1,4 +1,4 @@
-"""Waiting on conditions, never on time alone."""
+"""Waits for conditions, never for a fixed time alone."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Callable
 from typing import TypeVar
 
 ValueT = TypeVar("ValueT")
-# Generous, because the machine may be slow: a condition that holds ends the wait at once.
+# Generous, because the machine may be slow; the wait ends as soon as the condition holds.
 DEADLINE_S = 45.0
-# Shorter deadlines are part of a test's story. Longer ones only end a wait that is in vain: scenarios multiply them,
-# since a whole robot on a slow machine needs as long as it needs.
+# Shorter deadlines are part of a test. Longer ones only end a failing wait, so scenarios multiply them: a whole robot
+# on a slow machine needs more time.
 LONG_S = 10.0
 USUAL_PATIENCE = 2.0
 patience = USUAL_PATIENCE

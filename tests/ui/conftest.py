@@ -1,4 +1,4 @@
-"""A real Chromium on the touch screen's own page; the node is real, DDS peers stand in for the rest of the robot."""
+"""A real Chromium on the touch screen's page; the node is real, DDS peers replace the rest of the robot."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tests.support.peer import Peer
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-# As a kiosk starts it; the sandbox needs rights that a container's root does not have.
+# Like a kiosk; the sandbox needs rights that root in a container does not have.
 OPTIONS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
 DEADLINE_MS = 120_000
 STAFF_PAGES = (
@@ -50,7 +50,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture
 def screen(start: Callable[..., NodeProcess], browser: Any) -> NodeProcess:
-    """The node; ``url`` is where it serves its page."""
+    """The node; ``url`` is the address of its page."""
     pin = f"access.pin_hash:='{hash_pin(PIN)}'"
     # A page or a node without processor time is not a lost link: that is tested where a node is ended.
     patient = "server.page_silence_s:=60.0"
@@ -94,7 +94,7 @@ def page(browser: Any, robot: StandInRobot, url: str, screen: NodeProcess) -> It
 
 
 def unlock(page: Any) -> None:
-    """Staff, by the keys of the PIN dialog."""
+    """Logs in as staff with the keys of the PIN dialog."""
     page.click("#to-staff")
     for digit in PIN:
         page.click(f'[data-key="{digit}"]')
@@ -103,7 +103,7 @@ def unlock(page: Any) -> None:
 
 
 def until(page: Any, expression: str) -> None:
-    """Waits for JavaScript that becomes true; playwright's own way is what the page's security policy forbids."""
+    """Waits until JavaScript is true; the page's security policy forbids playwright's own method."""
     wait_for(lambda: page.evaluate(expression), expression, poll_s=0.05)
 
 

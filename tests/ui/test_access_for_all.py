@@ -1,4 +1,4 @@
-"""Every page in every language on both screens: axe-core finds nothing, nothing is too small, nothing is cut off."""
+"""Every page in every language on both screens: no finding of axe-core, minimum sizes, no clipped text."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.support.ui_robot import StandInRobot
 from tests.ui.conftest import STAFF_PAGES, unlock
 
 AXE = (Path(__file__).parent / "vendor" / "axe.min.js").read_text(encoding="utf-8")
-# WCAG 2.2 AA, contrast of AAA (7:1), and what axe calls best practice.
+# WCAG 2.2 AA, contrast of AAA (7:1), and axe's best practices.
 RULES = """async () => {
     const found = await axe.run(document, {
         runOnly: ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"],
@@ -21,14 +21,14 @@ RULES = """async () => {
     const places = (item) => item.nodes.map(node => node.html).slice(0, 3).join(" | ");
     return found.violations.map(item => `${item.id}: ${places(item)}`);
 }"""
-# Targets of 48 px, and no text beside its button.
+# Targets are at least 48 px, and no text lies beside its button.
 TARGETS = """() => [...document.querySelectorAll("button, input")].filter(item => item.offsetParent).flatMap(item => {
     const { width, height } = item.getBoundingClientRect();
     const cut = item.scrollWidth > item.clientWidth + 1 || item.scrollHeight > item.clientHeight + 1;
     const name = `${item.textContent.trim()} ${Math.round(width)}x${Math.round(height)}`;
     return width < 48 || height < 48 || cut ? [name + (cut ? " cut" : "")] : [];
 })"""
-# The stop is whole on the screen, and nothing makes the page scroll as a whole.
+# The stop button is fully visible, and the page does not scroll as a whole.
 STOP = """() => {
     const box = document.getElementById("stop").getBoundingClientRect();
     const root = document.documentElement;

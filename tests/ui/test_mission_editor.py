@@ -1,4 +1,4 @@
-"""Staff put a mission together by touch: it is judged at its fields, kept as a file, and never overwrites another."""
+"""Staff edit a mission by touch: fields are validated, the mission is saved to a file and never overwrites another."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.ui.conftest import unlock, until
 
 @pytest.fixture
 def own(tmp_path: Path) -> Path:
-    """Where missions go that are made on the touch screen."""
+    """The folder of missions made on the touch screen."""
     return tmp_path / "data" / "robot_stack" / "missions"
 
 
@@ -34,7 +34,7 @@ def fill(page: Any, field: str, text: str) -> None:
 
 
 def place_on_map(page: Any, start: tuple[float, float], end: tuple[float, float]) -> None:
-    """A touch and a drag on the editor's map, in shares of its size."""
+    """A touch and a drag on the editor's map, in fractions of its size."""
     box = page.locator("#mission-map").bounding_box()
     page.mouse.move(box["x"] + start[0] * box["width"], box["y"] + start[1] * box["height"])
     page.mouse.down()
@@ -68,7 +68,7 @@ def test_a_mission_is_made_started_and_offered_to_riders(editor: Any, robot: Sta
     mission = read_mission(own / "garden_tour.yaml")
     assert mission.name.model_dump() == {"en": "Garden tour", "ja": "Garden tour", "zh": "Garden tour"}
     assert [item.name for item in mission.waypoints] == ["stop", "fountain", "stop 2", "chair_1"]
-    assert (mission.waypoints[0].x, mission.waypoints[0].y) == (2.0, 1.0)  # where the robot stands
+    assert (mission.waypoints[0].x, mission.waypoints[0].y) == (2.0, 1.0)  # the robot's position
     assert (mission.waypoints[1].x, mission.waypoints[1].y) == (11.0, 10.0)
     assert mission.waypoints[2].action.wait_s == 7.5
     assert mission.waypoints[2].yaw == pytest.approx(1.5708, abs=0.05)  # dragged upwards
@@ -95,7 +95,7 @@ def test_what_is_wrong_is_shown_at_its_field(editor: Any, own: Path) -> None:
     editor.click('[data-step="0"]')
     editor.click('[data-kind="dock"]')
     editor.click('[data-dock="charger"]')
-    editor.click('[data-step="1"]')  # which would tear the robot off: the mission manager would refuse it
+    editor.click('[data-step="1"]')  # drives without undocking: the mission manager would refuse it
     until(editor, "document.querySelector('[data-problem=\"waypoints.1.action\"]')?.textContent.includes('undock')")
     fill(editor, "waypoints.1.name", "stop")
     editor.click("#save-mission")
@@ -134,7 +134,7 @@ def test_stops_are_moved_and_removed_and_the_mission_renamed_and_deleted(editor:
 
 
 def test_nothing_is_overwritten_unseen(editor: Any, own: Path) -> None:
-    compose(editor, "Site ride")  # as a mission that comes with the software
+    compose(editor, "Site ride")  # the name of a mission in the installation
     editor.click("#save-mission")
     editor.click('[data-step="names"]')
     editor.wait_for_selector('[data-problem="id"]')
@@ -148,7 +148,7 @@ def test_nothing_is_overwritten_unseen(editor: Any, own: Path) -> None:
     editor.click("#save-mission")
     until(editor, "document.querySelector('.toast.bad')?.textContent.includes('somebody else')")
     assert read_mission(file).name.en == "Changed by somebody else"
-    assert editor.is_visible("[data-editor]")  # what was typed is not lost
+    assert editor.is_visible("[data-editor]")  # the input is kept
 
 
 def test_missions_of_the_software_are_looked_at_and_copied(editor: Any, own: Path) -> None:

@@ -1,4 +1,4 @@
-"""By touch alone: what a passenger and staff do, in a real browser against the real node."""
+"""Actions of passenger and staff by touch, in a real browser against the real node."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def test_a_ride_from_the_first_touch_to_the_end(page: Any, robot: StandInRobot) 
     page.click('.languages [lang="en"]')
     page.click("#pause")
     told(robot, "PAUSE")
-    page.wait_for_selector('[data-reason="PAUSED"]')  # why it stands
+    page.wait_for_selector('[data-reason="PAUSED"]')  # reason of the stop
     page.click("#resume")
     told(robot, "RESUME")
     page.wait_for_selector("#pause")
     page.click("#abort")
-    page.click(".sure .primary")  # no, keep going
+    page.click(".sure .primary")  # declines and continues
     assert "ABORT" not in robot.told
     robot.say_ride(state="COMPLETED", progress=1.0)
     page.wait_for_selector('[data-end="COMPLETED"]')
@@ -108,7 +108,7 @@ def test_only_a_press_that_nobody_can_release_can_be_cleared(page: Any, robot: S
     page.click('[data-source="panel"] .clear')
     told(robot, "clear panel")
     page.wait_for_selector('[data-source="panel"]', state="detached")
-    assert robot.emergency  # it was no reset
+    assert robot.emergency  # not a reset
     page.click('[data-source="unknown"] .clear')
     told(robot, "clear unknown")
     page.wait_for_selector('[data-source="unknown"]', state="detached")
@@ -131,7 +131,7 @@ def test_driving_by_hand(page: Any, robot: StandInRobot) -> None:
     x, y = pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] / 2
     page.mouse.move(x, y)
     page.mouse.down()
-    page.mouse.move(x, pad["y"] + 0.1 * pad["height"])  # ahead
+    page.mouse.move(x, pad["y"] + 0.1 * pad["height"])  # forwards
     wait_for(lambda: any(item.twist.linear.x > 0.3 for item in robot.twists), "the robot to be driven")
     page.mouse.up()
     wait_for(lambda: robot.twists[-1].twist.linear.x == 0.0, "standstill")
@@ -141,7 +141,7 @@ def test_driving_by_hand(page: Any, robot: StandInRobot) -> None:
     page.mouse.down()
     page.mouse.move(pad["x"] + 0.1 * pad["width"], y)  # to the left
     wait_for(lambda: any(item.twist.linear.y > 0.2 for item in robot.twists[count:]), "sideways")
-    page.evaluate("window.dispatchEvent(new Event('blur'))")  # another window comes to the front
+    page.evaluate("window.dispatchEvent(new Event('blur'))")  # the window loses the focus
     wait_for(lambda: robot.twists[-1].twist.linear.y == 0.0, "standstill")
     page.mouse.up()
 
@@ -159,7 +159,7 @@ def test_a_pad_on_a_page_that_freezes_stops(page: Any, robot: StandInRobot) -> N
 
 
 def drag(page: Any, start: tuple[float, float], end: tuple[float, float]) -> None:
-    """On the map, in pixels from its middle, which is where the robot is."""
+    """Drags on the map, in pixels from its middle, where the robot is."""
     box = page.locator("#map").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x + start[0], y + start[1])
@@ -173,7 +173,7 @@ def test_pose_and_goal_on_the_map(page: Any, robot: StandInRobot) -> None:
     page.wait_for_selector("#pose")
     until(page, "window.touchUi.link.state.plan?.points.length > 10")
     page.click("#tool-pose")
-    drag(page, (48, 0), (48, -72))  # 24 pixels are a metre: 2 m to the right, looking up
+    drag(page, (48, 0), (48, -72))  # 24 pixels are a metre: 2 m to the right, heading up
     page.click("#confirm")
     wait_for(lambda: robot.poses, "the pose")
     at = robot.poses[0].pose.pose
@@ -181,11 +181,11 @@ def test_pose_and_goal_on_the_map(page: Any, robot: StandInRobot) -> None:
     assert 2.0 * math.atan2(at.orientation.z, at.orientation.w) == pytest.approx(math.pi / 2, abs=0.1)
     wait_for(lambda: "4.0" in page.inner_text("#pose"), "the page to show the new pose")
     page.click("#tool-goal")
-    drag(page, (0, -72), (0, -72))  # 3 m up, no direction given: as it arrives
+    drag(page, (0, -72), (0, -72))  # 3 m up, without a heading: arrival direction
     page.click("#confirm")
     wait_for(lambda: robot.goals, "the goal")
     goal = robot.goals[0].pose
-    # From where the robot was put, which is in the middle of the page: each touch is a few pixels off.
+    # From the robot's position in the middle of the page; each touch deviates by a few pixels.
     above = (at.position.x, at.position.y + 3.0)
     assert (goal.position.x, goal.position.y) == pytest.approx(above, abs=0.1)
     assert 2.0 * math.atan2(goal.orientation.z, goal.orientation.w) == pytest.approx(math.pi / 2, abs=0.1)
@@ -194,7 +194,7 @@ def test_pose_and_goal_on_the_map(page: Any, robot: StandInRobot) -> None:
 
 
 def colours(page: Any, canvas: str) -> int:
-    """How many colours a canvas shows."""
+    """Number of colours in a canvas."""
     return int(
         page.evaluate(
             """id => {
@@ -207,7 +207,7 @@ def colours(page: Any, canvas: str) -> int:
     )
 
 
-# Pixels of the colour of people, which are drawn over nearly white ground.
+# Pixels in the colour of people, who are drawn over nearly white ground.
 BROWN = """() => {
     const canvas = document.getElementById('map');
     const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
@@ -234,17 +234,17 @@ def test_people_and_things_are_on_the_map(page: Any, robot: StandInRobot) -> Non
     unlock(page)
     until(page, "document.querySelector('#people').textContent === 'People: 2 (walking: 1), things: 1'")
     near = page.evaluate("window.touchUi.link.state.people.near")
-    assert near[0] == {"kind": "walking", "at": [3.5, -0.2], "radius": 0.3, "speed": [1.1, 0.3]}  # odom is map here
+    assert near[0] == {"kind": "walking", "at": [3.5, -0.2], "radius": 0.3, "speed": [1.1, 0.3]}  # here odom equals map
     assert [item["speed"] for item in near[1:]] == [[0.0, 0.0], [0.0, 0.0]]
     before = wait_for(lambda: page.evaluate(BROWN), "them to be drawn")
     page.click('[aria-label="Zoom in"]')
     wait_for(lambda: page.evaluate(BROWN) > 1.3 * before > 260, "them to be drawn larger")
     robot.peer.silence(topics.NAVIGATION_PEOPLE)
-    until(page, "window.touchUi.link.state.people.near.length === 0")  # nobody who is not seen any more
+    until(page, "window.touchUi.link.state.people.near.length === 0")  # people out of view are removed
 
 
 def shown(page: Any) -> str:
-    """Title of the picture of the external display; empty without one."""
+    """Title of the image of the external display; empty without an image."""
     return str(page.evaluate("document.querySelector('.display-picture svg title')?.textContent ?? ''"))
 
 
@@ -263,7 +263,7 @@ def test_the_external_display_is_shown_as_it_has_confirmed(page: Any, robot: Sta
     assert "LED3" in page.inner_text('[data-page="display"]')
     robot.display = EHMIStatus(linked=False, acknowledged_state=Display.EMERGENCY_STOP)
     until(page, "document.querySelector('#display-link').textContent.includes('does not answer')")
-    assert shown(page) == ""  # what was acknowledged last is not what it shows
+    assert shown(page) == ""  # the last acknowledged state is not displayed
     robot.display = EHMIStatus(linked=True, acknowledged_state=EHMIStatus.NO_STATE)
     until(page, "document.querySelector('#display-link').textContent.includes('Waiting')")
     robot.peer.silence(topics.EHMI_STATUS)
@@ -281,7 +281,7 @@ def test_diagnostics_and_faults_say_what_to_do(page: Any, robot: StandInRobot) -
     until(page, "document.querySelector('#topics')?.textContent.includes('/sensors/imu')")
     row = page.locator("#topics tr", has_text="/sensors/imu").first
     wait_for(lambda: "Stale" in row.inner_text(), "the stale topic")
-    page.click("#to-staff")  # what the rider reads
+    page.click("#to-staff")  # texts of the rider's page
     page.wait_for_selector('[data-reason="LIDAR_TIMEOUT"]')
 
 
@@ -298,7 +298,7 @@ def test_a_page_that_lost_its_link_shows_it_and_keeps_only_the_stop(
     page: Any, robot: StandInRobot, screen: NodeProcess, start: Any, url: str
 ) -> None:
     page.evaluate("window.touchUi.link.state.link.silence_s = 2.0")
-    screen.signal(signal.SIGSTOP)  # hangs, with its sockets open
+    screen.signal(signal.SIGSTOP)  # the node hangs with its sockets open
     page.wait_for_selector(".lost")
     assert page.evaluate("window.touchUi.link.send({t: 'pause'}) && !window.touchUi.link.lost") is False
     page.click("#stop")
@@ -315,7 +315,7 @@ def test_a_page_that_lost_its_link_shows_it_and_keeps_only_the_stop(
 def test_a_page_of_which_a_file_was_lost_comes_up_by_itself(
     browser: Any, robot: StandInRobot, url: str, file: str
 ) -> None:
-    """As when the robot restarts while its kiosk loads the page."""
+    """As if the robot restarts while its kiosk loads the page."""
     context = browser.new_context()
     page = context.new_page()
     page.route(f"**/{file}", lambda route: route.abort())

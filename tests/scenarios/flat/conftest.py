@@ -1,4 +1,4 @@
-"""One stack for all modules of this folder, put right before every test: a start takes longer than most stories."""
+"""One stack for all modules of this folder, reset before every test: a start takes longer than most tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The running robot against the contract. The machines without a safety monitor: tests/nodes/test_profile_graphs.py."""
+"""The running robot against the contract. Profiles without a safety monitor: tests/nodes/test_profile_graphs.py."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.timeout(900)
 
 
-# Not the controller: this world waits for its odometry until it is nearly back.
+# Not the controller: until it is nearly back, this world waits for its odometry.
 @pytest.mark.parametrize("name", ["swerve_hardware_interface", "safety_monitor", "ndt_localization"])
 def test_a_critical_process_is_killed_and_the_robot_stands(stack: StackUnderTest, name: str) -> None:
     stack.drive_at(0.6)
@@ -27,7 +27,7 @@ def test_a_critical_process_is_killed_and_the_robot_stands(stack: StackUnderTest
 
 
 def test_a_button_whose_process_hangs_is_an_emergency(stack: StackUnderTest) -> None:
-    """A press of it would be missed: that is no case for a comfort stop."""
+    """A missed press is a hazard, so a comfort stop is not enough."""
     stack.drive_at(0.6)
     stack.inject("process_hang", "emergency_stop_button")
     try:

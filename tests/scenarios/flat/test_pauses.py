@@ -1,4 +1,4 @@
-"""Every process of the stack is paused in turn on a busy machine: the world waits, and the ride goes on."""
+"""Every process of the stack is paused in turn on a busy machine: the world waits, and the ride continues."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def busy_loop() -> Iterator[None]:
 
 
 def pause(name: str, pid: int) -> None:
-    """Until the world waits for it. A world that is paused itself stands still without a word."""
+    """Pauses a process until the world waits for it. A paused world process reports nothing."""
     clock = WorldClock.find()
     assert clock is not None
     os.kill(pid, signal.SIGSTOP)

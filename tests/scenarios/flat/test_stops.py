@@ -1,4 +1,4 @@
-"""Every way to an emergency stop, and the only way back, on the whole stack in physics."""
+"""Every emergency stop cause and the release procedure, on the whole stack in physics."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_message_stops_the_robot_until_it_is_released(stack: StackUnderTest) -
 
 
 def test_the_simulated_world_waits_for_a_stick_that_is_held_up(stack: StackUnderTest) -> None:
-    """A test that has no time for its stick for a moment has not let go of it."""
+    """A short delay of the test process does not count as a release of the stick."""
     clock = WorldClock.find()
     assert clock is not None
     stack.drive_at(0.4)

@@ -1,4 +1,4 @@
-"""A passenger's ride on the whole stack in physics, by touch alone: nobody but the page asks the robot for anything."""
+"""A passenger's ride on the whole stack in physics, commanded only by touch."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_a_ride_is_started_paused_stopped_released_and_finished_by_touch(page: A
     page.click('[data-nav="faults"]')
     page.click("#reset")
     stack.wait_safety("NORMAL")
-    page.click("#to-staff")  # the rider's page again
+    page.click("#to-staff")  # back to the rider's page
     page.click("#resume")
     page.wait_for_selector('[data-end="COMPLETED"]', timeout=120_000)
     stack.wait_stands()

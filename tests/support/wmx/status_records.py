@@ -1,4 +1,4 @@
-"""The vendor's status records, as published, and how the simulated engine's status reads in them."""
+"""The vendor's status records as published, and the simulated engine's status in these records."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Python classes as strict as those of a SWIG wrapper: C argument types, own value classes, overloads.
 
-Facts of SWIG that matter to a caller: a call with wrong arguments raises TypeError, an overloaded one
-NotImplementedError; a number that the C type cannot hold raises OverflowError, or is a wrong argument of an overloaded
-call; a float is no int and an int of numpy neither; only True and False are bool; a proxy object takes any attribute,
-so a misspelt field is lost without a word.
+Behaviour of SWIG that affects a caller: wrong arguments raise TypeError, or NotImplementedError in an overloaded call.
+A number out of the C type's range raises OverflowError, or is a wrong argument of an overloaded call. A float or a
+numpy int is not accepted as int; only True and False are bool. A proxy object accepts any attribute, so a misspelt
+field is silently lost.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Run = Callable[..., Any]
 
 
 class CType:
-    """One C type: ``take`` gives the plain value of an argument or raises as the wrapper does."""
+    """One C type: ``take`` returns the plain value of an argument or raises like the wrapper."""
 
     def __init__(self, name: str, low: int | None = None, high: int | None = None) -> None:
         self.name, self.low, self.high = name, low, high
@@ -71,7 +71,7 @@ class Of(CType):
 
 
 class ListOf(CType):
-    """A Python list, each of whose entries is of one type."""
+    """A Python list whose entries all have one type."""
 
     def __init__(self, item: CType) -> None:
         super().__init__(f"list of {item.name}")
@@ -84,11 +84,11 @@ class ListOf(CType):
 
 
 class Opaque:
-    """What a C array looks like as an attribute: a pointer that Python can do nothing with."""
+    """A C array as an attribute: a pointer without a use in Python."""
 
 
 class Proxy:
-    """A value class. Subclasses say their C fields and arrays; ``written`` are the fields that a caller wrote."""
+    """A value class. Subclasses define its C fields and arrays; ``written`` contains the fields set by a caller."""
 
     FIELDS: dict[str, CType] = {}
     ARRAYS: dict[str, tuple[CType, int]] = {}
@@ -126,7 +126,7 @@ def _default(kind: CType) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """An argument as it is recorded."""
+    """An argument in the form in which calls are recorded."""
     if isinstance(value, Proxy):
         return value.plain()
     return [plain(item) for item in value] if isinstance(value, (list, tuple)) else value
@@ -142,7 +142,7 @@ def proxy(
         members[f"Get{capital}"] = _reader(array, size)
         members[f"Set{capital}"] = _writer(array, kind, size)
     made = type(name, (Proxy,), members)
-    for field in fields:  # a wrapper's class has a property for each field
+    for field in fields:  # like a wrapper's class, with a property for each field
         setattr(made, field, property(lambda self, field=field: self.values[field]))
     return made
 
@@ -184,7 +184,7 @@ def c_array(name: str, kind: CType) -> type:
 
 
 def taken(name: str, overloads: Sequence[Sequence[CType]], arguments: tuple[Any, ...]) -> list[Any]:
-    """The arguments as the first overload that fits takes them, or what the wrapper raises."""
+    """Converts the arguments by the first overload that fits, or raises like the wrapper."""
     if len(overloads) == 1:
         if len(arguments) != len(overloads[0]):
             raise TypeError(f"{name}() takes {len(overloads[0])} positional arguments but {len(arguments)} were given")

@@ -1,9 +1,9 @@
-"""Stands in for the vendor's Python module: its surface from published facts, its behaviour from the simulated engine.
+"""Replaces the vendor's Python module: its interface from published facts, its behaviour from the simulated engine.
 
-``fill(globals())`` makes a module of it. Every call is recorded in ``CONTROL.calls``; what a correct caller does not do
-is recorded in ``CONTROL.faults`` (a field that does not exist, a command with fields left out, a list shorter than its
-count) and ``CONTROL.disorder`` (motion without a device or without communication, a closed device used).
-Nothing of the adapter's code is used here. Paths of CreateDevice are runtime folders of simulated engines.
+``fill(globals())`` makes a module of it. ``CONTROL.calls`` records every call. ``CONTROL.faults`` records wrong calls
+(a field that does not exist, a command with fields left out, a list shorter than its count), and ``CONTROL.disorder``
+records calls out of order (motion without a device or without communication, a closed device used). It uses no code of
+the adapter. Paths of CreateDevice are runtime folders of simulated engines.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ VENDOR_ONLY: Final = {
     "Config_MotionParam": {"interruptedIntplUseQuickStop": BOOL},
     "CoreMotionAxisStatus": {"nearPositiveLS": BOOL, "axisCommandModeFeedback": INT, "homePaused": BOOL},
 }
-"""Fields that the vendor has and the port does not: they must survive what the adapter does to a block."""
+"""Fields that only the vendor has: the adapter must preserve them when it changes a block."""
 ENUMS: Final = tuple(kind for kind in vars(port).values() if isinstance(kind, type) and issubclass(kind, IntEnum))
 ERRORS: Final = ("CoreMotionErrorCode", "AdvancedMotionErrorCode", "EcErrorCode")
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A version of the module. ``inserted``: by enumeration, at which number newer headers put an entry between."""
+    """A version of the module. ``inserted``: by enumeration, the number at which newer headers insert an entry."""
 
     io: str = "Io"
     ecat_takes_master: bool = False
@@ -78,7 +78,7 @@ VARIANTS: Final = {"3.5": V35, "3.5 with whole milliseconds": V35_UINT, "newer":
 
 @dataclass
 class Control:
-    """What the tests look at, and how they break the engine. ``frozen``: its cycle counter stands still."""
+    """Records for the tests, and switches that break the engine. ``frozen``: fixed value of the cycle counter."""
 
     calls: list[tuple[str, tuple[Any, ...]]] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
@@ -92,7 +92,7 @@ class Control:
 
 
 class Numbers:
-    """The numbers of a variant: those of the port with entries in between."""
+    """The numbers of a variant: those of the port with inserted entries."""
 
     def __init__(self, variant: Variant) -> None:
         self._inserted = variant.inserted
@@ -149,7 +149,7 @@ class Classes:
         self.made["uintArray"] = c_array("uintArray", UINT)
 
     def _enumerations(self) -> None:
-        for kind in sorted(ENUMS, key=lambda kind: kind.__name__ in ERRORS):  # their base comes first
+        for kind in sorted(ENUMS, key=lambda kind: kind.__name__ in ERRORS):  # their base class must exist first
             entries = {member.name: self.numbers.vendor(kind, int(member)) for member in kind}
             inserted = self.variant.inserted.get(kind.__name__)
             if inserted is not None:
@@ -179,7 +179,7 @@ class Classes:
         }
 
     def of(self, kind: type) -> type[Proxy]:
-        """The class of a record, with the port's field names and those that only the vendor has."""
+        """The class of a record, with the port's field names and the vendor's own."""
         name = kind.__name__
         if name in self.made:
             found: type[Proxy] = self.made[name]
@@ -232,7 +232,7 @@ class Classes:
         return made
 
     def port(self, value: Any, n_axes: int = N_AXES) -> Any:
-        """An argument as the simulated engine takes it. A command with fields that nobody wrote is a fault."""
+        """Converts an argument for the simulated engine. Unset fields of a command are recorded as a fault."""
         if isinstance(value, list):
             return [self.port(item) for item in value]
         if not isinstance(value, Proxy):
@@ -271,7 +271,7 @@ Overloads = Sequence[Sequence[CType]]
 
 
 class Device:
-    """What the fake's objects of one device share: the simulated device and whether it is open."""
+    """Common state of the fake's objects of one device: the simulated device and whether it is open."""
 
     def __init__(self, control: Control) -> None:
         self.library = simulated_library(control.patience_s, control.patience_s)
@@ -292,7 +292,7 @@ class Builder:
         self.extras: dict[tuple[str, int], dict[str, Any]] = {}
 
     def method(self, owner: str, name: str, call: Call) -> Callable[..., Any]:
-        """A call of the surface that the simulated engine carries out."""
+        """A call of the interface that the simulated engine executes."""
         numbers = self.classes.numbers
 
         def run(this: Any, *arguments: Any) -> Any:
@@ -306,7 +306,7 @@ class Builder:
         return run
 
     def asked(self, owner: str, name: str, call: Call, this: Any, arguments: tuple[Any, ...]) -> list[Any]:
-        """Checks and records a call of the surface; the arguments as taken."""
+        """Checks and records a call of the interface; returns the converted arguments."""
         ordered = "bus" if call.bus else "" if name in ("IsDeviceValid", "CreateDevice") else "device"
         return self.called(owner, name, self.overloads(call), this, arguments, ordered)
 
@@ -328,7 +328,7 @@ class Builder:
     def called(
         self, owner: str, name: str, overloads: Overloads, this: Any, arguments: tuple[Any, ...], ordered: str
     ) -> list[Any]:
-        """Checks and records a call; the arguments as taken."""
+        """Checks and records a call; returns the converted arguments."""
         given = take(name, overloads, arguments)
         full = f"{owner}.{name}"
         self.control.calls.append((full, tuple(plain(value) for value in given)))
@@ -344,7 +344,7 @@ class Builder:
         return given
 
     def answer(self, result: Any, call: Call | None = None) -> Any:
-        """A result of the simulated engine in the vendor's numbers and objects."""
+        """Converts a result of the simulated engine into the vendor's numbers and objects."""
         if isinstance(result, tuple):
             code, *values = result
             kinds = call.values if call is not None and not code else ()
@@ -355,7 +355,7 @@ class Builder:
         return result if isinstance(result, (bool, str)) else self.classes.numbers.code(int(result))
 
     def text(self, owner: str) -> Any:
-        """ErrorToString of one module: a static method that knows its own codes and the base's."""
+        """ErrorToString of one module: a static method with texts for its own codes and the base's."""
 
         def run(code: Any) -> str:
             self.control.calls.append((f"{owner}.ErrorToString", (INT.take(code),)))

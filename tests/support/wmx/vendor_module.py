@@ -1,4 +1,4 @@
-"""The fake of the vendor's module as a file that can be imported from a folder, as the vendor's is."""
+"""The fake of the vendor's module as an importable file in a folder, like the vendor's."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ fill(globals(), VARIANTS[{variant!r}], Control())
 
 
 def write_module(folder: Path, variant: str, more: str = "") -> None:
-    """Writes the module of a variant into ``folder``; ``more`` is code that breaks it."""
+    """Writes the module of a variant into ``folder``; ``more`` is additional code that breaks it."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{MODULE_NAME}.py").write_text(_SOURCE.format(variant=variant) + more, encoding="utf-8")
 
 
 @contextmanager
 def no_module() -> Iterator[None]:
-    """Within it the module is not imported yet; afterwards it is again what it was before."""
+    """Within the context the module is not imported; afterwards its previous state is restored."""
     before = sys.modules.pop(MODULE_NAME, None)
     importlib.invalidate_caches()
     try:
@@ -39,7 +39,7 @@ def no_module() -> Iterator[None]:
 
 @contextmanager
 def fake_module(folder: Path, variant: str, more: str = "") -> Iterator[ModuleType]:
-    """The module of a variant, imported from ``folder``; gone afterwards."""
+    """Imports the module of a variant from ``folder``; the context removes it at its end."""
     with no_module():
         write_module(folder, variant, more)
         sys.path.insert(0, str(folder))

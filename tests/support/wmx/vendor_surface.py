@@ -1,7 +1,7 @@
-"""The classes of the vendor's module with their calls, made from the tables of the surface.
+"""The classes of the vendor's module with their calls, generated from the interface tables.
 
-``fill(globals(), variant, control)`` makes a module of them; see vendor_fake for what they do. By hand is what the port
-does not have, or has in another shape: the status, the images of inputs and outputs, and what differs by version.
+``fill(globals(), variant, control)`` makes a module of them; see vendor_fake for their behaviour. Parts that the port
+lacks or defines differently are written by hand: the status, the images of inputs and outputs, and version differences.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _calls(builder: Builder, owner: str) -> dict[str, Any]:
 
 
 def _table(builder: Builder, owner: str, **more: Any) -> type:
-    """A member's class, on the simulated engine's object of the same name."""
+    """The class of a member, which calls the simulated engine's object of the same name."""
 
     def init(self: Any, device: Device, sim: Any) -> None:
         self.device, self.sim = device, sim
@@ -55,7 +55,7 @@ def _table(builder: Builder, owner: str, **more: Any) -> type:
 
 
 def _part(builder: Builder, device: type, owner: str, name: str, members: dict[str, Any]) -> type:
-    """A class that is made of a device."""
+    """A class whose constructor takes a device."""
 
     def init(self: Any, *arguments: Any) -> None:
         (api,) = take(name, ((Of(device),),), arguments)
@@ -89,7 +89,7 @@ def _device(builder: Builder) -> type:
 
 
 def _config(builder: Builder) -> type:
-    """What the port does not know of a block is kept."""
+    """Fields of a block that the port does not have are preserved."""
     kind, extras = _table(builder, "config"), builder.extras
     for block in (*BLOCKS, ENGINE_BLOCK):
         setattr(kind, f"Get{block}", _getter(builder, block, extras))
@@ -157,7 +157,7 @@ def _io(builder: Builder, device: type) -> type:
 
 
 def _ecat(builder: Builder, device: type) -> type:
-    """Its calls take the number of a master first where the version wants one."""
+    """In versions that require it, the calls take a master's number first."""
     with_master = builder.variant.ecat_takes_master
 
     def scan(self: Any, *arguments: Any) -> Any:
