@@ -1,4 +1,4 @@
-"""Single nodes of the stack on the scheduler, among peers that play everything else. Durations have no spread."""
+"""Single nodes of the stack on the scheduler, with peers in place of the other nodes. Durations have no spread."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from tests.unit.scheduler.rig import constant, params
 LATENCY_S, COMPUTE_S, JOB_S, DISCOVERY_S = 0.001, 0.001, 0.02, 0.1
 BUTTON_RELEASED, BUTTON_PRESSED = 1, 0
 _LIMIT_S = 10.0
-_READY_S = 0.2  # a process that is started now runs and is known to all
+_READY_S = 0.2  # after which a new process runs and is discovered by all
 _SOURCE_PERIOD_S = 0.2
 _ENGINE_BLOCK_CYCLES = 5
 
 
 def _params(peer: str) -> Any:
-    """The peer takes no time of its own: what it receives is noted when it arrives."""
+    """The peer has nearly no computing time, so it records messages on arrival."""
     return params(
         latency={"small": constant(1.0), "bulk": constant(1.0), "call": constant(1.0), "rows": {}},
         compute={"default": constant(1e3 * COMPUTE_S), "names": {peer: constant(0.001)}},
@@ -47,9 +47,9 @@ def _params(peer: str) -> Any:
 
 
 class Peer(Story):
-    """A node of its own that is not bound by the contract: tests publish what they like.
+    """A separate node that is not bound by the contract: tests publish any message.
 
-    port: for what has no method here. process: ends, hangs and starts it. prepare: called with the port of each life.
+    port: for functions without a method here. process: to stop, hang and start it. prepare: called with each new port.
     """
 
     def __init__(self, scheduler: Scheduler, name: str, prepare: Callable[[Port], object] = lambda _: None) -> None:
@@ -69,7 +69,7 @@ class Peer(Story):
     # --- time --------------------------------------------------------------------------------------------------------
 
     def stamp_s(self) -> float:
-        """The ROS clock."""
+        """The time of the ROS clock."""
         return self.port.now_ns() / 1e9
 
     def stamp(self, later_s: float = 0.0) -> Time:
@@ -97,20 +97,20 @@ class Peer(Story):
 
 
 class Source:
-    """A source of the emergency stop that reports itself, until its ``end``."""
+    """A source of the emergency stop that publishes its reports until ``end``."""
 
     def __init__(self, peer: Peer, name: str) -> None:
         stop, reports = peer.publisher(EMERGENCY_STOP), peer.publisher(EMERGENCY_STOP_SOURCES)
         self._source = StopSource(name, peer.port.process_id, stop, reports, peer.stamp)
         self._ended = False
-        peer.run(_READY_S)  # its publishers are known
+        peer.run(_READY_S)  # until its publishers are discovered
         peer.scheduler.every(round(1e9 * _SOURCE_PERIOD_S), self._repeat)
 
     def publish(self, pressed: bool) -> None:
         self._source.publish(pressed)
 
     def end(self) -> None:
-        """It falls silent, as if its process had died."""
+        """Stops the reports, like a dead process."""
         self._ended = True
 
     def _repeat(self) -> None:
@@ -119,7 +119,7 @@ class Source:
 
 
 class BenchEngine:
-    """A motion engine on drives without physics, from ``run`` on. drives: for faults."""
+    """A motion engine on drives without physics; it starts with ``run``. drives: for faults."""
 
     def __init__(self, scheduler: Scheduler, port: Port) -> None:
         self._scheduler, self._port = scheduler, port
@@ -129,7 +129,7 @@ class BenchEngine:
         self._device: MotionEngine | None = None
 
     def run(self) -> BenchEngine:
-        """A new engine, without communication yet."""
+        """Starts a new engine without starting communication."""
         config = load_engine_config()
         inputs = self.drives.inputs or {0: BUTTON_RELEASED}
         self.drives = VirtualDrives(config.n_axes, config.cycle_time_s)
@@ -151,8 +151,8 @@ class BenchEngine:
         return self
 
     def up(self) -> BenchEngine:
-        """Bus and servos on."""
-        self.device.api.StartCommunication()  # comes up within the next cycles
+        """Starts the bus and switches the servos on."""
+        self.device.api.StartCommunication()  # takes effect within the next cycles
         self._wait(lambda: self.device.read_status()[1].communicating, "communication")
         self.servos(True)
         return self
@@ -163,19 +163,19 @@ class BenchEngine:
         self._wait(lambda: all(bool(one) == on for one in self.device.read_status()[1].servo_on), f"servos {on}")
 
     def press(self, pressed: bool) -> None:
-        """The contact of the stop button."""
+        """Sets the contact of the stop button."""
         self.drives.inputs = {0: BUTTON_PRESSED if pressed else BUTTON_RELEASED}
 
     def alarm(self, axis: int, code: int) -> None:
-        """Stays until ``recover``."""
+        """Raises an alarm that stays until ``recover``."""
         self.drives.stubborn = True
         self.drives.alarms[axis] = code
 
     def recover(self) -> None:
-        """What the hardware interface does after a fault: clear the alarms, servos on."""
+        """Recovers like the hardware interface after a fault: clears the alarms and switches the servos on."""
         self.drives.connected, self.drives.stubborn = True, False
         if not self.device.read_status()[1].communicating:
-            self.device.api.StartCommunication()  # comes up within the next cycles
+            self.device.api.StartCommunication()  # takes effect within the next cycles
             self._wait(lambda: self.device.read_status()[1].communicating, "communication")
         for axis in range(self.drives.n_axes):
             self.device.core_motion.axisControl.ClearAmpAlarm(axis)
@@ -187,7 +187,7 @@ class BenchEngine:
         self._world.ended = True
 
     def open(self, port: Port) -> MotionEngine:
-        """For the node of a port. Raises EngineError."""
+        """Opens the engine for the node of a port. Raises EngineError."""
         if self._world is None or self._world.ended:
             code = ErrorCode.IMLibIsNotRunning
             raise EngineError(f"{port.name}: no motion engine runs", code, error_name(code))
@@ -203,9 +203,9 @@ class BenchEngine:
 
 
 class Bench(Peer):
-    """The peer that every bench has, and the nodes under test.
+    """The common peer of every bench, with the nodes under test.
 
-    engine: none runs before its ``run``. devices: display's cable, computer, disk, touch screen. expected_failures:
+    engine: does not run before its ``run``. devices: display's cable, computer, disk, touch screen. expected_failures:
     processes that may fail.
     """
 
@@ -216,7 +216,7 @@ class Bench(Peer):
         self.expected_failures: set[str] = set()
 
     def start(self, name: str, parameters: dict[str, Any] | None = None, *, known: bool = True) -> Process:
-        """A process of the contract, until it runs and all know it.
+        """Starts a process of the contract and waits until it runs and is discovered.
 
         parameters: by dotted name. known: False returns at once.
         """
@@ -226,23 +226,23 @@ class Bench(Peer):
         return process
 
     def start_again(self, process: Process) -> None:
-        """Another life of a process that has ended, until it runs and all know it."""
+        """Restarts a process that has ended, and waits until it is discovered."""
         process.start()
         self.run(_READY_S)
 
     def stop(self, process: Process) -> int:
-        """As SIGTERM. Returns the exit code."""
+        """Stops a process like SIGTERM. Returns the exit code."""
         process.stop()
         self.wait(lambda: not process.alive, f"the end of {process.name}")
         assert process.exit_code is not None
         return process.exit_code
 
     def peer(self, name: str, prepare: Callable[[Port], object] = lambda _: None) -> Peer:
-        """Another node, e.g. under the name of one of the contract."""
+        """Another node, which may have the name of one of the contract."""
         return Peer(self.scheduler, name, prepare)
 
     def heart(self, name: str) -> Peer:
-        """A peer whose only life is the record of a process of the contract, ten times a second."""
+        """A peer that only updates the node record of a contract's process, ten times a second."""
 
         def beat(port: Port) -> None:
             port.add_timer(0.1, lambda: port.node_record.beat(True, ""))
@@ -253,7 +253,7 @@ class Bench(Peer):
         return Source(self, name)
 
     def assert_well(self) -> None:
-        """At the end of each test."""
+        """Checks at the end of each test that no unexpected process failed."""
         failed = [item for item in self.scheduler.failures if item.process not in self.expected_failures]
         assert not failed, "\n".join(f"{1e-9 * item.time_ns:.3f} s {item.process}: {item.text}" for item in failed)
 

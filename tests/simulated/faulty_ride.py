@@ -1,4 +1,4 @@
-"""Runs of the whole stack on the scheduler with faults, as tests ask for them."""
+"""Runs of the whole stack on the scheduler with faults requested by tests."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def scenario(start: dict[str, float], **content: Any) -> Scenario:
 
 @contextmanager
 def ride(*faults: PlannedFault, mission: str | None = None, seed: int = 1) -> Iterator[ScheduledRun]:
-    """A run that has begun: to a goal straight ahead over open ground, or a mission from the chair's staging pose."""
+    """A started run: to a goal straight ahead over open ground, or a mission from the chair's staging pose."""
     content: dict[str, Any] = {"goals": [AHEAD]} if mission is None else {"mission": mission}
     start = OPEN_GROUND if mission is None else STAGING
     with ScheduledRun(scenario(start, **content), seed, RunOptions(light=True, faults=faults)) as run:
@@ -35,7 +35,7 @@ def go_on(run: ScheduledRun, duration_s: float) -> None:
 
 
 def wait_for_row(run: ScheduledRun, code: str, within_s: float) -> None:
-    """Runs until the row is in /safety/status."""
+    """Runs until /safety/status contains the row."""
     assert run.stack.scheduler.run_for(within_s, lambda: code in rows(run)), f"{code} is missing: {rows(run)}"
 
 

@@ -1,4 +1,4 @@
-"""The whole robot on the scheduler, as stories drive, disturb and watch it. Truth is read from the world itself."""
+"""The whole robot on the scheduler with operations and observations for tests. Truth is read from the world."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _STICK_PERIOD_S = 0.05
 _SOURCE_PERIOD_S = 0.2
 _STANDSTILL_MPS, _STANDSTILL_RADPS = 0.01, 0.02
 _DOCKING_LIMIT_S = 60.0
-# From the end of a process until all others know its next life.
+# From the end of a process until all others have discovered the restarted one.
 _KNOWN_AFTER_S = 1.0
 _OPERATED = (
     topics.EMERGENCY_STOP,
@@ -41,7 +41,7 @@ _OPERATED = (
 
 
 class Stage(Story):
-    """A robot that may drive. ``stack`` and ``world`` are open for what has no method here.
+    """A robot that may drive. Use ``stack`` and ``world`` for functions without a method here.
 
     expected_failures: processes that may end by themselves. touches: what the robot may touch.
     """
@@ -76,7 +76,7 @@ class Stage(Story):
         self.scheduler.every(round(1e9 * _SOURCE_PERIOD_S), self.ride.repeat_stop_source)
 
     def assert_well(self) -> None:
-        """At the end of each story: no process failed and nothing was touched, except what the story expects."""
+        """Checks at the end of each test that no unexpected process failed and nothing unexpected was touched."""
         failed = [item for item in self.scheduler.failures if item.process not in self.expected_failures]
         assert not failed, "\n".join(f"{1e-9 * item.time_ns:.3f} s {item.process}: {item.text}" for item in failed)
         touched = set(self.world.sim.world.touched) - self.touches
@@ -118,17 +118,17 @@ class Stage(Story):
         return float(self.world.sim.world.truth().position_m[2])
 
     def at(self) -> Pose2:
-        """Where the robot is."""
+        """The true pose of the robot."""
         return self.world.sim.world.truth().pose()
 
     def wheelchair(self) -> Pose2:
-        """Where the wheelchair is."""
+        """The true pose of the wheelchair."""
         bodies = dict(self.world.sim.world.bodies())
         x, y, _, w, i, j, k = bodies["wheelchair"]
         return Pose2(float(x), float(y), math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k)))
 
     def estimate_error_m(self) -> float:
-        """Of the newest pose, while the robot stands."""
+        """Error of the newest pose, while the robot stands."""
         return self.at().distance_to(pose_from_msg(self.pose.last.pose))
 
     # --- waits -------------------------------------------------------------------------------------------------------
@@ -153,17 +153,17 @@ class Stage(Story):
         return {message.safety_state for message in self.safety.since(since_s)}
 
     def assert_wheels_rest(self, duration_s: float) -> None:
-        """Commands and truth: nothing moves for so long."""
+        """Checks that wheel commands and true speed are zero for the duration."""
         begun_s = self.now_s
         self.stays(lambda: self.stands, "the robot stands", duration_s)
         commands = self.commands.since(begun_s)
         assert len(commands) > 10.0 * duration_s, "wheel commands go on while the robot stands"
         assert all(module.drive_velocity == 0.0 for command in commands for module in command.modules)
 
-    # --- acts --------------------------------------------------------------------------------------------------------
+    # --- operations --------------------------------------------------------------------------------------------------
 
     def drive(self, vx_mps: float, vy_mps: float = 0.0, omega_radps: float = 0.0) -> None:
-        """Holds the stick, at 20 Hz, until ``let_go``. It begins at rest, as a joystick does."""
+        """Commands the twist at 20 Hz until ``let_go``. The first command is zero, as from a joystick."""
         if self._stick is None:
             self._stick = TwistStamped()
             self.run(2.0 * _STICK_PERIOD_S)
@@ -177,7 +177,7 @@ class Stage(Story):
         self.wait_faster(0.9 * speed_mps, limit_s)
 
     def let_go(self) -> None:
-        """Returns when the drive takes the stick for released."""
+        """Returns when the drive considers the stick released."""
         self._stick = TwistStamped()
         self.run(2.0 * _STICK_PERIOD_S)
         self._stick = None
@@ -190,7 +190,7 @@ class Stage(Story):
         return self.call(services.SAFETY_RESET)
 
     def release(self) -> None:
-        """Both keys; the monitor agrees."""
+        """Releases the stop and resets the monitor, which must accept it."""
         self.estop(False)
         self.run(0.5)
         answer = self.reset()
@@ -203,7 +203,7 @@ class Stage(Story):
         self.publish(topics.GOAL_POSE, pose_stamped(pose, frames.MAP, self.ride.stamp()))
 
     def board(self, aboard: bool) -> None:
-        """A passenger, for the nodes: no wheelchair is latched."""
+        """Reports a passenger to the nodes; no wheelchair is latched."""
         self.publish(topics.PASSENGER_ATTACHED, Bool(data=aboard))
 
     # --- processes ---------------------------------------------------------------------------------------------------
@@ -217,7 +217,7 @@ class Stage(Story):
         self.scheduler.processes[name].hang(duration_s)
 
     def wait_restarted(self, name: str, limit_s: float = 20.0) -> None:
-        """The supervisor has brought the process back and the others have discovered it."""
+        """Waits until the supervisor has restarted the process and the others have discovered it."""
         process = self.scheduler.processes[name]
         self.wait(
             lambda: process.running and self.stack.supervision.state(name) is State.READY,
@@ -246,7 +246,7 @@ class Stage(Story):
         self.docking.wait(lambda message: message.state == state, f"docking state {state}", limit_s)
 
     def docking_error(self) -> tuple[float, float]:
-        """(m, rad) of base_link beside the dock pose of the true wheelchair."""
+        """(m, rad) of base_link relative to the dock pose at the true wheelchair."""
         off = self.at().relative_to(self.wheelchair().compose(self.dock.dock_pose.pose()))
         return math.hypot(off.x, off.y), abs(off.yaw)
 
@@ -266,7 +266,7 @@ def staged(
 ) -> Iterator[Stage]:
     """A robot that is ready to drive.
 
-    wrong_by: the believed start, seen from the true one. light: few LiDAR beams, and pictures only while docking.
+    wrong_by: the estimated start relative to the true one. light: few LiDAR beams, and images only while docking.
     """
     believed = () if start is None else pose_settings("ndt_localization.start", start.compose(wrong_by))
     scenario = Scenario(
@@ -277,7 +277,7 @@ def staged(
         start=None if start is None else Place(x_m=start.x, y_m=start.y, yaw_deg=math.degrees(start.yaw)),
         settings=["sim_world.people=false", *believed, *settings],
     )
-    # Tests run beside each other: each keeps to one core.
+    # Tests run in parallel: each keeps to one core.
     with ScheduledRun(scenario, seed, RunOptions(light=light, parallel=False)) as ride:
         stage = Stage(ride)
         stage.begin_ride()
@@ -287,7 +287,7 @@ def staged(
 
 @contextmanager
 def staged_before_chair(start: Pose2, *settings: str, seed: int = 1) -> Iterator[Stage]:
-    """On even asphalt, near the staging pose of the dock, at which the robot believes to stand exactly."""
+    """On even asphalt near the staging pose; the localization starts exactly at the staging pose."""
     row = load_docks().docks[DOCK]
     staging = row.staging.pose()
     chair = staging.compose(Pose2(1.5, 0.0, 0.0)).compose(row.dock_pose.pose().inverse())

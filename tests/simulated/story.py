@@ -1,4 +1,4 @@
-"""What stories on the scheduler share: waits in virtual time, received messages, calls of services and actions."""
+"""Common functions of tests on the scheduler: waits in virtual time, received messages, service and action calls."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _DISCOVERY_S = 5.0
 
 
 class Heard:
-    """What a story has received on a topic: (virtual time in s, message) pairs."""
+    """Messages received on a topic: (virtual time in s, message) pairs."""
 
     def __init__(self, story: Story, name: str) -> None:
         self._story, self._name = story, name
@@ -44,7 +44,7 @@ class Heard:
     def wait(
         self, condition: Callable[[Any], Any] = lambda _: True, what: str = "a message", limit_s: float = _LIMIT_S
     ) -> Any:
-        """The newest message or the first later one that meets the condition."""
+        """Returns the newest message or the first later one that meets the condition."""
         asked = max(0, len(self.items) - 1)
 
         def found() -> Any:
@@ -58,7 +58,7 @@ class Heard:
         return self._story.wait(found, f"{what} on {self._name}; the newest is {self._text}", limit_s)[1]
 
     def wait_next(self, count: int = 1, limit_s: float = _LIMIT_S) -> list[Any]:
-        """The next messages."""
+        """Waits for the next messages."""
         begun = len(self.items)
         self._story.wait(lambda: len(self.items) >= begun + count, f"{count} messages on {self._name}", limit_s)
         return [message for _, message in self.items[begun : begun + count]]
@@ -75,7 +75,7 @@ class Heard:
 
 
 class Text:
-    """A text that is made when it is read."""
+    """A text that is computed when it is read."""
 
     def __init__(self, make: Callable[[], str]) -> None:
         self._make = make
@@ -85,7 +85,7 @@ class Text:
 
 
 class Goal:
-    """A goal of an action. states: of its feedback, in order of change. result: None until it ends."""
+    """A goal of an action. states: the feedback's states in order. result: None until it ends."""
 
     def __init__(self, story: Story, port: Port, row: Action, request: Any) -> None:
         self._story = story
@@ -103,7 +103,7 @@ class Goal:
         return self.wait(limit_s)
 
     def wait(self, limit_s: float = _LIMIT_S) -> Any:
-        """The result."""
+        """Waits for the result."""
         return self._story.wait(lambda: self.result, f"the result; states so far {self.states}", limit_s)
 
     def _on_accepted(self, accepted: bool) -> None:
@@ -122,7 +122,7 @@ class Goal:
 
 
 class Story:
-    """A story in virtual time. port: of a tool, which may use every topic, service and action."""
+    """A test in virtual time. port: of a tool, which may use every topic, service and action."""
 
     def __init__(self, scheduler: Scheduler, port: Port) -> None:
         self.scheduler = scheduler
@@ -141,7 +141,7 @@ class Story:
         self.scheduler.run_for(duration_s)
 
     def wait(self, condition: Callable[[], ValueT], what: Any, limit_s: float = _LIMIT_S) -> ValueT:
-        """The first true value of ``condition``. Raises AssertionError if virtual time passes the limit before."""
+        """Returns the first true value of ``condition``. On a timeout in virtual time raises AssertionError."""
         end_s = self.now_s + limit_s
         while True:
             value = condition()
@@ -151,7 +151,7 @@ class Story:
             self.scheduler.run_for(_POLL_S)
 
     def stays(self, condition: Callable[[], Any], what: str, duration_s: float) -> None:
-        """Runs on; the condition holds all the time."""
+        """Runs for the duration and checks the condition throughout."""
         end_s = self.now_s + duration_s
         while self.now_s < end_s:
             assert condition(), f"no longer true: {what}; {self.describe()}"
@@ -159,12 +159,12 @@ class Story:
         assert condition(), f"no longer true: {what}; {self.describe()}"
 
     def describe(self) -> str:
-        """The state of the story, for its failures."""
+        """The state of the test, for failure messages."""
         failures = "".join(f"; {item.process} failed: {item.text}" for item in self.scheduler.failures)
         return f"at {self.now_s:.3f} s{failures}"
 
     def log(self, node: str) -> str:
-        """What a node has logged."""
+        """The log of a node."""
         return "\n".join(line.text for line in self.scheduler.log if line.node == node)
 
     # --- messages ----------------------------------------------------------------------------------------------------
@@ -185,14 +185,14 @@ class Story:
         return self._publishers[row.name]
 
     def publish(self, row: Topic, message: Any) -> None:
-        """Waits for a subscriber first, unless the topic keeps its messages."""
+        """Waits for a subscriber first, unless the topic is latched."""
         publisher = self.publisher(row)
         if row.qos.durability is Durability.VOLATILE:
             self.wait(publisher.get_subscription_count, f"a subscriber of {row.name}", _DISCOVERY_S)
         publisher.publish(message)
 
     def call(self, row: Service, request: Any = None, limit_s: float = _LIMIT_S) -> Any:
-        """The response of a service."""
+        """Calls a service and returns its response."""
         client = self._clients.get(row.name)
         if client is None:
             client = self._clients[row.name] = self._port.client(row.type, row.name)
@@ -202,7 +202,7 @@ class Story:
         return self.wait(lambda: answers, f"an answer of {row.name}", limit_s)[0]
 
     def begin(self, row: Action, request: Any) -> Goal:
-        """Sends a goal, which the server accepts."""
+        """Sends a goal, which the server must accept."""
         goal = Goal(self, self._port, row, request)
         self.wait(lambda: goal.accepted is not None, f"an answer to the goal of {row.name}")
         assert goal.accepted, f"{row.name} rejected the goal"
@@ -217,7 +217,7 @@ class Story:
         *,
         into: Service = services.INJECT_FAULT,
     ) -> str:
-        """A fault by a service of type InjectFault; ``clear`` ends them."""
+        """Injects a fault by a service of type InjectFault; ``clear`` ends all faults."""
         answer = self.call(into, InjectFault.Request(kind=kind, target=target, value=value, duration_s=duration_s))
         assert answer.success, answer.message
         return str(answer.message)

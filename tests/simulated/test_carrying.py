@@ -1,4 +1,4 @@
-"""The main job: a mission fetches a wheelchair, carries it to its destination and puts it down."""
+"""A mission fetches a wheelchair, carries it to its destination and puts it down."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robot_stack.core.geometry import Pose2
 from tests.simulated.stage import staged_before_chair
 from tests.support.environment import own_config
 
-# Beside the staging pose, at which the robot believes to stand: without a map it carries that error along.
+# Beside the staging pose, where the localization starts: without a map this error remains.
 START = Pose2(0.2, 0.3, math.radians(10.0))
 DESTINATION = Pose2(2.0, 11.0, math.pi)
 MISSION = """
@@ -40,6 +40,6 @@ def test_a_wheelchair_is_fetched_carried_and_put_down(tmp_path: Path) -> None:
         staging = dock.staging.pose()
         believed = DESTINATION.compose(dock.dock_pose.pose().inverse())
         expected = staging.compose(START).compose(staging.inverse()).compose(believed)
-        assert chair.distance_to(expected) < 0.10  # navigation's tolerance and the wheels' drift
+        assert chair.distance_to(expected) < 0.10  # navigation's tolerance and the wheel odometry's drift
         assert stage.at().distance_to(chair) > 2.0
         assert "EMERGENCY_STOP" not in stage.safety_states(begun_s)

@@ -1,4 +1,4 @@
-"""Faults of the computer, the external display and the screen: warnings that stop nothing."""
+"""Faults of the computer, the external display and the screen: warnings that do not stop the robot."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robot_stack.core.robot import load_robot
 from tests.simulated.stage import staged
 
 SPEED_MPS = 0.3
-# Code, service, fault, and the figure of /robot_status that shows it.
+# Code, service, fault, and the field of /robot_status that shows it.
 TROUBLES: tuple[tuple[str, Service, str, str], ...] = (
     ("OVERHEAT", services.INJECT_COMPUTER_FAULT, "overheat", ""),
     ("MEMORY_HIGH", services.INJECT_COMPUTER_FAULT, "memory_high", "memory_usage_percent"),
@@ -20,7 +20,7 @@ TROUBLES: tuple[tuple[str, Service, str, str], ...] = (
 
 
 def test_each_is_reported_while_the_robot_drives_on_and_ends_with_its_cause() -> None:
-    """In the safety status and in /robot_status with its figure; none of these rows slows or stops the robot."""
+    """/safety/status contains the row and /robot_status the field; no row slows or stops the robot."""
     full_mps = load_robot().empty.max_speed_mps
     with staged() as stage:
         status = stage.listen(topics.ROBOT_STATUS)
@@ -34,7 +34,7 @@ def test_each_is_reported_while_the_robot_drives_on_and_ends_with_its_cause() ->
             )
             if figure:
                 assert getattr(status.last, figure) > 95.0
-            # A way that has not been seen yet limits too, for a moment.
+            # An unseen way limits too, for a moment.
             stage.limit.wait(lambda message: message.max_linear_velocity == full_mps, f"full speed in spite of {code}")
             assert stage.speed_mps > 0.9 * SPEED_MPS, code
             stage.inject("clear", kind, into=service)
@@ -43,6 +43,6 @@ def test_each_is_reported_while_the_robot_drives_on_and_ends_with_its_cause() ->
                 lambda message, code=code: message.safety_state == "NORMAL" and code not in message.active_faults, code
             )
             assert stage.speed_mps > 0.9 * SPEED_MPS, code
-            # Back and forth: the floor ends somewhere.
+            # Back and forth, because the floor is limited.
             stage.drive(-SPEED_MPS if stage.at().x > 5.0 else SPEED_MPS)
             stage.run(3.0)

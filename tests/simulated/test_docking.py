@@ -1,7 +1,7 @@
-"""Docking on the whole robot in physics: cameras, detector, controller, latch; and what may come between.
+"""Docking on the whole robot in physics: cameras, detector, controller, latch, and faults.
 
-Every state's reaction to every fault is tested tick by tick in tests/unit/docking; here the faults are those of the
-world and of the simulated cameras.
+tests/unit/docking tests the reaction of every state to every fault; here the faults are those of the world and of the
+simulated cameras.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def test_a_dead_camera_and_an_emergency_stop_while_servoing_end_the_docking() ->
         stage.release()
         before = stage.at()
         stage.assert_wheels_rest(1.0)
-        assert stage.at().distance_to(before) < 0.002  # released, it does not go on by itself
+        assert stage.at().distance_to(before) < 0.002  # after the release it does not continue by itself
 
 
 def test_a_marker_covered_and_a_chair_moved_end_in_a_docking() -> None:
@@ -54,7 +54,7 @@ def test_a_marker_covered_and_a_chair_moved_end_in_a_docking() -> None:
         before = stage.at()
         stage.inject("chair_moved", "0.0,0.2,0.0")
         stage.wait_docking("APPROACH", 5.0)
-        assert stage.at().distance_to(before) < 0.05  # it goes on only until the markers show it
+        assert stage.at().distance_to(before) < 0.05  # it stops as soon as the markers show the offset
         result = goal.wait(90.0)
         assert result.success, result.reason
         assert result.tries == 2

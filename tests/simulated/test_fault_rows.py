@@ -1,4 +1,4 @@
-"""Rows of the fault list on the running stack: the fault, the row in /safety/status, the action by ground truth."""
+"""Rows of the fault list on the running stack: the fault, the row in /safety/status, and the action by ground truth."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_lost_joint_states_stop_the_robot_until_a_reset() -> None:
         assert run.safety.safety_state == run.safety.EMERGENCY_STOP
         _stops(run, 1.0)
         go_on(run, 1.0)
-        assert "JOINT_STATES_TIMEOUT" in rows(run)  # latched, though the messages are back
+        assert "JOINT_STATES_TIMEOUT" in rows(run)  # latched, although messages arrive again
         assert broken(run) == []
 
 
@@ -66,7 +66,7 @@ def test_a_disk_that_takes_no_latch_limits_the_speed() -> None:
         wait_for_row(run, "LATCH_NOT_STORED", 1.0)
         assert run.safety.safety_state == run.safety.EMERGENCY_STOP
         go_on(run, 4.0)
-        assert "LATCH_NOT_STORED" not in rows(run)  # written by then
+        assert "LATCH_NOT_STORED" not in rows(run)  # written by this time
         assert broken(run) == []
 
 

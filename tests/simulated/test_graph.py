@@ -8,12 +8,12 @@ from sim.stack.stack import SimulatedStack
 from tests.simulated.stage import staged
 
 _MEASURED_S = 4.0
-# Published only while something is under way, or by a page.
+# Published only during an activity, or by a page.
 ON_DEMAND = {"/docking/cmd_vel", "/teleop/cmd_vel", "/docking/target", "/ui/heartbeat", "/departure_warning"}
 
 
 def _endpoints(stack: SimulatedStack, name: str) -> Endpoints:
-    """Of the nodes of the robot: the operator and the test use what they like."""
+    """The endpoints of the robot's nodes: operator and test may use any topic."""
     network = stack.scheduler.network
     tools = {stack.operator.port.name, stack.test_tool.port.name}
     publishers = {item.port.name for item in network.publishers(name)} - tools
@@ -36,7 +36,7 @@ def test_rows_and_the_running_robot_are_the_same() -> None:
             if row.name not in heard:
                 continue
             times = [time_s for time_s in heard[row.name].times_s if time_s > stage.now_s - _MEASURED_S]
-            # A row that is published only while something is under way has no messages here.
+            # Rows that are published only during an activity have no messages here.
             if times and len(times) < 0.9 * row.rate_hz * _MEASURED_S - 1.0:
                 wrong.append(f"{row.name}: {len(times)} messages in {_MEASURED_S} s, {row.rate_hz} Hz promised")
         silent = {name for name, item in heard.items() if not item.items}

@@ -1,4 +1,4 @@
-"""SIGKILL and SIGSTOP of processes: the robot ends in a declared state, and the supervisor brings the process back."""
+"""SIGKILL and SIGSTOP of processes: the robot ends in a declared state, and the supervisor restarts the process."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_the_world_and_its_engine_are_killed() -> None:
 
 
 def test_a_killed_button_comes_back_and_stops_the_robot() -> None:
-    """It may be back before its silence has lasted the second that NODE_DEAD takes; a press must not be missed."""
+    """It may restart within the second that NODE_DEAD takes, so a press must not be missed."""
     with staged() as stage:
         stage.drive_at(0.6)
         stage.kill("emergency_stop_button")
@@ -49,7 +49,7 @@ def test_a_killed_button_comes_back_and_stops_the_robot() -> None:
         stage.let_go()
         stage.inject("estop_button", value=0.0)
         stage.release()
-        # A button whose process hangs may miss a press: that is no case for a comfort stop.
+        # A button whose process hangs may miss a press, so a comfort stop is not enough.
         stage.drive_at(0.6)
         stage.hang("emergency_stop_button", 5.0)
         stage.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
@@ -62,9 +62,9 @@ def test_a_killed_button_comes_back_and_stops_the_robot() -> None:
 
 @pytest.mark.parametrize("hangs", [False, True])
 def test_without_its_safety_monitor_the_robot_brakes_hard(hangs: bool) -> None:
-    """With a passenger at 1.0 m/s: 0.18 m of silence, 0.25 m of braking, and a tick. Gently it would be 1.6 m."""
+    """With a passenger at 1.0 m/s: 0.18 m of silence, 0.25 m of braking, and a tick. A comfort stop takes 1.6 m."""
     with staged() as stage:
-        stage.drive_at(1.0)  # the ground ahead is known from here on
+        stage.drive_at(1.0)  # the ground ahead is seen from here on
         stage.board(True)
         stage.limit.wait(lambda message: "PASSENGER_ONBOARD" in message.reason, "the passenger's limit")
         stage.drive_at(1.0)
@@ -81,7 +81,7 @@ def test_without_its_safety_monitor_the_robot_brakes_hard(hangs: bool) -> None:
 
 @pytest.mark.parametrize("name", ["navigation_controller", "mission_manager"])
 def test_another_process_hangs_and_the_robot_is_slow(name: str) -> None:
-    """Stopped and not killed: a killed one is back before its silence lasts the second that NODE_DEAD takes."""
+    """A hang instead of a kill: a killed process restarts within the second that NODE_DEAD takes."""
     with staged() as stage:
         stage.drive_at(1.0)
         stage.hang(name, 3.0)
@@ -92,7 +92,7 @@ def test_another_process_hangs_and_the_robot_is_slow(name: str) -> None:
 
 @pytest.mark.parametrize("seconds", [0.8, 2.0])
 def test_a_pause_of_the_computer_ends_in_a_stop_that_an_operator_can_release(seconds: float) -> None:
-    """All processes stand still, as on a virtual machine that is held; motion engine and robot go on."""
+    """All processes pause, as on a paused virtual machine; motion engine and robot continue."""
     with staged() as stage:
         stage.drive_at(0.4)
         for row in stage.stack.plan.processes:

@@ -1,4 +1,4 @@
-"""The latch lets go while a wheelchair is carried: nothing but an undocking moves the robot afterwards."""
+"""The latch opens while a wheelchair is carried: afterwards only an undocking may move the robot."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ START = Pose2(0.2, 0.3, math.radians(10.0))
 
 
 def lose_the_chair(stage: Stage) -> None:
-    """At 0.4 m/s; both keys are turned then."""
+    """Opens the latch at 0.4 m/s, then performs both release steps."""
     stage.be_docked()
     stage.drive(-0.4)
     stage.wait_faster(0.35)

@@ -1,4 +1,4 @@
-"""With a passenger at 1.0 m/s the robot loses sight: it stands within 0.5 m. A lost sweep alone changes nothing."""
+"""With a passenger at 1.0 m/s the robot loses sight: it stops within 0.5 m. A single lost sweep has no effect."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def _lidar_falls_silent(stage: Stage) -> None:
 
 
 def _ride_at_1_mps(stage: Stage) -> None:
-    """With a passenger, at the limit's steady speed."""
+    """With a passenger, at the steady speed of the limit."""
     stage.inject("wheelchair", value=75.0)
     stage.limit.wait(lambda message: "PASSENGER_ONBOARD" in message.reason, "the passenger's limit")
     stage.drive(1.0)
     stage.wait_faster(0.99)
 
 
-# The longest way begins with a loss right after a half sweep: they end every 0.05 s.
+# The longest way follows a loss right after a half sweep; half sweeps end every 0.05 s.
 @pytest.mark.parametrize(
     ("lose_sight", "after_s"),
     [
@@ -42,7 +42,7 @@ def _ride_at_1_mps(stage: Stage) -> None:
     ],
 )
 def test_losing_sight_is_a_hard_stop(lose_sight: Callable[[Stage], None], after_s: float) -> None:
-    """The limit falls before the row is raised. By the row alone the way is 0.55 to 0.65 m, gently it is 1.6 m."""
+    """The limit falls before the row is raised. The row alone would give 0.55 to 0.65 m, a comfort stop 1.6 m."""
     with staged() as stage:
         _ride_at_1_mps(stage)
         stage.run(after_s)
@@ -50,7 +50,7 @@ def test_losing_sight_is_a_hard_stop(lose_sight: Callable[[Stage], None], after_
         lose_sight(stage)
         stage.limit.wait(lambda message: message.reason == SIGHT_STALE, "the limit of what is seen late", 0.3)
         stage.wait_safety("DEGRADED", "OBSTACLES_TIMEOUT", 1.0)
-        assert 0.2 < stage.now_s - lost_s < 0.4  # the row's own time is unchanged
+        assert 0.2 < stage.now_s - lost_s < 0.4  # the row's own timeout is unchanged
         stage.wait_stands(4.0)
         way_m = stage.at().distance_to(lost)
         print(f"{way_m:.3f} m")

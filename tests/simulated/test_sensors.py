@@ -1,4 +1,4 @@
-"""A LiDAR that fails, a robot that is carried off, a place that is taken: the whole robot on the site and its map."""
+"""A failed LiDAR, a displaced robot, an occupied goal: the whole robot on the site with its map."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robot_stack.contract import services
 from robot_stack.core.geometry import Pose2
 from tests.simulated.stage import staged
 
-START = Pose2(2.0, 0.0, 0.0)  # along the south way
+START = Pose2(2.0, 0.0, 0.0)  # along the south route
 
 
 def test_a_start_that_is_wrong_by_a_metre_is_corrected() -> None:
@@ -20,7 +20,7 @@ def test_a_start_that_is_wrong_by_a_metre_is_corrected() -> None:
 
 
 def test_the_robot_stops_before_a_wall_at_which_it_is_driven() -> None:
-    with staged("yard", start=Pose2(0.0, 2.0, math.pi)) as stage:  # the depot's wall stands at x = -3.5
+    with staged("yard", start=Pose2(0.0, 2.0, math.pi)) as stage:  # the depot's wall is at x = -3.5
         stage.drive(0.8)
         stage.wait_safety("COLLISION_AVOIDANCE", "OBSTACLE_NEAR")
         stage.wait_safety("COLLISION_AVOIDANCE", "COLLISION_IMMINENT")
@@ -57,7 +57,7 @@ def test_a_robot_that_is_carried_off_stops_and_localises_itself() -> None:
 
 
 def test_a_place_that_is_taken_is_not_driven_into() -> None:
-    """The wheelchair, which is in no map, stands where the robot is sent."""
+    """The goal is at the wheelchair, which is not in the map."""
     with staged("yard", start=Pose2(0.0, 11.0, math.pi)) as stage:
         chair = stage.wheelchair()
         stage.go(Pose2(chair.x, chair.y, math.pi))

@@ -1,4 +1,4 @@
-"""People are warned before a robot that has stood begins to move by itself, whichever node requests the motion."""
+"""A warning precedes every autonomous motion from standstill, whichever node requests it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""No slope is a trap: whatever stopped the robot there, it drives off; above the limit downhill only. In physics."""
+"""After any stop on a slope the robot can drive off; above the limit only downhill. In physics."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from robot_stack.core.geometry import IDENTITY, Pose2
 from tests.simulated.stage import Stage, staged
 from tests.support.environment import own_config
 
-# West of ramp_10 of config/worlds/yard.yaml: up from x = -2.0 to 0.84 m along y = -6.5 m. The site's map was made on a
-# ride that left it out and shows it as an obstacle, so that only a person drives there.
+# West of ramp_10 of config/worlds/yard.yaml: up from x = -2.0 to 0.84 m along y = -6.5 m. The mapping ride left it out,
+# so the site's map shows it as an obstacle, and only teleoperation can drive there.
 BESIDE_YARD_RAMP = Pose2(-3.6, -6.5, 0.0)
 # Before ramp_10 of config/worlds/ramps.yaml: up from x = 3.0 to 6.4 m, down from 9.4 to 12.8 m, along y = 4.5 m.
 BEFORE_RAMP = Pose2(1.5, 4.5, 0.0)
@@ -30,14 +30,14 @@ def _stop_and_release(stage: Stage) -> None:
     stage.estop(True)
     stage.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
     stage.wait_stands(5.0)
-    stage.let_go()  # a stick that is still held would not be obeyed after the release
+    stage.let_go()  # a stick that is still held would be ignored after the release
     stage.release()
     stage.wait_safety("DEGRADED", "SLOPE")
 
 
 def _resume(stage: Stage) -> None:
     stage.wait_mission("PAUSED")
-    stage.run(0.5)  # mission_manager has received the release too
+    stage.run(0.5)  # until mission_manager has received the release
     stage.command("RESUME")
     stage.wait_mission("RUNNING")
 
@@ -47,7 +47,7 @@ def _is_refused(stage: Stage) -> bool:
 
 
 def _stays(stage: Stage) -> None:
-    """Whatever is requested."""
+    """The robot must not move, whatever is requested."""
     before_m = stage.at().x
     stage.run(2.0)
     assert stage.stands
@@ -92,7 +92,7 @@ def test_above_the_limit_the_robot_stops_and_may_only_go_downhill() -> None:
         stage.wait(lambda: _is_refused(stage), "the ramp is too steep", 40.0)
         stage.wait_stands(5.0)
         assert stage.at().x > STEEP_FOOT_X_M
-        _stays(stage)  # climbing is still requested
+        _stays(stage)  # the request still points uphill
         _stop_and_release(stage)
         for twist in ((0.3, 0.0, 0.0), (0.0, 0.3, 0.0), (0.0, 0.0, 0.5)):
             stage.drive(*twist)

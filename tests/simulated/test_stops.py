@@ -1,4 +1,4 @@
-"""Every way to an emergency stop, and the only way back, on the whole robot in physics."""
+"""Every emergency stop cause and the release procedure, on the whole robot in physics."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_a_false_alone_ends_no_stop_and_the_end_of_a_stop_starts_no_motion() -> 
         stage.drive(0.0)
         stage.run(0.5)
         stage.drive_at(0.8)
-        # The end of the operator's commands stops it gently, without a fault.
+        # Without the operator's commands the robot ends in a comfort stop, without a fault.
         stage.let_go()
         stage.wait_stands(6.0)
         assert stage.safety.last.safety_state == "NORMAL"
@@ -34,7 +34,7 @@ def test_a_false_alone_ends_no_stop_and_the_end_of_a_stop_starts_no_motion() -> 
 
 @pytest.mark.parametrize(("period_s", "pause_s"), [(0.25, 0.0), (0.05, 0.5)])
 def test_a_command_that_has_gaps_starts_no_motion_after_a_release(period_s: float, pause_s: float) -> None:
-    """A stick or planner at 4 Hz is stale between two messages; one that pauses is silent. Neither has rested."""
+    """A source at 4 Hz is stale between two messages; a pausing one is silent. Neither has commanded standstill."""
     with staged() as stage:
         stage.estop(True)
         stage.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
@@ -103,7 +103,7 @@ def test_a_press_without_a_source_is_released_by_name_only() -> None:
 
 
 def test_the_press_of_a_process_that_died_is_not_released_by_its_successor() -> None:
-    """Both have the same name: the later one presses and releases, the earlier one's press stands."""
+    """Both have the same name: the second one presses and releases, but the first one's press stays active."""
     with staged() as stage:
         stage.expected_failures.add("emergency_stop_button")
         stage.inject("estop_button", value=1.0)
@@ -129,7 +129,7 @@ def test_a_reset_is_refused_while_the_robot_moves() -> None:
         stage.drive_at(1.0)
         stage.estop(True)
         stage.estop(False)
-        answer = stage.reset()  # 0.5 s of braking lie ahead
+        answer = stage.reset()  # braking takes another 0.5 s
         assert not answer.success
         stage.wait_stands(5.0)
 
@@ -156,7 +156,7 @@ def test_a_drive_that_fails_ends_in_an_emergency_stop(kind: str, target: str) ->
 
 @pytest.mark.parametrize("target", ["fr_drive", "rl_steer"])
 def test_a_frozen_encoder_stops_the_robot_whenever_its_axis_is_to_turn(target: str) -> None:
-    """At rest it cannot be told from one that works: the stop can be released, and the next motion ends in another."""
+    """At rest it looks like a working one: the stop can be released, and the next motion causes another."""
     with staged() as stage:
         stage.drive(0.4, 0.0, 0.3)
         stage.wait_faster(0.35)
@@ -169,7 +169,7 @@ def test_a_frozen_encoder_stops_the_robot_whenever_its_axis_is_to_turn(target: s
 
 
 def test_a_module_that_does_not_turn_is_a_fault_of_the_steering() -> None:
-    """Its command is lost on the way to the engine: no axis raises an alarm."""
+    """Its command is lost on the way to the engine, so no axis raises an alarm."""
     with staged() as stage:
         stage.drive(0.5)
         stage.wait_faster(0.3)
@@ -183,7 +183,7 @@ def test_a_module_that_does_not_turn_is_a_fault_of_the_steering() -> None:
 
 
 def _ends_in_a_stop(stage: Stage) -> None:
-    stage.drive(0.3, 0.3)  # another heading: a steering axis that stays where it is shows nothing
+    stage.drive(0.3, 0.3)  # another heading: a steering axis without motion reveals no fault
     stage.wait_safety("EMERGENCY_STOP")
     stage.wait_stands(6.0)
     stage.let_go()

@@ -14,7 +14,7 @@ _PAD_PERIOD_S = 0.05
 
 
 class Person:
-    """A person at a page of the robot's own screen, who answers for what the server says."""
+    """A client of a page on the robot's own screen that answers the server's messages."""
 
     def __init__(self, stage: Stage) -> None:
         assert stage.stack.server is not None
@@ -22,7 +22,7 @@ class Person:
         stage.run(0.2)
 
     def say(self, **message: Any) -> None:
-        """Raises AssertionError if the server refuses it."""
+        """Sends a message. Raises AssertionError if the server refuses it."""
         number = self._page.say(**message)
         self._stage.wait(lambda: self._answer(number), f"an answer to {message}")
         answer = self._answer(number)
@@ -37,13 +37,13 @@ class Person:
         self.say(t="login", pin=_PIN)
 
     def push(self, x: float, y: float, turn: float, duration_s: float) -> None:
-        """A finger on the pad for so long."""
+        """Holds a finger on the pad for the duration."""
         for _ in range(round(duration_s / _PAD_PERIOD_S)):
             self._page.say(t="pad", x=x, y=y, turn=turn, at_ms=round(1e3 * self._stage.now_s))
             self._stage.run(_PAD_PERIOD_S)
 
     def lift(self) -> None:
-        """The finger leaves the pad, which has no answer."""
+        """Lifts the finger off the pad; the server does not answer."""
         self._page.say(t="lift")
 
 
@@ -69,7 +69,7 @@ def test_a_ride_is_started_paused_stopped_released_and_finished() -> None:
         stage.run(0.5)
         person.say(t="reset")
         stage.wait_safety("NORMAL")
-        stage.run(0.5)  # mission_manager has received the release too
+        stage.run(0.5)  # until mission_manager has received the release
         person.say(t="resume")
         stage.wait_mission("COMPLETED", 60.0)
         stage.wait_stands()
@@ -82,7 +82,7 @@ def test_staff_drive_by_hand_and_the_robot_stops_when_the_finger_lifts() -> None
         assert stage.speed_mps > 0.3
         person.lift()
         stage.wait_stands(3.0)
-        # A page that dies with the finger on it does not drive on.
+        # A page that dies while the pad is held stops the robot.
         person.push(1.0, 0.0, 0.0, 3.0)
         assert stage.speed_mps > 0.3
         stage.wait_stands(3.0)

@@ -19,7 +19,7 @@ _POLL_S = 0.01
 
 
 class _Server(SimActionServer):
-    """A server whose goals may be rejected, and which loses goals and answers."""
+    """A server that may reject goals, and that may lose goals and answers."""
 
     def __init__(self, docking: FakeDocking, port: Any, row: Action, on_goal: Callable[[Any], None]) -> None:
         self._docking = docking
@@ -36,12 +36,11 @@ class _Server(SimActionServer):
 
 
 class FakeDocking:
-    """What it does with the next goals is in its attributes; ``goals`` notes what it was asked for.
+    """Attributes determine the behaviour for the next goals; ``goals`` records the requested goals.
 
-    loses_goals, loses_answers: the one or the other never arrives.
-    rejects: goals are refused. hangs: a goal goes on until it is cancelled. cancel_s: how long a cancelled goal takes
-    to end. error: (code, reason) of a failure, None for success. steps: states of the feedback before the end, each for
-    step_s.
+    loses_goals, loses_answers: requests, or their answers, never arrive. rejects: goals are refused. hangs: a goal runs
+    until it is cancelled. cancel_s: how long a cancelled goal takes to end. error: (code, reason) of a failure, None
+    for success. steps: states of the feedback before the end, each for step_s.
     """
 
     def __init__(self, bench: Bench) -> None:
@@ -91,7 +90,7 @@ class FakeDocking:
             goal.succeed(action.Result(success=True))
 
     def _wait(self, seconds: float, goal: Any = None) -> Generator[None]:
-        """Less if the goal is cancelled."""
+        """Waits, but ends early if the goal is cancelled."""
         end_s = self.bench.now_s + seconds
         while self.bench.now_s < end_s and not (goal is not None and goal.is_cancel_requested):
             yield

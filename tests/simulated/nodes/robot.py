@@ -1,4 +1,4 @@
-"""A robot without inertia and sensors that are never wrong, for nodes that drive it."""
+"""A robot without inertia and with exact sensors, for nodes that drive it."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, exp_se2
 from robot_stack.middleware.conversions import pose_stamped, pose_to_msg, time_from_s, twist_from_msg, twist_to_msg
 from tests.simulated.bench import Bench
 
-# Parameters of a navigation controller without a LiDAR and without a map.
+# Parameters for a navigation controller without a LiDAR and without a map.
 WITHOUT_MAP = {"map": ""}
 BLIND = {**WITHOUT_MAP, "use_costmap": False}
 
 
 class DrivenRobot:
-    """Moves as /cmd_vel says, and publishes odometry at 50 Hz and its pose at 10 Hz; odom is its map."""
+    """Executes /cmd_vel and publishes odometry at 50 Hz and its pose at 10 Hz; odom equals map."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
@@ -28,7 +28,7 @@ class DrivenRobot:
         self.know_pose()
 
     def know_pose(self) -> None:
-        """From now on; ended by ``silence``."""
+        """Publishes the pose until ``silence``."""
         self._bench.repeat(topics.CURRENT_POSE, self.current_pose, 10.0)
 
     def _on_command(self, message: Twist) -> None:

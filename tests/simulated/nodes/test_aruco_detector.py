@@ -1,4 +1,4 @@
-"""The detector of markers among fake cameras and a fake docking controller."""
+"""The marker detector with fake cameras and a fake docking controller."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def image(camera: str, pixels: NDArray[np.uint8], stamp_s: float, pad: int = 0) 
 
 
 class Cameras:
-    """Both cameras, triggered together at 10 Hz, and the node. make: the image of a camera."""
+    """Both cameras, triggered together at 10 Hz, and the node. make: returns a camera's image."""
 
     def __init__(self, bench: Bench, **parameters: Any) -> None:
         self.bench = bench
@@ -78,7 +78,7 @@ class Cameras:
         self.heard.wait(lambda message: ids(message) == expected, f"markers {expected}", 5.0)
 
     def settled(self, duration_s: float = 1.5) -> list[Any]:
-        """The arrays of a while, without those on their way now."""
+        """The arrays received during a period, without those in flight at its start."""
         self.bench.run(0.3)
         begun_s = self.bench.now_s
         self.bench.run(duration_s)
@@ -112,7 +112,7 @@ FRONT, REAR = [0, 1, 2, 3], [4, 5, 6, 7]
 
 
 def test_markers_of_both_cameras_in_one_array_at_10_hz(cameras: Cameras) -> None:
-    cameras.pad = 24  # rows longer than the image is wide
+    cameras.pad = 24  # pads the rows beyond the image width
     arrays = cameras.settled()
     assert [ids(message) for message in arrays] == [FRONT + REAR] * len(arrays)
     assert cameras.heard.period_s(10) == pytest.approx(0.1, abs=LATENCY_S)

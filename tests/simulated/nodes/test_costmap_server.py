@@ -1,4 +1,4 @@
-"""The costmap server behind a fake perception."""
+"""The costmap server with a fake perception."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.simulated.bench import COMPUTE_S, LATENCY_S, Bench
 
 
 class World:
-    """A wall at x = 2 m, 5 times a second. ``sent``: when each grid left, by its stamp."""
+    """A wall at x = 2 m, published 5 times a second. ``sent``: sending time of each grid by its stamp."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -34,7 +34,7 @@ class World:
         bench.start("costmap_server")
         bench.repeat(topics.SPACE, self._space, 5.0)
         bench.repeat(topics.OBSTACLES, self._obstacles, 20.0)
-        bench.run(0.5)  # the topics' publishers are known
+        bench.run(0.5)  # until the publishers are discovered
 
     def _obstacles(self) -> PointCloud2:
         return cloud_message(points_from_xyz(np.empty((0, 3))), "base_link")
@@ -56,7 +56,7 @@ class World:
         return message
 
     def silent(self, expected: str) -> None:
-        """Nothing is published, and the reason is shown."""
+        """Checks that nothing is published and the reason is reported."""
         self.bench.run(1.2)
         begun_s = self.bench.now_s
         self.bench.run(2.0)
@@ -91,7 +91,7 @@ def test_a_grid_is_inflated_at_once_by_the_footprint_in_force(world: World) -> N
     assert _value(message, 0.0, 0.0) == 0
     assert _value(message, 4.0, 4.0) == -1
     assert len(world.grids.items) >= 14
-    for at_s, grid in world.grids.items:  # a grid's own stamps, and at once, not with a timer of its own
+    for at_s, grid in world.grids.items:  # costmaps keep the grid's stamp and follow at once, without a timer
         stamp_s = time_to_s(grid.header.stamp)
         sent_s = next(sent_s for sent, sent_s in world.sent.items() if abs(sent - stamp_s) < 1e-6)
         assert at_s - sent_s <= 2.0 * (LATENCY_S + COMPUTE_S) + 1e-6
@@ -101,7 +101,7 @@ def test_a_grid_is_inflated_at_once_by_the_footprint_in_force(world: World) -> N
 
 
 def test_a_false_on_passenger_attached_does_not_take_the_chair_from_the_footprint(world: World) -> None:
-    """Only the docking controller ends what it reports attached."""
+    """Only the docking controller can end an attachment that it reports."""
     latch = LatchStatus(closed=True, attached=True)
     world.bench.repeat(topics.LATCH_STATUS, lambda: latch, 10.0)
     world.bench.run(1.0)

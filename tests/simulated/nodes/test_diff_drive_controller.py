@@ -1,4 +1,4 @@
-"""The diff-drive controller on a motion engine with two wheels: the rates of what it publishes."""
+"""The diff-drive controller on a motion engine with two wheels: its publishing rates."""
 
 from __future__ import annotations
 

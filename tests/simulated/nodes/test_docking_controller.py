@@ -1,4 +1,4 @@
-"""The docking controller on a motion engine, beside a peer that plays everything else of a robot that stands."""
+"""The docking controller on a motion engine; a peer replaces the rest of a standing robot."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ OPEN = 1 << load_robot().latch.open_input_bit
 
 
 class Scene:
-    """The node: odometry, safety and empty images come from the peer; the latch is open."""
+    """The node. The peer publishes odometry, safety and empty images; the latch is open."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -88,7 +88,7 @@ def test_docking_sends_the_staging_pose_and_ends_on_an_emergency_stop(scene: Sce
     scene.bench.publish(topics.EMERGENCY_STOP, Bool(data=True))
     result = goal.wait()
     assert (result.error_code, result.reason) == (Dock.Result.SAFETY_STOP, "emergency stop")
-    # A tick of 20 Hz finds it, and the result makes its way.
+    # Detection by a tick of 20 Hz, plus the transport of the result.
     assert scene.bench.now_s - stopped_s < 0.05 + 2.0 * COMPUTE_S + 3.0 * LATENCY_S + 0.005
     scene.wait_state("FAILED")
     assert {message.state for message in scene.status.since(stopped_s)} <= {"APPROACH", "FAILED"}
@@ -106,7 +106,7 @@ def test_a_chair_that_came_loose_while_the_controller_was_dead_is_an_emergency_w
 ) -> None:
     stops, sources = scene.bench.listen(topics.EMERGENCY_STOP), scene.bench.listen(topics.EMERGENCY_STOP_SOURCES)
     scene.process.kill()
-    assert AttachedFile().save(True) == ""  # as it would be, had it carried somebody
+    assert AttachedFile().save(True) == ""  # the state after carrying a passenger
     scene.bench.run(1.0)
     begun_s = scene.bench.now_s
     scene.bench.start_again(scene.process)

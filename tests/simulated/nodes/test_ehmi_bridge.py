@@ -1,4 +1,4 @@
-"""The bridge to the external display and its simulated firmware, on a cable with the time that its bytes take."""
+"""The bridge to the external display and its simulated firmware, on a cable with realistic transmission times."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.simulated.bench import Bench
 
 
 class World:
-    """A peer in the place of the rest of the stack."""
+    """A peer in place of the rest of the stack."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -67,7 +67,7 @@ def empty(bench: Bench) -> World:
 
 @pytest.fixture
 def world(empty: World) -> World:
-    """Bridge and display are linked and show what was asked for."""
+    """Bridge and display are linked and show the requested state."""
     empty.launch_display().launch_bridge()
     empty.ask(Display.NAVIGATING)
     empty.shows(Display.NAVIGATING)
@@ -110,7 +110,7 @@ def test_nonsense_on_the_topic_changes_nothing(world):
     assert Display.IDLE not in states
 
 
-# --- the robot's own knowledge -----------------------------------------------------------------------------------
+# --- states from other topics -----------------------------------------------------------------------------------------
 
 
 def test_an_emergency_stop_wins_over_whatever_is_asked(world):
@@ -171,13 +171,13 @@ def test_while_nobody_asks_mission_and_docking_tell(empty):
     empty.shows(Display.PAUSED)
 
 
-# --- the line --------------------------------------------------------------------------------------------------------
+# --- the serial line -----------------------------------------------------------------------------------------------
 
 
 def test_a_pulled_cable_and_back(world):
     world.inject("cable")
     world.status_is(False, Display.NAVIGATING)
-    world.shows(Display.ERROR)  # the display by itself: its host is gone
+    world.shows(Display.ERROR)  # without a host the display itself shows an error
     world.ask(Display.DOCKING)
     world.clear()
     world.shows(Display.DOCKING)
@@ -254,7 +254,7 @@ def test_a_bridge_that_is_killed_leaves_no_promise(world):
     killed_s = world.bench.now_s
     world.bridge.kill()
     world.shows(Display.ERROR)
-    # The display is told its state once a second, and shows an error 3 s after the last time.
+    # The display receives its state once a second, and shows an error 3 s after the last message.
     assert 2.0 <= world.bench.now_s - killed_s <= 3.2
     world.bench.start_again(world.bridge)
     world.ask(Display.NAVIGATING)

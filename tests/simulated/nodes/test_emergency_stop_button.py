@@ -1,4 +1,4 @@
-"""The button's node on a motion engine: press, release, contradiction, and everything that counts as pressed."""
+"""The button's node on a motion engine: press, release, contradiction, and every condition that counts as pressed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NAME = "emergency_stop_button"
 
 
 class Button:
-    """The node, and what it has published."""
+    """The node and its published messages."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
@@ -21,7 +21,7 @@ class Button:
         self.process = bench.start(NAME, {"startup_settle_s": 0.5})
 
     def wait_health(self, text: str) -> Button:
-        """Waits for a heartbeat that says ``text``; empty means ready."""
+        """Waits for a heartbeat with ``text``; empty means ready."""
         self._beats.wait(lambda message: message.node == NAME and message.waiting_for == text, text or "ready")
         return self
 
@@ -46,11 +46,11 @@ class Button:
 def test_press_and_release(bench: Bench) -> None:
     bench.engine.run().up()
     button = Button(bench).wait_health("")
-    assert button.values() == []  # found released: nothing to say
+    assert button.values() == []  # initially released: no message
     pressed_s = bench.now_s
     bench.engine.press(True)
     button.wait_values([True])
-    # A block of the engine, two looks at the contact at 100 Hz, of which the second is 10 ms later.
+    # A block of the engine, and two samples of the contact at 100 Hz, the second 10 ms later.
     assert 0.01 < button.said.times_s[0] - pressed_s < 0.005 + 0.02 + 2.0 * COMPUTE_S + LATENCY_S
     bench.engine.press(False)
     button.wait_values([True, False])
@@ -80,7 +80,7 @@ def test_a_pressed_button_contradicts_every_release(bench: Bench) -> None:
     button.wait_values([True], 2.0)
     for number in range(3):
         bench.publish(topics.EMERGENCY_STOP, Bool(data=False))
-        # This peer's own false, and the contradiction.
+        # The peer's false message, and the contradiction.
         button.wait_values([True, *[False, True] * (number + 1)])
         heard_s, contradicted_s = button.said.times_s[-2:]
         assert contradicted_s - heard_s <= 2.0 * COMPUTE_S + LATENCY_S

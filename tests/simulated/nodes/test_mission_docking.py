@@ -1,4 +1,4 @@
-"""The mission manager with a docking controller of its own: one that helps, fails, hangs, dies."""
+"""The mission manager with a fake docking controller that succeeds, fails, hangs or dies."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class DockWorld(World):
         return self.docking
 
     def begin(self) -> None:
-        """The mission begins and the robot stands at the chair."""
+        """Starts the mission and puts the robot at the chair."""
         assert self.command("START_MISSION", "transport").last_command_accepted, self.status.last.reason
         self.goal(2.0)
         self.pose = Pose2(2.0, 0.0, 0.0)
@@ -48,7 +48,8 @@ class DockWorld(World):
         return self.status.wait(lambda s: text in s.reason, f"{text!r} in the reason")
 
     def fails(self, reason: str, after_s: float) -> Any:
-        """The mission fails for it. after_s: since the robot stands at the chair, which a tick has to find first."""
+        """Waits for a failure with the reason. after_s: since the robot is at the chair, which the next tick
+        detects."""
         failed = self.state("FAILED")
         assert failed.reason == reason
         assert after_s <= self.bench.now_s - self.begun_s <= after_s + 0.7
@@ -198,7 +199,7 @@ def test_a_docking_controller_that_is_killed(world):
     world.reason("docking to chair_1: FINE_ALIGN")
     killed_s = world.bench.now_s
     docking.process.kill()
-    # Its endpoints are there for the lease of 2 s.
+    # DDS keeps its endpoints for the lease of 2 s.
     assert world.state("FAILED").reason == "docking to chair_1 failed: docking_controller is gone"
     assert 2.0 <= world.bench.now_s - killed_s <= 2.3
 
@@ -239,7 +240,7 @@ def test_a_mission_manager_killed_while_docking_comes_back_paused_and_cancels_wh
     world.launch()
     status = world.status.wait(lambda s: s.state == "PAUSED", "PAUSED")
     assert status.reason.startswith("restarted while DOCKING at 'chair'")
-    world.cancelled()  # the goal of the one that died
+    world.cancelled()  # the goal of the killed mission manager
     docking.hangs = False
     world.bench.run(5.0)
     assert len(docking.goals) == 1, "nothing begins by itself"

@@ -1,4 +1,4 @@
-"""The mission manager among fake drives, a fake safety monitor and a fake navigation controller."""
+"""The mission manager with fake drives, a fake safety monitor and a fake navigation controller."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ MALFORMED = MISSION.replace("x: 4.0, y: 1.0", "x: .nan, y: 1.0").replace("id: ri
 
 
 class World:
-    """Everything around the mission manager; the robot stands where it is put."""
+    """The surroundings of the mission manager; tests set the robot's pose."""
 
     def __init__(self, bench: Bench, folder: Path) -> None:
         self.bench, self.folder = bench, folder
@@ -67,7 +67,7 @@ class World:
         return BatteryState(percentage=self.charge, power_supply_status=self.supply)
 
     def launch(self, **overrides: Any) -> Process:
-        """Another life of one that has ended, else a new process; until it has received everything there is."""
+        """Starts a new process or restarts one that has ended, and waits until it has received all topics."""
         if self.node is None:
             given = {"missions_folder": str(self.missions), "journal_file": str(self.journal), **overrides}
             self.node = self.bench.start("mission_manager", given)
@@ -77,9 +77,9 @@ class World:
         return self.node
 
     def command(self, name: str, mission_id: str = "") -> Any:
-        """Sends a command and returns the status that answers it."""
+        """Sends a command and returns the status with its answer."""
         if self.status.last is not None and self.status.last.last_command == name:
-            self.command(f"{name} AGAIN")  # unknown and refused: so that the next answer is told from the last one
+            self.command(f"{name} AGAIN")  # an unknown command, so that the next answer differs from the last one
         begun_s = self.bench.now_s
         self.bench.publish(topics.UI_COMMAND, UICommand(command_type=name, mission_id=mission_id))
 
@@ -89,7 +89,7 @@ class World:
         return self.bench.wait(answer, f"an answer to {name}", 1.0)
 
     def safety_says(self, state: str, *faults: str) -> None:
-        """The safety monitor's decision from now on; returns when it has been received."""
+        """Sets the safety monitor's state, and returns when it has been received."""
         self.safety = SafetyStatus(safety_state=state, active_faults=faults)
         self.bench.run(0.2)
 
@@ -247,14 +247,14 @@ def test_the_emergency_stop_command_and_the_way_back(world):
     sources.wait(lambda message: message.name == "mission_manager" and message.pressed, "who has pressed")
     world.safety_says("EMERGENCY_STOP", "ESTOP_PRESSED")
     sources.wait(lambda message: not message.pressed and message.presses == 1, "an event, no state")
-    assert world.stops.last.data  # for everybody else it stays a stop
+    assert world.stops.last.data  # the other nodes keep the stop
     world.display.wait(lambda message: message.state_num == Display.EMERGENCY_STOP, "e-stop on the display")
     assert "release it" in world.command("RESUME").reason
 
-    world.bench.publish(topics.EMERGENCY_STOP, Bool(data=False))  # the first key
+    world.bench.publish(topics.EMERGENCY_STOP, Bool(data=False))  # first step of the release
     assert not world.command("RESUME").last_command_accepted
-    world.safety_says("NORMAL")  # the second
-    # Its own latched true is taken back, so that a node that starts later is not stopped by it.
+    world.safety_says("NORMAL")  # second step
+    # It withdraws its own latched true, which would stop a node that starts later.
     assert [stop.data for stop in world.stops.messages][-2:] == [False, False]
     assert world.status.last.state == "PAUSED"
     assert world.command("RESUME").state == "RUNNING"
@@ -282,7 +282,7 @@ def test_status_at_1_hz_while_active(world):
     world.launch()
     world.command("START_MISSION", "ride")
     world.goal(2.0)
-    world.bench.run(3.5)  # the end of the warning and the display's have been told
+    world.bench.run(3.5)  # the end of the warning and the display's state have been published
     begun_s = world.bench.now_s
     world.bench.run(5.0)
     assert len(world.status.since(begun_s)) == 5
@@ -291,7 +291,7 @@ def test_status_at_1_hz_while_active(world):
 def test_a_goal_reaches_a_navigation_controller_that_starts_later(world):
     world.launch()
     world.command("START_MISSION", "ride")
-    world.bench.publish(topics.PLAN, plan_to(world.goal(2.0)))  # confirmed: not sent again on its own account
+    world.bench.publish(topics.PLAN, plan_to(world.goal(2.0)))  # confirmed, so the manager does not repeat it
     late = world.bench.peer("late")
     late.listen(topics.GOAL_POSE).wait(lambda goal: goal.pose.position.x == 2.0, "the goal")
 

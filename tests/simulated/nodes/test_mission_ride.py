@@ -1,4 +1,4 @@
-"""Mission manager and navigation controller together, on a robot without inertia: do they understand each other?"""
+"""Mission manager and navigation controller together, on a robot without inertia."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.simulated.nodes.robot import BLIND, DrivenRobot
 
 
 class Yard:
-    """The robot does what /cmd_vel says; its pose is known exactly."""
+    """The robot executes /cmd_vel; its pose is exact."""
 
     def __init__(self, bench: Bench, folder: Path) -> None:
         self.bench = bench
@@ -40,7 +40,7 @@ class Yard:
         self.bench.wait(lambda: self.robot.twist.speed() < 1e-6, "standstill", 3.0)
 
     def completes(self) -> None:
-        """At the last waypoint of short_hop: (4.5, 1.5) at 45 deg."""
+        """Checks the arrival at the last waypoint of short_hop: (4.5, 1.5) at 45 deg."""
         done = self.status.wait(lambda status: status.state in ("COMPLETED", "FAILED"), "the end of the ride", 40.0)
         assert done.state == "COMPLETED", done.reason
         pose = self.robot.pose
@@ -79,7 +79,7 @@ def test_pause_stands_and_resume_goes_on(yard: Yard) -> None:
 def test_a_killed_navigation_controller_is_told_the_goal_again(yard: Yard) -> None:
     yard.begin()
     yard.navigation.kill()
-    yard.robot.twist = ZERO_TWIST  # what the drive makes of silence
+    yard.robot.twist = ZERO_TWIST  # the drive stops without commands
     yard.bench.start_again(yard.navigation)
     yard.completes()
 

@@ -1,4 +1,4 @@
-"""The navigation controller among a fake robot that does at once what it is commanded."""
+"""The navigation controller with a fake robot that executes commands without delay."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def moving(message: Twist) -> bool:
 
 
 class Scene:
-    """A controller that has a robot to drive."""
+    """A controller and a robot that it drives."""
 
     def __init__(self, bench: Bench, **parameters: Any) -> None:
         self.bench = bench
@@ -47,7 +47,7 @@ class Scene:
         self.bench.publish(topics.GOAL_POSE, goal)
 
     def go_at(self, speed_mps: float) -> None:
-        """Ahead, until it has that speed."""
+        """Drives ahead until the command exceeds the speed."""
         self.go(AHEAD)
         self.commands.wait(lambda message: message.linear.x > speed_mps, f"{speed_mps} m/s")
 
@@ -59,7 +59,7 @@ class Scene:
         assert not any(map(moving, commands))
 
     def stopped_s(self, since_s: float) -> float:
-        """How long after ``since_s`` the first zero command came."""
+        """Time from ``since_s`` to the first zero command."""
         self.commands.wait(lambda message: not moving(message), "the zero command")
         return next(at_s for at_s, message in self.commands.items if at_s > since_s and not moving(message)) - since_s
 
@@ -179,7 +179,7 @@ def test_a_velocity_limit_that_falls_silent_is_a_stop(scene: Scene) -> None:
 
 
 def next_slower(scene: Scene, since_s: float) -> float:
-    """How long after ``since_s`` a command was slower than the one before."""
+    """Time from ``since_s`` to the first command that is slower than the one before."""
     scene.commands.wait(lambda message: not moving(message), "standstill")
     items = [(at_s, message.linear.x) for at_s, message in scene.commands.items if at_s > since_s]
     return next(at_s for (_, before), (at_s, now) in itertools.pairwise(items) if now < before) - since_s
@@ -193,7 +193,7 @@ def test_it_leaves_with_a_zero_command(scene: Scene) -> None:
 
 
 class Passer:
-    """Costmaps of 0.2 s of somebody who walks along x at 1 m/s, and of a post beside the way; whenever they come."""
+    """Costmaps every 0.2 s with a person walking along x at 1 m/s and a post aside, independent of their arrival."""
 
     def __init__(self) -> None:
         self.stamp_s = 100.0
@@ -235,7 +235,7 @@ def test_who_walks_is_shown_while_somebody_looks(bench: Bench) -> None:
 
 
 def test_commands_go_on_while_a_route_is_planned(bench: Bench) -> None:
-    """Beside the loop: a tick finds that one is being planned, and a later one has it."""
+    """Planning runs beside the loop: one tick reports the planning, and a later one has the route."""
     told = bench.listen(topics.NAVIGATION_STATUS)
     scene = Scene(bench, use_costmap=True)
     cells = np.zeros((200, 200), np.int8)

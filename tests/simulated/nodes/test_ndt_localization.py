@@ -1,4 +1,4 @@
-"""The localization node among fake wheels and a fake IMU."""
+"""The localization node with fake wheels and a fake IMU."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PERIOD_S = 0.1
 
 
 class Scene:
-    """The node, and a robot that drives straight at ``speed_mps`` by its odometry and turns by nothing."""
+    """The node, and a robot whose odometry drives straight at ``speed_mps`` without turning."""
 
     def __init__(self, bench: Bench, **parameters: Any) -> None:
         self.bench = bench
@@ -39,7 +39,7 @@ class Scene:
         self.bench.repeat(topics.ODOM, self.odometry, 50.0)
 
     def turn(self) -> None:
-        """The inertial unit works."""
+        """Starts the inertial unit."""
         self.bench.repeat(topics.IMU, self._imu, 100.0)
 
     def odometry(self) -> Odometry:
@@ -126,7 +126,7 @@ def test_motion_of_the_wheels_moves_the_pose_along_the_start_heading(scene: Scen
     scene.speed_mps = 0.0
     scene.bench.run(0.3)
     position = scene.poses.last.pose.position
-    # The gyro of this test turns by 1e-4 rad/s on average: nothing in a second.
+    # The gyro of this test turns by 1e-4 rad/s on average, which is negligible in a second.
     assert scene.x_m == pytest.approx(1.0, abs=0.03)
     assert position.x - 2.0 == pytest.approx(scene.x_m * math.cos(1.0), abs=1e-3)
     assert position.y == pytest.approx(scene.x_m * math.sin(1.0), abs=1e-3)
@@ -195,7 +195,7 @@ def test_with_a_map_a_wrong_start_is_corrected_and_a_silent_sensor_lowers_the_qu
 ) -> None:
     folder = tmp_path / "courtyard"
     save_map(SiteMap("courtyard", cells(), Grid(1.0, -8.0, -6.0, np.zeros((14, 20), np.int8))), folder)
-    # What a LiDAR sees from the middle of the courtyard, never twice the same.
+    # LiDAR sweeps from the middle of the courtyard, each with different noise.
     sweeps = itertools.cycle([sweep_from(IDENTITY, seed, density=5.0) for seed in range(5)])
 
     def cloud() -> PointCloud2:

@@ -1,4 +1,4 @@
-"""The perception node among a fake LiDAR, fake wheels and a fake inertial unit."""
+"""The perception node with a fake LiDAR, fake wheels and a fake inertial unit."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ WALL = Solid((4.0, -3.0, 0.0), (4.3, 3.0, 2.0))
 
 @cache
 def turns() -> tuple[Points, ...]:
-    """More of them than the node remembers."""
+    """More turns than the node stores, so no sweep counts as a repetition."""
     return tuple(sweep([WALL], columns=1000, seed=seed) for seed in range(6))
 
 
 class Scene:
-    """The node, and what it needs. Left and right halves in turn, of sweeps with noise of their own.
+    """The node and its inputs. Left and right halves alternate, each sweep with different noise.
 
-    spoil: changes the points; message: the whole.
+    spoil: changes the points; message: changes the whole message.
     """
 
     def __init__(self, bench: Bench) -> None:
@@ -48,7 +48,7 @@ class Scene:
         self.unseen, self.moving = bench.listen(topics.UNSEEN_SPACE), bench.listen(topics.MOVING)
         self.no_ground = bench.listen(topics.NO_GROUND)
         self.diagnoses = bench.listen(topics.DIAGNOSTICS)
-        # Few columns: what is tested is not how much is enough.
+        # Few columns: the thresholds of sufficient data are not under test.
         given = {"watch.points_min": 3000, "watch.stamp_old_s": 2.0, "watch.sector_silent_s": 0.6}
         bench.start("perception_pipeline", given)
         self.roll()
@@ -73,7 +73,7 @@ class Scene:
         return message
 
     def see(self) -> None:
-        """Half sweeps at 20 Hz."""
+        """Publishes half sweeps at 20 Hz."""
         self.bench.repeat(topics.LIDAR_HALF_SWEEP, self._half, 20.0)
 
     def _half(self) -> PointCloud2:
@@ -96,7 +96,7 @@ class Scene:
         assert len(self.obstacles.since(begun_s + 1.0)) >= 19
 
     def is_silent(self, reason: str) -> None:
-        """It shows why, and publishes nothing while it lasts."""
+        """Checks that the node publishes nothing and reports the reason."""
         self.bench.run(2.0)
         begun_s = self.bench.now_s
         self.bench.run(2.0)
@@ -130,7 +130,7 @@ def test_obstacles_and_space_of_half_sweeps(scene: Scene) -> None:
     assert (cloud.header.frame_id, ends.header.frame_id, grid.header.frame_id) == ("base_link", "base_link", "odom")
     assert 0.0 <= scene.bench.stamp_s() - time_to_s(cloud.header.stamp) < 0.06
     assert scene.moving.last.header.frame_id == "base_link"
-    assert len(points_of(scene.moving.last, MOVING)) == 0  # nobody
+    assert len(points_of(scene.moving.last, MOVING)) == 0  # no moving body
     assert scene.no_ground.last.header.frame_id == "base_link"
     assert np.abs(xyz_of(points_of(scene.no_ground.last, XYZ))[:, :2]).max() > 0.6
     xyz = xyz_of(points_of(cloud, XYZ))
@@ -146,19 +146,19 @@ def test_obstacles_and_space_of_half_sweeps(scene: Scene) -> None:
     assert np.hypot(seen[:, 0], seen[:, 1]).min() < 1.0
     assert scene.obstacles.period_s() == pytest.approx(0.05, abs=1e-4)
     grids = [time_to_s(m.header.stamp) for m in scene.space.messages[-10:]]
-    assert np.diff(grids) == pytest.approx([0.2] * 9, abs=1e-6)  # 5 Hz in the sweeps' own time
+    assert np.diff(grids) == pytest.approx([0.2] * 9, abs=1e-6)  # 5 Hz in sweep stamps
     stamps = [time_to_s(m.header.stamp) for m in scene.obstacles.messages]
     assert stamps == sorted(set(stamps))
 
 
 def test_frames_of_the_overhead_lidar_join_the_obstacles(scene: Scene) -> None:
-    """Somebody 2 m ahead whom the half sweeps do not show."""
+    """A person 2 m ahead who is missing in the half sweeps."""
     shown = frame(people=[Pose2(2.0, 0.0, 0.0)])
     number, name = count(1), ["overhead_lidar"]
 
     def message() -> PointCloud2:
         points = shown.copy()
-        points["z"] += np.float32(1e-5 * next(number))  # no two frames are the same
+        points["z"] += np.float32(1e-5 * next(number))  # each frame differs, as from a real sensor
         cloud = cloud_message(points, name[0])
         cloud.header.stamp = scene.bench.stamp()
         return cloud
@@ -238,7 +238,7 @@ def test_a_driver_with_full_sweeps_only_gives_20_hz_with_honest_stamps(scene: Sc
     assert len(set(stamps[-20:])) in (10, 11), "shown again between sweeps"
     xyz = xyz_of(points_of(scene.obstacles.last, XYZ))
     assert 3.9 < xyz[:, 0].min() < 4.1
-    # Half sweeps take over once they come.
+    # Half sweeps replace full sweeps as soon as they arrive.
     scene.see()
     full_sweeps = scene.bench.publisher(topics.LIDAR_POINTS)
     scene.bench.wait(lambda: full_sweeps.get_subscription_count() == 0, "full sweeps left alone")

@@ -1,4 +1,4 @@
-"""The safety monitor among a motion engine on virtual drives, a robot that stands, and a process that beats."""
+"""The safety monitor with a motion engine on virtual drives, a standing robot, and a process with a heartbeat."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ ROWS = (
 )
 HEART = "swerve_controller"
 TICK_S = 0.02
-# From what a tick finds to its message at a peer: the tick may wait for a wake-up that is under way.
+# From a tick's detection to the message at a peer: the tick may wait for a running wake-up.
 SHOWN_S = 2.0 * COMPUTE_S + LATENCY_S
 
 
@@ -49,13 +49,13 @@ def latched(message: Any) -> bool:
 
 
 def presence(message: DiagnosticArray) -> dict[str, Presence]:
-    """Of the sources that press, as the safety monitor reports it."""
+    """The presence of the pressed sources, as the safety monitor reports it."""
     statuses = [status for status in message.status if status.name == "safety_monitor"]
     return parse_presence({item.key: item.value for status in statuses for item in status.values})
 
 
 def first_s(heard: Heard, since_s: float, condition: Callable[[Any], Any]) -> float:
-    """How long after ``since_s`` the first message arrived that meets the condition."""
+    """Time from ``since_s`` to the first message that meets the condition."""
     return next(at_s for at_s, message in heard.items if at_s >= since_s and condition(message)) - since_s
 
 
@@ -64,7 +64,7 @@ def latch_copies() -> list[Path]:
 
 
 class Scene:
-    """A monitor, everything it needs, and what it publishes."""
+    """A monitor, its inputs and its published messages."""
 
     def __init__(self, bench: Bench, rows: Sequence[str] = ROWS, **parameters: Any) -> None:
         self.bench = bench
@@ -78,7 +78,7 @@ class Scene:
         self.monitor = bench.start("safety_monitor", given)
 
     def sense(self) -> None:
-        """Joint states, IMU, pose, quality and battery of a robot that stands level, at the contract's rates."""
+        """Publishes the sensors of a level, standing robot at the contract's rates."""
         bench = self.bench
         bench.repeat(topics.JOINT_STATES, self._joint_states, 50.0)
         bench.repeat(topics.IMU, self._imu, 100.0)
@@ -117,7 +117,7 @@ class Scene:
         return self.bench.call(services.CLEAR_EMERGENCY_STOP, ClearEmergencyStop.Request(source=source))
 
     def release(self) -> None:
-        """Both keys, after the settling time."""
+        """Both release steps, after the settling time."""
         self.source.publish(False)
         self.bench.run(0.4)
         answer = self.reset()
@@ -125,7 +125,7 @@ class Scene:
         self.normal()
 
     def kill_and_start(self, between: Callable[[], None] = lambda: None) -> list[Any]:
-        """SIGKILL and a new life. Returns what the new one has published so far."""
+        """SIGKILL and a restart. Returns the messages of the new process so far."""
         self.monitor.kill()
         between()
         begun_s = self.bench.now_s
@@ -157,7 +157,7 @@ def test_normal_start_rates_and_no_obstacle_known(scene: Scene) -> None:
 
 
 def test_a_stop_shows_at_once_and_limits_to_zero(scene: Scene) -> None:
-    """Not at the next tick of 20 ms, nor with the next repetition."""
+    """The stop does not wait for the next tick of 20 ms or the next repetition."""
     scene.normal()
     for phase in range(20):
         scene.bench.run(0.1 + 0.001 * phase)
@@ -194,7 +194,7 @@ def test_two_keys(scene: Scene) -> None:
     assert "pressed by peer" in pressed.message
     scene.wheel_radps = 3.0
     scene.source.publish(False)
-    assert "less than" in scene.reset().message  # the settling time
+    assert "less than" in scene.reset().message  # within the settling time
     scene.bench.run(0.4)
     moving = scene.reset()
     assert not moving.success
@@ -212,7 +212,7 @@ def test_a_killed_process_is_missed_and_welcomed_back(scene: Scene) -> None:
     killed_s = scene.bench.now_s
     scene.heart.process.kill()
     scene.wait_state("DEGRADED", "NODE_DEAD")
-    # The newest beat is at most 0.1 s older than the end, and a tick finds it and misses the next.
+    # The newest beat is at most 0.1 s older than the end of the process; a tick detects the missing one.
     took_s = first_s(scene.status, killed_s, lambda message: message.active_faults)
     assert 0.9 <= took_s <= 1.0 + 2.0 * TICK_S + SHOWN_S
     assert scene.wait_reason("NODE_DEAD").max_linear_velocity == 0.0
@@ -230,7 +230,7 @@ def test_a_killed_process_is_missed_and_welcomed_back(scene: Scene) -> None:
     ],
 )
 def test_drive_faults(scene: Scene, how: str, least_s: float, limit_s: float) -> None:
-    """limit_s: what has to last, before the engine's block, a look at its status and a tick."""
+    """limit_s: required duration of the fault, without the engine's block, a status read and a tick."""
     scene.normal()
     engine, broken_s = scene.bench.engine, scene.bench.now_s
     if how == "alarm":
@@ -290,7 +290,7 @@ def test_a_latched_stop_survives_sigkill(scene: Scene) -> None:
 
 
 def test_a_latched_stop_survives_the_loss_of_the_runtime_folder(scene: Scene) -> None:
-    """What a logout or a reboot takes away."""
+    """A logout or a reboot removes the runtime folder."""
     scene.normal()
     scene.source.publish(True)
     scene.wait_state("EMERGENCY_STOP", "ESTOP_PRESSED")
@@ -322,9 +322,9 @@ def test_a_press_without_a_report_is_cleared_by_name(scene: Scene) -> None:
     scene.normal()
     scene.bench.publish(topics.EMERGENCY_STOP, Bool(data=True))
     scene.wait_state("EMERGENCY_STOP", "ESTOP_PRESSED")
-    scene.source.publish(False)  # another source's
+    scene.source.publish(False)  # from another source
     scene.bench.run(2.4)
-    assert "pressed by unknown" not in scene.reset().message  # a report may still come
+    assert "pressed by unknown" not in scene.reset().message  # a report may still arrive
     scene.bench.run(0.2)
     assert "pressed by unknown" in scene.reset().message
     refused = scene.clear("peer")
@@ -440,7 +440,7 @@ def test_obstacles_slow_and_stop_and_blindness_stops(bench: Bench) -> None:
     scene.status.wait(lambda message: message.min_obstacle_distance == math.inf, "nothing near")
     around.obstacles = wall(1.01, 0.8)
     seen = scene.status.wait(lambda message: 0.49 < message.min_obstacle_distance < 0.52, "the wall")
-    assert seen.safety_state == "NORMAL"  # no motion leads there
+    assert seen.safety_state == "NORMAL"  # no motion leads to it
 
     def requested() -> Twist:
         message = Twist()
@@ -463,7 +463,7 @@ def test_obstacles_slow_and_stop_and_blindness_stops(bench: Bench) -> None:
     assert scene.wait_reason("WAY_UNSEEN").max_linear_velocity == pytest.approx(0.3)
     around.unseen = nothing
     scene.wait_reason("")
-    around.moving = np.array([[0.6, 1.0, 0.8, 0.0, -1.0]], np.float32)  # from the side into the way
+    around.moving = np.array([[0.6, 1.0, 0.8, 0.0, -1.0]], np.float32)  # from the side into the robot's way
     scene.status.wait(lambda message: "COLLISION_IMMINENT" in message.active_faults, "a stop")
     around.moving = np.empty((0, 5), np.float32)
     scene.wait_state("NORMAL")

@@ -1,4 +1,4 @@
-"""The swerve controller among ideal modules, a fake safety monitor and fake sources of commands."""
+"""The swerve controller with ideal modules, a fake safety monitor and fake command sources."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TICK_S = 0.05
 
 
 class FakeModules:
-    """Ideal modules: they do at once what the wheel commands say, and report it as joint states."""
+    """Ideal modules that execute wheel commands without delay and report them as joint states."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
@@ -68,7 +68,7 @@ def stamped(twist: Twist2, stamp_s: float = 0.0) -> TwistStamped:
 
 
 class World:
-    """What the controller meets: its output is fed back, all inputs are well until a test says otherwise."""
+    """The surroundings of the controller: output is fed back, and all inputs are valid until a test changes them."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -119,7 +119,7 @@ class World:
         assert all(is_zero(message) for message in messages)
 
     def braking(self, silent_s: float, vx: float) -> tuple[float, float]:
-        """(s) From silence to the first slower set point, and from that to standstill."""
+        """(s) From the last message to the first slower set point, and from that to standstill."""
         self.wait_speed(0.0)
         falling_s = [at_s for at_s, m in self.limited.items if at_s > silent_s and m.twist.linear.x < vx]
         stood_s = next(at_s for at_s, m in self.limited.items if at_s > silent_s and abs(m.twist.linear.x) < 1e-6)
@@ -159,7 +159,7 @@ def test_a_ride_forward(world: World) -> None:
 
 
 def test_odometry_agrees_with_the_modules_after_a_turn_and_a_sideways_ride(world: World) -> None:
-    """Ideal modules: where the odometry ends is where the wheels have rolled."""
+    """With ideal modules the odometry must end exactly where the wheels rolled."""
     world.navigate(Twist2(0.0, 0.0, 0.8))
     world.bench.wait(lambda: yaw_of(world.odom) > 1.0, "a turn of 1 rad")
     world.navigate(Twist2(0.0, 0.0, 0.0))
@@ -183,7 +183,7 @@ def test_odometry_agrees_with_the_modules_after_a_turn_and_a_sideways_ride(world
 
 
 def test_emergency_stop_is_a_zero_command_at_once(world: World) -> None:
-    """In every phase of the tick of 50 ms."""
+    """At every phase of the tick of 50 ms."""
     for phase in range(10):
         world.drive(0.3)
         world.bench.run(0.05 + 0.005 * phase)
@@ -208,7 +208,7 @@ def test_release_needs_both_keys(world: World) -> None:
     world.stop(True)
     world.bench.run(0.1)
     world.stop(False)
-    world.assert_stays_at_zero()  # the monitor has not even seen it yet
+    world.assert_stays_at_zero()  # the monitor has not received it yet
     world.report_safety(SafetyStatus.EMERGENCY_STOP)
     world.assert_stays_at_zero()
     world.report_safety()
@@ -245,7 +245,7 @@ def test_silence_of_the_joint_states_brakes_hard(world: World) -> None:
     world.bench.silence(topics.JOINT_STATES)
     began_s, took_s = world.braking(silent_s, 0.9)
     assert 0.08 <= began_s <= 0.1 + TICK_S + LATENCY_S + COMPUTE_S + 0.02
-    assert took_s <= 0.9 / 2.0 + TICK_S + COMPUTE_S  # gently it would be 1.5 s
+    assert took_s <= 0.9 / 2.0 + TICK_S + COMPUTE_S  # the normal deceleration takes 1.5 s
 
 
 BAD_JOINT_STATES: dict[str, Callable[[JointState], None]] = {
@@ -282,7 +282,7 @@ def test_silence_of_the_safety_monitor_brakes_hard(world: World, row: Topic, sta
     world.bench.silence(row)
     began_s, took_s = world.braking(silent_s, 0.9)
     assert stale_s - 0.1 < began_s < stale_s + 2.0 * TICK_S  # the newest message is up to 0.1 s older
-    assert took_s <= 0.9 / 2.0 + TICK_S + COMPUTE_S  # gently it would be 1.4 s
+    assert took_s <= 0.9 / 2.0 + TICK_S + COMPUTE_S  # the normal deceleration takes 1.4 s
     assert says in world.log()
     world.report_safety()
     world.report_limit(limit(1.5))
@@ -386,7 +386,7 @@ def test_stale_stamped_command_is_refused(world: World) -> None:
     assert "teleop command refused: 1.0" in world.log()
 
 
-# --- service and life ------------------------------------------------------------------------------------------------
+# --- service and node life --------------------------------------------------------------------------------------------
 
 
 def test_odometry_is_reset_only_at_rest(world: World) -> None:

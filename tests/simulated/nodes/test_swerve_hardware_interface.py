@@ -1,4 +1,4 @@
-"""The hardware interface on a motion engine with virtual drives: to the engine from topics, and back."""
+"""The hardware interface on a motion engine with virtual drives: from topics to the engine, and back."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def wheel_commands(speed_mps: float, angle_rad: float = 0.0, stamp_s: float = 0.
 
 
 class Rig:
-    """Engine, node, and everything the node listens to."""
+    """Engine, node, and the node's inputs."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench, self.engine = bench, bench.engine
@@ -60,7 +60,7 @@ class Rig:
         self.bench.wait(lambda: text in self.log(), f"{text!r} in the log")
 
     def status(self) -> StatusSnapshot:
-        """What the engine itself says, past the node."""
+        """The engine's status, read without the node."""
         return self.engine.device.read_status()[1]
 
     def wait_status(self, holds: Callable[[StatusSnapshot], Any], what: str) -> StatusSnapshot:
@@ -71,7 +71,7 @@ class Rig:
         self.wait_status(lambda s: (s.servo_on == on).all(), f"all servos {'on' if on else 'off'}")
 
     def wait_speed(self, speed_mps: float) -> None:
-        """Until all four wheels really turn at this speed."""
+        """Waits until all four wheels turn at this speed."""
         self.wait_status(lambda s: (abs(wheels_mps(s) - speed_mps) < 0.01).all(), f"wheels at {speed_mps} m/s")
 
     def drive(self, speed_mps: float) -> None:
@@ -98,7 +98,7 @@ class Rig:
         assert not snapshot.velocity_cmd.any()
 
     def release(self) -> None:
-        """The emergency has been in the status long enough to be seen; then it is over."""
+        """Ends the emergency after the node has received its status."""
         self.bench.run(0.3)
         self.safety(WELL)
         self.wait_status(lambda s: not s.emergency_stop and s.servo_on.all(), "the release in the engine")
@@ -122,7 +122,7 @@ def test_joint_states_of_all_axes_at_their_rate(rig: Rig) -> None:
     assert messages[-1].name == list(JOINTS)
     assert [len(field) for field in (messages[-1].position, messages[-1].velocity, messages[-1].effort)] == [8, 8, 8]
     stamps = [time_to_s(message.header.stamp) for message in messages]
-    # The engine's own time: that of its newest block.
+    # Stamps are engine time, from its newest block.
     assert [later - earlier for earlier, later in pairwise(stamps)] == pytest.approx(
         [TICK_S] * (len(stamps) - 1), abs=BLOCK_S + 1e-6
     )
@@ -143,7 +143,7 @@ def test_engine_that_comes_late_is_waited_for(rig: Rig) -> None:
 def test_servos_wait_for_the_safety_monitor(rig: Rig) -> None:
     rig.engine.run()
     rig.start_node()
-    rig.joints.wait()  # of standing wheels, servos off
+    rig.joints.wait()  # from standing wheels with servos off
     rig.says("waiting for the safety monitor")
     rig.safety(EMERGENCY)
     rig.bench.run(2.0)
@@ -186,7 +186,7 @@ def test_silence_of_the_controller_stops_the_wheels(rig: Rig) -> None:
     rig.wait_speed(0.0)
     took_s = rig.bench.now_s - silent_s
     assert 0.1 <= began_s <= 0.15 + TICK_S + 4.0 * BLOCK_S  # the last command is up to 0.05 s old
-    assert 0.25 < took_s - began_s < 0.35  # 0.6 m/s at 2.0 m/s2: no leap
+    assert 0.25 < took_s - began_s < 0.35  # 0.6 m/s at 2.0 m/s2: no step
     rig.says("no usable /swerve/wheel_commands for 0.15 s")
     rig.drive(0.3)
 
@@ -225,7 +225,7 @@ def test_bad_commands_are_refused_and_the_wheels_stop(rig: Rig) -> None:
 
 
 def test_emergency_stop_reaches_the_engine_at_once_and_decelerates_as_configured(rig: Rig) -> None:
-    """In every phase of the tick."""
+    """At every phase of the tick."""
     rig.ready()
     for phase in range(5):
         rig.drive(1.0)
@@ -247,7 +247,7 @@ def test_wheels_stand_until_both_keys_and_a_fresh_command(rig: Rig) -> None:
     rig.press()
     rig.wait_speed(0.0)
     rig.press(False)
-    rig.stays_stopped()  # the monitor has not said anything yet
+    rig.stays_stopped()  # the monitor has not reported anything yet
     rig.safety(EMERGENCY)
     rig.stays_stopped()
     rig.bench.silence(topics.WHEEL_COMMANDS)
@@ -278,7 +278,7 @@ def test_alarm_of_one_drive_stops_all_until_an_emergency_stop_is_released(rig: R
     rig.says("fr_steer alarm 33")
     rig.engine.drives.stubborn = False
     rig.bench.run(2.0)
-    assert rig.status().amp_alarm[3]  # it is not cleared before somebody has looked
+    assert rig.status().amp_alarm[3]  # only an emergency stop permits clearing it
     rig.safety(EMERGENCY)
     rig.wait_status(lambda s: not s.amp_alarm.any(), "the alarm to be cleared")
     assert not rig.status().servo_on[3]
@@ -322,9 +322,9 @@ def test_end_stops_the_wheels_and_closes_the_brakes(rig: Rig) -> None:
 
 @pytest.mark.parametrize("how", ["killed", "hung"])
 def test_way_of_the_wheels_without_their_interface(rig: Rig, how: str) -> None:
-    """At 1.0 m/s, the rest of its last command's time and the braking: the engine does it by itself.
+    """The engine brakes from 1.0 m/s by itself, after the last command's remaining time.
 
-    The headings are held by the engine, where they were.
+    The engine holds the headings.
     """
     rig.ready().drive(1.0)
     begun = rig.status()

@@ -1,4 +1,4 @@
-"""The system monitor among its sources: every field from its source, and nothing where there is none."""
+"""The system monitor with its sources: every field from its source, and no value without a source."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ COMPUTER = "/Robot/System/system_monitor: computer"
 
 
 class Scene:
-    """The monitor, its sources, and what it publishes."""
+    """The monitor, its sources, and its published messages."""
 
     def __init__(self, bench: Bench, **parameters: Any) -> None:
         self.bench, self.kernel = bench, bench.devices.computer.kernel
@@ -37,7 +37,7 @@ class Scene:
         return self.status.wait(condition, what, limit_s)
 
     def speak(self) -> None:
-        """Every source at its rate."""
+        """Publishes from every source at its rate."""
         bench = self.bench
         pose = PoseStamped()
         pose.pose.position.x, pose.pose.position.y, pose.pose.orientation.w = 3.0, -4.0, 1.0
@@ -125,7 +125,7 @@ def test_the_computer_is_read_and_not_invented(bench: Bench) -> None:
     bench.run(1.0)
     status = scene.status.last
     assert (status.cpu_usage_percent, status.memory_usage_percent) == pytest.approx((90.0, 80.0))
-    assert math.isnan(scene.temperature.last.temperature)  # no zone: no temperature
+    assert math.isnan(scene.temperature.last.temperature)  # without a thermal zone there is no temperature
     scene.wait_entry(COMPUTER, lambda found: values_of(found)["temperature"] == "unknown")
 
 
@@ -144,7 +144,7 @@ def test_diagnostics_as_a_tree(bench: Bench) -> None:
     silent_s = bench.now_s
     bench.silence(topics.DIAGNOSTICS)
     scene.wait_entry("/Robot/Drive/swerve_controller", lambda found: found.level == DiagnosticStatus.STALE)
-    assert 1.5 <= bench.now_s - silent_s <= 3.1  # stale after 2 s, told once a second
+    assert 1.5 <= bench.now_s - silent_s <= 3.1  # stale after 2 s, published once a second
 
 
 def test_the_graph_against_the_contract(bench: Bench) -> None:
@@ -160,7 +160,7 @@ def test_the_graph_against_the_contract(bench: Bench) -> None:
 
 
 class Links:
-    """An external display and a touch screen that show that they live once a second."""
+    """An external display and a touch screen that report every second."""
 
     def __init__(self, bench: Bench) -> None:
         self.linked, self._bench = True, bench
@@ -192,7 +192,7 @@ def test_every_row_of_computer_and_links_is_raised_in_its_time_and_cleared(bench
     rows = ["ESTOP_PRESSED", *RAISED_S]
     bench.start("safety_monitor", {"rows": rows, "expected_processes": ["ehmi_bridge", "touch_ui"]})
     safety.wait(lambda message: message.safety_state == "NORMAL", "NORMAL")
-    bench.run(2.5)  # the window of the processor's use is full
+    bench.run(2.5)  # fills the window of the processor's use
 
     def happens(wrong: bool) -> None:
         kernel, computer = scene.kernel, bench.devices.computer
@@ -213,7 +213,7 @@ def test_every_row_of_computer_and_links_is_raised_in_its_time_and_cleared(bench
     happens(True)
     raised = safety.wait(lambda message: message.active_faults, code, 20.0)
     assert (list(raised.active_faults), raised.safety_state) == ([code], "DEGRADED")
-    # The sources speak once a second, a link's newest sign of life is as old.
+    # The sources report once a second, so a link's newest report is up to that old.
     assert RAISED_S[code] - 1.0 <= bench.now_s - begun_s <= RAISED_S[code] + 1.3
     happens(False)
     safety.wait(lambda message: message.safety_state == "NORMAL" and not message.active_faults, "the end", 3.0)

@@ -31,7 +31,7 @@ class Page:
         return [json.loads(text) for text in self.open.answers]
 
     def ask(self, t: str, **fields: Any) -> dict[str, Any]:
-        """The answer of the server."""
+        """Sends a message and returns the server's answer."""
         number = self.open.say(t=t, **fields)
 
         def answer() -> dict[str, Any] | None:
@@ -49,14 +49,14 @@ class Page:
         self.open.say(t="pad", x=x, y=0.0, turn=0.0, at_ms=round(1e3 * self._bench.now_s))
 
     def hold(self, duration_s: float, x: float = 1.0) -> None:
-        """A finger on the pad for so long."""
+        """Holds a finger on the pad for the duration."""
         for _ in range(round(duration_s / PAD_S)):
             self.pad(x)
             self._bench.run(PAD_S)
 
 
 class Screen:
-    """The node, and what it has published."""
+    """The node and its published messages."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -68,7 +68,7 @@ class Screen:
         return Page(self.bench)
 
     def stands_after(self, since_s: float) -> float:
-        """How long after ``since_s`` the one standstill came after which the pad is silent."""
+        """Time from ``since_s`` to the single zero command after which the pad is silent."""
         self.bench.run(2.0)
         zeros = [at_s for at_s, message in self.teleop.items if message.twist.linear.x == 0.0]
         assert len(zeros) == 1
@@ -98,7 +98,7 @@ def test_the_stop_reaches_everyone_at_once_and_only_a_request_takes_it_back(scre
     rider.log_in()
     refused = rider.ask("reset")
     assert (refused["ok"], refused["why"]) == (False, "answer.reset_refused")
-    assert refused["detail"] == "refused: stop button pressed"  # what still blocks it
+    assert refused["detail"] == "refused: stop button pressed"  # names the remaining cause
     safety.refusals = ["not yet", "not yet"]
     assert rider.ask("reset")["ok"]
     assert not safety.active
@@ -155,7 +155,7 @@ def test_heartbeat_only_while_a_page_is_there(screen: Screen) -> None:
     page = screen.page()
     screen.bench.run(5.0)
     assert screen.beats.period_s(3) == pytest.approx(1.0, abs=1e-3)
-    page.open._timer.destroy()  # a page that hangs is open and shows nothing to anybody
+    page.open._timer.destroy()  # like a page that hangs: the connection stays open without heartbeats
     screen.bench.run(4.2)
     begun_s = screen.bench.now_s
     screen.bench.run(5.0)
