@@ -1,4 +1,4 @@
-"""The process camera_driver: pictures, calibration, mounting, faults."""
+"""The process camera_driver: images, calibration, mounting, faults."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BODIES = {"base_link": (-0.95, 0.0, 0.0), "wheelchair": (0.0, 0.0, 0.0), "charge
 
 
 def bodies(peer: Peer) -> TFMessage:
-    """The robot at the chair's dock pose, the charger's board behind it."""
+    """The robot at the chair's dock pose, with the charger's board behind it."""
     stamp = peer.node.get_clock().now().to_msg()
     message = TFMessage()
     for name, (x, y, yaw) in BODIES.items():

@@ -1,4 +1,4 @@
-"""The command line as an operator uses it, against fake and real nodes."""
+"""The command line with fake and real nodes."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def cli(*arguments: str, timeout_s: float = 100.0, **environment: str) -> subpro
     )
 
 
-# --- what needs no ROS ------------------------------------------------------------------------------------------------
+# --- without ROS ------------------------------------------------------------------------------------------------------
 
 
 def test_help_names_every_verb_and_imports_no_ros() -> None:
@@ -92,7 +92,7 @@ def test_missions_are_listed() -> None:
 
 @pytest.fixture
 def own_config(tmp_path: Path) -> Path:
-    """A copy of the configuration that a test may spoil."""
+    """A copy of the configuration that a test may change."""
     return Path(shutil.copytree(config_dir(), tmp_path / "config"))
 
 
@@ -249,7 +249,7 @@ def test_reset_without_anybody(ros_domain: int) -> None:
 
 
 class FakeMissions:
-    """A mission manager that knows one mission."""
+    """A mission manager with one mission."""
 
     def __init__(self, peer: Peer) -> None:
         self._peer = peer
@@ -385,7 +385,7 @@ def drive_profile(tmp_path: Path) -> str:
 
 @pytest.fixture
 def controller(ros_domain: int) -> Iterator[Peer]:
-    """A peer that calls itself swerve_controller."""
+    """A peer with the name swerve_controller."""
     peer = Peer("swerve_controller")
     yield peer
     peer.close()
@@ -404,7 +404,7 @@ def test_topics_names_what_is_missing_and_what_is_right(controller: Peer, drive_
     assert unknown == []
     odom = found["/odom"]
     assert odom["publishers"] == ["swerve_controller"]
-    # On a busy machine it comes less often than the contract says.
+    # On a busy machine the rate is below the contract's.
     assert [problem for problem in odom["problems"] if "Hz instead of" not in problem] == []
     assert found["/swerve/wheel_commands"]["problems"] == ["not published by swerve_controller"]
     assert found["/sensors/imu"]["verdict"] == "not run"
@@ -430,7 +430,7 @@ def test_topics_names_wrong_qos(controller: Peer, drive_profile: str) -> None:
 
 
 def test_rates_are_those_of_simulated_time(ros_domain: int, peer: Peer) -> None:
-    """The world runs twice as fast: 100 messages a second are 50 Hz."""
+    """At twice real time, 100 messages a second are 50 Hz."""
     ticks = itertools.count()
 
     def tick() -> Clock:
@@ -443,7 +443,7 @@ def test_rates_are_those_of_simulated_time(ros_domain: int, peer: Peer) -> None:
         wait_for(lambda: meter.run(0.1) or meter.seen()["/odom"].traffic.count, "odometry")
         meter.run(2.0)
         speed, rate_hz = meter.speed(), meter.seen()["/odom"].traffic.rate_hz
-    # A busy machine ticks slower: then both are slower, and their ratio stays.
+    # A busy machine ticks slower: both values fall, and their ratio stays.
     assert speed > 1.0
     assert rate_hz == pytest.approx(50.0, rel=0.1)
 

@@ -1,4 +1,4 @@
-"""The differential drive between a real engine process on virtual drives and a plain ROS client."""
+"""The differential drive with a real engine process on virtual drives and a plain ROS client."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ RADIUS_M, TRACK_M = CONFIG["wheel_radius"], CONFIG["wheel_to_wheel"]
 RAMP_S = 0.2
 QUICK = ("-p", f"acc_time:={RAMP_S}", "-p", f"dec_time:={RAMP_S}")
 BOTH = [0, 1]
-# A client that is held up itself falls silent, which is rest: where a stream must not pause, it may for so long.
+# A stalled client looks silent, and silence is rest: streams that must not pause get a longer timeout.
 STREAM = ("-p", "cmd_vel_timeout_s:=1.0")
 
 
@@ -53,7 +53,7 @@ def twist(linear_mps: float = 0.0, angular_radps: float = 0.0) -> Twist:
 
 
 class Rig:
-    """Engine, node, and a client that knows topics only."""
+    """Engine, node, and a client that uses only topics."""
 
     def __init__(self, start: Callable[..., NodeProcess], peer: Peer, folder: Path) -> None:
         self.start, self.peer = start, peer
@@ -72,7 +72,7 @@ class Rig:
         self.engine = self.start("engine", command=[sys.executable, str(script), str(self.orders)])
         socket = runtime_dir() / SOCKET_FILE
         wait_for(lambda: socket.exists() and socket.stat().st_ctime_ns >= not_before_ns, "the engine to listen", 60.0)
-        self._view = StatusView(runtime_dir(), 5.0)  # an older one would still show the engine before
+        self._view = StatusView(runtime_dir(), 5.0)  # an older one would still show the previous engine
 
     def start_node(self, *ros_args: str) -> NodeProcess:
         self.node = self.start("diff_drive_controller", *QUICK, *ros_args)
@@ -81,7 +81,7 @@ class Rig:
         return self.node
 
     def ready(self, *ros_args: str) -> Rig:
-        """With a command that has been at rest, as a node demands that may not know all senders yet."""
+        """Ready after a zero command, which the node requires because it may not have discovered all senders yet."""
         self.start_engine()
         self.start_node(*ros_args)
         self.wait_ready()
@@ -90,7 +90,7 @@ class Rig:
         return self
 
     def centre(self) -> None:
-        """The stick stays in its middle until the node obeys it."""
+        """Commands zero until the node accepts commands."""
         self.drive(0.0)
         records = NodeRecords()
         assert self.node is not None
@@ -107,7 +107,7 @@ class Rig:
         self.wait_status(lambda s: s.communicating and s.servo_on.all() and (s.command_mode == 1).all(), "wheels ready")
 
     def device(self) -> MotionEngine:
-        """Another client of the engine, as the general node is one."""
+        """Another client of the engine, like the general node."""
         self._device = self._device or connect("test", timeout_s=30.0)
         return self._device
 
@@ -117,14 +117,14 @@ class Rig:
         if self._device is not None:
             self._device.close()
 
-    # what the client does
+    # operations of the client
 
     def drive(self, linear_mps: float = 0.0, angular_radps: float = 0.0) -> None:
         self.peer.repeat(topics.WMX_CMD_VEL, lambda: twist(linear_mps, angular_radps), 20.0)
 
     def set_out(self, linear_mps: float) -> None:
-        """As an operator does: centre the stick, push it, and once more if the wheels do not turn. The node may not
-        have seen yet that the drive is ready, and takes no command that was there before.
+        """Commands zero, then the speed, and repeats this until the wheels turn. The node may not have detected the
+        ready drive yet, and it ignores commands from before.
         """
         radps = linear_mps / RADIUS_M
 
@@ -139,7 +139,7 @@ class Rig:
         self.wait_wheels(radps, radps)
 
     def pass_s(self, seconds: float) -> None:
-        """Of the engine's time."""
+        """Waits for a duration of the engine's time."""
         end_s = self.wait_status(lambda s: True, "a status").engine_time_s + seconds
         self.wait_status(lambda s: s.engine_time_s > end_s, f"{seconds} s of the engine")
 
@@ -151,7 +151,7 @@ class Rig:
         fresh.write_text(json.dumps(orders), encoding="ascii")
         os.replace(fresh, self.orders)
 
-    # what the engine says, past the node
+    # the engine's status, read without the node
 
     def wait_status(self, holds: Callable[[StatusSnapshot], object], what: str) -> StatusSnapshot:
         def look() -> StatusSnapshot | None:
@@ -196,7 +196,7 @@ def rig(
 
 
 def test_documented_topics(rig: Rig) -> None:
-    """Engine that comes late, kinematics, echo, measured speeds and odometry."""
+    """An engine that starts late, kinematics, echo, measured speeds and odometry."""
     node = rig.start_node()
     node.wait_output("waiting for the motion engine")
     assert rig.speeds.items == rig.odometry.items == []
@@ -239,7 +239,7 @@ def test_commands_that_are_absurd_old_or_no_numbers(rig: Rig) -> None:
     rig.drive(0.5)
     rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
     rig.peer.silence(topics.WMX_CMD_VEL)
-    # The whole change takes dec_time: no leap, whatever the speed.
+    # The whole change takes dec_time at any speed, without a step.
     assert braking_s(rig.wait_status, 0, 0.5 / RADIUS_M) == pytest.approx(RAMP_S, rel=0.02)
     node.wait_output("no command for 0.25 s")
     rig.drive(0.2)
@@ -253,7 +253,7 @@ def stamped(linear_mps: float, stamp: Any) -> TwistStamped:
 
 
 def test_stamped_twists_and_limits_of_acceleration(rig: Rig) -> None:
-    """0.9 m/s at 1 m/s2, where the engine's own ramp would take 0.2 s."""
+    """0.9 m/s at 1 m/s2, where the engine's own ramp takes 0.2 s."""
     node = rig.ready("-p", "limits.linear_acceleration_mps2:=1.0", "-p", "limits.linear_jerk_mps3:=10.0").node
     assert node is not None
     clock = rig.peer.node.get_clock()
@@ -263,11 +263,11 @@ def test_stamped_twists_and_limits_of_acceleration(rig: Rig) -> None:
     gained_mps = RADIUS_M * float(end.velocity_cmd[0] - begin.velocity_cmd[0])
     assert gained_mps < 1.15 * (end.engine_time_s - begin.engine_time_s), "more than 1 m/s2"
     rig.wait_wheels(0.9 / RADIUS_M, 0.9 / RADIUS_M)
-    # The last of a limited change is slow: nothing of it may be taken for a part of the stop.
+    # The end of a limited change is slow, and must not be measured as part of the stop.
     rig.wait_status(lambda s: abs(s.velocity_cmd[0] - 0.9 / RADIUS_M) < 1e-6, "the whole speed")
     assert rig.echo.last == twist(0.9)
 
-    # commands that were sent long ago are left out: silence, and its stop in dec_time, no limit
+    # old commands are dropped, which counts as silence: a stop in dec_time without the limit
     rig.peer.repeat(topics.WMX_CMD_VEL_STAMPED, lambda: stamped(0.9, Time(sec=1)), 20.0)
     assert braking_s(rig.wait_status, 0, 0.9 / RADIUS_M) == pytest.approx(RAMP_S, rel=0.1)
     node.wait_output("/diff_drive_controller/cmd_vel left out: it is ")
@@ -287,12 +287,12 @@ def test_emergency_stop_without_and_with_a_safety_monitor(rig: Rig) -> None:
     rig.press()
     begin = rig.wait_status(lambda s: s.velocity_cmd[0] < 0.89 / RADIUS_M, "wheels slowing down")
     end = rig.wait_rest()
-    # 10 rad/s at the engine's quick stop of 25 rad/s2; the command's own ramp would take 5 s.
+    # 10 rad/s at the engine's quick stop of 25 rad/s2; the command's own ramp takes 5 s.
     assert end.engine_time_s - begin.engine_time_s < 1.0
     rig.stays_at_rest()
 
-    rig.press(False)  # nobody has ever published /safety/status: the false is the release
-    rig.stays_at_rest()  # the twist has never been at rest
+    rig.press(False)  # without any /safety/status, false is the release
+    rig.stays_at_rest()  # the twist has not been zero yet
     assert rig.node is not None
     rig.node.wait_output("waiting for the command to be zero or silent once")
     rig.drive(0.0)
@@ -324,12 +324,12 @@ def test_alarm_and_lost_bus_in_motion(rig: Rig) -> None:
     rig.drive(0.5)
     rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
     rig.break_drives(alarms={"1": 33})
-    rig.wait_rest()  # the left wheel too, and not over the 5 s of its command
+    rig.wait_rest()  # the left wheel too, faster than its command's 5 s
     rig.node.wait_output("right wheel: alarm 33; needs clear_alarm and set_on")
     rig.break_drives()
     rig.stays_at_rest()
     assert device.read_status()[1].amp_alarm[1], "nobody clears it before somebody has looked"
-    # What the general node's services do.
+    # As the general node's services do.
     device.core_motion.axisControl.ClearAmpAlarm(1)
     rig.wait_status(lambda s: not s.amp_alarm.any(), "the alarm to be cleared")
     device.core_motion.axisControl.SetServoOn(1, 1)
@@ -347,7 +347,7 @@ def test_alarm_and_lost_bus_in_motion(rig: Rig) -> None:
     assert len(rig.odometry.items) <= 1, "nothing stale is published"
     rig.break_drives()
     rig.wait_ready()
-    rig.stays_at_rest()  # the twist still says 0.5
+    rig.stays_at_rest()  # the twist is still 0.5
     rig.set_out(0.5)
 
 
@@ -366,7 +366,7 @@ def test_hung_node_killed_node_killed_engine_and_orderly_end(rig: Rig) -> None:
     rig.drive(0.5)
     rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
     assert rig.node is not None
-    rig.node.signal(signal.SIGSTOP)  # a node that hangs: the engine's watchdog notices
+    rig.node.signal(signal.SIGSTOP)  # the engine's watchdog detects the hanging node
     rig.wait_rest()
     rig.node.signal(signal.SIGCONT)
     rig.stays_at_rest()
@@ -376,7 +376,7 @@ def test_hung_node_killed_node_killed_engine_and_orderly_end(rig: Rig) -> None:
     rig.wait_rest()
 
     node = rig.start_node(*STREAM)
-    rig.stays_at_rest()  # the stream of twists was there before the node
+    rig.stays_at_rest()  # the stream of twists began before the node
     rig.set_out(0.5)
     assert rig.engine is not None
     rig.engine.process.kill()
@@ -387,7 +387,7 @@ def test_hung_node_killed_node_killed_engine_and_orderly_end(rig: Rig) -> None:
     rig.wait_ready()
     rig.set_out(0.5)
 
-    rig._device = None  # it was the dead engine's
+    rig._device = None  # belongs to the dead engine
     rig.device()
     node.signal(signal.SIGTERM)
     assert braking_s(rig.wait_status, 0, 0.5 / RADIUS_M) == pytest.approx(RAMP_S, rel=0.02)
@@ -400,7 +400,7 @@ def test_hung_node_killed_node_killed_engine_and_orderly_end(rig: Rig) -> None:
 
 
 def test_pose_transform_polarity_and_names(rig: Rig) -> None:
-    """A base whose right axis turns its wheel backwards, half a turn to the left, under other names."""
+    """A base with an inverted right axis, turned by 180 deg to the left, under other names."""
     other = {
         "cmd_vel_topic": "/base/twist",
         "encoder_omega_topic": "/base/wheels",
@@ -437,7 +437,7 @@ def test_pose_transform_polarity_and_names(rig: Rig) -> None:
     wait_for(lambda: abs(poses[-1].twist.twist.angular.z) < 1e-6, "odometry at rest")
     pose = poses[-1].pose.pose
     assert 2.0 * math.atan2(pose.orientation.z, pose.orientation.w) == pytest.approx(yaw, abs=1e-3)
-    # Times of both wheels' changes are equal, so the ratio of their speeds and with it the circle is constant.
+    # Both wheels change in equal times, so the ratio of their speeds and thus the circle is constant.
     circle_m = 0.3
     assert pose.position.x == pytest.approx(circle_m * math.sin(yaw), abs=0.02)
     assert pose.position.y == pytest.approx(circle_m * (1.0 - math.cos(yaw)), abs=0.02)
@@ -463,7 +463,7 @@ def test_wheels_without_their_parameter_file_stay_off(rig: Rig, tmp_path: Path) 
 
 
 def test_profile_with_the_general_node_that_clears_alarms(ros_domain: int, peer: Peer, tmp_path: Path) -> None:
-    """As an operator does it: up, drive, an alarm, clear_alarm and set_on by service, drive on."""
+    """An operator's sequence: start, drive, an alarm, clear_alarm and set_on by service, drive on."""
     settings = [f"diff_drive_controller.{name}={RAMP_S}" for name in ("acc_time", "dec_time")]
     speeds = peer.listen(topics.WMX_WHEEL_VELOCITIES)
     try:

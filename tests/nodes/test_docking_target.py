@@ -1,4 +1,4 @@
-"""/docking/target: where the dock is, seen from the robot, only on the last way into it."""
+"""/docking/target: the dock's pose relative to the robot, only on the final approach."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from robot_stack.middleware.conversions import pose_from_msg
 
 
 class FakeNode:
-    """Keeps what is published, by topic."""
+    """Records published messages by topic."""
 
     def __init__(self) -> None:
         self.published: dict[str, list[Any]] = {}
@@ -30,13 +30,13 @@ class FakeNode:
         return type("Publisher", (), {"publish": staticmethod(messages.append)})
 
     def emergency_stop_source(self, *, until_latched: bool) -> None:
-        """None is needed here."""
+        """Not needed here."""
 
     def stamp(self) -> Time:
         return Time(sec=7)
 
 
-# In odom the dock is 2 m ahead of a robot that looks along y.
+# In odom the dock is 2 m ahead of a robot that faces along y.
 BASE, DOCK = Pose2(1.0, 1.0, 0.5 * math.pi), Estimate(Pose2(1.0, 3.0, 0.5 * math.pi), 0.01, 0.01)
 
 

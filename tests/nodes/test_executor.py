@@ -1,4 +1,4 @@
-"""The lean executor does what rclpy's own does: services, clients, actions, coroutines, entities that come and go."""
+"""The lean executor behaves like rclpy's: services, clients, actions, coroutines, entities created and destroyed."""
 
 from __future__ import annotations
 

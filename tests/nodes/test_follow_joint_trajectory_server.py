@@ -1,4 +1,4 @@
-"""The trajectory server on a real engine process with six virtual joints, asked by an independent action client."""
+"""The trajectory server on a real engine process with six virtual joints, called by an independent action client."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ EMERGENCY_STOP_ON = 65632
 @pytest.fixture(autouse=True)
 def _six_joints(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(ENGINE_CONFIG_VARIABLE, "wmx_engine_manipulator")
-    monkeypatch.setenv(STALE_VARIABLE, "1.0")  # a busy machine holds the engine up
+    monkeypatch.setenv(STALE_VARIABLE, "1.0")  # the engine may stall on a busy machine
 
 
 def duration(seconds: float) -> Duration:
@@ -60,7 +60,7 @@ def goal(*waypoints: tuple[float, list[float]], joints: list[str] = JOINTS, **fi
 
 
 def moving(message: Any, velocities: list[list[float]], accelerations: list[list[float]] | None = None) -> Any:
-    """The goal with a velocity, and if given an acceleration, of every joint at every point."""
+    """The goal with a velocity, and optionally an acceleration, of every joint at every point."""
     for index, point in enumerate(message.trajectory.points):
         point.velocities = velocities[index]
         point.accelerations = accelerations[index] if accelerations is not None else []
@@ -118,7 +118,7 @@ class Rig:
         return self
 
     def wait_health(self, text: str) -> None:
-        """Waits for a heartbeat that says ``text``; empty means ready."""
+        """Waits for a heartbeat with ``text``; empty means ready."""
 
         def matches() -> bool:
             last = self._beats.last
@@ -196,13 +196,13 @@ def test_a_trajectory_is_followed_and_reported(rig: Rig) -> None:
     middle = max(sent.feedback, key=lambda m: np.abs(m.desired.velocities).max())
     assert np.array(middle.actual.velocities) == pytest.approx(np.array(middle.desired.velocities), abs=0.15)
 
-    # single waypoint from wherever the arm is, its time kept
+    # a single waypoint from any position keeps its time
     begin_s = rig.status.engine_time_s
     assert rig.send((0.4, HOME)).result() == (STATUS_SUCCEEDED, 0, "")
     assert rig.status.engine_time_s - begin_s >= 0.35
     assert rig.status.actual_pos == pytest.approx(HOME, abs=1e-3)
 
-    # a start in the future: nothing moves before it
+    # a start in the future: no motion before it
     message = goal((0.0, HOME), (0.3, THERE))
     message.trajectory.header.stamp = rig.now(59.0)
     begin_s = rig.status.engine_time_s
@@ -270,7 +270,7 @@ def test_goals_that_cannot_be_followed_say_why(rig: Rig) -> None:
     wait_for(lambda: not rig.status.servo_on[2], "servo 3 off")
     refused(goal((1.0, THERE)), SERVO_OFF, "joint3: the servo is off")
     rig.engine.servos(1)
-    # as many points as are allowed, a millisecond apart
+    # as many points as permitted, a millisecond apart
     ways = [3.0 * (0.001 * i) ** 2 - 2.0 * (0.001 * i) ** 3 for i in range(1, 1001)]
     many = [(0.001 * (i + 1), [way * angle for angle in THERE]) for i, way in enumerate(ways)]
     assert rig.send(*many).result() == (STATUS_SUCCEEDED, 0, "")
@@ -285,7 +285,7 @@ def test_tolerances_preemption_and_cancellation(rig: Rig) -> None:
     assert "joint1: position error" in text
     assert rig.standing
 
-    # a newer goal ends the present one, and begins from rest
+    # a newer goal ends the present one and starts from rest
     first = rig.send((3.0, FAR))
     rig.wait_moving()
     second = rig.send((0.6, HOME))
@@ -295,7 +295,7 @@ def test_tolerances_preemption_and_cancellation(rig: Rig) -> None:
     assert second.result() == (STATUS_SUCCEEDED, 0, "")
     assert rig.status.actual_pos == pytest.approx(HOME, abs=1e-3)
 
-    # canceled: only once the axes stand, on the path, and before its end
+    # canceled: only after the axes stand, on the path, and before its end
     sent = rig.send(*LONG)
     rig.wait_moving(0.4)
     answer = sent.cancel()
@@ -328,7 +328,7 @@ def test_tolerances_preemption_and_cancellation(rig: Rig) -> None:
     assert rig.set_gripper(True) == (False, "Failed to close gripper")
     assert rig.standing
 
-    # where no safety monitor speaks, its end and the next one are told by the same topic
+    # without a safety monitor, the same topic carries the stop's end and the next stop
     rig.peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
     nothing = goal(joints=[])
     wait_for(lambda: rig.send_message(nothing).result()[0] == STATUS_SUCCEEDED, "the release", poll_s=0.1)
@@ -340,7 +340,7 @@ def test_tolerances_preemption_and_cancellation(rig: Rig) -> None:
 
 
 def desired(feedback: list[Any], time_s: float) -> Any:
-    """What the joints should do, as the feedback said nearest to a time of the goal."""
+    """The desired point of the feedback nearest to a time of the goal."""
     return min((m.desired for m in feedback), key=lambda point: abs(seconds(point.time_from_start) - time_s))
 
 
@@ -354,12 +354,12 @@ def test_velocities_accelerations_and_stamps_are_obeyed(rig: Rig) -> None:
     fast, still = [0.4 * angle for angle in FAR], [0.0] * 6
 
     def passing(message: Any) -> Any:
-        """Speeds half way, by the feedback, of a goal that is reached."""
+        """The desired point half way, from the feedback of a goal that is reached."""
         sent = rig.send_message(message)
         assert sent.result() == (STATUS_SUCCEEDED, 0, "")
         return desired(sent.feedback, 1.0)
 
-    # positions alone would pass the middle at 0.75 of FAR per second
+    # without velocities the spline passes the middle at 0.75 of FAR per second
     there = [(0.0, HOME), (1.0, half), (2.0, FAR)]
     middle = passing(moving(goal(*there), [still, fast, still]))
     assert middle.velocities[0] == pytest.approx(fast[0], abs=0.06)
@@ -369,7 +369,7 @@ def test_velocities_accelerations_and_stamps_are_obeyed(rig: Rig) -> None:
     assert middle.velocities[0] == pytest.approx(slow[0], abs=0.06)
     assert middle.accelerations[0] == pytest.approx(0.0, abs=0.6)
 
-    # half a second ago: the points are reached when they are due
+    # started half a second ago: the points are reached at their due times
     late = goal((2.0, half), (4.0, FAR))
     late.trajectory.header.stamp = rig.now(-0.5)
     sent = rig.send_message(late)
@@ -439,7 +439,7 @@ def test_faults_in_motion_abort_and_the_server_recovers(rig: Rig) -> None:
     rig.engine.recover()
     assert rig.send((0.5, HOME)).result() == (STATUS_SUCCEEDED, 0, "")
 
-    # somebody else stops the arm: no success
+    # another client stops the arm: no success
     sent = rig.send(*LONG)
     rig.wait_moving()
     assert rig.engine.device.core_motion.motion.Stop(0) == 0
@@ -447,7 +447,7 @@ def test_faults_in_motion_abort_and_the_server_recovers(rig: Rig) -> None:
     assert (status, code) == (STATUS_ABORTED, ErrorCode.NoMotion)
     assert "stopped by somebody else" in text
 
-    # an engine that hangs: an end in time, and a stop as soon as it listens again
+    # an engine that hangs: the goal ends in time, and the arm stops as soon as the engine continues
     assert rig.send((0.5, HOME)).result()[0] == STATUS_SUCCEEDED
     sent = rig.send((3.0, FAR))
     rig.wait_moving()
@@ -489,7 +489,7 @@ def test_a_server_that_ends_leaves_an_arm_that_stands(rig: Rig) -> None:
 
 
 def test_a_server_that_hangs_leaves_its_trajectory_to_the_engine(rig: Rig) -> None:
-    """The engine's watchdog stops no axis: the arm goes on to the end of the spline, and no further."""
+    """The engine's watchdog stops no axis: the arm continues to the end of the spline."""
     rig.up()
     sent = rig.send((1.5, THERE))
     rig.wait_moving()

@@ -1,4 +1,4 @@
-"""A second participant of a process ends in order, and crashes nothing where it cannot."""
+"""A second participant of a process ends in order; if it cannot end, nothing crashes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_what_a_thread_still_uses_is_not_destroyed(
     wait_for(taken.is_set, "the callback")
     try:
         held.close()
-        with subscription.handle:  # raises InvalidHandle once it is destroyed
+        with subscription.handle:  # raises InvalidHandle after destruction
             pass
     finally:
         go_on.set()

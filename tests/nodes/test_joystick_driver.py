@@ -1,4 +1,4 @@
-"""The joystick's driver on a device file: commands while the button is held, and what ends them."""
+"""The joystick driver on a device file: commands while the button is held, and every condition that ends them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TREMBLE_S = 0.05
 
 
 class Hand:
-    """Holds the button and the stick ahead, and trembles as hands do."""
+    """Holds the button and the stick ahead, with the tremor of a hand."""
 
     def __init__(self, joystick: Joystick) -> None:
         self.joystick = joystick
@@ -71,7 +71,7 @@ def drives(commands: Heard) -> TwistStamped:
 
 
 def comes_to_rest(commands: Heard, diagnostics: Heard, text: str) -> None:
-    """Zero is commanded last, and then nothing at all."""
+    """Checks that zero is the last command and no command follows."""
     commands.wait(lambda message: message.twist.linear.x == 0.0, "zero")
     says(diagnostics, NAME, text)
     count = len(commands.items)
@@ -94,16 +94,16 @@ def test_commands_while_the_button_is_held(
     command = drives(commands)
     assert command.header.frame_id == "base_link"
     wait_for(lambda: len(commands.items) > 20, "commands at 20 Hz")
-    # Released.
+    # The button is released.
     hand.trembles = False
     joystick.send(button(DEAD_MAN, False))
     comes_to_rest(commands, diagnostics, "the joystick is there")
-    # Not felt any more: nobody has released it.
+    # Without events the driver stops, although the button is not released.
     hand.drives()
     drives(commands)
     hand.trembles = False
     comes_to_rest(commands, diagnostics, "the joystick is there")
-    # Pulled while it was held, and put back.
+    # The cable is pulled while the button is held, and plugged in again.
     hand.drives()
     drives(commands)
     hand.trembles = False
@@ -113,7 +113,7 @@ def test_commands_while_the_button_is_held(
     says(diagnostics, NAME, "the joystick is there")
     hand.drives()
     drives(commands)
-    # An emergency stop while it is held, and after its end: only a new press moves again.
+    # An emergency stop while the button is held: after its end only a new press moves the robot.
     wait_for(lambda: peer.publisher(topics.EMERGENCY_STOP).get_subscription_count() >= 1, "the driver listens")
     peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
     comes_to_rest(commands, diagnostics, "the joystick is there")

@@ -24,7 +24,7 @@ BODIES = {"base_link": (10.0, 1.0, 0.0), "person_anna": (13.0, 1.0, 0.0)}
 
 
 class Clock:
-    """Poses 20 ms apart by their stamps, however late they are sent."""
+    """Body poses stamped 20 ms apart, independent of their sending time."""
 
     def __init__(self, peer: Peer) -> None:
         self._ns = peer.node.get_clock().now().nanoseconds
@@ -79,12 +79,12 @@ def test_half_sweeps_make_full_sweeps_with_every_field(sweeps: Heard, peer: Peer
     assert np.isfinite(xyz_of(points)).all()
     elevation = np.degrees(np.arcsin(points["z"] / ranges(message)))
     assert np.allclose(elevation, -30.0 + points["ring"] * 45.0 / 63.0, atol=0.01)
-    # Somebody stands 3 m before the robot, 2.8 m before the sensor.
+    # A person stands 3 m before the robot, 2.8 m before the sensor.
     ahead = (abs(points["y"]) < 0.2) & (abs(points["x"] - 2.6) < 0.15) & (points["z"] > 0.2)
     assert ahead.sum() > 5
     for heard, period_s in ((halves, 0.05), (sweeps, 0.1)):
         steps = np.diff(stamps(heard)) / period_s
-        # Whole periods; one that a busy machine has lost does not come again: the topics are best effort.
+        # Whole periods: the topics are best effort, so a busy machine may lose messages.
         assert np.allclose(steps, np.round(steps), atol=2e-3)
         assert np.median(steps) == pytest.approx(1.0, abs=2e-3)
     assert set(np.round(stamps(sweeps), 4)) & set(np.round(stamps(halves), 4))

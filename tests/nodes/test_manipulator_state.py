@@ -46,7 +46,7 @@ def engine(start: Start, tmp_path: Path, _six_joints: None) -> Iterator[TestEngi
 
 
 class Manipulator:
-    """The node, and what it has said."""
+    """The node and its published messages."""
 
     def __init__(self, start: Start, peer: Peer, *ros_args: str) -> None:
         self.joints: Heard = peer.listen(topics.WMX_JOINT_STATES)
@@ -54,7 +54,7 @@ class Manipulator:
         self.process = start(NAME, *QUICK, *ros_args)
 
     def wait_health(self, text: str) -> None:
-        """Waits for a heartbeat that says ``text``; empty means ready."""
+        """Waits for a heartbeat with ``text``; empty means ready."""
 
         def matches() -> bool:
             last = self._beats.last
@@ -69,7 +69,7 @@ class Manipulator:
         return self.joints.wait(lambda _: True, "joint states")
 
     def wait_silent(self) -> None:
-        """No joint state for half a second: 250 periods."""
+        """Checks that no joint state arrives for half a second, which is 250 periods."""
         wait_for(lambda: time.monotonic() - self.joints.items[-1][0] > 0.5, "silence")
 
     def wait_news(self) -> Any:
@@ -110,7 +110,7 @@ def test_joint_states(start: Start, peer: Peer, engine: TestEngine) -> None:
     assert list(message.effort) == []
     assert len(message.position) == len(message.velocity) == 8
 
-    # measured values of a motion, the same on all topics
+    # measured values of a motion, equal on all topics
     profile = Profile.SetupTrapezoidal(0.5, 2.0, 2.0)
     assert engine.device.core_motion.motion.StartPos(Motion_PosCommand(2, 0.4, profile)) == 0
     node.joints.wait(lambda m: abs(m.position[2] - 0.4) < 1e-6 and m.velocity[2] == 0.0, "joint3 to arrive")
@@ -154,7 +154,7 @@ def test_names_and_options(start: Start, peer: Peer, engine: TestEngine) -> None
     wait_for(lambda: len(isaac.items) > 100, "100 messages")
     stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in isaac.messages]
     assert statistics.median(b - a for a, b in itertools.pairwise(stamps)) == pytest.approx(0.01, abs=1e-3)
-    node.wait_health("")  # nobody wanted the servos on
+    node.wait_health("")  # ready although the servos are off
     assert not status(engine).servo_on.any()
 
 
@@ -250,9 +250,9 @@ def test_the_end_takes_back_what_the_start_took(start: Start, peer: Peer, engine
     node.process.signal(signal.SIGINT)
     assert node.process.wait() == 0
     assert "stopping joint1" in node.process.output()
-    assert status(engine).flags[Flag.END_REASON, 0] == ErrorCode.PyNone  # stopped, and not by its servo going off
+    assert status(engine).flags[Flag.END_REASON, 0] == ErrorCode.PyNone  # stopped, and not by switching its servo off
     assert not status(engine).servo_on.any()
-    assert status(engine).communicating  # others have devices
+    assert status(engine).communicating  # other processes have devices
 
 
 @pytest.mark.parametrize(

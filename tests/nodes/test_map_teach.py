@@ -1,4 +1,4 @@
-"""robot-stack map teach beside somebody who drives: a recorded ride, sent once more over DDS."""
+"""``robot-stack map teach`` with a recorded ride that is published again over DDS."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ Start = Callable[..., NodeProcess]
 
 @pytest.fixture
 def own_config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The configuration with a map builder for few points, and patience for a machine that is slow and nearly full."""
+    """The configuration with a map builder for few points, and limits for a slow machine with a nearly full disk."""
     folder = tmp_path / "config"
     shutil.copytree(config_dir(), folder, ignore=shutil.ignore_patterns("maps"))
     change(folder / "mapping.yaml", site.params().model_dump(mode="json"))
@@ -57,7 +57,7 @@ def change(file: Path, values: dict) -> None:
 
 @pytest.fixture(scope="module")
 def messages(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, float, bytes]]:
-    """(topic, time in s, bytes) of a ride of 31 s, round a room."""
+    """(topic, time in s, bytes) of a ride of 31 s through a room."""
     folder = tmp_path_factory.mktemp("rides") / "ride"
     write_ride(folder)
     with open(folder / "ride_0.mcap", "rb") as file:
@@ -66,7 +66,7 @@ def messages(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, float,
 
 
 class Teaching:
-    """The command, and a robot that somebody drives."""
+    """The command, and the topics of a driven robot."""
 
     def __init__(self, start: Start, peer: Peer, folder: Path) -> None:
         self.maps, self.recording, self.picture = folder / "maps", folder / "taught", folder / "growing.png"
@@ -80,7 +80,7 @@ class Teaching:
         )  # fmt: skip
 
     def drive(self, ride: list[tuple[str, float, bytes]]) -> None:
-        """Sends the ride from its first sweep on, when the command has begun to record."""
+        """Publishes the ride from its first sweep on, after the command has begun to record."""
         publishers = {name: self.peer.publisher(row) for name, row in ROWS.items()}
         for row in ROWS.values():
             self.peer.wait_matched(row)
@@ -94,11 +94,11 @@ class Teaching:
         wait_for(begun, "the command records", poll_s=0.1)
         begun_s, from_s = time.monotonic(), ride[0][1]
         for topic, at_s, data in ride:
-            time.sleep(max(0.0, begun_s + (at_s - from_s) / _FASTER - time.monotonic()))  # the pace of a ride
+            time.sleep(max(0.0, begun_s + (at_s - from_s) / _FASTER - time.monotonic()))  # at the pace of the ride
             publishers[topic].publish(data)
 
     def sweeps(self) -> int:
-        """As the newest line has them."""
+        """The number of sweeps in the newest line."""
         return int((re.findall(r"(\d+) sweeps, ", self.node.output()) or ["0"])[-1])
 
 
@@ -126,7 +126,7 @@ def test_what_is_taught_is_what_is_built_from_its_recording(teaching, messages, 
     assert teaching.picture.read_bytes().startswith(b"\x89PNG")
 
     taught = load_map(str(teaching.maps / "room"))
-    # Nothing is recorded but the sweeps that count, and none of them is missing.
+    # The recording contains exactly the sweeps that count.
     told = re.search(r"^the ride ends: [\d.]+ m, (\d+) sweeps", said, re.MULTILINE)
     assert taught.about["ride"]["sweeps"] == int(told[1]) == teaching.sweeps()
     origin = map(str, (site.START.x, site.START.y, site.START.yaw))
@@ -136,7 +136,7 @@ def test_what_is_taught_is_what_is_built_from_its_recording(teaching, messages, 
 
 
 def test_a_ride_that_is_ended_otherwise_says_how_its_map_is_built(teaching, messages):
-    """As when the robot's computer goes down, or somebody has no time for the building."""
+    """For example if the computer shuts down, or the operator postpones the building."""
     teaching.drive(messages[: len(messages) // 2])
     wait_for(lambda: teaching.sweeps() >= site.params().sweeps.fewest, "the map grows")
     teaching.node.signal(signal.SIGTERM)
@@ -161,7 +161,7 @@ def test_a_command_that_was_killed_leaves_its_recording(teaching, messages):
     assert load_map(str(teaching.maps / "room")).about["ride"]["sweeps"] >= site.params().sweeps.fewest
 
 
-# --- what is wrong is told before anybody drives ----------------------------------------------------------------------
+# --- errors are reported before the ride ------------------------------------------------------------------------------
 
 
 def refusal(*arguments: str) -> str:

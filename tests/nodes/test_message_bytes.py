@@ -1,4 +1,4 @@
-"""Messages filled in as bytes: what the middleware reads of them."""
+"""Messages filled in as bytes, decoded by the middleware."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from tests.support.waiting import wait_for
 from tests.unit.drivers.test_modbus_battery import ALARMS, VENDOR
 
 NAME, UNIT = "modbus_battery_driver", 225
-# A pseudo terminal knows no parity.
+# A pseudo terminal does not support parity.
 SERIAL = ("-p", "modbus.transport:=rtu", "-p", "modbus.serial_port:=battery", "-p", "modbus.parity:=none")
 QUICK = ("-p", "modbus.poll_s:=0.1", "-p", "modbus.reopen_s:=0.2")
 
@@ -83,14 +83,14 @@ def test_a_pulled_cable_and_registers_it_lacks(
         assert math.isnan(states.last.temperature)
         assert states.last.power_supply_health == BatteryState.POWER_SUPPLY_HEALTH_UNKNOWN
         assert says(diagnostics, NAME, "readings arrive")["registers it lacks"].startswith("262, ")
-        bare.registers.unit = 1  # nobody of our unit: no answer
+        bare.registers.unit = 1  # another unit id: no answer
         says(diagnostics, NAME, "no answer of use for 3 s")
     finally:
         bare.close()
 
 
 class SerialDevice:
-    """The same on a serial line, with bytes that come in pieces."""
+    """The same on a serial line, with bytes that arrive in pieces."""
 
     def __init__(self, link: Path, registers: Registers) -> None:
         self.line, self.registers, self.noise = SerialLine(link), registers, b""

@@ -1,4 +1,4 @@
-"""A simulated world waits for a route: it is there after the same simulated time, however long it takes to plan."""
+"""A simulated world waits for a route: it arrives after the same simulated time, however long the planning takes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NAME = "navigation_controller"
 
 
 class Held(RouteSolver):
-    """Plans once it is let."""
+    """Plans only after the test permits it."""
 
     def __init__(self, solver: RouteSolver) -> None:
         self._solver = solver

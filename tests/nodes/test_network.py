@@ -1,4 +1,4 @@
-"""Neither another computer nor another user of this one can command the robot or read its topics."""
+"""Neither another computer nor another user of this computer can command the robot or read its topics."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_the_sockets_of_a_process_are_bound_to_this_machine(start: Start, peer: 
 
 
 def test_a_process_that_takes_clouds_beside_listens_on_this_machine_alone(start: Start, peer: Peer) -> None:
-    """The second participant, with shared memory, sends by sockets of its own that nobody reads."""
+    """The second participant, with shared memory, sends through its own sockets, which receive nothing."""
     process = start("safety_monitor")
     _wait_known(peer, "_safety_monitor_bulk")
     assert _addresses(process, range(_FIRST_EPHEMERAL)) == {"127.0.0.1"}
@@ -57,7 +57,7 @@ def test_a_process_that_takes_clouds_beside_listens_on_this_machine_alone(start:
 
 @contextmanager
 def _another_host() -> Iterator[str]:
-    """The name of a network namespace with a cable to this machine."""
+    """Creates a network namespace with a virtual cable to this machine and returns its name."""
     number = os.getpid()
     name, here, there = f"stranger{number}", f"rs{number}a", f"rs{number}b"
 
@@ -74,7 +74,7 @@ def _another_host() -> Iterator[str]:
         run("ip", "-n", name, "link", "set", "lo", "up")
         yield name
     finally:
-        run("ip", "netns", "delete", name)  # the cable goes with it
+        run("ip", "netns", "delete", name)  # deletes the cable too
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ def another_host() -> Iterator[str]:
 
 
 def _heard_by(host: str) -> str:
-    """How many listeners to /emergency_stop and to /cmd_vel a stranger has found, and whether the reset."""
+    """Number of subscribers to /emergency_stop and to /cmd_vel found from the host, and 1 if the reset was found."""
     return _in_namespace(host, sys.executable, str(SCRIPTS / "stranger.py"), _ROBOT, str(_FOR_S))
 
 
@@ -110,7 +110,7 @@ def test_a_stranger_on_the_network_reaches_nothing(another_host: str, start: Sta
 def test_a_robot_that_chose_the_network_is_reached(
     another_host: str, start: Start, peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Else the stranger of the other test would prove nothing."""
+    """Validates the foreign participant of the other test."""
     monkeypatch.setenv(transport.REACH, "SUBNET")
     monkeypatch.delenv(transport.PROFILE)
     start("safety_monitor")
@@ -120,7 +120,7 @@ def test_a_robot_that_chose_the_network_is_reached(
 
 @pytest.fixture
 def own_network(ros_domain: int) -> Iterator[str]:
-    """The name of a network namespace in which the rules of the service are in force for this test's ROS domain."""
+    """Name of a network namespace with the service's rules for this test's ROS domain."""
     if shutil.which("nft") is None:
         pytest.skip("no nft on this machine: install the package nftables")
     name = f"robot{os.getpid()}"
@@ -141,7 +141,7 @@ def own_network(ros_domain: int) -> Iterator[str]:
 
 
 def _as_user(network: str, uid: str, *words: str) -> str:
-    """What a program of a user on the robot's computer prints. The capability lets it read this Python's files."""
+    """Output of a program run as a user on the robot's computer. The capability permits reading this Python's files."""
     user = ["setpriv", f"--reuid={uid}", f"--regid={uid}", "--clear-groups"]
     rights = ["--inh-caps=+dac_read_search", "--ambient-caps=+dac_read_search"]
     return _in_namespace(network, *user, *rights, sys.executable, *words)
@@ -175,7 +175,7 @@ except OSError as error:
 
 
 def test_only_the_screens_user_opens_the_touch_screen(own_network: str) -> None:
-    """A program may write any Origin into its request, and rides start without a PIN."""
+    """A program can send any Origin header, and rides start without a PIN."""
     words = ["ip", "netns", "exec", own_network, sys.executable, "-c", _SERVE]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None

@@ -1,4 +1,4 @@
-"""The node base, seen from outside: real processes, real DDS."""
+"""The node base in real processes on real DDS."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SCRIPTS = Path(__file__).parent / "scripts"
 
 
 def example(start: Start, *arguments: str) -> NodeProcess:
-    """The smallest node of the stack, in a process of its own."""
+    """The smallest node of the stack, in its own process."""
     return start("example", command=[sys.executable, str(SCRIPTS / "example_node.py"), *arguments])
 
 

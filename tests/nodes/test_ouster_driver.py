@@ -1,4 +1,4 @@
-"""The driver of Ouster sensors at its port: packets by UDP as the sensor sends them, silence, a new start."""
+"""The driver of Ouster sensors at its port: packets by UDP as the sensor sends them, silence, a restart."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ HEADER, COLUMN = 32, 12 + 16 * 12
 
 
 def packet_of(device: Os) -> Callable[[int], bytes]:
-    """The n-th packet: columns are encoded once, and stamped anew."""
+    """The n-th packet: columns are encoded once, then only stamped."""
     turn = list(device.packets(device.packets_per_frame))
 
     def packet(number: int) -> bytes:
@@ -78,13 +78,13 @@ def test_sweeps_corrupt_packets_silence_and_a_new_start(
     assert values["device"].startswith("OS-1-16 122201000998, 512x10, RNG19_RFL8_SIG16_NIR16, Ouster at 127.0.0.1")
     lidar.extra = b"\x02" + lidar.packet(0)[1:]
     wait_for(lambda: int(says(diagnostics, NAME, "")["packets corrupt"]) == 1, "a corrupt packet")
-    # The cable is pulled: it is said, and nothing old is sent again.
+    # The cable is pulled: the node reports it and does not repeat old data.
     lidar.sends = False
     says(diagnostics, NAME, f"the Ouster at {LIDAR_IP}, port {lidar.port} is silent")
     count = len(sweeps.items)
     says(diagnostics, NAME, "is silent")
     assert len(sweeps.items) == count
-    # It comes back as one that was without power: its frames and its time begin anew.
+    # The sensor returns like after a power loss: frame numbers and time restart.
     lidar.packet = packet_of(DEVICE.after(begin_ns=17, initialization=1, first_frame=0))
     lidar.sends = True
     wait_for(lambda: len(sweeps.items) >= count + 3, "sweeps again")

@@ -28,7 +28,7 @@ def inject(peer: Peer, kind: str, value: float = 0.0) -> InjectFault.Response:
 
 
 def in_base(message: object) -> np.ndarray:
-    """(n, 3) base_link, by the nominal mounting."""
+    """(n, 3) in base_link, by the nominal mounting."""
     return xyz_of(points_of(message, SWEEP)) @ SENSOR.rotation().T + SENSOR.xyz_m
 
 
@@ -79,7 +79,7 @@ def test_faults_change_the_frames(sweeps: Heard, peer: Peer) -> None:
     wait_for(lambda: len(sweeps.items) >= before + 4, "slow frames")
     stamps = [time_to_s(item.header.stamp) for item in sweeps.messages[-3:]]
     steps = np.diff(stamps) / 0.5
-    assert np.allclose(steps, np.round(steps), atol=2e-3)  # one that is lost does not come again
+    assert np.allclose(steps, np.round(steps), atol=2e-3)  # lost messages are not repeated
     assert inject(peer, "clear").success
     assert inject(peer, "silent").success
     assert not inject(peer, "glare").success

@@ -1,4 +1,4 @@
-"""The point cloud adapters beside another vendor's driver, over DDS."""
+"""The point cloud adapters with another vendor's driver, over DDS."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def message_of(cloud: Cloud) -> PointCloud2:
 
 
 class VendorDriver:
-    """Another vendor's driver: sweeps that end now, as the vendor lays them out."""
+    """Another vendor's driver: sweeps that end now, in the vendor's layout."""
 
     def __init__(self, peer: Peer, name: str, seen: object) -> None:
         self.peer, self.row = peer, ADAPTERS[name][0]
@@ -66,7 +66,7 @@ def launch(start: Callable[..., NodeProcess], name: str, row: Topic) -> NodeProc
 
 
 def says(diagnostics: Heard, name: str, text: str) -> dict[str, str]:
-    """The values with which the node says so from now on; it reports once a second."""
+    """Waits for a new report with the text, once a second, and returns its values."""
     first = len(diagnostics.items)
 
     def told(message: DiagnosticArray) -> bool:
@@ -83,7 +83,7 @@ def test_a_vendors_cloud_becomes_the_contracts_and_silence_is_told(
     vendor_row, row, frame, vendor = ADAPTERS[name]
     sweeps, diagnostics = peer.listen(row), peer.listen(topics.DIAGNOSTICS)
     mountings = peer.listen(topics.TF_STATIC)
-    # The overhead LiDAR's forty rings, of robot.yaml, do not have this one's sixty-four.
+    # The overhead LiDAR has forty rings in robot.yaml, this one has sixty-four.
     seen = SEEN if frame == "lidar" else scene(16, 64)
     driver = VendorDriver(peer, name, seen)
     launch(start, name, vendor_row)
@@ -101,7 +101,7 @@ def test_a_vendors_cloud_becomes_the_contracts_and_silence_is_told(
     assert (values["layout"], values["stamp at"]) == (vendor.name, "first")
     place = next(t for m in mountings.messages for t in m.transforms if t.child_frame_id == frame)
     assert place.header.frame_id == "base_link"
-    # Pulled: it is said, nothing old is sent again, and plugged in again it goes on.
+    # The cable is pulled: the node reports it and repeats no old data; after plugging in it continues.
     driver.stop()
     says(diagnostics, name, f"{vendor_row.name} is silent")
     count = len(sweeps.items)

@@ -1,4 +1,4 @@
-"""What only real processes of the nodes show: DDS, files, devices, signals, refusals; the rest: simulated/nodes."""
+"""Properties of nodes that need real processes: DDS, files, devices, signals, refusals. Others: simulated/nodes."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_wrong_parameter_ends_the_start_with_one_line(start: Start, name: str,
 
 
 def test_safety_monitor_starts_and_its_last_word_is_a_standstill(start: Start, peer: Peer) -> None:
-    """With a list without items, which ROS hands over as no value at all, as `robot-stack up --only` sends it."""
+    """With an empty list, which ROS passes as no value, as `robot-stack up --only` sends it."""
     status, limit = peer.listen(topics.SAFETY_STATUS), peer.listen(topics.VELOCITY_LIMIT)
     monitor = start("safety_monitor", "-p", "rows:=[ESTOP_PRESSED]", "-p", "expected_processes:=[]")
     status.wait(lambda message: message.safety_state == "NORMAL", "NORMAL")
@@ -86,7 +86,7 @@ def test_the_button_is_read_from_a_real_engine(start: Start, peer: Peer, tmp_pat
     sources = peer.listen(topics.EMERGENCY_STOP_SOURCES)
     engine.run().up()
     button = start(name)
-    # An engine that the machine holds up for a moment is a press, which ends by itself.
+    # A stalled engine counts as a press that ends by itself.
     sources.wait(lambda message: message.name == name and not message.pressed, "a report of no press")
     engine.set(input0=BUTTON_PRESSED)
     sources.wait(lambda message: message.pressed and message.pid == button.pid, "a report of the press")
@@ -115,7 +115,7 @@ def test_docking_controller_answers_a_goal_over_dds(start: Start, peer: Peer) ->
     passenger = peer.listen(topics.PASSENGER_ATTACHED)
     client = ActionClient(peer.node, Dock, actions.DOCK.name)
     start("sim_world")
-    start("swerve_hardware_interface")  # starts the engine's bus, without which no input can be read
+    start("swerve_hardware_interface")  # starts the engine's bus, which reading an input requires
     process = start("docking_controller")
     passenger.wait(lambda message: not message.data, "the passenger's state, once the latch can be read")
     wait_for(client.server_is_ready, "the action")
@@ -150,7 +150,7 @@ def test_ehmi_bridge_reaches_the_display_over_a_terminal_that_goes_with_it(start
 
 @pytest.fixture
 def computer(tmp_path: Path) -> Iterator[WrittenComputer]:
-    """Its time goes on by itself."""
+    """A computer whose time advances by itself."""
     written, ended = WrittenComputer(tmp_path / "computer"), threading.Event()
 
     def live() -> None:
@@ -198,7 +198,7 @@ def test_navigation_controller_stands_with_an_empty_plan(start: Start, peer: Pee
     node = start("navigation_controller", *BLIND)
     commands = peer.listen(topics.CMD_VEL)
     commands.wait(lambda message: message == Twist(), "a zero command")
-    late = peer.listen(topics.PLAN)  # kept for who comes later
+    late = peer.listen(topics.PLAN)  # latched for later subscribers
     assert late.wait(lambda message: not message.poses, "the empty plan").header.frame_id == "map"
     leaves(node)
     assert all(message == Twist() for message in commands.messages)
@@ -217,7 +217,7 @@ def test_localization_loads_a_map_and_refuses_a_damaged_one(start: Start, tmp_pa
 
 
 def test_markers_of_an_image_come_over_dds(start: Start, peer: Peer) -> None:
-    warm_up()  # what the node compiles at its first start on a machine takes longer than a test may wait
+    warm_up()  # the first compilation on a machine takes longer than the test's timeout
     arrays, clock = peer.listen(topics.ARUCO_DETECTIONS), peer.node.get_clock()
     node = start("aruco_detector", "-p", "always_on:=true")
     peer.repeat(topics.FRONT_CAMERA_INFO, info, 10.0)
@@ -253,7 +253,7 @@ def test_mission_manager_on_a_full_disk_refuses_a_ride_and_its_end_leaves_no_goa
     peer.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(safety_state="NORMAL"), 20.0)
     node = start("mission_manager", "-p", f"journal_file:={tmp_path / 'mission.db'}")
     status.wait(lambda message: message.state == "IDLE", "IDLE")
-    # The operating system takes no page of the journal any more.
+    # The operating system now refuses writes to the journal.
     resource.prlimit(node.pid, resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))
     begin = UICommand(command_type="START_MISSION", mission_id="short_hop")
     peer.repeat(topics.UI_COMMAND, lambda: begin, 2.0)

@@ -1,4 +1,4 @@
-"""The running stack of every other profile than the simulated robot against the contract. They run in real time."""
+"""Running stacks of all profiles except the simulated robot's against the contract, in real time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WITHOUT_COMMUNICATION = ("general",)  # none of its nodes starts it
 
 
 def start_communication() -> None:
-    """As an operator does by hand: until then the axes have no state that could be told."""
+    """Starts communication like an operator; before that the axes have no state to publish."""
     from std_srvs.srv import SetBool
 
     from robot_stack.contract import services
@@ -35,7 +35,7 @@ def start_communication() -> None:
 
 @pytest.fixture
 def running(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Plan]:
-    """The plan of a profile that has been brought up as an operator does."""
+    """The plan of a profile that the supervisor has started."""
     plan = load_plan(request.param)
     if plan.environment.get(ENGINE_VARIABLE) == "vendor":
         pytest.skip("needs the vendor's motion engine and its hardware")

@@ -1,4 +1,4 @@
-"""The battery driver behind an adapter on a real pseudo terminal: readings, nonsense, silence, a pulled cable."""
+"""The battery driver behind an adapter on a real pseudo terminal: readings, invalid data, silence, a pulled cable."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
 
-PERIOD_S = 0.2  # five times as often as a real one, for the test's sake
+PERIOD_S = 0.2  # five times the real rate, to shorten the test
 NAME = "pylontech_driver"
 SLCAN = ("-p", "can.interface:=slcan", "-p", "can.channel:=can")
 
 
 class Bus:
-    """A battery and the adapter on a cable that can be pulled."""
+    """A battery and its adapter on a cable that can be pulled."""
 
     def __init__(self, link: Path) -> None:
         self.line, self.adapter, self.battery = SerialLine(link), SlcanAdapter(), Battery()
@@ -82,7 +82,7 @@ def test_readings_and_what_the_battery_complains_of(start: Callable[..., NodePro
     assert state.power_supply_health == BatteryState.POWER_SUPPLY_HEALTH_GOOD
     assert says(diagnostics, NAME, "readings arrive")["manufacturer"] == "PYLON"
     wait_for(lambda: (0x305, bytes(8)) in bus.adapter.sent, "a keep-alive frame")
-    # What the battery complains of is told, and readings go on.
+    # Warnings of the battery are reported, and readings continue.
     bus.battery = Battery(current_a=8.0, protections=b"\x08\x00")
     states.wait(
         lambda message: (
@@ -103,7 +103,7 @@ def test_silence_nonsense_and_a_pulled_cable(start: Callable[..., NodeProcess], 
     bus.plug()
     start(NAME, *SLCAN)
     wait_for(lambda: len(states.items) >= 3, "readings")
-    # A frame that stays away, or is nonsense, ends in silence, not in what was there before.
+    # A missing or invalid frame ends the readings; old values are not repeated.
     bus.silent = (0x355,)
     says(diagnostics, NAME, "no frame 0x355 (charge) for 3 s")
     count = len(states.items)
@@ -111,10 +111,10 @@ def test_silence_nonsense_and_a_pulled_cable(start: Callable[..., NodeProcess], 
     assert len(states.items) == count
     bus.silent, bus.battery = (), Battery(voltage_v=4.0)
     says(diagnostics, NAME, "the last was refused: the voltage is 4.0 V, expected 30.0 to 60.0 V")
-    assert len(states.items) <= count + 1  # the charge may come back before the last true measurement is old
+    assert len(states.items) <= count + 1  # a fresh charge with the last valid voltage is still one reading
     bus.battery = Battery(charge_percent=75)
     states.wait(lambda message: message.percentage == pytest.approx(0.75), "a reading")
-    # The cable is pulled, and put back.
+    # The cable is pulled, and plugged in again.
     bus.pull()
     says(diagnostics, NAME, "no frame 0x356 (voltage, current) and 0x355 (charge)")
     bus.battery = Battery(charge_percent=74)

@@ -1,4 +1,4 @@
-"""The recorder as a process: what it heard is what others read."""
+"""The recorder as a process: recorded messages equal received ones for other readers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.support.waiting import DEADLINE_S, wait_for
 
 
 class Studio:
-    """A recorder and a talker."""
+    """A recorder and a publisher."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -39,7 +39,7 @@ class Studio:
         self.node: NodeProcess | None = None
 
     def launch(self, *overrides: str, name: str = "ride") -> NodeProcess:
-        # The disk of the machine that runs the tests may be nearly full.
+        # The disk of the test machine may be nearly full.
         chosen = (f"output_folder:={self.output}", f"name:={name}", "max_disk_use:=0.99", *overrides)
         arguments = [part for item in chosen for part in ("-p", item)]
         self.node = NodeProcess(node_command("recorder", *arguments), self.folder / f"{name}.log")
@@ -54,13 +54,13 @@ class Studio:
         assert self.node.running(), self.node.output()
 
     def value(self, key: str) -> str:
-        """What the recorder's newest diagnostics say."""
+        """A value of the recorder's newest diagnostics."""
         for message in self.told()[-1:]:
             return next((item.value for item in message.status[0].values if item.key == key), "")
         return ""
 
     def wait_taken(self) -> None:
-        """Returns when the recorder has taken what had reached it: it does so between two of its diagnostics."""
+        """Waits until the recorder has processed all received messages, which it does between two diagnostics."""
         told = len(self.told())
         wait_for(lambda: len(self.told()) >= told + 2, "the recorder's diagnostics twice")
 
@@ -86,14 +86,14 @@ def status(number: int) -> MissionStatus:
 
 
 def talk(studio: Studio, count: int, first: int = 0) -> None:
-    """Latched custom messages, each when the one before has arrived, and odometry, which may get lost."""
+    """Publishes latched custom messages, each after the previous one has arrived, and odometry, which may be lost."""
     studio.peer.wait_matched(topics.MISSION_STATUS)
     studio.peer.wait_matched(topics.ODOM)
     talk_on(studio, count, first)
 
 
 def talk_on(studio: Studio, count: int, first: int) -> None:
-    """Whether somebody listens or not."""
+    """The same without waiting for subscribers."""
     missions, odometries = studio.peer.publisher(topics.MISSION_STATUS), studio.peer.publisher(topics.ODOM)
     for number in range(first, first + count):
         missions.publish(status(number))
@@ -101,7 +101,7 @@ def talk_on(studio: Studio, count: int, first: int) -> None:
         odometry = Odometry()
         odometry.pose.pose.position.x = float(number)
         odometries.publish(odometry)
-        time.sleep(0.01)  # the pace of a talker
+        time.sleep(0.01)  # the pace of a real node
 
 
 def recorded(folder: Path) -> tuple[list[str], list[float]]:
@@ -168,7 +168,7 @@ def test_point_clouds_arrive_whole(studio):
     studio.wait_ready()
     studio.peer.wait_matched(topics.LIDAR_POINTS)
     cloud = PointCloud2(height=1, width=150_000, point_step=16, row_step=2_400_000, data=bytes(range(240)) * 10_000)
-    # One that a busy machine has lost does not come again: the topic is best effort.
+    # Repeated, because the topic is best effort and a busy machine may lose a message.
     studio.peer.repeat(topics.LIDAR_POINTS, lambda: cloud, 2.0)
     wait_for(lambda: _chunks_of(studio) >= 5, "five clouds on the disk")
     studio.peer.silence(topics.LIDAR_POINTS)
@@ -295,9 +295,9 @@ def test_a_disk_without_room_is_told_and_the_node_lives_on(studio):
     path = studio.output / "ride" / "ride_0.mcap"
     talk(studio, 20)
     studio.wait_taken()
-    # The operating system lets no file of the recorder grow beyond this any more.
+    # The operating system now refuses to extend the recorder's files.
     resource.prlimit(node.pid, resource.RLIMIT_FSIZE, (path.stat().st_size + 1000, resource.RLIM_INFINITY))
-    talk_on(studio, 50, 20)  # the recorder may have given up already
+    talk_on(studio, 50, 20)  # the recorder may have stopped already
     wait_for(
         lambda: any("recording has stopped" in beat.waiting_for for beat in studio.heartbeat.messages),
         "the end of the recording in the heartbeat",

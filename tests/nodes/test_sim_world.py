@@ -1,4 +1,4 @@
-"""The process sim_world: its topics, its engine, its faults, its way out."""
+"""The process sim_world: its topics, its engine, its faults, its shutdown."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ROBOT = load_robot()
 
 
 def option(**values: object) -> list[str]:
-    """Parameters of node sim_world alone: its process holds other nodes, which refuse what they do not know."""
+    """Parameters of node sim_world only: other nodes of its process refuse unknown parameters."""
     return [part for name, value in values.items() for part in ("-p", f"sim_world:{name}:={value}")]
 
 
@@ -48,7 +48,7 @@ def rate_hz(heard: Heard, over_s: float) -> float:
 
 
 def drive_on(engine: MotionEngine, speed_mps: float) -> None:
-    """Bus up, servos on, all wheels at a speed."""
+    """Starts the bus, switches the servos on and turns all wheels at a speed."""
     assert engine.api.StartCommunication(60000) == 0
     for axis in range(8):
         assert engine.core_motion.axisControl.SetServoOn(axis, 1) == 0
@@ -67,7 +67,7 @@ def test_topics_have_their_rates_and_contents(world: NodeProcess, peer: Peer) ->
     joints, battery = peer.listen(topics.SIM_JOINT_STATES), peer.listen(topics.BATTERY_STATE)
     mounting, clock = peer.listen(topics.TF_STATIC), peer.listen(topics.CLOCK)
     wait_for(lambda: len(battery.items) >= 3, "three battery readings")
-    # Waited for, because a machine that is paused for a moment gives simulated time up.
+    # Waits for the rate, because a machine that pauses drops simulated time.
     for heard, wanted_hz in ((imu, 100.0), (truth, 50.0), (joints, 50.0)):
         wait_for(
             lambda heard=heard, wanted_hz=wanted_hz: rate_hz(heard, 1.5) == pytest.approx(wanted_hz, rel=0.03),
@@ -157,7 +157,7 @@ def test_simulated_time_goes_on_in_its_own_steps_at_other_speeds(start: Callable
 
 
 def places(message: TFMessage) -> dict[str, tuple[float, float, float]]:
-    """Position of each body, m in map."""
+    """Position of each body in map, m."""
     found = {}
     for body in message.transforms:
         assert body.header.frame_id == "map"
@@ -187,7 +187,7 @@ def test_bodies_are_robot_chair_stations_and_people_with_the_stamp_of_the_truth(
     assert all(len(each) == 1 for each in mine)
     shared = sum(each <= stamps for each in mine)
     assert shared > 0.8 * len(mine), "the same moment as the ground truth's, lost messages apart"
-    # A late world catches up in bursts, so that single gaps tell nothing: as many as of the truth, losses apart.
+    # A late world catches up in bursts, so the test compares message counts with the truth's instead of gaps.
     assert len(mine) > 0.7 * len(truth.messages)
 
 

@@ -1,4 +1,4 @@
-"""The supervisor with real processes: they crash, hang, refuse and are killed, and nothing is left behind."""
+"""The supervisor with real processes that crash, hang, refuse or are killed; no process remains."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Stack:
         return done
 
     def note(self) -> None:
-        """Remembers the processes that run now, to prove later that they are gone."""
+        """Stores the running processes to check later that they have ended."""
         try:
             status = ask("status")
         except NotRunning:
@@ -209,7 +209,7 @@ def test_processes_share_memory_have_their_names_and_groups(running: Stack) -> N
         assert process.name() == name
         assert os.getpgid(process.pid) == process.pid
         memory = process.memory_full_info()
-        assert memory.pss < 0.75 * memory.rss  # forked from one server: what all import is there once
+        assert memory.pss < 0.75 * memory.rss  # forked from one server, so common imports are shared
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root may make a process more urgent")
@@ -264,7 +264,7 @@ def test_hang_is_noticed_and_restarted(running: Stack) -> None:
 
 
 def test_stopped_process_is_killed(running: Stack) -> None:
-    """SIGSTOP: alive for the kernel, dead for the robot, and deaf to SIGTERM."""
+    """SIGSTOP: alive for the kernel, without heartbeats, and not reacting to SIGTERM."""
     pid = running.entry("other")["pid"]
     os.kill(pid, signal.SIGSTOP)
     running.wait_entry("other", lambda item: item["state"] == "ready" and item["restarts"] == 1, "to be replaced")
@@ -295,7 +295,7 @@ def test_up_names_what_is_missing_and_the_stack_goes_on(stack: Stack) -> None:
     stack.order("other", "waiting")
     done = stack.up("--deadline", "15")
     assert done.returncode == 1
-    # Before that, while it still starts, the progress names every process.
+    # Before that, the progress of the start names every process.
     told = done.stderr.rpartition("error: ")[2]
     assert "other: waiting: /sensors/imu" in told
     assert "steady" not in told
@@ -375,7 +375,7 @@ def test_what_a_killed_supervisor_left_is_ended_by_the_next(running: Stack) -> N
 
 
 def test_an_orphan_that_hangs_at_its_end_with_the_interpreter_lock_is_ended(running: Stack) -> None:
-    """No thread of it runs any more: only the kernel can end it."""
+    """None of its threads can run, so only the kernel can end it."""
     pid = running.entry("spare")["pid"]
     running.order("spare", "locked")
     os.kill(ask("status")["pid"], signal.SIGKILL)
@@ -391,7 +391,7 @@ def test_down_ends_a_supervisor_that_does_not_answer(running: Stack) -> None:
 
 
 def test_foreground_stops_on_sigterm(stack: Stack, tmp_path: Path) -> None:
-    """As systemd runs it."""
+    """systemd runs it this way."""
     log = tmp_path / "foreground.log"
     with open(log, "wb") as output:
         process = subprocess.Popen(
@@ -440,7 +440,7 @@ def test_status_as_json(running: Stack) -> None:
 
 
 class TestEmergencyStop:
-    """The operator's keys, by the supervisor's node."""
+    """Emergency stop and reset by the supervisor's node."""
 
     @pytest.fixture
     def safety(self, running: Stack, peer: Peer) -> FakeSafety:
@@ -470,7 +470,7 @@ class TestEmergencyStop:
         done = running.command("estop", "--timeout", "6")
         assert done.returncode == 1
         assert "use the button" in done.stderr
-        # By the supervisor, then by a node of the command's own.
+        # First by the supervisor, then by the command's own node.
         wait_for(lambda: safety.requests.count(True) == 2, "both stops")
 
     def test_estop_past_a_supervisor_that_hangs(self, running: Stack, safety: FakeSafety) -> None:
@@ -482,7 +482,7 @@ class TestEmergencyStop:
     def test_latched_stop_is_let_go_when_somebody_else_releases(
         self, running: Stack, safety: FakeSafety, peer: Peer
     ) -> None:
-        """A node that starts later would else find the supervisor's old true and stop again."""
+        """Otherwise the supervisor's latched true would stop a node that starts later."""
         running.command("estop")
         peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
         safety.active = False

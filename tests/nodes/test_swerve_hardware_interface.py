@@ -1,4 +1,4 @@
-"""The ends of the hardware interface's process on a real engine process. What it does when: tests/simulated/nodes."""
+"""The shutdown of the hardware interface's process on a real engine process. Its behaviour: tests/simulated/nodes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def wheel_commands(speed_mps: float) -> SwerveModuleCommandArray:
 
 
 class Rig:
-    """Engine, node, and everything the node listens to."""
+    """Engine, node, and the node's inputs."""
 
     def __init__(self, start: Callable[..., NodeProcess], peer: Peer, folder: Path) -> None:
         self.start, self.peer = start, peer
@@ -64,7 +64,7 @@ class Rig:
     def command(self, speed_mps: float) -> None:
         self.peer.repeat(topics.WHEEL_COMMANDS, lambda: wheel_commands(speed_mps), 20.0)
 
-    # What the engine itself says, past the node.
+    # The engine's status, read without the node.
 
     def status(self) -> StatusSnapshot:
         return StatusView(runtime_dir(), 5.0).read()[1]
@@ -84,7 +84,7 @@ class Rig:
         self.wait_status(lambda s: (s.servo_on == on).all(), f"all servos {'on' if on else 'off'}")
 
     def wait_speed(self, speed_mps: float) -> None:
-        """Until all four wheels really turn at this speed."""
+        """Waits until all four wheels turn at this speed."""
         self.wait_status(lambda s: (abs(wheels_mps(s) - speed_mps) < 0.01).all(), f"wheels at {speed_mps} m/s")
 
     def ready(self) -> None:
@@ -112,7 +112,7 @@ def rig(start: Callable[..., NodeProcess], peer: Peer, tmp_path: Path) -> Iterat
     rig = Rig(start, peer, tmp_path)
     yield rig
     if rig.node is not None:
-        rig.node.stop()  # before the engine: the end of the node is part of what is tested
+        rig.node.stop()  # before the engine, because the node's shutdown is under test
 
 
 # --- end ----------------------------------------------------------------------------------------------------
@@ -130,9 +130,9 @@ def test_end_stops_the_wheels_and_closes_the_brakes(rig: Rig) -> None:
 
 
 def watch_engine(rig: Rig) -> Callable[[], bool]:
-    """A device of its own, so that the engine outlives the node. The result: is a wheel commanded still?
+    """Opens a device so that the engine outlives the node. Returns a function: is any wheel command nonzero?
 
-    The limit on the status's age only finds an engine that has ended: one that waits for a processor is read again.
+    The age limit only detects an engine that has ended; the status of a stalled engine is read again.
     """
     from robot_stack.wmx import connect
 
@@ -159,16 +159,16 @@ def test_killed_interface_leaves_no_wheel_turning(rig: Rig) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "hung"])
 def test_way_of_the_wheels_without_their_interface(rig: Rig, number: signal.Signals) -> None:
-    """At 1.0 m/s, the rest of its last command's time and the braking: the engine needs nobody for it.
+    """The engine brakes from 1.0 m/s by itself, after the last command's remaining time.
 
-    The headings are held by the engine, where they were.
+    The engine holds the headings.
     """
     rig.ready()
     rig.command(1.0)
     rig.wait_speed(1.0)
     moving = watch_engine(rig)
     rig.node.signal(number)
-    # After the signal: until then the interface commands, however long this process waits for a processor.
+    # Measured after the signal, because until then the interface commands.
     begun = rig.status()
     wait_for(lambda: not moving(), "standstill")
     rig.wait_speed(0.0)

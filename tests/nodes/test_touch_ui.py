@@ -48,7 +48,7 @@ Start = Callable[..., NodeProcess]
 
 
 class TouchScreen:
-    """The node, where it listens, and what it has said to the robot."""
+    """The node, its port, and its messages to the robot."""
 
     def __init__(self, start: Start, peer: Peer, *arguments: str) -> None:
         self.peer = peer
@@ -125,7 +125,7 @@ def test_staff_clear_a_stop_that_nobody_can_release(screen: TouchScreen, rider: 
     refused = rider.ask("clear_stop", source="ui")
     assert (refused["ok"], refused["detail"]) == (False, safety.uncleared)
     assert safety.cleared == ["panel", "ui"]
-    assert screen.stops.items == []  # to clear is neither to stop nor to release
+    assert screen.stops.items == []  # a clear neither stops nor releases
 
 
 def test_reset_without_a_safety_monitor(screen: TouchScreen, staff: WebPage) -> None:
@@ -136,7 +136,7 @@ def test_reset_without_a_safety_monitor(screen: TouchScreen, staff: WebPage) -> 
 def test_staff_set_poses_and_goals(screen: TouchScreen, staff: WebPage) -> None:
     assert staff.ask("pose", x=1.0, y=-2.0, yaw=0.0)["ok"]
     assert staff.ask("goal", x=3.0, y=4.0, yaw=3.14159265)["ok"]
-    wait_for(lambda: screen.goals.items, "the goal")  # its writer keeps one message
+    wait_for(lambda: screen.goals.items, "the goal")  # its publisher keeps one message
     assert staff.ask("cancel_goal")["ok"]
     pose = screen.poses.wait(lambda _: True, "a pose")
     assert (pose.header.frame_id, pose.pose.pose.position.x, pose.pose.pose.position.y) == ("map", 1.0, -2.0)
@@ -171,7 +171,7 @@ def test_what_pages_show(screen: TouchScreen, rider: WebPage, peer: Peer) -> Non
     assert {item["id"] for item in rider.state["missions"]["list"]} >= {"site_ride", "wheelchair_transport"}
     assert rider.state["access"]["role"] == "rider"
     wait_for(lambda: len(screen.beats.items) >= 3, "three seconds")
-    for name in {name for _, told in rider.told for name in told}:  # what is told is new
+    for name in {name for _, told in rider.told for name in told}:  # only changes are sent
         values = [told[name] for _, told in rider.told if name in told]
         assert all(before != after for before, after in pairwise(values)), name
     peer.silence(topics.SAFETY_STATUS)
@@ -213,7 +213,7 @@ def test_heavy_data_come_only_while_a_page_shows_them(screen: TouchScreen, staff
         number = frames.NUMBERS[layer]
         wait_for(lambda number=number: staff.frames.get(number), f"{layer.value}")
     counts = {number: len(items) for number, items in staff.frames.items()}
-    staff.ask("call", on=False)  # a round trip: without a ready nothing more is sent
+    staff.ask("call", on=False)  # a round trip: without "ready" no further frame is sent
     assert {number: len(items) for number, items in staff.frames.items()} == counts
     assert all(count == 1 for count in counts.values())
     staff.say("ready", layer="front_image")
@@ -276,7 +276,7 @@ TOUR = {
 
 
 def file_of(page: WebPage, mission: str) -> dict[str, Any] | None:
-    """What the page knows of a mission's file."""
+    """The page's data about a mission's file."""
     found = page.state.get("mission_files", {}).get("list", [])
     return next((item for item in found if item["id"] == mission), None)
 
@@ -320,7 +320,7 @@ def test_a_mission_is_judged_before_it_is_kept(staff: WebPage, tmp_path: Path) -
     assert problems(waypoints=[stop | {"action": {"wait": -1}}]).keys() == {"waypoints.0.action.wait_s"}
     assert "no dock" in problems(waypoints=[stop | {"action": {"dock": "chair_9"}}])["waypoints.0.action"]
     assert problems(id="../tour").keys() == {"id"}
-    assert len(problems(waypoints=[{"name": name} for name in "abcdefghijkl"])) == 20  # and no more
+    assert len(problems(waypoints=[{"name": name} for name in "abcdefghijkl"])) == 20  # not more
     assert saved(staff, name={"en": ""})["why"] == "answer.mission_invalid"
     assert not (tmp_path / "data").exists()
 
@@ -400,7 +400,7 @@ def test_foreign_pages_get_no_socket(screen: TouchScreen) -> None:
 
 
 def test_hostile_pages_change_nothing_and_crash_nothing(screen: TouchScreen) -> None:
-    """2,000 malformed frames, from pages that are closed for it and come again."""
+    """2,000 malformed frames, from pages that reconnect after being closed."""
     draw = random.Random(11)
     harmless = [
         json.dumps(fields).encode()
@@ -494,7 +494,7 @@ def test_an_emergency_stop_of_others_is_shown(screen: TouchScreen, rider: WebPag
 
 
 def test_beyond_this_machine_only_with_the_token_over_tls(start: Start, peer: Peer, tmp_path: Path) -> None:
-    """Served on this machine here, as a robot serves it to others."""
+    """This test serves on the local machine like a robot serves others."""
     key, certificate, token = tmp_path / "key.pem", tmp_path / "certificate.pem", "t0ken-" * 6
     make = "openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2 -subj /CN=robot"
     names = ["-addext", "subjectAltName=IP:127.0.0.1", "-keyout", str(key), "-out", str(certificate)]
@@ -514,7 +514,7 @@ def test_beyond_this_machine_only_with_the_token_over_tls(start: Start, peer: Pe
 
     assert [ask(path).status for path in ("/", "/texts.json", "/?token=", f"/?token={token[:-1]}x")] == [403] * 4
     welcome = ask(f"/?token={token}")
-    assert (welcome.status, welcome.headers["location"]) == (303, "/")  # the token leaves the address bar
+    assert (welcome.status, welcome.headers["location"]) == (303, "/")  # removes the token from the address bar
     cookie = welcome.headers["set-cookie"]
     assert all(part in cookie for part in ("HttpOnly", "Secure", "SameSite=strict"))
     sent = {"Cookie": cookie.partition(";")[0]}
@@ -534,7 +534,7 @@ def test_a_certificate_that_cannot_be_read_is_refused(start: Start) -> None:
 
 
 def test_a_connection_that_becomes_nothing_is_ended_and_a_page_is_not(start: Start, peer: Peer) -> None:
-    """Half a request, and a handshake that the server cannot read and does not answer."""
+    """Half a request, and a handshake that the server cannot parse and does not answer."""
     screen = TouchScreen(start, peer, "-p", "server.request_s:=1.0")
     with web_page(screen.port) as page:
         for begun in (

@@ -1,4 +1,4 @@
-"""What DDS is told: point clouds of full size arrive, and a reliable message that was lost is repeated at once."""
+"""The DDS configuration: point clouds of full size arrive, and a lost reliable message is repeated at once."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_all_clouds_reach_three_processes(start: Callable[..., NodeProcess], pee
     peer.wait_matched(topics.LIDAR_POINTS, 3)
     for subscriber in subscribers:
         subscriber.wait_output("connected")
-    # The next one when all have the last: a receiver that gets no time for a while may miss one, as it may on a robot.
+    # Waits for all receivers before the next cloud, because a stalled receiver may miss one, as on a robot.
     for number in range(1, CLOUDS + 1):
         peer.publish(topics.LIDAR_POINTS, _cloud(number))
         for subscriber in subscribers:
@@ -59,7 +59,7 @@ def test_an_emergency_stop_that_was_lost_is_repeated_at_once(start: Callable[...
     listener.wait_output("no stop\n")
 
     listener.signal(signal.SIGSTOP)
-    for _ in range(5000):  # its socket has room for less
+    for _ in range(5000):  # exceeds the socket's buffer
         peer.publish(topics.JOINT_STATES, JointState())
     peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
     listener.signal(signal.SIGCONT)
@@ -70,7 +70,7 @@ def test_an_emergency_stop_that_was_lost_is_repeated_at_once(start: Callable[...
 def test_only_who_takes_clouds_has_shared_memory(
     start: Callable[..., NodeProcess], peer: Peer, name: str, shared: bool
 ) -> None:
-    """Whoever has some is held up when another program comes up beside the robot: not so what stops the wheels."""
+    """A process with shared memory stalls when another program starts, so processes that stop the wheels use none."""
     process = start(name)
     peer.wait_matched(topics.EMERGENCY_STOP if name == "swerve_controller" else topics.LIDAR_POINTS)
     assert ("/dev/shm/fastrtps_" in Path(f"/proc/{process.pid}/maps").read_text()) == shared

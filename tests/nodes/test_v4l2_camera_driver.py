@@ -1,4 +1,4 @@
-"""The driver of V4L2 cameras at the kernel's interface: images, their moment, corrupt ones, a pulled cable."""
+"""The driver of V4L2 cameras at the kernel's interface: images, exposure times, corrupt frames, a pulled cable."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HEIGHT, WIDTH = 720, 1280
 
 @pytest.fixture(scope="module")
 def kernel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The library that stands for the kernel's side."""
+    """The library that replaces the kernel's interface."""
     compiler = shutil.which("c++") or shutil.which("g++")
     assert compiler is not None, "a C++ compiler is needed"
     library = tmp_path_factory.mktemp("v4l2") / "camera.so"
@@ -56,7 +56,7 @@ class Cameras:
         return self.node
 
     def show(self, device: Path, data: bytes) -> None:
-        """The camera sends this from now on, as a whole or not at all."""
+        """Sets the frame that the camera sends from now on, in one step."""
         beside = self._folder.parent / "next"
         beside.write_bytes(data)
         beside.rename(device)
@@ -118,7 +118,7 @@ def test_both_cameras_and_what_goes_wrong(cameras: Cameras, monkeypatch: pytest.
 
 
 def test_an_image_is_stamped_with_the_middle_of_its_exposure(cameras: Cameras, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The frames tell when their exposure began, by the monotonic clock."""
+    """The frames contain the start of their exposure on the monotonic clock."""
     cameras.show(cameras.front, scene(3).tobytes())
     cameras.start(monkeypatch, "pixel_format:=GREY", "devices.rear:=''", "exposure_s:=0.01", "readout_s:=0.02")
     wait_for(lambda: len(cameras.images[0].items) >= 20, "images")

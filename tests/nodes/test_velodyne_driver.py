@@ -1,4 +1,4 @@
-"""The driver of the VLP-16 at its port: packets by UDP as the LiDAR sends them, silence, packets of others."""
+"""The driver of the VLP-16 at its port: packets by UDP as the LiDAR sends them, silence, packets of other senders."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.support.udp_lidar import UdpLidar
 from tests.support.waiting import wait_for
 
 NAME = "velodyne_driver"
-TURN = 75  # packets of a turn that begins anew at azimuth 0
+TURN = 75  # packets of a turn that starts at azimuth 0
 LIDAR_IP = UdpLidar.IP
 
 
@@ -59,7 +59,7 @@ def test_sweeps_corrupt_packets_and_silence(start: Callable[..., NodeProcess], p
     assert values["device"].startswith("VLP-16")
     lidar.extra = b"\xff\xee" + bytes(1204)
     wait_for(lambda: int(says(diagnostics, NAME, "")["packets corrupt"]) == 1, "a corrupt packet")
-    # The cable is pulled: it is said, and nothing old is sent again.
+    # The cable is pulled: the node reports it and repeats no old data.
     lidar.sends = False
     says(diagnostics, NAME, f"the Velodyne at {LIDAR_IP}, port {lidar.port} is silent")
     count = len(sweeps.items)

@@ -1,4 +1,4 @@
-"""The live view beside real publishers, with a plain websocket client."""
+"""The live view with real publishers and a plain websocket client."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class Viewer:
         return next(topic for topic, item in self.channels.items() if item["id"] == channel)
 
     def look(self, topic: str) -> None:
-        """Subscriptions get their channel's number."""
+        """Subscribes to a topic; the subscription id equals the channel's id."""
         number = self.channels[topic]["id"]
         self.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": number, "channelId": number}]}))
 
@@ -94,7 +94,7 @@ class Viewer:
         self._thread.join(10.0)
 
     def vanish(self) -> None:
-        """As a browser that is killed."""
+        """Drops the connection like a killed browser."""
         self._link.socket.shutdown(socket.SHUT_RDWR)
         self._thread.join(10.0)
 
@@ -131,7 +131,7 @@ def subscribers(peer: Peer, row: Topic) -> int:
 
 
 def odometry(number: int) -> bytes:
-    """As it goes over the wire. Serialised once: padding between fields is whatever lay in memory."""
+    """The serialised message. Serialised once, because padding bytes between fields are undefined."""
     message = Odometry(child_frame_id=f"base_link {number}")
     message.pose.pose.position.x = 0.1 * number
     message.pose.covariance[35] = 1e-3 * number
@@ -214,7 +214,7 @@ def test_the_model_follows_joints_and_passenger(peer: Peer, viewer: Callable[[],
     one.look(MODEL)
     peer.wait_matched(topics.JOINT_STATES)
     peer.wait_matched(topics.PASSENGER_ATTACHED)
-    assert one.channels["/joint_states"]  # not looked at itself
+    assert one.channels["/joint_states"]  # advertised, but not subscribed
     states = JointState(name=["fl_drive", "fl_steer"], position=[0.0, 0.5])
     peer.repeat(topics.JOINT_STATES, lambda: states, 20.0)
     wait_for(lambda: one.heard(MODEL), "a model")
@@ -260,7 +260,7 @@ HOSTILE = (
 
 
 def test_garbage_changes_nothing(peer: Peer, view: NodeProcess, viewer: Callable[[], Viewer]) -> None:
-    """A hostile client beside one that looks: nothing reaches the graph, nobody else is disturbed."""
+    """A hostile client beside a normal one: nothing reaches the graph, and the other client is not disturbed."""
     stop, row, odometry_1 = peer.listen(topics.EMERGENCY_STOP), topics.ODOM, odometry(1)
     peer.publisher(row)
     looking = viewer()
@@ -272,7 +272,7 @@ def test_garbage_changes_nothing(peer: Peer, view: NodeProcess, viewer: Callable
     for item in (*HOSTILE, *wild, *(data.decode("latin-1") for data in wild)):
         try:
             hostile.send(item)
-        except ConnectionClosed:  # the server may show it the door
+        except ConnectionClosed:  # the server may close the connection
             hostile = viewer()
     raw_requests(port_of(view))
     peer.repeat(row, lambda: odometry_1, 20.0)  # best effort: the first may be lost
@@ -285,7 +285,7 @@ def test_garbage_changes_nothing(peer: Peer, view: NodeProcess, viewer: Callable
 
 
 def raw_requests(port: int) -> None:
-    """What is no websocket at all."""
+    """Requests that are not a websocket handshake."""
     for request in (b"GET /../../etc/passwd HTTP/1.1\r\nHost: x\r\n\r\n", b"\x16\x03\x01\x00\xff", b"\r\n" * 1000):
         with socket.create_connection(("127.0.0.1", port), timeout=10.0) as link:
             link.sendall(request)

@@ -1,4 +1,4 @@
-"""What wakes a node of the stack, what it takes without being woken, and whose time it lives on."""
+"""Which messages wake a node, which it takes without a wake-up, and which clock it uses."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from tests.support.waiting import wait_for
 
 
 class Listener(StackNode):
-    """Under the name of a node that commands and stops concern. Its tick is slow: what comes earlier has woken it."""
+    """Has the name of a node that commands and stops wake. Its tick is slow, so an earlier callback means a wake-up."""
 
     def __init__(self) -> None:
         super().__init__("swerve_controller")
@@ -37,8 +37,8 @@ class Listener(StackNode):
         self.ros: RosPort = self.port
         self.ticks: list[float] = []
         self.taken: list[float] = []  # the age of each command
-        self.stops: list[bool] = []  # of each stop: it came before any timer was due
-        self.command = self.subscribe(topics.CMD_VEL, self._on_command)  # wakes nobody
+        self.stops: list[bool] = []  # for each stop: whether it arrived before a timer was due
+        self.command = self.subscribe(topics.CMD_VEL, self._on_command)  # does not wake the node
         self.create_timer(0.5, lambda: self.ticks.append(self.steady_s()))
 
     def _on_command(self, _: Twist) -> None:
@@ -48,7 +48,7 @@ class Listener(StackNode):
         self.stops.append(self.is_early())
 
     def is_early(self) -> bool:
-        """No timer is due: something else has woken the node."""
+        """True if no timer is due, so that another event has woken the node."""
         return self.ros.schedules[0].next_due_s() > time.monotonic()
 
 
@@ -88,7 +88,7 @@ def test_a_stop_wakes_a_node_and_a_command_waits_for_its_tick(ros_domain: int, p
         for number in range(1, 5):
             peer.publish(topics.CMD_VEL, Twist())
             wait_for(lambda count=number: len(node.taken) == count, "the command")
-        # Its age counts from its reception, not from when it was taken.
+        # The age counts from the reception, not from the processing.
         assert max(node.taken) > 0.01
 
 
@@ -183,7 +183,7 @@ def test_a_subscription_that_has_ended_is_taken_no_more(ros_domain: int, peer: P
         wait_for(lambda: not commands_in(node.ros.subscriptions), "the end of the subscription")
         assert not commands_in(node.ros.taken_at_tick)
         ticks = len(node.ticks)
-        peer.publisher(topics.CMD_VEL).publish(Twist())  # nobody may be connected any more
+        peer.publisher(topics.CMD_VEL).publish(Twist())  # the other side may have disconnected
         wait_for(lambda: len(node.ticks) > ticks + 1, "two more ticks")
         assert node.taken == []
 

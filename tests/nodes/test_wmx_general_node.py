@@ -43,11 +43,11 @@ NAN, INF = float("nan"), float("inf")
 @pytest.fixture(autouse=True)
 def _four_axes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(ENGINE_CONFIG_VARIABLE, "wmx_engine_general")
-    monkeypatch.setenv(STALE_VARIABLE, str(HELD_UP_STALE_S))  # an engine on a busy machine is no dead one
+    monkeypatch.setenv(STALE_VARIABLE, str(HELD_UP_STALE_S))  # a stalled engine on a busy machine is not dead
 
 
 class Bench:
-    """The node, its engine, and the client that drives it."""
+    """The node, its engine, and the client."""
 
     def __init__(self, start: Start, peer: Peer, folder: Path) -> None:
         self._start, self.peer = start, peer
@@ -76,7 +76,7 @@ class Bench:
         return response.success, response.message
 
     def call_later(self, row: Service, request: Any) -> Any:
-        """The future of the answer."""
+        """Calls a service and returns the future of the answer."""
         client = self.peer.node.create_client(interface_class(row.type), row.name)
         wait_for(client.service_is_ready, "the service")
         return client.call_async(request)
@@ -85,7 +85,7 @@ class Bench:
         return self.call(row, SetAxis.Request(index=index, data=data or []))
 
     def wait_answer(self, row: Service, answer: tuple[bool, str]) -> None:
-        """Asks for axis 0 again until that is the answer."""
+        """Repeats the call for axis 0 until it returns that answer."""
         wait_for(lambda: self.set_axis(row, [0], [1]) == answer, f"{row.name} to answer {answer}")
 
     def status(self) -> StatusSnapshot:
@@ -98,7 +98,7 @@ class Bench:
         return self.status()
 
     def turn(self, axes: list[int], velocity: float, dec: float = 20.0) -> None:
-        """Puts axes into velocity mode and has them turn."""
+        """Switches axes to velocity mode and turns them."""
         assert self.set_axis(services.AXIS_SET_MODE, axes, [1] * len(axes))[0]
         self.velocity(axes, velocity, dec)
         self.wait_status(lambda now: all(abs(now.actual_velocity[a] - velocity) < 0.1 for a in axes), "turning axes")
@@ -112,7 +112,7 @@ class Bench:
         self.node.wait_output(text)
 
     def fresh_state(self) -> AxisState:
-        """A message that was published after this call."""
+        """Waits for a message published after this call."""
         count = len(self.states.items)
         wait_for(lambda: len(self.states.items) > count + 1, "the state of now", poll_s=0.002)
         return self.states.last
@@ -155,7 +155,7 @@ def test_every_interface_from_the_start_and_state_once_there_is_one(bench: Bench
     bench.engine.run().set(connected=False)
     wait_for(lambda: bench.call(services.ENGINE_GET_STATUS) == (True, "Running"), "a device")
     late = bench.call_later(services.ENGINE_SET_COMM, SetBool.Request(data=True))
-    assert bench.call(services.ENGINE_GET_STATUS) == (True, "Running")  # who waits holds nobody up
+    assert bench.call(services.ENGINE_GET_STATUS) == (True, "Running")  # a waiting call does not block others
     wait_for(late.done, "the answer")
     text = "Failed to start communication. Error=1285 (communication did not start in the given time)"
     assert (late.result().success, late.result().message) == (False, text)
@@ -179,11 +179,11 @@ def test_every_interface_from_the_start_and_state_once_there_is_one(bench: Bench
     bench.states.wait(lambda state: list(state.home_done) == [0, 1], "axis 1 homed")
 
 
-# --- the documents' examples -------------------------------------------------------------------------------------
+# --- examples of the documents -----------------------------------------------------------------------------------
 
 
 def filled(type_name: str, literal: str) -> Any:
-    """The message of a literal, as the command line makes it."""
+    """The message of a YAML literal, as the command line fills it."""
     kind = interface_class(type_name)
     return (kind.Request if "/srv/" in type_name else kind)(**yaml.safe_load(literal))
 
@@ -222,7 +222,7 @@ def test_the_examples_of_the_documents_in_their_order(bench: Bench) -> None:
 
 
 def test_failures_of_every_service(bench: Bench) -> None:
-    """Each row fails in its documented form; what is wrong as a whole touches no axis."""
+    """Each row fails in its documented form; an invalid request changes no axis."""
     bench.engine.run()
     bench.start_node()
     wait_for(lambda: bench.call(services.ENGINE_GET_STATUS) == (True, "Running"), "a device")
@@ -345,7 +345,7 @@ BAD_POSES = [
 
 
 def both(*values: Any) -> dict[str, Any]:
-    """A message of axes 0 and another, of which the other is bad."""
+    """Fields for axis 0 and another axis, which makes the message invalid."""
     return {"index": [0, values[0]], "velocity": [1.0] * 2, "acc": [1.0] * 2, "dec": [1.0] * 2}
 
 
@@ -394,8 +394,8 @@ def test_commands_good_and_bad(bench: Bench) -> None:
     message = pose(index=[0, 1], target=[1.0, -0.5], velocity=[20.0] * 2, **_pair())
     bench.peer.publish(topics.WMX_AXIS_POSITION_RELATIVE, message)
     ended = bench.wait_status(at_rest(0, 1), "the end")
-    assert begun.pos_cmd[0] + 1.0 <= ended.pos_cmd[0] < 50.0  # the engine's own would be 51
-    assert ended.pos_cmd[0] - ended.pos_cmd[1] == pytest.approx(1.5, abs=1e-9)  # both from one instant
+    assert begun.pos_cmd[0] + 1.0 <= ended.pos_cmd[0] < 50.0  # the engine's own target would be 51
+    assert ended.pos_cmd[0] - ended.pos_cmd[1] == pytest.approx(1.5, abs=1e-9)  # both from the same instant
 
 
 def _pair() -> dict[str, Any]:
@@ -413,7 +413,7 @@ def test_alarm_lost_bus_killed_engine_and_emergency_stop_in_motion(bench: Bench)
     assert list(state.amp_alarm) == [1, 0, 0, 0]
     bench.velocity([0, 1], 1.0)
     bench.wait_refused("/wmx/axis/velocity refused: axis 0 has amplifier alarm 42")
-    assert bench.status().velocity_cmd[1] == 2.0  # refused as a whole: the good axis goes on as before
+    assert bench.status().velocity_cmd[1] == 2.0  # the whole message is refused, so the valid axis continues
     bench.engine.set(alarms={})
     assert bench.set_axis(services.AXIS_CLEAR_ALARM, [0]) == (True, "Cleared alarm axis 0; ")
     assert bench.set_axis(services.AXIS_SET_ON, [0], [1]) == (True, "Set axis 0 on; ")
@@ -437,9 +437,9 @@ def test_alarm_lost_bus_killed_engine_and_emergency_stop_in_motion(bench: Bench)
     assert bench.call(services.ENGINE_GET_STATUS) == (True, "Unknown")
     count = len(bench.states.items)
     assert bench.set_axis(services.AXIS_STOP, [0]) == (False, f"Failed to stop axis 0. {NULL}; ")
-    assert len(bench.states.items) == count  # nothing stale
+    assert len(bench.states.items) == count  # no stale state
     bench.engine.close()
-    bench.engine.run().up()  # another one
+    bench.engine.run().up()  # a new engine
     bench.states.wait(lambda state: list(state.servo_on) == [1] * 4, "the state of the new engine")
 
     # the emergency stop of the stack
@@ -454,7 +454,7 @@ def test_alarm_lost_bus_killed_engine_and_emergency_stop_in_motion(bench: Bench)
     assert bench.set_axis(services.AXIS_SET_ON, [0], [1]) == (False, f"Failed to set axis 0 on. {stopped}")
     assert at_rest(0)(bench.status())
 
-    bench.peer.publish(topics.EMERGENCY_STOP, Bool(data=False))  # no safety monitor here: one key
+    bench.peer.publish(topics.EMERGENCY_STOP, Bool(data=False))  # without a safety monitor one release is enough
     bench.wait_answer(services.AXIS_SET_ON, (True, "Set axis 0 on; "))
     bench.turn([0], 3.0, dec=0.1)
     state = {"safety_state": SafetyStatus.EMERGENCY_STOP}
@@ -474,7 +474,7 @@ def test_velocity_with_a_time_out_ends_without_its_node_and_a_position_is_reache
     since = bench.status().engine_time_s
     bench.wait_status(lambda now: now.engine_time_s > since + 0.8, "more than the time-out")
     assert bench.status().velocity_cmd[3] == 5.0
-    bench.node.signal(signal.SIGSTOP)  # it hangs
+    bench.node.signal(signal.SIGSTOP)  # the node hangs
     try:
         bench.wait_status(at_rest(3), "standstill")
     finally:
@@ -502,7 +502,7 @@ def test_velocity_with_a_time_out_ends_without_its_node_and_a_position_is_reache
     assert bench.node.wait() == 0
     now = bench.status()
     assert at_rest(0, 1)(now)
-    assert now.communicating  # the bus stays for the others
+    assert now.communicating  # the bus stays on for other clients
     assert now.servo_on.all()
 
     refused = start(NAME, "-p", "axis_count:=5", "-p", "rated_torque_nm:=[1.0, 1.0, 1.0, 1.0, 1.0]")

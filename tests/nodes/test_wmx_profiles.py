@@ -1,4 +1,4 @@
-"""The profiles of the motion-engine layer, brought up by the supervisor as an operator does, seen from outside."""
+"""The profiles of the motion-engine layer, started by the supervisor and tested through their interfaces."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ AXIS_AMP_ALARM = 1568
 
 @pytest.fixture
 def up(ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., dict[str, Any]]]:
-    """Starts a profile and returns the supervisor's status, in which every process is ready."""
+    """Starts a profile and returns the supervisor's status with every process ready."""
     tell_what_is_compiled(monkeypatch)
 
     def start(profile: str, *settings: str) -> dict[str, Any]:
@@ -55,13 +55,13 @@ def inject(peer: Peer, row: Service, kind: str, target: str = "", duration_s: fl
 
 
 def operate(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """The real command line."""
+    """Runs the real command line."""
     command = [sys.executable, "-m", "robot_stack.cli", *arguments]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60.0, check=False)
 
 
 class Arm:
-    """What a motion planner sees of the arm, and how it really stands."""
+    """The arm's interface for a motion planner, and its true position."""
 
     def __init__(self, peer: Peer) -> None:
         from rclpy.action import ActionClient
@@ -75,7 +75,7 @@ class Arm:
         self.truth.wait(lambda _: True, "the truth")
 
     def send(self, *waypoints: tuple[int, list[float]]) -> Any:
-        """A future of the result; waypoints are (seconds, positions)."""
+        """Sends waypoints (seconds, positions) and returns the future of the result."""
         goal = FollowJointTrajectory.Goal()
         goal.trajectory.joint_names = JOINTS
         goal.trajectory.points = [
@@ -97,7 +97,7 @@ class Arm:
 
     @property
     def stands(self) -> bool:
-        """Settled, too: what still creeps at 0.01 rad/s goes on for several thousandths of a radian."""
+        """True once the arm has settled: creeping at 0.01 rad/s would continue for several thousandths of a radian."""
         return float(np.abs(np.array(self.truth.last.velocity)[:6]).max()) < 0.001
 
 
@@ -126,7 +126,7 @@ def test_the_arm_follows_a_trajectory_grasps_and_stops_for_an_alarm(up: Callable
     assert result.result().result.error_code == AXIS_AMP_ALARM
     assert "joint2" in result.result().result.error_string
     wait_for(lambda: arm.stands, "the arm to stand")
-    assert np.abs(arm.true_positions[:6]).max() > 0.1  # on its way
+    assert np.abs(arm.true_positions[:6]).max() > 0.1  # during the motion
 
 
 def test_a_bus_that_drops_in_motion_ends_the_trajectory_and_the_arm_stands(up: Callable[..., Any], peer: Peer) -> None:
@@ -145,9 +145,9 @@ def test_a_bus_that_drops_in_motion_ends_the_trajectory_and_the_arm_stands(up: C
     arm.truth.items.clear()
     wait_for(lambda: len(arm.truth.items) > 10, "more of the truth")
     assert arm.true_positions[:6] == pytest.approx(stood, abs=1e-3)
-    assert len(arm.states.items) == silent_since  # nothing stale is published
+    assert len(arm.states.items) == silent_since  # no stale state is published
 
-    # Communication comes back by itself; that the arm may move again is an operator's decision.
+    # Communication recovers by itself; an operator must permit further motion.
     inject(peer, services.INJECT_ARM_FAULT, "clear")
     wait_for(lambda: len(arm.states.items) > silent_since, "joint states again")
     assert not ask("status")["ready"]
@@ -183,7 +183,7 @@ def test_the_general_node_moves_the_axes_of_a_bench(up: Callable[..., Any], peer
     arrived = states.wait(lambda state: math.isclose(state.actual_pos[0], 1.5, abs_tol=0.001), "axis 0 at 1.5 rad")
     states.wait(lambda state: math.isclose(state.actual_pos[3], -0.5, abs_tol=0.001), "axis 3 at -0.5 rad")
     assert len(arrived.actual_pos) == 4
-    # This machine has no safety monitor: the last /emergency_stop decides alone.
+    # Without a safety monitor the last /emergency_stop decides.
     turn_on = SetAxis.Request(index=[1], data=[1])
     stopped = operate("estop")
     assert (stopped.returncode, stopped.stdout[:21]) == (0, "emergency stop, sent;"), stopped.stderr

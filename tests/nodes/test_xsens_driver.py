@@ -1,4 +1,4 @@
-"""The driver of the Xsens unit on a real pseudo terminal: samples, a cable that is pulled and put back, silence."""
+"""The driver of the Xsens unit on a real pseudo terminal: samples, a cable that is pulled and plugged in, silence."""
 
 from __future__ import annotations
 
@@ -85,16 +85,16 @@ def test_samples_silence_and_a_pulled_cable(start: Callable[..., NodeProcess], p
     assert message.linear_acceleration.z == pytest.approx(9.81, abs=1e-5)
     assert (message.orientation.w, message.orientation_covariance[0]) == pytest.approx((1.0, 0.004**2))
     stamps = [time_to_s(item.header.stamp) for item in samples.messages[-50:]]
-    # By the unit's clock, however late a busy machine takes and hands on the bytes; a lost one leaves a whole gap.
+    # By the unit's clock, independent of delays of a busy machine; a lost sample leaves a whole gap.
     steps = [(later - earlier) / PERIOD_S for earlier, later in pairwise(stamps)]
     assert all(abs(step - round(step)) < 0.2 and round(step) >= 1 for step in steps), steps
     assert abs(stamps[-1] - time.time()) < 30.0
     assert mountings.last.transforms[0].child_frame_id == "imu"
     says(diagnostics, "xsens_driver", "samples arrive")
-    # Garbage and a corrupt frame are counted, and the next sample is there.
+    # Garbage and a corrupt frame are counted, and the next sample arrives.
     device.extra = b"\x00\x01" + frame(0x36, b"\x10\x60\x04\x00")[:-1] + b"\x00"
     wait_for(lambda: int(says(diagnostics, "xsens_driver", "samples arrive")["frames corrupt"]) > 0, "a corrupt frame")
-    # The unit falls silent on an open line.
+    # The unit stops sending on an open line.
     device.send = False
     says(diagnostics, "xsens_driver", "nothing comes")
     count = len(samples.items)
@@ -102,7 +102,7 @@ def test_samples_silence_and_a_pulled_cable(start: Callable[..., NodeProcess], p
     assert len(samples.items) == count
     device.send = True
     wait_for(lambda: len(samples.items) > count + 10, "samples again")
-    # The cable is pulled, and put back.
+    # The cable is pulled, and plugged in again.
     device.pull()
     says(diagnostics, "xsens_driver", "no samples: ")
     count = len(samples.items)

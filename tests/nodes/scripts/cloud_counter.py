@@ -1,4 +1,4 @@
-"""Says the sequence number in the frame id of each point cloud that comes, until the last one's."""
+"""Prints the sequence number in the frame id of each received point cloud, until the last one's."""
 
 import sys
 import time

@@ -1,8 +1,8 @@
-"""A simulated motion engine on drives without physics, whose inputs and faults a test sets in a file.
+"""A simulated motion engine on drives without physics; a test sets inputs and faults in a file.
 
-Usage: engine_process.py CONTROL_FILE. The file holds JSON, in which each may be missing: ``input0`` (byte 0 of the
-inputs), ``alarms`` (axis -> code; an alarm stays until it is cleared), ``connected`` (the bus). It is looked at in each
-cycle, once it is there, and may be replaced at any time.
+Usage: engine_process.py CONTROL_FILE. The file holds JSON with optional keys: ``input0`` (byte 0 of the inputs),
+``alarms`` (axis -> code; an alarm stays until it is cleared), ``connected`` (the bus). Each cycle reads the file if it
+exists; it may be replaced at any time.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
 
 
 class Control:
-    """Carries the file's commands to the drives. Called once per cycle; true when the process is to end."""
+    """Applies the file's commands to the drives. Called once per cycle; returns True to end the process."""
 
     def __init__(self, path: Path, drives: VirtualDrives) -> None:
         self._path, self._drives = path, drives

@@ -1,4 +1,4 @@
-"""The smallest node of the stack: under the navigation controller's name it asks for 1 m/s while nothing forbids it."""
+"""The smallest node of the stack: named like the navigation controller, it commands 1 m/s while this is permitted."""
 
 import argparse
 import sys

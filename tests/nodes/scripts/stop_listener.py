@@ -1,4 +1,4 @@
-"""Says what comes on /emergency_stop; takes joint states too, so that its socket has something to run over with."""
+"""Prints the messages on /emergency_stop; subscribes to joint states too, so that its socket can overflow."""
 
 import time
 

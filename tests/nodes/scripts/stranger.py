@@ -1,6 +1,6 @@
-"""A stranger who knows the robot's address: presses its emergency stop, drives it, resets it.
+"""A foreign participant with the robot's address that tries to press the emergency stop, drive the robot and reset it.
 
-Arguments: the robot's address, and for how many seconds at most. Ends as soon as all three are received.
+Arguments: the robot's address, and the time limit in seconds. Ends as soon as all three endpoints are found.
 """
 
 import os

@@ -48,8 +48,7 @@ class DockWorld(World):
         return self.status.wait(lambda s: text in s.reason, f"{text!r} in the reason")
 
     def fails(self, reason: str, after_s: float) -> Any:
-        """Waits for a failure with the reason. after_s: since the robot is at the chair, which the next tick
-        detects."""
+        """Waits for the failure. after_s: since the robot is at the chair, which the next tick detects."""
         failed = self.state("FAILED")
         assert failed.reason == reason
         assert after_s <= self.bench.now_s - self.begun_s <= after_s + 0.7
