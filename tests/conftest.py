@@ -1,4 +1,4 @@
-"""Fixtures of all tests. A test that starts nodes takes ``ros_domain``, or what builds on it: its own domain."""
+"""Fixtures of all tests. A test that starts nodes uses ``ros_domain``, or a fixture based on it, for its own domain."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from tests import skips
 from tests.support.domains import held_domain
 from tests.support.processes import NodeProcess, node_command
 
-# Every run repeats itself exactly: a test that fails by luck is nobody's fault and gets repeated until it passes. New
-# counterexamples are looked for by launch_scripts/explore alone, which names its profile and a seed, and keeps nothing
-# that the next round would begin with. A slow machine is no counterexample.
+# Every run is identical, because a random failure would only be repeated until it passes. Only launch_scripts/explore
+# searches for new counterexamples: it selects its profile and a seed, and stores nothing for the next run. A slow
+# machine is no counterexample.
 settings.register_profile("repeat", derandomize=True, deadline=None)
 settings.register_profile("explore", max_examples=500, deadline=None, print_blob=True, database=None)
 settings.load_profile("repeat")
 
 
-# A shell that runs the tests in the background has SIGINT ignored, and what they start would inherit that: deaf to the
-# interrupts that the tests are about.
+# A shell that runs the tests in the background ignores SIGINT. Child processes would inherit this and ignore the
+# interrupts under test.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -48,14 +48,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(autouse=True)
 def fixed_seeds() -> None:
-    """Whoever draws from a generator that everybody shares draws the same in every run."""
+    """Shared random generators start with the same seed in every run."""
     random.seed(0)
     np.random.seed(0)
 
 
 @pytest.fixture
 def ros_domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[int]:
-    """A ROS domain and a runtime folder of this test alone, in the environment of everything it starts."""
+    """A separate ROS domain and runtime folder for this test, in the environment of its processes."""
     from robot_stack.ros import transport
 
     with held_domain() as domain:
@@ -74,7 +74,8 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[int]
 
 @pytest.fixture
 def start(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
-    """``start(name, *ros_args)`` starts a contract process, ``start(command=[...])`` any; all end with the test."""
+    """``start(name, *ros_args)`` starts a contract process, ``start(command=[...])`` any; the test's end stops them
+    all."""
     started: list[NodeProcess] = []
 
     def start_process(name: str = "process", *ros_args: str, command: list[str] | None = None) -> NodeProcess:

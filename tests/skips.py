@@ -1,6 +1,6 @@
-"""A test may be skipped only for a reason that stands in ``skips.yaml``: any other skip fails.
+"""A test may be skipped only for a reason listed in ``skips.yaml``: any other skip fails.
 
-A test that is skipped on every machine would otherwise look like one that passes.
+Otherwise a test that is skipped on every machine would look like one that passes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _judge(report: pytest.TestReport | pytest.CollectReport, rows: list[Skip]) -
 
 
 class OnlyListedSkips:
-    """The plugin that applies the rows of ``skips.yaml``."""
+    """Plugin that applies the rows of ``skips.yaml``."""
 
     def __init__(self, rows: list[Skip]) -> None:
         self._rows = rows
