@@ -96,7 +96,7 @@ class BackgroundWriter:
             self._give_up(error)
 
     def _turn(self) -> bool:
-        """One period: wait, write, flush, look at the disk. False at the end."""
+        """One period: waits, writes, flushes and checks the disk. Returns False at the end."""
         with self._wake:
             self._wake.wait_for(lambda: self._closing, self._flush_period_s)
         self._write_queue()

@@ -27,7 +27,7 @@ class DockingWatch:
 
 @dataclass(slots=True)
 class Thinning:
-    """Lets ``rate_hz`` messages per second of each topic through."""
+    """Passes ``rate_hz`` messages per second of each topic."""
 
     rate_hz: float
     _due_s: dict[str, float] = field(default_factory=dict)
@@ -35,10 +35,10 @@ class Thinning:
     def wants(self, topic: str, now_s: float) -> bool:
         due_s = self._due_s.get(topic, -math.inf)
         period_s = 1.0 / self.rate_hz
-        # A clock that was set back shall not stop the images for as long.
+        # If the clock was set back, the images must not pause for that time.
         if due_s - period_s <= now_s < due_s:
             return False
-        # On the beat while messages come, from now on after a gap.
+        # In regular steps while messages arrive; after a gap from the present time.
         late = now_s - due_s > period_s or now_s < due_s
         self._due_s[topic] = (now_s if late else due_s) + period_s
         return True

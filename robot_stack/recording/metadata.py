@@ -116,7 +116,7 @@ def write_metadata(folder: Path, files: Sequence[FileInfo], topics: Sequence[Top
 
 
 def recorded_files(folder: Path) -> list[str]:
-    """File names in the order of recording as ``metadata.yaml`` has them; empty if there is none that can be read."""
+    """File names in the order of recording from ``metadata.yaml``; empty if it is missing or unreadable."""
     try:
         names = read_yaml(folder / METADATA_FILE)["rosbag2_bagfile_information"]["relative_file_paths"]
         return [Path(str(name)).name for name in names]
@@ -147,7 +147,7 @@ def _file(file: FileInfo) -> dict[str, Any]:
 
 
 class _Plain(yaml.SafeDumper):
-    """Without anchors: yaml-cpp reads them, people do not."""
+    """Without anchors, which yaml-cpp can read but which are hard to read for people."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True

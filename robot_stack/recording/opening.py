@@ -13,7 +13,7 @@ from robot_stack.recording.writer import BagWriter, Format, topic_info
 
 
 def prepare_folder(output: Path, max_disk_use: float) -> list[str]:
-    """Makes the folder and completes recordings of an earlier recorder. Raises ConfigError if there is no room."""
+    """Makes the folder and completes recordings of an earlier recorder. Raises ConfigError if the disk is full."""
     need_room(output, max_disk_use)
     try:
         return recover_all(output)
@@ -22,7 +22,7 @@ def prepare_folder(output: Path, max_disk_use: float) -> list[str]:
 
 
 def need_room(output: Path, max_disk_use: float) -> None:
-    """Makes the folder. Raises ConfigError if that cannot be, or the disk is as full as it may get."""
+    """Makes the folder. Raises ConfigError if this fails or the disk use exceeds its limit."""
     try:
         output.mkdir(parents=True, exist_ok=True)
         use = disk_use(output)

@@ -51,7 +51,7 @@ _DAMAGED = (CRCValidationError, McapError, ValueError, struct.error, zstandard.Z
 
 
 class NotRecoverable(Exception):
-    """The file is no MCAP file. The message is one line for people."""
+    """The file is no MCAP file. The message is one line for users."""
 
 
 class InUse(Exception):
@@ -118,7 +118,7 @@ def recover_folder(folder: Path) -> list[str]:
 
 
 def recover_all(output_folder: Path) -> list[str]:
-    """Completes every recording in a folder of recordings, but for those being written. Returns a line for each."""
+    """Completes every recording in a folder, except those being written. Returns a line for each."""
     done = []
     for folder in sorted(path for path in output_folder.glob("*") if path.is_dir()):
         try:
@@ -154,13 +154,13 @@ def _scan(file: BinaryIO, path: Path) -> _Found:
                 found.end, found.has_header = start + _RECORD_HEADER.size + length, True
             case Opcode.CHUNK:
                 if last is not None:
-                    found.end = start  # another chunk has begun: the one before is complete with its index
+                    found.end = start  # another chunk begins, so the previous one is complete with its index
                 last = (start, length)
                 _note_chunk(file, found, start, length)
             case Opcode.MESSAGE_INDEX:
                 _note_index(file, found, start, length)
             case Opcode.METADATA if last is not None:
-                break  # only written behind the last chunk
+                break  # written only after the last chunk
             case Opcode.DATA_END | Opcode.FOOTER:
                 break
         file.seek(start + _RECORD_HEADER.size + length)
@@ -183,7 +183,7 @@ def _next_record(file: BinaryIO, size: int) -> tuple[int, int, int] | None:
 
 
 def _note_chunk(file: BinaryIO, found: _Found, start: int, length: int) -> None:
-    """Takes over a chunk's header; the first chunk is opened too, for in it all channels are declared."""
+    """Stores a chunk's header; the first chunk is opened too, because it declares all channels."""
     if not found.chunks:
         _note_declarations(file, found, start)
     file.seek(start + _RECORD_HEADER.size)
@@ -292,7 +292,7 @@ def _index_of(records: list[tuple[int, McapRecord]]) -> list[MessageIndex]:
 
 
 def _ending(found: _Found) -> bytes:
-    """Everything that follows ``found.end``: DataEnd, summary and footer, and a header if not even that was written."""
+    """Everything after ``found.end``: DataEnd, summary and footer, and the header if it is missing."""
     head = RecordBuilder()
     if not found.has_header:
         Header(PROFILE, LIBRARY).write(head)

@@ -1,4 +1,4 @@
-"""Selection of the recorded LiDAR sweeps: all of them make 40 MB/s, a map needs two a second."""
+"""Selection of the recorded LiDAR sweeps: all of them make 40 MB/s, but a map needs only two a second."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ LIBRARY = "robot_stack recorder"
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """Format of the files: sizes in bytes, a chunk's uncompressed."""
+    """Format of the files: sizes in bytes; that of a chunk is uncompressed."""
 
     split_bytes: int
     chunk_bytes: int
@@ -42,7 +42,7 @@ def topic_info(row: Topic) -> TopicInfo:
 
 
 class BagWriter:
-    """One recording. Not thread-safe. Raises OSError when the disk is full; what was flushed before stays readable."""
+    """One recording. Not thread-safe. Raises OSError if the disk is full; flushed data stays readable."""
 
     def __init__(self, folder: Path, topics: Sequence[TopicInfo], form: Format) -> None:
         """Makes ``folder``, which must not exist, and the first file in it. Raises OSError, DefinitionMissing."""
@@ -50,7 +50,7 @@ class BagWriter:
         self._topics = tuple(topics)
         self._format = form
         self._finished: list[FileInfo] = []
-        # Before anything is made: a missing definition leaves no empty folder.
+        # Checked before anything is created, so that a missing definition leaves no empty folder.
         self._definitions = {topic.type: message_definition(topic.type).encode() for topic in topics}
         folder.mkdir(parents=True)
         self._file = self._next_file()
@@ -76,7 +76,7 @@ class BagWriter:
         self._finish_file()
 
     def abandon(self) -> None:
-        """Lets go of a file that cannot be completed: the disk is full. Recovery completes it when there is room."""
+        """Closes a file that cannot be completed because the disk is full. Recovery completes it later."""
         self._file.abandon()
 
     def _next_file(self) -> _BagFile:
@@ -133,7 +133,7 @@ class _BagFile:
         os.fdatasync(self._stream.fileno())
 
     def finish(self, serialized_metadata: str) -> None:
-        # rosbag2 reads this from a file without its metadata.yaml. Metadata records stand between chunks.
+        # rosbag2 reads this from a file without its metadata.yaml. Metadata records are between chunks.
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._writer.add_metadata("rosbag2", {"serialized_metadata": serialized_metadata})
         self._writer.finish()  # type: ignore[no-untyped-call]
@@ -142,12 +142,12 @@ class _BagFile:
         self._stream.close()
 
     def abandon(self) -> None:
-        with suppress(OSError):  # closing retries writes to a full disk; it closes anyway
+        with suppress(OSError):  # closing retries writes to a full disk, but closes in any case
             self._stream.close()
 
 
 def _sync_folder(folder: Path) -> None:
-    """A new file's name is safe only once its folder is."""
+    """The name of a new file is safe only after its folder is synced."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ClockState:
-    """offset_s: how far the system clock has moved against the steady one since the start; steps: how often at once."""
+    """offset_s: movement of the system clock against the steady one since the start; steps: number of jumps."""
 
     offset_s: float
     steps: int
@@ -16,7 +16,7 @@ class ClockState:
 
 
 class ClockWatch:
-    """step_s: a jump between two looks that is a step; less is a clock that is slewed, or reading them took a while."""
+    """step_s: a larger jump between two readings is a step; smaller ones are slewing or slow readings."""
 
     def __init__(self, step_s: float) -> None:
         self._step_s = step_s
@@ -25,7 +25,7 @@ class ClockWatch:
         self._last_step_s = 0.0
 
     def update(self, system_s: float, steady_s: float) -> ClockState:
-        """Both clocks, read together."""
+        """Updates with both clocks, read together."""
         difference_s = system_s - steady_s
         if math.isnan(self._first_s):
             self._first_s = self._last_s = difference_s

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class CpuTimes:
-    """Seconds of all processors together since the computer's start. busy_s: without idle and waiting for disks."""
+    """Seconds of all processors together since the computer's start. busy_s: without idle and I/O wait."""
 
     busy_s: float
     total_s: float
@@ -24,16 +24,16 @@ class CpuUsage:
         self._samples: deque[tuple[float, CpuTimes]] = deque()
 
     def update(self, times: CpuTimes | None, now_s: float) -> float:
-        """Takes a reading (None: there is none) and returns the use, NaN until the window is full.
+        """Adds a reading, or None if it is missing, and returns the use, NaN until the window is full.
 
-        Counters or time that run backwards begin a new window.
+        Counters or times that run backwards restart the window.
         """
         if times is None or (self._samples and not self._follows(times, now_s)):
             self._samples.clear()
         if times is None:
             return math.nan
         self._samples.append((now_s, times))
-        # One sample before the window is kept: the window begins there.
+        # One sample before the window is kept as its start.
         while len(self._samples) > 1 and now_s - self._samples[1][0] >= self._window_s - 1e-6:
             self._samples.popleft()
         since_s, first = self._samples[0]
@@ -57,7 +57,7 @@ def hottest(zones: Mapping[str, float]) -> tuple[str, float]:
 
 
 def pressure_avg10(text: str) -> float:
-    """``avg10`` of the line ``some`` of a /proc/pressure file, %: share of 10 s in which a task had to wait."""
+    """``avg10`` of the line ``some`` of a /proc/pressure file, %: share of 10 s in which a task was stalled."""
     for line in text.splitlines():
         kind, *fields = line.split()
         if kind == "some":
@@ -82,7 +82,7 @@ def _number(text: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class ProcessFigures:
-    """One process. cpu_percent: of one core since the reading before, NaN at the first. Memory in MiB."""
+    """Figures of one process. cpu_percent: of one core since the last reading, NaN at the first. Memory in MiB."""
 
     name: str
     cpu_percent: float
@@ -91,7 +91,7 @@ class ProcessFigures:
 
 
 def describe_process(figures: ProcessFigures) -> str:
-    """One line for people; unknown values are shown as such."""
+    """One line for users; unknown values are marked."""
     parts = (("cpu", figures.cpu_percent, "%"), ("rss", figures.rss_mb, "MB"), ("pss", figures.pss_mb, "MB"))
     return ", ".join(f"{name} {describe(value, unit)}" for name, value, unit in parts)
 
@@ -101,7 +101,7 @@ def describe(value: float, unit: str) -> str:
 
 
 def together(figures: Sequence[ProcessFigures]) -> ProcessFigures:
-    """All of them; NaN as soon as one is unknown."""
+    """The sum; NaN if one value is unknown."""
     return ProcessFigures(
         "all",
         math.fsum(item.cpu_percent for item in figures),

@@ -51,9 +51,9 @@ class _Heard:
 
 
 class DiagnosticsTree:
-    """groups: name -> its nodes, in the order in which they are shown. expected: nodes that have to report.
+    """groups: name -> its nodes, in display order. expected: nodes that must report.
 
-    stale_after_s: an entry that is older is stale. All times are seconds of one steady clock.
+    stale_after_s: an older entry is stale. All times are seconds of one steady clock.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class DiagnosticsTree:
         self._heard[name] = _Heard(now_s, known, message, payload)
 
     def entries(self, now_s: float) -> list[Entry]:
-        """The whole tree, the base first, each group before its children."""
+        """The whole tree: the base first, each group before its children."""
         leaves: dict[str, list[tuple[str, Entry]]] = {}
         for name, entry in self._leaves(now_s):
             leaves.setdefault(self._group(name), []).append((name, entry))

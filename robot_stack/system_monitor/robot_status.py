@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 from robot_stack.contract.model import SafetyState
 
-# States of /mission/status in which there is a mission.
+# States of /mission/status with an active mission.
 _ACTIVE = frozenset({"RUNNING", "WAITING", "PAUSED"})
-# Names in /robot_status of the states of /safety/status: it has no COLLISION_AVOIDANCE.
+# Names in /robot_status for the states of /safety/status; it has no COLLISION_AVOIDANCE.
 _SHOWN = {state.name: state.name for state in SafetyState} | {
     SafetyState.COLLISION_AVOIDANCE.name: SafetyState.DEGRADED.name
 }

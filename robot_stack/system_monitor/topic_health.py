@@ -1,6 +1,6 @@
 """Rate and age of every topic, from its subscribers' entries in /diagnostics, without another subscription.
 
-A subscriber that reads only the newest message counts too few: of several the highest count is used.
+A subscriber that reads only the newest message misses others, so the highest count is used.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class TopicFigures:
 
 
 class TopicHealth:
-    """stale_after_s: older reports count no more."""
+    """stale_after_s: older reports are ignored."""
 
     def __init__(self, stale_after_s: float) -> None:
         self._stale_after_s = stale_after_s
@@ -46,7 +46,7 @@ class TopicHealth:
 def judge_topic(row: Topic, figures: TopicFigures | None, nodes: Collection[str], tolerance: float) -> str:
     """The fault of a row's traffic, empty if there is none or it cannot be determined.
 
-    nodes: the nodes that run here. tolerance: relative error of a rate that is still right.
+    nodes: the running nodes. tolerance: permitted relative error of a rate.
     """
     publishers = set(row.publishers) & set(nodes)
     if row.rate_hz is None or row.stale_s is None or row.on_demand or EVERY_NODE in row.publishers:
@@ -56,13 +56,13 @@ def judge_topic(row: Topic, figures: TopicFigures | None, nodes: Collection[str]
     if figures.age_s > row.stale_s:
         return "never received" if math.isinf(figures.age_s) else f"silent for {figures.age_s:.1f} s"
     expected_hz = row.rate_hz * len(publishers)
-    if abs(figures.rate_hz - expected_hz) > tolerance * expected_hz:  # not for NaN
+    if abs(figures.rate_hz - expected_hz) > tolerance * expected_hz:  # False for NaN
         return f"{figures.rate_hz:.1f} Hz instead of {expected_hz:g}"
     return ""
 
 
 def describe_topic(row: Topic, figures: TopicFigures | None) -> str:
-    """One line for people."""
+    """One line for users."""
     if figures is None:
         return "no subscriber tells of it"
     if math.isinf(figures.age_s):
@@ -74,5 +74,5 @@ def describe_topic(row: Topic, figures: TopicFigures | None) -> str:
 
 
 def topics_of(rows: Sequence[Topic], nodes: Collection[str]) -> tuple[Topic, ...]:
-    """The rows with a publisher here."""
+    """The rows with a publisher among the nodes."""
     return tuple(row for row in rows if EVERY_NODE in row.publishers or set(row.publishers) & set(nodes))

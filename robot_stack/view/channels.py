@@ -1,4 +1,4 @@
-"""Channels for viewers: each topic of a machine once, and the model made from some of them."""
+"""Channels for viewers: one per topic of a machine, and the model computed from some of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import EVERY_NODE, System, Topic
 
 MODEL = "/view/robot"
-"""The robot's model as foxglove.SceneUpdate. It is no topic of the graph."""
+"""The robot's model as foxglove.SceneUpdate, which is not a topic of the graph."""
 
 # Inputs of the model.
 MODEL_INPUTS = (topics.JOINT_STATES, topics.PASSENGER_ATTACHED, topics.EHMI_STATUS)
@@ -16,7 +16,7 @@ MODEL_INPUTS = (topics.JOINT_STATES, topics.PASSENGER_ATTACHED, topics.EHMI_STAT
 
 def offered(machine: System) -> Mapping[str, Topic]:
     """Topics of a machine and of its simulation by name, in the contract's order."""
-    # Every node's own topics (/diagnostics, ...) stand in the robot's rows; where names collide the machine's row wins.
+    # Common topics of all nodes (/diagnostics, ...) are in the robot's rows; on a name conflict the machine's row wins.
     order = (System.ROBOT, System.SIMULATION, System.WMX) if machine is System.WMX else (machine, System.SIMULATION)
     rows = {row.name: row for system in order for row in topics.of_system(system)}
     if machine is System.WMX:

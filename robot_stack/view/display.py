@@ -1,4 +1,4 @@
-"""The external display in the live view: the one picture of it, upright above the robot, as seen from its right."""
+"""The external display in the live view: a vertical image above the robot, as seen from its right."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from robot_stack.view.scene import entity
 Floats = NDArray[np.float64]
 _CURVE = np.linspace(0.0, 1.0, 7)[1:, None]
 _THICK_M = 0.01
-_UPRIGHT = Quaternion(x=np.sqrt(0.5), y=0.0, z=0.0, w=np.sqrt(0.5))  # x stays, y looks up
+_UPRIGHT = Quaternion(x=np.sqrt(0.5), y=0.0, z=0.0, w=np.sqrt(0.5))  # keeps x, turns y upwards
 _WHITE = "#FFFFFF"
 
 
@@ -88,7 +88,7 @@ class DisplayPanel:
     def _cube(
         self, box: tuple[float, float, float, float], colour: str, opacity: float, proud_m: float
     ) -> CubePrimitive:
-        """box: left, top, width and height in the picture. proud_m: how far it stands out."""
+        """box: left, top, width and height in the image. proud_m: its distance from the display plane."""
         left, top, width, height = box
         x, z = self._place(left + 0.5 * width, top + 0.5 * height)
         return CubePrimitive(
@@ -98,13 +98,13 @@ class DisplayPanel:
         )
 
     def _place(self, x: float, y: float) -> tuple[float, float]:
-        """(x, z) in base_link, m, of a point of the picture."""
+        """(x, z) in base_link, m, of a point of the image."""
         right_m = (x - 0.5 * picture.WIDTH) * self._scale
         return float(right_m), float(self._params.bottom_m + (picture.HEIGHT - y) * self._scale)
 
 
 def strokes(path: str) -> list[Floats]:
-    """The lines of an SVG path of a pictogram, (n, 2) points each, in the picture's units."""
+    """The lines of an SVG path of a pictogram, (n, 2) points each, in the image's units."""
     pen = RecordingPen()
     parse_path(path, pen)
     lines: list[list[Floats]] = []
@@ -123,7 +123,7 @@ def strokes(path: str) -> list[Floats]:
 
 
 def _curve(ends: Floats) -> Floats:
-    """(n, 2) points of a cubic Bezier curve behind its first one; ends: its four points."""
+    """(n, 2) points of a cubic Bezier curve, without its first one; ends: its four points."""
     a, b, c, d = ends
     u, v = 1.0 - _CURVE, _CURVE
     return np.asarray(u**3 * a + 3.0 * u**2 * v * b + 3.0 * u * v**2 * c + v**3 * d)

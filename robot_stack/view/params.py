@@ -10,7 +10,7 @@ from robot_stack.core.config import Config
 
 
 class DisplayParams(Config):
-    """The external display above the robot. language: of its text. unknown: shown while it does not answer."""
+    """The external display above the robot. language: of its text. unknown: text without an answer of the display."""
 
     width_m: Annotated[float, Field(ge=0.1, le=5.0)]
     bottom_m: Annotated[float, Field(ge=0.0, le=5.0)]

@@ -44,7 +44,7 @@ class Model:
         self._chair: Matrix | None = None if latched is None else planar(latched)
 
     def solids(self, joints: Mapping[str, float], attached: bool) -> list[Placed]:
-        """joints: rad by name. attached: the wheelchair hangs at the latch, with its passenger."""
+        """joints: rad by name. attached: draws the latched wheelchair with its passenger."""
         solids = robot_solids(self._robot, self._shape, joints)
         if attached and self._chair is not None:
             solids += placed("wheelchair", self._shape.wheelchair, self._chair)
@@ -52,7 +52,7 @@ class Model:
         return solids
 
     def footprint(self, attached: bool) -> list[tuple[float, float]]:
-        """Corners of the footprint in force, m, base_link."""
+        """Corners of the active footprint, m, base_link."""
         return corners(self._robot.footprint_with_chair if attached else self._robot.footprint)
 
     def update(

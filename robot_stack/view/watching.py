@@ -18,7 +18,7 @@ class Change:
 
 
 class Watching:
-    """rows: the topics that may be looked at, by name; other names are left alone."""
+    """rows: the available topics by name; other names are ignored."""
 
     def __init__(self, rows: Mapping[str, Topic]) -> None:
         self._rows = rows
@@ -34,7 +34,7 @@ class Watching:
         return bool(self._viewers.get(channel))
 
     def begin(self, client: int, channel: str) -> Change:
-        """A client looks at a channel from now on."""
+        """A client subscribes to a channel."""
         self._viewers.setdefault(channel, set()).add(client)
         change = self._settle()
         latched = tuple(

@@ -1,4 +1,4 @@
-"""The recorder's subscriptions to camera images, which come and go."""
+"""The recorder's subscriptions to camera images, which are created and destroyed as needed."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ImageRecording:
         self._closed = False
         if self._mode == "docking":
             node.listen(topics.DOCKING_STATUS, self._on_status, raw=False, wakes=True)
-            node.every(2.0, self._update)  # a controller that fell silent
+            node.every(2.0, self._update)  # detects a silent controller
         self._update()
 
     def _on_status(self, message: Any, *_: int) -> None:

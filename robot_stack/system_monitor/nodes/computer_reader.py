@@ -1,4 +1,4 @@
-"""Reads the kernel's figures of the computer, by psutil and the files of thermal zones and pressure."""
+"""Reads the kernel's figures of the computer with psutil and from the files of thermal zones and pressure."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PRESSURES = ("cpu", "io", "memory")
 
 
 class ComputerReader:
-    """Unreadable values are NaN or missing, for any reason. disk_folder need not exist yet."""
+    """Unreadable values are NaN or missing, whatever the reason. disk_folder need not exist yet."""
 
     def __init__(self, proc_folder: Path, thermal_folder: Path, disk_folder: Path) -> None:
         self._proc, self._thermal = proc_folder, thermal_folder
@@ -30,7 +30,7 @@ class ComputerReader:
     def cpu(self) -> CpuTimes | None:
         with suppress(OSError, ValueError, IndexError), _told_in(self._proc):
             times = psutil.cpu_times()
-            # The kernel counts guests in user and nice already.
+            # The kernel already includes guest time in user and nice.
             total_s = math.fsum(times) - getattr(times, "guest", 0.0) - getattr(times, "guest_nice", 0.0)
             return CpuTimes(total_s - times.idle - getattr(times, "iowait", 0.0), total_s)
         return None
@@ -48,21 +48,21 @@ class ComputerReader:
         return math.nan
 
     def find_disk(self) -> None:
-        """A folder that is not there yet will lie in the nearest one that is."""
+        """A missing folder will be created in its nearest existing parent."""
         folders = (self._wanted_disk, *self._wanted_disk.parents)
         self._disk = next((path for path in folders if path.exists()), Path("/"))
 
     def zones(self) -> dict[str, float]:
-        """Degrees Celsius by zone: the kernel's number and type of it."""
+        """Degrees Celsius by zone: the kernel's number and type."""
         found = {}
         for zone in sorted(self._thermal.glob("thermal_zone*")):
-            with suppress(OSError):  # a sensor that sleeps answers with an error
+            with suppress(OSError):  # a sleeping sensor returns an error
                 celsius = celsius_of((zone / "temp").read_text(encoding="ascii", errors="replace"))
                 found[f"{zone.name} {_kind(zone)}".strip()] = celsius
         return found
 
     def pressure(self) -> dict[str, float]:
-        """% of the last 10 s in which a task waited for it; empty on a kernel without this statistic."""
+        """% of the last 10 s in which a task was stalled by each resource; empty on a kernel without this statistic."""
         found = {}
         for name in PRESSURES:
             with suppress(OSError):
@@ -76,13 +76,13 @@ def configured_reader(params: SystemMonitorParams) -> ComputerReader:
 
 
 def _folder(name: str) -> Path:
-    """An absolute path replaces the runtime folder."""
+    """Path of a folder: relative to the runtime folder unless absolute."""
     return runtime_dir() / Path(name).expanduser()
 
 
 @contextmanager
 def _told_in(proc_folder: Path) -> Iterator[None]:
-    """psutil reads there. Only for a moment: the stack's processes are found by their real numbers."""
+    """Redirects psutil to the folder for a moment; the stack's processes need the real one."""
     psutil.PROCFS_PATH = str(proc_folder)
     try:
         yield
@@ -107,11 +107,11 @@ class ProcessReader:
         self._pss_mb: dict[int, float] = {}
 
     def read(self) -> list[ProcessFigures]:
-        """The processes that live. A process of several nodes is there once, by the first of them."""
+        """The running processes. A process of several nodes is listed once, by its first node."""
         return [figures for name, pid in self._pids().items() if (figures := self._read(name, pid)) is not None]
 
     def read_pss(self) -> None:
-        """Proportional memory: shared pages are divided among their users. Costs ten times the rest."""
+        """Proportional memory: shared pages are divided among their users. Takes ten times as long as the rest."""
         self._pss_mb = {}
         for process in self._processes.values():
             with suppress(psutil.Error, OSError):

@@ -12,7 +12,7 @@ from robot_stack.middleware.node import StackNode
 
 
 class GraphReader:
-    """Names of endpoints cost a hundred times their number: they are looked up where the number has changed."""
+    """Endpoint names cost a hundred times as much as their number, so they are read only if the number changes."""
 
     def __init__(self, node: StackNode, rows: Sequence[Topic]) -> None:
         self._port = node.port
@@ -23,7 +23,7 @@ class GraphReader:
         self.version = 0  # counts the changes
 
     def look(self) -> None:
-        """Follows the graph."""
+        """Updates from the graph."""
         changed = [name for name in self._names if self._counts.get(name) != self._count(name)]
         for name in changed:
             self._counts[name] = self._count(name)
@@ -31,7 +31,7 @@ class GraphReader:
                 frozenset(self._port.publisher_nodes(name)), frozenset(self._port.subscriber_nodes(name))
             )
         counted = Counter(self._port.node_names())
-        # Tools come and go, and two of one kind do no harm.
+        # Tools start and end; two of the same kind are no conflict.
         doubles = tuple(sorted(name for name in counted if counted[name] > 1 and name not in topics.OUTSIDE))
         self.version += bool(changed) or doubles != self.doubles
         self.doubles = doubles

@@ -30,7 +30,7 @@ def mission_of(message: MissionStatus) -> Mission:
 
 
 def fill(message: RobotStatus, summary: Summary, pose: Pose) -> None:
-    """Every field but the header: one message for all of them, because to make one costs as much as to send it."""
+    """Sets every field but the header of a reused message, because creating one costs as much as sending it."""
     message.battery_voltage = summary.battery.voltage_v
     message.battery_percent = summary.battery.percent
     message.battery_current = summary.battery.current_a
@@ -58,12 +58,12 @@ def status(name: str, level: Level, message: str, values: Iterable[tuple[str, st
 
 
 def level_of(message: DiagnosticStatus) -> int:
-    """rclpy has a byte as bytes."""
+    """rclpy represents a byte as bytes."""
     return int.from_bytes(message.level, "little")
 
 
 def tree_status(entry: Entry) -> DiagnosticStatus:
-    """An entry of the tree; a leaf keeps the values it came with."""
+    """An entry of the tree; a leaf keeps its original values."""
     if entry.payload is None:
         return status(entry.path, entry.level, entry.message, entry.children)
     leaf = entry.payload

@@ -63,7 +63,7 @@ class SystemMonitorNode(StackNode):
         self._quality = self.subscribe(topics.LOCALIZATION_QUALITY)
         self._pose = self.subscribe(topics.CURRENT_POSE)
         self._mission = self.subscribe(topics.MISSION_STATUS)
-        # Only their rate and age are used, in this node's own entry of /diagnostics.
+        # These only feed rates and ages in this node's own entry of /diagnostics.
         self.subscribe(topics.EHMI_STATUS)
         self.subscribe(topics.UI_HEARTBEAT)
         self.subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
@@ -90,7 +90,7 @@ class SystemMonitorNode(StackNode):
         )
 
     def _current_mission(self) -> Mission:
-        """The status is latched: it is known as long as its publisher is there."""
+        """The status is latched, so it is valid while its publisher exists."""
         known = _usable(self._mission) and self._graph.publishers(topics.MISSION_STATUS.name) > 0
         return mission_of(self._mission.latest) if known else Mission()
 

@@ -1,4 +1,4 @@
-"""The time that the live view logs messages at."""
+"""The log time of messages in the live view."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _CLOCK_LOOKUP_S = 1.0
 
 
 class LogClock:
-    """The time that viewers sort messages by."""
+    """The time by which viewers sort messages."""
 
     def __init__(self) -> None:
         self._world: WorldClock | None = None

@@ -18,7 +18,7 @@ class ViewError(Exception):
 
 
 class Event(NamedTuple):
-    """A viewer begins or ends to look at a channel."""
+    """A viewer subscribes to or unsubscribes from a channel."""
 
     client: int
     channel: str
@@ -40,14 +40,14 @@ class Listener(ServerListener):
 
 
 def channel_of(row: Topic, context: foxglove.Context) -> foxglove.Channel:
-    """A topic with its messages as they are on the wire."""
+    """The channel of a topic with its serialised messages."""
     text = message_definition(row.type).encode()
     schema = foxglove.Schema(name=row.type, encoding="ros2msg", data=text)
     return foxglove.Channel(row.name, schema=schema, message_encoding="cdr", context=context)
 
 
 def start_server(params: ViewParams, listener: ServerListener, context: foxglove.Context) -> Any:
-    """Raises ViewError if the port cannot be had."""
+    """Raises ViewError if the port is not available."""
     try:
         return foxglove.start_server(
             name="robot_stack",

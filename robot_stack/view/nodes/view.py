@@ -27,9 +27,9 @@ NAME = "robot_stack_view"
 
 
 class View:
-    """A context manager. Beside a simulated clock, messages are logged in the world's time, which their stamps are of.
+    """A context manager. With a simulated clock, messages are logged in the world's time, like their stamps.
 
-    Raises ViewError if the port cannot be had.
+    Raises ViewError if the port is not available.
     """
 
     def __init__(self, params: ViewParams, machine: System) -> None:
@@ -75,7 +75,7 @@ class View:
         self._events.put(Event(-1, "", looks=False))
 
     def _follow(self, timeout_s: float | None) -> None:
-        """Waits for the next viewer's command, and does it."""
+        """Waits for the next change of subscriptions and applies it."""
         try:
             client, channel, looks = self._events.get(timeout=timeout_s)
         except queue.Empty:
@@ -93,7 +93,7 @@ class View:
             )
 
     def _take(self) -> None:
-        """Passes on everything that has arrived. Without an executor: it would wake for every single message."""
+        """Forwards all received messages. Without an executor, which would wake for every single message."""
         log_ns = self._clock.now_ns()
         for name, subscription in self._subscriptions.items():
             channel, handle = self._channels[name], subscription.handle
