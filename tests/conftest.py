@@ -1,4 +1,4 @@
-"""Fixtures of all tests. A test that starts nodes uses ``ros_domain``, or a fixture based on it, for its own domain."""
+"""Fixtures of all tests. A test with nodes uses ``ros_domain``, or a fixture based on it, for its own domain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""arm: an operator's moves of the manipulator, where no motion planner is at hand."""
+"""arm: an operator's moves of the manipulator, for use without a motion planner."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def _follow(waypoints: Sequence[Waypoint], timeout_s: float) -> None:
 
 
 class Progress:
-    """Shows where the joints are, now and then, and keeps the largest distance from the spline."""
+    """Periodically shows the joint positions, and keeps the largest distance from the spline."""
 
     def __init__(self) -> None:
         self.worst_rad = 0.0

@@ -1,4 +1,4 @@
-"""bench: measures figures and writes them down with their conditions."""
+"""bench: measures figures and stores them with their conditions."""
 
 from __future__ import annotations
 

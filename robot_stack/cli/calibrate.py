@@ -1,4 +1,4 @@
-"""calibrate: numbers that belong to one robot, measured."""
+"""calibrate: measures values that differ between robots."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def _calibrate(folder: Path, frame: str, output: Path | None) -> None:
 
 
 def _read(folder: Path) -> dict[str, Any]:
-    """Grey pictures (height, width) by file name."""
+    """Greyscale pictures (height, width) by file name."""
     import cv2
 
     if not folder.is_dir():

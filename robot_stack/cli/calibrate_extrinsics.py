@@ -48,7 +48,7 @@ def calibrate_extrinsics(recording: Path, frame: str, picture: Path | None) -> N
     if frame not in IMAGES:
         raise CommandError(f"no camera {frame!r}; there are {', '.join(IMAGES)}", WRONG_USE)
     params, robot = load(MappingParams, "mapping"), load_robot()
-    every = params.sweeps.model_copy(update={"step_m": 0.0, "step_rad": 0.0})  # also while it stands
+    every = params.sweeps.model_copy(update={"step_m": 0.0, "step_rad": 0.0})  # includes sweeps at standstill
     with ProgressBar() as bar:
         ride, warnings = read_ride(recording, every, robot, lambda done, total: bar("sweeps", done, total))
         views = read_views(recording, frame, lambda done, total: bar("images", done, total))
@@ -67,7 +67,7 @@ def calibrate_extrinsics(recording: Path, frame: str, picture: Path | None) -> N
 
 
 def read_views(recording: Path, frame: str, progress: Callable[[int, int], None]) -> Views:
-    """The dock that the most images show. Raises CommandError where there is none."""
+    """The views of the dock in the most images. Raises CommandError if there is none."""
     docks, intrinsics = load_docks(), load_intrinsics(camera_file(frame))
     detector = MarkerDetector(docks, load(ArucoDetectorParams, "aruco_detector").detector)
     found: list[tuple[str, float, Floats]] = []
@@ -94,7 +94,7 @@ def read_views(recording: Path, frame: str, progress: Callable[[int, int], None]
 
 
 def beside(ride: Ride, views: Views, params: MappingParams) -> tuple[Floats, Floats]:
-    """(base_link by the LiDAR (n, 4, 4), the board in the camera (n, 4, 4)), once for each place where the robot stood.
+    """(base_link by the LiDAR (n, 4, 4), the board in the camera (n, 4, 4)), one pair for each place of standstill.
 
     Raises RideError.
     """
@@ -112,7 +112,7 @@ def beside(ride: Ride, views: Views, params: MappingParams) -> tuple[Floats, Flo
 
 
 def places(ride: Ride, views: Views, settings: CameraMount) -> list[tuple[int, int]]:
-    """Sweep and view, by their numbers, of each place where the robot stood for both."""
+    """Indices of a sweep and a view for each place where the robot stood during both."""
     still = _standing(ride, views.stamp_s, settings)
     pairs: list[tuple[int, int]] = []
     last = np.full(3, np.inf)
@@ -128,19 +128,19 @@ def places(ride: Ride, views: Views, settings: CameraMount) -> list[tuple[int, i
 
 
 def _standing(ride: Ride, stamps_s: Floats, settings: CameraMount) -> NDArray[np.bool_]:
-    """(n,) True where the robot has stood for ``stand_s`` and stands a little longer."""
+    """(n,) True if the robot has stood for ``stand_s`` and stands a little longer."""
     before, after = (ride.odometry.at(stamps_s + offset) for offset in (-settings.stand_s, 0.5 * settings.stand_s))
     return _within(after - before, settings.stand_m, settings.stand_deg)
 
 
 def _within(step: Floats, distance_m: float, angle_deg: float) -> NDArray[np.bool_]:
-    """(...,) of (..., 3) differences of x, y and yaw."""
+    """(...,) True if (..., 3) differences of x, y and yaw are small."""
     near: NDArray[np.bool_] = np.hypot(step[..., 0], step[..., 1]) <= distance_m
     return near & (np.abs(np.degrees(step[..., 2])) <= angle_deg)
 
 
 def by_lidar(sweeps: list[Floats], driven: Floats, params: MappingParams) -> tuple[Floats, NDArray[np.bool_]]:
-    """((n, 4, 4) poses of the sweeps on the map of them all, (n,) which of them fit it)."""
+    """((n, 4, 4) poses of the sweeps on their common map, (n,) mask of those that match it)."""
     poses, matched = lidar_odometry(sweeps, driven, params.lidar_odometry)
     thin = [thinned(points, params.refinement) for points in sweeps]
     for _ in range(params.refinement.rounds):
@@ -209,7 +209,7 @@ def _driven(ride: Ride, stamps_s: Floats) -> Floats:
 
 
 def _grey(message: Any) -> NDArray[np.uint8]:
-    """(height, width). Raises ValueError for an image that is no mono8."""
+    """(height, width). Raises ValueError for an image other than mono8."""
     data = np.frombuffer(bytes(message.data), np.uint8)
     if message.encoding not in ("mono8", "8UC1") or message.step < message.width:
         raise ValueError(f"images must be mono8, are {message.encoding} with {message.step} bytes a row")
@@ -219,7 +219,7 @@ def _grey(message: Any) -> NDArray[np.uint8]:
 
 
 def _boards(marker: MarkerObservation, docks: Any) -> list[tuple[str, Floats]]:
-    """The dock that has this marker, and its board in the camera."""
+    """The dock with this marker, and its board in the camera."""
     return [
         (name, marker.pose @ inverse(dock.markers[marker.marker_id].pose()))
         for name, dock in docks.items()

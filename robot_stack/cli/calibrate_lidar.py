@@ -22,7 +22,7 @@ _DPI = 110
 
 
 def calibrate_lidar(recording: Path, rpy_deg: Angles | None, picture: Path | None) -> None:
-    """rpy_deg: by which the clouds had been turned when they were recorded, None: as they are now.
+    """rpy_deg: the LiDAR's mounting during the recording, None: the present one.
 
     Raises CommandError, ConfigError.
     """
@@ -66,7 +66,7 @@ def lines_of(found: MountFound, before_deg: Angles, sensor_m: tuple[float, float
 
 
 def draw_mount(found: MountFound, file: Path) -> None:
-    """Left each sweep's tilt against the ground, by heading, with the fit of mounting and slope; right the steps.
+    """Left: each sweep's tilt against the ground, by heading, with the fit of mounting and slope; right: the steps.
 
     Raises CommandError.
     """

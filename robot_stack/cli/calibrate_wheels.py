@@ -17,7 +17,7 @@ from robot_stack.drive.odometry import SwerveOdometry
 from robot_stack.drive.parameters import SwerveControllerParams, module_positions, odometry_settings
 from robot_stack.drive.self_calibration import CalibrationSettings, Learnt
 
-# An estimate whose deviation is hardly below the prior's was not observed.
+# An estimate is unobserved if its deviation is hardly below the prior's.
 _TOLD = 0.3
 
 
@@ -50,7 +50,7 @@ def calibrate_wheels(recording: Path, picture: Path | None) -> None:
 
 
 def untold(learnt: Learnt, settings: CalibrationSettings) -> str:
-    """Why the ride does not determine the wheels' errors; empty if it does."""
+    """The reason if the ride does not determine the wheels' errors; empty if it does."""
     if not learnt.readings:
         return f"there is no motion in {topics.JOINT_STATES.name}"
     if max(learnt.radius_deviations) > _TOLD * settings.radius_deviation:
@@ -85,7 +85,7 @@ def lines_of(learnt: Learnt) -> list[str]:
 
 
 def draw_wheels(learnt: Learnt, file: Path) -> None:
-    """Bars with three standard deviations. Raises CommandError."""
+    """Draws bars with three standard deviations. Raises CommandError."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

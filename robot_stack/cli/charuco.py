@@ -18,7 +18,7 @@ from robot_stack.core.config import Config, load
 Grey = NDArray[np.uint8]
 _MM_PER_INCH = 25.4
 _TEXELS_PER_SQUARE = 120
-_SMALLEST_SPREAD = 0.25  # of the picture's width and height that the corners of all pictures must reach across
+_SMALLEST_SPREAD = 0.25  # of the picture's width and height: least extent of the corners of all pictures
 
 
 class CalibrationError(Exception):
@@ -47,7 +47,7 @@ class CharucoParams(Config):
         return cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_m, self.marker_m, dictionary)
 
     def image(self) -> Grey:
-        """The board without rim, first row on top."""
+        """The board without margin, first row on top."""
         size = (self.columns * _TEXELS_PER_SQUARE, self.rows * _TEXELS_PER_SQUARE)
         return np.asarray(self.board().generateImage(size), dtype=np.uint8)
 
@@ -71,7 +71,7 @@ def load_charuco() -> CharucoParams:
 def calibrate(pictures: Mapping[str, Grey], params: CharucoParams) -> Calibration:
     """Intrinsics from pictures by name. Raises CalibrationError.
 
-    k3 stays 0: a lens of this angle does not need it, and it would trade places with k2.
+    k3 stays 0: a lens of this angle does not need it, and it correlates with k2.
     """
     size = _common_size(pictures)
     detector = cv2.aruco.CharucoDetector(params.board())
@@ -132,7 +132,7 @@ def _check_spread(corners: NDArray[np.float32], size: tuple[int, int]) -> None:
 
 
 def write_board_pdf(path: Path, params: CharucoParams) -> None:
-    """The board to scale, one page. Raises OSError."""
+    """Writes the board to scale on one page. Raises OSError."""
     from matplotlib.backends.backend_pdf import FigureCanvasPdf
     from matplotlib.figure import Figure
 

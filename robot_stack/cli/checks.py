@@ -30,7 +30,7 @@ _SOCKET_BUFFER_BYTES = 2 * _MIB
 class Level(Enum):
     OK = "ok"
     NOTE = "note"  # works, but not as well as it could
-    BAD = "bad"  # will not work
+    BAD = "bad"  # does not work
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Finding:
 
 
 def examine() -> list[Finding]:
-    """All checks; one that fails itself is a finding too."""
+    """Runs all checks; a check that fails itself is a finding too."""
     findings: list[Finding] = []
     for check in CHECKS:
         name = check.__name__
@@ -122,7 +122,7 @@ def clock() -> Iterable[Finding]:
     if time.time() < 1.7e9:  # November 2023: before this software existed
         yield Finding("clock", Level.BAD, time.strftime("%Y-%m-%d %H:%M"), "set the system clock, install chrony")
         return
-    # adjtimex(2): 5 is TIME_ERROR, the clock is not synchronised. The structure is larger than 208 bytes nowhere.
+    # adjtimex(2): 5 is TIME_ERROR, the clock is not synchronised. The structure has at most 208 bytes.
     state = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(512))
     if state == 5:
         yield Finding(

@@ -1,4 +1,4 @@
-"""Are the files of config/ valid?"""
+"""Validates the files of config/."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ def _problem(check: Any) -> str | None:
 
 
 def parameter_models() -> dict[str, type[BaseModel]]:
-    """Node name -> model of its parameters, of the built nodes, as their constructors hand them to the node base."""
+    """Node name -> model of its parameters, for the built nodes, from the calls of the node base's constructor."""
     models: dict[str, type[BaseModel]] = {}
     for process in available():
         assert process.module is not None
         try:
             module = importlib.import_module(process.module)
         except ImportError:
-            continue  # named by the check of the processes
+            continue  # the check of the processes reports it
         for name, model_name in _super_calls(inspect.getsource(module)):
             model = getattr(module, model_name, None)
             if isinstance(model, type) and issubclass(model, BaseModel):

@@ -1,4 +1,4 @@
-"""doctor: the devices that the profile of the real robot expects, each by the port its driver is configured for."""
+"""doctor: the devices that the real robot's profile requires, each by its driver's configured port."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ _DPI = 120
 
 
 def replay_recording(recording: Path, output: Path | None, json_file: Path | None) -> None:
-    """Raises CommandError without a docking or a place for the pictures."""
+    """Raises CommandError if there is no docking or no folder for the pictures."""
     params = load(DockingParams, "docking_controller")
     files = recording_files(recording)
     folder = output if output is not None else Path(f"docking_{recording.absolute().stem}")
@@ -48,9 +48,9 @@ def replay_recording(recording: Path, output: Path | None, json_file: Path | Non
 
 
 def collect(files: Sequence[Path], params: DockingParams) -> tuple[list[Trace], list[str]]:
-    """(dockings, damages of files). Raises CommandError without any docking."""
+    """(dockings, errors of files). Raises CommandError if there is no docking."""
     latch = params.latch
-    # The controller closes the latch, waits for its contact, and takes one more sighting of the board.
+    # The controller closes the latch, waits for its contact, and then evaluates one more sighting of the board.
     collector = Collector(Waits(latch_s=latch.confirm_timeout_s + latch.learn_s + 1.0))
     damages = []
     with _Progress(files) as progress:
@@ -80,7 +80,7 @@ def limits_of(params: DockingParams) -> Limits:
 
 
 class _Progress:
-    """A bar on the terminal; silent elsewhere."""
+    """A progress bar on a terminal; no output elsewhere."""
 
     def __init__(self, files: Sequence[Path]) -> None:
         from rich.console import Console

@@ -9,7 +9,7 @@ WRONG_USE = 2
 
 
 class CommandError(Exception):
-    """Ends the command with ``code`` and the message."""
+    """Ends the command with the message and exit code ``code``."""
 
     def __init__(self, message: str, code: int = NOT_DONE) -> None:
         super().__init__(message)
@@ -17,7 +17,7 @@ class CommandError(Exception):
 
 
 def exit_code(error: Exception) -> int | None:
-    """The exit code of an error that its message explains; None for any other."""
+    """The exit code of an error with a message for the user; None for any other."""
     if isinstance(error, CommandError):
         return error.code
     return WRONG_USE if isinstance(error, ConfigError) else None

@@ -121,7 +121,7 @@ def _save(files: list[Path], pictures: list[Any], params: FilmParams) -> None:
 
 @contextmanager
 def _progress(what: str) -> Iterator[Progress]:
-    """A bar on a terminal, nothing elsewhere."""
+    """A progress bar on a terminal; no output elsewhere."""
     from rich.progress import Progress as Bar
 
     from robot_stack.cli.tables import console

@@ -16,13 +16,13 @@ from robot_stack.cli.errors import CommandError
 Picture = NDArray[np.uint8]
 _BAR_PX, _TEXT_PX, _MARGIN_PX = 26, 14, 10
 _BAR_RGB, _TEXT_RGB, _FAINT_RGB = (38, 44, 54), (240, 242, 245), (160, 168, 178)
-_PALETTE_FRAMES = 6  # of which the colours are chosen
-_COARSE = 4  # colours nearer to each other count as one
-_LEAST_PIXELS = 20  # of a colour; fewer are the edges between two
+_PALETTE_FRAMES = 6  # the colours are chosen from these frames
+_COARSE = 4  # nearer colours count as equal
+_LEAST_PIXELS = 20  # of a colour; fewer belong to edges between two colours
 
 
 class Lettering:
-    """Writes below a picture, with the font that matplotlib brings."""
+    """Writes below a picture with matplotlib's font."""
 
     def __init__(self) -> None:
         self._font = ImageFont.truetype(str(Path(get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), _TEXT_PX)
@@ -40,15 +40,15 @@ class Lettering:
 
 
 def save_gif(path: Path, pictures: list[Picture], frame_hz: float, colours: int) -> None:
-    """One palette for all pictures, and no dithering: static parts stay the same byte for byte."""
+    """One palette for all pictures, without dithering, so that static parts are identical in all frames."""
     palette = _palette(pictures, colours)
     frames = [Image.fromarray(item).quantize(palette=palette, dither=Image.Dither.NONE) for item in pictures]
-    hundredths = max(2, round(100.0 / frame_hz))  # the unit of a GIF
+    hundredths = max(2, round(100.0 / frame_hz))  # GIF frame time, 1/100 s
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=10 * hundredths, loop=0, optimize=False)
 
 
 def _palette(pictures: list[Picture], colours: int) -> Image.Image:
-    """Chosen from the colours that occur, each counted by the root of its area: a small red thing stays red."""
+    """Weights each colour by the root of its area, so that a small red object stays red."""
     chosen = [pictures[index] for index in np.linspace(0, len(pictures) - 1, _PALETTE_FRAMES).astype(int)]
     coarse = np.concatenate([item.reshape(-1, 3) for item in chosen]) // _COARSE * _COARSE + _COARSE // 2
     found, counts = np.unique(coarse, axis=0, return_counts=True)

@@ -19,15 +19,15 @@ from robot_stack.film.captions import caption
 from robot_stack.film.frames import WHEELCHAIR
 from robot_stack.film.tracks import Story, Track, carried
 
-# Topics of which only as many messages as a film needs are used; of the others every one.
+# These topics are sampled at the film's needs; all messages of the others are used.
 _OFTEN = (topics.SIM_BODIES, topics.CURRENT_POSE, topics.JOINT_STATES, topics.OBSTACLES)
 _MOST_OBSTACLES = 400
 _OBSTACLES_HZ = 2.0
-_AHEAD = Pose2(1.0, 0.0, 0.0)  # a wheelchair without a dock in the recording
+_AHEAD = Pose2(1.0, 0.0, 0.0)  # default wheelchair pose if the recording has no dock
 
 
 def read_story(path: Path, sample_hz: float, progress: Callable[[int, int], None]) -> tuple[Story, list[str]]:
-    """(the ride, errors of the files). progress: bytes read, of how many. Raises CommandError."""
+    """(the ride, errors of the files). progress: called with (bytes read, total bytes). Raises CommandError."""
     reader = _Reader(sample_hz)
     warnings: list[str] = []
     files = recording_files(path)
@@ -48,7 +48,7 @@ def _report(progress: Callable[[int, int], None], before: int, total: int, at: i
 
 
 class _Reader:
-    """Gathers tracks, message by message."""
+    """Collects tracks from messages."""
 
     def __init__(self, sample_hz: float) -> None:
         self._take = {
@@ -140,7 +140,7 @@ class _Reader:
             self._captions.append((at_s, text))
 
     def _obstacle_points(self, at_s: float, message: Any) -> None:
-        """Kept in their own frame, base_link or odom; see ``_placed_obstacles``."""
+        """Stores points in base_link; see ``_placed_obstacles``."""
         if message.header.frame_id != frames.BASE_LINK:
             return
         offsets = {field.name: field.offset for field in message.fields}
@@ -150,7 +150,7 @@ class _Reader:
         self._obstacles.append((at_s, points[:: -(-len(points) // _MOST_OBSTACLES) or 1]))
 
     def _placed_obstacles(self, track: Track) -> list[tuple[float, NDArray[np.float64]]]:
-        """Transformed to map, by the robot's pose."""
+        """Transforms the points to map with the robot's pose."""
         placed = []
         for at_s, points in self._obstacles:
             pose = track.at(at_s)

@@ -1,4 +1,4 @@
-"""Are the interface packages of the contract installed, and built from the definitions of this checkout?"""
+"""Checks the contract's interface packages: installed, and built from this checkout's definitions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def contract_types() -> list[str]:
 
 
 def examine_interfaces() -> tuple[list[str], list[str], int]:
-    """Types that cannot be imported, types whose installed definition differs from the checkout's, number of types."""
+    """Types that fail to import, types whose installed definition differs from the checkout's, number of types."""
     types = contract_types()
     missing = [name for name in types if not _importable(name)]
     different = [name for name in types if name not in missing and _differs(name)]
@@ -34,7 +34,7 @@ def _importable(type_name: str) -> bool:
 
 
 def _differs(type_name: str) -> bool:
-    """False also where one of the two is not there: a package of the system, or an installation without sources."""
+    """False also if one of the two is missing: a system package, or an installation without sources."""
     package, kind, name = type_name.split("/")
     source = _ROOT / package / kind / f"{name}.{kind}"
     installed = Path(sys.prefix) / "share" / package / kind / f"{name}.{kind}"

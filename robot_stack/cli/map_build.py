@@ -125,7 +125,7 @@ def lines_of(site: SiteMap) -> list[str]:
 
 
 def problems_of(site: SiteMap) -> list[str]:
-    """Defects that make a map with intact files useless, and missing entries of its map.yaml."""
+    """Defects that make a map with intact files unusable, and missing entries of its map.yaml."""
     problems = []
     if not len(site.cells.count):
         problems.append(f"{site.name}: there is no cell in it")
@@ -138,7 +138,7 @@ def problems_of(site: SiteMap) -> list[str]:
 
 
 class ProgressBar:
-    """A progress bar on the terminal; silent elsewhere."""
+    """A progress bar on a terminal; no output elsewhere."""
 
     def __init__(self) -> None:
         from rich.console import Console

@@ -1,4 +1,4 @@
-"""A map as people look at it: the grid, the cells from above, the way, the loops."""
+"""Draws a map: the grid, the cells from above, the path, the loops."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Places = npt.NDArray[np.float64]
 
 
 def draw_map(site: SiteMap, file: Path, way: Places | None = None, loops: Places | None = None) -> None:
-    """way: (n, 2) m where the robot drove; loops: (n, 2, 2) m places that were recognised. Raises CommandError."""
+    """way: (n, 2) m, the robot's path; loops: (n, 2, 2) m, pairs of recognised places. Raises CommandError."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.collections import EllipseCollection, LineCollection
     from matplotlib.figure import Figure
@@ -62,7 +62,7 @@ def draw_map(site: SiteMap, file: Path, way: Places | None = None, loops: Places
 
 
 def _ellipses(site: SiteMap) -> tuple[Places, Places, Places, Places, Places]:
-    """(widths, heights, angles in deg, heights above the map's origin, centres) of cells that stand on the ground."""
+    """(widths, heights, angles in deg, heights above the map's origin, centres) of the cells above the ground."""
     c = site.cells
     values, vectors = np.linalg.eigh(c.covariance[:, :2, :2])
     upright = (c.covariance[:, 2, 2] > 0.05**2) | (c.mean[:, 2] > _WALL_FROM_M)

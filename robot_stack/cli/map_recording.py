@@ -29,7 +29,7 @@ _TYPES = {7: "<f4", 8: "<f8", 4: "<u2", 2: "<u1", 6: "<u4"}
 def read_ride(
     path: Path, settings: Sweeps, robot: Robot, progress: Callable[[int, int], None]
 ) -> tuple[Ride, list[str]]:
-    """(the ride, errors of the files). progress: bytes read, of how many. Raises CommandError."""
+    """(the ride, errors of the files). progress: called with (bytes read, total bytes). Raises CommandError."""
     collector = Collector(settings, robot)
     warnings: list[str] = []
     counts = dict.fromkeys(TOPICS, 0)
@@ -96,7 +96,7 @@ def _rosbag(path: Path, names: Collection[str], progress: Callable[[int, int], N
 
 
 def feed(collector: Collector, item: Recorded) -> None:
-    """One message of ``TOPICS``. Raises ValueError for a cloud that cannot be read."""
+    """Processes one message of ``TOPICS``. Raises ValueError for an invalid cloud."""
     message = item.decode()
     stamp_s = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
     if item.topic == topics.ODOM.name:
@@ -118,7 +118,7 @@ def _tilt(q: Any) -> tuple[float, float]:
 
 
 def points_of(message: Any) -> Points:
-    """(n,) of layout SWEEP from a decoded PointCloud2. Raises ValueError for one that lacks a field or bytes."""
+    """(n,) of layout SWEEP from a decoded PointCloud2. Raises ValueError for missing fields or bytes."""
     found = {field.name: field for field in message.fields}
     data = np.frombuffer(bytes(message.data), np.uint8)
     count, step = message.width * message.height, message.point_step

@@ -1,4 +1,4 @@
-"""``robot-stack map teach``: listens while staff drive, records, shows the map growing, builds it at the end."""
+"""``robot-stack map teach``: records while staff drive, shows the growing map, and builds it at the end."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from robot_stack.supervisor.control import NotRunning, ask
 Origin = tuple[float, float, float]
 
 _LOOK_S = 0.1
-# Without a supervisor nodes may have been started one by one: they are discovered within this time.
+# Nodes started without a supervisor are discovered within this time.
 _DISCOVERY_S = 5.0
 _SAFETY_S, _SAFETY_TIMEOUT_S = 2.0, 0.3
 _WARN_AGAIN_S = 10.0
 _NICE = 10  # the stack runs during the build
 _INTERRUPTED = 130
 _PICTURE = "growing.png"
-# Sweeps that wait to be shown.
+# Sweeps that wait to be drawn.
 _MOST_LATE = 10
 _LATE = "this computer is slow: what is shown lags behind; what is recorded does not"
 
@@ -92,7 +92,7 @@ def teach_map(
 
 
 def _need_writable(folder: Path) -> None:
-    """Checked before the ride. Raises CommandError."""
+    """Runs before the ride. Raises CommandError."""
     existing = next(parent for parent in folder.absolute().parents if parent.exists())
     if not existing.is_dir() or not os.access(existing, os.W_OK | os.X_OK):
         raise CommandError(f"{folder} cannot be written: no right to write into {existing}")
@@ -125,7 +125,7 @@ def _build_command(recording: Path, name: str, output: Path | None, origin: Orig
 
 
 def _wait_for_inputs(heard: TaughtTopics, settings: Teach, ending: _Ending) -> None:
-    """Until points and odometry come. Raises CommandError if they do not."""
+    """Waits for points and odometry. Raises CommandError on timeout."""
     running = _stack_runs()
     missing = {topics.LIDAR_POINTS.name, topics.ODOM.name}
     begun_s = time.monotonic()
@@ -167,7 +167,7 @@ def _watch(
     ending: _Ending,
     finish: str,
 ) -> None:
-    """Shows the map growing until the ride is ended. Raises CommandError when it cannot go on."""
+    """Shows the growing map until the ride ends. Raises CommandError if reception fails."""
     settings, terminal = params.teach, _Terminal()
     line_s = picture_s = safety_s = time.monotonic()
     held: list[str] = []
@@ -200,7 +200,7 @@ def _watch(
 
 
 def _add(ride: TaughtRide, growing: GrowingMap, longest_s: float) -> None:
-    """Adds the sweeps kept since, within the time limit."""
+    """Adds newly kept sweeps within the time limit."""
     end_s = time.monotonic() + longest_s
     with contextlib.suppress(Empty):
         while time.monotonic() < end_s:
@@ -208,7 +208,7 @@ def _add(ride: TaughtRide, growing: GrowingMap, longest_s: float) -> None:
 
 
 def _draw(growing: GrowingMap, params: MappingParams, picture: Path) -> list[str]:
-    """Returns why there is no picture; this does not end a ride."""
+    """Returns the reason if the picture cannot be written; this does not end a ride."""
     try:
         write_picture(taught_picture(growing, params.grid.resolution_m, params.teach.picture_px), picture)
     except CommandError as error:
@@ -217,7 +217,7 @@ def _draw(growing: GrowingMap, params: MappingParams, picture: Path) -> list[str
 
 
 def _held_by_safety() -> list[str]:
-    """Why the robot does not move, from the supervisor's safety status."""
+    """The reason for a stop of the robot, from the supervisor's safety status."""
     try:
         safety = ask("safety", timeout_s=_SAFETY_TIMEOUT_S).get("safety")
     except (NotRunning, TimeoutError):
@@ -255,7 +255,7 @@ class _Ending:
 
 
 class _Terminal:
-    """The newest line in place of the one before on a terminal, below each other elsewhere."""
+    """On a terminal, a new line replaces the previous one; elsewhere all lines are printed."""
 
     def __init__(self) -> None:
         self._own = sys.stdout.isatty()
@@ -268,7 +268,7 @@ class _Terminal:
             print(text, flush=True)
 
     def warn(self, warnings: list[str], now_s: float) -> None:
-        """Each when it is new, and again while it lasts."""
+        """Prints each warning when it is new, and periodically while it lasts."""
         self._warned = {text: said_s for text, said_s in self._warned.items() if text in warnings}
         for text in warnings:
             if now_s - self._warned.get(text, -_WARN_AGAIN_S) >= _WARN_AGAIN_S:

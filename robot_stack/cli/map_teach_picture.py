@@ -16,7 +16,7 @@ from robot_stack.mapping.teaching import Cells, GrowingMap
 
 Image = npt.NDArray[np.uint8]
 
-# Blue, green, red; greys as draw_map has them.
+# Blue, green, red; the greys of draw_map.
 _UNKNOWN, _SEEN, _STRUCTURE = (200, 200, 200), (247, 247, 247), (25, 25, 25)
 _WAY, _BEGIN, _ROBOT = (14, 127, 255), (44, 160, 44), (40, 39, 214)
 _MARGIN_CELLS = 5
@@ -35,7 +35,7 @@ def taught_picture(growing: GrowingMap, resolution_m: float, longest_px: int) ->
         _paint(cells, found - low, colour)
     scale = longest_px / max(rows, columns)
     size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
-    # A wall one cell wide stays visible where cells are smaller than pixels.
+    # A wall one cell wide stays visible if cells are smaller than pixels.
     method = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_NEAREST
     picture: Image = np.asarray(cv2.resize(cells[::-1], size, interpolation=method), np.uint8)
     pixel_m = resolution_m / scale
@@ -69,14 +69,14 @@ def _paint(cells: Image, index: Cells, colour: tuple[int, int, int]) -> None:
 
 
 def _arrow(pose: Floats) -> Floats:
-    """(3, 2) m in map: where the robot is and looks to."""
+    """(3, 2) m in map: an arrow at the robot's pose."""
     yaw = float(yaw_of(pose[None])[0])
     angles = np.array([yaw, yaw + 2.5, yaw - 2.5])
     return np.asarray(pose[:2, 3] + _ROBOT_M * np.column_stack((np.cos(angles), np.sin(angles))))
 
 
 def _scale_bar(picture: Image, pixel_m: float) -> None:
-    """A round length of up to a quarter of the width, in the lower left corner."""
+    """A round length of at most a quarter of the width, in the lower left corner."""
     most_m = 0.25 * picture.shape[1] * pixel_m
     length_m = max(
         step * 10.0 ** math.floor(math.log10(most_m)) for step in (0.5, 1.0, 2.0, 5.0) if _fits(step, most_m)

@@ -1,4 +1,4 @@
-"""The ride during teaching: records and collects messages at once, in a thread without other work."""
+"""Reception during teaching: records and collects messages at once, in a dedicated thread."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class _Cloud(NamedTuple):
 
 
 class TaughtRide:
-    """A context manager. ``kept``: for each time that sweeps were kept, the ride of those and the one before them, and
-    their number. ``problem``: why reception has ended.
+    """A context manager. ``kept``: for each addition, the ride of the new sweeps and the one before them, and their
+    number. ``problem``: the reason if reception has ended.
 
-    Only sweeps that the collector keeps are recorded, each before the odometry that decided on it: a reader of the
-    recording collects the same ride.
+    Only sweeps that the collector keeps are recorded, each before the odometry that decided on it, so that a reader of
+    the recording collects the same ride.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class TaughtRide:
         self.end()
 
     def end(self) -> None:
-        """Processes all messages received until now, and no more."""
+        """Processes the messages received until now and stops."""
         self._ending.set()
         self._thread.join()
 
@@ -121,14 +121,14 @@ class TaughtRide:
             wanted = {sweep.stamp_s for sweep in ride.sweeps[-fresh:]}
             self._seen += fresh
             self.kept.put((ride, fresh))
-        # As in the collector: the newest odometry decides on every sweep until its time.
+        # As in the collector, the newest odometry decides on every sweep until its time.
         while self._waiting and self._waiting[0].stamp_s <= stamp_s:
             cloud = self._waiting.popleft()
             if cloud.stamp_s in wanted:
                 self._write(cloud.taken)
 
     def _write(self, taken: Taken) -> None:
-        # As in the recorder: on a simulated clock the middleware's system times have no meaning.
+        # As in the recorder, the middleware's system times are meaningless on a simulated clock.
         if self._world is not None:
             log_ns = sent_ns = self._world.now_ns()
         else:

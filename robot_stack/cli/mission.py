@@ -85,7 +85,7 @@ def watch(
 
 
 def describe(status: Mission) -> str:
-    """The status in one line for people."""
+    """The status in one line for users."""
     parts = [status.state]
     if status.mission_id:
         parts.append(f"{status.mission_id} {status.completed}/{status.total} waypoints, {status.progress:.0%}")

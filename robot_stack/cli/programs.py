@@ -1,4 +1,4 @@
-"""record and simulate: verbs that are programs of their own."""
+"""record and simulate: verbs that start separate programs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import typer
 
 from robot_stack.supervisor.control import NotRunning, ask
 
-# By name: the stack does not import the simulation.
+# By name, because the stack does not import the simulation.
 _SIMULATION = "sim.stack.simulate"
 
 
@@ -32,7 +32,7 @@ def record(
     parameters |= {"name": name} if name else {}
     parameters |= {"include": include} if include else {}
     parameters |= {"exclude": exclude} if exclude else {}
-    # JSON is YAML, in which ROS parses parameter values.
+    # ROS parses parameter values as YAML, which includes JSON.
     arguments = [part for key, value in parameters.items() for part in ("-p", f"{key}:={json.dumps(value)}")]
     command = [
         sys.executable,

@@ -1,4 +1,4 @@
-"""Reads recordings one message after the other, as far as they are whole. Changes nothing in them."""
+"""Reads recordings message by message up to the first error, without changing them."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def recording_files(path: Path) -> list[Path]:
 
 
 def read_messages(path: Path, topics: Collection[str], progress: Callable[[int], None]) -> Iterator[Recorded | str]:
-    """Messages of ``topics`` in one file, in order of reception; a text at last if the file is cut off or damaged.
+    """Messages of ``topics`` in one file, in order of reception; then an error text if the file is cut off or damaged.
 
-    progress: called with the number of bytes read, from time to time.
+    progress: called periodically with the number of bytes read.
     """
     factory = DecoderFactory()
     schemas: dict[int, Schema] = {}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from robot_stack.supervisor.params import SupervisorParams
 
-# capabilities(7): with them the limits do not count.
+# capabilities(7): with these the limits do not apply.
 _CAP_IPC_LOCK, _CAP_SYS_NICE = 14, 23
 _UNLIMITED = resource.RLIM_INFINITY
 # setrlimit(2): RLIMIT_NICE is this minus the lowest nice value allowed.

@@ -23,10 +23,10 @@ Clear = Annotated[
     typer.Option("--clear", metavar="SOURCE", help="A source that is gone or unknown: its press is cleared first."),
 ]
 _CLEAR_HINT = "; a source that is gone or unknown is cleared by name: robot-stack reset --clear NAME"
-# A supervisor that takes longer is not waited for.
+# Timeout of the supervisor.
 _SUPERVISOR_S = 0.5
 _POLL_S = 0.02
-# The safety monitor requires the release to last a moment before it grants a reset.
+# The safety monitor requires a settled release before it grants a reset.
 _RESET_TRIES = 8
 _RESET_PAUSE_S = 0.1
 
@@ -76,7 +76,7 @@ def reset(timeout_s: Timeout = 5.0, clear: Clear = None) -> None:
 
 
 def _stop_by_supervisor(end_s: float) -> bool | None:
-    """True if the supervisor sent the stop and the safety monitor then showed an emergency; None if there is none."""
+    """True if the supervisor sent the stop and the safety monitor reported an emergency; None without a monitor."""
     try:
         sent = ask("estop", timeout_s=_SUPERVISOR_S)
         if not sent["ok"] or not sent["listeners"]:
@@ -118,7 +118,7 @@ def _reset_by_supervisor() -> tuple[bool, str] | None:
 
 
 def _without_monitor() -> bool:
-    """A machine of the motion-engine layer runs, and none of its processes is a safety monitor."""
+    """True if a machine of the motion-engine layer runs without a safety monitor."""
     status = ask("status", timeout_s=_SUPERVISOR_S)
     named = [*status["missing"], *(item["name"] for item in status["processes"])]
     return bool(status["machine"] == System.WMX.value and "safety_monitor" not in named)

@@ -1,4 +1,4 @@
-"""The safety lines of `up` once all is running: an earlier emergency is still latched, and people must see it."""
+"""The safety lines of `up` after the start: an earlier emergency is still latched and must be reported."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _POLL_S = 0.05
 
 
 def settled_safety(deadline_s: float) -> dict[str, Any] | None:
-    """The supervisor's safety status once nothing is wrong or something is latched, else at the
-    deadline: right after a start some inputs are still missing. None without a status by then.
+    """The supervisor's safety status once it is normal or latched, else at the deadline, because some inputs are
+    missing right after a start. None without a status until then.
     """
     end_s = time.monotonic() + deadline_s
     safety: dict[str, Any] | None = None
@@ -30,7 +30,7 @@ def settled_safety(deadline_s: float) -> dict[str, Any] | None:
 
 
 def safety_lines(safety: dict[str, Any] | None) -> list[str]:
-    """The state, and if the robot may not move: the cause and its release."""
+    """The state, and if the robot must not move: the cause and its release."""
     if safety is None:
         return ["safety: the safety monitor says nothing"]
     faults = list(safety["faults"])

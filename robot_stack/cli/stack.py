@@ -56,7 +56,7 @@ def up(
     from robot_stack.supervisor.profile import load_plan
 
     launch = client.Launch(profile, settings or (), only or (), speed, log_dir, system_time)
-    # Read here too, to report an error at once.
+    # Validated here too, to report an error at once.
     plan = load_plan(profile, settings=launch.settings, only=launch.only, speed=speed, system_time=system_time)
     try:
         if foreground:
@@ -114,7 +114,7 @@ def status(
     view = StatusView()
     if as_json or once or not sys.stdout.isatty():
         view.measure(_ask("status"))
-        time.sleep(0.5)  # CPU time is measured over this
+        time.sleep(0.5)  # period of the CPU measurement
         now = view.measure(_ask("status"))
         print(json.dumps(now, indent=2)) if as_json else view.print(now)
         raise typer.Exit(0 if now["ready"] else 1)

@@ -55,7 +55,7 @@ class StatusView:
         self._console.print(self.shown(status))
 
     def follow(self, ask: Callable[[], dict[str, Any]], period_s: float = 1.0) -> None:
-        """Until Ctrl-C, or until the stack is gone."""
+        """Updates until Ctrl-C, or until the stack has ended."""
         with contextlib.suppress(KeyboardInterrupt), Live(console=self._console, auto_refresh=False) as live:
             while True:
                 live.update(self.shown(self.measure(ask())), refresh=True)

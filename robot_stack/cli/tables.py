@@ -16,12 +16,12 @@ Column = tuple[str, Literal["left", "right"]]
 
 
 def console() -> Console:
-    """On standard output. A pipe has no width of its own."""
+    """A console on standard output, with a fixed width for a pipe."""
     return Console() if sys.stdout.isatty() else Console(width=WIDTH)
 
 
 def table(title: str, columns: Sequence[Column]) -> Table:
-    """A table without rows. If it is too wide, cells wrap: nothing is cut."""
+    """A table without rows. If it is too wide, cells wrap instead of being cut."""
     made = Table(title=Text(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False)
     for name, justify in columns:
         made.add_column(name, justify=justify, overflow="fold")

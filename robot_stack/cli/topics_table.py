@@ -43,6 +43,6 @@ def _cells(finding: Finding) -> list[str]:
 
 
 def _rate(finding: Finding) -> str:
-    """Measured rate and that of the contract."""
+    """The measured rate and the contract's."""
     measured = "-" if finding.seen.traffic.age_s is None else f"{finding.seen.traffic.rate_hz:.1f}"
     return "event" if finding.expected_hz is None else f"{measured} of {finding.expected_hz:g} Hz"

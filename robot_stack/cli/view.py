@@ -27,7 +27,7 @@ def view(
     from robot_stack.view.params import ViewParams
 
     params = load(ViewParams, "view", {} if port is None else {"port": port})
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # SIGTERM ends it as Ctrl-C does
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # SIGTERM ends it like Ctrl-C
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with View(params, _machine()) as shown:

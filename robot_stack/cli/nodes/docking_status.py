@@ -14,7 +14,7 @@ _SILENT = "SILENT"
 
 
 def watch_docking(show: Callable[[str, str], None], timeout_s: float, follow: bool) -> None:
-    """Calls ``show(state, line)`` with each status until interrupted, or once. Raises TimeoutError without any."""
+    """Calls ``show(state, line)`` with each status until interrupted, or once. Raises TimeoutError without a status."""
     heard: list[DockingStatus] = []
     with Operator() as operator:
         operator.subscribe(topics.DOCKING_STATUS, heard.append)

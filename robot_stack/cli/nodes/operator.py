@@ -1,4 +1,4 @@
-"""The operator's node: publishes commands, receives answers, calls services, while one verb runs."""
+"""The operator's node: publishes commands, receives answers, and calls services during one verb."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ class Operator:
         self._guest.close()
 
     def advertise(self, row: Topic) -> Publisher:
-        """Raises ContractViolation if operators do not publish the row."""
+        """Raises ContractViolation if the contract does not name operators as publishers of the row."""
         if topics.OPERATOR_TOOL not in row.publishers:
             raise ContractViolation(f"{topics.OPERATOR_TOOL} may not publish {row.name}")
         return self.node.create_publisher(interface_class(row.type), row.name, qos_profile(row.qos))
 
     def stop_source(self) -> tuple[StopSource, Publisher, Publisher]:
-        """(this operator as a source of the emergency stop, its publisher of the stop, that of its reports)."""
+        """(this operator's source of the emergency stop, its publisher of the stop, its publisher of the reports)."""
         stop, sources = self.advertise(topics.EMERGENCY_STOP), self.advertise(topics.EMERGENCY_STOP_SOURCES)
         stamp = self.node.get_clock()
         return StopSource(topics.OPERATOR_TOOL, os.getpid(), stop, sources, lambda: stamp.now().to_msg()), stop, sources
@@ -48,7 +48,7 @@ class Operator:
         self.node.create_subscription(interface_class(row.type), row.name, callback, qos_profile(row.qos))
 
     def wait(self, condition: Callable[[], Any], timeout_s: float | None) -> bool:
-        """Runs callbacks until the condition holds (True) or the time is over (False); None waits for ever."""
+        """Runs callbacks until the condition holds (True) or the timeout expires (False); None waits forever."""
         end_s = float("inf") if timeout_s is None else time.monotonic() + timeout_s
         while not condition():
             remaining_s = end_s - time.monotonic()
@@ -58,14 +58,14 @@ class Operator:
         return True
 
     def deliver(self, publisher: Publisher, timeout_s: float) -> bool:
-        """Waits for a subscriber and for the acknowledgement of all messages by every one."""
+        """Waits for a subscriber, and until every subscriber has acknowledged all messages."""
         end_s = time.monotonic() + timeout_s
         if not self.wait(lambda: publisher.get_subscription_count() > 0, timeout_s):
             return False
         return bool(publisher.wait_for_all_acked(Duration(seconds=max(0.0, end_s - time.monotonic()))))
 
     def call(self, row: Service, timeout_s: float, **request: Any) -> Any:
-        """The response of a service; ``request`` are its fields. Raises TimeoutError if there is none in time."""
+        """Calls a service with the fields ``request`` and returns its response. Raises TimeoutError."""
         service = interface_class(row.type)
         client = self.node.create_client(service, row.name)
         try:

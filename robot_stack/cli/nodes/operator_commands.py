@@ -70,7 +70,7 @@ def reset(timeout_s: float, clear: Sequence[str] = ()) -> tuple[bool, str]:
 
 @dataclass(frozen=True, slots=True)
 class Mission:
-    """``/mission/status`` as values; eta_s is None where it is not known."""
+    """``/mission/status`` as values; eta_s is None if unknown."""
 
     state: str
     mission_id: str
@@ -102,12 +102,12 @@ def _mission(message: MissionStatus) -> Mission:
 
 
 def command_mission(command: str, mission_id: str, timeout_s: float) -> Mission:
-    """Sends a UI command and returns the status that answers it. Raises TimeoutError without an answer."""
+    """Sends a UI command and returns the status with its answer. Raises TimeoutError without an answer."""
     heard: list[Mission] = []
     with Operator() as operator:
         publisher = operator.advertise(topics.UI_COMMAND)
         operator.subscribe(topics.MISSION_STATUS, lambda message: heard.append(_mission(message)))
-        # The latched status of before comes first, so that the next one that names the command is its answer.
+        # The latched previous status arrives first; the next one that names the command is the answer.
         manager = operator.wait(lambda: heard and publisher.get_subscription_count() > 0, timeout_s)
         if not manager:
             raise TimeoutError("no mission manager answers: is the stack running?")
@@ -121,7 +121,7 @@ def command_mission(command: str, mission_id: str, timeout_s: float) -> Mission:
 
 
 def watch_mission(report: Callable[[Mission], Any], timeout_s: float, follow: bool) -> None:
-    """Calls ``report`` with the status now and, to follow, with each new one until interrupted. Raises TimeoutError."""
+    """Calls ``report`` with the status and, to follow, with each new one until interrupted. Raises TimeoutError."""
     heard: list[Mission] = []
     with Operator() as operator:
         operator.subscribe(topics.MISSION_STATUS, lambda message: heard.append(_mission(message)))

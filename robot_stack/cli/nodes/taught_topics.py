@@ -14,7 +14,7 @@ from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, listener_profile
 
 NAME = "robot_stack_map_teach"
-# A sweep comes after the readings of its time.
+# A sweep arrives after the readings of its time.
 ROWS = (topics.IMU, topics.LIDAR_POINTS, topics.ODOM)
 
 
@@ -55,7 +55,7 @@ class TaughtTopics:
         return any(self._guest.node.count_publishers(row.name) for row in ROWS)
 
     def take(self) -> list[Taken]:
-        """Everything that has arrived, topic by topic. Without an executor: it would wake for every single message."""
+        """All received messages, by topic. Without an executor, which would wake for every single message."""
         found = []
         for row, subscription in self._subscriptions:
             while (taken := subscription.handle.take_message(subscription.msg_type, True)) is not None:
