@@ -1,7 +1,7 @@
-"""The motion engine: one port (``api``), two implementations, one place that chooses between them.
+"""The motion engine: one port (``api``), two implementations, and one place that selects between them.
 
-``connect`` gives a node its engine by configuration; ``load_library`` gives the classes of an implementation to code
-that creates its devices itself, as programs for the vendor's library do.
+``connect`` gives a node the configured engine; ``load_library`` gives the classes of an implementation to code that
+creates its own devices, like programs for the vendor's library.
 """
 
 from __future__ import annotations

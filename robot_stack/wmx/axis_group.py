@@ -1,4 +1,4 @@
-"""Axes that a session brings up together: their obstacles, and the requests to remove these."""
+"""Axes that a session starts together: their faults, and the requests to clear these."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from robot_stack.wmx.axes import BoolRow, StatusSnapshot
 from robot_stack.wmx.session import EngineSession
 
 SERVO_ON, CLEARING = "servo on", "clearing alarms"
-"""Requests, as refusals name them."""
+"""Requests, as named in refusals."""
 
 
 class AxisGroup:
     """Repeats an unfulfilled request at most once per ``request_pause_s``."""
 
     def __init__(self, session: EngineSession, names: Mapping[int, str], request_pause_s: float) -> None:
-        """names: of the axes by their numbers, as faults name them."""
+        """names: names of the axes by their numbers, used in faults."""
         self._session, self._names, self._pause_s = session, names, request_pause_s
 
     def where(self, wrong: BoolRow) -> list[int]:
         return [axis for axis in self._names if wrong[axis]]
 
     def faults(self, snapshot: StatusSnapshot) -> str:
-        """The alarms of drives and engine, an empty text for none."""
+        """The alarms of drives and engine as text, empty if there are none."""
         texts = [
             f"{self._names[axis]} alarm {int(snapshot.amp_alarm_code[axis])}" for axis in self.where(snapshot.amp_alarm)
         ]
@@ -47,6 +47,6 @@ class AxisGroup:
         self._session.ask(SERVO_ON, lambda engine: engine.core_motion.axisControl.SetServoOn_AxisSel(selection, 1))
 
     def switch_off(self) -> None:
-        """All of them; holding brakes close. Only for axes that stand."""
+        """Switches all servos off; holding brakes close. Only for axes at rest."""
         selection = AxisSelection.of(*self._names)
         self._session.ask("servo off", lambda engine: engine.core_motion.axisControl.SetServoOn_AxisSel(selection, 0))

@@ -95,12 +95,12 @@ class DriveFeedback:
 class ServoBus(Protocol):
     """The cyclic bus. ``exchange`` is called exactly once per engine cycle while the engine communicates.
 
-    One last exchange with every servo off announces an orderly end of communication; after that no exchange follows
-    until communication starts again, and a drive's own bus watchdog is the drive's business.
+    A last exchange with every servo off announces an orderly end of communication; no exchange follows until
+    communication starts again. Each drive has its own bus watchdog.
     """
 
     n_axes: int
 
     def exchange(self, out: DriveCommands, inp: DriveFeedback) -> bool:
-        """Sends ``out``, fills ``inp`` in place. False: the bus was lost this cycle and ``inp`` is not to be used."""
+        """Sends ``out``, fills ``inp`` in place. Returns False if the bus was lost this cycle: ``inp`` is invalid."""
         ...

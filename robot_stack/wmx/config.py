@@ -20,11 +20,11 @@ from robot_stack.core.robot import Robot, load_robot
 from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
 
 ENGINE_VARIABLE = "ROBOT_STACK_WMX_ENGINE"
-"""Set by a profile: the engine belongs to the machine that runs, the file to the installation."""
+"""Set by a profile, because the engine depends on the running machine, and the file on the installation."""
 ENGINE_CONFIG_VARIABLE = "ROBOT_STACK_WMX_ENGINE_CONFIG"
 """The file of config/ with the simulated engine's axes: a machine's own, by its name without .yaml."""
 STALE_VARIABLE = "ROBOT_STACK_WMX_STATUS_STALE_S"
-# On /clock, a paused engine pauses the time as well: its status ages by the system's clock alone.
+# A paused engine also pauses /clock, so its status ages by the system's clock alone.
 HELD_UP_STALE_S = 2.0
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -66,7 +66,7 @@ class LimitSwitches(Config):
 
 
 class Homing(Config):
-    """Speeds of a homing motion; which homing it is, a client sets."""
+    """Speeds of a homing motion; a client sets the type of homing."""
 
     fast_radps: Positive
     slow_radps: Positive
@@ -155,7 +155,7 @@ class Timing(Config):
 
 
 class Server(Config):
-    """The engine process towards its clients and its own clock. ``spin`` null: it sleeps until its cycles are due."""
+    """The engine process's limits for clients and clock. ``spin`` null: it sleeps until its cycles are due."""
 
     create_device_s: NotNegative
     pause_publish_s: Positive
@@ -200,7 +200,7 @@ class EngineConfig(Config):
 
 
 class ClientConfig(Config):
-    """A client towards the engine, ``config/wmx_client.yaml``: which engine, where, and how patient."""
+    """A client's settings, ``config/wmx_client.yaml``: the engine, its location, and timeouts."""
 
     engine: Literal["simulated", "vendor"]
     path: str

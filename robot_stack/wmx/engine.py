@@ -1,4 +1,4 @@
-"""An open device with its API objects, whichever implementation it is of."""
+"""An open device with its API objects, for every implementation."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class MotionEngine:
         self.read_feedback: FeedbackReader = self._feedback_of_status if reader is None else reader(api)
 
     def read_status(self) -> tuple[int, StatusSnapshot]:
-        """(code, snapshot) of all axes, without a round trip. With a code other than 0 it must not be acted on."""
+        """(code, snapshot) of all axes, without a round trip. With a code other than 0 the snapshot is invalid."""
         return self._library.read_status(self.api, self.core_motion, self.io)
 
     def _feedback_of_status(self) -> AxisFeedback | None:

@@ -1,4 +1,4 @@
-"""Opening of devices: at once, or in a thread, because the vendor's library may take seconds."""
+"""Opens devices: in the call, or in a thread, because the vendor's library may take seconds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Protocol
 from robot_stack.wmx import MotionEngine
 
 OpenEngine = Callable[[], MotionEngine]
-"""Opens a device, waiting shortly at most for an engine that is not there. Raises EngineError."""
+"""Opens a device after a short wait at most. Raises EngineError."""
 
 
 class DeviceOpener(Protocol):
@@ -23,7 +23,7 @@ class DeviceOpener(Protocol):
         ...
 
     def abandon(self) -> None:
-        """A device that comes too late is given back."""
+        """Closes a device that opens too late."""
         ...
 
 
@@ -39,7 +39,7 @@ class PromptOpener:
         return self._open_engine()
 
     def abandon(self) -> None:
-        """Nothing is ever under way."""
+        """Does nothing, because no opening is pending."""
 
 
 class ThreadedOpener:
@@ -63,7 +63,7 @@ class ThreadedOpener:
         return attempt.result()
 
     def abandon(self) -> None:
-        """A device that comes too late is given back."""
+        """Closes a device that opens too late."""
         attempt, self._attempt = self._attempt, None
         if attempt is not None:
             attempt.abandon()

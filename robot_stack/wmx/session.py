@@ -70,7 +70,7 @@ class EngineSession:
         *,
         opener: Callable[[OpenEngine], DeviceOpener] = PromptOpener,
     ) -> None:
-        """opener: how a device is opened; an executor's tick must not wait for one (``ThreadedOpener``)."""
+        """opener: opens a device; an executor's tick must not wait for one (``ThreadedOpener``)."""
         self._opener = opener(open_engine)
         self._patience = patience
         self._events = events or Events()
@@ -88,7 +88,7 @@ class EngineSession:
         return self.connect(now_s) if self.engine is None else self.probe(now_s)
 
     def connect(self, now_s: float) -> bool:
-        """Opens a device if there is none and it is time to try. True if there is one."""
+        """Opens a device if there is none and a retry is due. True if there is one."""
         if self.engine is not None:
             return True
         if not self.due(_CONNECT, now_s, self._patience.retry_s) and not self._opener.under_way:
@@ -102,7 +102,7 @@ class EngineSession:
         return connected
 
     def open(self) -> EngineError | None:
-        """Tries now to open a device; why there is none. None: there is one, or the thread is still at it."""
+        """Tries to open a device now. Returns the reason of a failure; None if it is open or the thread is busy."""
         try:
             engine = self._opener()
         except EngineError as error:
@@ -111,7 +111,7 @@ class EngineSession:
             self.engine = engine
             self.connections += 1
             self._failures, self.text = 0, "connected"
-            self._pauses.clear()  # requests to an earlier engine do not count
+            self._pauses.clear()  # requests to an earlier engine are irrelevant
             self._refusals.clear()
             self._events.opened(engine)
         return None
@@ -133,7 +133,7 @@ class EngineSession:
         """Probes the engine at intervals. False once it is gone."""
         if self.due(_PROBE, now_s, self._patience.probe_period_s):
             answered = self.ask(_PROBE, lambda engine: engine.api.GetDeviceName()[0])
-            if not answered:  # an engine that hangs holds every call up: do not spend all time on it
+            if not answered:  # a hanging engine delays every call: limit the time spent on it
                 self._pause(_PROBE, now_s, _HUNG_PAUSE_S)
         return self.engine is not None
 
@@ -167,22 +167,22 @@ class EngineSession:
         return self.engine is not None and self._succeeded(what, request(self.engine))
 
     def refusal(self, what: str, otherwise: str) -> str:
-        """Why the last request of this name was rejected, ``otherwise`` if it was not."""
+        """The reason if the last request of this name was rejected, else ``otherwise``."""
         return self._refusals.get(what, otherwise)
 
     @property
     def problem(self) -> str:
-        """Why there is no status."""
+        """The reason if there is no status."""
         return self.refusal(_STATUS, self.text)
 
     def start_communication(self, now_s: float, pause_s: float, otherwise: str) -> str:
-        """Requests the bus, at most once per ``pause_s``. Why it was rejected, ``otherwise`` if it was not."""
+        """Requests the bus, at most once per ``pause_s``. Returns the reason of a rejection, else ``otherwise``."""
         if self.due(_COMMUNICATION, now_s, pause_s):
             self.ask(_COMMUNICATION, lambda engine: engine.api.StartCommunication(0))
         return self.refusal(_COMMUNICATION, otherwise)
 
     def due(self, what: str, now_s: float, pause_s: float) -> bool:
-        """True once, then not before ``pause_s`` have passed. A clock that goes back makes everything due."""
+        """True once, then not before ``pause_s`` have passed. If the clock goes back, everything is due."""
         asked_s, due_s = self._pauses.get(what, (now_s, now_s))
         if asked_s <= now_s < due_s:
             return False

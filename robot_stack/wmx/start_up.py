@@ -55,7 +55,7 @@ class StartUp(Generic[StageT]):
         if snapshot.n_axes <= max(self._axes):
             return SessionState(self._connecting, f"axes {self._axes} of an engine with {snapshot.n_axes}")
         stage, text = self._standing(snapshot, now_s)
-        if session.engine is None:  # lost on the way
+        if session.engine is None:  # lost during a step
             return SessionState(self._connecting, session.problem)
         return SessionState(stage, text, snapshot if snapshot.communicating else None)
 

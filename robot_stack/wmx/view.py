@@ -1,5 +1,5 @@
-"""The motion engine followed in a thread of its own: opening a device, or a call, may block while an engine starts or
-hangs, which no executor may wait for.
+"""Polls the motion engine in a dedicated thread, because opening a device or a call may block while an engine starts or
+hangs, and no executor may wait for this.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from robot_stack.wmx.session import EngineSession, Patience
 
 # After a pause a process runs its threads in any order: for this time the executor lets this one go first.
 _CATCH_UP_S = 0.005
-# If a thread did not run for this long, it was paused, perhaps with the whole machine: the engine's status is then
-# as old as the pause, until the engine has run again. The engine gets this time before it counts as silent.
+# If a thread did not run for this long, it was paused, perhaps with the whole machine: the engine's status is then as
+# old as the pause, until the engine has run again. The engine gets this time before it counts as silent.
 _HELD_UP_S = 0.03
 _PATIENCE_S = 0.05
 # Retry period of a device that cannot be opened or read: no call is made that could show whether it is lost.
@@ -58,7 +58,7 @@ class EngineView:
             self._awaited = False
 
     def close(self) -> None:
-        """Ends the thread and gives the device back."""
+        """Ends the thread and closes the device."""
         self._ended = True
         if self._thread.is_alive():
             self._thread.join(timeout=2.0)
@@ -71,7 +71,7 @@ class EngineView:
             late_s, before_s = now_s - before_s - self._period_s, now_s
             if late_s > _HELD_UP_S:
                 patience_s = min(late_s, _PATIENCE_S)
-                # A part of it would outlast the next reading: pauses at each reading would excuse the engine for ever.
+                # No partial excuse: it would outlast the next reading, and repeated pauses would excuse the engine.
                 if pauses.excuse(late_s, now_s) >= patience_s:
                     patient_until_s = now_s + patience_s
             status = self._read()
@@ -83,7 +83,7 @@ class EngineView:
             if self._session.engine is None and self._session.connect(self._polled_at_s):
                 self._read_at_s = time.monotonic()
             due_s = max(due_s + self._period_s, time.monotonic())
-            # Not an event with a time-out, which costs twice as much: the end waits for a period at the most.
+            # Not an event with a timeout, which costs twice as much: the end waits at most one period.
             time.sleep(max(0.0, due_s - time.monotonic()))
         self._session.close()
 

@@ -1,8 +1,8 @@
 """The command of the base: the newest twist, until its timeout.
 
 Whenever the drive becomes able to move (at the start, after a fault, after an emergency stop) the command must first be
-zero or silent. Otherwise a sender that missed the stop would restart the base.
-Silence counts from the demand for rest: while a node is paused it receives nothing, whatever the sender does.
+zero or silent. Otherwise a sender that missed the stop would restart the base. Silence counts from this moment, because
+a paused node receives no messages, whatever the sender does.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ class OldTwist(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """linear_mps, angular_radps: to drive now. text: why it is rest although something else was commanded.
-    blocked: the command must be at rest before it counts again.
+    """linear_mps, angular_radps: the present command. text: why it is rest although another was received. blocked: the
+    command must be at rest before it counts again.
     """
 
     linear_mps: float
@@ -49,7 +49,7 @@ class TwistCommand:
         self._rested = False
 
     def receive(self, fields: Mapping[str, float], now_s: float, age_s: float = 0.0) -> None:
-        """Takes a twist by the names of its six fields; age_s: how old it is by its own stamp. A bad one counts as a
+        """Stores a twist by the names of its six fields; age_s: its age by its own stamp. An invalid one counts as a
         stop and raises BadTwist; an old one changes nothing and raises OldTwist.
         """
         if age_s > self._timeout_s:
@@ -62,7 +62,7 @@ class TwistCommand:
         self._linear_mps, self._angular_radps = fields["linear.x"], fields["angular.z"]
 
     def fresh(self, now_s: float) -> bool:
-        """The newest twist is young enough."""
+        """True if the newest twist is within its timeout."""
         return 0.0 <= now_s - self._received_s <= self._timeout_s
 
     def demand_rest(self, now_s: float) -> None:

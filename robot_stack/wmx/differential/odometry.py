@@ -23,9 +23,9 @@ ZERO_MATRIX: Matrix3 = (0.0,) * 9
 
 @dataclass(frozen=True, slots=True)
 class OdometrySettings:
-    """max_wheel_speed_radps: an encoder that reports more than twice as much has jumped, or was reset by a homing.
-    shortest_interval_s: plausibility is judged over this time at least. longest_gap_s: after a longer silence the way
-    is unknown. deviation_per_sqrt_m: standard deviation of a wheel's way after one metre, m.
+    """max_wheel_speed_radps: an encoder that reports more than twice this has jumped, or was reset by a homing.
+    shortest_interval_s: least time for the plausibility check. longest_gap_s: after a longer silence the way is
+    unknown. deviation_per_sqrt_m: standard deviation of a wheel's way after one metre, m.
     """
 
     max_wheel_speed_radps: float
@@ -36,7 +36,7 @@ class OdometrySettings:
 
 @dataclass(frozen=True, slots=True)
 class WheelReading:
-    """stamp_s: time of the reading. angles: accumulated, rad. generation: angles of different ones do not compare."""
+    """stamp_s: time of the reading. angles: accumulated, rad. generation: differs after a reset of the angles."""
 
     stamp_s: float
     angles: WheelPair
@@ -45,7 +45,7 @@ class WheelReading:
 
 @dataclass(frozen=True, slots=True)
 class Odometry:
-    """pose: of the base in odom. covariance: of (x, y, yaw) in odom. fault: why the last reading moved nothing."""
+    """pose: of the base in odom. covariance: of (x, y, yaw) in odom. fault: why the last reading was not integrated."""
 
     pose: Pose2 = IDENTITY
     covariance: Matrix3 = ZERO_MATRIX
@@ -74,7 +74,7 @@ class WheelOdometry:
         return self._odometry
 
     def _doubt(self, last: WheelReading, reading: WheelReading) -> str:
-        """Why the motion between two readings is unknown; empty if it is known."""
+        """The reason if the motion between two readings is unknown; empty if it is known."""
         settings = self._settings
         elapsed_s = reading.stamp_s - last.stamp_s
         if reading.generation != last.generation or elapsed_s < 0.0:

@@ -110,7 +110,7 @@ class DiffDriveParams(Config):
 
 
 def named(value: str) -> bool:
-    """A topic or file name that was set."""
+    """The name of a topic or file if it is set."""
     return bool(value) and not value.endswith(_UNSET)
 
 
@@ -123,7 +123,7 @@ def wheel_axes(params: DiffDriveParams) -> WheelAxes:
 
 
 def motion_limits(limits: LimitParams) -> MotionLimits | None:
-    """None where nothing is limited. Speeds are limited at the wheels."""
+    """None if nothing is limited. Speeds are limited at the wheels."""
     if not any(limits.model_dump().values()):
         return None
     return MotionLimits(
@@ -178,6 +178,6 @@ def pose_covariance(planar: Matrix3) -> list[float]:
 
 
 def twist_covariance(params: OdometryParams) -> list[float]:
-    """6 x 6, row-major: forward speed and turning rate as measured, sideways as well as the wheels do not slip."""
+    """6 x 6, row-major: measured forward speed and turning rate, and zero lateral slip."""
     forward, turning = params.twist_deviation_mps**2, params.twist_deviation_radps**2
     return pose_covariance((forward, 0.0, 0.0, 0.0, forward, 0.0, 0.0, 0.0, turning))

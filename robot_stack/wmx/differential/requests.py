@@ -48,7 +48,7 @@ def run_at(
     target = now_radps + change or math.copysign(_SLOWEST_RADPS, speed_radps)
     taken_s = min(within_s, lifetime_s)
     falls = abs(now_radps) if now_radps * target < 0.0 else max(abs(now_radps) - abs(target), 0.0)
-    # To rest in stop_s, or so much harder that it slows down to its speed in the time for it.
+    # To rest in stop_s, or harder if slowing down to its speed within the time requires it.
     dec_s = min(stop_s, taken_s * abs(target) / falls) if falls else stop_s
     return Velocity_TimedVelCommand(
         axis,

@@ -96,7 +96,7 @@ class WheelSession:
         return Stage.COMMUNICATION, self._engine.start_communication(now_s, pause_s, self._bus)
 
     def _parameters(self, _: StatusSnapshot, now_s: float) -> Missing:
-        """Without its parameters a wheel has the wrong gear: it is not switched on."""
+        """Loads the parameters first: without them a wheel has the wrong gear and must not be switched on."""
         path = self._settings.parameter_file
         if self._parameters_set or not path:
             return None
@@ -145,7 +145,7 @@ class WheelSession:
         return Stage.SWITCHING_ON, self._engine.refusal(SERVO_ON, text)
 
     def _motion(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
-        """A wheel was stopped by another client: driving on with the other wheel would turn the base."""
+        """Stops both wheels if another client stopped one: driving on with the other would turn the base."""
         axes = self._settings.axes
         strange = [
             axis for axis in axes if snapshot.op_state[axis] not in (OperationState.Idle, OperationState.Velocity)
@@ -220,14 +220,14 @@ class WheelSession:
             return code or (velocity.StartVel_TimedVel(len(turning), turning) if turning else 0)
 
         self._sent, self._sent_s = speeds if self._engine.ask(_DRIVING, drive) else None, now_s
-        if turning and self._held_up(seen):  # the call itself must not take that long either
+        if turning and self._held_up(seen):  # the call itself must not exceed this time either
             self._sent = None
             self.quick_stop()
             return Applied(None, _HELD_UP)
         return Applied(self._sent, "" if self._sent is not None else self._engine.refusal(_DRIVING, self._engine.text))
 
     def _held_up(self, seen: StatusSnapshot) -> bool:
-        """True if the status is too old for a command, by the engine's own time, in which its wheels turn and stop."""
+        """True if the status is too old for a command by the engine's time, in which the wheels move."""
         now = self._engine.read()
         return now is None or now.engine_time_s - seen.engine_time_s > self._settings.follow_s
 
@@ -235,22 +235,22 @@ class WheelSession:
         return WheelPair(*snapshot.velocity_cmd[list(self._settings.axes)].tolist())
 
     def quick_stop(self) -> str:
-        """Stops both wheels in the engine, at once. Returns why it could not, an empty text if it could."""
+        """Stops both wheels in the engine at once. Returns the reason of a failure, or an empty text."""
         if self._engine.ask(
             _QUICK_STOP, lambda engine: engine.core_motion.velocity.ExecQuickStop_AxisSel(self._selection)
         ):
             return ""
-        # One of them is not in velocity mode: each in its own.
+        # If one wheel is not in velocity mode, each is stopped in its own mode.
         stopped = [self._engine.ask(_QUICK_STOP, requests.quick_stop(axis)) for axis in self._settings.axes]
         return "" if all(stopped) else self._engine.refusal(_QUICK_STOP, "no engine to stop")
 
     def standing(self, snapshot: StatusSnapshot) -> bool:
-        """Both wheels, commanded and measured."""
+        """True if both wheels stand, commanded and measured."""
         axes, slowest = list(self._settings.axes), self._settings.standstill_radps
         return not snapshot.velocity_cmd[axes].any() and bool((abs(snapshot.actual_velocity[axes]) <= slowest).all())
 
     def servos_off(self) -> None:
-        """Only for wheels that stand."""
+        """Switches the servos off. Only for standing wheels."""
         self._group.switch_off()
 
     # --- details -----------------------------------------------------------------------------------------------------
@@ -260,7 +260,7 @@ class WheelSession:
         return Stage.FAULT, text
 
     def _halt(self, snapshot: StatusSnapshot) -> None:
-        """A quick stop, unless both wheels rest or are in one already."""
+        """Requests a quick stop, unless both wheels are at rest or already in one."""
         states, details = snapshot.op_state, snapshot.flags[Flag.DETAIL_OP_STATE]
         if any(states[axis] != OperationState.Idle and details[axis] not in _HALTING for axis in self._settings.axes):
             self.quick_stop()

@@ -58,7 +58,7 @@ class TwistShaper:
         target, still = _twist(wheels, self._base), ZERO_TWIST
         self._twist, self._acceleration = approach(self._twist, self._acceleration, target, still, self._limits, dt_s)
         speeds = wheel_speeds(self._twist.vx, self._twist.omega, self._base, self._most_radps)
-        # A period longer than the step: then the next one arrives before this one is complete.
+        # If the period is longer than the step, the next one arrives before this one is complete.
         self._last = WheelCommand(speeds, dt_s + self._period_s)
         return self._last
 

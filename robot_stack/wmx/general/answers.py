@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from robot_stack.wmx.api import EngineState
 
 Explain = Callable[[int], str]
-"""The text of an error code, of the module that gave it."""
+"""The text of an error code, from the module that returned it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,13 +23,13 @@ def failure(what: str, code: int, explain: Explain) -> Answer:
 
 
 def joined(entries: Iterable[Answer]) -> Answer:
-    """The answer for several axes: every text followed by "; ", a success only if each is one."""
+    """The answer for several axes: every text followed by "; ", a success only if all are."""
     entries = list(entries)
     return Answer(all(entry.success for entry in entries), "".join(f"{entry.message}; " for entry in entries))
 
 
 def state_name(state: int) -> str:
-    """The engine state as the status service names it."""
+    """The engine state's name in the status service."""
     try:
         return EngineState(state).name
     except ValueError:

@@ -1,4 +1,4 @@
-"""The axis services: the requests to the engine, the waiting and the response of each.
+"""The axis services: for each, the requests to the engine, the wait and the response.
 
 Every axis is tried, even if an earlier one failed. A request that is invalid as a whole changes no axis.
 """
@@ -28,7 +28,7 @@ from robot_stack.wmx.general.worker import Job
 
 _MODES: Final = {0: "Position", 1: "Velocity"}
 _OK: Final = int(ErrorCode.PyNone)
-# Of a motion at velocity zero that was ended: it is at rest already, only its state must follow.
+# For the end of a motion at velocity zero, in which the axis is already at rest and only its state changes.
 _REST_S: Final = 0.5
 
 Steps = Generator[None, None, Answer]
@@ -64,7 +64,7 @@ class AxisServices:
         return joined(self._servo_entry(axis, on, codes) for axis, on in zip(index, data, strict=True))
 
     def clear_alarm(self, index: Sequence[int]) -> Job:
-        """Amplifier alarms, and the engine's own following error alarm, which has no other way to be cleared."""
+        """Clears amplifier alarms, and the engine's own following error alarm, which only this call can clear."""
         refusal = _refusal(index, {})
         if refusal:
             return refusal
@@ -102,7 +102,7 @@ class AxisServices:
         return self._each(index, {}, lambda _, axis: self._home(axis))
 
     def stop(self, index: Sequence[int]) -> Job:
-        """All at once, each with the deceleration of its running command; answers when they stand."""
+        """Stops all axes at once, each with its running command's deceleration; answers when they are at rest."""
         refusal = _refusal(index, {})
         if refusal:
             return refusal
@@ -178,9 +178,9 @@ class AxisServices:
         return self._entry(ended[axis], f"Homing axis {axis}", failed)
 
     def _rest(self, axis: int) -> Generator[None, None, int]:
-        """Ends a motion at velocity zero, which is how the documents stop an axis: the engine calls it a motion still.
+        """Ends a motion at velocity zero, by which the documents stop an axis: for the engine it is still in motion.
 
-        Only one that this node commanded; any other is left to the engine to refuse.
+        Only for motions that this node commanded; the engine refuses others.
         """
         code, snapshot = self._device.read()
         if snapshot is None or not 0 <= axis < snapshot.n_axes:

@@ -28,7 +28,7 @@ from robot_stack.wmx.general.requests import (
 )
 
 _TRAPEZOIDAL: Final = ("", "trapezoidal")
-# A time of zero would be a step, a velocity of zero a rest.
+# A time of zero would be a step, a velocity of zero would be rest.
 _SHORTEST_MS: Final = 1.0
 _SLOWEST_RADPS: Final = 1e-6
 _STATES: Final = {
@@ -116,7 +116,7 @@ def timed_velocity_commands(
 
 
 def _timed(axis: int, wanted: Profile, now: float, lifetime_s: float) -> Velocity_TimedVelCommand:
-    """acc and dec of a profile as the times that mean the same from the present velocity on."""
+    """acc and dec of a profile as equivalent times from the present velocity."""
     target = wanted.velocity
     falls = abs(now) if now * target < 0.0 else max(abs(now) - abs(target), 0.0)
     remaining_s = max(lifetime_s - falls / wanted.dec, 0.0)

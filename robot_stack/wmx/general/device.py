@@ -1,4 +1,4 @@
-"""The node's device on the engine: opened, lost, opened again; and the axes that it has set in motion."""
+"""The node's device on the engine: opened, reopened after a loss; and the axes that it has set in motion."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robot_stack.wmx.session import EngineSession, Events, Patience
 OpenEngine = Callable[[str | None, str], MotionEngine]
 """(path or None for the configured one, device name) -> an open device, without waiting. Raises EngineError."""
 
-# A command shows in the status in the next cycle; one more, because the status may be of the cycle before.
+# A command shows in the status in the next cycle; one more, because the status may be from the cycle before.
 SETTLED_CYCLES: Final = 2
 
 # The installation roots of the documents: they mean the engine of this machine.
@@ -68,7 +68,7 @@ class Device:
             self._session.poll(now_s)
 
     def open(self, path: str | None, name: str) -> EngineError | None:
-        """A device called ``name``; None if there is one now, else why not."""
+        """Opens a device called ``name``. Returns None if it is open, else the reason."""
         before = self.path, self.name
         self.path, self.name = path, name
         error = self._session.open()
@@ -176,7 +176,7 @@ class Device:
         return sorted(self._moved)
 
     def stop(self, axes: Sequence[int], snapshot: StatusSnapshot, *, quick: bool = False) -> dict[int, int]:
-        """Stops axes, each kind of them in one call. The code per axis; a refused group is tried axis by axis."""
+        """Stops axes, one call for each kind. Returns the code per axis; a refused group is retried axis by axis."""
         codes: dict[int, int] = {}
         for velocity in (False, True):
             group = [a for a in axes if (snapshot.command_mode[a] == AxisCommandMode.Velocity) == velocity]

@@ -13,7 +13,7 @@ from robot_stack.wmx.general.parameters import GeneralParams
 from robot_stack.wmx.general.waiting import Clock, Waits
 from robot_stack.wmx.general.worker import Job
 
-# Resolved by waiting: another client creates a device, or the engine is not ready for a moment.
+# Resolved by waiting: another client creates a device, or the engine is not ready yet.
 _PASSING = ABSENT - {ErrorCode.IMLibIsNotRunning}
 
 
@@ -102,7 +102,7 @@ class EngineServices:
         return Answer(True, "Communication is started")
 
     def _stop(self) -> Job:
-        """Every axis of the engine is stopped first: a bus that ends cuts motions off without a ramp."""
+        """Stops every axis first, because a bus that ends cuts motions off without a ramp."""
         device = self._device
         yield from self.stand(_moving, self._params.stop_timeout_s)
         code = device.call(lambda engine: engine.api.StopCommunication(0))

@@ -1,4 +1,4 @@
-"""Homing as the documents have it: the present position becomes home."""
+"""Homing as documented: the present position becomes home."""
 
 from __future__ import annotations
 

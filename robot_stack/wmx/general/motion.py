@@ -20,10 +20,10 @@ from robot_stack.wmx.general.requests import Refused
 
 
 class AxisMotion:
-    """Moves the axes of one device. Every method raises Refused, and then nothing has changed.
+    """Moves the axes of one device. Every method may raise Refused, which changes nothing.
 
-    velocity_timeout_s: 0, or how long a velocity holds without another message. The engine itself counts: that works
-    without this node too.
+    velocity_timeout_s: 0, or how long a velocity holds without another message. The engine counts this time, so that it
+    works without this node too.
     """
 
     def __init__(self, device: Device, velocity_timeout_s: float, limits: CommandLimits) -> None:

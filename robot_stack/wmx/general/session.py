@@ -20,7 +20,7 @@ from robot_stack.wmx.general.worker import EngineWorker
 
 _END_POLL_S = 0.005
 _END_CALLS_S = 3.0
-# Reporting period of a refusal that differs from the one before in measured values only.
+# Reporting period of a refusal that differs from the previous one only in measured values.
 _REPEATED_S = 1.0
 _FRACTIONS = re.compile(r"\d+\.\d+")
 

@@ -26,7 +26,7 @@ class Waits:
         timeout_s: float,
         late: int = CoreMotionErrorCode.WaitTimeout,
     ) -> Generator[None, None, dict[int, int]]:
-        """The code per axis, ``late`` for one that is not decided in time. A request made just before has shown."""
+        """The code per axis, ``late`` for an undecided one. First waits some cycles, so that earlier requests show."""
         pending, codes = list(axes), dict[int, int]()
         deadline_s = self._clock() + timeout_s
         since: int | None = None

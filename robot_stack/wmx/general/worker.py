@@ -1,7 +1,7 @@
 """The thread that owns the engine: no callback waits for an engine that is slow, starts or hangs.
 
-Orders run at once and in their order, between the ticks. A job is a generator: it makes its requests, yields while it
-waits for the drives, and returns its response; it continues at every tick, so that a long one blocks no other.
+Orders run at once and in their order, between the ticks. A job is a generator: it sends its requests, yields while it
+waits for the drives, and returns its response. It continues at every tick, so that a long job blocks no other.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class EngineWorker:
         self._thread.start()
 
     def order(self, order: Order, *, urgent: bool = False) -> None:
-        """Runs soon, an urgent one before all that wait. From any thread; does not wait."""
+        """Queues an order, an urgent one before all others. From any thread; does not wait."""
         with self._wake:
             if urgent:
                 self._orders.appendleft(order)
@@ -56,7 +56,7 @@ class EngineWorker:
             self._wake.notify()
 
     def ask(self, job: Callable[[], Job], done: Callable[[Answer], None]) -> None:
-        """Begins a job; ``done`` is called with its answer, in the thread."""
+        """Starts a job; ``done`` is called with its answer, in the thread."""
         self.order(lambda: self._begin(_Running(job(), done)))
 
     def end(self, timeout_s: float) -> None:
@@ -92,7 +92,7 @@ class EngineWorker:
                 return
             if order is not None:
                 order()
-            if time.monotonic() >= due_s:  # many orders do not starve the tick
+            if time.monotonic() >= due_s:  # many orders must not starve the tick
                 return
 
     def _begin(self, running: _Running) -> None:

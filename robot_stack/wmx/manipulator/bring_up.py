@@ -55,8 +55,8 @@ class BringUp:
     """Belongs to one thread. Times are steady seconds. ``progress`` and ``lines`` may be read from another."""
 
     def __init__(self, open_engine: OpenEngine, settings: BringUpSettings) -> None:
-        """open_engine: opens a device, waiting shortly at most; raises EngineError."""
-        # The rule of that step sets how often a device is tried: the session opens one on request.
+        """open_engine: opens a device after a short wait at most; raises EngineError."""
+        # That step's rule sets the retry period of a device: the session opens one on request.
         patience = Patience(retry_s=0.0, attempts=1, attempt_pause_s=0.0, probe_period_s=_PROBE_S)
         self._session = EngineSession(open_engine, patience, Events(lost=self._begin_anew))
         self._settings = settings
@@ -82,7 +82,7 @@ class BringUp:
             return None
         code, snapshot = engine.read_status()
         if self._up and not code and snapshot.communicating and snapshot.cycle_counter != self._cycle:
-            self._cycle, self._cycle_s = snapshot.cycle_counter, now_s  # nearly always: nothing else to be done
+            self._cycle, self._cycle_s = snapshot.cycle_counter, now_s  # usually nothing else is to be done
             return snapshot
         if not self._readable(engine, code, snapshot, now_s):
             return None
@@ -98,7 +98,7 @@ class BringUp:
         return snapshot
 
     def look(self, now_s: float) -> AxisFeedback | None:
-        """The joints' feedback while everything is as in the last ``poll``; None: ``poll`` again."""
+        """The joints' feedback while the state is as in the last ``poll``; None: call ``poll`` again."""
         engine = self._session.engine
         if not self._up or engine is None:
             return None
@@ -128,7 +128,7 @@ class BringUp:
         if code:
             self.status_problem = f"status: {engine.api.ErrorToString(code)} (error {code})"
             self._session.check_code(code)
-            self._session.probe(now_s)  # an engine that died leaves a status that only grows old
+            self._session.probe(now_s)  # the status of a dead engine only ages
             return False
         if snapshot.n_axes < self._settings.n_joints:
             self.status_problem = f"the engine has {snapshot.n_axes} axes, joint_number is {self._settings.n_joints}"
@@ -145,8 +145,8 @@ class BringUp:
         return True
 
     def _on_silence(self, snapshot: StatusSnapshot) -> None:
-        """The bus does not run. Lost by itself, it is restarted; stopped by a client, only that client restarts it. An
-        engine that does not distinguish the two, as the vendor's, counts as lost.
+        """Handles a bus that does not run. After a loss it is restarted; after a client's stop, only that client
+        restarts it. An engine that does not distinguish the two, like the vendor's, counts as lost.
         """
         self.status_problem = "no communication with the drives"
         if not is_past(self.progress.step, Step.COMMUNICATION):
@@ -190,7 +190,7 @@ class BringUp:
             self._report(line)
         if before is Step.COMMUNICATION and self.progress.step is not before and self._was_ready:
             # The engine still has its parameters. Servos that a fault or a client switched off stay off: only a start
-            # switches them on, not a restored cable contact.
+            # switches them on, not a restored connection.
             self.progress = Progress(Step.READY)
         self._was_ready = self._was_ready or self.progress.step is Step.READY
 

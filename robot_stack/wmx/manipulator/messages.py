@@ -10,14 +10,14 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 
-_ENCAPSULATION = b"\x00\x01\x00\x00"  # CDR_LE, no options; alignment counts from behind it
+_ENCAPSULATION = b"\x00\x01\x00\x00"  # CDR_LE, no options; alignment counts from its end
 _STAMP = struct.Struct("<iI")
 _STAMP_AT = len(_ENCAPSULATION)
 _NS_PER_S = 1_000_000_000
 
 
 class JointStateBytes:
-    """A sensor_msgs/JointState: empty frame_id, the given names, as many positions and velocities, empty effort."""
+    """A sensor_msgs/JointState: empty frame_id, the given names, their positions and velocities, empty effort."""
 
     def __init__(self, names: Sequence[str]) -> None:
         out = _Writer()
@@ -33,12 +33,12 @@ class JointStateBytes:
         self._row = struct.Struct(f"<{len(names)}d")
 
     def put(self, position: Sequence[float], velocity: Sequence[float]) -> None:
-        """One value per name, rad and rad/s. Raises struct.error for another number of them."""
+        """One value per name, rad and rad/s. Raises struct.error for a wrong number of values."""
         self._row.pack_into(self._data, self._position_at, *position)
         self._row.pack_into(self._data, self._velocity_at, *velocity)
 
     def stamped(self, stamp_ns: int) -> bytes:
-        """The message with its values as they are now; 0 is an unset stamp."""
+        """The message with its present values; 0 is an unset stamp."""
         seconds, nanoseconds = divmod(stamp_ns, _NS_PER_S)
         _STAMP.pack_into(self._data, _STAMP_AT, seconds, nanoseconds)
         return bytes(self._data)
@@ -56,7 +56,7 @@ class ArrayBytes:
         self._row = struct.Struct(f"<{size}d")
 
     def filled(self, values: Sequence[float]) -> bytes:
-        """The message with ``values``. Raises struct.error for another number of them."""
+        """The message with ``values``. Raises struct.error for a wrong number of values."""
         self._row.pack_into(self._data, self._data_at, *values)
         return bytes(self._data)
 
@@ -78,7 +78,7 @@ class _Writer:
         self.data += encoded
 
     def doubles(self, count: int) -> int:
-        """A sequence of ``count`` zeros. Returns where the first one lies; without elements nothing is aligned."""
+        """A sequence of ``count`` zeros. Returns the offset of the first one; without elements nothing is aligned."""
         self.length(count)
         if count:
             self._align(8)

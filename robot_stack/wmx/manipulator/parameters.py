@@ -27,7 +27,7 @@ class StepParams(Config):
 
 
 class StartParams(Config):
-    """The steps of the start that can fail. poll_s: between two looks while there is nothing to publish."""
+    """The steps of the start that can fail. poll_s: period of polls while there is nothing to publish."""
 
     poll_s: Positive
     device: StepParams
@@ -118,5 +118,5 @@ class ManipulatorStateParams(Config):
 
 
 def set_or_empty(name: str) -> str:
-    """``name``, or "" for the documented ways of not setting it: empty, ``no_param``, ``/<parameter>/no_param``."""
+    """``name``, or "" for the documented forms of an unset name: empty, ``no_param``, ``/<parameter>/no_param``."""
     return "" if name.rpartition("/")[2] in ("", _UNSET) else name

@@ -32,13 +32,13 @@ NEXT = dict(zip(_ORDER, (*_ORDER[1:], Step.READY), strict=True))
 
 
 def is_past(step: Step, other: Step) -> bool:
-    """``step`` comes after ``other``."""
+    """True if ``step`` comes after ``other``."""
     return _PLACE[step] > _PLACE[other]
 
 
 class Result(Enum):
     DONE = auto()
-    ASKED = auto()  # not refused; whether it has come about is to be looked at
+    ASKED = auto()  # accepted; its effect must be checked
     REFUSED = auto()
     HELD = auto()  # not permitted now, not a failure of this step
 
@@ -93,7 +93,7 @@ class Progress:
 
     @property
     def waiting(self) -> bool:
-        """Asked for; to be looked at."""
+        """True if the step was requested and its effect must be checked."""
         return not math.isnan(self.asked_s)
 
     def due(self, now_s: float) -> bool:
@@ -107,7 +107,7 @@ HOLD_S = 0.1
 
 
 def back_to(step: Step, text: str) -> Progress:
-    """Something that was reached is lost: on from ``step``, at once."""
+    """Continues from ``step`` at once after the loss of an earlier result."""
     return Progress(step, text=text)
 
 

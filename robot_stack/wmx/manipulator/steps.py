@@ -16,7 +16,7 @@ _DONE = Outcome(Result.DONE)
 class StartupRequests:
     """Sends requests to one engine; records what it has switched on and started, to be undone at its end.
 
-    tell: logs lines. names: of the joints; joint j is axis j.
+    tell: function that logs lines. names: of the joints; joint j is axis j.
     """
 
     def __init__(
@@ -31,10 +31,10 @@ class StartupRequests:
         self._stopping = False
         self.bus_is_others = False
 
-    # --- asking ------------------------------------------------------------------------------------------------------
+    # --- requests ----------------------------------------------------------------------------------------------------
 
     def scan(self, snapshot: StatusSnapshot) -> Outcome:
-        """A running network is not scanned, because that would disturb it and it is known already. A failed scan is
+        """A running network is not scanned, because a scan would disturb it and it is already known. A failed scan is
         only logged: communication starts with the configured network.
         """
         if snapshot.communicating:
@@ -113,7 +113,7 @@ class StartupRequests:
             self._switched_on.add(axis)
         return _ASKED
 
-    # --- looking -----------------------------------------------------------------------------------------------------
+    # --- checks ------------------------------------------------------------------------------------------------------
 
     def look(self, step: Step, snapshot: StatusSnapshot) -> Outcome:
         """Checks the effect of ``step``'s request."""

@@ -37,7 +37,7 @@ _END_POLL_S = 0.02
 
 
 class DiffDriveControllerNode(StackNode):
-    """A twist is stored when it comes; a tick looks at the engine once, drives the wheels and reports them."""
+    """Stores each received twist; a tick reads the engine once, drives the wheels and reports them."""
 
     def __init__(self) -> None:
         super().__init__("diff_drive_controller", DiffDriveParams)
@@ -109,7 +109,7 @@ class DiffDriveControllerNode(StackNode):
     def _report_motion(self, snapshot: StatusSnapshot) -> None:
         speeds = self._axes.wheels(snapshot.actual_velocity)
         self._outputs.wheels(speeds)
-        age_s = self.age_s(snapshot.age_s(round(1e9 * self.monotonic_s())))  # since the engine took the reading
+        age_s = self.age_s(snapshot.age_s(round(1e9 * self.monotonic_s())))  # since the engine's reading
         stamp = time_from_s(self.now_s() - age_s)
         odometry = self._travelled(snapshot) if self.params.publish_pose else None
         self._outputs.odometry(body_twist(speeds, self._base), odometry, stamp)

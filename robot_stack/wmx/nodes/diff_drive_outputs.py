@@ -26,7 +26,7 @@ class DiffDriveOutputs:
         self._frames = params.odom_frame, params.base_frame
         self._measured = OdometryMessage(
             child_frame_id=params.base_frame
-        )  # one for all ticks: most of it never changes
+        )  # reused by all ticks, because most of it never changes
         self._measured.header.frame_id = params.odom_frame
         self._measured.twist.covariance = twist_covariance(params.odometry)
         self._echo = self._optional(topics.WMX_CMD_VEL_CHECK, params.encoder_vel_topic)

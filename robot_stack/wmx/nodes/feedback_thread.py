@@ -59,7 +59,7 @@ class FeedbackThread:
         self._thread.start()
 
     def end(self) -> bool:
-        """Returns when the device is given back, at the latest when the time for it is over: then False."""
+        """Returns True when the device is closed, or False on timeout."""
         self._ended = True
         if self._thread.is_alive():
             self._thread.join(self._end_timeout_s + _JOIN_MARGIN_S)

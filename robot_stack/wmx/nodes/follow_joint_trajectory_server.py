@@ -22,11 +22,11 @@ from robot_stack.wmx.trajectory.results import Fault, GoalCode, GoalRefused, Out
 _NAME = "follow_joint_trajectory_server"
 _EMERGENCY = Fault(CoreMotionErrorCode.EmergencyStopSignalOn, "emergency stop")
 _SHUTDOWN = Fault(GoalCode.INVALID_GOAL, "the trajectory server ends")
-_LAST_ANSWER_S = 0.05  # an answer goes through three tasks of the executor, one after another
+_LAST_ANSWER_S = 0.05  # an answer passes through three successive tasks of the executor
 
 
 class FollowJointTrajectoryServerNode(StackNode):
-    """A goal starts in its callback; one tick monitors the motion. Nothing here blocks."""
+    """A goal starts in its callback; one tick monitors the motion. No call blocks."""
 
     def __init__(self) -> None:
         super().__init__(_NAME, TrajectoryServerParams)
@@ -88,7 +88,7 @@ class FollowJointTrajectoryServerNode(StackNode):
         self.set_health(not missing, missing or ("emergency stop" if self.emergency_stop else "ready"))
 
     def _report(self, now_s: float) -> None:
-        """Feedback of the goal under way, at its rate."""
+        """Publishes feedback of the active goal at its rate."""
         if self._goals.active is None:
             return
         job, execution = self._goals.active
@@ -102,7 +102,7 @@ class FollowJointTrajectoryServerNode(StackNode):
     # --- gripper -----------------------------------------------------------------------------------------------------
 
     def _set_gripper(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        """The gripper is a motion too: none during an emergency stop."""
+        """Refused during an emergency stop, because the gripper is a motion too."""
         fault: Fault | None = _EMERGENCY
         if not self.emergency_stop:
             byte, bit = self.params.gripper_output_byte, self.params.gripper_output_bit
@@ -119,7 +119,7 @@ class FollowJointTrajectoryServerNode(StackNode):
     # --- end ---------------------------------------------------------------------------------------------------------
 
     def safe_output(self) -> None:
-        """The arm to a stand, its goals answered, the device given back."""
+        """Stops the arm, answers its goals and closes the device."""
         self._leaving = True
         watch = self.params.watch
         try:

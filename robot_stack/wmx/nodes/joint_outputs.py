@@ -45,7 +45,7 @@ class JointOutputs:
             self._gazebo.send(self._array.filled(positions))
 
     def close(self) -> None:
-        """Before the node is destroyed, once nothing is sent any more."""
+        """Call before the node is destroyed, after the last message."""
         for sender in (self._encoder, self._isaac, self._gazebo):
             if sender is not None:
                 sender.close()

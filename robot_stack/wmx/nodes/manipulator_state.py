@@ -1,4 +1,4 @@
-"""manipulator_state: brings the manipulator's joints up and publishes where they are."""
+"""manipulator_state: starts the manipulator's joints and publishes their positions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robot_stack.wmx.nodes.joint_outputs import JointOutputs
 
 _REPORT_HZ = 10.0
 _COMPLAIN_S = 5.0
-_CONNECT_S = 0.3  # others create devices at the same moment; the thread has the time to let them
+_CONNECT_S = 0.3  # other nodes create devices at the same time; this thread can wait for them
 
 
 class ManipulatorStateNode(StackNode):
@@ -119,7 +119,7 @@ class ManipulatorStateNode(StackNode):
     # --- end ---------------------------------------------------------------------------------------------------------
 
     def safe_output(self) -> None:
-        """Joints stopped, servos off that were switched on here, the device given back."""
+        """Stops the joints, switches off the servos switched on here, and closes the device."""
         ended = self._feedback.end()
         self._log_lines()
         if ended:

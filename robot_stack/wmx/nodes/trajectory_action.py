@@ -1,4 +1,4 @@
-"""The action FollowJointTrajectory: every goal is accepted, and answered by the result of its execution."""
+"""The action FollowJointTrajectory: every goal is accepted; its execution's result is the answer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robot_stack.wmx.trajectory.results import Outcome, Result
 
 
 class Job:
-    """A goal that is being worked on."""
+    """An active goal."""
 
     def __init__(self, goal: ActionGoal, ended: Callable[[Job], None]) -> None:
         self.goal = goal
@@ -44,11 +44,11 @@ class TrajectoryAction:
 
     @property
     def busy(self) -> bool:
-        """A goal has not been answered yet."""
+        """True while a goal has no answer yet."""
         return bool(self._jobs)
 
     def look_for_cancellations(self) -> None:
-        """A cancellation that is accepted takes effect after its callback: only then may the goal end as canceled."""
+        """A cancellation takes effect after its callback; only then may the goal end as canceled."""
         for job in list(self._jobs.values()):
             if job.goal.is_cancel_requested:
                 self._cancel(job)

@@ -41,7 +41,7 @@ def result_to_msg(result: Result) -> FollowJointTrajectory.Result:
 
 
 def feedback_to_msg(sample: Sample, joints: tuple[str, ...], order: tuple[int, ...], stamp: Time) -> Any:
-    """The joints in the order in which the goal names them."""
+    """The joints in the goal's order."""
     columns = list(order)
     time_from_start = _duration(max(0.0, sample.time_s))
 

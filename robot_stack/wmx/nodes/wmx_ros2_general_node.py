@@ -25,7 +25,7 @@ _WATCH_HZ = 20.0
 
 
 class WmxRos2GeneralNode(StackNode):
-    """Messages and requests go to the engine's thread; its responses return when the drives have finished."""
+    """Passes messages and requests to the engine's thread; responses return when the drives have finished."""
 
     def __init__(self) -> None:
         super().__init__("wmx_ros2_general_node", GeneralParams)
@@ -117,7 +117,7 @@ class WmxRos2GeneralNode(StackNode):
             )
         if session.stopped and not self.emergency_stop:
             session.release()
-        # Without communication as well: to start it is one of the services.
+        # Also without communication, because starting it is one of the services.
         stopped = ", emergency stop" if session.stopped else ""
         self.set_health(not session.problem, session.problem or f"ready, the engine is {session.state}{stopped}")
         self.report.values = {"refused commands": str(session.refused), "last refusal": session.last_refusal}

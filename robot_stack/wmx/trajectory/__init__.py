@@ -1,1 +1,1 @@
-"""Joint trajectories on the motion engine: goals checked, timed, executed as one spline, watched to standstill."""
+"""Joint trajectories on the motion engine: goals are checked, timed, executed as one spline, and monitored to rest."""

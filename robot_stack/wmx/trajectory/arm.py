@@ -48,18 +48,18 @@ class Blind:
 
 
 class Arm(Protocol):
-    """Requests are carried out or refused at once; a refusal is returned."""
+    """Requests are executed or refused at once; a refusal is returned."""
 
     def start(self, spline: ClampedSpline) -> Fault | None:
         """Starts the spline; its first point is the present position."""
         ...
 
     def stop(self) -> Fault | None:
-        """All axes to standstill, along the path."""
+        """Stops all axes along the path."""
         ...
 
     def quick_stop(self) -> Fault | None:
-        """All axes to standstill as fast as they are allowed to."""
+        """Stops all axes at their quick-stop deceleration."""
         ...
 
 
@@ -86,7 +86,7 @@ def arm_state(snapshot: StatusSnapshot, n_joints: int) -> ArmState:
 
 
 def fault_of(state: ArmState, joints: tuple[str, ...]) -> Fault | None:
-    """Why this arm cannot start or continue a motion; None if it can."""
+    """The reason if this arm cannot start or continue a motion, else None."""
     if not state.communicating:
         return Fault(ErrorCode.CommNotStarted, "no communication with the drives")
     if state.emergency_stop:
@@ -101,7 +101,7 @@ def fault_of(state: ArmState, joints: tuple[str, ...]) -> Fault | None:
 
 
 def not_ready(state: ArmState, joints: tuple[str, ...]) -> Fault | None:
-    """Why a motion cannot start; None if it can."""
+    """The reason if a motion cannot start, else None."""
     fault = fault_of(state, joints)
     if fault is not None:
         return fault
@@ -113,7 +113,7 @@ def not_ready(state: ArmState, joints: tuple[str, ...]) -> Fault | None:
 
 
 def end_fault(state: ArmState, joints: tuple[str, ...]) -> Fault:
-    """Why an incomplete motion ended."""
+    """The reason for the end of an incomplete motion."""
     for axis in np.flatnonzero(state.end_reason):
         code = int(state.end_reason[axis])
         return Fault(code, f"{joints[axis]}: stopped by the engine, {error_name(code)}")

@@ -34,7 +34,7 @@ class EngineArm:
     def __init__(self, session: EngineSession, n_joints: int, max_points: int) -> None:
         self._session = session
         self._n_joints = n_joints
-        self._buffer_points = max_points + 1  # the present position comes before the goal's points
+        self._buffer_points = max_points + 1  # the present position precedes the goal's points
         self._buffered_connection = 0
         self._waiting = session.text
         self._snapshot: StatusSnapshot = empty_snapshot()
@@ -137,7 +137,7 @@ class EngineArm:
         return code
 
     def _create_buffer(self, engine: MotionEngine) -> int:
-        """A buffer that an earlier server left behind is used if it is large enough."""
+        """Creates the buffer, or uses a large enough one of an earlier server."""
         splines = engine.advanced_motion.advMotion
         code = splines.CreateSplineBuffer(_CHANNEL, self._buffer_points)
         if code != CoreMotionErrorCode.ChannelBufferMemoryAlreadyAllocated:

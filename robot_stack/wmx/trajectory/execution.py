@@ -61,7 +61,7 @@ class Execution:
         self._arm, self._settings = arm, settings
         self._result: Result | None = None
         self._start_at_s = now_s + goal.start_in_s
-        self._now = Moment(self._start_at_s, 0.0)  # of the last status
+        self._now = Moment(self._start_at_s, 0.0)  # time of the last status
         self._spline = ClampedSpline(np.array([0.0, 1.0]), np.zeros((2, len(settings.joints))))
         self._began = self._settling_since = self._now
         self._delay_s = 0.0

@@ -58,8 +58,8 @@ class GoalLimits:
 
 @dataclass(frozen=True, slots=True)
 class CheckedGoal:
-    """points: columns in the order of the axes; there may be none. order: the axis column of each joint as the goal
-    names them. start_in_s: how long the start is away; late_s: how long ago it was.
+    """points: columns in the order of the axes; may be empty. order: the axis column of each joint in the goal's order.
+    start_in_s: time until the start; late_s: time since the start.
     """
 
     points: Waypoints
@@ -178,7 +178,7 @@ def _check_presence(points: Sequence[Point]) -> None:
 
 
 def _check_end(points: Waypoints, joints: tuple[str, ...]) -> None:
-    """The engine's spline ends at rest."""
+    """The last point must be at rest, because the engine's spline ends at rest."""
     if points.velocities is None:
         return
     axis = int(np.argmax(np.abs(points.velocities[-1])))
@@ -191,7 +191,7 @@ def _check_end(points: Waypoints, joints: tuple[str, ...]) -> None:
 
 
 def _start_in_s(stamp_s: float, duration_s: float, max_delay_s: float, now_s: float) -> float:
-    """Negative if it has passed."""
+    """Negative if the start has passed."""
     if stamp_s == 0.0:
         return 0.0
     if stamp_s + duration_s < now_s:

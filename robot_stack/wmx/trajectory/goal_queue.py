@@ -1,7 +1,7 @@
-"""One goal at a time: a newer goal stops the present one when its own start is due, and begins from rest.
+"""One goal at a time: a newer goal stops the present one when its own start is due, and starts from rest.
 
-A newer goal that cannot be planned leaves the present one alone. It is planned twice: when it comes, from the place
-where the present one will be at its start, and then from the place where the joints stand.
+A newer goal that cannot be planned does not affect the present one. It is planned twice: on arrival, from the expected
+position of the joints at its start, and then from their position at rest.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ _PREEMPTED = aborted(Fault(GoalCode.INVALID_GOAL, "preempted by a newer goal"))
 
 
 class GoalQueue(Generic[KeyT]):
-    """The goal that has the arm, and the newest one that waits for it to stand. Times are steady seconds.
+    """The active goal, and the newest goal that waits for the arm to stand. Times are steady seconds.
 
-    end: called with the key and the result of every goal that was submitted, once.
+    end: called once with the key and the result of every submitted goal.
     """
 
     def __init__(self, arm: Arm, settings: ExecutionSettings, end: Callable[[KeyT, Result], None]) -> None:
@@ -55,7 +55,7 @@ class GoalQueue(Generic[KeyT]):
             self._active[1].stop(now_s, canceled("canceled"))
 
     def stop_all(self, fault: Fault, now_s: float) -> None:
-        """Ends everything for ``fault``, as fast as the axes can."""
+        """Ends all goals for ``fault``, as fast as the axes can."""
         if self._next is not None:
             key, self._next = self._next[0], None
             self._end(key, aborted(fault))
@@ -85,7 +85,7 @@ class GoalQueue(Generic[KeyT]):
         return asked_s + goal.start_in_s
 
     def _refusal(self, goal: CheckedGoal, now_s: float, status: ArmState | Blind) -> Fault | None:
-        """Why a goal that arrives during another one is rejected."""
+        """The reason if a goal that arrives during another one is rejected."""
         if self._active is None or isinstance(status, Blind) or not len(goal.points):
             return None
         start = self._active[1].place_at(self._due_s(goal, now_s), status)

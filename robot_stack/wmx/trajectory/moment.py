@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-# An engine whose clock stands or crawls is late all the same, by this share of the steady time.
+# Timeouts also run while the engine's clock stands or crawls, at this share of the steady time.
 _SLOWEST = 0.1
 
 

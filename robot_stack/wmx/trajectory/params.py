@@ -20,7 +20,7 @@ _BUSIEST_HZ = 500.0
 
 
 class StartParams(Config):
-    """Limits of a trajectory before it starts; see ``PlanLimits``. A limit of 0 is no limit, but for catching up."""
+    """Limits of a trajectory before it starts; see ``PlanLimits``. A limit of 0 means none, except for catching up."""
 
     same_position_rad: NotNegative
     max_deviation_rad: NotNegative

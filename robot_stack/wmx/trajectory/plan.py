@@ -23,14 +23,14 @@ from robot_stack.wmx.trajectory.waypoints import (
 FloatArray = NDArray[np.float64]
 
 _SHORTEST_LAST_S = 1e-3  # documented: a last point less than 1 ms after the one before is ignored
-_SHORTEST_GAP_S = 2e-6  # the engine refuses 1e-3 ms; twice that is beyond any rounding
-# Of two points closer than 1e-6 the engine drops the later, with its time.
+_SHORTEST_GAP_S = 2e-6  # the engine refuses 1e-3 ms; twice that exceeds any rounding
+# The engine drops the later of two points closer than 1e-6, with its time.
 _SAME_RAD = 1e-6
-# A point that repeats the one before is a pause: moved by this it stays, and with it the time at which the motion
+# A point that repeats the previous one is a pause: shifted by this it is kept, and so is the time at which the motion
 # continues. Only for long pauses, where the shift causes no acceleration (6 * 2e-6 / 0.1^2 = 0.001 rad/s^2).
 _SHIFT_RAD = 2e-6
 _SHORTEST_PAUSE_S = 0.1
-_SAMPLED_PAUSE_S = 0.004  # likewise between sampled points of a curve, where the ends of a pause matter more
+_SAMPLED_PAUSE_S = 0.004  # the same between sampled points of a curve, where the ends of a pause matter more
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ def plan_spline(
 
 
 def _check_start(points: Waypoints, present: FloatArray, joints: tuple[str, ...], limit_rad: float) -> None:
-    """A first point at time 0 leaves no time to get to it, and none to get to its velocity."""
+    """Checks a first point at time 0, which leaves no time to reach its position and velocity."""
     if points.times_s[0] != 0.0:
         return
     deviation = np.abs(points.positions[0] - present)
@@ -107,9 +107,9 @@ def _check_start(points: Waypoints, present: FloatArray, joints: tuple[str, ...]
 
 
 def _with_start(points: Waypoints, present: FloatArray, same_rad: float) -> Waypoints:
-    """The present position at time 0 in the place of the first point, or before it.
+    """Replaces the first point by the present position at time 0, or prepends it.
 
-    A first point at time 0 leaves no time to get to it: the engine starts where it is and passes over that point.
+    A first point at time 0 leaves no time to reach it: the engine starts at the present position and skips that point.
     """
     near = np.abs(points.positions[0] - present).max() <= same_rad
     rests = points.velocities is None or np.abs(points.velocities[0]).max() <= STANDS_RADPS
@@ -122,7 +122,7 @@ def _with_start(points: Waypoints, present: FloatArray, same_rad: float) -> Wayp
 
 
 def _without_last(points: Waypoints) -> Waypoints:
-    """Ends at rest all the same."""
+    """The points without the last one, with rest at the end."""
     shorter = points.rows(slice(None, -1))
     velocities = None if shorter.velocities is None else shorter.velocities.copy()
     if velocities is not None:
@@ -131,12 +131,12 @@ def _without_last(points: Waypoints) -> Waypoints:
 
 
 def _caught_up(points: Waypoints, late_s: float, limits: PlanLimits) -> Waypoints:
-    """From the present position to the first point that can be reached in time, and on from there."""
+    """The points from the present position to the first one that can be reached in time, and onwards."""
     ahead = points.rows(slice(int(np.searchsorted(points.times_s, late_s + _SHORTEST_LAST_S)), None))
     velocities = knot_velocities(points)[len(points) - len(ahead) :]
     present = points.positions[0]
     if not np.abs(points.positions - present).max():
-        return points  # stands anyway
+        return points  # at rest in any case
     own, curve = np.diff(points.times_s), curve_of(points)
     allowed = np.maximum(
         limits.catch_up_ratio * peak_accelerations(own, curve.c).max(axis=0), limits.catch_up_acceleration_radps2
@@ -157,7 +157,7 @@ def _caught_up(points: Waypoints, late_s: float, limits: PlanLimits) -> Waypoint
 
 
 def _engine_points(points: Waypoints, limits: PlanLimits) -> tuple[FloatArray, FloatArray]:
-    """Positions alone are the engine's own spline, as documented; other curves are sent as more points."""
+    """Positions alone use the engine's spline, as documented; other curves are sent as more points."""
     if points.velocities is None or len(points) < 2:
         return _acceptable(points.positions, points.times_s)
     within = partial(_acceptable, shortest_pause_s=_SAMPLED_PAUSE_S)
@@ -167,8 +167,8 @@ def _engine_points(points: Waypoints, limits: PlanLimits) -> tuple[FloatArray, F
 def _acceptable(
     rows: FloatArray, times: FloatArray, shortest_pause_s: float = _SHORTEST_PAUSE_S
 ) -> tuple[FloatArray, FloatArray]:
-    """Without the points that the engine would refuse or drop; pauses in between are kept."""
-    anchor = rows[0]  # the place where the motion stands while points repeat it
+    """Drops the points that the engine would refuse or drop; pauses in between are kept."""
+    anchor = rows[0]  # the position that repeated points hold
     kept_rows, kept_times, stands = [anchor], [float(times[0])], [False]
     for row, time_s in zip(rows[1:], times[1:].tolist(), strict=True):
         gap_s = time_s - kept_times[-1]
@@ -181,7 +181,7 @@ def _acceptable(
         kept_rows.append(anchor + _SHIFT_RAD if repeats and kept_rows[-1] is anchor else anchor)
         kept_times.append(time_s)
         stands.append(repeats)
-    while stands[-1]:  # the engine stands at the end anyway
+    while stands[-1]:  # the engine stands at the end in any case
         for kept in (kept_rows, kept_times, stands):
             kept.pop()
     return np.array(kept_rows), np.array(kept_times)

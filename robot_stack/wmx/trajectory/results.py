@@ -25,7 +25,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Why a goal cannot continue. code: a GoalCode or a code of the engine."""
+    """The reason why a goal cannot continue. code: a GoalCode or a code of the engine."""
 
     code: int
     text: str
@@ -39,7 +39,7 @@ class Result:
 
 
 class GoalRefused(Exception):
-    """A goal that is invalid in itself."""
+    """An invalid goal."""
 
     def __init__(self, code: int, text: str) -> None:
         super().__init__(text)

@@ -1,7 +1,7 @@
-"""A curve as points that the engine's spline can follow: that spline takes positions at times and nothing else.
+"""A curve as points for the engine's spline, which accepts only positions at times.
 
-At rest at both ends and through all points, it is within the fourth power of their distance of a smooth curve, and
-within the square where accelerations jump, as they do between cubics. So points are put in where it is not near enough.
+That spline, at rest at both ends, deviates from a smooth curve by the order of the points' distance to the fourth, or
+squared where accelerations jump, as between cubics. Points are inserted where the deviation is too large.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from robot_stack.wmx.trajectory.waypoints import Waypoints, curve_of
 FloatArray = NDArray[np.float64]
 Acceptable = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
-_FIRST_STEP_S, _FIRST_STEPS = 0.04, 8  # between two points of the goal: no shorter and no more to begin with
+_FIRST_STEP_S, _FIRST_STEPS = 0.04, 8  # between two points of the goal: least step and largest number initially
 _LAST_STEP_S = 1e-3  # the engine's cycle: the drives' time resolution
-_LOOKS = np.array([0.0, 0.25, 0.5, 0.75])  # places from one point to the next at which the deviation is looked for
+_LOOKS = np.array([0.0, 0.25, 0.5, 0.75])  # places between two points at which the deviation is checked
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,10 @@ from robot_stack.wmx.trajectory.plan import PlanLimits
 
 @dataclass(frozen=True, slots=True)
 class ExecutionSettings:
-    """start_timeout_s: until a started motion shows. end_timeout_s: after the spline's time, until the engine is at
-    its end. status_timeout_s: without a status. standstill_radps, standstill_s: joints slower than this for this long
-    stand. stop_timeout_s: beyond the longest time of the spline's own stop; quick_stop_timeout_s: of the quick stop
-    that is requested then.
+    """start_timeout_s: until a started motion shows. end_timeout_s: after the spline's time, until the engine is at its
+    end. status_timeout_s: without a status. standstill_radps, standstill_s: joints stand if they are slower for this
+    long. stop_timeout_s: in addition to the longest time of the spline's own stop; quick_stop_timeout_s: of the quick
+    stop that is requested then.
     """
 
     joints: tuple[str, ...]

@@ -10,7 +10,7 @@ FloatArray = NDArray[np.float64]
 
 
 class ClampedSpline:
-    """times_s: (n,) strictly increasing, n >= 2. positions: (n, joints) rad. Before and after it, it stands."""
+    """times_s: (n,) strictly increasing, n >= 2. positions: (n, joints) rad. At rest before and after it."""
 
     def __init__(self, times_s: FloatArray, positions: FloatArray) -> None:
         self.times_s, self.positions = times_s, positions
@@ -51,8 +51,8 @@ class ClampedSpline:
         return fastest
 
     def longest_stop_s(self) -> float:
-        """Longest time of a stop along the path: the engine stops a spline at about its greatest acceleration,
-        of all joints together (WMX3 API reference, StartCSplinePos). Twice, as the path bends.
+        """Longest time of a stop along the path: the engine stops a spline at about its greatest acceleration, of all
+        joints together (WMX3 API reference, StartCSplinePos). Twice that, because the path bends.
         """
         a3, a2, _, _ = self._curve.c
         h = np.diff(self.times_s)[:, None]

@@ -19,7 +19,7 @@ class Stopping:
     def __init__(
         self, arm: Arm, settings: ExecutionSettings, ending: Result, now: Moment, *, quick: bool, own_s: float
     ) -> None:
-        """own_s: how long the stop of this spline may take by itself; a gentle one is stopped gently."""
+        """own_s: duration of the spline's own stop; a gentle one is stopped gently."""
         self.ending = ending
         self._own_s = own_s
         self._arm, self._settings = arm, settings
@@ -44,7 +44,7 @@ class Stopping:
             self.ending = ending
 
     def look(self, now: Moment, state: ArmState) -> Result | None:
-        """The result, once the axes stand or should have."""
+        """The result once the axes stand or their timeout has expired, else None."""
         fault = fault_of(state, self._settings.joints)
         if fault is not None:
             self.replace(aborted(Fault(fault.code, f"{self.ending.text}; while stopping: {fault.text}")))
@@ -61,7 +61,7 @@ class Stopping:
         return None
 
     def _stood(self, now: Moment) -> Result | None:
-        """A joint that swings back is at rest for a moment only."""
+        """Requires standstill for some time, because a joint that swings back rests only for a moment."""
         since = self._stands_since = self._stands_since or now
         if now.since(since) < self._settings.standstill_s:
             return None

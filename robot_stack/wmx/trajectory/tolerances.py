@@ -71,7 +71,7 @@ def resolve(
 def violation(
     tolerances: Tolerances, position_error: FloatArray, velocity_error: FloatArray, joints: tuple[str, ...]
 ) -> str:
-    """The joint that is furthest out of its tolerance, in words; an empty text if none is."""
+    """Description of the joint furthest out of its tolerance; empty if there is none."""
     worst, text = 1.0, ""
     for what, unit, errors, limits in (
         ("position", "rad", position_error, tolerances.position),

@@ -1,8 +1,8 @@
 """The points of a trajectory, in the order of the axes, and their curve.
 
-As in ros2_controllers' joint_trajectory_controller: positions and velocities make a cubic between two
-points, accelerations as well a quintic. Positions alone make one cubic spline, at rest at both ends, as the interface
-document of this server requires.
+As in ros2_controllers' joint_trajectory_controller, positions and velocities make a cubic between two points, and with
+accelerations a quintic. Positions alone make one cubic spline, at rest at both ends, as the interface document of this
+server requires.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ STANDS_RADPS = float(np.finfo(np.float32).eps)
 """Velocity below which joint_trajectory_controller assumes zero."""
 
 _LOOKS = 17
-"""Places of a segment at which a greatest acceleration is looked for."""
+"""Places in a segment at which the greatest acceleration is searched for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +63,8 @@ class Waypoints:
         )
 
     def unwrapped(self, present: FloatArray, continuous: tuple[int, ...]) -> Waypoints:
-        """Continuous joints moved by whole turns, so that the first point is the shortest way off; half a turn is gone
-        in the direction in which the goal counts.
+        """Moves continuous joints by whole turns, so that the first point is the shortest way off; half a turn is gone
+        in the direction of the goal's values.
         """
         if not continuous or not len(self):
             return self

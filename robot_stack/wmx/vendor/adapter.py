@@ -103,7 +103,7 @@ class CoreMotion(Module):
         self.config = Config(theirs.config, records)
 
     def snapshot(self, io: InputsOutputs) -> tuple[int, StatusSnapshot]:
-        """The status as arrays, with the I/O bytes. StatusChannelError: the engine does not cycle any more."""
+        """The status as arrays, with the I/O bytes. StatusChannelError: the engine has stopped cycling."""
         code, status, stamp_ns = self._latest()
         if code:
             return code, empty_snapshot()
@@ -112,7 +112,7 @@ class CoreMotion(Module):
         return code, self._reader.read(status, inputs, outputs, stamp_ns, self._age.epoch)
 
     def _latest(self) -> tuple[int, Any, int]:
-        """Code, the vendor's status, and when its engine was last seen to cycle."""
+        """Code, the vendor's status, and the time of its engine's last observed cycle."""
         code, *rest = self.theirs.GetStatus()
         if code:
             return self.records.errors.ours(int(code)), None, 0
@@ -124,14 +124,14 @@ class CoreMotion(Module):
 
 
 class InputsOutputs(Module):
-    """Io, and the images of the status. A dead bus has no inputs, whatever the vendor's image still holds."""
+    """Io, and the images of the status. A dead bus has no inputs, whatever the vendor's image still contains."""
 
     def __init__(self, theirs: Any, records: Records, n_bytes: int) -> None:
         super().__init__(theirs, surface.IO, records)
         self._n_bytes = n_bytes
 
     def images(self, communicating: bool) -> tuple[list[int], list[int]]:
-        """Input and output bytes; an image that cannot be read is empty, and a bit beyond an image reads 0."""
+        """Input and output bytes; an unreadable image is empty, and a bit beyond an image reads 0."""
         return self._image(self.theirs.GetInBytes) if communicating else [], self._image(self.theirs.GetOutBytes)
 
     def _image(self, read: Callable[[int, int], Any]) -> list[int]:

@@ -81,7 +81,7 @@ class Member:
         return sent
 
     def received(self, call: Call, result: Any) -> Any:
-        """The vendor's answer in the port's shape."""
+        """The vendor's answer in the port's form."""
         if call.plain:
             return call.values[0](result)
         code, *values = result if isinstance(result, (tuple, list)) else (result,)

@@ -99,7 +99,7 @@ def probe(module: ModuleType) -> Surface:
 
 
 def _missing_calls(module: ModuleType, io: Any) -> list[str]:
-    """Looked for on objects without a device: the vendor's own examples make them before they create one."""
+    """Checked on objects without a device: the vendor's own examples create them before a device."""
     api = module.WMX3Api()
     core = module.CoreMotion(api)
     lacking = [f"WMX3Api.{name}" for name in missing(api, surface.API)]

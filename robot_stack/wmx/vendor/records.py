@@ -128,7 +128,7 @@ class Records:
     # -- from the vendor -----------------------------------------------------------------------------------------------
 
     def ours(self, kind: Any, value: Any) -> Any:
-        """A value that the vendor returned as the port's ``kind``."""
+        """Converts a value returned by the vendor to the port's ``kind``."""
         if isinstance(kind, type) and issubclass(kind, IntEnum):
             return self.enum(kind).ours(int(value))
         if is_dataclass(kind):

@@ -29,7 +29,7 @@ from robot_stack.wmx.vendor.records import Records
 
 FLAGS: Final = {
     Flag.SERVO_ON: "servoOn",
-    Flag.SERVO_REQUESTED: "servoOn",  # the vendor does not report the request
+    Flag.SERVO_REQUESTED: "servoOn",  # the vendor does not report requests
     Flag.SERVO_OFFLINE: "servoOffline",
     Flag.AMP_ALARM: "ampAlarm",
     Flag.AMP_ALARM_CODE: "ampAlarmCode",
@@ -68,7 +68,7 @@ REALS: Final = {
     Real.HOME_OFFSET: "homeOffset",
 }
 NEEDED: Final = ("servoOn", "servoOffline", "ampAlarm", "opState", "axisCommandMode", "posCmd", "actualPos")
-"""Fields of an axis without which nothing may move; the rows of others that a version lacks stay 0."""
+"""Required fields of an axis; rows of other fields that a version lacks stay 0."""
 _ENUMS: Final[dict[Flag, type[IntEnum]]] = {
     Flag.OP_STATE: OperationState,
     Flag.DETAIL_OP_STATE: DetailOperationState,

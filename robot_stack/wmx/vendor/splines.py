@@ -63,7 +63,7 @@ class AdvMotion(Member):
         return self._array("doubleArray", times_ms)
 
     def _uints(self, times_ms: list[float]) -> Any:
-        """Rounded; points that fall into one millisecond are refused as the engine would refuse them."""
+        """Rounded; points in the same millisecond are refused, as the engine would."""
         try:
             whole = [round(time_ms) for time_ms in times_ms]
         except (ValueError, OverflowError):  # NaN and infinity
