@@ -44,7 +44,7 @@ def board(bench: Bench) -> tuple[float, float]:
     return math.hypot(seen.x, seen.y), math.atan2(seen.y, seen.x)
 
 
-# --- as it should go --------------------------------------------------------------------------------------------------
+# --- normal sequence --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["chair_1", "charger"])
@@ -201,7 +201,7 @@ def test_undocking_from_nothing_is_refused() -> None:
     assert result.code is UndockCode.NOT_ATTACHED
 
 
-# --- what may come between --------------------------------------------------------------------------------------------
+# --- disturbances -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("state", [State.APPROACH, *SEEING, State.DOCKED])

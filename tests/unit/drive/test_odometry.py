@@ -255,7 +255,7 @@ def test_encoders_with_counts(ride: PerfectRide):
     assert got.pose.distance_to(ride.pose(last)) < 0.001
 
 
-# --- a machine that is not as drawn --------------------------------------------------------------------------------
+# --- wheel and steering errors -------------------------------------------------------------------------------------
 
 RADIUS_ERRORS, ZERO_ERRORS = (0.002, -0.001, 0.0, -0.001), (0.001, -0.001, 0.0005, -0.0005)  # each sums to zero
 

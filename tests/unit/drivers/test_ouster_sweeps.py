@@ -153,7 +153,7 @@ def test_a_covered_lidar_is_said() -> None:
     assert built.problem == ""
 
 
-# --- the way ----------------------------------------------------------------------------------------------------------
+# --- transmission -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("profile", [LEGACY, SINGLE])
@@ -340,7 +340,7 @@ def test_packets_without_a_measured_column_tell_no_time() -> None:
     assert counted(built) == {INCOMPLETE: 1, LOST: TURN - 1}
 
 
-# --- whatever comes ---------------------------------------------------------------------------------------------------
+# --- random packets ---------------------------------------------------------------------------------------------------
 
 SMALL = {profile: Os(lambda frame, column, beam: (3000, 1), profile, beams=4, columns=256) for profile in PROFILES}
 

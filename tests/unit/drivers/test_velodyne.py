@@ -129,7 +129,7 @@ def test_the_lidar_may_be_turned() -> None:
     assert np.allclose(ours["y"], theirs["x"], atol=1e-5)
 
 
-# --- the way ----------------------------------------------------------------------------------------------------------
+# --- transmission -----------------------------------------------------------------------------------------------------
 
 
 def test_lost_doubled_and_late_packets_are_counted() -> None:

@@ -412,7 +412,7 @@ def test_a_display_that_wakes_up_is_taken_back(story):
     assert {"LANG ja", "VOL 5", "STATE 1"} <= set(story.heard)
 
 
-# --- whatever happens ------------------------------------------------------------------------------------------------
+# --- random events ---------------------------------------------------------------------------------------------------
 
 happenings = st.one_of(
     st.tuples(st.just("wait"), st.sampled_from([0.0, 0.05, 0.2, 0.9, 3.5])),

@@ -44,7 +44,7 @@ def test_a_document_without_a_place_for_the_table():
         docs.render("# nothing", PATTERNS)
 
 
-# --- what people can stand -------------------------------------------------------------------------------------------
+# --- limits for people -----------------------------------------------------------------------------------------------
 
 
 def test_turquoise_is_for_driving_by_itself_alone():
@@ -119,7 +119,7 @@ def test_a_passenger_is_seen_under_the_wave():
     assert patterns.base_light(PATTERNS.states[Display.NAVIGATING], 2.0) == 0.0
 
 
-# --- what the file may not say ---------------------------------------------------------------------------------------
+# --- rejected files --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

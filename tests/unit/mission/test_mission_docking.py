@@ -139,7 +139,7 @@ def test_no_stall_counts_while_docking(docking):
     assert docking.goals() == []
 
 
-# --- what is refused at the start ------------------------------------------------------------------------------------
+# --- missions rejected at the start ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -517,7 +517,7 @@ def test_docking_at_a_waypoint_without_a_dock_makes_no_sense(state):
     )
 
 
-# --- what is told ----------------------------------------------------------------------------------------------------
+# --- status ----------------------------------------------------------------------------------------------------------
 
 
 def test_the_reason_follows_the_feedback(story):

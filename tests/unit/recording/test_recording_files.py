@@ -84,7 +84,7 @@ def expected(count: int) -> list[str]:
     return [f"w{number}" for number in range(count)]
 
 
-# --- whole -----------------------------------------------------------------------------------------------------------
+# --- complete recordings ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("compress", [True, False])

@@ -129,7 +129,7 @@ def test_at_the_limit_the_robot_can_stop_and_has_time(clearance_m: float) -> Non
     assert speed <= max(P.slowest_mps, clearance_m / P.approach_s) + 1e-9
 
 
-# --- what is neither seen nor remembered -----------------------------------------------------------------------------
+# --- unseen space ----------------------------------------------------------------------------------------------------
 
 
 def test_every_motion_that_is_made_or_asked_for_may_lead_into_the_unseen() -> None:
